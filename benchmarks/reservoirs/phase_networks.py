@@ -57,7 +57,6 @@ from motiondeck_base.shipped import shipped_configs
 
 RATE = 120.0
 RUNS, RECOVERY_FRAMES = 4, 300
-MOST_DISTURBED = 30  # motions of a source whose runs are disturbed, evenly spread
 PHASE = PhaseRecipe()
 
 NETWORKS: dict[str, NetworkRecipe] = {
@@ -148,10 +147,9 @@ def learned(recipe: NetworkRecipe, known: TrainingSet, seed: int) -> tuple[AnyNe
 
 
 def lost_runs(network: AnyNetwork, judge: Judge, seed: int) -> dict[str, int]:
-    """How many of RUNS runs of motions evenly spread over all are lost after RECOVERY_FRAMES."""
-    every = -(-len(network.motions) // MOST_DISTURBED)
+    """How many of RUNS runs of each motion are lost after RECOVERY_FRAMES."""
     found: dict[str, int] = {}
-    for motion in network.motions[::every]:
+    for motion in network.motions:
         rng = np.random.default_rng([seed, *motion.encode()])
         runs = disturbed("robustness", batch_of(network, motion, RUNS), RUNS, rng)[:, :RECOVERY_FRAMES]
         found[motion] = sum(

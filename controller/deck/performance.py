@@ -14,10 +14,11 @@ import numpy as np
 
 from controller.deck.joins.blend_check import BlendCheck
 from controller.deck.joins.blend_weight import Crossing, ModuleWeight, Ramps, TakeOver, Weights
+from controller.deck.joins.crossing_search import CrossingSearch
 from controller.deck.joins.deck_motions import Motion, read_motions, rounds_beside, tempos_in_step
 from controller.deck.joins.fade_search import PLANNED_SHARE, Bounds, FadeSearch
 from controller.deck.joins.fading import Fading
-from controller.deck.joins.join_limits import FASTEST, JoinLimits
+from controller.deck.joins.join_limits import FASTEST, HARDEST, JoinLimits
 from controller.deck.joins.joining import Joining
 from controller.deck.joins.posture_blend import PostureBlend
 from controller.deck.joins.transition import best_anchor, difference, extrapolated
@@ -81,6 +82,7 @@ class Performance:
         self._rounds = [1.0]  # how often each goes round in a common round of a blend
         self._blend: PostureBlend | None = None
         self._weights: Weights = Ramps((1.0,), (1.0,), 0.0)
+        self._crossing: Crossing | None = None  # of a switch by mixing, the weight of the second
         self._weight_pace = 1.0  # of the weights, which change more slowly where joints become too fast
         self._switching = False  # whether a switch is under way that mixes or morphs
         self._check: BlendCheck | None = None
@@ -187,8 +189,10 @@ class Performance:
             self._weight_pace += (min(max(wanted, SLOWEST), 1.0) - self._weight_pace) * min(1.0, dt / EASING_SECONDS)
         if blending and use > BLEND_TURNS_OVER:
             self.blend_problem = "turns over"
-        elif not blending and use > CORRECTED_FROM and self._corrections < MOST_CORRECTIONS:
+        elif not blending and use > CORRECTED_FROM and self._corrections < MOST_CORRECTIONS and not self._searching:
             self._take(extrapolated(self._before, self.posture, dt, self._rest_direction))
+            self._fade_instead()
+        elif self._crossing is not None and self._crossing.fails:
             self._fade_instead()
         if self.blend_problem == "turns over":
             self._take(extrapolated(self._before, self.posture, dt, self._rest_direction))
@@ -281,6 +285,16 @@ class Performance:
         self._check = BlendCheck(*(track.motion for track in self._played))
 
     @property
+    def _searching(self) -> bool:
+        """Whether the duration of a fade is still being searched for, so that it has not had time to act."""
+        return self._fade is not None and not self._fade.found
+
+    @property
+    def _onset(self) -> float:
+        """The share of the tempo at which the motion is played: one-shots get going as they are faded in."""
+        return self._fade.onset if self._fade is not None and not self.here.loop else 1.0
+
+    @property
     def _leading(self) -> Track:
         return self._played[-1] if self._switching else self._played[0]
 
@@ -288,8 +302,7 @@ class Performance:
         """The posture of the motion, or of the blend, dt seconds later."""
         played = self._played
         if self._blend is None:
-            onset = self._fade.onset if self._fade is not None and not self.here.loop else 1.0
-            return played[0].step(dt, tempo * onset)
+            return played[0].step(dt, tempo * self._onset)
         weights: Sequence[float] = self._weights.advance(dt * self._weight_pace)
         tempos: Sequence[float] = [1.0] * len(played)
         if not self._switching:
@@ -341,7 +354,7 @@ class Performance:
         if by_module:
             weight = ModuleWeight(len(self._names), *map(self._names.index, (leaving.name, motion)))
         else:
-            weight = Crossing(self._search(second, leaving, entering))
+            weight = self._crossing = Crossing(self._crossing_search(leaving, entering), self._blend.hold_sides)
         self._weights = TakeOver(weight)
 
     def _add_to_blend(self, name: str) -> None:
@@ -361,39 +374,53 @@ class Performance:
     def _leave_blend(self, track: Track) -> None:
         """Leaves one track playing alone."""
         self._played, self._rounds = [track], [1.0]
-        self._blend, self._switching = None, False
+        self._blend, self._crossing, self._switching = None, None, False
 
     def _fade_to_first(self, *motions: Motion) -> None:
         """Fades from what is shown to the motion of the first track, which has just been cued."""
-        tempo, first = self._tempo if self.here.loop else 0.0, self._played[0]
-        first.step(0.0, tempo)
-        first.step(self._dt, tempo)
-        self._begin_fade(first, *motions)
+        onset, first = 1.0 if self.here.loop else 0.0, self._played[0]
+        first.step(0.0, onset * self._tempo)
+        first.step(self._dt, onset * self._tempo)
+        self._begin_fade(first, onset, *motions)
 
     def _fade_instead(self) -> None:
         """Replaces a join that has become too fast by a fade from here to its target."""
         self._corrections += 1
-        track = self._leading
+        track, onset = self._leading, self._onset
         if self._blend is None and track.morphing:
             track.cue(track.motion.name, self._best_anchor(track.motion.name, self.posture, self._shown))
             track.step(0.0, self._tempo)
             track.step(self._dt, self._tempo)
         self._leave_blend(track)
-        self._begin_fade(track, track.motion)
+        self._begin_fade(track, onset, track.motion)
 
-    def _begin_fade(self, track: Track, *motions: Motion) -> None:
-        self._fade = Fading(self._search(track, *motions))
+    def _begin_fade(self, track: Track, onset: float, *motions: Motion) -> None:
+        self._fade = Fading(self._search(track, onset, *motions), onset)
 
-    def _search(self, track: Track, *motions: Motion) -> FadeSearch:
-        """Finds the fade from what is shown to the motion of a track, bounded by what these motions do themselves."""
+    def _search(self, track: Track, onset: float, *motions: Motion) -> FadeSearch:
+        """Finds the fade from what is shown to the motion of a track, bounded by what these motions do themselves.
+
+        The motion gets going from this share of the tempo on.
+        """
         speed, acceleration = (max(getattr(motion, name) for motion in motions) for name in ("speed", "acceleration"))
         shown, target = (self.posture, self._shown), (track.posture_before, track.posture)
         return FadeSearch(
             partial(difference, shown, target, self._dt, self._rest_direction),
-            track.ahead(self._tempo, starting=not track.motion.loop),
+            track.ahead(self._tempo, onset),
             self._skeleton.chain,
             Bounds(FASTEST * speed, acceleration),
         )
+
+    def _crossing_search(self, *motions: Motion) -> CrossingSearch:
+        """Finds how long it takes to mix both motions, which play on their tracks."""
+        speed, acceleration = (max(getattr(motion, name) for motion in motions) for name in ("speed", "acceleration"))
+        share, tempo = PLANNED_SHARE * max(1.0, abs(self._tempo)), self._tempo
+
+        def ahead(times: Array) -> tuple[Posture, Posture]:
+            first, second = (track.postures_ahead(times, tempo) for track in self._played)
+            return first, second
+
+        return CrossingSearch(ahead, self._skeleton, Bounds(share * FASTEST * speed, share * HARDEST * acceleration))
 
     def _best_anchor(self, motion: str, before: Posture, now: Posture) -> int:
         """The anchor where a motion resembles a body most."""

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import Protocol
 
-from controller.deck.joins.fade_search import FadeSearch
+from controller.deck.joins.crossing_search import CrossingSearch
 from controller.networks.centralized.centralized import Passage
 from controller.quintic import rise
+from controller.rotations import Array
 
 
 class Weights(Protocol):
@@ -128,15 +129,21 @@ class TakeOver:
 
 
 class Crossing:
-    """A weight that rises from 0 to 1 in the time that a fade would take, once that has been found.
+    """A weight that rises from 0 to 1, once it has been found how long that takes; where it may not, it stays 0.
 
     Args:
-        search: finds the fade.
+        search: finds how long it takes.
+        begin: called when it begins, with the `sides` that were found.
     """
 
-    def __init__(self, search: FadeSearch) -> None:
-        self._search = search
+    def __init__(self, search: CrossingSearch, begin: Callable[[Array], None]) -> None:
+        self._search, self._begin = search, begin
         self._ramp: Ramp | None = None
+
+    @property
+    def fails(self) -> bool:
+        """Whether the motions are not to be mixed."""
+        return self._search.found and self._search.seconds is None
 
     @property
     def value(self) -> float:
@@ -151,10 +158,11 @@ class Crossing:
     def advance(self, dt: float) -> float:
         """The weight dt seconds later."""
         if self._ramp is None:
-            fade = self._search.advance(dt)
-            if not self._search.found:
+            self._search.advance(dt)
+            if self._search.seconds is None:
                 return 0.0
-            self._ramp = Ramp(0.0, 1.0, fade.duration)
+            self._begin(self._search.sides)
+            self._ramp = Ramp(0.0, 1.0, self._search.seconds)
         return self._ramp.advance(dt)
 
 

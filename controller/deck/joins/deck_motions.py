@@ -8,6 +8,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from controller.cubic import between_frames
 from controller.deck.joins.course import BodyCourse
 from controller.library.library_header import MotionInfo
 from controller.library.motion_library import MotionLibrary, once_a_library
@@ -16,11 +17,14 @@ from controller.mocap.posture import Posture, walk_path
 from controller.networks.base import FrameNetwork
 from controller.networks.reservoirs.phase_driven import PhaseDrivenNetwork
 from controller.networks.reservoirs.phase_reservoir import ANCHOR_EVERY
-from controller.rotations import Array
+from controller.rotations import Array, dot, normalise
 
 ENTRY_SHARE = 0.1
 HELD_M = 0.02
 LEAST_SPEED, LEAST_ACCELERATION = 0.5, 2.0  # m/s, m/s^2; less is standing still
+
+PEAKS_OVER = 0.005
+"""The time over which the largest speeds and accelerations are taken, s; over a shorter one a footfall is harder."""
 
 
 @dataclass(frozen=True)
@@ -33,10 +37,11 @@ class Motion:
         places, velocities: joint positions in the heading frame and their rates at the anchors where it may be entered,
             shape (A, F), m and m/s.
         exits: the positions where it may be left: anywhere in a loop, the last pose of a one-shot, shape (E, F), m.
-        course: at all anchors, those too where it may not be entered.
+        course, postures: at all anchors, those too where it may not be entered.
         spacing: from anchor to anchor, s.
         seconds: how long one round of a loop takes, or a one-shot until it holds its last pose.
-        speed, acceleration: the largest of any joint in the world, m/s and m/s^2.
+        whole: how long it takes until its phase is 1, s.
+        speed, acceleration: the largest of any joint in the world, over PEAKS_OVER, m/s and m/s^2.
     """
 
     name: str
@@ -45,14 +50,36 @@ class Motion:
     velocities: Array
     exits: Array
     course: BodyCourse
+    postures: Posture
     spacing: float
     seconds: float
+    whole: float
     speed: float
     acceleration: float
 
     def ahead(self, at: Array, rate: Array) -> BodyCourse:
         """The course at times (S,), s from its beginning, when it is played at these rates (S,), 1 being its own."""
         return self.course.at(at / self.spacing, rate, loop=self.loop)
+
+    def postures_ahead(self, at: Array, rate: float) -> Posture:
+        """The postures at times (S,), s from its beginning, when it is played at this rate, 1 being its own."""
+        place = at / self.spacing
+        low = np.floor(place)
+        near = [(low + beside).astype(np.int64) for beside in (0.0, 1.0)]
+        share, stored = place - low, self.postures
+        first, second = (now % len(self.course) if self.loop else now.clip(0, len(self.course) - 1) for now in near)
+
+        def between(values: Array) -> Array:
+            weight = share.reshape(-1, *[1] * (values.ndim - 1))
+            return (1.0 - weight) * values[first] + weight * values[second]
+
+        after = stored.rotation[second]
+        side = np.where(dot(stored.rotation[first], after) < 0.0, -1.0, 1.0)[..., None]
+        weight = share[:, None, None]
+        rotation = normalise((1.0 - weight) * stored.rotation[first] + weight * side * after)
+        return Posture(
+            between(stored.height), between(stored.velocity) * rate, between(stored.turn_rate) * rate, rotation
+        )
 
 
 def rounds_beside(first: Motion, other: Motion) -> float:
@@ -99,12 +126,21 @@ def read_motions(library: MotionLibrary) -> Mapping[str, Motion]:
             velocities=velocities[:entries],
             exits=places if loop else places[-1:],
             course=BodyCourse.of(postures, library.encoding.skeleton),
+            postures=postures,
             spacing=spacing,
             seconds=moving * spacing,
+            whole=_whole(network, info, spacing * len(frames), library.info.rate),
             speed=speed,
             acceleration=acceleration,
         )
     return motions
+
+
+def _whole(network: FrameNetwork, info: MotionInfo, stored: float, rate: float) -> float:
+    """How long it takes until the phase of a motion that is stored for some seconds is 1, s."""
+    if isinstance(network, PhaseDrivenNetwork) and info.plays == "once":
+        return max(1, len(network.moving(info.name)) - 1) / rate
+    return stored
 
 
 def _moving(places: Array) -> int:
@@ -121,19 +157,20 @@ def _rate(values: Array, spacing: float, *, loop: bool) -> Array:
 
 
 def _played(library: MotionLibrary, network: FrameNetwork, info: MotionInfo) -> tuple[Posture, Posture]:
-    """The postures of a motion: at its anchors, and in each frame as it is played alone, a little more than once."""
+    """The postures of a motion: at its anchors, and each PEAKS_OVER as it is played alone, a little more than once."""
     decode = library.encoding.decode
     if isinstance(network, PhaseDrivenNetwork):
-        frames = network.settled(info.name)
-        beyond = frames[:4] if info.plays == "loop" else frames[-1:]
-        whole = decode(np.concatenate([frames, beyond]))
-        anchors, after_cue = slice(0, len(frames), ANCHOR_EVERY), slice(1, None)
-        return whole[anchors], whole[after_cue]
-    network.cue(info.name, 0)
-    frames = np.empty((info.frames + 3, network.channels))
-    for frame in frames:
-        network.advance(frame)
-    return decode(network.anchors(info.name)), decode(frames)
+        settled = network.settled(info.name)
+        anchors = settled[::ANCHOR_EVERY]
+        frames = np.concatenate([settled, settled[:5] if info.plays == "loop" else settled[-1:]])
+    else:
+        anchors = network.anchors(info.name)
+        network.cue(info.name, 0)
+        frames = np.empty((info.frames + 5, network.channels))
+        for frame in frames:
+            network.advance(frame)
+    at = np.arange(1.0, len(frames) - 2.0, PEAKS_OVER * library.info.rate)
+    return decode(anchors), decode(between_frames(frames, at))
 
 
 def _peaks(library: MotionLibrary, played: Posture) -> tuple[float, float]:
@@ -141,9 +178,8 @@ def _peaks(library: MotionLibrary, played: Posture) -> tuple[float, float]:
 
     At least LEAST_SPEED and LEAST_ACCELERATION.
     """
-    encoding, rate = library.encoding, library.info.rate
-    pose = walk_path(played, 1.0 / rate)
-    step = np.diff(encoding.skeleton.joints(pose.root_position, pose.rotation), axis=0)
-    speed = float(np.linalg.norm(step, axis=-1).max()) * rate
-    acceleration = float(np.linalg.norm(np.diff(step, axis=0), axis=-1).max()) * rate**2
+    pose = walk_path(played, PEAKS_OVER)
+    step = np.diff(library.encoding.skeleton.joints(pose.root_position, pose.rotation), axis=0) / PEAKS_OVER
+    speed = float(np.linalg.norm(step, axis=-1).max())
+    acceleration = float(np.linalg.norm(np.diff(step, axis=0), axis=-1).max()) / PEAKS_OVER
     return max(speed, LEAST_SPEED), max(acceleration, LEAST_ACCELERATION)

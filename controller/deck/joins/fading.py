@@ -17,10 +17,12 @@ class Fading:
 
     Args:
         search: finds the fade, from the next tick on.
+        onset: as the property, in the beginning.
     """
 
-    def __init__(self, search: FadeSearch) -> None:
+    def __init__(self, search: FadeSearch, onset: float = 0.0) -> None:
         self._search = search
+        self._onset = onset
         self._fade: Fade | None = None
         self._elapsed = 0.0
         self._gap: Fade | None = None
@@ -33,12 +35,18 @@ class Fading:
         return self._fade is None or self._elapsed < self._fade.duration or self._gap is not None
 
     @property
+    def found(self) -> bool:
+        """Whether its duration has been found."""
+        return self._search.found
+
+    @property
     def onset(self) -> float:
-        """The share of the tempo at which a one-shot gets going.
+        """The share of the tempo at which a one-shot is played: it gets going with the square of the progress.
 
         At full tempo half of it would be over before it can be seen.
         """
-        return min(1.0, self._elapsed / self._fade.duration) ** 2 if self._fade is not None else 0.0
+        progress = min(1.0, self._elapsed / self._fade.duration) if self._fade is not None else 0.0
+        return self._onset + (1.0 - self._onset) * progress**2
 
     def advance(self, dt: float, turn_rate: float) -> None:
         """Goes dt seconds on, while the heading turns at some rad/s."""

@@ -1,10 +1,16 @@
-"""The limits of a join: no body point may move much faster, or be accelerated much harder, than in both motions."""
+"""The limits of a join: no body point may move much faster, or be accelerated much harder, than in both motions.
+
+Both are taken over the same time as those of the motions, PEAKS_OVER, so that they do not depend on the loop's rate.
+"""
 
 from __future__ import annotations
 
+from collections import deque
+from math import ceil
+
 import numpy as np
 
-from controller.deck.joins.deck_motions import Motion
+from controller.deck.joins.deck_motions import PEAKS_OVER, Motion
 from controller.mocap.encodings.joint_angles import JointBody
 from controller.mocap.posture import Pose
 from controller.mocap.skeleton import Skeleton
@@ -19,13 +25,12 @@ class JoinLimits:
 
     Args:
         skeleton: of the poses.
-        before, now: the last two poses that were shown; before the second one there is no acceleration yet.
+        before, now: the last two poses that were shown, if there were two.
     """
 
     def __init__(self, skeleton: Skeleton | JointBody, before: Pose | None, now: Pose) -> None:
         self._skeleton = skeleton
-        self._now = self._joints(now)
-        self._before = self._joints(before) if before is not None else None
+        self._shown: deque[Array] = deque(self._joints(pose) for pose in (before, now) if pose is not None)
         self._motions: tuple[Motion, ...] = ()
         self._speed = self._acceleration = 0.0
 
@@ -38,14 +43,19 @@ class JoinLimits:
 
     def use(self, pose: Pose, dt: float) -> float:
         """How much of the limits the joints need if this pose comes dt seconds after the last; 1 is the limit."""
-        step = self._joints(pose) - self._now
-        change = step - (self._now - self._before) if self._before is not None else np.zeros(3)
+        shown, ticks = self._shown, ceil(PEAKS_OVER / dt - 1e-6)
+        while len(shown) > 2 * ticks:
+            shown.popleft()
+        between = min(ticks, len(shown))
+        over = between * dt
+        step = self._joints(pose) - shown[-between]
+        change = step - (shown[-between] - shown[-2 * between]) if 2 * between <= len(shown) else np.zeros(3)
         speed, acceleration = (float(np.square(part).sum(-1).max()) ** 0.5 for part in (step, change))
-        return max(speed / (self._speed * dt), acceleration / (self._acceleration * dt * dt))
+        return max(speed / (self._speed * over), acceleration / (self._acceleration * over * over))
 
     def accept(self, pose: Pose) -> None:
         """Takes a pose for the last one that was shown."""
-        self._before, self._now = self._now, self._joints(pose)
+        self._shown.append(self._joints(pose))
 
     def _joints(self, pose: Pose) -> Array:
         return self._skeleton.joints(pose.root_position, pose.rotation)

@@ -89,6 +89,26 @@ class SmoothHeading:
         return multiply(back, posture.rotation), rotate(back, np.array([*posture.velocity, 0.0]))
 
 
+def smooth_headings(turn_rate: Array, dt: float) -> tuple[Array, Array]:
+    """How a smooth heading follows that of the hips from rest, as `SmoothHeading` does tick by tick.
+
+    Args:
+        turn_rate: of the hips at moments dt seconds apart, shape (S,), rad/s.
+        dt: s.
+
+    Returns:
+        `offset` and `rate` at each, shape (S,).
+    """
+    turns: list[float] = turn_rate.tolist()
+    offset, rate, seen = 0.0, turns[0], [(0.0, turns[0])]
+    for turn in turns[1:]:
+        rate += (HEADING_RATE**2 * offset + 2.0 * HEADING_RATE * (turn - rate)) * dt
+        offset += (turn - rate) * dt
+        seen.append((offset, rate))
+    offsets, rates = np.array(seen).T
+    return offsets, rates
+
+
 class TurnsLeft:
     """Turns of bones that run out along quintics.
 
@@ -138,6 +158,7 @@ class PostureBlend:
         self._mean = first.rotation
         self._offset = 0.0
         self._left = TurnsLeft(len(first.rotation))
+        self._held = False
 
     @property
     def settling(self) -> bool:
@@ -151,6 +172,15 @@ class PostureBlend:
         points = np.where(dot(points, self._mean)[:, None] < 0.0, -points, points)
         self._points = np.concatenate([self._points, points[None]])
         self._weights = np.append(self._weights, 0.0)
+
+    def hold_sides(self, points: Array) -> None:
+        """Has each bone stay on the sides of these points, (M, 1 + B, 4), near those of the motions, while it can.
+
+        That changes nothing that is shown while one motion has all the weight.
+        """
+        near = np.where(_product(self._points, points) < 0.0, -1.0, 1.0)
+        self._points = near[0] * near * self._points
+        self._held = True
 
     def keep(self, motions: Sequence[int]) -> None:
         """Keeps these motions, in this order, and drops the others, whose weight is 0."""
@@ -210,7 +240,8 @@ class PostureBlend:
             there is no such one.
         """
         points, idle = self._points, weight == 0.0
-        least = -np.sin(0.5 * LONGER * np.abs(weight - np.rint(weight)))[:, None]
+        longer = np.full(len(weight), 0.5) if self._held else np.abs(weight - np.rint(weight))
+        least = -np.sin(0.5 * LONGER * longer)[:, None]
         sides: Array | None = None
         for _ in range(len(points)):
             parts = weight[:, None, None] * points
@@ -258,8 +289,8 @@ class PostureBlend:
 
 
 def weighted_mean(points: Array, weights: Array) -> Array:
-    """The mean of unit quaternions (M, ..., 4) on the sides that are given, with weights (M,) that sum to 1."""
-    share = weights.reshape(-1, *[1] * (points.ndim - 1))
+    """The mean of unit quaternions (M, ..., 4) on the sides that are given, with weights (M, ...) that sum to 1."""
+    share = weights.reshape(*weights.shape, *[1] * (points.ndim - weights.ndim))
     mean = normalise((share * points).sum(0))
     for _ in range(MEAN_STEPS if len(points) > 2 else 1):
         cosine = _product(points, mean)

@@ -1,8 +1,8 @@
 """From frames to continuous time: plays a frame network at any tempo.
 
-Between two frames p1 and p2 it follows the cubic whose slopes there are (p2 - p0) / 2 and (p3 - p1) / 2 (Catmull-Rom),
-so that velocities do not jump at a frame. The network runs two frames ahead of the output, without delay. One that a
-center drives also knows its phase, and is played backwards; then it runs two frames behind.
+Between two frames it follows a cubic, so that velocities do not jump at a frame. The network runs two frames ahead of
+the output, without delay. One that a center drives also knows its phase, and is played backwards; then it runs two
+frames behind.
 """
 
 from __future__ import annotations
@@ -11,11 +11,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from controller.cubic import CUBIC
 from controller.networks.base import Channels, CrossingNetwork, FrameNetwork, InputNetwork, PhaseNetwork
 from motiondeck_base.errors import MotiondeckError, UnknownNameError
-
-# Rows: the weights of p0 .. p3 for 1, u, u^2, u^3.
-_CUBIC = 0.5 * np.array([[0, 2, 0, 0], [-1, 0, 1, 0], [2, -5, 4, -1], [-1, 3, -3, 1]], dtype=np.float64)
 
 
 @dataclass(frozen=True)
@@ -125,7 +123,7 @@ class FramePlayer:
             self._take(3)
         u = self._fraction
         self._powers[1:] = u, u * u, u * u * u
-        np.matmul(self._powers, _CUBIC, out=self._weights)
+        np.matmul(self._powers, CUBIC, out=self._weights)
         return np.matmul(self._weights, self._frames, out=self._out)
 
     def _take(self, place: int) -> None:

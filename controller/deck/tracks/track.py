@@ -102,7 +102,8 @@ class Track:
     def cue_phase(self, motion: str, phase: float) -> None:
         """Starts a motion at a phase in [0, 1]."""
         self._player.cue(motion, phase)
-        self.at, self._round = phase * self.motion.seconds, (0.0, self.motion.seconds)
+        seconds = self.motion.seconds
+        self.at, self._round = min(phase * self.motion.whole, seconds), (0.0, seconds)
 
     def morph(self, motion: str, anchor: int, seconds: float) -> None:
         """Has the network itself change to another motion within so many seconds (see `networks.morph`)."""
@@ -132,20 +133,22 @@ class Track:
         self.posture_before, self.posture = self.posture, self._decode(player.step(dt * tempo), tempo)
         return self.posture
 
-    def ahead(self, tempo: float, *, starting: bool) -> Callable[[Array], BodyCourse]:
+    def ahead(self, tempo: float, onset: float = 1.0) -> Callable[[Array], BodyCourse]:
         """The course that comes after times (S,) from now on, s, the first of them 0, as the stored motion has it.
 
-        While a one-shot is `starting`, it gets going with the square of the share of these times (see `Fading.onset`).
+        From its `onset` on it gets to the tempo with the square of the share of these times (see `Fading.onset`).
         """
         motion, begin = self.motion, self.at
 
         def course(times: Array) -> BodyCourse:
-            if not starting:
-                return motion.ahead(begin + tempo * times, np.full(len(times), tempo))
-            share = (times / times[-1]) ** 2
-            return motion.ahead(begin + tempo * times * share / 3.0, tempo * share)
+            risen = (1.0 - onset) * (times / times[-1]) ** 2
+            return motion.ahead(begin + tempo * times * (onset + risen / 3.0), tempo * (onset + risen))
 
         return course
+
+    def postures_ahead(self, times: Array, tempo: float) -> Posture:
+        """The postures after times (S,) from now on, s, as the stored motion has them."""
+        return self.motion.postures_ahead(self.at + tempo * times, tempo)
 
     def _decode(self, channels: Array, tempo: float) -> Posture:
         """The posture of channels, its path played at a tempo."""

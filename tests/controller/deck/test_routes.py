@@ -3,6 +3,7 @@ import pytest
 
 import synthetic
 from controller.deck.deck import Deck
+from controller.deck.joins.course import BodyCourse
 from controller.deck.joins.deck_motions import Motion, read_motions
 from controller.deck.routes import Routes
 from controller.library.motion_library import load_library
@@ -18,7 +19,8 @@ def motion(name, start, end, *, loop):
     places[:, 3] = np.linspace(start, end, 10)
     exits = places if loop else places[-1:]
     upright = Posture(places[:, 3], np.zeros((10, 2)), np.zeros(10), np.tile([1.0, 0.0, 0.0, 0.0], (10, 2, 1)))
-    return Motion(name, loop, places[:1], np.zeros((1, 4)), exits, upright, 0.1, 1.0, 1.0, 1.0)
+    course = BodyCourse(np.zeros((10, 7)))
+    return Motion(name, loop, places[:1], np.zeros((1, 4)), exits, course, upright, 0.1, 1.0, 1.0, 1.0, 1.0)
 
 
 def repertoire(*motions):

@@ -6,7 +6,7 @@ import pytest
 
 import controller.deck.performance as performance
 from controller.deck.deck import Deck
-from controller.deck.joins import fade_search
+from controller.deck.joins import crossing_search, fade_search
 from controller.library.motion_library import load_library
 from motiondeck_base.shipped import find_library
 
@@ -34,6 +34,7 @@ def work(monkeypatch):
         monkeypatch.setattr(owner, name, noted)
 
     noting(fade_search, "peaks")
+    noting(crossing_search, "crossed")
     noting(performance, "difference")
     noting(performance, "best_anchor")
     return done
@@ -62,7 +63,7 @@ def test_no_tick_of_a_switch_does_two_heavy_things(library, work, joining):
     def tick(update):
         work.clear()
         update()
-        looks.append(work.count("peaks"))
+        looks.append(len({"peaks", "crossed"} & {*work}))
         assert len(work) <= 1, work
 
     for source, target, phase in pairs_of(library)[:4]:

@@ -38,11 +38,10 @@ def test_a_join_is_as_fast_as_its_poses_say(library):
 @pytest.mark.parametrize("motion", ["walk", "cartwheel", "standup"])
 def test_joins_are_measured_against_no_more_than_a_motion_does_by_itself(library, motion):
     alone = MeasuredDeck(library, motion, direct=True)
-    alone.play(round(read_motions(library)[motion].seconds * RATE) + 20)
+    alone.play(2 * round(read_motions(library)[motion].seconds * RATE))
     speed, acceleration = alone.peaks([motion])
-    assert speed == pytest.approx(1.0, abs=0.02)
-    # Seen at the deck's rate, the motion is accelerated harder than at that of the network.
-    assert 0.98 < acceleration < 1.3
+    assert speed == pytest.approx(1.0, abs=0.01)
+    assert acceleration == pytest.approx(1.0, abs=0.05)
 
 
 def test_the_joins_that_look_hardest_are_those_of_bodies_far_apart(library):

@@ -82,6 +82,19 @@ def test_going_over_to_longer_fades_is_as_smooth_as_one_fade(rate, acceleration)
     assert begun <= 1.1 * hardest
 
 
+def test_a_one_shot_that_is_under_way_goes_on_as_fast_as_it_did():
+    """It was stopped at once, where a crossfade into it was replaced."""
+    fading = Fading(search_of(), onset=0.6)
+    assert fading.onset == 0.6
+    onsets = []
+    while fading.lasts:
+        fading.advance(0.005, 0.0)
+        onsets.append(fading.onset)
+    assert onsets[0] == pytest.approx(0.6, abs=1e-3)
+    assert np.diff(onsets).min() > -1e-3  # while longer fades are considered, their progress is a little less
+    assert onsets[-1] == 1.0
+
+
 def test_two_runs_are_identical():
     first, second = (ends_of(run(Fading(search_of()), 0.005)) for _ in range(2))
     assert np.array_equal(first, second)

