@@ -25,13 +25,15 @@ class WalkSettings(msgspec.Struct, forbid_unknown_fields=True, frozen=True):
         ankle: how far the centre of mass is moved against what is left of that error.
         upright: what the swinging foot makes up for of how far the trunk's tilt moves it, as a share.
         feed_forward: the share of the torques of gravity that the servos of the legs get in advance.
+        toe: how far a foot is turned over its toes when it leaves the floor after the longest step, rad.
+        heel: how far it is turned over its heel when it lands after the longest step, rad.
     """
 
-    share: float = 0.5
-    longest: float = 0.5
-    fastest: float = 2.0
+    share: float = 0.7
+    longest: float = 0.6
+    fastest: float = 2.2
     width: float = 0.36
-    bend: float = 0.06
+    bend: float = 0.08
     lift: float = 0.08
     double_support: float = 0.04
     roll: float = 0.3
@@ -40,6 +42,8 @@ class WalkSettings(msgspec.Struct, forbid_unknown_fields=True, frozen=True):
     ankle: float = 0.9
     upright: float = 0.6
     feed_forward: float = 0.6
+    toe: float = 0.3
+    heel: float = 0.15
 
 
 def with_walk_table(text: str, settings: WalkSettings) -> str:

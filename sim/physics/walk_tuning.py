@@ -33,6 +33,8 @@ SEARCHED = {
     "ankle": (0.2, 1.2),
     "upright": (0.1, 1.0),
     "feed_forward": (0.0, 1.0),
+    "toe": (0.05, 0.6),
+    "heel": (0.02, 0.3),
 }
 # So many settings are tried at a time, whatever the number of processes: what is found does not depend on it.
 TOGETHER = 4

@@ -10,7 +10,8 @@ from controller.rotations import Array
 from sim.models.gravity import GRAVITY
 from sim.models.walk_settings import WalkSettings
 from sim.physics.walking.footfalls import Swing
-from sim.physics.walking.steps import Step, pressure_course, swing_path
+from sim.physics.walking.rolling import Rolling
+from sim.physics.walking.steps import MEETS, Step, pressure_course, swing_path
 
 # From standing the steps grow: the shares of the first ones.
 GROWS = (0.3, 0.55, 0.8, 1.0)
@@ -47,6 +48,7 @@ class Gait:
         places, yaws: of the soles that stand, shape (2, 2), m, and (2,), rad.
         step: the one under way.
         coming: that one and those to come.
+        rolling: how the soles are turned.
         recoveries: how often it took a step that is not the motion's.
     """
 
@@ -72,6 +74,7 @@ class Gait:
         self._count = 0
         self._heading, self._astray = facing, 0.0
         self._own: list[Swing] = []
+        self.rolling = Rolling(self._set.toe, self._set.heel, self._set.longest * self._height)
         self.recoveries = 0
 
     def advance(self, now: float, swings: Sequence[Swing], preview: float) -> Swing | None:
@@ -87,11 +90,12 @@ class Gait:
                 self._heading, self._astray = self.step.heading, self.step.astray
                 other = 1 - self.step.foot
                 toes = _turned((self._roll, 0.0), float(self.yaws[other]))
-                self._landed = now, self.places[other] + toes
+                self._landed = now - MEETS, self.places[other] + toes
                 self.step = self._swing = None
         if ended in self._own:
             self._own.remove(ended)
         self.coming = self._chain(now, self._own + [swing for swing in swings if swing is not ended])
+        self.rolling.advance(now, self.places, self.step, self.coming)
         return ended
 
     def course(self, now: float) -> tuple[Array, Array]:
@@ -181,7 +185,7 @@ class Gait:
     def _chain(self, now: float, swings: Sequence[Swing]) -> list[Step]:
         places, yaws, steps, s = [*self.places], [*self.yaws], list[Step](), self._set
         heading, astray = self._heading, self._astray
-        landed = None if self._landed is None else self._landed[0]
+        landed = None if self._landed is None else self._landed[0] + MEETS
         free = -np.inf if landed is None else landed + s.double_support
         count = self._count
         for swing in swings:

@@ -11,6 +11,8 @@ from controller.rotations import Array
 
 # For so long the centre of pressure moves to the middle between the feet, or from there, s.
 SHIFT = 0.25
+# The weight begins to go over to a foot so long before its step ends, s: legs yield, so it meets the floor early.
+MEETS = 0.03
 # In this share of its time a swinging foot speeds up, and in the last one it slows down.
 RAMP = 0.25
 # A foot is lifted by at most so many heights of the root for each second of its swing: a quick one would hit the floor.
@@ -46,11 +48,13 @@ def pressure_course(
     """Where the centre of pressure is to be when.
 
     Under a foot that stands alone it goes from `roll` behind the middle of the sole to as much before it; while both
-    stand, from one to the other, and where that takes longer than two SHIFTs, by way of the middle between them.
+    stand, and MEETS before, from one to the other, and where that takes longer than two SHIFTs, by way of the middle
+    between them.
 
     Args:
         now: s.
-        last: when the last step ended, s, and where the centre of pressure was then, m; None if there was none.
+        last: when the centre of pressure began to leave the foot that stood during the last step, s, and where it was
+            then, m; None if there was none.
         places: of the middles of the soles, shape (2, 2), m.
         yaws: which way they point, shape (2,), rad.
         steps: what is to come, in order; the first one may be under way.
@@ -81,14 +85,14 @@ def pressure_course(
         stand(landed, step.start)
         other = 1 - step.foot
         (x, y, share), (u, v) = at[other], toes[other]
-        times += [step.start, step.end]
+        landed = step.end - MEETS
+        times += [step.start, landed]
         knots += [(x - u, y - v, share), (x + u, y + v, share)]
         # All that comes later goes along with the first step.
         at[step.foot] = (float(step.place[0]), float(step.place[1]), 1.0)
         toes[step.foot] = (roll * np.cos(step.yaw), roll * np.sin(step.yaw))
         if number > 0:
             at = [(x, y, 1.0) for x, y, _ in at]
-        landed = step.end
     stand(landed, None)
     return np.array(times), np.array(knots)
 

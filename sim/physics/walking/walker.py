@@ -45,6 +45,7 @@ from sim.physics.walking.capture_point import follow, pendulum_rate, planned_cap
 from sim.physics.walking.gait import Gait
 from sim.physics.walking.momentum import Momentum
 from sim.physics.walking.preview import AHEAD, Preview, Travel
+from sim.physics.walking.rolling import ROUNDED, from_flat
 from sim.physics.walking.senses import Estimate, ExactState, Sensors
 from sim.physics.walking.steps import highest, swing_path
 from sim.physics.walking.strength import check_legs
@@ -119,7 +120,7 @@ class Walker:
         self._soles = [foot.sole for foot in feet]
         self._toes = [foot.axes[:, 0] for foot in feet]
         self._flat = [from_matrix(foot.axes.T) for foot in feet]
-        self._length = float(np.ptp((feet[0].corners @ feet[0].axes)[:, 0]))
+        self._half = 0.5 * float(np.ptp((feet[0].corners @ feet[0].axes)[:, 0]))
         robot.layout.place(robot.rest, self._motion.qpos)
         mujoco.mj_kinematics(model, self._motion)
         left = self._stance(self._motion)[0][:, 1]
@@ -133,14 +134,14 @@ class Walker:
         down = model.opt.gravity if gravity is None else gravity
         self._senses = ExactState(model, down)
         if sensors is not None:
-            self._senses = Estimate(model, down, sensors, self._sole, dt)
+            self._senses = Estimate(model, down, sensors, self._stands_on, dt)
             self._late += sensors.delay
         smoothed = max(SMOOTHED if robot.servo is None else 0.0, LATE * self._late)
         self._takes = min(1.0, dt / max(smoothed, dt))
         self._yields = self._set.feed_forward * self._body.legs / stiffness
         self._motion.qpos[2] -= self._stance(self._motion)[0][:, 2].mean()
         self.start(self._motion)
-        check_legs(robot, model, self._body, tuple(feet), 0.5 * self._length * self._set.roll)
+        check_legs(robot, model, self._body, tuple(feet), self._half * self._set.roll)
 
     @property
     def own_steps(self) -> int:
@@ -160,7 +161,7 @@ class Walker:
         self._pressure, self._astray = self._centre.copy(), 0.0
         self._off, self._learned = np.zeros(2), np.zeros(2)
         self._righted = np.zeros((2, 3))
-        self._gait = Gait(self._set, height, self._length, self._sides)
+        self._gait = Gait(self._set, height, 2.0 * self._half, self._sides)
         self._gait.start(self._centre, facing, yaws)
         goal = data.qpos.copy()
         goal[2] -= self._set.bend * height
@@ -171,7 +172,7 @@ class Walker:
         mujoco.mj_kinematics(model, plan)
         mujoco.mj_comPos(model, plan)
         self._omega = pendulum_rate(float(plan.subtree_com[self._root, 2]))
-        self._momentum = Momentum(model, self._dt, AHEAD, self._omega, 0.5 * self._length)
+        self._momentum = Momentum(model, self._dt, AHEAD, self._omega, self._half)
 
     def adjust(self, data: mujoco.MjData, goal: Array, heading: float) -> None:
         """Puts where the joints are to go into a goal (nq,) of the played motion, given the robot and the heading."""
@@ -180,6 +181,7 @@ class Walker:
         self._look_ahead(goal, heading)
         seen = self._senses.see(data, gait.standing)
         soles, yaws = self._stance(seen)
+        soles -= self._from_flat(yaws, self._pitches(seen))
         ended = gait.advance(self._now, self.preview.swings, AHEAD)
         if ended is not None:
             self.preview.forget(ended)
@@ -242,7 +244,7 @@ class Walker:
         self._learned += LEARNS * self._dt * (turning.T @ off)
         np.clip(self._learned, -most, most, out=self._learned)
         push = -self._set.ankle * self._off - turning @ self._learned
-        return push * min(1.0, 0.5 * REACH * self._length / max(float(np.hypot(*push)), 1e-9))
+        return push * min(1.0, REACH * self._half / max(float(np.hypot(*push)), 1e-9))
 
     def _feet(self, tilt: Array) -> tuple[list[Array], list[Array]]:
         """Where the soles are to be and how the feet are to be turned; the swinging one is raised against the tilt.
@@ -250,18 +252,20 @@ class Walker:
         It is not turned against it: a sole that lands flat under a tilted trunk keeps it tilted, step after step.
         """
         gait, step = self._gait, self._gait.step
-        places = [np.array([*place, 0.0]) for place in gait.places]
-        turns = [multiply(yaw(angle), flat) for angle, flat in zip(gait.yaws, self._flat, strict=True)]
+        places, yaws = [np.array([*place, 0.0]) for place in gait.places], gait.yaws.copy()
         if step is not None:
             start, angle, share = gait.swing(self._now)
             along, high = swing_path(share)
-            turn = angle + along * float(_wrapped(np.array(step.yaw - angle)))
+            yaws[step.foot] = angle + along * float(_wrapped(np.array(step.yaw - angle)))
             lift = self._height * highest(self._set.lift, step.end - step.start)
             place = np.array([*(start + along * (step.place - start)), lift * high])
-            places[step.foot], turns[step.foot] = place, multiply(yaw(turn), self._flat[step.foot])
             arm, back = place - places[1 - step.foot], -self._set.upright * min(1.0, share / TILT_FROM) * tilt
+            places[step.foot] = place
             self._righted[step.foot] = rotate(from_rotation_vector(back), arm) - arm
-        places = [place + moved for place, moved in zip(places, self._righted, strict=True)]
+        self._rolled = self._from_flat(yaws, gait.rolling.pitches)
+        pitched = from_rotation_vector(np.outer(gait.rolling.pitches, (0.0, 1.0, 0.0)))
+        turns = [multiply(multiply(yaw(yaws[foot]), pitched[foot]), self._flat[foot]) for foot in range(2)]
+        places = [place + moved for place, moved in zip(places, self._righted + self._rolled, strict=True)]
         # What has landed comes back to the plan little by little.
         self._righted = self._fades * self._righted
         return places, turns
@@ -277,6 +281,7 @@ class Walker:
             standing = np.array([1.0 - share, share])
         for foot in np.flatnonzero(standing):
             arm = np.array([*(pressure - gait.places[foot]), 0.0]) if gait.step is not None else np.zeros(3)
+            arm = arm - self._rolled[foot]
             torque = torque - standing[foot] * self._body.pushed(int(foot), force, arm)
         mujoco.mj_integratePos(self._model, goal, self._yields * torque, 1.0)
 
@@ -287,6 +292,26 @@ class Walker:
             soles[foot], _ = self._sole(data, foot)
             yaws[foot] = _azimuth(data.xmat[body].reshape(3, 3) @ self._toes[foot])
         return soles, yaws
+
+    def _pitches(self, data: mujoco.MjData) -> Array:
+        """How the soles are turned in a state, toes down, shape (2,), rad."""
+        toes = [
+            data.xmat[body].reshape(3, 3)[2] @ ahead for body, ahead in zip(self._body.bodies, self._toes, strict=True)
+        ]
+        return -np.arcsin(np.clip(toes, -1.0, 1.0))
+
+    def _from_flat(self, yaws: Array, pitches: Array) -> Array:
+        """How far the middles of turned soles are from their places on flat ones, shape (2, 3), m."""
+        shifts = [from_flat(float(pitch), self._half) for pitch in pitches]
+        return np.array(
+            [(ahead * np.cos(y), ahead * np.sin(y), up) for (ahead, up), y in zip(shifts, yaws, strict=True)]
+        )
+
+    def _stands_on(self, data: mujoco.MjData, foot: int) -> tuple[Array, int]:
+        """The middle of the sole, or of the edge that it is turned over, shape (3,), m, and the body of the foot."""
+        sole, body = self._sole(data, foot)
+        edge = self._half * min(max(float(self._pitches(data)[foot]) / ROUNDED, -1.0), 1.0)
+        return sole + data.xmat[body].reshape(3, 3) @ (edge * self._toes[foot]), body
 
     def _sole(self, data: mujoco.MjData, foot: int) -> tuple[Array, int]:
         """The middle of the sole of a foot in a state, shape (3,), m, and the body of the foot."""

@@ -55,6 +55,30 @@ def test_who_stops_walking_after_two_steps_and_boxes_keeps_on_its_feet():
     assert walk("servo20", "walk", 4.2, at=1.0, then="box1").fell_s is None
 
 
+@pytest.mark.thorough
+def test_feet_leave_the_floor_over_their_toes_and_land_on_their_heels():
+    library = load_library(find_library("thesis15"))
+    robot = load_robot(ROBOTS / "servo20.toml", library.skeleton)
+    deck, feet = Deck(library, robot.retarget, "walk"), feet_of(robot)
+    stage = PhysicsPlayback(robot, DT, "free", walk=True)
+    lowest, pitch, raised = np.empty((1000, 2)), np.empty((1000, 2)), 0.004
+    for tick in range(len(pitch)):
+        targets, pose = deck.update(DT)
+        stage.write(np.clip(targets, robot.limits.lower, robot.limits.upper), pose)
+        for number, foot in enumerate(feet):
+            body = stage.data.body(foot.body)
+            frame = body.xmat.reshape(3, 3)
+            lowest[tick, number] = (body.xpos + foot.corners @ frame.T)[:, 2].min()
+            pitch[tick, number] = -np.arcsin((frame @ foot.axes[:, 0])[2])
+    # After the first steps, which are short.
+    flies = lowest[600:] > raised
+    leaves, lands = ~flies[:-1] & flies[1:], flies[:-1] & ~flies[1:]
+    assert stage.fell_s is None
+    assert min(leaves.sum(), lands.sum()) >= 4
+    assert np.median(pitch[601:][leaves]) > 0.2
+    assert np.median(pitch[601:][lands]) < -0.05
+
+
 def standing(force, seconds):
     """Stands at rest and is pushed for 0.1 s after 0.5 s; the stage at the end."""
     robot = load_robot(ROBOTS / "servo20.toml", human())
