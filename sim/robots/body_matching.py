@@ -28,19 +28,18 @@ from motiondeck_base.errors import FileFormatError
 from sim.models.ball_joints import unplayed_balls
 from sim.models.kinematic_tree import below, hinges_at, hinges_between, path_to
 from sim.models.limb_geometry import ACROSS, end_hinge, farthest, folds, sine
-from sim.models.surface import Surface
 from sim.robots.side_names import is_left
+from sim.robots.standing_body import PARALLEL, STANDS, RobotLimb, StandingBody
 
 LEG = ("thigh", "shank", "foot")
 ARM = ("upper_arm", "forearm", "hand")
 
-# Of the robot's height: a limb stands if it ends so close to the floor, and is a leg if it is so long.
-STANDS, LEG_SHARE = 0.12, 0.25
+# Of the robot's height: a limb is a leg if it is so long.
+LEG_SHARE = 0.25
 # A leg points down: at least this is the cosine of the angle between it and the vertical.
 DOWN = 0.5
 # The knee is the first hinge with at least this share of the most limb on both of its sides.
 BEND_SHARE = 0.6
-PARALLEL = 0.5  # the least cosine between the axes of twins, one of them seen in a mirror
 # A joint of the ankle is less than this share of the shank ahead of it (what is farther ahead moves toes), and a joint
 # of the wrist less than that share of the forearm beyond it.
 TOES_SHARE, FINGERS_SHARE = 0.15, 0.3
@@ -48,9 +47,6 @@ TOES_SHARE, FINGERS_SHARE = 0.15, 0.3
 CLAVICLE_SHARE, HEAD_SHARE = 0.03, 0.06
 EYES = 0.5  # what moves above the neck and is smaller than this share of the head is an eye
 ALIKE = 0.02  # limbs whose lengths differ by less than this share are of one length
-
-# A wheel touches the floor so nearly, in parts of its radius, and is round but for such a share of it.
-ROLLS, ROUND = 0.2, 0.15
 
 # From the way a file has its root to each axis being up: z, y, x, -y, -x, -z.
 _QUARTER = 0.5 * np.pi
@@ -110,14 +106,6 @@ class _StandsOtherwise(FileFormatError):
     """A robot that stands on more than two limbs, or on wheels."""
 
 
-@dataclass(frozen=True)
-class _Limb:
-    """A chain of hinges on one side: its joints in order, where each sits, its axes, and where the limb ends."""
-
-    joints: list[int]
-    tip: Array
-
-
 class _Matcher:
     """Matches a robot turned one way.
 
@@ -130,106 +118,80 @@ class _Matcher:
     limbs_alike = False
 
     def __init__(self, path: Path, model: mujoco.MjModel, turn: Array) -> None:
-        self.path, self.model = path, model
-        self.data = mujoco.MjData(model)
-        self.data.qpos[3:7] = multiply(turn, model.qpos0[3:7])
-        mujoco.mj_kinematics(model, self.data)
-        self.root = int(model.jnt_bodyid[0])
-        self.surface = Surface.of(model)
-        self.points = self.surface.positions(self.data)
-        self.heights = self.points[:, 2] - self.surface.radius
-        self.floor = float(self.heights.min())
-        self.tall = float(np.ptp(self.points[:, 2]))
-        self.movers = [b for b in range(1, model.nbody) if hinges_at(model, b)]
-        # What no other mover hangs from ends a limb.
-        above = {b for mover in self.movers for b in path_to(model, mover)[:-1]}
-        self.ends = [b for b in self.movers if b not in above]
+        self.path, self.model, self.body = path, model, StandingBody(model, turn)
+        self.data, self.root, self.ends = self.body.data, self.body.root, self.body.ends
+        self.points, self.heights, self.surface = self.body.points, self.body.heights, self.body.surface
+        self.floor, self.tall = self.body.floor, self.body.tall
         self.doubts: list[str] = []
 
     def match(self) -> BodyMatch:
-        wheels = [self._name(body) for body in self.ends if self._is_wheel(body)]
+        wheels = [self.body.name(body) for body in self.ends if self.body.is_wheel(body)]
         if wheels:
             raise _StandsOtherwise(self._refusal(f"it stands on wheels ({', '.join(wheels[:4])})"))
         legs = self._legs()
-        pelvis = self._common(*legs)
+        pelvis = self.body.common(*legs)
         ahead = self._ahead(legs, pelvis)
         left = np.array([-ahead[1], ahead[0], 0.0])
-        legs = sorted(legs, key=lambda end: float(self._tip(end) @ left))  # right, left
+        legs = sorted(legs, key=lambda end: float(self.body.tip(end) @ left))  # right, left
         # Where nothing turns between them, the root is the pelvis.
         own = hinges_between(self.model, self.root, pelvis) if pelvis != self.root else []
-        parts = {"pelvis": self._name(pelvis if own else self.root)}
-        stands = [self._limb(end, pelvis) for end in legs]
+        parts = {"pelvis": self.body.name(pelvis if own else self.root)}
+        stands = [self.body.limb(end, pelvis) for end in legs]
         parts |= self._divided(LEG, dict(zip("rl", stands, strict=True)), ahead)
 
-        rest = [e for e in self.ends if not any(self._branch(e, pelvis) == self._branch(leg, pelvis) for leg in legs)]
+        branches = {self.body.branch(leg, pelvis) for leg in legs}
+        rest = [e for e in self.ends if self.body.branch(e, pelvis) not in branches]
         centre = self.data.xpos[legs].mean(axis=0)
         chest, shoulders = pelvis, float(self.data.xpos[pelvis, 2])
         arms = self._arms(rest, centre, left)
         if arms:
             chest = self._chest([*arms.values()], left)
-            limbs = {side: self._beside(self._limb(end, chest), left) for side, end in arms.items()}
+            limbs = {side: self._beside(self.body.limb(end, chest), left) for side, end in arms.items()}
             parts |= self._divided(ARM, limbs, ahead)
-            self.leg_share = max(map(self._length, stands)) / max(map(self._length, limbs.values()))
+            self.leg_share = max(map(self.body.length, stands)) / max(map(self.body.length, limbs.values()))
             hinges = {len(limb.joints) for limb in (*stands, *limbs.values())}
             self.limbs_alike = len(hinges) == 1 and abs(self.leg_share - 1.0) < ALIKE
-            branches = {self._branch(arm, chest) for arm in arms.values()}
-            rest = [e for e in rest if self._branch(e, chest) not in branches]
+            branches = {self.body.branch(arm, chest) for arm in arms.values()}
+            rest = [e for e in rest if self.body.branch(e, chest) not in branches]
             shoulders = max(float(self.data.xanchor[limb.joints[0], 2]) for limb in limbs.values())
-        parts["chest"] = self._name(chest)
+        parts["chest"] = self.body.name(chest)
         head = self._head(rest, chest, centre, left, shoulders)
         if head is not None:
-            parts["head"] = self._name(head)
+            parts["head"] = self.body.name(head)
         facing = float(np.arctan2(ahead[1], ahead[0]))
         return BodyMatch(parts, multiply(conjugate(yaw(facing)), self.data.xquat[self.root]), tuple(self.doubts))
 
-    def _is_wheel(self, body: int) -> bool:
-        """Whether a body turns round and round a level axis, is round about it and touches the floor."""
-        (*_, joint) = hinges_at(self.model, body)
-        axis = self.data.xaxis[joint]
-        mine = np.isin(self.surface.body, self._fixed_to(body))
-        if self.model.jnt_limited[joint] or abs(axis[2]) > PARALLEL or not mine.any():
-            return False
-        away = self.points[mine] - self.data.xanchor[joint]
-        ahead = np.cross(axis, [0.0, 0.0, 1.0])
-        ahead /= np.linalg.norm(ahead)
-        radius = self.surface.radius[mine]
-        reaches = [
-            float((sign * (away @ d) + radius).max()) for d in (ahead, np.cross(ahead, axis)) for sign in (1, -1)
-        ]
-        least, most = min(reaches), max(reaches)
-        return least > (1.0 - ROUND) * most and self._lowest(body) < self.floor + ROLLS * most
-
     def _legs(self) -> list[int]:
         """The ends of the two limbs that stand on the floor."""
-        standing = [end for end in self.ends if self._lowest(end) < self.floor + STANDS * self.tall]
+        standing = [end for end in self.ends if self.body.lowest(end) < self.floor + STANDS * self.tall]
         pairs = [
-            pair for pair in combinations(standing, 2) if all(self._is_leg(end, self._common(*pair)) for end in pair)
+            (a, b) for a, b in combinations(standing, 2) if all(self._is_leg(c, self.body.common(a, b)) for c in (a, b))
         ]
         if not pairs:
             raise FileFormatError(self._refusal("no two limbs of two or more hinges each point down to the floor"))
         # The rods and toes of one leg part late; the legs part first.
-        first = min(len(path_to(self.model, self._common(*pair))) for pair in pairs)
-        legs = [pair for pair in pairs if len(path_to(self.model, self._common(*pair))) == first]
-        pelvis = self._common(*legs[0])
+        first = min(len(path_to(self.model, self.body.common(*pair))) for pair in pairs)
+        legs = [pair for pair in pairs if len(path_to(self.model, self.body.common(*pair))) == first]
+        pelvis = self.body.common(*legs[0])
         branches: dict[int, list[int]] = {}
         for end in {end for pair in pairs for end in pair}:
-            branches.setdefault(self._branch(end, pelvis), []).append(end)
+            branches.setdefault(self.body.branch(end, pelvis), []).append(end)
         if len(branches) > 2:
             raise _StandsOtherwise(self._refusal(f"{len(branches)} limbs stand on the floor"))
         # Of the rods and the foot of one leg the foot reaches lowest.
-        return [min(ends, key=self._lowest) for ends in branches.values()]
+        return [min(ends, key=self.body.lowest) for ends in branches.values()]
 
     def _is_leg(self, end: int, pelvis: int) -> bool:
-        limb = self._limb(end, pelvis)
+        limb = self.body.limb(end, pelvis)
         if len(limb.joints) < 2:
             return False
-        way = self._sole(end) - self.data.xanchor[limb.joints[0]]
+        way = self.body.sole(end) - self.data.xanchor[limb.joints[0]]
         length = float(np.linalg.norm(way))
         return length >= LEG_SHARE * self.tall and -way[2] >= DOWN * length
 
     def _arms(self, rest: list[int], centre: Array, left: Array) -> dict[str, int]:
         """The ends of the right and the left arm, "r" and "l", as far as it has them."""
-        across = {e: float((self._tip(e) - centre) @ left) for e in rest}
+        across = {e: float((self.body.tip(e) - centre) @ left) for e in rest}
         found = {side: max(rest, key=lambda e: sign * across[e]) for side, sign in (("r", -1.0), ("l", 1.0)) if rest}
         far = CLAVICLE_SHARE * self.tall
         found = {side: end for side, end in found.items() if (across[end] if side == "l" else -across[end]) >= far}
@@ -239,17 +201,17 @@ class _Matcher:
         # Of the fingers of a hand, one at the end of the most joints.
         arms = {
             side: max(
-                (e for e in rest if self._branch(e, chest) == self._branch(arm, chest)),
-                key=lambda e: (len(self._limb(e, chest).joints), float(np.linalg.norm(self._tip(e)))),
+                (e for e in rest if self.body.branch(e, chest) == self.body.branch(arm, chest)),
+                key=lambda e: (len(self.body.limb(e, chest).joints), float(np.linalg.norm(self.body.tip(e)))),
             )
             for side, arm in found.items()
         }
-        return arms if all(len(self._limb(arm, chest).joints) > 1 for arm in arms.values()) else {}
+        return arms if all(len(self.body.limb(arm, chest).joints) > 1 for arm in arms.values()) else {}
 
     def _chest(self, arms: list[int], left: Array) -> int:
         """Where two arms part; of one arm, the last body that moves with its hinges near the middle of the body."""
         if len(arms) > 1:
-            return self._common(*arms)
+            return self.body.common(*arms)
         path, chest = path_to(self.model, arms[0]), self.root
         for body in path[path.index(self.root) + 1 :]:
             if hinges_at(self.model, body):
@@ -272,26 +234,18 @@ class _Matcher:
             return None
         path = path_to(self.model, max(middle, key=lambda e: float(high[e][2])))
         above = [body for body in path[path.index(chest) + 1 :] if hinges_at(self.model, body)]
-        size = {body: self._size(body) for body in above}
+        size = {body: self.body.size(body) for body in above}
         return next(body for body in reversed(above) if size[body] >= EYES * max(size.values()))
-
-    def _size(self, body: int) -> float:
-        """The diagonal of the box around a body and what is fixed to it, m."""
-        mine = np.isin(self.surface.body, self._fixed_to(body))
-        if not mine.any():
-            return 0.0
-        points, radius = self.points[mine], self.surface.radius[mine, None]
-        return float(np.linalg.norm((points + radius).max(axis=0) - (points - radius).min(axis=0)))
 
     def _ahead(self, legs: list[int], pelvis: int) -> Array:
         """The horizontal direction across the line between the legs that is ahead."""
-        hips = np.array([self.data.xanchor[self._limb(leg, pelvis).joints[0]] for leg in legs])
+        hips = np.array([self.data.xanchor[self.body.limb(leg, pelvis).joints[0]] for leg in legs])
         line = hips[1] - hips[0]
         line[2] = 0.0
         across = np.array([line[1], -line[0], 0.0]) / max(float(np.linalg.norm(line)), 1e-9)
         reach, seen, folding = 0.0, True, True
         for leg in legs:
-            limb = self._limb(leg, pelvis)
+            limb = self.body.limb(leg, pelvis)
             knee = self._bend(limb, limb)
             ankle = self._end(limb, knee)
             ahead = self._folds_back(limb, knee) @ across if ankle is None else 0.0
@@ -303,7 +257,7 @@ class _Matcher:
             elif mine.any():
                 ends = (self.points[mine] - self.data.xanchor[last]) @ across
                 reach += float(ends.max() + ends.min())
-        names = [self._name(leg) for leg in legs]
+        names = [self.body.name(leg) for leg in legs]
         second_is_left = is_left(names[1], names[0])
         if second_is_left is None and abs(reach) < 0.01 * self.tall:
             raise FileFormatError(
@@ -319,15 +273,15 @@ class _Matcher:
             self.doubts.append(f"its feet stick out behind if '{names[0]}' and '{names[1]}' are on the sides they name")
         return by_names
 
-    def _divided(self, names: tuple[str, str, str], limbs: dict[str, _Limb], ahead: Array) -> dict[str, str]:
+    def _divided(self, names: tuple[str, str, str], limbs: dict[str, RobotLimb], ahead: Array) -> dict[str, str]:
         """The bodies of the three parts of the limbs of each side; without an ankle (wrist) only of two."""
         parts = {}
         for side, limb in limbs.items():
             knee = self._bend(limb, limbs.get("l" if side == "r" else "r", limb))
             body = self.model.jnt_bodyid
             upper = next(j for j in reversed(limb.joints[:knee]) if body[j] != body[limb.joints[knee]])
-            parts |= {f"{side}_{names[0]}": self._name(body[upper])}
-            parts |= {f"{side}_{names[1]}": self._name(body[limb.joints[knee]])}
+            parts |= {f"{side}_{names[0]}": self.body.name(body[upper])}
+            parts |= {f"{side}_{names[1]}": self.body.name(body[limb.joints[knee]])}
             end = self._end(limb, knee)
             if end is None:
                 continue
@@ -339,10 +293,10 @@ class _Matcher:
                 way = self.data.xanchor[joint] - at
                 if way @ ahead < TOES_SHARE * span if names is LEG else np.linalg.norm(way) < FINGERS_SHARE * span:
                     end = joint
-            parts[f"{side}_{names[2]}"] = self._name(body[end])
+            parts[f"{side}_{names[2]}"] = self.body.name(body[end])
         return parts
 
-    def _bend(self, limb: _Limb, twin: _Limb) -> int:
+    def _bend(self, limb: RobotLimb, twin: RobotLimb) -> int:
         """Which of a limb's joints is the knee (elbow)."""
         at = [self.data.xanchor[j] for j in limb.joints]
         between = at[0] - self.data.xanchor[twin.joints[0]]
@@ -362,77 +316,27 @@ class _Matcher:
         most = max(score.values())
         return next(k for k, value in score.items() if value >= BEND_SHARE * most)
 
-    def _folds_back(self, limb: _Limb, knee: int) -> Array:
+    def _folds_back(self, limb: RobotLimb, knee: int) -> Array:
         """Where the front of a leg without an ankle is, shape (3,), m: its knee folds its end the other way."""
         joint = limb.joints[knee]
         axis, at = self.data.xaxis[joint], self.data.xanchor[joint]
         up, down = at - farthest([self.data.xanchor[j] for j in limb.joints[:knee]], at), limb.tip - at
         return -folds(self.model, joint, axis, up, down) * np.cross(axis, down)
 
-    def _length(self, limb: _Limb) -> float:
-        """The sum of the ways from each joint of a limb to the next and to its end, m."""
-        points = np.vstack([self.data.xanchor[limb.joints], limb.tip])
-        return float(np.linalg.norm(np.diff(points, axis=0), axis=1).sum())
-
-    def _end(self, limb: _Limb, knee: int) -> int | None:
+    def _end(self, limb: RobotLimb, knee: int) -> int | None:
         """The first joint of the ankle (wrist)."""
         at = self.data.xanchor[limb.joints[knee]]
         upper = float(np.linalg.norm(farthest([self.data.xanchor[j] for j in limb.joints[:knee]], at) - at))
         return end_hinge(self.data, limb.joints[knee + 1 :], at, upper)
 
-    def _beside(self, limb: _Limb, left: Array) -> _Limb:
+    def _beside(self, limb: RobotLimb, left: Array) -> RobotLimb:
         """The part of an arm that does not start near the middle of the body, as a clavicle does."""
         first = next((k for k, joint in enumerate(limb.joints) if self._is_beside(joint, left)), 0)
-        return _Limb(limb.joints[first:], limb.tip) if len(limb.joints) - first > 1 else limb
+        return RobotLimb(limb.joints[first:], limb.tip) if len(limb.joints) - first > 1 else limb
 
     def _is_beside(self, joint: int, left: Array) -> bool:
         away = float((self.data.xanchor[joint] - self.data.xpos[self.root]) @ left)
         return abs(away) >= CLAVICLE_SHARE * self.tall
-
-    def _limb(self, end: int, above: int) -> _Limb:
-        """The joints on the way from a body to an end; fingers that fork off a hand are left out."""
-        path = path_to(self.model, end)
-        path = path[path.index(above) + 1 :]
-        joints: list[int] = []
-        for body in path:
-            joints += hinges_at(self.model, body)
-            forks = sum(self._moves(child) for child in np.flatnonzero(self.model.body_parentid == body).tolist())
-            if forks > 1 and len(joints) > 2 and self._lowest(end) > self.floor + STANDS * self.tall:
-                return _Limb(joints, self._tip(body))
-        return _Limb(joints, self._tip(path[-1]))
-
-    def _moves(self, body: int) -> bool:
-        return any(mover in below(self.model, body) for mover in self.movers)
-
-    def _tip(self, end: int) -> Array:
-        """Of the surface of a body, and what is fixed to it, the point farthest from its joint."""
-        mine = self.points[np.isin(self.surface.body, self._fixed_to(end))]
-        start = self.data.xanchor[hinges_at(self.model, end)[0]] if hinges_at(self.model, end) else self.data.xpos[end]
-        return farthest(list(mine), start) if len(mine) else self.data.xpos[end].copy()
-
-    def _sole(self, end: int) -> Array:
-        """The middle of the lowest points of the limb that ends in a body."""
-        mine = np.isin(self.surface.body, below(self.model, end))
-        if not mine.any():
-            return self.data.xpos[end].copy()
-        low = self.heights[mine] < self.heights[mine].min() + 0.02 * self.tall
-        return self.points[mine][low].mean(axis=0)
-
-    def _lowest(self, end: int) -> float:
-        mine = np.isin(self.surface.body, below(self.model, end))
-        return float(self.heights[mine].min()) if mine.any() else float(self.data.xpos[end, 2])
-
-    def _fixed_to(self, body: int) -> list[int]:
-        return [b for b in below(self.model, body) if self.model.body_weldid[b] == self.model.body_weldid[body]]
-
-    def _common(self, a: int, b: int) -> int:
-        """The body at which the ways to two bodies part."""
-        return [x for x, y in zip(path_to(self.model, a), path_to(self.model, b), strict=False) if x == y][-1]
-
-    def _branch(self, end: int, above: int) -> int:
-        """The child of a body on the way to an end; 0 if the end does not hang from it."""
-        path = path_to(self.model, end)
-        return path[path.index(above) + 1] if above in path[:-1] else 0
 
     def _refusal(self, why: str) -> str:
         """What is said of a robot that is no humanoid, with the limbs that were found."""
@@ -449,6 +353,3 @@ class _Matcher:
 
     def _ends_below(self, body: int) -> int:
         return sum(end in below(self.model, body) for end in self.ends)
-
-    def _name(self, body: int) -> str:
-        return str(self.model.body(int(body)).name)

@@ -1,0 +1,141 @@
+"""A robot as its file has it, turned one way: its points, and its limbs of hinges."""
+
+# pyright: reportAttributeAccessIssue=false
+# (MuJoCo's names come from compiled modules, which have no type stubs.)
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import mujoco
+import numpy as np
+
+from controller.rotations import Array, multiply
+from sim.models.kinematic_tree import below, hinges_at, path_to
+from sim.models.limb_geometry import farthest
+from sim.models.surface import Surface
+
+# Of the robot's height: a limb stands if it ends so close to the floor.
+STANDS = 0.12
+PARALLEL = 0.5  # the least cosine between the axes of twins, one of them seen in a mirror
+# A wheel touches the floor so nearly, in parts of its radius, and is round but for such a share of it.
+ROLLS, ROUND = 0.2, 0.15
+
+
+@dataclass(frozen=True)
+class RobotLimb:
+    """A chain of hinges on one side: its joints in order, where each sits, its axes, and where the limb ends."""
+
+    joints: list[int]
+    tip: Array
+
+
+class StandingBody:
+    """A robot whose joints are all at zero.
+
+    Attributes:
+        data: its state.
+        root: its root body.
+        surface, points: its skin, and where that is, shape (P, 3), m.
+        heights: of the lowest points of the skin, shape (P,), m.
+        floor, tall: the lowest of them, and how tall it is, m.
+        ends: the bodies with hinges that no other such body hangs from.
+    """
+
+    def __init__(self, model: mujoco.MjModel, turn: Array) -> None:
+        """Turns the root by a quaternion (4,) from how the file has it."""
+        self.model = model
+        self.data = mujoco.MjData(model)
+        self.data.qpos[3:7] = multiply(turn, model.qpos0[3:7])
+        mujoco.mj_kinematics(model, self.data)
+        self.root = int(model.jnt_bodyid[0])
+        self.surface = Surface.of(model)
+        self.points = self.surface.positions(self.data)
+        self.heights = self.points[:, 2] - self.surface.radius
+        self.floor = float(self.heights.min())
+        self.tall = float(np.ptp(self.points[:, 2]))
+        self.movers = [b for b in range(1, model.nbody) if hinges_at(model, b)]
+        # What no other mover hangs from ends a limb.
+        above = {b for mover in self.movers for b in path_to(model, mover)[:-1]}
+        self.ends = [b for b in self.movers if b not in above]
+
+    def is_wheel(self, body: int) -> bool:
+        """Whether a body turns round and round a level axis, is round about it and touches the floor."""
+        (*_, joint) = hinges_at(self.model, body)
+        axis = self.data.xaxis[joint]
+        mine = np.isin(self.surface.body, self.fixed_to(body))
+        if self.model.jnt_limited[joint] or abs(axis[2]) > PARALLEL or not mine.any():
+            return False
+        away = self.points[mine] - self.data.xanchor[joint]
+        ahead = np.cross(axis, [0.0, 0.0, 1.0])
+        ahead /= np.linalg.norm(ahead)
+        radius = self.surface.radius[mine]
+        reaches = [
+            float((sign * (away @ d) + radius).max()) for d in (ahead, np.cross(ahead, axis)) for sign in (1, -1)
+        ]
+        least, most = min(reaches), max(reaches)
+        return least > (1.0 - ROUND) * most and self.lowest(body) < self.floor + ROLLS * most
+
+    def limb(self, end: int, above: int) -> RobotLimb:
+        """The joints on the way from a body to an end; fingers that fork off a hand are left out."""
+        path = path_to(self.model, end)
+        path = path[path.index(above) + 1 :]
+        joints: list[int] = []
+        for body in path:
+            joints += hinges_at(self.model, body)
+            forks = sum(self._moves(child) for child in np.flatnonzero(self.model.body_parentid == body).tolist())
+            if forks > 1 and len(joints) > 2 and self.lowest(end) > self.floor + STANDS * self.tall:
+                return RobotLimb(joints, self.tip(body))
+        return RobotLimb(joints, self.tip(path[-1]))
+
+    def _moves(self, body: int) -> bool:
+        return any(mover in below(self.model, body) for mover in self.movers)
+
+    def tip(self, end: int) -> Array:
+        """Of the surface of a body, and what is fixed to it, the point farthest from its joint."""
+        mine = self.points[np.isin(self.surface.body, self.fixed_to(end))]
+        start = self.data.xanchor[hinges_at(self.model, end)[0]] if hinges_at(self.model, end) else self.data.xpos[end]
+        return farthest(list(mine), start) if len(mine) else self.data.xpos[end].copy()
+
+    def sole(self, end: int) -> Array:
+        """The middle of the lowest points of the limb that ends in a body."""
+        mine = np.isin(self.surface.body, below(self.model, end))
+        if not mine.any():
+            return self.data.xpos[end].copy()
+        low = self.heights[mine] < self.heights[mine].min() + 0.02 * self.tall
+        return self.points[mine][low].mean(axis=0)
+
+    def lowest(self, end: int) -> float:
+        """How high the lowest point is of the limb that ends in a body, m."""
+        mine = np.isin(self.surface.body, below(self.model, end))
+        return float(self.heights[mine].min()) if mine.any() else float(self.data.xpos[end, 2])
+
+    def size(self, body: int) -> float:
+        """The diagonal of the box around a body and what is fixed to it, m."""
+        mine = np.isin(self.surface.body, self.fixed_to(body))
+        if not mine.any():
+            return 0.0
+        points, radius = self.points[mine], self.surface.radius[mine, None]
+        return float(np.linalg.norm((points + radius).max(axis=0) - (points - radius).min(axis=0)))
+
+    def fixed_to(self, body: int) -> list[int]:
+        """A body and what moves with it."""
+        return [b for b in below(self.model, body) if self.model.body_weldid[b] == self.model.body_weldid[body]]
+
+    def length(self, limb: RobotLimb) -> float:
+        """The sum of the ways from each joint of a limb to the next and to its end, m."""
+        points = np.vstack([self.data.xanchor[limb.joints], limb.tip])
+        return float(np.linalg.norm(np.diff(points, axis=0), axis=1).sum())
+
+    def common(self, a: int, b: int) -> int:
+        """The body at which the ways to two bodies part."""
+        return [x for x, y in zip(path_to(self.model, a), path_to(self.model, b), strict=False) if x == y][-1]
+
+    def branch(self, end: int, above: int) -> int:
+        """The child of a body on the way to an end; 0 if the end does not hang from it."""
+        path = path_to(self.model, end)
+        return path[path.index(above) + 1] if above in path[:-1] else 0
+
+    def name(self, body: int) -> str:
+        """Its name in the file."""
+        return str(self.model.body(int(body)).name)
