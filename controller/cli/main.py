@@ -88,7 +88,9 @@ def command_line(words: Sequence[str] = ()) -> typer.Typer:
         if name in _GROUPS:
             app.add_typer(module.app, name=name)
         else:
-            app.command(name)(getattr(module, name))
+            # A number below zero is no option: `send tempo -1`.
+            settings = {"ignore_unknown_options": True} if name == "send" else None
+            app.command(name, context_settings=settings)(getattr(module, name))
     set_help_texts(app)
     return app
 

@@ -63,6 +63,9 @@ def send(
     from controller.wire.messages.replies import Accepted, Refused, Settled
     from motiondeck_base.errors import MotiondeckError
 
+    for word in words:
+        if word.startswith("-") and not _is_number(word):
+            raise typer.BadParameter(f"there is no option {word}")
     if words[0] == "help":
         print(help_on(words[1:]))
         return
@@ -90,6 +93,14 @@ def send(
             print("the blend is checked as it plays: motiondeck events tells if it is given up", file=sys.stderr)
     if isinstance(answer, Refused):
         raise typer.Exit(1)
+
+
+def _is_number(word: str) -> bool:
+    try:
+        float(word)
+    except ValueError:
+        return False
+    return True
 
 
 def events(

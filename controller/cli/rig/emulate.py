@@ -12,6 +12,7 @@ import typer
 
 from controller.cli.rig.rig_port import RigArgument, ended_by_sigterm, load
 from controller.cli.rig.typed_lines import TypedLines, in_foreground
+from motiondeck_base.counted import counted
 from motiondeck_base.errors import MotiondeckError
 
 if TYPE_CHECKING:
@@ -78,6 +79,8 @@ def emulate(
         config = msgspec.structs.replace(config, joints=(one,), baud=57600)
     plant = _plant(config, robot, root or "fixed") if robot is not None else None
     faults = [parse_fault(text) for text in fault or []]
+    servos = counted(len(config.joints), "servo")
+    print(f"{servos} at {config.baud} baud; clients of another speed get no answer", file=sys.stderr, flush=True)
     with ended_by_sigterm():
         serve(
             config,

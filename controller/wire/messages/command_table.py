@@ -319,9 +319,13 @@ def read_command(data: bytes) -> DeckCommand:
 def parse_command(words: Sequence[str]) -> DeckCommand:
     """The message of typed words: a command and its arguments, or a motion's name alone, which switches to it.
 
+    A single word may be a whole command, such as "switch jog".
+
     Raises:
         CommandError: if they are no command; it names the commands.
     """
+    if len(words) == 1 and words[0].split()[:1] and words[0].split()[0] in BY_WORD:
+        words = words[0].split()
     command = BY_WORD.get(words[0]) if words else None
     if command is not None:
         try:

@@ -164,6 +164,8 @@ def test_the_shipped_library_is_found_by_name():
         (("library", "show", "pyproject.toml"), "pyproject.toml: not a library file, which ends in .safetensors"),
         (("fit", "none.toml", "--data", ".", "--out", "x.safetensors"), "none.toml: cannot be read"),
         (("send", "tempo", "fast"), "TEMPO must be a number from -3 to 3"),
+        (("send", "tempo", "-4"), "TEMPO must be a number from -3 to 3, not -4"),
+        (("send", "tempo -1 soon"), "tempo: SECONDS must be a number from 0 to 60"),
     ],
 )
 def test_a_mistake_ends_in_one_clear_line(arguments, says):
@@ -186,6 +188,7 @@ def test_a_mistake_ends_in_one_clear_line(arguments, says):
         (("play", "--seconds", "x"), "'--seconds'"),
         (("library", "show"), "Missing argument 'LIBRARY'"),
         (("rig", "doctor", "servo20", "--fast"), "--fast"),
+        (("send", "status", "--jsn"), "there is no option --jsn"),
     ],
 )
 def test_a_word_that_no_command_knows_ends_in_one_line_that_names_the_help(arguments, says):

@@ -193,9 +193,13 @@ def test_the_command_line_emulates_scans_and_stops(servo20_file, tmp_path):
     link = tmp_path / "rig"
     command = [sys.executable, "-m", "controller.cli.main", "rig"]
     emulator = subprocess.Popen(
-        [*command, "emulate", str(servo20_file), "--link", str(link)], stdout=subprocess.PIPE, text=True
+        [*command, "emulate", str(servo20_file), "--link", str(link)],
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
     )
     try:
+        assert "20 servos at 4000000 baud" in emulator.stderr.readline()
         assert emulator.stdout.readline().strip() == str(link)
 
         def run(*words):
@@ -214,5 +218,6 @@ def test_the_command_line_emulates_scans_and_stops(servo20_file, tmp_path):
         emulator.terminate()
         emulator.wait(20)
         emulator.stdout.close()
+        emulator.stderr.close()
     assert emulator.returncode == 143
     assert not link.is_symlink()

@@ -78,6 +78,7 @@ def test_help_teaches_every_command_and_its_examples_are_commands():
 )
 def test_words_become_messages(line, message):
     assert parse_command(line.split()) == message
+    assert parse_command([line]) == message  # as a script passes a whole line
 
 
 @pytest.mark.parametrize(
