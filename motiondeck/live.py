@@ -48,6 +48,7 @@ __all__ = ["CommandedMotion", "DeckEvent", "DeckStatus", "LiveDeck", "LockState"
 
 _ANSWERS_WITHIN = 5.0  # s
 _LOOKS_EVERY = 1.0  # s
+_TURN = 0.05  # s that one thread waits for a reply before another may
 
 
 @dataclass(frozen=True)
@@ -66,7 +67,7 @@ class CommandedMotion:
     _wait: Callable[[float], float]
 
     def wait(self, timeout: float = 30.0) -> float:
-        """Waits until the switch has settled; returns the seconds since the command.
+        """Waits until the switch has settled, in any thread and as often as you like; the seconds since the command.
 
         Raises:
             CommandError: if another command overtook this one.
@@ -303,21 +304,33 @@ class LiveDeck:
 
     @property
     def _client(self) -> CommandClient:
+        return self._own[0]
+
+    @property
+    def _own(self) -> tuple[CommandClient, threading.Lock]:
+        """The client of this thread, and the lock of whoever reads from it: others may wait for what this one began."""
         if not hasattr(self._clients, "own"):
-            self._clients.own = CommandClient(self.command_port)
+            self._clients.own = CommandClient(self.command_port), threading.Lock()
         return self._clients.own
 
     def _commanded(self, motion: str, message: DeckCommand) -> CommandedMotion:
-        reply, client = self._request(message), self._client
+        reply, (client, reading) = self._request(message), self._own
         assert isinstance(reply, Accepted), "what is not refused is accepted"
+        outcome: list[Settled | Refused] = []
 
         def wait(timeout: float) -> float:
-            settled = client.wait_settled(reply.id, timeout)
-            if isinstance(settled, Refused):
-                raise CommandError(settled.reason)
-            if not isinstance(settled, Settled):
-                raise MotiondeckError(f"{motion} has not settled after {timeout:g} s")
-            return settled.seconds
+            deadline = time.monotonic() + timeout
+            while not outcome:
+                left = deadline - time.monotonic()
+                with reading:
+                    settled = client.wait_settled(reply.id, min(max(left, 0.0), _TURN))
+                if isinstance(settled, Settled | Refused):
+                    outcome.append(settled)
+                elif left <= 0.0 and not outcome:
+                    raise MotiondeckError(f"{motion} has not settled after {timeout:g} s")
+            if isinstance(outcome[0], Refused):
+                raise CommandError(outcome[0].reason)
+            return outcome[0].seconds
 
         return CommandedMotion(motion, reply.after, tuple(reply.via), wait)
 
@@ -333,7 +346,9 @@ class LiveDeck:
             raise SocketError(self._process.how_it_ended)
         message = with_right_types(message)
         try:
-            reply = self._client.request(checked(message), _ANSWERS_WITHIN)
+            client, reading = self._own
+            with reading:
+                reply = client.request(checked(message), _ANSWERS_WITHIN)
         except SocketError:
             # It may just be ending: then its reason is more useful than that nobody answers.
             if self._process.wait(1.0):

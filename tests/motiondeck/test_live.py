@@ -65,6 +65,22 @@ def test_several_threads_command_one_deck(library):
         assert 0.0 < waited[0] < 5.0
 
 
+def test_any_thread_may_wait_for_a_switch_as_often_as_it_likes(library):
+    with motiondeck.play(library, "march", physics=False, rate=100.0) as deck:
+        commanded, waited = deck.switch("wave"), []
+        waiting = [threading.Thread(target=lambda: waited.append(commanded.wait(10.0))) for _ in range(2)]
+        for thread in waiting:
+            thread.start()
+        while any(thread.is_alive() for thread in waiting):
+            deck.status()  # its answers come to the same socket
+        assert waited == [commanded.wait(0.0)] * 2
+        overtaken, last = deck.switch("march"), deck.switch("wave")
+        last.wait()
+        for _ in range(2):
+            with pytest.raises(MotiondeckError, match="overtaken"):
+                overtaken.wait(1.0)
+
+
 def test_an_argument_of_another_type_is_named(library):
     with pytest.raises(MotiondeckError, match="rate: expected float, got str"):
         motiondeck.play(library, rate="fast")
