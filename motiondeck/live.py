@@ -13,30 +13,9 @@ from typing import Any, Literal
 
 from controller.cli.session.live_deck import with_right_types
 from controller.wire.command_socket import CommandClient, SocketError
+from controller.wire.messages import commands
 from controller.wire.messages.command_table import checked
-from controller.wire.messages.commands import (
-    Blend,
-    CommandError,
-    DeckCommand,
-    EmergencyStop,
-    GetStatus,
-    GiveBeat,
-    Home,
-    Jump,
-    LockPhase,
-    Pause,
-    Push,
-    Queue,
-    Reset,
-    Resume,
-    SetInput,
-    SetTempo,
-    StepOn,
-    Stop,
-    Subscribe,
-    Switch,
-    Unlock,
-)
+from controller.wire.messages.commands import CommandError, DeckCommand
 from controller.wire.messages.events import Event as DeckEvent
 from controller.wire.messages.lock_state import LockState
 from controller.wire.messages.replies import Accepted, Refused, Settled
@@ -118,7 +97,7 @@ class LiveDeck:
         Raises:
             MotiondeckError: if the deck has ended; it says why.
         """
-        reply = self._request(GetStatus())
+        reply = self._request(commands.GetStatus())
         assert isinstance(reply, DeckStatus), "a status is answered by a state"
         return reply
 
@@ -133,11 +112,11 @@ class LiveDeck:
             CommandError: if it cannot be done now, or there is no such motion; it names the nearest.
             MotiondeckError: if the deck has ended.
         """
-        return self._commanded(motion, Switch(motion, direct=direct))
+        return self._commanded(motion, commands.Switch(motion, direct=direct))
 
     def queue(self, motion: str) -> CommandedMotion:
         """Plays a motion after what is played and queued; raises as `switch`."""
-        return self._commanded(motion, Queue(motion))
+        return self._commanded(motion, commands.Queue(motion))
 
     def blend(self, first: str, second: str, weight: float, also: Mapping[str, float] | None = None) -> CommandedMotion:
         """Plays a blend of loops: `deck.blend("walk", "jog", 0.3)`, `deck.blend("walk", "jog", 0.3, {"waltz": 0.2})`.
@@ -152,7 +131,7 @@ class LiveDeck:
             CommandError: if they cannot be blended, and why; or as `switch`.
             MotiondeckError: if the deck has ended.
         """
-        message = Blend(first, second, weight, also=tuple((also or {}).items()))
+        message = commands.Blend(first, second, weight, also=tuple((also or {}).items()))
         return self._commanded(" + ".join(message.motions), message)
 
     @property
@@ -170,7 +149,7 @@ class LiveDeck:
 
     def set_tempo(self, factor: float, over: float = 0.0) -> None:
         """Plays at another tempo; the change takes `over` seconds, or as few as are smooth."""
-        self._request(SetTempo(factor, over=over))
+        self._request(commands.SetTempo(factor, over=over))
 
     @property
     def phase(self) -> float | None:
@@ -183,7 +162,7 @@ class LiveDeck:
         Raises:
             CommandError: if the network has no phase, or motions are blended.
         """
-        self._request(Jump(phase))
+        self._request(commands.Jump(phase))
 
     @property
     def inputs(self) -> dict[str, float]:
@@ -196,7 +175,7 @@ class LiveDeck:
         Raises:
             CommandError: if no motion has such an input, or the value is outside the learned range.
         """
-        self._request(SetInput(name, value))
+        self._request(commands.SetInput(name, value))
 
     def lock(self, source: Literal["beat", "deck", "body"], phase: float = 0.0, steps: int = 0) -> None:
         """Locks the phase of loops to beats, another deck or the body ([how](docs/deck.md#locks)).
@@ -210,11 +189,11 @@ class LiveDeck:
         Raises:
             CommandError: if the network runs by itself, or there is nothing of that kind to lock to.
         """
-        self._request(LockPhase(source, phase=phase, steps=steps))
+        self._request(commands.LockPhase(source, phase=phase, steps=steps))
 
     def unlock(self) -> None:
         """Plays at the commanded tempo again."""
-        self._request(Unlock())
+        self._request(commands.Unlock())
 
     @property
     def locked_to(self) -> LockState | None:
@@ -230,7 +209,7 @@ class LiveDeck:
         Raises:
             CommandError: if the network has no phase, or the time is further away.
         """
-        self._request(GiveBeat(ago=time.monotonic() - at if at is not None else 0.0))
+        self._request(commands.GiveBeat(ago=time.monotonic() - at if at is not None else 0.0))
 
     def push(self, side: Literal["front", "back", "left", "right"], impulse: float = 0.0) -> None:
         """Pushes the simulated body from one of its sides with an impulse, N s; 0 for one that forces a step.
@@ -238,11 +217,11 @@ class LiveDeck:
         Raises:
             CommandError: if nothing is simulated, or only its kinematics, or its root is fixed.
         """
-        self._request(Push(side, impulse))
+        self._request(commands.Push(side, impulse))
 
     def pause(self) -> None:
         """Comes to a standstill."""
-        self._request(Pause())
+        self._request(commands.Pause())
 
     def step(self, seconds: float = 0.0) -> None:
         """Goes on in a pause for one tick, or for so many seconds, up to 1.
@@ -250,23 +229,23 @@ class LiveDeck:
         Raises:
             CommandError: if the deck is not paused.
         """
-        self._request(StepOn(seconds=seconds))
+        self._request(commands.StepOn(seconds=seconds))
 
     def resume(self) -> None:
         """Goes on after a pause, from home, or after the emergency stop was reset."""
-        self._request(Resume())
+        self._request(commands.Resume())
 
     def home(self) -> None:
         """Goes slowly to the rest pose and stays there until `resume` or a motion."""
-        self._request(Home())
+        self._request(commands.Home())
 
     def emergency_stop(self) -> None:
         """Brakes every joint as hard as its limits allow and holds until `reset`."""
-        self._request(EmergencyStop())
+        self._request(commands.EmergencyStop())
 
     def reset(self) -> None:
         """Releases the emergency stop; nothing moves before `resume`, `switch` or `home`."""
-        self._request(Reset())
+        self._request(commands.Reset())
 
     def events(self) -> Iterator[DeckEvent]:
         """The events of the deck from this call on, as they happen, until it has ended.
@@ -276,7 +255,7 @@ class LiveDeck:
         """
         client = CommandClient(self.command_port)
         try:
-            client.request(Subscribe(), _ANSWERS_WITHIN)
+            client.request(commands.Subscribe(), _ANSWERS_WITHIN)
         except SocketError:
             client.close()
             raise SocketError(self._process.how_it_ended) from None
@@ -299,7 +278,7 @@ class LiveDeck:
         """Brings the joints to rest and ends the deck; may be called twice."""
         if self.running:
             with contextlib.suppress(SocketError):
-                self._client.post(Stop())
+                self._client.post(commands.Stop())
         self._process.end()
 
     @property

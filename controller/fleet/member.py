@@ -32,23 +32,7 @@ from controller.fleet.messages import (
     read,
 )
 from controller.wire.command_socket import CommandClient, CommandServer
-from controller.wire.messages.commands import (
-    AlignTicks,
-    AtTime,
-    Blend,
-    EmergencyStop,
-    GetPhase,
-    GetStatus,
-    Heartbeat,
-    LockPhase,
-    Pause,
-    Queue,
-    Resume,
-    SetTempo,
-    Subscribe,
-    Switch,
-    Unlock,
-)
+from controller.wire.messages import commands
 from controller.wire.messages.events import Event
 from controller.wire.messages.replies import PhaseNow, Refused, State
 
@@ -110,7 +94,7 @@ class Member:
         self._stops: deque[str] = deque(maxlen=_REMEMBERED)
         self._to_say: list[tuple[float, bytes]] = []
         self._commands: dict[int, str] = {}
-        deck.post(Subscribe())
+        deck.post(commands.Subscribe())
         link.hear("cue", self._hear)
         link.hear("stop", self._hear)
         link.answer(f"deck/{name}", lambda: encode(about))
@@ -135,7 +119,9 @@ class Member:
             self._take(key, data)
         self._carry_out()
         for message, sender in self._leader.poll():
-            self._leader.reply(sender, self._phase(message.id) if isinstance(message, GetPhase) else _refusal(message))
+            self._leader.reply(
+                sender, self._phase(message.id) if isinstance(message, commands.GetPhase) else _refusal(message)
+            )
         running = self._hear_deck()
         now = self._now()
         self._say_stops(now)
@@ -161,9 +147,9 @@ class Member:
         sent = self._now()
         self._link.ask("clock", lambda _, data: self._answers.put((sent, self._now(), data)), _PATIENCE)
         if self._asked % 5 == 0 or self._asked >= _FIRST:
-            self._deck.post(GetStatus())
+            self._deck.post(commands.GetStatus())
             if self._clock.known:
-                self._deck.post(AlignTicks(now, self._clock.remote(now)))
+                self._deck.post(commands.AlignTicks(now, self._clock.remote(now)))
 
     def _take_time(self, sent: float, received: float, data: bytes) -> None:
         answer = read(data, Time)
@@ -172,7 +158,7 @@ class Member:
         if answer.run != self._time.run:
             self._tell(f"the show has {'another' if self._time.run else 'a'} conductor")
             self._clock, self._cues, self._asked = ClockEstimate(), [], 0
-            self._deck.post(Heartbeat(answer.after if answer.lost != "go on" else 0.0))
+            self._deck.post(commands.Heartbeat(answer.after if answer.lost != "go on" else 0.0))
         self._time = answer
         self._clock.take(RoundTrip(sent, answer.seconds, received))
         self._answered_at = received
@@ -181,7 +167,7 @@ class Member:
             self._tell("the conductor is back")
             if self._holds:
                 self._holds = False
-                self._deck.post(Resume())
+                self._deck.post(commands.Resume())
 
     def _look_for_conductor(self, now: float) -> None:
         """Does what the show says when the conductor has not answered for too long."""
@@ -193,7 +179,7 @@ class Member:
         plays = self._state is not None and self._state.mode == "playing" and not self._state.paused
         if time_now.lost == "hold" and plays:
             self._holds = True
-            self._deck.post(Pause())
+            self._deck.post(commands.Pause())
         elif time_now.lost == "stop":
             self._stop_deck(now)
 
@@ -238,14 +224,14 @@ class Member:
         for earlier in self._cues:
             step = _step_after(step, earlier)
         if step is not None and cue.step is None and _plays(cue):
-            self._post(Unlock(), cue)
+            self._post(commands.Unlock(), cue)
         for command in cue.say:
             self._post(command, cue)
         if cue.step is not None:
-            self._post(LockPhase("deck"), cue)
+            self._post(commands.LockPhase("deck"), cue)
 
     def _post(self, command: msgspec.Struct, cue: TimedCue) -> None:
-        timed = AtTime(self._clock.local(cue.at), command)  # pyright: ignore[reportArgumentType]
+        timed = commands.AtTime(self._clock.local(cue.at), command)  # pyright: ignore[reportArgumentType]
         self._commands[self._deck.post(timed)] = f"cue {cue.number}"
         if len(self._commands) > _REMEMBERED:
             del self._commands[next(iter(self._commands))]
@@ -277,7 +263,7 @@ class Member:
                     self._pass_on_stop()
                 happened = True
         if happened:
-            self._deck.post(GetStatus())
+            self._deck.post(commands.GetStatus())
         return True
 
     def _tell_health(self, state: State) -> None:
@@ -323,7 +309,7 @@ class Member:
         self._stopped_at = now
         self._holds = False
         self._cues.clear()
-        self._deck.post(EmergencyStop())
+        self._deck.post(commands.EmergencyStop())
 
     def _say_stops(self, now: float) -> None:
         for due in [due for due in self._to_say if due[0] <= now]:
@@ -333,14 +319,14 @@ class Member:
 
 def _plays(cue: TimedCue) -> bool:
     """Whether a cue plays another motion."""
-    return any(isinstance(command, Switch | Queue | Blend) for command in cue.say)
+    return any(isinstance(command, commands.Switch | commands.Queue | commands.Blend) for command in cue.say)
 
 
 def _step_after(step: CommonRound | None, cue: TimedCue) -> CommonRound | None:
     """What loops keep step with after a cue; a tempo and an unlocking end the deck's lock."""
     if cue.step is not None:
         return cue.step
-    ends = _plays(cue) or any(isinstance(command, SetTempo | Unlock) for command in cue.say)
+    ends = _plays(cue) or any(isinstance(command, commands.SetTempo | commands.Unlock) for command in cue.say)
     return None if ends else step
 
 

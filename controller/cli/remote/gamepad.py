@@ -11,21 +11,10 @@ import typer
 
 from controller.cli.remote.gamepad_device import Button, EventDevice, Stick, events, open_gamepad
 from controller.wire.command_socket import DEFAULT_PORT, CommandClient
+from controller.wire.messages import commands
 from controller.wire.messages.arguments import TEMPO
 from controller.wire.messages.command_table import row_of
-from controller.wire.messages.commands import (
-    DeckCommand,
-    EmergencyStop,
-    GetStatus,
-    GiveBeat,
-    Home,
-    Pause,
-    Reset,
-    Resume,
-    SetTempo,
-    Stop,
-    Switch,
-)
+from controller.wire.messages.commands import DeckCommand
 from controller.wire.messages.replies import Refused, State
 from motiondeck_base.errors import MotiondeckError
 
@@ -62,29 +51,29 @@ class Pad:
                 return self._switch(1)
             case Button.A:
                 self._paused = not self._paused
-                return Pause() if self._paused else Resume()
+                return commands.Pause() if self._paused else commands.Resume()
             case Button.B:
                 self._paused = True
-                return EmergencyStop()
+                return commands.EmergencyStop()
             case Button.X:
-                return Home()
+                return commands.Home()
             case Button.Y:
-                return Reset()
+                return commands.Reset()
             case Button.SHOULDER:
-                return GiveBeat()
+                return commands.GiveBeat()
             case Button.START:
-                return Stop()
+                return commands.Stop()
 
     def _switch(self, step: int) -> DeckCommand:
         self._place = (self._place + step) % len(self._motions)
         self._paused = False
-        return Switch(self._motions[self._place])
+        return commands.Switch(self._motions[self._place])
 
     def _set_tempo(self, tempo: float) -> DeckCommand | None:
         if abs(tempo - self._tempo) < 0.5 * STEP:
             return None
         self._tempo = tempo
-        return SetTempo(tempo)
+        return commands.SetTempo(tempo)
 
 
 def tempo_of(value: float) -> float:
@@ -102,7 +91,7 @@ def drive(device: EventDevice, client: CommandClient) -> None:
     """
     from controller.cli.session.terminal import describe
 
-    state = client.request(GetStatus())
+    state = client.request(commands.GetStatus())
     if not isinstance(state, State):
         raise MotiondeckError(f"the deck did not report what it plays: {describe(state)}")
     pad = Pad(state.motions, state.motion)
@@ -112,21 +101,21 @@ def drive(device: EventDevice, client: CommandClient) -> None:
             if message is None:
                 continue
             reply = client.request(message)
-            if isinstance(reply, Refused) or not isinstance(message, SetTempo):
+            if isinstance(reply, Refused) or not isinstance(message, commands.SetTempo):
                 print(f"{_typed(message)}: {describe(reply)}", flush=True)
-            if isinstance(message, GiveBeat):
+            if isinstance(message, commands.GiveBeat):
                 _print_lock(client)
-            if isinstance(message, Stop):
+            if isinstance(message, commands.Stop):
                 return
     except OSError:
         pass  # unplugged
-    client.request(Pause())
+    client.request(commands.Pause())
     raise MotiondeckError("the gamepad was unplugged, so the deck was paused")
 
 
 def _print_lock(client: CommandClient) -> None:
     """Prints what the motion is locked to, if it is."""
-    state = client.request(GetStatus())
+    state = client.request(commands.GetStatus())
     if isinstance(state, State) and state.lock is not None:
         print(state.lock, flush=True)
 
@@ -134,7 +123,7 @@ def _print_lock(client: CommandClient) -> None:
 def _typed(message: DeckCommand) -> str:
     """A command as a person would type it."""
     word = row_of(message).word
-    return f"{word} {message.to}" if isinstance(message, Switch) else word
+    return f"{word} {message.to}" if isinstance(message, commands.Switch) else word
 
 
 def gamepad(

@@ -11,38 +11,9 @@ from typing import NamedTuple
 from controller.loop.commands.interfaces import Commandable, Look, Progress, Pushable, RealTime, RigServos
 from controller.loop.commands.timed_commands import TimedCommands
 from controller.loop.stop_requests import EmergencyStopError, StopRequest
+from controller.wire.messages import commands
 from controller.wire.messages.command_table import row_of
-from controller.wire.messages.commands import (
-    AlignTicks,
-    AtTime,
-    Blend,
-    DeckCommand,
-    EmergencyStop,
-    GetPhase,
-    GetStatus,
-    GiveBeat,
-    Heartbeat,
-    Home,
-    Jump,
-    LoadLibrary,
-    LockPhase,
-    Push,
-    Queue,
-    ReadRegisters,
-    Reset,
-    RestartServo,
-    Resume,
-    ScanPorts,
-    ServoTorque,
-    SetInput,
-    SetTempo,
-    StepOn,
-    Stop,
-    Subscribe,
-    Switch,
-    Unlock,
-    WriteRegister,
-)
+from controller.wire.messages.commands import DeckCommand
 from controller.wire.messages.events import EventKind
 from controller.wire.messages.replies import Accepted, PhaseNow, Refused, Reply, State
 from motiondeck_base.errors import MotiondeckError
@@ -97,65 +68,65 @@ class CommandedRun:
     def _carry_out(self, message: DeckCommand, stop: StopRequest, remote: bool) -> Outcome:
         deck, done = self._deck, Outcome(Accepted(message.id))
         match message:
-            case GetStatus():
+            case commands.GetStatus():
                 return Outcome(self._state(message, stop))
-            case GetPhase():
+            case commands.GetPhase():
                 return Outcome(PhaseNow(deck.motion, deck.phase, deck.phase_rate, message.id, deck.phase_at))
-            case ReadRegisters(joint=joint):
+            case commands.ReadRegisters(joint=joint):
                 return done._replace(look=self._rig.registers(joint))
-            case WriteRegister(joint=joint, register=register, count=count):
+            case commands.WriteRegister(joint=joint, register=register, count=count):
                 return done._replace(look=self._rig.registers(joint, (register, count)))
-            case ScanPorts():
+            case commands.ScanPorts():
                 return done._replace(look=self._rig.scan())
-            case Switch() | Queue() | Blend():
+            case commands.Switch() | commands.Queue() | commands.Blend():
                 progress = self._play(message, stop)
                 return Outcome(Accepted(message.id, progress.after, list(progress.via)), progress)
-            case Heartbeat() | Subscribe():
+            case commands.Heartbeat() | commands.Subscribe():
                 pass
-            case AlignTicks(here=here, there=there):
+            case commands.AlignTicks(here=here, there=there):
                 if self._ticks is None or remote:
                     raise MotiondeckError("ticks are aligned by programs of this machine, on a deck in real time")
                 self._ticks.align(round(1e9 * here), round(1e9 * there))
-            case AtTime():
+            case commands.AtTime():
                 self._timed.check(message, remote=remote)
-            case EmergencyStop():
+            case commands.EmergencyStop():
                 stop.emergency_stop()
                 deck.pause()
-            case Reset():
+            case commands.Reset():
                 if remote:
                     self._check_code(message, stop)
                 stop.reset()
                 self._code = 0.0
-            case Stop():
+            case commands.Stop():
                 stop.ask("stopped on command")
-            case Home():
+            case commands.Home():
                 stop.go_home()
                 deck.pause()
-            case Resume():
+            case commands.Resume():
                 stop.play()
                 deck.resume()
-            case ServoTorque(joint=joint, to=to):
+            case commands.ServoTorque(joint=joint, to=to):
                 if to == "on":
                     stop.check_released()
                 self._rig.switch(joint, on=to == "on")
-            case RestartServo(joint=joint):
+            case commands.RestartServo(joint=joint):
                 self._rig.restart(joint)
-            case LoadLibrary():
+            case commands.LoadLibrary():
                 self._load(message, stop, remote)
-            case Push():
+            case commands.Push():
                 self._push(message)
             case _:
                 self._steer(message)
         return done
 
-    def _play(self, message: Switch | Queue | Blend, stop: StopRequest) -> Progress:
+    def _play(self, message: commands.Switch | commands.Queue | commands.Blend, stop: StopRequest) -> Progress:
         """Plays another motion, which lets the joints follow the deck again."""
         match message:
-            case Switch(to=to, direct=direct):
+            case commands.Switch(to=to, direct=direct):
                 progress = self._deck.switch(to, direct=direct)
-            case Queue(to=to):
+            case commands.Queue(to=to):
                 progress = self._deck.enqueue(to)
-            case Blend(first=first, second=second, weight=weight, also=also):
+            case commands.Blend(first=first, second=second, weight=weight, also=also):
                 progress = self._deck.blend_in(first, second, weight, also)
         if stop.mode != "playing":
             stop.play()
@@ -166,24 +137,24 @@ class CommandedRun:
         """Changes how the motion is played."""
         deck = self._deck
         match message:
-            case SetTempo(factor=factor, over=over):
+            case commands.SetTempo(factor=factor, over=over):
                 deck.set_tempo(factor, over)
-            case Jump(phase=phase):
+            case commands.Jump(phase=phase):
                 deck.jump(phase)
-            case SetInput(name=name, value=value):
+            case commands.SetInput(name=name, value=value):
                 deck.set_input(name, value)
-            case GiveBeat(ago=ago):
+            case commands.GiveBeat(ago=ago):
                 deck.beat(ago)
-            case LockPhase(source=source, phase=phase, steps=steps):
+            case commands.LockPhase(source=source, phase=phase, steps=steps):
                 deck.lock(source, phase, steps)
-            case Unlock():
+            case commands.Unlock():
                 deck.unlock()
-            case StepOn(seconds=seconds):
+            case commands.StepOn(seconds=seconds):
                 deck.step_on(seconds)
             case _:
                 deck.pause()
 
-    def _check_code(self, message: Reset, stop: StopRequest) -> None:
+    def _check_code(self, message: commands.Reset, stop: StopRequest) -> None:
         """Refuses a reset from another machine that does not repeat the code of this emergency stop."""
         if not stop.emergency:
             return
@@ -194,7 +165,7 @@ class CommandedRun:
                 f"reset {self._code:.0f}"
             )
 
-    def _load(self, message: LoadLibrary, stop: StopRequest, remote: bool) -> None:
+    def _load(self, message: commands.LoadLibrary, stop: StopRequest, remote: bool) -> None:
         """Asks for a controlled end, after which another library is started."""
         if remote:
             raise MotiondeckError("a library is loaded from this machine only")
@@ -205,7 +176,7 @@ class CommandedRun:
         stop.ask(f"starts again with {message.to} of {Path(message.library).name}")
         stop.then = message.library, message.to
 
-    def _push(self, push: Push) -> None:
+    def _push(self, push: commands.Push) -> None:
         if self._body is None:
             raise MotiondeckError("nothing can be pushed here: play with a robot in simulated physics")
         given = self._body.push_from(push.side, push.impulse, push.towards)

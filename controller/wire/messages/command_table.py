@@ -11,6 +11,7 @@ from typing import Any, get_args
 
 import msgspec
 
+from controller.wire.messages import commands
 from controller.wire.messages.arguments import (
     AGO,
     CODE,
@@ -32,43 +33,7 @@ from controller.wire.messages.arguments import (
     motion_name,
 )
 from controller.wire.messages.blends import MOST_BLENDED, blend_weights
-from controller.wire.messages.commands import (
-    MOST_BYTES,
-    SIDES,
-    AlignTicks,
-    AnyCommand,
-    AtTime,
-    Blend,
-    CommandError,
-    DeckCommand,
-    EmergencyStop,
-    GetPhase,
-    GetStatus,
-    GiveBeat,
-    Heartbeat,
-    Home,
-    Jump,
-    LoadLibrary,
-    LockPhase,
-    Pause,
-    Push,
-    Queue,
-    ReadRegisters,
-    Reset,
-    RestartServo,
-    Resume,
-    ScanPorts,
-    ServoTorque,
-    SetInput,
-    SetTempo,
-    StepOn,
-    Stop,
-    Subscribe,
-    Switch,
-    Timeable,
-    Unlock,
-    WriteRegister,
-)
+from controller.wire.messages.commands import MOST_BYTES, SIDES, AnyCommand, CommandError, DeckCommand, Timeable
 from controller.wire.messages.lock_state import LOCK_SOURCES
 from controller.wire.messages.replies import Mode
 from motiondeck_base.near_names import did_you_mean
@@ -149,16 +114,19 @@ class CommandRow:
 COMMANDS = (
     CommandRow(
         "switch",
-        Switch,
+        commands.Switch,
         (motion_name("to"), Flag("direct", "direct")),
         "play a motion now, or when a one-shot has ended; direct: at once, without motions in between",
     ),
     CommandRow(
-        "queue", Queue, (motion_name("to"),), "play a motion when the present one has ended or finished its round"
+        "queue",
+        commands.Queue,
+        (motion_name("to"),),
+        "play a motion when the present one has ended or finished its round",
     ),
     CommandRow(
         "blend",
-        Blend,
+        commands.Blend,
         (
             motion_name("first", "A"),
             motion_name("second", "B"),
@@ -169,89 +137,89 @@ COMMANDS = (
     ),
     CommandRow(
         "tempo",
-        SetTempo,
+        commands.SetTempo,
         (TEMPO, TEMPO_SECONDS),
         "play at -3 to 3 times the recorded tempo, reached smoothly or within 0 to 60 s; below 0 backwards",
     ),
     CommandRow(
         "input",
-        SetInput,
+        commands.SetInput,
         (Text("name", "INPUT", "the name of an input"), Number("value", "VALUE", -1000.0, 1000.0)),
         "change an input that motions were learned with, such as speed 1.4 (m/s); it is reached smoothly",
     ),
-    CommandRow("jump", Jump, (PHASE,), "go to a phase (0 to 1) of the present motion, by a transition"),
+    CommandRow("jump", commands.Jump, (PHASE,), "go to a phase (0 to 1) of the present motion, by a transition"),
     CommandRow(
         "beat",
-        GiveBeat,
+        commands.GiveBeat,
         (AGO,),
         "a beat, now or AGO seconds ago (-2 to 2): locks the motion to the beats",
         aliases=("tap",),
     ),
     CommandRow(
         "lock",
-        LockPhase,
+        commands.LockPhase,
         (Choice("source", "SOURCE", LOCK_SOURCES), LOCK_PHASE, STEPS),
         "lock the phase to: beat (PHASE falls on it, STEPS beats a round, 0: automatic), deck (PHASE ahead), body",
     ),
-    CommandRow("unlock", Unlock, (), "end a lock and play at the commanded tempo"),
-    CommandRow("pause", Pause, (), "stand still"),
-    CommandRow("step", StepOn, (STEP_SECONDS,), "in a pause: go on for one tick, or for SECONDS (up to 1)"),
-    CommandRow("resume", Resume, (), "play on after a pause, from home, or after a reset"),
-    CommandRow("home", Home, (), "go slowly to the rest pose and stay there"),
-    CommandRow("estop", EmergencyStop, (), "emergency stop: brake every joint at once and hold", ALWAYS),
+    CommandRow("unlock", commands.Unlock, (), "end a lock and play at the commanded tempo"),
+    CommandRow("pause", commands.Pause, (), "stand still"),
+    CommandRow("step", commands.StepOn, (STEP_SECONDS,), "in a pause: go on for one tick, or for SECONDS (up to 1)"),
+    CommandRow("resume", commands.Resume, (), "play on after a pause, from home, or after a reset"),
+    CommandRow("home", commands.Home, (), "go slowly to the rest pose and stay there"),
+    CommandRow("estop", commands.EmergencyStop, (), "emergency stop: brake every joint at once and hold", ALWAYS),
     CommandRow(
         "reset",
-        Reset,
+        commands.Reset,
         (CODE,),
         "release the emergency stop; nothing moves before resume, home or a motion",
         frozenset({"emergency stop"}),
     ),
     CommandRow(
         "heartbeat",
-        Heartbeat,
+        commands.Heartbeat,
         (WITHIN,),
         "pause when the sender has been silent for this long (up to 60 s); 0 ends that",
         ALWAYS,
     ),
     CommandRow(
         "align",
-        AlignTicks,
+        commands.AlignTicks,
         (Number("here", "HERE", *_CLOCK), Number("there", "THERE", *_CLOCK)),
         "move ticks onto those of a clock that shows THERE when this machine's shows HERE, s (for programs)",
         ALWAYS,
     ),
     CommandRow(
         "at",
-        AtTime,
+        commands.AtTime,
         (Number("when", "WHEN", *_CLOCK), WholeCommand("say", "'COMMAND'")),
         "carry out a command in the tick due at WHEN by this machine's clock, s (for programs)",
     ),
-    CommandRow("subscribe", Subscribe, (), "receive the events of the deck", ALWAYS),
-    CommandRow("status", GetStatus, (), "show what is played, and all motions", ALWAYS),
-    CommandRow("phase", GetPhase, (), "show the phase of the motion and its rounds per second", ALWAYS),
+    CommandRow("subscribe", commands.Subscribe, (), "receive the events of the deck", ALWAYS),
+    CommandRow("status", commands.GetStatus, (), "show what is played, and all motions", ALWAYS),
+    CommandRow("phase", commands.GetPhase, (), "show the phase of the motion and its rounds per second", ALWAYS),
     CommandRow(
         "torque",
-        ServoTorque,
+        commands.ServoTorque,
         (_JOINT, Choice("to", "on|off", ("on", "off"))),
         "switch a servo's torque off (it goes limp), or on again where it stands",
         ALWAYS,
     ),
     CommandRow(
         "restart",
-        RestartServo,
+        commands.RestartServo,
         (_JOINT,),
         "restart a servo of the rig and set it up again; the others hold meanwhile",
     ),
     CommandRow(
         "registers",
-        ReadRegisters,
+        commands.ReadRegisters,
         (_JOINT,),
         "show all registers of a servo",
         ALWAYS,
     ),
     CommandRow(
         "write",
-        WriteRegister,
+        commands.WriteRegister,
         (
             _JOINT,
             Text("register", "REGISTER", "the name of a register"),
@@ -260,21 +228,21 @@ COMMANDS = (
         "write a register of a servo whose torque is off; only what the rig does not rely on",
         ALWAYS,
     ),
-    CommandRow("scan", ScanPorts, (), "list who is on the rig's ports; all servos hold meanwhile"),
+    CommandRow("scan", commands.ScanPorts, (), "list who is on the rig's ports; all servos hold meanwhile"),
     CommandRow(
         "push",
-        Push,
+        commands.Push,
         (Choice("side", "SIDE", SIDES), Number("impulse", "IMPULSE", 0.0, 1000.0, optional=True)),
         "push the simulated body from its front, back, left or right with IMPULSE N s (default: forces a step)",
         ALWAYS,
     ),
     CommandRow(
         "load",
-        LoadLibrary,
+        commands.LoadLibrary,
         (Text("library", "LIBRARY", "a path", longest=1500), motion_name("to")),
         "come to rest, and start again with another library file (path from the deck's folder)",
     ),
-    CommandRow("stop", Stop, (), "bring the joints to rest and end the run", ALWAYS, ("quit",)),
+    CommandRow("stop", commands.Stop, (), "bring the joints to rest and end the run", ALWAYS, ("quit",)),
 )
 
 BY_WORD = {word: command for command in COMMANDS for word in (command.word, *command.aliases)}
@@ -297,7 +265,7 @@ def checked(message: DeckCommand) -> DeckCommand:
     """
     for argument in row_of(message).arguments:
         argument.check(getattr(message, argument.field))
-    if isinstance(message, Blend):
+    if isinstance(message, commands.Blend):
         blend_weights(message.first, message.second, message.weight, message.also)
     return message
 
@@ -333,6 +301,6 @@ def parse_command(words: Sequence[str]) -> DeckCommand:
         except CommandError as error:
             raise CommandError(f"{words[0]}: {error}") from None
     if len(words) == 1:
-        return checked(Switch(words[0]))
+        return checked(commands.Switch(words[0]))
     hint = did_you_mean(words[0], BY_WORD) if words else ""
     raise CommandError(f"'{' '.join(words)}' is not a command.{hint} `motiondeck send help` lists the commands.")
