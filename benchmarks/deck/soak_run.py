@@ -25,6 +25,7 @@ from controller.deck.switch_plan import REMEMBERED_SWITCHES
 from controller.library.motion_library import MotionLibrary
 from controller.loop.clock import VirtualClock
 from controller.loop.commands.command_desk import CommandDesk
+from controller.loop.commands.commanded_run import CommandedRun
 from controller.loop.loop import LoopState, run
 from controller.loop.output_channel import Channel
 from controller.loop.safety.safety_envelope import SafetyEnvelope
@@ -193,7 +194,7 @@ def soak(
         closing(_socket(server.port)) as client,
         closing(_socket(server.port)) as flooder,
     ):
-        desk = CommandDesk(deck, [server])
+        desk = CommandDesk(CommandedRun(deck), [server])
 
         def command(stop: StopRequest) -> None:
             nonlocal commands, answered, flood, restless, halted, tick

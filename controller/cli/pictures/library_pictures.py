@@ -16,6 +16,7 @@ from controller.cli.session.script import Timed
 from controller.deck.deck import Deck
 from controller.library.motion_library import MotionLibrary, load_library
 from controller.loop.commands.command_desk import CommandDesk
+from controller.loop.commands.commanded_run import CommandedRun
 from controller.loop.stop_requests import StopRequest
 from controller.rotations import Array
 from controller.wire.messages.commands import Blend
@@ -190,7 +191,7 @@ def _shots(
     from sim.view.body.footprints import StepWatch
 
     dt = 1.0 / STEPS_A_SECOND
-    desk, envelope = CommandDesk(deck, ()), SafetyEnvelope(body.limits, dt)
+    desk, envelope = CommandDesk(CommandedRun(deck), ()), SafetyEnvelope(body.limits, dt)
     stage = KinematicPlayback(body)
     if staging.physics:
         stage = PhysicsPlayback(body, dt, staging.root, staging.balance, staging.walk)

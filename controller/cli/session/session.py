@@ -36,6 +36,7 @@ from controller.deck.switch import CommandedSwitch
 from controller.library.motion_library import MotionLibrary
 from controller.loop.clock import Clock, Ticker
 from controller.loop.commands.command_desk import CommandDesk
+from controller.loop.commands.commanded_run import CommandedRun
 from controller.loop.commands.interfaces import Commandable
 from controller.loop.ensemble import all_limits, together
 from controller.loop.loop import LoopState, run
@@ -157,16 +158,10 @@ class Session:
             )
             self._page = opening.enter_context(Page.open(page_state, contents))
         self._recorder = self._open_recorder(opening)
-        self._desk = CommandDesk(
-            self._deck,
-            servers,
-            self._recorder.note if self._recorder else None,
-            seen := (lambda watch=self._watch: watch.seen) if self._watch else None,
-            servos=servos,
-            body=self._first.pushable,
-            restarts=settings.restarts,
-            ticks=self._clock if isinstance(self._clock, Ticker) else None,
-        )
+        seen = (lambda watch=self._watch: watch.seen) if self._watch else None
+        ticks = self._clock if isinstance(self._clock, Ticker) else None
+        commanded = CommandedRun(self._deck, seen, servos, self._first.pushable, settings.restarts, ticks)
+        self._desk = CommandDesk(commanded, servers, self._recorder.note if self._recorder else None)
         self._wired_stop = WiredStopWatch(settings.stop_input, self._desk) if settings.stop_input is not None else None
         self._news = RunNews(self._desk, self._clock, self._channels, servers, seen)
         self._start_terminal(opening)

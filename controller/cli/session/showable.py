@@ -6,15 +6,14 @@ from collections.abc import Sequence
 from typing import Protocol, runtime_checkable
 
 from controller.cli.session.robots.robot_on_deck import RobotOnDeck
+from controller.loop.commands.interfaces import DeckState
 from controller.networks.base import Activation
 from controller.rotations import Array
-from controller.wire.messages.lock_state import LockState
 
 
-class Showable(Protocol):
+class Showable(DeckState, Protocol):
     """What the page shows of a deck."""
 
-    time: float
     direct: bool
 
     @property
@@ -23,28 +22,8 @@ class Showable(Protocol):
         ...
 
     @property
-    def phase(self) -> float | None:
-        """How far the motion is, from 0 to 1; None if that is not known."""
-        ...
-
-    @property
     def activation(self) -> Activation | None:
         """The activation of the network's neurons, shape (N,); None if there are none to look at."""
-        ...
-
-    @property
-    def lock_state(self) -> LockState | None:
-        """What the phase is locked to, if it is."""
-        ...
-
-    @property
-    def motions(self) -> Sequence[str]:
-        """All it can play."""
-        ...
-
-    @property
-    def motion(self) -> str:
-        """What is played, or being switched to."""
         ...
 
     @property
@@ -55,26 +34,6 @@ class Showable(Protocol):
     @property
     def way(self) -> Sequence[str]:
         """The motions that the switch under way has still to begin."""
-        ...
-
-    @property
-    def queue(self) -> Sequence[str]:
-        """The motions that are played after that."""
-        ...
-
-    @property
-    def blend(self) -> Sequence[tuple[str, float]]:
-        """The motions that are blended in, each with its present weight."""
-        ...
-
-    @property
-    def settled(self) -> bool:
-        """Whether no switch is under way."""
-        ...
-
-    @property
-    def paused(self) -> bool:
-        """Whether it stands still on command."""
         ...
 
     @property

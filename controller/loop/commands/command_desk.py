@@ -7,10 +7,8 @@ from collections.abc import Callable, Sequence
 
 from controller.loop.commands.client import Client
 from controller.loop.commands.commanded_run import CommandedRun, Outcome
-from controller.loop.commands.interfaces import Commandable, Pushable, RealTime, RigServos
 from controller.loop.commands.listeners import Listeners
 from controller.loop.commands.second_replies import SecondReplies
-from controller.loop.commands.timed_commands import TimedCommands
 from controller.loop.stop_requests import StopRequest
 from controller.wire.command_socket import CommandServer
 from controller.wire.messages.commands import AtTime, DeckCommand
@@ -22,36 +20,24 @@ class CommandDesk:
     """Carries out the commands that have arrived, once a tick; it never waits, and no client can make it raise.
 
     Args:
-        deck: the deck that is commanded.
+        run: what is commanded.
         servers: the sockets that commands arrive at.
         note: called with each command and its reply.
-        seen: the motion that is recognized and the confidence, or None.
         now: a steady clock, s.
-        servos: of the rig, if there is one.
-        body: what is simulated, if it can be pushed.
-        restarts: whether the run can be started again with another library.
-        ticks: the clock of the loop, in real time.
     """
 
     def __init__(
         self,
-        deck: Commandable,
+        run: CommandedRun,
         servers: Sequence[CommandServer],
         note: Callable[[DeckCommand, Reply], None] | None = None,
-        seen: Callable[[], tuple[str, float] | None] | None = None,
         now: Callable[[], float] = time.monotonic,
-        servos: RigServos | None = None,
-        body: Pushable | None = None,
-        restarts: bool = False,
-        ticks: RealTime | None = None,
     ) -> None:
-        self._deck, self._body = deck, body
+        self._run, self._deck, self._body, self._timed = run, run.deck, run.body, run.timed
         self._servers, self._note = servers, note
-        self._listeners = Listeners(deck, now)
-        self._timed = TimedCommands(ticks)
+        self._listeners = Listeners(run.deck, now)
         self._second = SecondReplies(now)
-        self._run = CommandedRun(deck, self._timed, self.tell, seen, servos, body, restarts, ticks)
-        self._told: tuple[Mode, bool] = ("playing", deck.paused)
+        self._told: tuple[Mode, bool] = ("playing", run.deck.paused)
         self._fallen = False
 
     def __call__(self, stop: StopRequest) -> None:

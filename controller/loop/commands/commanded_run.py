@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 import random
 from collections.abc import Callable
+from dataclasses import dataclass
 from pathlib import Path
 from typing import NamedTuple
 
@@ -14,7 +15,7 @@ from controller.loop.stop_requests import EmergencyStopError, StopRequest
 from controller.wire.messages import commands
 from controller.wire.messages.command_table import row_of
 from controller.wire.messages.commands import DeckCommand
-from controller.wire.messages.events import EventKind
+from controller.wire.messages.events import Event
 from controller.wire.messages.replies import Accepted, PhaseNow, Refused, Reply, State
 from motiondeck_base.errors import MotiondeckError
 
@@ -27,33 +28,29 @@ class Outcome(NamedTuple):
     look: Look | None = None
 
 
+@dataclass
 class CommandedRun:
     """A run whose deck, servos, body and end are commanded; no command waits or raises.
 
-    Args:
+    Attributes:
         deck: the deck that is commanded.
-        timed: the commands whose time is still to come.
-        tell: tells the listeners that something has happened.
         seen: the motion that is recognized and the confidence, or None.
         servos: of the rig, if there is one.
         body: what is simulated, if it can be pushed.
         restarts: whether the run can be started again with another library.
         ticks: the clock of the loop, in real time.
+        timed: the commands whose time is still to come.
     """
 
-    def __init__(
-        self,
-        deck: Commandable,
-        timed: TimedCommands,
-        tell: Callable[[EventKind, str, str], None],
-        seen: Callable[[], tuple[str, float] | None] | None,
-        servos: RigServos | None,
-        body: Pushable | None,
-        restarts: bool,
-        ticks: RealTime | None,
-    ) -> None:
-        self._deck, self._servos, self._body, self._ticks = deck, servos, body, ticks
-        self._timed, self._tell, self._seen, self._restarts = timed, tell, seen, restarts
+    deck: Commandable
+    seen: Callable[[], tuple[str, float] | None] | None = None
+    servos: RigServos | None = None
+    body: Pushable | None = None
+    restarts: bool = False
+    ticks: RealTime | None = None
+
+    def __post_init__(self) -> None:
+        self.timed = TimedCommands(self.ticks)
         self._code = 0.0  # that confirms the reset of the present emergency stop from another machine
 
     def carry_out(self, message: DeckCommand, stop: StopRequest, *, remote: bool) -> Outcome:
@@ -66,7 +63,7 @@ class CommandedRun:
             return Outcome(Refused(str(error), message.id))
 
     def _carry_out(self, message: DeckCommand, stop: StopRequest, remote: bool) -> Outcome:
-        deck, done = self._deck, Outcome(Accepted(message.id))
+        deck, done = self.deck, Outcome(Accepted(message.id))
         match message:
             case commands.GetStatus():
                 return Outcome(self._state(message, stop))
@@ -84,11 +81,11 @@ class CommandedRun:
             case commands.Heartbeat() | commands.Subscribe():
                 pass
             case commands.AlignTicks(here=here, there=there):
-                if self._ticks is None or remote:
+                if self.ticks is None or remote:
                     raise MotiondeckError("ticks are aligned by programs of this machine, on a deck in real time")
-                self._ticks.align(round(1e9 * here), round(1e9 * there))
+                self.ticks.align(round(1e9 * here), round(1e9 * there))
             case commands.AtTime():
-                self._timed.check(message, remote=remote)
+                self.timed.check(message, remote=remote)
             case commands.EmergencyStop():
                 stop.emergency_stop()
                 deck.pause()
@@ -123,19 +120,19 @@ class CommandedRun:
         """Plays another motion, which lets the joints follow the deck again."""
         match message:
             case commands.Switch(to=to, direct=direct):
-                progress = self._deck.switch(to, direct=direct)
+                progress = self.deck.switch(to, direct=direct)
             case commands.Queue(to=to):
-                progress = self._deck.enqueue(to)
+                progress = self.deck.enqueue(to)
             case commands.Blend(first=first, second=second, weight=weight, also=also):
-                progress = self._deck.blend_in(first, second, weight, also)
+                progress = self.deck.blend_in(first, second, weight, also)
         if stop.mode != "playing":
             stop.play()
-            self._deck.resume()
+            self.deck.resume()
         return progress
 
     def _steer(self, message: DeckCommand) -> None:
         """Changes how the motion is played."""
-        deck = self._deck
+        deck = self.deck
         match message:
             case commands.SetTempo(factor=factor, over=over):
                 deck.set_tempo(factor, over)
@@ -169,7 +166,7 @@ class CommandedRun:
         """Asks for a controlled end, after which another library is started."""
         if remote:
             raise MotiondeckError("a library is loaded from this machine only")
-        if not self._restarts:
+        if not self.restarts:
             raise MotiondeckError("this deck takes no other library: start it with motiondeck play, with a page")
         if not Path(message.library).is_file():
             raise MotiondeckError(f"{message.library}: there is no such file; give the whole path")
@@ -177,20 +174,21 @@ class CommandedRun:
         stop.then = message.library, message.to
 
     def _push(self, push: commands.Push) -> None:
-        if self._body is None:
+        if self.body is None:
             raise MotiondeckError("nothing can be pushed here: play with a robot in simulated physics")
-        given = self._body.push_from(push.side, push.impulse, push.towards)
+        given = self.body.push_from(push.side, push.impulse, push.towards)
         where = f"from the {push.side}" if push.towards is None else f"towards {math.degrees(push.towards):.0f}°"
-        self._tell("push", f"pushed {where} with {given:.3g} N s", self._deck.motion)
+        text = f"pushed {where} with {given:.3g} N s"
+        self.deck.events.append(Event("push", text, self.deck.motion, self.deck.time))
 
     @property
     def _rig(self) -> RigServos:
-        if self._servos is None:
+        if self.servos is None:
             raise MotiondeckError("no servos are driven here; play with --rig")
-        return self._servos
+        return self.servos
 
     def _state(self, message: DeckCommand, stop: StopRequest) -> State:
-        deck = self._deck
+        deck = self.deck
         return State(
             motion=deck.motion,
             motions=list(deck.motions),
@@ -202,11 +200,11 @@ class CommandedRun:
             mode=stop.mode,
             blend=deck.blend,
             fell_back=deck.fell_back,
-            seen=self._seen() if self._seen is not None else None,
+            seen=self.seen() if self.seen is not None else None,
             phase=deck.phase,
             inputs=deck.inputs,
             lock=deck.lock_state,
             at=deck.time,
-            fallen=self._body is not None and self._body.fallen,
+            fallen=self.body is not None and self.body.fallen,
             approaching=stop.approaching,
         )

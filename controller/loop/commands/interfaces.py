@@ -23,32 +23,18 @@ class Progress(Protocol):
     fell_back: str
 
 
-class Commandable(Protocol):
-    """The part of a deck that commands need; it raises a MotiondeckError for a command that it cannot carry out.
+class DeckState(Protocol):
+    """What there is to see of a deck.
 
     Attributes:
         time: s since the start.
-        events: what has happened; whoever tells it takes it out.
-        phase_at: when the present phase was due by the machine's steady clock, s; None if that is not known.
     """
 
     time: float
-    events: deque[Event]
-    phase_at: float | None
 
     @property
     def motions(self) -> Sequence[str]:
         """The names of its motions."""
-        ...
-
-    @property
-    def tempo(self) -> float:
-        """The tempo."""
-        ...
-
-    @property
-    def paused(self) -> bool:
-        """Whether it is paused."""
         ...
 
     @property
@@ -62,8 +48,45 @@ class Commandable(Protocol):
         ...
 
     @property
+    def paused(self) -> bool:
+        """Whether it is paused."""
+        ...
+
+    @property
     def queue(self) -> list[str]:
         """The motions that are played next."""
+        ...
+
+    @property
+    def blend(self) -> tuple[tuple[str, float], ...]:
+        """The motions that are blended in, each with its weight."""
+        ...
+
+    @property
+    def phase(self) -> float | None:
+        """How far the motion is, from 0 to 1; None if that is not known."""
+        ...
+
+    @property
+    def lock_state(self) -> LockState | None:
+        """What the phase is locked to, if it is."""
+        ...
+
+
+class Commandable(DeckState, Protocol):
+    """The part of a deck that commands need; it raises a MotiondeckError for a command that it cannot carry out.
+
+    Attributes:
+        events: what has happened; whoever tells it takes it out.
+        phase_at: when the present phase was due by the machine's steady clock, s; None if that is not known.
+    """
+
+    events: deque[Event]
+    phase_at: float | None
+
+    @property
+    def tempo(self) -> float:
+        """The tempo."""
         ...
 
     def switch(self, to: str, *, direct: bool = False) -> Progress:
@@ -72,11 +95,6 @@ class Commandable(Protocol):
 
     def enqueue(self, to: str) -> Progress:
         """Plays a motion after the present and the queued ones."""
-        ...
-
-    @property
-    def blend(self) -> tuple[tuple[str, float], ...]:
-        """The motions that are blended in, each with its weight."""
         ...
 
     @property
@@ -89,18 +107,8 @@ class Commandable(Protocol):
         ...
 
     @property
-    def phase(self) -> float | None:
-        """How far the motion is, from 0 to 1; None if that is not known."""
-        ...
-
-    @property
     def phase_rate(self) -> float | None:
         """How many rounds a second a loop makes, negative backwards; None if that is not known."""
-        ...
-
-    @property
-    def lock_state(self) -> LockState | None:
-        """What the phase is locked to, if it is."""
         ...
 
     def set_tempo(self, factor: float, over: float = 0.0) -> None:

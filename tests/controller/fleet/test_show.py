@@ -17,6 +17,7 @@ from controller.fleet.messages import About, EmergencyStopAll, encode
 from controller.fleet.show_file import Show, ShowCue
 from controller.fleet.show_state import show_state
 from controller.loop.commands.command_desk import CommandDesk
+from controller.loop.commands.commanded_run import CommandedRun
 from controller.loop.stop_requests import StopRequest
 from controller.wire.command_socket import CommandClient, CommandServer
 from controller.wire.leader_link import LeaderLink
@@ -53,7 +54,10 @@ class Machine(threading.Thread):
         self.deck.leader = self.open.enter_context(closing(LeaderLink.to(str(leader.port))))
         self.deck.due = lambda: self._by_own_clock(self._due)
         ticks = Ticks(self.deck.due)
-        self.stop, self.desk = StopRequest(), CommandDesk(self.deck, [server], note=self._note, ticks=ticks)
+        self.stop, self.desk = (
+            StopRequest(),
+            CommandDesk(CommandedRun(self.deck, ticks=ticks), [server], note=self._note),
+        )
         client = self.open.enter_context(closing(CommandClient(server.port)))
         about = About("dummy", "small", 1.0 / DT, dict.fromkeys(self.deck.motions, ROUND))
         link = Link(on_this_machine("gala", name))

@@ -12,6 +12,7 @@ from hypothesis import strategies as st
 from controller.deck.interfaces import JointLimits
 from controller.loop.clock import VirtualClock
 from controller.loop.commands.command_desk import CommandDesk
+from controller.loop.commands.commanded_run import CommandedRun
 from controller.loop.loop import run
 from controller.loop.safety.safety_envelope import SafetyEnvelope
 from controller.loop.stop_requests import StopRequest
@@ -146,7 +147,7 @@ class Stage:
 
     def __init__(self):
         self.deck, self.server, self.stop = TinyDeck(), CommandServer(0), StopRequest()
-        self.desk = CommandDesk(self.deck, [self.server])
+        self.desk = CommandDesk(CommandedRun(self.deck), [self.server])
         self.client = CommandClient(self.server.port)
 
     def tick(self):
@@ -314,7 +315,7 @@ def test_a_client_that_has_gone_before_its_switch_settled_does_no_harm(stage):
 
 def test_the_state_says_what_the_joints_look_like_and_how_surely(stage):
     looks = iter([None, ("jog", 0.75)])
-    stage.desk = CommandDesk(stage.deck, [stage.server], seen=lambda: next(looks))
+    stage.desk = CommandDesk(CommandedRun(stage.deck, lambda: next(looks)), [stage.server])
     assert [stage.ask(GetStatus()).seen for _ in range(2)] == [None, ("jog", 0.75)]
 
 
@@ -329,7 +330,7 @@ def test_a_blend_that_fell_back_is_answered_with_why_and_the_state_says_it_too(s
 
 def test_a_note_is_taken_of_each_command(stage):
     noted = []
-    stage.desk = CommandDesk(stage.deck, [stage.server], lambda message, reply: noted.append((message, reply)))
+    stage.desk = CommandDesk(CommandedRun(stage.deck), [stage.server], lambda *both: noted.append(both))
     stage.ask(Pause())
     stage.ask(Switch("wlak"))
     assert [(type(message), type(reply)) for message, reply in noted] == [(Pause, Accepted), (Switch, Refused)]

@@ -7,6 +7,7 @@ import pytest
 
 from controller.cli.session.wired_stop import WiredStopWatch
 from controller.loop.commands.command_desk import CommandDesk
+from controller.loop.commands.commanded_run import CommandedRun
 from controller.loop.stop_requests import StopRequest
 from controller.wire.messages.command_table import COMMANDS
 from controller.wire.messages.commands import (
@@ -72,7 +73,7 @@ class Desk:
 
     def __init__(self, remote=False, **more):
         self.deck, self.server, self.stop, self.now = Deck(), Server(remote), StopRequest(), 100.0
-        self.desk = CommandDesk(self.deck, [self.server], now=lambda: self.now, **more)
+        self.desk = CommandDesk(CommandedRun(self.deck, **more), [self.server], now=lambda: self.now)
 
     def ask(self, message, sender="somebody"):
         """The first reply to a command."""
