@@ -174,8 +174,3 @@ def _sides(dimensions: int, count: int) -> tuple[int, ...] | None:
 def logistic(h: Array) -> Array:
     """1 / (1 + exp(-h)), the first sigmoid of eq. 8."""
     return 0.5 + 0.5 * np.tanh(0.5 * h)
-
-
-def algebraic(h: Array) -> Array:
-    """(h / sqrt(1 + h^2) + 1) / 2, the second sigmoid of eq. 8."""
-    return 0.5 * (h / np.sqrt(1.0 + np.square(h)) + 1.0)
