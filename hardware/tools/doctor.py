@@ -107,42 +107,30 @@ def examine(config: RigConfig, bus: Bus) -> Report:
     missing: list[int] = []
     servos: list[ServoReport] = []
     for index, joint in enumerate(config.joints):
-        identity = bus.ping(joint.id)
-        who = f"{joint.name} (id {joint.id})"
-        if identity is None and bus.garbled:
-            problems.append(
-                f"{who} gives garbled answers: two servos may have its id; connect one of them alone, then "
-                f"motiondeck rig setup {bus.port.name} --id OTHER --baud {bus.baud}"
-            )
-        elif identity is None:
-            missing.append(joint.id)
-            problems.append(
-                f"{who} does not answer at {bus.baud} baud: check power, cable, id; try motiondeck rig scan"
-            )
-        elif identity.model_number == UNTOLD and identity.protocol == joint.table.protocol:
+        identity, who = bus.ping(joint.id), f"{joint.name} (id {joint.id})"
+        if identity is None:
+            problems.append(f"{who} {_no_answer(bus)}")
+            missing += [] if bus.garbled else [joint.id]
+            continue
+        if wrong := _not_its_servo(joint, identity):
+            problems.append(f"{who} {wrong}")
+            continue
+        try:
+            servo = _ask(joint, identity, bus)
+            differences = audit(config.only([index]), bus)
+            servos.append(servo)
+        except NoReplyError:
             problems.append(f"{who} {_SILENT}")
-        elif identity.model != joint.model:
-            problems.append(f"{who} is a {identity.model}, not a {joint.model}: correct the rig file")
-        else:
-            try:
-                servo = _ask(joint, identity, bus)
-                differences = audit(config.only([index]), bus)
-                servos.append(servo)
-            except NoReplyError:
-                problems.append(f"{who} {_SILENT}")
-                continue
-            except ServoError as error:
-                problems.append(str(error))
-                continue
-            problems += _complaints(servo, joint, who, {one.register for one in differences})
-            problems += [f"{one}: --fix sets it" for one in differences if one.when != "switch-on"]
-            if _turns_endlessly(joint, differences):
-                notes.append(f"{who} is set to turn without an end, its position limits are equal: {_SET_ANYWAY}")
-            notes += [
-                f"{one}: {_SET_ANYWAY}"
-                for one in differences
-                if one.when == "switch-on" and one.register not in _THE_RIGS_OWN
-            ]
+            continue
+        except ServoError as error:
+            problems.append(str(error))
+            continue
+        problems += _complaints(servo, joint, who, {one.register for one in differences})
+        problems += [f"{one}: --fix sets it" for one in differences if one.when != "switch-on"]
+        if _turns_endlessly(joint, differences):
+            notes.append(f"{who} is set to turn without an end, its position limits are equal: {_SET_ANYWAY}")
+        at_switch_on = [one for one in differences if one.when == "switch-on" and one.register not in _THE_RIGS_OWN]
+        notes += [f"{one}: {_SET_ANYWAY}" for one in at_switch_on]
     latency = latency_timer(bus.port.name)
     if latency is not None and latency > 1:
         problems.append(
@@ -156,6 +144,23 @@ def examine(config: RigConfig, bus: Bus) -> Report:
             f"the wire allows {possible:.0f} Hz, the rig file wants {wanted:g}: raise baud, or lower rate_hz"
         )
     return Report(bus.port.name, bus.baud, latency, config.rate_hz, possible, servos, problems, notes, missing)
+
+
+def _no_answer(bus: Bus) -> str:
+    """What is said of a servo that was not understood, or not heard."""
+    if bus.garbled:
+        return (
+            "gives garbled answers: two servos may have its id; connect one of them alone, then "
+            f"motiondeck rig setup {bus.port.name} --id OTHER --baud {bus.baud}"
+        )
+    return f"does not answer at {bus.baud} baud: check power, cable, id; try motiondeck rig scan"
+
+
+def _not_its_servo(joint: RigJoint, identity: Identity) -> str:
+    """Why what has answered cannot be the servo of a joint, or ""."""
+    if identity.model_number == UNTOLD and identity.protocol == joint.table.protocol:
+        return _SILENT
+    return "" if identity.model == joint.model else f"is a {identity.model}, not a {joint.model}: correct the rig file"
 
 
 def _longest_tick(config: RigConfig, servos: Sequence[ServoReport]) -> float:
