@@ -2,7 +2,8 @@
 
 A look at a fade computes speed and acceleration of the joints over what the target does next. From SHORTEST on the fade
 is made longer until it is in bounds. If none up to LONGEST is, its rate runs out in half of the time, and then in a
-quarter. If none of these is either, it is the one that comes nearest.
+quarter. The longer that takes, the more the one that has come nearest so far may exceed the bounds to be taken: until
+it is found, the body swings on.
 
 A look takes about as long as a tick has to spare, and three are usual. So they are taken while the fade begins
 (`fading`): the difference is found in the first tick, and then there is one look in LOOK_EVERY seconds. What falls into
@@ -31,6 +32,9 @@ LOOK_EVERY = 0.005
 # What a body was doing is slowed down as long as the difference fades, or within these shares of that time, which lets
 # it swing less far but accelerates it more.
 _SLOWED_WITHIN = (1.0, 0.5, 0.25)
+
+# After how many looks a fade may exceed the bounds, and by what share of them more with each look.
+_PATIENT_LOOKS, _YIELDING = 6, 0.02
 
 # At how many moments until its rate has run out a fade's speed and acceleration are computed, and by which factor it is
 # lengthened at least.
@@ -61,7 +65,8 @@ class FadeSearch:
         bounds: what no joint may exceed.
 
     Attributes:
-        fade: the one that was found; until then the longest that has been considered; None before the first step.
+        fade: the one that was found; until then the longest that has been considered after a better one than any
+            before; None before the first step.
         found: whether it was found.
         looks: how many looks were taken.
     """
@@ -91,21 +96,22 @@ class FadeSearch:
         return self.fade
 
     def _look(self, longest: Fade) -> Fade:
-        """Looks at a fade, and takes it or considers another; the fade to go on with."""
+        """Looks at a fade, and takes the best so far or considers another; the fade to go on with."""
         fade, self.looks = self._candidate, self.looks + 1
         beyond = self._beyond(fade)
-        if beyond < self._least:
+        if better := beyond < self._least:
             self._best, self._least = fade, beyond
         if fade.duration >= LONGEST:
             self._shares.pop(0)
             duration = SHORTEST
         else:
             duration = min(LONGEST, fade.duration * max(_LONGER, float(np.sqrt(beyond))))
-        self.found = beyond <= 1.0 or not self._shares
+        allowed = 1.0 + _YIELDING * max(0, self.looks - _PATIENT_LOOKS)
+        self.found = self._least <= allowed or not self._shares
         if self.found:
             return self._best
         self._candidate = replace(fade, duration=duration, slowing=self._shares[0] * duration)
-        return max(longest, self._candidate, key=lambda one: one.duration)
+        return max(longest, self._candidate, key=lambda one: one.duration) if better else longest
 
     def _beyond(self, fade: Fade) -> float:
         """How many times its planned share of the bounds a fade needs."""

@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from controller.deck.joins import fade_search
 from controller.deck.joins.course import BodyCourse
 from controller.deck.joins.fade_search import LONGEST, SHORTEST, Bounds, FadeSearch
 from controller.deck.joins.fading import Fading
@@ -93,6 +94,16 @@ def test_a_one_shot_that_is_under_way_goes_on_as_fast_as_it_did():
     assert onsets[0] == pytest.approx(0.6, abs=1e-3)
     assert np.diff(onsets).min() > -1e-3  # while longer fades are considered, their progress is a little less
     assert onsets[-1] == 1.0
+
+
+@pytest.mark.parametrize(("share", "looks"), [(0.99, 1), (1.09, 11), (1.19, 16), (5.0, 12)])
+def test_the_longer_a_search_takes_the_more_the_best_so_far_may_exceed_the_bounds(share, looks, monkeypatch):
+    """A body swings on until its fade is found; far beyond the bounds fades grow so fast that twelve are all."""
+    monkeypatch.setattr(fade_search, "peaks", lambda *_: (np.zeros(1), share * fade_search.PLANNED_SHARE * 60.0))
+    search = search_of(60.0)
+    search.advance(10.0)
+    assert search.found
+    assert search.looks == looks
 
 
 def test_two_runs_are_identical():

@@ -57,6 +57,13 @@ def test_a_footfall_of_a_run_alone_is_within_the_limits(cmu86):
     assert join.acceleration == pytest.approx(1.0, abs=0.1)
 
 
+def test_a_fade_is_found_before_the_body_has_swung_on(cmu86):
+    """Of the fades looked at none kept to the plan, some to the limits; meanwhile the longest of them was played."""
+    join = play_join(cmu86, "stroll", "box", 0.625, "inertialise", direct=True)
+    assert join.passes, join
+    assert join.seconds < 0.7
+
+
 def test_switches_during_switches_stay_in_the_limits(cmu86):
     joins = chain(cmu86, None, 12, direct=True, seed=3)
     assert all(join.passes for join in joins), max(joins, key=lambda join: join.speed)
