@@ -6,7 +6,6 @@ import math
 import os
 import time
 from collections.abc import Callable
-from dataclasses import dataclass, field
 
 from controller.fleet.cue_list import CueList
 from controller.fleet.link import Link
@@ -14,17 +13,13 @@ from controller.fleet.mailbox import Mailbox
 from controller.fleet.member import STOP_AGAIN, STOP_SAID
 from controller.fleet.membership import CONDUCTOR
 from controller.fleet.messages import About, CommonRound, DeckHealth, EmergencyStopAll, Time, TimedCue, encode, read
-from controller.fleet.show_file import ALL, Condition, Show, ShowCue, motions_of, show_command, wrong_motions
-from controller.fleet.standing import Standing
+from controller.fleet.seen_decks import SeenDeck, SeenDecks
+from controller.fleet.show_file import Condition, Show, ShowCue, motions_of, show_command
 from controller.wire.messages.commands import CommandError, DeckCommand
-from motiondeck_base.errors import MotiondeckError, UnknownNameError
 
 GRID = 0.02
 """Cues fall on multiples of this, s: then they fall on ticks of decks at 50, 100, 200, 250, 500 and 1000 Hz, which the
 show's clock keeps aligned, and all decks carry them out in the same one."""
-
-SILENT_AFTER = 1.0
-"""A deck whose health is older than this is not counted on, s."""
 
 JOINS_EVERY = 1.0
 """A deck that has missed a cue is given what stands so often, until it has it, s."""
@@ -36,32 +31,6 @@ _SAID = 0.5  # s within which a deck that was told to stop says so
 _HISTORY = 16  # emergency stops that were seen
 
 Told = Callable[[str], None]
-
-
-@dataclass
-class SeenDeck:
-    """What the conductor knows of a deck.
-
-    Attributes:
-        name: of the deck.
-        here: whether it is connected.
-        about, health: what it says of itself; None before that.
-        heard: when its health came, s.
-        standing: what it should be doing.
-        joined: when it was last given that, s.
-        problem: the last one that was told.
-        losses: how often its connection was lost.
-    """
-
-    name: str
-    here: bool = False
-    about: About | None = None
-    health: DeckHealth | None = None
-    heard: float = 0.0
-    standing: Standing = field(default_factory=Standing)
-    joined: float = 0.0
-    problem: str = ""
-    losses: int = 0
 
 
 class Conductor:
@@ -91,7 +60,6 @@ class Conductor:
         self._arrived = Mailbox[tuple[str, bytes]]()
         self.cues = CueList(show.cues, show.lead, now(), first)
         self._number = 0
-        self._sent: list[tuple[list[str], TimedCue]] = []
         self._stopped_at = 0.0
         self._stops: list[str] = []
         self._to_say: list[tuple[float, bytes]] = []
@@ -99,7 +67,8 @@ class Conductor:
         self._lacks: list[str] = []
         self._told_lacks: list[str] = []
         self._lacking_since = 0.0
-        self.decks: dict[str, SeenDeck] = {}
+        self._seen = SeenDecks(show, self._run, tell, now)
+        self.decks = self._seen.by_name
         self.given: dict[int, float] = {}
         self.stopped_by = ""
         link.answer("clock", self._time)
@@ -144,13 +113,11 @@ class Conductor:
     def go(self) -> str:
         """Passes a hold point, or goes on after an emergency stop; what came of it."""
         if self.stopped_by:
-            still = [deck.name for deck in self._present if self._is_stopped(deck)]
+            still = [deck.name for deck in self._seen.present if self._is_stopped(deck)]
             if still:
                 return f"first reset the emergency stop at: {', '.join(still)}"
             self.stopped_by = ""
-            self._sent.clear()
-            for deck in self.decks.values():
-                deck.standing = Standing()
+            self._seen.forget_sent()
             self.cues.hold()
             return "the emergency stop is over; go again for the next cue"
         return "goes on" if self.cues.go(self.now()) else "the show does not wait for go"
@@ -168,16 +135,13 @@ class Conductor:
         Raises:
             MotiondeckError: if there is no such deck, or no such command.
         """
-        decks = self._named(names)
+        decks = self._seen.named(names)
         command = show_command(line)
-        missing = [
-            (deck, motion) for deck in decks for motion in motions_of([command]) if not self._plays(deck, motion)
-        ]
-        for deck, motion in missing:
-            about = self.decks[deck].about
-            raise UnknownNameError(f"{deck}: {UnknownNameError.among('motion', motion, about.rounds if about else ())}")
+        for deck in decks:
+            for motion in motions_of([command]):
+                self._seen.check_plays(deck, motion)
         self._send(line, _on_grid(self.now() + self.show.lead), names, decks, [command])
-        return f"{_told(decks, [deck.name for deck in self._present])}: {line}"
+        return f"{_told(decks, self._seen.present_names)}: {line}"
 
     def stop(self) -> None:
         """Stops all decks at once."""
@@ -199,44 +163,18 @@ class Conductor:
     def _take(self, key: str, data: bytes) -> None:
         kind, _, name = key.partition("/")
         if kind == "here":
-            self._see(name.removeprefix("deck/"), here=bool(data))
+            name = name.removeprefix("deck/")
+            self._seen.see(name, here=bool(data))
+            if data:
+                self._link.ask(f"deck/{name}", self._hear)
         elif kind == "deck" and (about := read(data, About)) is not None:
-            self._introduce(self._deck(name), about)
+            self._seen.introduce(name, about)
         elif kind == "health" and (health := read(data, DeckHealth)) is not None:
-            deck = self._deck(name)
-            deck.health, deck.heard = health, self.now()
-            if health.problem not in ("", deck.problem):
-                self._tell(f"{name}: {health.problem}")
-            deck.problem = health.problem
+            self._seen.note_health(name, health)
         elif kind == "stop" and (stop := read(data, EmergencyStopAll)) is not None and stop.id not in self._stops:
             self._stops = [*self._stops[-_HISTORY:], stop.id]
             self._link.say("stop", data)
             self._stopped_by(stop.by)
-
-    def _deck(self, name: str) -> SeenDeck:
-        deck = self.decks.get(name)
-        if deck is None:
-            deck = self.decks[name] = SeenDeck(name)
-            for names, cue in self._sent:
-                if name in self.show.members(names, [name]):
-                    deck.standing.take(cue)
-        return deck
-
-    def _see(self, name: str, *, here: bool) -> None:
-        deck = self._deck(name)
-        deck.here = here
-        if not here:
-            deck.health = None
-            deck.losses += 1
-            self._tell(f"{name} is gone")
-        else:
-            self._link.ask(f"deck/{name}", self._hear)
-
-    def _introduce(self, deck: SeenDeck, about: About) -> None:
-        deck.about = about
-        self._tell(f"{deck.name} is here: {about.robot}, {about.library}")
-        for problem in wrong_motions(self.show, {deck.name: about.rounds}):
-            self._tell(f"{self.show.show}: {problem}")
 
     def _is_stopped(self, deck: SeenDeck) -> bool:
         """Whether a deck is in the emergency stop, or has not said that it is not."""
@@ -248,30 +186,10 @@ class Conductor:
 
     # Cues.
 
-    @property
-    def _present(self) -> list[SeenDeck]:
-        return [deck for deck in self.decks.values() if deck.here]
-
-    def _named(self, names: list[str]) -> list[str]:
-        """The decks of some names, of which at least one is here."""
-        present = [deck.name for deck in self._present]
-        known = [*dict.fromkeys([*present, *self.show.decks]), *self.show.groups, ALL]
-        for name in names:
-            if name not in known:
-                raise UnknownNameError.among("deck", name, known)
-        decks = self.show.members(names, present)
-        if not set(decks) & set(present):
-            raise MotiondeckError(f"not here: {', '.join(decks)}" if decks else "no deck is here yet")
-        return decks
-
-    def _plays(self, deck: str, motion: str) -> bool:
-        about = self._deck(deck).about
-        return about is None or motion in about.rounds
-
     def _send_show_cue(self, number: int, cue: ShowCue, at: float) -> None:
         at = self.given[number] = _on_grid(at)
         name = cue.name or f"cue {number + 1}"
-        present = [deck.name for deck in self._present]
+        present = self._seen.present_names
         decks = self.show.members(cue.receivers, present)
         try:
             say = cue.commands
@@ -286,11 +204,9 @@ class Conductor:
             return None
         if cue.in_step is not True:
             return CommonRound(at, cue.in_step)
-        for motion in motions_of(cue.commands):
-            for name in decks:
-                about = self._deck(name).about
-                if about is not None and (seconds := about.rounds.get(motion, 0.0)) > 0.0:
-                    return CommonRound(at, seconds)
+        seconds = self._seen.round_of(list(motions_of(cue.commands)), decks)
+        if seconds is not None:
+            return CommonRound(at, seconds)
         self._tell(f"{cue.name or 'the cue'}: no deck knows how long a round takes, so none are in step")
         return None
 
@@ -305,14 +221,12 @@ class Conductor:
     ) -> None:
         self._number += 1
         cue = TimedCue(self._run, self._number, name, at, decks, say, step)
-        for deck in decks:
-            self._deck(deck).standing.take(cue)
-        self._sent.append((to, cue))
+        self._seen.note_sent(cue, to)
         self._link.say("cue", encode(cue))
 
     def _bring_in(self, now: float) -> None:
         """Gives decks that have missed cues, or are new, what stands."""
-        for deck in self._present:
+        for deck in self._seen.present:
             health, standing = deck.health, deck.standing
             if health is None or health.clock is None or health.mode == "emergency stop" or not standing.number:
                 continue
@@ -324,27 +238,7 @@ class Conductor:
                 self._tell(f"{deck.name} joins")
 
     def _holds(self, condition: Condition, cue: ShowCue) -> bool:
-        return not self._lacking(condition, cue)
-
-    def _lacking(self, condition: Condition, cue: ShowCue) -> list[str]:
-        """What a condition lacks, deck by deck."""
-        decks = self.show.members(cue.receivers, [deck.name for deck in self._present])
-        lacks = [f"{name} {lack}" for name in decks if (lack := self._lack(condition, self.decks.get(name)))]
-        return lacks if decks else ["no deck is here"]
-
-    def _lack(self, condition: Condition, deck: SeenDeck | None) -> str:
-        """What a deck lacks for a condition; "" for nothing."""
-        if deck is None or not deck.here:
-            return "is not here"
-        health = deck.health
-        if health is None or self.now() - deck.heard > SILENT_AFTER:
-            return "says nothing"
-        if health.clock is None:
-            return "does not know the time yet"
-        current = (health.run, health.cue) == (self._run, deck.standing.number) or not deck.standing.number
-        if condition != "here" and (not current or health.switching):
-            return "is switching"
-        return "is not in step" if condition == "in step" and not health.lock.startswith("locked") else ""
+        return not self._seen.lacking(condition, cue.receivers)
 
     def _tell_waiting(self) -> None:
         cue = self.cues.next if self.cues.waits else None
@@ -358,7 +252,7 @@ class Conductor:
         cue = self.cues.next
         if cue is None or cue.when is None or self.cues.waits or self.stopped_by:
             return
-        lacking = self._lacking(cue.when, cue)
+        lacking = self._seen.lacking(cue.when, cue.receivers)
         if lacking != self._lacks:
             self._lacks, self._lacking_since = lacking, now
         elif lacking and lacking != self._told_lacks and now - self._lacking_since > TOLD_AFTER:

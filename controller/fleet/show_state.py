@@ -10,7 +10,8 @@ from controller.fleet.messages import DeckHealth
 from controller.fleet.show_file import ShowCue
 
 if TYPE_CHECKING:
-    from controller.fleet.conductor import Conductor, SeenDeck
+    from controller.fleet.conductor import Conductor
+    from controller.fleet.seen_decks import SeenDeck
 
 
 class DeckRow(msgspec.Struct, frozen=True):

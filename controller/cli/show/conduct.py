@@ -19,9 +19,10 @@ from motiondeck_base.printable import printable
 
 if TYPE_CHECKING:
     from controller.cli.show.show_page import ShowPage
-    from controller.fleet.conductor import Conductor, SeenDeck, Told
+    from controller.fleet.conductor import Conductor, Told
     from controller.fleet.link import Link
     from controller.fleet.membership import Membership
+    from controller.fleet.seen_decks import SeenDeck
 
 _HELP = "go | hold | stop (emergency stop of all) | status | DECK or GROUP COMMAND, such as: all pause | quit"
 _STOP_WITHIN = 3.0  # s for decks to be found and to say that they have stopped
