@@ -30,7 +30,7 @@ import numpy as np
 
 from benchmarks.deck.memory_growth import growth
 from benchmarks.deck.soak_run import random_command
-from controller.cli.session.tick_recorder import MODES
+from controller.cli.session.beside.tick_recorder import MODES
 from controller.deck.interfaces import JointLimits
 from controller.deck.switch_plan import REMEMBERED_SWITCHES
 from controller.library.motion_library import load_library

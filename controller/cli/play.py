@@ -16,7 +16,7 @@ from controller.cli.play_options import OnMismatch, PlayOptions
 from controller.wire.messages.commands import Switch
 
 if TYPE_CHECKING:
-    from controller.cli.session.child_process import PageProcess
+    from controller.cli.session.beside.child_process import PageProcess
     from controller.cli.session.run_settings import RunSettings
     from controller.cli.session.script import Timed
     from controller.cli.session.session import Session
@@ -52,7 +52,7 @@ def play(context: typer.Context, options: PlayOptions) -> None:
     """
     if options.video is None:
         os.environ.setdefault("MUJOCO_GL", "disable")  # nothing is drawn here, and MuJoCo starts sooner without OpenGL
-    from controller.cli.session.child_process import page_process
+    from controller.cli.session.beside.child_process import page_process
 
     with ExitStack() as early:
         # The page takes longest to start, so it does that while all the rest is imported and loaded.

@@ -70,7 +70,7 @@ def replay(
     loaded = load_library(find_library(library or str(recording.description["library"])))
     if scrub:
         from controller.cli.pictures.clip_scene import act_of_recording
-        from controller.cli.session.page import show_act
+        from controller.cli.session.page.page import show_act
         from sim.robots.robot import load_robot
 
         show_act(act_of_recording(recording, load_robot(find_robot(player), loaded.skeleton)), page_port)

@@ -177,7 +177,7 @@ def view(
 
     from controller.cli.pictures.clip_scene import act_of
     from controller.cli.pictures.library_pictures import film_frames, film_look
-    from controller.cli.session.page import show_act
+    from controller.cli.session.page.page import show_act
     from motiondeck_base.shipped import find_robot
 
     clip = _read(file, reading_options(skeleton, unit, up, rename)).clip

@@ -172,7 +172,7 @@ def calibrate(
             print(f"wrote {picture}", file=sys.stderr)
         if view:
             from controller.cli.pictures.clip_scene import act_of
-            from controller.cli.session.page import show_act
+            from controller.cli.session.page.page import show_act
 
             show_act(act_of(played(library, motion, VIEW_SECONDS), file), port)
     if not found.sound or trial.wrong or trial.lost:

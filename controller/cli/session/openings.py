@@ -6,8 +6,8 @@ from collections.abc import Sequence
 from contextlib import ExitStack
 from pathlib import Path
 
+from controller.cli.session.beside.tick_recorder import TickRecorder, recording
 from controller.cli.session.robots.robot_on_deck import RobotOnDeck
-from controller.cli.session.tick_recorder import TickRecorder, recording
 from controller.deck.lockable import Lockable
 from controller.wire.command_socket import CommandServer
 from controller.wire.leader_link import LeaderLink

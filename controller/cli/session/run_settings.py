@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from controller.cli.session.child_process import PageProcess
+from controller.cli.session.beside.child_process import PageProcess
 from controller.cli.session.recognition.recognition_watch import MismatchPolicy
 from controller.cli.session.wired_stop import WiredStop
 

@@ -12,10 +12,13 @@ from typing import Any, Protocol
 
 import numpy as np
 
-from controller.cli.session.child_process import Children, child_process, kept_tty, page_process
+from controller.cli.session.beside.child_process import Children, child_process, kept_tty, page_process
+from controller.cli.session.beside.show_member import ShowMember, show_member
+from controller.cli.session.beside.tick_recorder import TickRecorder
 from controller.cli.session.openings import lock_deck, open_recorder, open_servers
-from controller.cli.session.page import HEALTH_EVERY, PICTURE_HZ, Page
-from controller.cli.session.page_contents import PageContents
+from controller.cli.session.page.contents import PageContents
+from controller.cli.session.page.page import HEALTH_EVERY, PICTURE_HZ, Page
+from controller.cli.session.page.showable import Showable
 from controller.cli.session.progress_line import progress_line
 from controller.cli.session.recognition.body_watch import BodyWatch
 from controller.cli.session.recognition.recognition_watch import RecognitionWatch
@@ -25,9 +28,6 @@ from controller.cli.session.robots.rig_output import RigOutput
 from controller.cli.session.robots.robot_on_deck import RobotOnDeck, channels_of
 from controller.cli.session.run_settings import RunSettings
 from controller.cli.session.script import Timed
-from controller.cli.session.show_member import ShowMember, show_member
-from controller.cli.session.showable import Showable
-from controller.cli.session.tick_recorder import TickRecorder
 from controller.cli.session.wired_stop import WiredStopWatch
 from controller.deck.interfaces import Retargeter
 from controller.deck.lockable import Lockable

@@ -13,7 +13,7 @@ from contextlib import contextmanager
 
 import msgspec
 
-from controller.cli.session.child_process import child_process, free_port
+from controller.cli.session.beside.child_process import child_process, free_port
 from controller.fleet.show_state import ShowNotice, ShowState
 
 _MOST_BYTES = 256  # of a word

@@ -13,7 +13,7 @@ import pytest
 
 import synthetic
 from command_line import invoked
-from controller.cli.session.tick_recorder import TickRecorder
+from controller.cli.session.beside.tick_recorder import TickRecorder
 from controller.library.motion_library import save_library
 from controller.wire.run_folder import run_folder, write_shared
 from motiondeck_base.errors import MotiondeckError

@@ -14,7 +14,7 @@ import pytest
 import synthetic
 from command_line import motiondeck
 from controller.cli.pictures.clip_scene import act_of_recording
-from controller.cli.session.tick_recorder import ASKS
+from controller.cli.session.beside.tick_recorder import ASKS
 from controller.deck.recorded_deck import RecordedDeck
 from controller.library.motion_library import load_library, save_library
 from controller.wire.messages.commands import DeckCommand

@@ -24,7 +24,7 @@ from web_pages import coarse, drop
 
 pytestmark = pytest.mark.thorough
 
-LEARNS = [sys.executable, "-P", "-m", "controller.cli.session.page_learning"]
+LEARNS = [sys.executable, "-P", "-m", "controller.cli.session.page.learning"]
 
 
 RIG = {

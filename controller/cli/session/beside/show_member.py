@@ -11,7 +11,7 @@ from importlib.util import find_spec
 
 import msgspec
 
-from controller.cli.session.child_process import child_process
+from controller.cli.session.beside.child_process import child_process
 from controller.deck.lockable import Lockable
 from controller.fleet.membership import deck_in
 from controller.fleet.messages import About

@@ -8,11 +8,11 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from controller.cli.session.child_process import free_port
-from controller.cli.session.late_poses import LatePoses
-from controller.cli.session.page_contents import MOST_FORCES, OF_SERVOS, PageContents
-from controller.cli.session.showable import Driven, Showable, on_floor
-from controller.cli.session.tick_recorder import set_blend
+from controller.cli.session.beside.child_process import free_port
+from controller.cli.session.beside.tick_recorder import set_blend
+from controller.cli.session.page.contents import MOST_FORCES, OF_SERVOS, PageContents
+from controller.cli.session.page.late_poses import LatePoses
+from controller.cli.session.page.showable import Driven, Showable, on_floor
 from controller.loop.loop import LoopState
 from controller.loop.stop_requests import StopRequest
 from controller.rotations import Array

@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from controller.cli.session.child_process import child_process
+from controller.cli.session.beside.child_process import child_process
 from controller.loop.loop import LoopState
 from controller.loop.stop_requests import StopRequest
 from controller.rotations import Array

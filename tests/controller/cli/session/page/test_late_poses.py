@@ -1,6 +1,6 @@
 import numpy as np
 
-from controller.cli.session.late_poses import LatePoses
+from controller.cli.session.page.late_poses import LatePoses
 from controller.mocap.posture import Pose
 
 

@@ -8,10 +8,10 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from controller.cli.session.page.showable import Driven, Showable, on_floor
 from controller.cli.session.recognition.watch import NUMBERS, Watch
 from controller.cli.session.robots.rig_output import RigOutput
 from controller.cli.session.robots.robot_on_deck import RobotOnDeck, Simulation
-from controller.cli.session.showable import Driven, Showable, on_floor
 from controller.mocap.skeleton import Skeleton
 from controller.wire.messages.blends import MOST_BLENDED
 
@@ -106,7 +106,7 @@ class PageContents:
             if deck.activation is not None or deck.phase is not None:
                 told["library"] = told["library_file"]
             if self.learns:
-                told["learn"] = [sys.executable, "-P", "-m", "controller.cli.session.page_learning"]
+                told["learn"] = [sys.executable, "-P", "-m", "controller.cli.session.page.learning"]
         if on_floor(self.robots[0]) is not None:
             told["weight"] = GRAVITY * float(robot.model.body_mass.sum())
         if isinstance(first.stage, Driven):

@@ -5,7 +5,7 @@ import shutil
 import numpy as np
 import pytest
 
-from controller.cli.session import page_learning
+from controller.cli.session.page import learning as page_learning
 from controller.mocap.formats.reading import read_clip
 from controller.training import learn
 from sim.view.learning.learning_process import LearnRequest
