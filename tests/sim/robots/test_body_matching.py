@@ -78,11 +78,21 @@ def test_elbows_are_found_however_the_arms_are_held(tmp_path, build, lying):
 
 
 @pytest.mark.parametrize(
-    ("left", "right"), [("gauche", "droite"), ("links", "rechts"), ("sx", "dx"), ("migi2", "hidari13"), ("左", "右")]
+    ("left", "right"),
+    [
+        ("gauche", "droite"),
+        ("links", "rechts"),
+        ("sx", "dx"),
+        ("migi2", "hidari13"),
+        ("左", "右"),
+        ("левая", "правая"),
+        ("bal", "jobb"),
+        ("left", "plain"),  # of a pair only one is told apart
+    ],
 )
 def test_sides_are_told_in_other_languages(tmp_path, left, right):
     """The feet of this robot say nothing; a name that says the other side turns it round."""
-    text = full_humanoid().replace("left", left).replace("right", right)
+    text = full_humanoid().replace("left", left).replace("right", right).replace("plain_", "")
     text = text.replace('pos="0.04 0 -0.03" size="0.1', 'pos="0 0 -0.03" size="0.1')
     found, model = matched(tmp_path, text)
     side = "r" if left.startswith("migi") else "l"
