@@ -15,6 +15,7 @@ from sim.models.formats.xml_text import xml_text
 
 _COMMENT = re.compile(r"<!--.*?-->", re.DOTALL)
 _NUMBERS = re.compile(r"""\b(xyz|rpy)\s*=\s*(["'])([^"']*,[^"']*)\2""")
+_NO_NUMBER = re.compile(r"""\b(?:lower|upper|effort|velocity)\s*=\s*["']\s*[+-]?nan\s*["']""", re.IGNORECASE)
 _URI = re.compile(r'(?:package|model):/{2,3}([^/"\']+)/([^"\']*)')
 _FILE = re.compile(r"""(<mesh\b[^>]*\bfilename\s*=\s*["'])(?:file://)?([^"':]+)(?=["'])""")
 
@@ -48,7 +49,7 @@ def readable_urdf(path: Path, packages: Mapping[str, Path], visuals: bool = Fals
         found = path.resolve().parent / name[2]
         return f"{name[1]}{found.as_posix()}" if found.is_file() else name[0]
 
-    text = _COMMENT.sub("", text)
+    text = _NO_NUMBER.sub("", _COMMENT.sub("", text))  # MuJoCo would write a file of warnings
     text = _NUMBERS.sub(lambda numbers: f'{numbers[1]}="{numbers[3].replace(",", " ")}"', text)
     resolved = _FILE.sub(in_folder, _URI.sub(in_package, text))
     if resolved != text:

@@ -80,10 +80,13 @@ def test_a_urdf_is_read_whatever_its_encoding_its_first_line_and_its_name(tmp_pa
 
 
 @pytest.mark.filterwarnings("error")
-def test_a_range_without_an_end_is_none(tmp_path):
+def test_a_range_without_an_end_is_none(tmp_path, monkeypatch):
     path = tmp_path / "legs.urdf"
-    path.write_text(urdf().replace('lower="-2" upper="2"', 'lower="-inf" upper="INF"'))
+    endless = urdf().replace('lower="-2" upper="2"', 'lower="-inf" upper="INF"')
+    path.write_text(endless.replace('velocity="4"', 'velocity="nan"').replace('effort="5"', 'effort="NaN"'))
+    monkeypatch.chdir(tmp_path)
     found = calibrate(path)
+    assert not (tmp_path / "MUJOCO_LOG.TXT").exists()
     assert len(found.unlimited) == len(found.joints) == 6
     assert not any("rad" in doubt.words for doubt in found.doubts)
 
