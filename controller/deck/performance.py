@@ -302,7 +302,7 @@ class Performance:
         """The posture of the motion, or of the blend, dt seconds later."""
         played = self._played
         if self._blend is None:
-            return played[0].step(dt, tempo * self._onset)
+            return played[0].step(dt, tempo if self._fade is None else tempo * self._onset)
         weights: Sequence[float] = self._weights.advance(dt * self._weight_pace)
         tempos: Sequence[float] = [1.0] * len(played)
         if not self._switching:
