@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 import sys
 from contextlib import ExitStack
+from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -59,51 +60,71 @@ def play(context: typer.Context, options: PlayOptions) -> None:
         page: PageProcess | None = None
         if not options.headless and options.video is None and options.core is None:
             page = early.enter_context(page_process(options.page_port, options.command_port))
-        from controller.cli.session.setup import check_seconds
-        from controller.library.motion_library import load_library
-        from motiondeck_base.shipped import find_library
-
-        check_seconds(options.seconds)
-        options.check()
-        library_file = find_library(options.library)
-        library = load_library(library_file)
-        name_failing(library)
-        first, timeline, length = _timeline(library, options.motion, options.script)
-        seconds = options.seconds if options.seconds is not None else length
+        program = _program_of(options)
         if options.video is not None:
-            _film(options, library, first, timeline, seconds, options.video)
+            _film(options, program, options.video)
             return
-        session = _play_live(options, library, library_file, first, timeline, seconds, page)
+        session = _play_live(options, program, page)
     if session.then is not None:
         from controller.cli.session.play_again import play_again
 
         play_again(context, *session.then, page_port=session.page_port, command_port=session.command_port)
 
 
-def _film(
-    options: PlayOptions, library: MotionLibrary, first: str, timeline: list[Timed], seconds: float | None, video: Path
-) -> None:
+@dataclass(frozen=True)
+class _Program:
+    """What is to be played.
+
+    Attributes:
+        library, file: the library and its file.
+        first: the motion to begin with.
+        timeline: what is commanded when.
+        seconds: how long, or None.
+    """
+
+    library: MotionLibrary
+    file: Path
+    first: str
+    timeline: list[Timed]
+    seconds: float | None
+
+
+def _program_of(options: PlayOptions) -> _Program:
+    """What the options say is to be played.
+
+    Raises:
+        MotiondeckError: if that is impossible; it says what to do.
+    """
+    from controller.cli.session.setup import check_seconds
+    from controller.library.motion_library import load_library
+    from motiondeck_base.shipped import find_library
+
+    check_seconds(options.seconds)
+    options.check()
+    file = find_library(options.library)
+    library = load_library(file)
+    name_failing(library)
+    first, timeline, length = _timeline(library, options.motion, options.script)
+    return _Program(library, file, first, timeline, options.seconds if options.seconds is not None else length)
+
+
+def _film(options: PlayOptions, program: _Program, video: Path) -> None:
     """Films the run instead of playing it live."""
     from controller.cli.pictures.filmed_run import film_run
     from controller.cli.pictures.library_pictures import Staging, film_look
     from controller.deck.deck import Deck
 
     options.check_for_film()
-    deck = partial(Deck, library, motion=first, direct=options.direct, joining=options.join)
+    deck = partial(Deck, program.library, motion=program.first, direct=options.direct, joining=options.join)
     look = film_look(video, options.size, options.fps, options.camera, options.ghost, options.footprints)
     staging = Staging(not options.kinematic, options.root, options.balance, options.walk, options.solver)
-    _print(*film_run(library, options.robot, deck, timeline, seconds, video, look, staging), as_json=options.as_json)
+    report, words = film_run(
+        program.library, options.robot, deck, program.timeline, program.seconds, video, look, staging
+    )
+    _print(report, words, as_json=options.as_json)
 
 
-def _play_live(
-    options: PlayOptions,
-    library: MotionLibrary,
-    library_file: Path,
-    first: str,
-    timeline: list[Timed],
-    seconds: float | None,
-    page: PageProcess | None,
-) -> Session:
+def _play_live(options: PlayOptions, program: _Program, page: PageProcess | None) -> Session:
     """Plays until the run has ended; the session, which knows how it goes on.
 
     Raises:
@@ -115,6 +136,7 @@ def _play_live(
     from controller.cli.session.setup import checked_rate, robot_setup
     from controller.deck.deck import Deck
 
+    library, first = program.library, program.first
     rate = checked_rate(library, first, options.rate, lower=options.lower_rate)
     if rate != options.rate:
         print(f"playing at {rate:g} Hz, which the network can hold", file=sys.stderr)
@@ -128,8 +150,8 @@ def _play_live(
         library,
         lambda opening: open_robots(opening, setups, library, rate),
         lambda retarget: Deck(library, retarget, first, direct=options.direct, joining=options.join),
-        _run_settings(options, rate, seconds, library_file, page),
-        timeline,
+        _run_settings(options, program, rate, page),
+        program.timeline,
     ) as session:
         report = session.run()
     _print(report, summary(report), as_json=options.as_json)
@@ -139,9 +161,7 @@ def _play_live(
     return session
 
 
-def _run_settings(
-    options: PlayOptions, rate: float, seconds: float | None, library: Path, page: PageProcess | None
-) -> RunSettings:
+def _run_settings(options: PlayOptions, program: _Program, rate: float, page: PageProcess | None) -> RunSettings:
     """How the run goes, as the options say."""
     from controller.cli.session.recognition.recognition_watch import MismatchPolicy
     from controller.cli.session.run_settings import RunSettings
@@ -156,7 +176,7 @@ def _run_settings(
         page=page,
         progress=not options.as_json,
         terminal=not quiet and sys.stdin.isatty() and sys.stdout.isatty(),
-        seconds=seconds,
+        seconds=program.seconds,
         record=options.record,
         realtime=options.realtime,
         core=options.core,
@@ -169,7 +189,7 @@ def _run_settings(
         lock_to=options.lock_to,
         show=options.show,
         robot=Path(options.robot).stem,
-        library=library,
+        library=program.file,
         restarts=not quiet,
     )
 
