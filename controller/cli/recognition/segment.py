@@ -111,8 +111,14 @@ def _score(segments: list[dict[str, Any]], marked: Labels, *, learned_from_label
     borders = np.array([one["from_frame"] for one in segments[1:]], dtype=np.int64)
     borders, accepted = not_learned(borders, marked) if learned_from_labels else (borders, marked.borders)
     score = score_borders(borders, accepted)
-    names = ("found", "marked", "hits", "precision", "recall", "f1")
-    return {name: getattr(score, name) for name in names}
+    return {
+        "found": score.found,
+        "marked": score.marked,
+        "hits": score.hits,
+        "precision": score.precision,
+        "recall": score.recall,
+        "f1": score.f1,
+    }
 
 
 def _print_words(said: dict[str, Any], name: str) -> None:

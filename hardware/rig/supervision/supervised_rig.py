@@ -165,11 +165,6 @@ class SupervisedRig:
         return self._rig.read_us
 
     @property
-    def easing(self) -> Array:
-        """The part of its speed limit that each joint may use now, shape (J,)."""
-        return self._pace.part
-
-    @property
     def yielding(self) -> NDArray[np.bool_]:
         """Which joints push against something and give way, shape (J,)."""
         return self._pace.strain.yielding
