@@ -7,9 +7,9 @@ from collections import defaultdict
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from functools import wraps
+from inspect import getattr_static
 from typing import Any
 
-import mujoco
 import numpy as np
 
 import controller.mocap.encodings.bone_directions as bone_directions
@@ -36,7 +36,7 @@ PARTS: dict[str, tuple[tuple[Any, str], ...]] = {
     "safety envelope": ((SafetyEnvelope, "__call__"),),
     "stance of the human": ((HumanStance, "__call__"),),
     "footing of the robot": ((Footing, "place"),),
-    "mj_step, twice": ((mujoco, "mj_step"),),
+    "mj_step, twice": ((PhysicsPlayback, "step"),),
     "simulated servos": ((Servos, "limit"), (Servos, "note")),
     "rest of the simulation": ((PhysicsPlayback, "write"),),
     "outputs (the rig, if there is one)": ((Channel, "read"), (Channel, "write")),
@@ -81,11 +81,13 @@ class Ticks:
     @contextmanager
     def of_parts(self) -> Iterator[None]:
         """Times PARTS while the block runs."""
-        before = [(owner, name, getattr(owner, name)) for calls in PARTS.values() for owner, name in calls]
+        before = [(owner, name, getattr_static(owner, name)) for calls in PARTS.values() for owner, name in calls]
         try:
             for part, calls in PARTS.items():
                 for owner, name in calls:
-                    setattr(owner, name, self._timed(part, getattr(owner, name)))
+                    static = isinstance(getattr_static(owner, name), staticmethod)
+                    timed = self._timed(part, getattr(owner, name))
+                    setattr(owner, name, staticmethod(timed) if static else timed)
             yield
         finally:
             for owner, name, call in before:
