@@ -1,4 +1,4 @@
-"""Whether the seams between the pieces of long motions can be told: accelerations beside those of the recording.
+"""Accelerations at the seams between the pieces of long motions.
 
 Of each motion of a phase-driven library that has several pieces: how much harder a joint is accelerated in the world
 than the recording's is at the same frame, m/s^2, within two frames of a seam and everywhere else.
