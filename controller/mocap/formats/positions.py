@@ -3,6 +3,9 @@
     time_s,root.x,root.y,root.z,lhipjoint.x, ...
     0.000000,0.1,0.2,0.9, ...
 
+Tables of others are read alike: with semicolons or tabs (then decimals may have a comma), quotes, lines that begin with
+#, `time` or `t` in place of `time_s`, `root_x`, `root x` or `rootX` in place of `root.x`, and a body in cm or mm.
+
 A table that begins with `root` is a body: each column is where a bone ends. Which bones there are, it does not say, so
 they are found: each joint hangs from that earlier one from which it keeps its distance best, and of those that keep it
 equally well, from the nearest. Bones called "A-B" and "A-C" start in one joint, as `joint_tree` names them. The file
@@ -12,13 +15,14 @@ does not say how bones are twisted; `orientation` settles it.
 from __future__ import annotations
 
 import math
+import re
 from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 
 from controller.mocap.clip import Clip
-from controller.mocap.formats.markers.tracks import FARTHEST, Markers
+from controller.mocap.formats.markers.tracks import FARTHEST, Markers, unit_of_size
 from controller.mocap.orientation import orient
 from controller.mocap.reading_options import AS_FOUND, ReadingOptions
 from controller.mocap.rest_pose import RecordedBody, stand
@@ -33,6 +37,9 @@ MOST_COLUMNS = 3000
 COMPARED = 400  # frames in which distances are compared
 WRITTEN = 1e-5  # m: files have six digits, so a distance that varies by less is kept
 NO_LENGTH = 1e-5  # m
+_LOOKED_AT = 1 << 16  # bytes of a file that may be another table
+_TIMES = ("time_s", "time", "time (s)", "time [s]", "timestamp", "seconds", "t")
+_COLUMN = re.compile(r"(.+?)[._ :]?([xyz])", re.IGNORECASE)
 
 
 @dataclass(frozen=True, eq=False)
@@ -49,9 +56,10 @@ def read_positions(path: str | Path, options: ReadingOptions = AS_FOUND) -> Clip
         FileFormatError: naming file and line, if it cannot be read or is no such table.
     """
     table = _table(path)
-    position = table.position * (options.unit or 1.0)
+    is_body = table.names[0].lower() == "root"
+    position = table.position * (options.unit or (unit_of_size(table.position) if is_body else 1.0))
     names = options.renamed(table.names, path)
-    if table.names[0] != "root":
+    if not is_body:
         return Markers(names, table.rate, position, options.up or "z", Path(path).name)
     if len(names) < 2 or np.isnan(position).any():
         raise FileFormatError(f"{path}: a body needs its root and all other joints in every frame. Fill the gaps.")
@@ -63,26 +71,42 @@ def read_positions(path: str | Path, options: ReadingOptions = AS_FOUND) -> Clip
 
 
 def is_table(path: Path) -> bool:
-    """Whether a .csv is one of positions: its first word says so."""
+    """Whether a .csv is one of positions: its first line says so."""
     try:
         with path.open("rb") as file:
-            return file.read(7) == b"time_s,"
+            texts = file.read(_LOOKED_AT).decode("utf-8-sig", errors="replace").splitlines()
     except OSError:
         return False
+    columns = next((_words(text, _separator(text)) for text in texts if _is_row(text)), [])
+    return len(columns) > 1 and columns[0].lower() in _TIMES and _COLUMN.fullmatch(columns[1]) is not None
+
+
+def _is_row(text: str) -> bool:
+    return bool(text.strip()) and not text.lstrip().startswith("#")
+
+
+def _separator(text: str) -> str:
+    return max(",;\t", key=text.count)
+
+
+def _words(text: str, separator: str) -> list[str]:
+    return [word.strip().strip("\"'").strip() for word in text.split(separator)]
 
 
 def _table(path: str | Path) -> _Positions:
     """The names of the columns, the rate, and the numbers."""
-    texts = [(number, text) for number, text in enumerate(read_lines(path), 1) if text.strip()]
+    texts = [(number, text) for number, text in enumerate(read_lines(path), 1) if _is_row(text)]
     if not texts:
         raise FileFormatError(f"{path}: there is nothing in it. Write it again.")
-    head, rows = Line(path, texts[0][0], texts[0][1].split(",")), texts[1:]
-    columns = [word.strip().strip('"') for word in head.words]
-    if columns[0] != "time_s" or len(columns) < 4 or len(columns) % 3 != 1 or len(columns) > MOST_COLUMNS:
+    separator = _separator(texts[0][1])
+    head, rows = Line(path, texts[0][0], _words(texts[0][1], separator)), texts[1:]
+    columns = head.words
+    if columns[0].lower() not in _TIMES or len(columns) < 4 or len(columns) % 3 != 1 or len(columns) > MOST_COLUMNS:
         raise head.error("expected 'time_s' and then x, y and z of each joint, such as 'root.x,root.y,root.z'.")
-    names = tuple(column[:-2] for column in columns[1::3])
-    wanted = [f"{name}.{axis}" for name in names for axis in "xyz"]
-    if wanted != columns[1:] or len(set(names)) < len(names):
+    found = [_COLUMN.fullmatch(column) for column in columns[1:]]
+    named = [(column[1], column[2].lower()) for column in found if column is not None]
+    names = tuple(name for name, _ in named[::3])
+    if named != [(name, axis) for name in names for axis in "xyz"] or len(set(names)) * 3 < len(found):
         raise head.error("expected x, y and z of each joint side by side, no two joints alike.")
     if len(rows) * len(columns) > MOST_NUMBERS:
         raise FileFormatError(f"{path}: {len(rows)} frames do not fit into memory. Cut the recording into pieces.")
@@ -90,7 +114,10 @@ def _table(path: str | Path) -> _Positions:
         raise FileFormatError(f"{path}: there are no frames in it. Write it again.")
     numbers = np.empty((len(rows), len(columns)))
     for frame, (number, text) in enumerate(rows):
-        numbers[frame] = _row(Line(path, number, text.split(",")), len(columns))
+        if separator != ",":
+            text = text.replace(",", ".")
+        words = _words(text, separator) if '"' in text or "'" in text else text.split(separator)
+        numbers[frame] = _row(Line(path, number, words), len(columns))
     time, position = numbers[:, 0], numbers[:, 1:].reshape(len(rows), -1, 3)
     steps = np.diff(time)
     if np.isnan(time).any() or (len(steps) and not (steps.min() > 0.0 and np.ptp(steps) < 0.1 * steps.mean() + 2e-6)):

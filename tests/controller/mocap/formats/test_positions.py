@@ -82,11 +82,11 @@ def decimal_commas(text):
 @pytest.mark.parametrize(
     ("change", "said"),
     [
-        (lambda text: text.replace("time_s", "time"), "line 1: expected 'time_s'"),
+        (lambda text: text.replace("time_s", "frame"), "line 1: expected 'time_s'"),
         (lambda text: text.replace(".y", ".b"), "line 1: expected x, y and z of each joint side by side"),
         (lambda text: text.replace("LeftArm.", "LeftLeg."), "no two joints alike"),
         (lambda text: text.splitlines()[0], "no frames in it"),
-        (lambda text: text.replace(",", ";"), "line 1: expected 'time_s'"),
+        (lambda text: text.replace(",", "|"), "line 1: expected 'time_s'"),
         (lambda text: decimal_commas(text), r"line 2: .*\(Decimals are written with a dot"),
         (lambda text: text.replace(",0.", ",zero.", 1), "line 2: expected a number, found 'zero"),
         (lambda text: text.replace(",0.", ",nan0.", 1), "line 2: expected a number"),
@@ -102,6 +102,33 @@ def test_another_table_is_one_line(tmp_path, walk, change, said):
     with pytest.raises(FileFormatError, match=said) as caught:
         read_clip(tmp_path / "odd.csv")
     assert "odd.csv" in str(caught.value)
+
+
+@pytest.mark.parametrize(
+    "change",
+    [
+        lambda text: text.replace(",", ";"),
+        lambda text: decimal_commas(text.replace(",", ";")),
+        lambda text: decimal_commas(text.replace(",", "\t")),
+        lambda text: "\n".join(",".join(f'"{word}"' for word in line.split(",")) for line in text.splitlines()),
+        lambda text: "# exported\n" + text.replace("time_s", "Time").replace(".x", "_X").replace(".y", "_Y"),
+        lambda text: text.replace("time_s", "t").replace(".x", "X").replace(".y", "Y").replace(".z", "Z"),
+    ],
+)
+def test_the_same_table_as_others_write_it_is_the_same_body(tmp_path, walk, change):
+    text = csv_text(walk)
+    (tmp_path / "others.csv").write_text(change(text))
+    assert np.abs(read_clip(tmp_path / "others.csv").joints() - walk.joints()).max() < 2e-5
+    assert tmp_path / "others.csv" in recordings_below(tmp_path)
+
+
+@pytest.mark.parametrize("unit", [100.0, 1000.0])
+def test_a_body_in_centimetres_or_millimetres_is_as_large(tmp_path, walk, unit):
+    head, *rows = csv_text(walk).splitlines()
+    times, places = zip(*(row.split(",", 1) for row in rows), strict=True)
+    larger = [",".join(f"{unit * float(word):.4f}" for word in row.split(",")) for row in places]
+    (tmp_path / "larger.csv").write_text("\n".join([head, *map(",".join, zip(times, larger, strict=True))]))
+    assert np.abs(read_clip(tmp_path / "larger.csv").joints() - walk.joints()).max() < 2e-5
 
 
 def test_line_ends_do_not_matter(tmp_path, walk):
