@@ -22,10 +22,14 @@ import numpy as np
 from PIL import Image, ImageSequence
 
 from controller.cli.pictures.figures import new_figure, save
+from controller.deck.deck import Deck
 from controller.library.motion_library import load_library
 from controller.networks.base import NeuronNetwork
 from controller.networks.orbits import orbits
-from motiondeck_base.shipped import find_library
+from motiondeck_base.shipped import find_library, find_robot
+from sim.physics.playback import PhysicsPlayback
+from sim.pictures.offscreen import OffScreen
+from sim.robots.robot import DT, load_robot
 
 DOCS = Path(__file__).parent
 PICTURES = DOCS / "pictures"
@@ -62,6 +66,28 @@ def walk() -> None:
     sheet.save(PICTURES / "walk-servo20.webp", quality=80)
 
 
+def rise() -> None:
+    """A walking robot is pushed over backwards, and gets up."""
+    library = load_library(find_library("thesis15"))
+    robot = load_robot(find_robot("servo20"), library.skeleton)
+    deck, stage = Deck(library, robot.retarget, "walk"), PhysicsPlayback(robot, DT, "free", walk=True)
+    times, pictures = iter((2.0, 2.5, 3.0, 4.0, 5.8, 6.3, 7.2, 8.8, 10.2, 11.6, 13.2, 15.8)), []
+    when = next(times)
+    with OffScreen(robot.model, (240, 200)) as screen:
+        for tick in range(round(16.0 / DT)):
+            if tick == round(2.0 / DT):
+                stage.push_from("front", 2.0)
+            stage.write(*deck.update(DT))
+            screen.pass_by(stage.qpos)
+            if tick * DT >= when:
+                pictures.append(Image.fromarray(screen.draw(stage.qpos)))
+                when = next(times, np.inf)
+    sheet = Image.new("RGB", (6 * 240, 2 * 200))
+    for place, picture in enumerate(pictures):
+        sheet.paste(picture, (place % 6 * 240, place // 6 * 200))
+    sheet.save(PICTURES / "rise-servo20.webp", quality=80)
+
+
 def network() -> None:
     """The orbits of the shipped network's neurons, and how its motions overlap."""
     library = load_library(find_library("thesis15"))
@@ -94,6 +120,7 @@ MADE: dict[str, Callable[[], object]] = {
     "page": lambda: subprocess.run(PAGE, check=True),
     "motiondeck.gif": film,
     "walk-servo20": walk,
+    "rise-servo20": rise,
     "network-inside": network,
     "thesis15-mannequin": lambda: motiondeck("library", "sheet", "thesis15", "--out", DOCS / "thesis15-mannequin.png"),
     "thesis15-servo20": lambda: motiondeck(
