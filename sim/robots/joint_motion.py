@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 
 from controller.mocap.clip import Clip
-from controller.mocap.encodings.joint_angles import save_taught_clip, taught_clip
+from controller.mocap.encodings.joint_angles import Plays, save_taught_clip, taught_clip
 from controller.mocap.posture import Pose
 from controller.rotations import Array
 from motiondeck_base.errors import FileFormatError
@@ -42,10 +42,11 @@ class JointMotion:
     def __len__(self) -> int:
         return len(self.angles)
 
-    def save(self, path: str | Path) -> None:
+    def save(self, path: str | Path, plays: Plays = "loop") -> None:
         """Writes it as .csv (time, root and every joint, one line a frame) or as .clip (the joints alone).
 
-        A .clip can be played with `motiondeck rig play RIG FILE` or learned with `motiondeck fit FILE`.
+        A .clip can be played with `motiondeck rig play RIG FILE` or learned with `motiondeck fit FILE`; it says whether
+        the motion is a loop or ends in a pose.
 
         Raises:
             FileFormatError: for another ending, or if the file cannot be written.
@@ -55,7 +56,7 @@ class JointMotion:
             case ".csv":
                 write_file(path, self._csv().encode())
             case ".clip":
-                save_taught_clip(taught_clip(self.name, self.joints, self.rate, self.angles), path)
+                save_taught_clip(taught_clip(self.name, self.joints, self.rate, self.angles), path, plays)
             case _:
                 raise FileFormatError(f"{path}: joint motions are written as .csv or .clip. Name the file so.")
 
