@@ -134,5 +134,6 @@ def _rig_file(rig: str | None, robot: str) -> Path | None:
         return find_rig(Path(robot).stem)
     except MotiondeckError:
         raise MotiondeckError(
-            f"there is no rig for robot '{Path(robot).stem}' to be emulated. Try: --rig emulated --robot servo20"
+            f"there is no rig for robot '{Path(robot).stem}' to be emulated. Try: --rig emulated --robot servo20. "
+            "For your own robot write a rig file, emulate it with motiondeck rig emulate, and name it with --rig FILE"
         ) from None

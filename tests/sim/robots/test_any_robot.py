@@ -276,6 +276,20 @@ def test_a_joint_that_follows_another_is_not_played_but_goes_along(tmp_path):
     assert qpos[robot.model.joint("lid").qposadr[0]] == pytest.approx(0.1 - 0.5 * 0.8)
 
 
+def test_what_follows_a_follower_goes_along(tmp_path):
+    lids = "".join(f'<body><joint name="{name}" axis="0 1 0"/><geom size="0.02"/></body>' for name in ("lid", "flap"))
+    ties = (("flap", "lid", "0 2"), ("lid", "left_knee", "0.1 -0.5"))  # the last of the chain stands first in the file
+    extra = "".join(f'<joint joint1="{a}" joint2="{b}" polycoef="{c} 0 0 0"/>' for a, b, c in ties)
+    text = humanoid(trunk=lids, extra=f"<equality>{extra}</equality>", servos=())
+    model = read_model(model_file(tmp_path, text)).compile()
+    layout, qpos = JointLayout.of(model), np.zeros(model.nq)
+    targets = np.zeros(len(layout.joints))
+    targets[layout.joints.index("left_knee")] = 0.8
+    layout.place(targets, qpos)
+    assert qpos[model.joint("lid").qposadr[0]] == pytest.approx(0.1 - 0.5 * 0.8)
+    assert qpos[model.joint("flap").qposadr[0]] == pytest.approx(2.0 * (0.1 - 0.5 * 0.8))
+
+
 LID = '<body name="lid" pos="0 0 0.3"><joint name="lid" axis="0 1 0" ref="0.2"/><geom size="0.02"/></body>'
 
 
