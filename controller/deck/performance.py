@@ -39,12 +39,12 @@ VELOCITY_REACH = 8.0 / 120.0
 # How long it takes to change the blend weight from 0 to 1, or a network from one motion to another, s.
 MORPH_SECONDS = 1.0
 
-# How often a join that becomes too fast is replaced by a longer fade.
-MOST_CORRECTIONS = 6
-
 # From which share of the limits of a join on it is replaced: halfway from what a fade means to use to all of them. One
 # that uses no more than it means to is left alone: replaced while it speeds up, a body would swing farther still.
 CORRECTED_FROM = 0.5 * (PLANNED_SHARE + 1.0)
+
+# By how much more of the limits a join has to need to be replaced again: the fade that replaces it takes its time too.
+CORRECTED_AGAIN = 0.05
 
 # Between which shares of the limits a blend weight changes more and more slowly, how slowly at least, and how soon, s.
 EASED_FROM, EASED_TO, SLOWEST, EASING_SECONDS = 0.7, 0.8, 0.2, 0.1
@@ -89,7 +89,7 @@ class Performance:
         self.blend_problem = ""
         self._fade: Fading | None = None
         self._limits: JoinLimits | None = None
-        self._corrections = 0
+        self._correct_from = CORRECTED_FROM
         self._dt, self._tempo = 1.0 / library.info.rate, 1.0
         first.cue_phase(motion, phase)
         first.step(0.0, 1.0)
@@ -189,7 +189,8 @@ class Performance:
             self._weight_pace += (min(max(wanted, SLOWEST), 1.0) - self._weight_pace) * min(1.0, dt / EASING_SECONDS)
         if blending and use > BLEND_TURNS_OVER:
             self.blend_problem = "turns over"
-        elif not blending and use > CORRECTED_FROM and self._corrections < MOST_CORRECTIONS and not self._searching:
+        elif not blending and use > self._correct_from and not self._searching:
+            self._correct_from = use + CORRECTED_AGAIN
             self._take(extrapolated(self._before, self.posture, dt, self._rest_direction))
             self._fade_instead()
         elif self._crossing is not None and self._crossing.fails:
@@ -337,7 +338,7 @@ class Performance:
             self._limits = JoinLimits(self._skeleton, self._pose_before, self.pose)
             self._weight_pace = 1.0
         self._limits.begin(*motions)
-        self._corrections = 0
+        self._correct_from = CORRECTED_FROM
 
     def _mix_to(self, motion: str, anchor: int) -> None:
         """Enters a motion on a second track, and mixes both until it is left alone."""
@@ -385,7 +386,6 @@ class Performance:
 
     def _fade_instead(self) -> None:
         """Replaces a join that has become too fast by a fade from here to its target."""
-        self._corrections += 1
         track, onset = self._leading, self._onset
         if self._blend is None and track.morphing:
             track.cue(track.motion.name, self._best_anchor(track.motion.name, self.posture, self._shown))

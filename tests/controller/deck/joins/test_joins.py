@@ -64,6 +64,12 @@ def test_a_fade_is_found_before_the_body_has_swung_on(cmu86):
     assert join.seconds < 0.7
 
 
+def test_a_join_that_was_replaced_is_given_time(thesis15):
+    """Replaced in every tick in which it needed more than 0.9 of the limits, six times, it reached 1.53."""
+    join = play_join(thesis15, "crawl", "waltz", 23 / 24, None, direct=True)
+    assert join.passes, join
+
+
 def test_switches_during_switches_stay_in_the_limits(cmu86):
     joins = chain(cmu86, None, 12, direct=True, seed=3)
     assert all(join.passes for join in joins), max(joins, key=lambda join: join.speed)
