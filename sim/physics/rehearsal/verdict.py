@@ -67,7 +67,8 @@ def repeated(robot: Robot, targets: Array, wanted: WantedMotion, variation: Vari
     stage.write(first, placed_pose(start[:7], 0.0))
     envelope = SafetyEnvelope(robot.limits, TICK)
     envelope.start(np.clip(first, robot.limits.lower, robot.limits.upper))
-    went, at = [], np.arange(1.0, (len(targets) - 1) * DT / TICK) * TICK / DT
+    ticks = round(DT / TICK)
+    went, at = [], np.arange(1, ticks * (len(targets) - 1)) / ticks
     for when in at:
         k, share = int(when), when - int(when)
         told = targets[k] + share * (targets[k + 1] - targets[k])

@@ -86,3 +86,9 @@ def test_it_is_told_how_long_a_motion_was_kept_and_how_far_it_was_off():
     fell = repeated(SERVO20, tipped, WantedMotion(tipped, ahead), Variation())
     assert fell.asked == pytest.approx(0.3)
     assert fell.went < -0.005  # toes that are pressed down tip it over backwards
+
+
+def test_a_motion_of_any_length_is_repeated():
+    for count in (204, 7):
+        still = WantedMotion(np.tile(SERVO20.rest, (count, 1)), np.tile(STANDING, (count, 1)))
+        assert repeated(SERVO20, still.targets, still, Variation()).seconds == pytest.approx(0.01 * count, abs=0.016)
