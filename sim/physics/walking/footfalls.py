@@ -22,6 +22,7 @@ BRIEF = 0.15
 PAUSE = 0.3
 # A foot that stays where it is for so long, s, is put down, also if it is raised: who pauses stands on both feet.
 STILL, HOLDS = 0.03, 0.15
+_FLAT = np.zeros(2)
 # The speed is smoothed with this time constant, s.
 SMOOTHING = 0.01
 
@@ -37,7 +38,8 @@ class Swing:
         from_other: where it lands, or is by now, from the other foot, ahead and left of the heading, shape (2,), m.
         yaw: which way it points there, rad.
         heading: of the body there, rad.
-        first: whether the motion stood before.
+        leaves: how far the sole was turned when it left the floor, toes down, rad.
+        lands: how far it is turned when it lands, or is by now, toes down, rad.
     """
 
     foot: int
@@ -46,6 +48,8 @@ class Swing:
     from_other: Array
     yaw: float
     heading: float
+    leaves: float = 0.0
+    lands: float = 0.0
 
 
 class Footfalls:
@@ -64,7 +68,7 @@ class Footfalls:
         self._from = np.zeros(3)
         self._went = self._yaw = self._held = 0.0
 
-    def add(self, now: float, soles: Array, yaws: Array, heading: float) -> None:
+    def add(self, now: float, soles: Array, yaws: Array, heading: float, pitches: Array = _FLAT) -> None:
         """Takes the next tick.
 
         Args:
@@ -72,6 +76,7 @@ class Footfalls:
             soles: the middles of the soles, shape (2, 3), m.
             yaws: which way they point, shape (2,), rad.
             heading: of the body, rad.
+            pitches: how the soles are turned, toes down, shape (2,), rad.
         """
         before = soles if self._before is None else self._before
         raw = np.linalg.norm(soles - before, axis=1) / (self._dt * self._height)
@@ -80,15 +85,16 @@ class Footfalls:
         swing = self.swings[-1] if self.swings and self.swings[-1].end is None else None
         if swing is not None:
             self._went = max(self._went, float(np.linalg.norm(soles[swing.foot] - self._from)))
+            swing.lands = float(pitches[swing.foot])
             self._go_on(swing, now, soles, yaws, heading)
         if not self.swings or self.swings[-1].end is not None:
-            self._begin(now, soles, yaws, heading)
+            self._begin(now, soles, yaws, heading, pitches)
 
     def forget(self, swing: Swing) -> None:
         """Drops a swing that is over."""
         self.swings = [other for other in self.swings if other is not swing]
 
-    def _begin(self, now: float, soles: Array, yaws: Array, heading: float) -> None:
+    def _begin(self, now: float, soles: Array, yaws: Array, heading: float, pitches: Array) -> None:
         foot = int(np.argmax(self._speed))
         if self._speed[foot] < BEGINS:
             return
@@ -96,7 +102,7 @@ class Footfalls:
         if last is not None and last.foot == foot and last.end is not None and now - last.end < PAUSE:
             last.end = None
             return
-        self.swings.append(Swing(foot, now, None, np.zeros(2), 0.0, heading))
+        self.swings.append(Swing(foot, now, None, np.zeros(2), 0.0, heading, float(pitches[foot])))
         self._from, self._went, self._yaw, self._held = soles[foot].copy(), 0.0, float(yaws[foot]), 0.0
         self._place(self.swings[-1], soles, yaws, heading)
 

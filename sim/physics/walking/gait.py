@@ -252,7 +252,9 @@ class Gait:
         far = max(1.0, float(np.hypot(share * x / most, aside / (APART * self._width))))
         place = other + _turned((share * x / far, side * (self._width + aside / far)), heading)
         yaw = heading + _clipped(swing.yaw - swing.heading)
-        return Step(swing.foot, swing.start, end, place, yaw, heading, astray)
+        # Who only follows the other foot, as boxers do, does not roll.
+        leaves, lands = (max(swing.leaves, 0.0), max(-swing.lands, 0.0)) if x > 0.0 else (0.0, 0.0)
+        return Step(swing.foot, swing.start, end, place, yaw, heading, astray, leaves, lands)
 
 
 def _wrapped(turn: float) -> float:

@@ -60,7 +60,7 @@ class Preview:
         self._footfalls = Footfalls(height, dt)
         self.travel = Travel(dt)
 
-    def add(self, goal: Array, heading: float, soles: Array, yaws: Array) -> None:
+    def add(self, goal: Array, heading: float, soles: Array, yaws: Array, pitches: Array) -> None:
         """Takes the next tick; before the first one, the motion stood still.
 
         Args:
@@ -68,11 +68,12 @@ class Preview:
             heading: rad.
             soles: the middles of the soles in it, shape (2, 3), m.
             yaws: which way they point, shape (2,), rad.
+            pitches: how they are turned, toes down, shape (2,), rad.
         """
         for _ in range(1 if self._ring else self._ring.maxlen or 1):
             self._ring.append((goal.copy(), heading))
         self._newest += self._dt
-        self._footfalls.add(self._newest, soles, yaws, heading)
+        self._footfalls.add(self._newest, soles, yaws, heading, pitches)
         self._heights.append(float(self._ring[self._near][0][2]))
         self.travel.add(self.goal[:2])
 

@@ -40,7 +40,8 @@ class Rolling:
 
     def __init__(self, toe: float, heel: float, longest: float) -> None:
         """Takes how far a foot is turned over its toes when it leaves, and over its heel when it lands, rad, after and
-        before a step of the longest length, m; at shorter ones it is less in proportion."""
+        before a step of the longest length, m; at shorter ones it is less in proportion, and never more than in the
+        motion."""
         self.pitches, self._rates = np.zeros(2), np.zeros(2)
         self._toe, self._heel, self._longest = toe, heel, longest
         self._now, self._swings = 0.0, [False, False]
@@ -64,14 +65,14 @@ class Rolling:
                 self._landed[foot] = now, float(self.pitches[foot])
                 self._swings[foot] = swings
             if step is not None and swings:
-                lands = -self._heel * self._stretch(step.place - places[1 - foot], step)
+                lands = -min(self._heel * self._stretch(step.place - places[1 - foot], step), step.lands)
                 pitch = _swung(*self._left[foot], lands, now - step.start, TURNED * (step.end - step.start))
             else:
                 landed, pitch = self._landed[foot]
                 pitch *= 1.0 - _smooth((now - landed) / SETTLES)
                 if own is not None:
                     other = coming[own - 1].place if own > 0 else places[1 - foot]
-                    leaves = self._toe * self._stretch(other - places[foot], coming[own])
+                    leaves = min(self._toe * self._stretch(other - places[foot], coming[own]), coming[own].leaves)
                     pitch += leaves * max(1.0 - (coming[own].start - now) / RISES, 0.0) ** 2
             self._rates[foot] = (pitch - self.pitches[foot]) / max(now - self._now, 1e-9)
             self.pitches[foot] = pitch

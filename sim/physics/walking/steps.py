@@ -31,6 +31,8 @@ class Step:
         yaw: which way it points then, rad.
         heading: of the robot then, rad.
         astray: how far that is from the heading of the motion, rad.
+        leaves: how far the motion's sole is turned over its toes when it leaves the floor, rad.
+        lands: how far it is turned over its heel when it lands, rad.
     """
 
     foot: int
@@ -40,6 +42,8 @@ class Step:
     yaw: float
     heading: float
     astray: float
+    leaves: float
+    lands: float
 
 
 def pressure_course(

@@ -212,7 +212,7 @@ class Walker:
         self._momentum.add(goal)
         self._motion.qpos[:] = goal
         mujoco.mj_kinematics(self._model, self._motion)
-        self.preview.add(goal, heading, *self._stance(self._motion))
+        self.preview.add(goal, heading, *self._stance(self._motion), self._pitches(self._motion))
 
     def _stand_where_it_landed(self, foot: int, soles: Array, yaws: Array) -> None:
         """Plans on from where a foot has really landed, seen from the other one."""

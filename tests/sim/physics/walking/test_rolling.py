@@ -20,13 +20,17 @@ def test_the_edge_that_a_turned_sole_stands_on_stays_where_it_is(pitch):
     assert edge == pytest.approx((to_edge, 0.0), abs=0.05 * HALF)
 
 
-def rolled(seconds, toe=TOE, heel=HEEL, **walk):
-    """A gait that walks; at each tick which foot swings, 2 if none does, and the pitches of the soles."""
+def rolled(seconds, toe=TOE, heel=HEEL, motion=(9.0, -9.0), **walk):
+    """A gait that walks after a motion whose soles are turned so far as they leave the floor and land.
+
+    At each tick: which foot swings, 2 if none does; and the pitches of the soles.
+    """
     settings = WalkSettings(share=1.0, longest=0.5, fastest=9.0, width=0.2, toe=toe, heel=heel)
     gait, footfalls, rows = Gait(settings, 1.0, 2.0 * HALF, np.array([1.0, -1.0])), Footfalls(1.0, DT), []
     gait.start(np.zeros(2), 0.0, np.zeros(2))
     for k, row in enumerate(zip(*walking_soles(seconds + PREVIEW, DT, **walk), strict=True)):
-        footfalls.add(k * DT, *row)
+        swinging = bool(footfalls.swings and footfalls.swings[-1].end is None)
+        footfalls.add(k * DT, *row, np.full(2, motion[int(swinging)]))
         ended = gait.advance((k + 1) * DT - PREVIEW, footfalls.swings, PREVIEW)
         if ended is not None:
             footfalls.forget(ended)
@@ -60,6 +64,13 @@ def test_soles_turn_without_jumps():
 def test_who_does_not_go_ahead_keeps_the_soles_flat(walk):
     _, pitches = rolled(4.0, step=0.6, **walk)
     assert np.abs(pitches).max() < 0.02
+
+
+@pytest.mark.parametrize("motion", [(0.0, 0.0), (-0.2, 0.2)])
+def test_feet_roll_no_farther_than_in_the_motion(motion):
+    # A boxer's step is as long as a walker's, but his soles stay flat.
+    _, pitches = rolled(4.0, motion=motion, length=0.5, step=0.6)
+    assert not pitches.any()
 
 
 def test_a_robot_that_does_not_roll_its_feet_keeps_them_flat():
