@@ -40,6 +40,11 @@ class StopRequest:
         """Whether the emergency stop is on."""
         return self.mode == "emergency stop"
 
+    @property
+    def holds(self) -> bool:
+        """Whether nothing is to move: by the emergency stop, or after it until somebody lets the joints go on."""
+        return self.mode in ("emergency stop", "held")
+
     def emergency_stop(self) -> None:
         """Sets the emergency stop: the joints brake from this tick on and stay where they come to rest."""
         self.mode, self.at_rest = "emergency stop", False

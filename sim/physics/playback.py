@@ -6,6 +6,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
+from copy import copy
 
 import mujoco
 import numpy as np
@@ -17,7 +18,7 @@ from controller.wire.messages.commands import Side
 from motiondeck_base.errors import MotiondeckError
 from sim.models.surface import LowestPoint
 from sim.physics.balance import Balance
-from sim.physics.falls.recovery import Recovery
+from sim.physics.falls.recovery import Phase, Recovery
 from sim.physics.physics_model import Alteration, feet_of, physics_model, usual_push
 from sim.physics.simulated_servos import Servos
 from sim.physics.walking.preview import AHEAD
@@ -102,6 +103,7 @@ class PhysicsPlayback:
         placed: the commanded root of the last write, position (m) and quaternion, shape (7,).
         wanted: where it was to be after the last write, shape (nq,); a free root where it is along the ground.
         clock: the time at which falls are noted, s; by default since the first write.
+        holds: whether a robot that has fallen is to stay as it lies; by default it gets up where it can.
         near_falls: when a robot that walks or balances was about to fall, s.
         fell_s: when a free robot fell first, s; None if it never has.
         fallen: whether a free robot has fallen and not stood again for a second.
@@ -133,7 +135,7 @@ class PhysicsPlayback:
             root: "gantry" carries the root along, "fixed" holds it in place, "free" lets it go.
             balance: whether a free robot keeps its feet where they are and its centre of mass above them.
             walk: whether a free robot goes where the motion goes, on its own feet.
-            compiled: the model of an earlier playback of this robot with this root, to compile none.
+            compiled: the `physics_model` of this robot with this root, to compile none; it is not changed.
             sensors: what a robot that walks knows itself by; None if it knows its state exactly.
             alter: what is different in the world from what the robot knows of itself and of the floor.
             guard: whether one that balances or walks protects itself when it falls, and gets up where it can.
@@ -143,7 +145,7 @@ class PhysicsPlayback:
                 lacks two feet, or both are asked.
         """
         self._robot, self._root = robot, root
-        self.model = model = physics_model(robot, root, alter) if compiled is None else compiled
+        self.model = model = physics_model(robot, root, alter) if compiled is None else copy(compiled)
         self.data = mujoco.MjData(model)
         self._warnings = [self.data.warning[kind] for kind in _BROKEN]
         self._steps = max(1, round(dt / model.opt.timestep))
@@ -163,7 +165,7 @@ class PhysicsPlayback:
         self._legs = self._balance or self._walker
         self.behind_s = AHEAD if walk else 0.0
         self._servos = Servos(robot.servo, model, self._dt) if robot.servo is not None else None
-        self._lead = _lead(model)
+        self._lead = lead_of(model)
         # Which degree of freedom an actuator drives: of a ball joint each of the three in a row has its own.
         self._dof = model.jnt_dofadr[model.actuator_trnid[:, 0]].astype(np.int64)
         self._dof[robot.layout.ball] += np.arange(3)
@@ -176,6 +178,7 @@ class PhysicsPlayback:
         self._started = False
         self._writes = self._faults = 0
         self.clock: Callable[[], float] = lambda: self._writes * self._dt
+        self.holds: Callable[[], bool] = lambda: False
         self.fell_s: float | None = None
         self.fallen = False
         self._stands_for = 0  # writes since a fallen robot was seen to stand
@@ -263,15 +266,17 @@ class PhysicsPlayback:
         if self._legs is None:
             return
         recovery = self._recovery
-        if self._legs.falling and not self._lost and not self.fallen:
-            self.near_falls.append(self.clock())
-        self._lost = self._legs.falling
         if recovery is None:
+            if self._legs.falling and not self._lost and not self.fallen:
+                self.near_falls.append(self.clock())
+            self._lost = self._legs.falling
             return
         before = recovery.phase
-        recovery.adjust(self._legs, self.data, self._goal_before, self._goal)
+        recovery.adjust(self._legs, self.data, self._goal_before, self._goal, held=self.holds())
         if recovery.phase is not before:
-            self._lead = _lead(self.model)
+            self._lead = lead_of(self.model)
+            if recovery.phase is Phase.FALLS:
+                self.near_falls.append(self.clock())
 
     def _stand_again(self, legs: Balance | Walker) -> None:
         """Lets what keeps a robot on its feet begin anew where it stands."""
@@ -423,7 +428,7 @@ class PhysicsPlayback:
             self._legs.start(self.data)
         if self._recovery is not None:
             self._recovery.start()
-            self._lead = _lead(self.model)
+            self._lead = lead_of(self.model)
         self._goal_before[:] = self.data.qpos
         if self._servos is not None:
             self._servos.start()
@@ -437,7 +442,7 @@ class PhysicsPlayback:
         self._worst = max(self._worst, float(np.maximum.reduce(error)), -float(np.minimum.reduce(error)))
 
 
-def _lead(model: mujoco.MjModel) -> Array:
+def lead_of(model: mujoco.MjModel) -> Array:
     """How far ahead of its target a servo is sent for each rad/s of its rate, kv / kp, shape (J,), s."""
     # Position servos: force = gain * ctrl + bias . (1, length, velocity), with gain = kp and bias[2] = -kv.
     gain = model.actuator_gainprm[:, 0]

@@ -136,6 +136,7 @@ class Session:
         self._channels = channels_of(self.robots)
         for body in filter(None, (robot.pushable for robot in self.robots)):
             body.clock = lambda: self._deck.time  # as events do; the approach comes before
+            body.holds = lambda: self._stop.holds
         if isinstance(self._deck, Lockable):
             self._deck.measured = self._measured
             if isinstance(self._clock, Ticker):

@@ -183,10 +183,17 @@ class RigServos(Protocol):
 
 @runtime_checkable
 class Pushable(Protocol):
-    """A simulated body that can be pushed; the call does not wait."""
+    """A simulated body that can be pushed; the call does not wait.
+
+    Attributes:
+        fallen: whether it lies.
+        clock: the time at which it notes what happens to it, s.
+        holds: whether it is to stay as it lies, and not get up.
+    """
 
     fallen: bool
     clock: Callable[[], float]
+    holds: Callable[[], bool]
 
     def push_from(self, side: Side, impulse: float, towards: float | None) -> float:
         """Pushes it from a side, or towards a direction, with an impulse, N s, 0 for its own choice; that impulse."""

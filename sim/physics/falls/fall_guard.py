@@ -23,6 +23,7 @@ class FallGuard:
 
     Attributes:
         active: whether it has taken over.
+        targets: what it told the joints last, shape (J,), rad.
     """
 
     active: bool = False
@@ -31,14 +32,13 @@ class FallGuard:
         """Args: whose joints; the model that is simulated, whose servos it makes soft; from tick to tick, s."""
         self._robot, self._model = robot, model
         self._step = robot.limits.velocity * dt
-        # The robot's own: a model that was used before may have been left soft.
-        self._gain, self._bias = robot.model.actuator_gainprm[:, 0], robot.model.actuator_biasprm[:, 1]
-        self._targets = robot.rest.copy()
+        self._gain, self._bias = model.actuator_gainprm[:, 0].copy(), model.actuator_biasprm[:, 1].copy()
+        self.targets = robot.rest.copy()
 
     def take_over(self, goal: Array) -> None:
         """Goes soft, and begins with the joints of a goal (nq,)."""
         self.active = True
-        self._robot.layout.read(goal, near=self._targets, out=self._targets)
+        self._robot.layout.read(goal, near=self.targets, out=self.targets)
         self._soften(SOFT)
 
     def let_go(self) -> None:
@@ -48,8 +48,8 @@ class FallGuard:
 
     def adjust(self, goal: Array) -> None:
         """Puts the joints of a goal (nq,) where they are next on the way to the tucked pose."""
-        self._targets += np.clip(self._robot.tucked - self._targets, -self._step, self._step)
-        self._robot.layout.place(self._targets, goal)
+        self.targets += np.clip(self._robot.tucked - self.targets, -self._step, self._step)
+        self._robot.layout.place(self.targets, goal)
 
     def _soften(self, share: float) -> None:
         self._model.actuator_gainprm[:, 0] = share * self._gain

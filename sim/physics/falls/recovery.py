@@ -98,9 +98,13 @@ class Recovery:
         """Whether it no longer does what is played, though it may sit on its feet."""
         return self.phase in (Phase.RISES, Phase.LIES) or (self.phase is Phase.FALLS and self.seconds > GIVEN_UP)
 
-    def adjust(self, legs: Legs, data: mujoco.MjData, before: Array, goal: Array) -> None:
-        """Puts where the joints are to go into a goal (nq,), given that of the tick before and the robot's state."""
-        self._ticks += 1
+    def adjust(self, legs: Legs, data: mujoco.MjData, before: Array, goal: Array, *, held: bool = False) -> None:
+        """Puts where the joints are to go into a goal (nq,), given that of the tick before and the robot's state.
+
+        A robot that is held stays where it is on its way up; it still protects itself when it falls.
+        """
+        if not (held and self.phase in (Phase.RISES, Phase.JOINS)) or self.stands:
+            self._ticks += 1
         if legs.falling and self.phase in (Phase.PLAYS, Phase.JOINS):
             self._guard.take_over(before)
             self._begin(Phase.FALLS)
@@ -109,11 +113,13 @@ class Recovery:
                 pass
             case Phase.FALLS:
                 self._guard.adjust(goal)
-                if self._robot.rise is not None and self.seconds > FALLS and self._is_still(data):
+                if self._robot.rise is not None and not held and self.seconds > FALLS and self._is_still(data):
                     self._guard.let_go()
-                    self._targets[:] = self._robot.tucked
+                    self._targets[:] = self._guard.targets
                     self._begin(Phase.RISES)
                     self._course = self._moves([(STRAIGHT * self._beat, self._robot.rest)])
+            case Phase.RISES if held:
+                self._robot.layout.place(self._targets, goal)
             case Phase.RISES:
                 self._follow(goal)
                 if self._over and self._is_still(data):

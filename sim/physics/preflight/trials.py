@@ -17,6 +17,7 @@ from controller.deck.interfaces import JointLimits
 from controller.loop.safety.safety_envelope import SafetyEnvelope
 from controller.rotations import Array
 from sim.models.servo_motor import ROOM
+from sim.physics.physics_model import physics_model
 from sim.physics.playback import PhysicsPlayback
 from sim.physics.played_motions import PlayedMotion, onward, poses_at, targets_at
 from sim.physics.preflight.by_numbers import ASTRAY, TEN_MINUTES
@@ -112,9 +113,9 @@ class Trials:
 
     def _stage(self, root: str, *, walk: bool = False) -> PhysicsPlayback:
         balance = self.balance and root == "free" and not walk
-        stage = PhysicsPlayback(self.robot, TICK, root, balance, walk=walk, compiled=self._models.get(root))
-        self._models[root] = stage.model
-        return stage
+        if root not in self._models:
+            self._models[root] = physics_model(self.robot, root)
+        return PhysicsPlayback(self.robot, TICK, root, balance, walk=walk, compiled=self._models[root])
 
     def _played(
         self, stage: PhysicsPlayback, played: PlayedMotion, tempo: float, seconds: float | None
