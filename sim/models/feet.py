@@ -73,8 +73,11 @@ def find_feet(model: mujoco.MjModel, qpos: Array) -> tuple[Foot, ...]:
     found: dict[int, Foot] = {}
     chain: dict[int, int] = {}
     for body in range(1, model.nbody):
-        if lowest[body] < ground + GROUND * height and data.xpos[body, 2] < ground + ANKLE * height:
-            first = chain[body] = chain.get(int(model.body_parentid[body]), body)
+        parent = int(model.body_parentid[body])
+        if lowest[body] == np.inf and parent in chain:
+            chain[body] = chain[parent]  # a link without solids only holds what hangs from it
+        elif lowest[body] < ground + GROUND * height and data.xpos[body, 2] < ground + ANKLE * height:
+            first = chain[body] = chain.get(parent, body)
             foot = _foot(model, data, body)
             if first not in found or foot.area > found[first].area:
                 found[first] = foot

@@ -132,6 +132,8 @@ def _check_numbers(path: Path, robot: RobotFile) -> None:
             if not (row[0] > 0.0 and all(abs(value) < float("inf") for value in row)):
                 place = f"{path}: rise.{key}, row {number}: {list(row)}"
                 raise FileFormatError(f"{place}; it must be a time above 0 s and five angles in rad")
+    if robot.rise.back and not robot.rise.front:
+        raise FileFormatError(f"{path}: rise.back ends on the belly: it needs rise.front to get up from there")
     if robot.root_height is not None and not 0.0 < robot.root_height < float("inf"):
         raise FileFormatError(f"{path}: root_height is {robot.root_height}; it must be a positive number of metres")
     if not abs(sum(component**2 for component in robot.root_rotation) - 1.0) < 1e-3:

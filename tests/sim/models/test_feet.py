@@ -20,6 +20,11 @@ BULK = (
 RODS = '<geom type="mesh" mesh="shoe" pos=".03 0 -.05" contype="0" conaffinity="0"/>' + "".join(
     f'<geom type="capsule" size=".01" fromto="-.06 {y} -.04 .12 {y} -.04"/>' for y in (-0.03, 0.0, 0.03)
 )
+# An ankle that reaches the ground itself, and a link that is a frame and no more.
+LOW, NOTHING = (
+    '<geom type="box" size=".02 .02 .045"/>',
+    '<inertial pos="0 0 0" mass=".01" diaginertia="1e-5 1e-5 1e-5"/>',
+)
 TOES = '<geom type="box" size=".02 .04 .01" pos=".15 0 -.04"/>'
 
 
@@ -46,6 +51,7 @@ def robot(*links):
         ([("pitch", ANKLE), ("roll", SOLE)], "roll"),
         ([("foot", SOLE), ("toes", TOES)], "foot"),
         ([("pitch", ANKLE), ("roll", SOLE), ("toes", TOES)], "roll"),
+        ([("pitch", LOW), ("frame", NOTHING), ("roll", SOLE)], "roll"),
     ],
 )
 def test_the_foot_is_the_body_with_the_largest_sole(links, foot):

@@ -24,6 +24,14 @@ def test_a_row_that_is_no_posture_is_refused_by_name(tmp_path, row, complaint):
         read_robot_file(path)
 
 
+def test_who_turns_onto_its_belly_must_get_up_from_there(tmp_path):
+    path = tmp_path / "robot.toml"
+    text = FILE.read_text()
+    path.write_text(text[: text.index("front = [")] + text[text.index("back = [") :])
+    with pytest.raises(FileFormatError, match=r"rise\.back .*needs rise\.front"):
+        read_robot_file(path)
+
+
 def test_a_robot_gets_up_by_the_postures_of_its_file():
     robot, table = load_robot(FILE, human()), read_robot_file(FILE).rise
     assert robot.rise is not None
