@@ -80,7 +80,7 @@ class Watched(PhysicsPlayback):
 
     def step(self, model: mujoco.MjModel, data: mujoco.MjData) -> None:
         """Takes a step and looks at it."""
-        before = {part: self._speed(part) for part in ("head", "trunk")} if self.watching else {}
+        before = {part: self._speed(part) for part in ("head", "trunk") if self.watching and self._parts[part]}
         mujoco.mj_step(model, data)
         if not self.watching:
             return

@@ -225,13 +225,13 @@ def rehearse(
     rounds: Annotated[int, typer.Option("--rounds", help="How often a loop goes round.")] = 3,
     generations: Annotated[int, typer.Option("--generations", help="How long to search.")] = 70,
     tries: Annotated[int, typer.Option("--tries", help="How often to try the result, with other errors.")] = 20,
-    seed: Annotated[int, typer.Option("--seed", help="Seed of the search.")] = 0,
+    seed: Annotated[int, typer.Option("--seed", help="Seed of the search.", min=0)] = 0,
     as_json: JsonOption = False,
 ) -> None:
     """Find joint targets with which a robot does a motion on a free root, in many short simulations.
 
-    For motions that no step controller can do: getting down to the floor, crawling, getting up. Three robots rehearse
-    at once, two of them weaker, on a more slippery floor and a little out of place, and all are told the same; nothing
+    For motions that no step controller can do: getting down to the floor, crawling, getting up. Six robots rehearse
+    at once, five of them weaker, on a more slippery floor and a little out of place, and all are told the same; nothing
     watches them. Then the result is tried with other errors of that size, beside the targets as they are played. The
     exit code is 1 if the motion is kept to its end less often than 9 times in 10: such a motion stays on the gantry.
 

@@ -8,9 +8,10 @@ from typing import Any
 
 import numpy as np
 
+from controller.cli.common.options import check_folder
 from controller.cli.common.progress import progress
 from controller.library.motion_library import load_library
-from motiondeck_base.errors import UnknownNameError
+from motiondeck_base.errors import MotiondeckError, UnknownNameError
 from motiondeck_base.shipped import find_library, find_robot
 from sim.physics.played_motions import DT, load_sampled_robot, play_motions
 from sim.physics.rehearsal.plant import Plant, Variation, variations
@@ -37,6 +38,9 @@ def rehearsed(
     Raises:
         MotiondeckError: if a file or the motion does not exist, or the result cannot be written.
     """
+    if out.suffix.lower() not in (".clip", ".csv"):
+        raise MotiondeckError(f"{out}: joint targets are written as .clip or .csv. Name the file so.")
+    check_folder(out)
     loaded = load_library(find_library(library))
     if motion not in loaded.network.motions:
         raise UnknownNameError.among("motion", motion, loaded.network.motions)

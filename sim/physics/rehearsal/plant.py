@@ -22,8 +22,10 @@ import numpy as np
 from mujoco import rollout
 
 from controller.rotations import Array, from_rotation_vector, multiply
+from sim.models.servo_motor import strength
 from sim.models.surface import LowestPoint
 from sim.physics.physics_model import physics_model
+from sim.physics.playback import lead_of
 from sim.physics.played_motions import DT
 from sim.robots.robot import Robot
 
@@ -85,11 +87,12 @@ class Plant:
         """Takes a robot, the posture that it starts from, shape (nq,), and how many threads simulate at once."""
         self._robot, self._start = robot, start
         self._model = model = physics_model(robot, "free")
-        gain = model.actuator_gainprm[:, 0]
-        self._lead = -model.actuator_biasprm[:, 2] / np.where(gain > 0.0, gain, 1.0)
+        self._lead = lead_of(model)
         self._data = [mujoco.MjData(model) for _ in range(threads)]
         self._count = model.nq
         self._lowest = LowestPoint(model)
+        # By default MuJoCo writes each warning to a file in the working directory.
+        mujoco.set_mju_user_warning(lambda _: None)
 
     def put(self, varied: Sequence[Variation]) -> None:
         """Puts variations of the robot where it starts, on the floor."""
@@ -107,7 +110,7 @@ class Plant:
             mujoco.mj_getState(self._model, data, state, _STATE)
 
     def tried(self, targets: Array, before: Array) -> Array:
-        """What all variations would do, shape (N, P, H, nq), a sample DT apart.
+        """What all variations would do, shape (N, P, H, nq), a sample DT apart; NaN from where one breaks.
 
         Args:
             targets: N courses of joint targets, shape (N, H, J), rad.
@@ -118,7 +121,7 @@ class Plant:
         return states[:, :, 1 : 1 + self._count].reshape(count, variations, -1, self._count)
 
     def advance(self, targets: Array, before: Array) -> Array:
-        """Does it: targets (H, J), rad; where all variations went, shape (P, H, nq)."""
+        """Does it: targets (H, J), rad; where all variations went, shape (P, H, nq), NaN from where one breaks."""
         states = self._rolled(self._fine, self.states, np.repeat(targets[None], len(self.states), axis=0), before)
         self.states = states[:, -1].copy()
         return states[:, :, 1 : 1 + self._count]
@@ -128,7 +131,12 @@ class Plant:
         steps = round(DT / models[0].opt.timestep)
         turns = [models[k % len(models)] for k in range(len(states))]
         found, _ = rollout.rollout(turns, self._data, states, self._controls(targets, before, steps))
-        return np.asarray(found, np.float64)[:, steps - 1 :: steps]
+        after = np.asarray(found, np.float64)[:, steps - 1 :: steps]
+        # MuJoCo puts a state that is no longer finite back to the start, time and all, where it would lie in peace.
+        due = states[:, :1] + models[0].opt.timestep * steps * np.arange(1, after.shape[1] + 1)
+        broken = np.abs(after[:, :, 0] - due) > 0.5 * models[0].opt.timestep
+        after[np.logical_or.accumulate(broken, axis=1)] = np.nan
+        return after
 
     def _controls(self, targets: Array, before: Array, steps: int) -> Array:
         """Of each step, shape (B, H steps, J): a target is reached evenly, and led by its rate as in `playback`."""
@@ -143,8 +151,7 @@ def _with_motors(robot: Robot, plain: mujoco.MjModel, variation: Variation) -> m
     """A variation of a model whose servos have their torque-speed line, in the form of a rollout."""
     model = copy.copy(plain)
     model.geom_friction[:, 0] *= variation.friction
-    limited = model.actuator_forcelimited.astype(bool)
-    most = np.where(limited, np.abs(model.actuator_forcerange).max(axis=1), np.inf) * variation.strength
+    most = strength(model) * variation.strength
     if robot.servo is not None:
         slope = robot.servo.torque / robot.servo.speed
         most = np.minimum(most, robot.servo.most * variation.strength)

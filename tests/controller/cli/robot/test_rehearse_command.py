@@ -52,3 +52,18 @@ def test_what_cannot_be_rehearsed_is_refused(tmp_path, arguments, complaint):
     result = run(*arguments, "--out", tmp_path / "out.clip")
     assert complaint in str(result.exception)
     assert list(tmp_path.iterdir()) == []
+
+
+@pytest.mark.parametrize(
+    ("out", "complaint"),
+    [("out.txt", "joint targets are written as .clip or .csv"), ("gone/out.clip", "there is no such folder")],
+)
+def test_a_place_that_cannot_be_written_is_refused_before_the_search(tmp_path, out, complaint):
+    result = run("crawl", "--out", tmp_path / out)
+    assert complaint in str(result.exception)
+
+
+def test_a_seed_below_zero_is_refused(tmp_path):
+    result = run("crawl", "--seed", "-1", "--out", tmp_path / "out.clip")
+    assert result.exit_code == 2
+    assert "--seed" in result.output

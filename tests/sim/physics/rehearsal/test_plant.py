@@ -63,6 +63,19 @@ def test_what_is_tried_changes_nothing_and_comes_near_what_is_done():
     assert np.abs(again[0, 0] - done[0, -1]).max() < 0.02
 
 
+def test_a_course_that_breaks_is_no_number_from_there_on_and_leaves_no_log(tmp_path, monkeypatch):
+    """MuJoCo puts it back to its start, where it stands as if it had been told to: the best of all courses."""
+    monkeypatch.chdir(tmp_path)
+    plant = plant_of(Variation(), Variation(), Variation())
+    plant.states[1, 1 + 2] = 1e12  # its height
+    plant.states[2, 1 + SERVO20.model.nq] = 1e11  # how fast it flies
+    sound, high, fast = plant.tried(raised(10)[None], SERVO20.rest)[0]
+    assert np.isfinite(sound).all()
+    assert np.isnan(high).all()
+    assert np.isnan(fast).all()
+    assert list(tmp_path.iterdir()) == []
+
+
 def test_it_is_put_where_it_starts_again_with_other_errors():
     plant = plant_of(Variation(off=0.05, seed=1))
     first = plant.states.copy()
