@@ -17,7 +17,7 @@ from pathlib import Path
 import msgspec
 
 from controller.wire.messages.command_table import BY_WORD, parse_command
-from controller.wire.messages.commands import Blend, CommandError, DeckCommand, Queue, Switch
+from controller.wire.messages.commands import AtTime, Blend, CommandError, DeckCommand, Queue, Switch
 from motiondeck_base.errors import FileFormatError, MotiondeckError, UnknownNameError
 from motiondeck_base.toml_file import read_toml
 
@@ -71,6 +71,8 @@ def read_timeline(path: Path, motions: Iterable[str]) -> tuple[str, list[Timed]]
             message = parse_command(line.say.split())
         except CommandError as error:
             raise FileFormatError(f"{place}: {error}") from None
+        if isinstance(message, AtTime):
+            raise FileFormatError(f"{place}: 'say' has a time of its own: give it as the command's 'at'")
         for name in _named(message):
             if name not in known:
                 raise FileFormatError(f"{place}: {UnknownNameError.among('motion', name, known)}")
