@@ -27,7 +27,8 @@ __all__ = ["CommandedMotion", "DeckEvent", "DeckStatus", "LiveDeck", "LockState"
 
 _ANSWERS_WITHIN = 5.0  # s
 _LOOKS_EVERY = 1.0  # s
-_TURN = 0.05  # s that one thread waits for a reply before another may
+# s that one thread waits for a reply before another may, and between two turns: a lock goes to whoever comes first.
+_TURN, _GAP = 0.01, 0.001
 
 
 @dataclass(frozen=True)
@@ -307,6 +308,8 @@ class LiveDeck:
                     outcome.append(settled)
                 elif left <= 0.0 and not outcome:
                     raise MotiondeckError(f"{motion} has not settled after {timeout:g} s")
+                else:
+                    time.sleep(_GAP)
             if isinstance(outcome[0], Refused):
                 raise CommandError(outcome[0].reason)
             return outcome[0].seconds

@@ -71,8 +71,11 @@ def test_any_thread_may_wait_for_a_switch_as_often_as_it_likes(library):
         waiting = [threading.Thread(target=lambda: waited.append(commanded.wait(10.0))) for _ in range(2)]
         for thread in waiting:
             thread.start()
+        asked = 0
         while any(thread.is_alive() for thread in waiting):
             deck.status()  # its answers come to the same socket
+            asked += 1
+        assert asked > 10  # nobody keeps the socket to himself while he waits
         assert waited == [commanded.wait(0.0)] * 2
         overtaken, last = deck.switch("march"), deck.switch("wave")
         last.wait()
