@@ -46,6 +46,8 @@ class JoinLimits:
         shown, ticks = self._shown, ceil(PEAKS_OVER / dt - 1e-6)
         while len(shown) > 2 * ticks:
             shown.popleft()
+        while 2 <= len(shown) < 2 * ticks:
+            shown.appendleft(2.0 * shown[0] - shown[1])  # before the first poses it moved on as between them
         between = min(ticks, len(shown))
         over = between * dt
         step = self._joints(pose) - shown[-between]

@@ -153,6 +153,23 @@ def test_the_limits_of_a_join_do_not_depend_on_the_rate(walk, rate):
     assert most(rate) <= 1.01 * most(200.0)
 
 
+@pytest.mark.parametrize("tick", range(9))
+def test_a_jump_in_the_first_ticks_counts_as_much_as_a_later_one(walk, tick):
+    """At 1000 Hz the acceleration was looked at from the ninth tick on."""
+
+    def most(tick):
+        limits = JoinLimits(cast(Skeleton, Rod()), at(0.0), at(0.0))
+        limits.begin(walk)
+        used = []
+        for place in [0.0] * tick + [0.01] * 12:
+            used.append(limits.use(at(place), 0.001))
+            limits.accept(at(place))
+        return max(used)
+
+    assert most(tick) == pytest.approx(most(20))
+    assert most(tick) > 1.0
+
+
 def test_a_join_is_limited_by_its_motions_and_by_those_of_the_join_it_interrupts(cmu86):
     """Kept for as long as joins overlapped, the limits of a box were those of a crawl four joins later."""
     motions = read_motions(cmu86)
