@@ -36,7 +36,7 @@ def main() -> None:
         free = Preflight(robot, robot.limits, "free")
         collisions, feet = SelfCollision(robot), feet_of(robot)
         for played in play_motions(library, robot):
-            hanging = loads_of(robot, played, free=False, collisions=collisions, feet=feet)
+            hanging = loads_of(free.robot, played, free=False, collisions=collisions, feet=feet)
             for tempo in TEMPOS:
                 gantry = Preflight(robot, robot.limits, "gantry")
                 said = {f.check: f.ok for f in gantry.numbers.findings(played, hanging, tempo)}
