@@ -23,8 +23,9 @@ from controller.loop.safety.safety_envelope import SafetyEnvelope
 from controller.mocap.posture import Pose
 from controller.rotations import Array
 from motiondeck_base.shipped import find_library, find_robot
-from sim.physics.physics_model import feet_of, usual_push
+from sim.physics.physics_model import feet_of
 from sim.physics.playback import PhysicsPlayback
+from sim.physics.pushes import usual_push
 from sim.physics.walk_trial import pushes
 from sim.robots.robot import Robot, load_robot
 

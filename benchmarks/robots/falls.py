@@ -25,8 +25,8 @@ from controller.jobs import Jobs, spread
 from controller.library.motion_library import load_library
 from controller.rotations import Array
 from motiondeck_base.shipped import find_library, find_robot
-from sim.physics.physics_model import usual_push
-from sim.physics.playback import PUSH_LASTS, PhysicsPlayback, push_force
+from sim.physics.playback import PhysicsPlayback
+from sim.physics.pushes import PUSH_LASTS, push_force, usual_push
 from sim.physics.walk_trial import Course, placed_pose, play_course
 from sim.robots.robot import DT, Robot, load_robot
 

@@ -31,7 +31,7 @@ from controller.library.motion_library import MotionLibrary, load_library
 from controller.mocap.posture import Pose
 from controller.rotations import Array
 from motiondeck_base.shipped import find_library, find_robot
-from sim.physics.physics_model import usual_push
+from sim.physics.pushes import usual_push
 from sim.physics.walk_conditions import AS_MODELLED, CONDITIONS
 from sim.physics.walk_trial import Course, Trial, play_course, walk_trial
 from sim.robots.robot import DT, Robot, load_robot

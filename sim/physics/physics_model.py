@@ -5,15 +5,14 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable
 
 import mujoco
+import numpy as np
 
-from controller.rotations import from_matrix
+from controller.rotations import Array, from_matrix
 from motiondeck_base.errors import MotiondeckError
 from sim.models.feet import Foot, find_feet
-from sim.models.gravity import GRAVITY
 from sim.models.overlaps import near_bodies
 from sim.models.scenery import FLOOR, GANTRY
 from sim.robots.robot import Robot
@@ -36,15 +35,6 @@ def feet_of(robot: Robot) -> tuple[Foot, ...]:
     data = mujoco.MjData(robot.model)
     robot.layout.place(robot.rest, data.qpos)
     return find_feet(robot.model, data.qpos)
-
-
-def usual_push(model: mujoco.MjModel) -> float:
-    """The impulse, N s, of a push that a body of this mass and height has to step against.
-
-    0.05 m sqrt(g h), with the root's height h where the model has it: 0.24 N s for servo20, 16 N s for the mannequin.
-    """
-    height = float(model.body(int(model.jnt_bodyid[0])).pos[2])
-    return 0.05 * float(model.body_mass.sum()) * math.sqrt(GRAVITY * height)
 
 
 def check_root(root: str) -> None:
@@ -82,6 +72,13 @@ def physics_model(robot: Robot, root: str = "gantry", alter: Alteration | None =
     if alter is not None:
         alter(spec)
     return spec.compile()
+
+
+def lead_of(model: mujoco.MjModel) -> Array:
+    """How far ahead of its target a servo is sent for each rad/s of its rate, kv / kp, shape (J,), s."""
+    # Position servos: force = gain * ctrl + bias . (1, length, velocity), with gain = kp and bias[2] = -kv.
+    gain = model.actuator_gainprm[:, 0]
+    return -model.actuator_biasprm[:, 2] / np.where(gain > 0.0, gain, 1.0)
 
 
 def _drawn_into_one_another(robot: Robot) -> list[tuple[str, str]]:

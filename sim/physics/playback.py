@@ -1,4 +1,4 @@
-"""Playback: outputs that show joint targets on a MuJoCo robot, either exactly or with its servos and masses."""
+"""Physics playback: an output that plays joint targets on a MuJoCo robot with its servos and masses."""
 
 # pyright: reportAttributeAccessIssue=false
 # (MuJoCo's names come from compiled modules, which have no type stubs.)
@@ -13,13 +13,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from controller.mocap.posture import Pose
-from controller.rotations import Array, conjugate, rotate
+from controller.rotations import Array
 from controller.wire.messages.commands import Side
 from motiondeck_base.errors import MotiondeckError
 from sim.models.surface import LowestPoint
 from sim.physics.balance import Balance
+from sim.physics.contact_forces import contact_forces
+from sim.physics.falls.fallen import has_fallen
 from sim.physics.falls.recovery import Phase, Recovery
-from sim.physics.physics_model import Alteration, feet_of, physics_model, usual_push
+from sim.physics.physics_model import Alteration, feet_of, lead_of, physics_model
+from sim.physics.pushes import PUSH_LASTS, PUSHES_TOWARDS, push_force, usual_push
 from sim.physics.simulated_servos import Servos
 from sim.physics.walking.preview import AHEAD
 from sim.physics.walking.senses import Sensors
@@ -29,64 +32,8 @@ from sim.robots.robot import Robot
 # MuJoCo resets itself when its state becomes invalid, and counts a warning.
 _BROKEN = (mujoco.mjtWarning.mjWARN_BADQPOS, mujoco.mjtWarning.mjWARN_BADQVEL, mujoco.mjtWarning.mjWARN_BADQACC)
 
-
-# A robot has fallen when its root is lower than this share of the height at which it is played, or when it leans over
-# by so much more than it is played, rad.
-FALLEN_HEIGHT = 0.6
-FALLEN_TILT = 1.0
 STANDS_AGAIN = 1.0
 """s that a fallen robot must be upright before it counts as standing."""
-
-# How long a push lasts, s, and where one on command drives the body, rad to the left of its own heading.
-PUSH_LASTS = 0.1
-PUSHES_TOWARDS: dict[Side, float] = {"back": 0.0, "right": 0.5 * np.pi, "front": np.pi, "left": -0.5 * np.pi}
-
-
-class KinematicPlayback:
-    """Puts the robot exactly at its targets.
-
-    Attributes:
-        name: "kinematics".
-        data: MuJoCo's state, with the position of every body.
-        placed: the commanded root of the last write, position (m) and quaternion, shape (7,).
-        behind_s: how far the body is behind what is written, s.
-    """
-
-    name = "kinematics"
-    behind_s = 0.0
-
-    def __init__(self, robot: Robot) -> None:
-        self._robot = robot
-        self.data = mujoco.MjData(robot.model)
-        robot.layout.place(robot.rest, self.data.qpos)
-        mujoco.mj_kinematics(robot.model, self.data)
-        self._measured = robot.rest.copy()
-        self._writes = 0
-        self.placed = self.data.qpos[:7].copy()
-
-    @property
-    def qpos(self) -> Array:
-        """Where the robot is, shape (nq,): MuJoCo's own array, so copy what you keep."""
-        return self.data.qpos
-
-    def write(self, targets: Array, pose: Pose) -> None:
-        """Places the joints at targets (J,), rad, and the root where the pose has it."""
-        self._robot.place(targets, pose, self.data.qpos)
-        mujoco.mj_kinematics(self._robot.model, self.data)
-        self.placed[:] = self.data.qpos[:7]
-        self._measured[:] = targets
-        self._writes += 1
-
-    def measured(self) -> Array:
-        """The joint positions (J,), rad: what was written last."""
-        return self._measured
-
-    def report(self) -> Mapping[str, object]:
-        """Its kind and the number of writes."""
-        return {"kind": "kinematics", "robot": self._robot.name, "joints": len(self._measured), "writes": self._writes}
-
-    def close(self) -> None:
-        """Does nothing."""
 
 
 class PhysicsPlayback:
@@ -314,34 +261,8 @@ class PhysicsPlayback:
         return asked + self._walker.preview.travel.metres, walked + self._walker.travel.metres
 
     def contact_forces(self, out: Array) -> None:
-        """Writes where the floor holds the body and how hard, one row (6,) a body part: m and N in the world.
-
-        Args:
-            out: shape (N, 6); parts beyond N are left out, and rows without one are NaN.
-        """
-        model, data = self.model, self.data
-        out[:] = np.nan
-        parts: dict[int, int] = {}
-        force = np.empty(6)
-        for index in range(data.ncon):
-            contact = data.contact[index]
-            first, second = (int(model.geom_bodyid[geom]) for geom in (contact.geom1, contact.geom2))
-            if 0 not in (first, second):
-                continue
-            row = parts.setdefault(first or second, len(parts))
-            if row >= len(out):
-                continue
-            mujoco.mj_contactForce(model, data, index, force)
-            # The frame's x axis, and the force, go from the first geom to the second.
-            pushed = (-1.0 if second == 0 else 1.0) * force[:3] @ contact.frame.reshape(3, 3)
-            if np.isnan(out[row, 0]):
-                out[row] = 0.0
-            weight = max(float(np.linalg.norm(pushed)), 1e-9)
-            total = out[row, 3:] + pushed
-            # The point is the mean of those where it touches, by how hard.
-            sums = float(np.linalg.norm(out[row, 3:]))
-            out[row, :3] = (sums * out[row, :3] + weight * contact.pos) / (sums + weight)
-            out[row, 3:] = total
+        """Writes where the floor holds the body and how hard, as `contact_forces`, into (N, 6)."""
+        contact_forces(self.model, self.data, out)
 
     def push(self, force: Array) -> None:
         """Pushes the root with a force (3,), N, in the world, until the next call."""
@@ -440,26 +361,3 @@ class PhysicsPlayback:
         self._writes += 1
         self._square_sum += float(error @ error)
         self._worst = max(self._worst, float(np.maximum.reduce(error)), -float(np.minimum.reduce(error)))
-
-
-def lead_of(model: mujoco.MjModel) -> Array:
-    """How far ahead of its target a servo is sent for each rad/s of its rate, kv / kp, shape (J,), s."""
-    # Position servos: force = gain * ctrl + bias . (1, length, velocity), with gain = kp and bias[2] = -kv.
-    gain = model.actuator_gainprm[:, 0]
-    return -model.actuator_biasprm[:, 2] / np.where(gain > 0.0, gain, 1.0)
-
-
-def push_force(impulse: float, towards: float) -> Array:
-    """The force (3,), N, of a push with an impulse, N s, in a direction on the ground, rad."""
-    return impulse / PUSH_LASTS * np.array([np.cos(towards), np.sin(towards), 0.0])
-
-
-def has_fallen(qpos: Array, played: Array, standing: Array) -> bool:
-    """Whether a root at qpos (>= 7,) is too low or leans too far, compared with the commanded one (>= 7,).
-
-    `standing` is the rotation of a root that is upright, a quaternion: not every model has z up.
-    """
-    up = rotate(conjugate(standing), np.array([0.0, 0.0, 1.0]))
-    upright = rotate(np.stack([qpos[3:7], played[3:7]]), up)[:, 2]
-    lean, played_lean = np.arccos(np.clip(upright, -1.0, 1.0))
-    return bool(qpos[2] < FALLEN_HEIGHT * played[2] or lean > played_lean + FALLEN_TILT)

@@ -19,7 +19,8 @@ from controller.rotations import Array
 from sim.models.kinematic_tree import path_to
 from sim.models.walk_settings import WalkSettings
 from sim.physics.physics_model import feet_of
-from sim.physics.playback import PUSH_LASTS, PhysicsPlayback, push_force
+from sim.physics.playback import PhysicsPlayback
+from sim.physics.pushes import PUSH_LASTS, push_force
 from sim.physics.walk_conditions import AS_MODELLED, CONDITIONS, Condition
 from sim.physics.walking.preview import AHEAD
 from sim.robots.robot import DT, Robot

@@ -25,7 +25,7 @@ from motiondeck_base.errors import MotiondeckError, UnknownNameError
 from motiondeck_base.shipped import find_library, find_robot
 
 if TYPE_CHECKING:
-    from sim.physics.playback import KinematicPlayback
+    from sim.physics.kinematic_playback import KinematicPlayback
     from sim.pictures.offscreen import Camera
     from sim.pictures.screens import Shot
     from sim.robots.robot import Robot
@@ -46,7 +46,7 @@ def draw_sheet(library: str, robot: str, out: Path, blends: Sequence[Blend] = ()
     Raises:
         MotiondeckError: if there is no such motion, or some cannot be blended.
     """
-    from sim.physics.playback import KinematicPlayback
+    from sim.physics.kinematic_playback import KinematicPlayback
     from sim.pictures.video import contact_sheet
     from sim.robots.robot import load_robot
 
@@ -185,8 +185,9 @@ def _shots(
     """The pictures; between them the deck plays on in ticks, as `play` does."""
     from controller.loop.safety.safety_envelope import SafetyEnvelope
     from sim.models.scenery import body_height
+    from sim.physics.kinematic_playback import KinematicPlayback
     from sim.physics.physics_model import feet_of
-    from sim.physics.playback import KinematicPlayback, PhysicsPlayback
+    from sim.physics.playback import PhysicsPlayback
     from sim.pictures.screens import Shot
     from sim.view.body.footprints import StepWatch
 

@@ -18,7 +18,7 @@ from motiondeck_base.errors import UnknownNameError
 from motiondeck_base.files import write_file
 from motiondeck_base.shipped import find_library
 from sim.models.walk_settings import WalkSettings, with_walk_table
-from sim.physics.physics_model import usual_push
+from sim.physics.pushes import usual_push
 from sim.physics.walk_trial import Course, Trial, play_course, walk_trial
 from sim.physics.walk_tuning import EDGE, steps, tune_walk
 from sim.robots.robot import Robot, load_robot

@@ -24,8 +24,7 @@ from mujoco import rollout
 from controller.rotations import Array, from_rotation_vector, multiply
 from sim.models.servo_motor import strength
 from sim.models.surface import LowestPoint
-from sim.physics.physics_model import physics_model
-from sim.physics.playback import lead_of
+from sim.physics.physics_model import lead_of, physics_model
 from sim.physics.played_motions import DT
 from sim.robots.robot import Robot
 

@@ -8,8 +8,9 @@ from controller.rotations import multiply, rotate
 from motiondeck_base.errors import MotiondeckError
 from sim.models.feet import find_feet
 from sim.models.surface import LowestPoint
+from sim.physics.falls.fallen import has_fallen
 from sim.physics.physics_model import feet_of, physics_model
-from sim.physics.playback import PhysicsPlayback, has_fallen
+from sim.physics.playback import PhysicsPlayback
 from sim.robots.robot import load_robot
 from simulated_bodies import HUMAN, ROBOTS, bent_pose, human, skeleton_of
 from small_robots import calibrated, full_humanoid, humanoid

@@ -2,7 +2,8 @@ import numpy as np
 import pytest
 
 from controller.mocap.posture import Pose
-from sim.physics.playback import KinematicPlayback, PhysicsPlayback
+from sim.physics.kinematic_playback import KinematicPlayback
+from sim.physics.playback import PhysicsPlayback
 from sim.robots.robot import load_robot
 from simulated_bodies import ROBOTS, bent_pose, human, smooth_poses
 

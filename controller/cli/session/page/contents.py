@@ -83,7 +83,7 @@ class PageContents:
     def description(self, models: Sequence[Path]) -> dict[str, Any]:
         """What the view is told once; the models of the robots are files."""
         from sim.models.gravity import GRAVITY
-        from sim.physics.physics_model import usual_push
+        from sim.physics.pushes import usual_push
 
         deck, first = self.deck, self.simulations[0]
         robot = first.robot

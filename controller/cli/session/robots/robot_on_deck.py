@@ -163,7 +163,8 @@ def open_robot(
         MotiondeckError: if a file is wrong or the rig cannot be connected; the message names it.
     """
     from sim.models.robot_file import solver_named
-    from sim.physics.playback import KinematicPlayback, PhysicsPlayback
+    from sim.physics.kinematic_playback import KinematicPlayback
+    from sim.physics.playback import PhysicsPlayback
     from sim.robots.collision_guard import CollisionGuard
     from sim.robots.robot import load_robot
 

@@ -21,7 +21,7 @@ from controller.wire.messages.commands import DeckCommand
 from controller.wire.messages.lock_state import LOCK_SOURCES, LOCK_STAGES
 from controller.wire.run_recording import COMMANDS, MODES, load_recording
 from motiondeck_base.shipped import find_library, find_robot
-from sim.physics.playback import KinematicPlayback
+from sim.physics.kinematic_playback import KinematicPlayback
 from sim.robots.robot import load_robot
 
 TIMELINE = """

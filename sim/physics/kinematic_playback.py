@@ -1,0 +1,61 @@
+"""Kinematic playback: an output that shows joint targets on a MuJoCo robot exactly."""
+
+# pyright: reportAttributeAccessIssue=false
+# (MuJoCo's names come from compiled modules, which have no type stubs.)
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import mujoco
+
+from controller.mocap.posture import Pose
+from controller.rotations import Array
+from sim.robots.robot import Robot
+
+
+class KinematicPlayback:
+    """Puts the robot exactly at its targets.
+
+    Attributes:
+        name: "kinematics".
+        data: MuJoCo's state, with the position of every body.
+        placed: the commanded root of the last write, position (m) and quaternion, shape (7,).
+        behind_s: how far the body is behind what is written, s.
+    """
+
+    name = "kinematics"
+    behind_s = 0.0
+
+    def __init__(self, robot: Robot) -> None:
+        self._robot = robot
+        self.data = mujoco.MjData(robot.model)
+        robot.layout.place(robot.rest, self.data.qpos)
+        mujoco.mj_kinematics(robot.model, self.data)
+        self._measured = robot.rest.copy()
+        self._writes = 0
+        self.placed = self.data.qpos[:7].copy()
+
+    @property
+    def qpos(self) -> Array:
+        """Where the robot is, shape (nq,): MuJoCo's own array, so copy what you keep."""
+        return self.data.qpos
+
+    def write(self, targets: Array, pose: Pose) -> None:
+        """Places the joints at targets (J,), rad, and the root where the pose has it."""
+        self._robot.place(targets, pose, self.data.qpos)
+        mujoco.mj_kinematics(self._robot.model, self.data)
+        self.placed[:] = self.data.qpos[:7]
+        self._measured[:] = targets
+        self._writes += 1
+
+    def measured(self) -> Array:
+        """The joint positions (J,), rad: what was written last."""
+        return self._measured
+
+    def report(self) -> Mapping[str, object]:
+        """Its kind and the number of writes."""
+        return {"kind": "kinematics", "robot": self._robot.name, "joints": len(self._measured), "writes": self._writes}
+
+    def close(self) -> None:
+        """Does nothing."""
