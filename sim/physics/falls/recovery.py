@@ -28,6 +28,8 @@ from sim.robots.robot import Robot
 # A body whose root is slower than this, in its heights a second, for so long, s, lies still; it falls for so long at
 # least, s.
 SLOW, STILL, FALLS = 0.2, 0.4, 0.6
+# One that rocks on the floor goes on after so long, s.
+ROCKS = 5.0
 # How long it takes to lie straight and to stand up from the last posture, in sqrt(height / g).
 STRAIGHT, STANDS = 5.0, 5.0
 # It stands if its root is above this share of its height and leans by less than this, rad.
@@ -152,7 +154,7 @@ class Recovery:
             self._course = self._moves([*rows, (STANDS * self._beat, self._robot.rest)])
 
     def _begin(self, phase: Phase) -> None:
-        self.phase, self._ticks, self._still, self._over = phase, 0, 0, False
+        self.phase, self._ticks, self._still, self._looks, self._over = phase, 0, 0, 0, False
 
     def _follow(self, goal: Array) -> None:
         following = next(self._course, None)
@@ -171,7 +173,8 @@ class Recovery:
                 yield start + share * share * (3.0 - 2.0 * share) * (end - start)
 
     def _is_still(self, data: mujoco.MjData) -> bool:
-        """Whether the root has been slow for long enough."""
+        """Whether the root has been slow for long enough, or has been looked at for too long."""
         slow = float(np.linalg.norm(data.qvel[:3])) < SLOW * self._height
         self._still = self._still + 1 if slow else 0
-        return self._still * self._dt > STILL
+        self._looks += 1
+        return self._still * self._dt > STILL or self._looks * self._dt > ROCKS

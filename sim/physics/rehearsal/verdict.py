@@ -13,6 +13,7 @@ import numpy as np
 
 from controller.loop.safety.safety_envelope import SafetyEnvelope
 from controller.rotations import Array, conjugate, multiply, to_rotation_vector
+from sim.physics.physics_model import physics_model
 from sim.physics.playback import PhysicsPlayback
 from sim.physics.played_motions import DT
 from sim.physics.rehearsal.plant import Variation
@@ -59,8 +60,8 @@ def repeated(robot: Robot, targets: Array, wanted: WantedMotion, variation: Vari
         wanted: the motion that it should look like, length T.
         variation: what differs from the robot's files.
     """
-    body = _varied(robot, variation)
-    stage = PhysicsPlayback(body, TICK, "free", alter=_slippery(variation.friction))
+    body, model = _varied(robot, variation)
+    stage = PhysicsPlayback(body, TICK, "free", compiled=model)
     start = variation.start(robot, wanted.qpos[0])
     first = np.empty(len(robot.joints))
     robot.layout.read(start, near=targets[0], out=first)
@@ -73,14 +74,18 @@ def repeated(robot: Robot, targets: Array, wanted: WantedMotion, variation: Vari
         k, share = int(when), when - int(when)
         told = targets[k] + share * (targets[k + 1] - targets[k])
         stage.write(envelope(told), placed_pose(wanted.qpos[k, :7], 0.0))
+        went.append(stage.qpos.copy())
         if stage.fell_s is not None:
             break
-        went.append(stage.qpos.copy())
-    return _judged(robot, np.array(went), wanted, at)
+    kept = len(went) - (stage.fell_s is not None)
+    return _judged(robot, np.array(went), wanted, at, kept)
 
 
-def _judged(robot: Robot, went: Array, wanted: WantedMotion, at: Array) -> Repeat:
-    """How where it went, shape (K, nq), compares with the motion, of which it was told the first K samples of `at`."""
+def _judged(robot: Robot, went: Array, wanted: WantedMotion, at: Array, kept: int) -> Repeat:
+    """How where it went, shape (K, nq), compares with the motion, of which it was told the first K samples of `at`.
+
+    It kept to the motion in the first `kept` of them.
+    """
     there = wanted.qpos[at[: len(went)].astype(np.int64)]
     way = wanted.qpos[-1, :2] - wanted.qpos[0, :2]
     asked = float(np.hypot(*way))
@@ -91,7 +96,7 @@ def _judged(robot: Robot, went: Array, wanted: WantedMotion, at: Array) -> Repea
         joints += np.square(to_rotation_vector(multiply(conjugate(there[:, ball]), went[:, ball]))).sum()
     turn = to_rotation_vector(multiply(went[:, 3:7], conjugate(there[:, 3:7])))[:, :2]
     return Repeat(
-        kept_s=len(went) * TICK,
+        kept_s=kept * TICK,
         seconds=len(at) * TICK,
         joints_deg=float(np.degrees(np.sqrt(joints / (len(went) * len(robot.joints))))),
         height=float(np.sqrt(np.square(went[:, 2] - there[:, 2]).mean())) / height,
@@ -101,15 +106,12 @@ def _judged(robot: Robot, went: Array, wanted: WantedMotion, at: Array) -> Repea
     )
 
 
-def _varied(robot: Robot, variation: Variation) -> Robot:
-    if robot.servo is None:
-        return robot
-    return replace(robot, servo=msgspec.structs.replace(robot.servo, torque=variation.strength * robot.servo.torque))
-
-
-def _slippery(share: float):
-    def alter(spec: mujoco.MjSpec) -> None:
-        for geom in spec.geoms:
-            geom.friction = (share * geom.friction[0], *geom.friction[1:])
-
-    return alter
+def _varied(robot: Robot, variation: Variation) -> tuple[Robot, mujoco.MjModel]:
+    """A robot with other servos, and the model to simulate it on."""
+    model = physics_model(robot, "free")
+    model.geom_friction[:, 0] *= variation.friction
+    model.actuator_forcerange *= variation.strength
+    if robot.servo is not None:
+        servo = msgspec.structs.replace(robot.servo, torque=variation.strength * robot.servo.torque)
+        robot = replace(robot, servo=servo)
+    return robot, model

@@ -169,6 +169,17 @@ def test_a_body_that_still_moves_does_not_get_up():
     assert set(body.go_on(2.0)[0]) == {Phase.FALLS}
 
 
+def test_a_body_that_never_comes_to_rest_gets_up_all_the_same():
+    """It stayed where it was for good, and said nothing."""
+    body = Lying(Rise(ROWS, ROWS))
+    body.put((0.0, 1.5, 0.0), 0.05)
+    body.data.qvel[0] = 0.5
+    body.feet.falling = True
+    phases, _ = body.go_on(7.0)
+    assert phases[-1] is Phase.RISES
+    assert body.go_on(8.0 * (1 + TRIES))[0][-1] is Phase.LIES
+
+
 def test_what_one_stage_does_to_its_servos_the_next_does_not_feel():
     """A soft guard, and torque limits at the speed of the last step, were handed on from trial to trial."""
     compiled = physics_model(SERVO20, "free")

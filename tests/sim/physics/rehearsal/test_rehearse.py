@@ -1,3 +1,5 @@
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -86,6 +88,21 @@ def test_it_is_told_how_long_a_motion_was_kept_and_how_far_it_was_off():
     fell = repeated(SERVO20, tipped, WantedMotion(tipped, ahead), Variation())
     assert fell.asked == pytest.approx(0.3)
     assert fell.went < -0.005  # toes that are pressed down tip it over backwards
+
+
+def test_who_has_fallen_before_anything_moved_kept_to_nothing():
+    still = held("l_knee", 0.5)
+    above = still.qpos.copy()
+    above[:, 2] += 1.0
+    fell = repeated(SERVO20, still.targets, WantedMotion(still.targets, above), Variation())
+    assert (fell.kept, fell.kept_s) == (False, 0.0)
+
+
+@pytest.mark.parametrize("robot", [SERVO20, replace(SERVO20, servo=None)], ids=["servos", "as the model has them"])
+def test_a_weaker_robot_is_farther_off(robot):
+    still = held("l_knee", 0.5)
+    strong, weak = (repeated(robot, still.targets, still, Variation(strength=share)) for share in (1.0, 0.1))
+    assert weak.joints_deg > 1.2 * strong.joints_deg
 
 
 def test_a_motion_of_any_length_is_repeated():
