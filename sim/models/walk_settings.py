@@ -14,6 +14,7 @@ class WalkSettings(msgspec.Struct, forbid_unknown_fields=True, frozen=True):
         share: of the length of the motion's steps.
         longest: step, from foot to foot.
         fastest: swinging foot, on average, in heights a second: what is quicker in the motion becomes shorter.
+        slowest: how long a swing takes at most, in sqrt(height / g): what is slower in the motion stands on both feet.
         width: between the soles, at least.
         bend: how much lower the root is carried than it is played.
         lift: of a swinging sole.
@@ -32,6 +33,7 @@ class WalkSettings(msgspec.Struct, forbid_unknown_fields=True, frozen=True):
     share: float = 0.7
     longest: float = 0.6
     fastest: float = 2.2
+    slowest: float = 2.2
     width: float = 0.36
     bend: float = 0.08
     lift: float = 0.08

@@ -23,6 +23,7 @@ EDGE = 0.85
 # What changes with the pace, and what is searched, with the least and most that it may be.
 PACE = ("share", "longest", "fastest")
 SEARCHED = {
+    "slowest": (1.5, 3.5),
     "width": (0.15, 0.6),
     "bend": (0.02, 0.25),
     "lift": (0.05, 0.2),

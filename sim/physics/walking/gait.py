@@ -17,8 +17,8 @@ from sim.physics.walking.steps import MEETS, Step, pressure_course, swing_path
 GROWS = (0.3, 0.55, 0.8, 1.0)
 # Who has stood for so long starts anew, s.
 STOOD = 0.6
-# A step takes at least so long, s, and at most so long, in sqrt(height / g): on one foot errors grow.
-SHORTEST, SLOWEST = 0.2, 3.3
+# A step takes at least so long, s.
+SHORTEST = 0.2
 # A swing that has not ended yet in the preview lasts at least so long, s.
 UNKNOWN = 0.3
 # In the last share of a swing its goal stays where it is.
@@ -58,7 +58,7 @@ class Gait:
         self._roll = 0.5 * sole * settings.roll
         self._width = settings.width * height
         self._reach = STRETCH * height * float(np.hypot(settings.longest, settings.width))
-        self._slowest = SLOWEST * float(np.sqrt(height / GRAVITY))
+        self._slowest = settings.slowest * float(np.sqrt(height / GRAVITY))  # on one foot errors grow
 
     def start(self, middle: Array, facing: float, yaws: Array) -> None:
         """Stands with both feet beside a point (2,), m, facing a direction, rad; the feet point to yaws (2,), rad."""
