@@ -33,7 +33,7 @@ class WalkSettings(msgspec.Struct, forbid_unknown_fields=True, frozen=True):
     share: float = 0.7
     longest: float = 0.6
     fastest: float = 2.2
-    slowest: float = 2.2
+    slowest: float = 3.3
     width: float = 0.36
     bend: float = 0.08
     lift: float = 0.08
