@@ -52,13 +52,11 @@ class JointMotion:
             FileFormatError: for another ending, or if the file cannot be written.
         """
         path = Path(path)
-        match path.suffix.lower():
-            case ".csv":
-                write_file(path, self._csv().encode())
-            case ".clip":
-                save_taught_clip(taught_clip(self.name, self.joints, self.rate, self.angles), path, plays)
-            case _:
-                raise FileFormatError(f"{path}: joint motions are written as .csv or .clip. Name the file so.")
+        check_ending(path)
+        if path.suffix.lower() == ".csv":
+            write_file(path, self._csv().encode())
+        else:
+            save_taught_clip(taught_clip(self.name, self.joints, self.rate, self.angles), path, plays)
 
     def _csv(self) -> str:
         """The text of a CSV file: s, m, quaternion, rad."""
@@ -66,6 +64,16 @@ class JointMotion:
         time = np.arange(len(self)) / self.rate
         rows = np.column_stack([time, self.root, self.angles])
         return "\n".join([",".join(columns), *(",".join(f"{value:.9g}" for value in row) for row in rows), ""])
+
+
+def check_ending(path: Path) -> None:
+    """Checks that a joint motion can be written to a file of this name.
+
+    Raises:
+        FileFormatError: for another ending than .csv or .clip.
+    """
+    if path.suffix.lower() not in (".csv", ".clip"):
+        raise FileFormatError(f"{path}: joint motions are written as .csv or .clip. Name the file so.")
 
 
 def retargeted(robot: Robot, clip: Clip) -> JointMotion:

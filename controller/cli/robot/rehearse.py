@@ -11,14 +11,14 @@ import numpy as np
 from controller.cli.common.options import check_folder
 from controller.cli.common.progress import progress
 from controller.library.motion_library import load_library
-from motiondeck_base.errors import MotiondeckError, UnknownNameError
+from motiondeck_base.errors import UnknownNameError
 from motiondeck_base.shipped import find_library, find_robot
 from sim.physics.played_motions import DT, load_sampled_robot, play_motions
 from sim.physics.rehearsal.plant import Plant, Variation, variations
 from sim.physics.rehearsal.rehearse import rehearse
 from sim.physics.rehearsal.verdict import Repeat, repeated
 from sim.physics.rehearsal.wanted_motion import WantedMotion, wanted_motion
-from sim.robots.joint_motion import JointMotion
+from sim.robots.joint_motion import JointMotion, check_ending
 from sim.robots.robot import Robot
 
 # What may be wrong with robot and floor at most, and how many robots that are off rehearse at once.
@@ -38,8 +38,7 @@ def rehearsed(
     Raises:
         MotiondeckError: if a file or the motion does not exist, or the result cannot be written.
     """
-    if out.suffix.lower() not in (".clip", ".csv"):
-        raise MotiondeckError(f"{out}: joint targets are written as .clip or .csv. Name the file so.")
+    check_ending(out)
     check_folder(out)
     loaded = load_library(find_library(library))
     if motion not in loaded.network.motions:

@@ -56,7 +56,7 @@ def test_what_cannot_be_rehearsed_is_refused(tmp_path, arguments, complaint):
 
 @pytest.mark.parametrize(
     ("out", "complaint"),
-    [("out.txt", "joint targets are written as .clip or .csv"), ("gone/out.clip", "there is no such folder")],
+    [("out.txt", "joint motions are written as .csv or .clip"), ("gone/out.clip", "there is no such folder")],
 )
 def test_a_place_that_cannot_be_written_is_refused_before_the_search(tmp_path, out, complaint):
     result = run("crawl", "--out", tmp_path / out)
