@@ -1,8 +1,9 @@
 """Anatomy: which bone of a skeleton is the thigh, by the usual names, and by its shape where names tell nothing.
 
-Names count where both legs bear them (`bone_names`); arms without such names are found by their shape. A bone without
-a name of its own belongs to what it leads to: on the way to a thigh it is hip, on the way to an upper arm clavicle,
-on the way to the head trunk or neck. Fingers belong to the hand, toes to the foot.
+Names count where both legs bear them (`bone_names`); arms without such names are found by their shape, and a spine
+without them leads to the arms. A bone without a name of its own belongs to what it leads to: on the way to a thigh it
+is hip, on the way to an upper arm clavicle, on the way to the head trunk or neck. Fingers belong to the hand, toes to
+the foot.
 
 By shape: limbs come in twos of the same length. Two that branch off at the root are the legs, two that branch off
 further up the arms, and the spine is the way between them and on to the highest end near the middle. Where that is not
@@ -89,7 +90,7 @@ def named_anatomy(skeleton: Skeleton) -> Anatomy | None:
                 part[bone], side[bone] = p, s
     heads = [b for b, of in enumerate(named) if of is not None and of.part in ("head", "neck")]
     spine_end = heads or [b for b, of in enumerate(named) if of is not None and of.part == "trunk"]
-    spine = _path(skeleton, _main_end(skeleton, spine_end[-1], named)) if spine_end else []
+    spine = _path(skeleton, _main_end(skeleton, spine_end[-1], named)) if spine_end else _way_up(skeleton, part)
     arms = [b for b in range(len(skeleton)) if part[b] in _ARM and _parent(skeleton, b) in spine]
     level = max((_level(skeleton, spine, b) for b in arms), default=len(spine) - 1)
     for place, bone in enumerate(spine):
@@ -178,6 +179,18 @@ def _main_end(skeleton: Skeleton, bone: int, named: list[NamedPart | None]) -> i
         if not up:
             return bone
         bone = up[0]
+
+
+def _way_up(skeleton: Skeleton, part: list[Part]) -> list[int]:
+    """A spine that no name tells: the way to where the arms branch off, and on to the highest end beyond."""
+    arms = [bone for bone in range(len(skeleton)) if part[bone] in _ARM]
+    shared = [b for b in range(len(skeleton)) if part[b] == "other" and arms and skeleton.chain[arms, b].all()]
+    if not shared:
+        return []
+    fork = max(shared, key=lambda bone: len(_path(skeleton, bone)))
+    ends = skeleton.chain @ (skeleton.rest_direction * skeleton.length[:, None])
+    beyond = [b for b in range(len(skeleton)) if part[b] == "other" and skeleton.chain[b, fork]]
+    return _path(skeleton, max(beyond, key=lambda bone: ends[bone, 2] - abs(ends[bone, 1])))
 
 
 def shaped_anatomy(skeleton: Skeleton) -> Anatomy:

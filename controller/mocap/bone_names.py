@@ -5,8 +5,9 @@ VRM, iClone and the names of OpenSim and OpenPose: prefixes and separators are d
 such as "Left", "L" or "lt", and what is left is looked up. A bone is called after the joint that it starts from
 ("LeftLeg" is a shank) or after itself ("ltibia"); where a joint has several bones each bears both names
 ("Hips-LeftUpLeg"). Some words depend on the others: a "leg" above a "shin" is a thigh, a "foot" below an "ankle" are
-the toes, a "shoulder" above an "elbow" is an upper arm. A word that most names share ("Robot_Hips") says nothing. Names
-in other languages are translated (`foreign_names`).
+the toes, a "shoulder" above an "elbow" is an upper arm. A word that most names share ("Robot_Hips") says nothing, nor
+do words without which most parts are found ("LeftLeg_bind" beside "hair_1"). Names in other languages are translated
+(`foreign_names`).
 """
 
 from __future__ import annotations
@@ -47,21 +48,22 @@ class NamedPart(NamedTuple):
 
 _MIDDLE: dict[Part, str] = {
     "pelvis": "hips hip pelvis midhip hipcenter",
-    "trunk": "spine chest upperchest lowerback upperback back thorax torso abdomen waist lowerchest lumbar rib ribs "
-    "l5 l3 t12 t8 midspine ab spinenavel spinechest",
-    "neck": "neck lowerneck upperneck necktwist",
+    "trunk": "spine chest upperchest chestupper lowerchest chestlower back lowerback upperback thorax torso lumbar "
+    "abdomen abdomenupper abdomenlower waist rib ribs ab l5 l3 t12 t8 spinenavel spinechest shouldercenter "
+    "lowerspine middlespine midspine upperspine spinelower spinemiddle spinemid spineupper spineshoulder",
+    "neck": "neck lowerneck upperneck necklower neckupper neckbase necktwist",
     "head": "head skull",
 }
 _SIDED: dict[Part, str] = {
     "hip": "hipjoint",
-    "thigh": "upleg upperleg thigh thighbend femur hip",
-    "shank": "lowerleg lowleg leg calf shin shank tibia knee",
-    "foot": "foot ankle",
-    "toes": "toe toes toebase ball bigtoe",
-    "clavicle": "clavicle collar collarbone shoulder scapula thorax",
-    "upper arm": "upperarm uparm arm uarm humerus shldr shldrbend",
-    "forearm": "forearm forearmbend lowerarm lowarm farm radius elbow",
-    "hand": "hand wrist",
+    "thigh": "upleg upperleg legupper uleg thigh thighbend femur hip",
+    "shank": "lowerleg lowleg loleg leglower leg calf shin shank tibia knee",
+    "foot": "foot ankle footankle",
+    "toes": "toe toes toebase ball football bigtoe",
+    "clavicle": "clavicle clav collar collarbone shoulder scapula thorax",
+    "upper arm": "upperarm uparm armupper arm uarm humerus shldr shldrbend",
+    "forearm": "forearm forearmbend lowerarm lowarm loarm armlower farm radius elbow",
+    "hand": "hand wrist handwrist palm",
 }
 _KEYS: dict[str, Part] = {
     word: part for table in (_MIDDLE, _SIDED) for part, words in table.items() for word in words.split()
@@ -73,7 +75,8 @@ _PREFIXES = re.compile(
 _RIGGED = re.compile(r"^(DEF|ORG|MCH)-")  # Blender's rigs
 _LEFT = foreign_names.LEFT | {"left", "l", "lt", "lf", "lft"}
 _RIGHT = foreign_names.RIGHT | {"right", "r", "rt", "rg", "rgt"}
-_SIDED_ONLY: dict[str, Part] = {"hip": "thigh", "thorax": "clavicle"}
+# Another part, or one at all, only where the side is said apart: "r_larm" is a lower arm, "LArm" a left one.
+_SIDED_ONLY: dict[str, Part] = {"hip": "thigh", "thorax": "clavicle", "larm": "forearm", "lleg": "shank"}
 # "LFArm" is a left forearm, though "lf" elsewhere means left.
 _WHOLE = {f"{letter}{key}" for letter in "lr" for key in ("farm", "uarm")}
 _KNOWN = frozenset(_KEYS) | frozenset(ENGLISH)
@@ -126,7 +129,7 @@ class _Style(NamedTuple):
 
     Attributes:
         shared: words that say nothing, because most names bear them.
-        joints: bones are called after joints, such as elbow and knee, and so is the upper arm.
+        joints: a shoulder is the upper arm, because bones are called after joints, or collar bones have other names.
         shins: a leg is a thigh, because what follows it is called shin.
         ankles: a foot is what follows the ankle: the toes.
         thighs: a hip of a side is what carries the thigh, because thighs have names of their own.
@@ -150,19 +153,21 @@ class _Style(NamedTuple):
             for word, count in counts.items()
             if len(said) > 3 and count > _SHARED * len(said) and word not in known
         )
+        if len(said) > 3:
+            shared |= _besides_parts(map(_words, joints)) - known
         keys = {key for joint in joints for key, _ in [_key(joint, shared)]}
-        thighs = bool(keys & {"upleg", "upperleg", "thigh", "thighbend", "femur"})
-        shins = bool(keys & {"shin", "calf", "shank", "lowerleg", "lowleg"})
-        joints = bool(keys & {"elbow", "knee"}) and not keys & {"upperarm", "uparm", "arm", "uarm", "humerus"}
+        thighs = bool(keys & {"upleg", "upperleg", "legupper", "uleg", "thigh", "thighbend", "femur"})
+        shins = bool(keys & {"shin", "calf", "shank", "lowerleg", "lowleg", "loleg", "leglower", "lleg"})
+        uppers = {"upperarm", "uparm", "armupper", "arm", "uarm", "humerus"}
+        others = {"elbow", "knee", "clavicle", "clav", "collar", "collarbone", "scapula"}
+        joints = bool(keys & others) and not keys & uppers
         return cls(shared, joints, "leg" in keys and shins and not thighs, "ankle" in keys, thighs)
 
     def part(self, name: str) -> NamedPart | None:
         """What the name of a joint means."""
         key, side = _key(name, self.shared)
-        part = _KEYS.get(key)
-        if part is None:
-            return None
         if side == "middle":
+            part = _KEYS.get(key)
             return NamedPart(part, side) if part in _MIDDLE else None
         if key == "hip" and self.thighs:
             return NamedPart("hip", side)
@@ -174,7 +179,8 @@ class _Style(NamedTuple):
             return NamedPart("thigh", side)
         if key == "foot" and self.ankles:
             return NamedPart("toes", side)
-        return None if part in _MIDDLE else NamedPart(part, side)
+        part = _KEYS.get(key)
+        return None if part is None or part in _MIDDLE else NamedPart(part, side)
 
 
 def named_parts(names: Iterable[str]) -> list[NamedPart | None]:
@@ -224,13 +230,35 @@ def _words(name: str) -> tuple[str, ...]:
 @lru_cache(maxsize=4096)
 def _key(name: str, shared: frozenset[str]) -> tuple[str, Side]:
     """A name in English without prefix, separators, numbers and side; and the side."""
-    key, side = _sided_key(name, shared)
+    key, side = _sided_key(tuple(word for word in _words(name) if word not in shared))
     return ENGLISH.get(key, key), side
 
 
-def _sided_key(name: str, shared: frozenset[str]) -> tuple[str, Side]:
-    """As `_key`, in the language of the name."""
-    words = [word for word in _words(name) if word not in shared]
+def _besides_parts(names: Iterable[tuple[str, ...]]) -> frozenset[str]:
+    """The words that the names of most parts bear besides the part: a prefix, or what an exporter adds."""
+    parts: dict[frozenset[str], set[tuple[str, Side]]] = {}
+    for words in names:
+        found = _besides_part(words)
+        if found is not None:
+            besides, part = found
+            parts.setdefault(besides, set()).add(part)
+    return max(parts, key=lambda words: (len(parts[words]), -len(words), sorted(words)), default=frozenset())
+
+
+@lru_cache(maxsize=4096)
+def _besides_part(words: tuple[str, ...]) -> tuple[frozenset[str], tuple[str, Side]] | None:
+    """The words of a name besides the most that together name a part, and that part; None if none do."""
+    for count in range(len(words), 0, -1):
+        for at in range(len(words) - count + 1):
+            key, side = _sided_key(words[at : at + count])
+            key = ENGLISH.get(key, key)
+            if key in _KEYS:
+                return frozenset(words[:at] + words[at + count :]), (key, side)
+    return None
+
+
+def _sided_key(words: tuple[str, ...]) -> tuple[str, Side]:
+    """As `_key`, of the words of a name in its own language."""
     side: Side = "middle"
     kept: list[str] = []
     whole = "".join(words)

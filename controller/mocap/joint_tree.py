@@ -108,7 +108,7 @@ def body_of(tree: JointTree, path: object) -> RecordedBody:
     for joint, child, bone_above in _bones(tree, parts, children, rigid, COINCIDENT * size, root, names):
         turned = tree.rotation[:, joint]
         if child is None:
-            vector = _assumed(tree, parts, joint, rigid)
+            vector = _assumed(parts[joint], _leading(tree, parts, joint, rigid, COINCIDENT * size, root))
         else:
             vector = rigid[child]
             if bends[child]:
@@ -182,7 +182,8 @@ def _bones(
         joint, above = waiting.pop()
         apart = [child for child in children[joint] if np.abs(offset[child]).max() > least]
         ways = _distinct([offset[child] for child in apart], least)
-        if not apart and _unfinished(tree, parts, children, joint):
+        unfinished = not apart and _unfinished(tree, parts, children, joint)
+        if unfinished and _leading(tree, parts, joint, offset, least, root):
             names.append(tree.names[joint])
             yield joint, None, above
         below: list[tuple[int, int]] = []
@@ -235,19 +236,19 @@ def _unfinished(tree: JointTree, parts: Parts, children: list[list[int]], joint:
     return part.part == "head" or (part.part == "hand" and last)
 
 
-def _assumed(tree: JointTree, parts: Parts, joint: int, offset: Array) -> Array:
-    """A bone that continues the one before it, seen from its own joint."""
-    way = [joint]
-    part = parts[joint]
-    reach = 2 if part is not None and part.part == "hand" else len(tree.names)
-    while len(way) < reach and tree.parent[way[-1]] >= 0 and parts[way[-1]] is not None:
-        above = int(tree.parent[way[-1]])
-        if parts[above] is None:
-            break
-        way.append(above)
-    before = joint
-    while np.linalg.norm(offset[before]) == 0.0 and tree.parent[before] >= 0:
-        before = int(tree.parent[before])
-    share = HAND_PER_ARM if reach == 2 else HEAD_PER_SPINE
-    length = share * sum(float(np.linalg.norm(offset[j])) for j in (way if reach == 2 else way[:-1]))
-    return normalise(offset[before]) * length
+def _leading(tree: JointTree, parts: Parts, joint: int, offset: Array, least: float, root: int) -> list[Array]:
+    """The bones that lead to a joint from the trunk, the last one first."""
+    way = _above(tree, joint)
+    way = way[: way.index(root)]
+    names = [parts[above] for above in way]
+    trunk = next((at for at, part in enumerate(names) if part is not None and part.part == "pelvis"), len(way))
+    return [offset[above] for above in way[:trunk] if np.abs(offset[above]).max() > least]
+
+
+def _assumed(part: NamedPart | None, before: list[Array]) -> Array:
+    """A bone that continues those before it, seen from its own joint."""
+    if part is not None and part.part == "hand":
+        before, share = before[:2], HAND_PER_ARM
+    else:
+        share = HEAD_PER_SPINE
+    return normalise(before[0]) * share * sum(float(np.linalg.norm(vector)) for vector in before)

@@ -8,6 +8,7 @@ from __future__ import annotations
 import numpy as np
 
 from controller.mocap.anatomy import SIDES, named_anatomy
+from controller.mocap.bone_names import named_parts
 from controller.mocap.canonical.canonical_body import CANONICAL_BONES, NO_LENGTH, Landmarks, landmarks_of, to_canonical
 from controller.mocap.clip import Clip
 from controller.mocap.skeleton import Skeleton
@@ -35,6 +36,8 @@ def doubts(clip: Clip) -> list[str]:
         return [str(error)]
     if named_anatomy(skeleton) is None:
         found.append("no names of legs were understood: parts were found by shape. Check them, or use --rename.")
+    elif arms := _arms_by_shape(skeleton, marks):
+        found.append(f"no name of {arms} was understood: found by shape. Check it, or use --rename OLD=LeftForeArm.")
     lacking = [_called(bone) for bone in marks.lacking]
     if lacking:
         what = "was found: its length and direction are" if len(lacking) == 1 else "were found: they are"
@@ -65,6 +68,17 @@ def doubts(clip: Clip) -> list[str]:
     if "lfoo" in marks.joint and _toes_ahead(own) < -0.3:
         found.append("the toes point backwards: names may have left and right exchanged (--rename).")
     return found
+
+
+def _arms_by_shape(skeleton: Skeleton, marks: Landmarks) -> str:
+    """The arms that were found though names do not tell their upper arm and forearm; empty for none."""
+    named = set(named_parts(skeleton.bones))
+    arms = [
+        f"the {side} arm"
+        for side in SIDES
+        if side[0] + "elb" in marks.joint and not {("upper arm", side), ("forearm", side)} <= named
+    ]
+    return " and ".join(arms)
 
 
 def _toes_ahead(own: Clip) -> float:

@@ -36,6 +36,17 @@ def test_bones_of_the_upper_neck_are_neck():
     assert anatomy(body).part[body.index("nape")] == "neck"
 
 
+def test_a_spine_without_names_leads_to_the_arms_and_on_to_the_head():
+    limbs = {"kne": "UpLeg", "ank": "Leg", "foo": "Foot", "sho": "Shoulder", "elb": "Arm", "wri": "ForeArm"}
+    names = {side + end: f"{side.upper()}_{limb}" for side in "lr" for end, limb in limbs.items()}
+    names |= {"back": "bone1", "neck": "bone2", "head": "bone3"}
+    bones = [(names.get(name, name), *rest) for name, *rest in HUMAN]
+    tail = ("tail", -1, DOWN, 0.9)
+    parts = anatomy(skeleton_of([*bones, tail]))
+    found = dict(zip((name for name, *_ in [*bones, tail]), parts.part, strict=True))
+    assert [found[name] for name in ("bone1", "bone2", "bone3", "tail")] == ["trunk", "trunk", "head", "other"]
+
+
 @given(skeletons())
 def test_any_skeleton_gets_a_part_and_a_side_for_every_bone(skeleton):
     parts = anatomy(skeleton)

@@ -13,7 +13,15 @@ SIDED = ("hip", "thigh", "shank", "foot", "toes", "clavicle", "upper arm", "fore
 def mirrored(name):
     """The same bone of the right side."""
     pairs = (("Left", "Right"), ("left", "right"), ("LEFT", "RIGHT"), ("Links", "Rechts"), ("Linker", "Rechter"))
-    for left, right in (*pairs, ("Izq", "Der"), ("gauche", "droite"), ("左", "右"), ("lft", "rgt")):
+    for left, right in (
+        *pairs,
+        ("Izq", "Der"),
+        ("gauche", "droite"),
+        ("左", "右"),
+        ("Левое", "Правое"),
+        ("왼쪽", "오른쪽"),
+        ("lft", "rgt"),
+    ):
         if left in name:
             return name.replace(left, right)
     swap = {"l": "r", "L": "R"}
@@ -21,8 +29,9 @@ def mirrored(name):
     return other if other != name else swap[name[0]] + name[1:]
 
 
-def check(convention, spelled=str):
-    names, expected = [], []
+def check(convention, spelled=str, extra=()):
+    """Every name must be its part, though extra names that are none stand beside them."""
+    names, expected = list(extra), [None] * len(extra)
     for part, words in convention.items():
         for word in words.split():
             if part in SIDED:
@@ -54,6 +63,20 @@ def test_every_bone_of_a_vocabulary(name):
 @pytest.mark.parametrize("name", ["Bandai-Namco", "Unreal", "SMPL", "Mixamo, of Blender", "Biped", "VRM"])
 def test_words_that_all_names_share_say_nothing(name, spelled):
     check(CONVENTIONS[name], spelled)
+
+
+@pytest.mark.parametrize("spelled", [lambda name: f"{name}_jnt_bind", lambda name: f"Q_{name}"])
+@pytest.mark.parametrize("name", ["Bandai-Namco", "Unreal", "SMPL", "LAFAN1"])
+def test_words_of_all_parts_say_nothing_beside_hair_and_skirt(name, spelled):
+    extra = [f"{what}_{chain}_{joint}" for what in ("hair", "skirt") for chain in range(8) for joint in range(6)]
+    check(CONVENTIONS[name], spelled, extra)
+
+
+def test_of_parts_that_are_there_twice_those_without_a_further_word_count():
+    limbs = "UpLeg Leg Foot Arm ForeArm Hand"
+    names = ["Hips", "Spine", "Neck", "Head", *(side + limb for side in ("Left", "Right") for limb in limbs.split())]
+    found = named_parts([*names, *(f"{name}_ctrl" for name in names)])
+    assert found == named_parts(names) + [None] * len(names)
 
 
 @pytest.mark.parametrize("name", ["Bandai-Namco", "Unreal", "SMPL", "Biped"])

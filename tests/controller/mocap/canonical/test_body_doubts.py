@@ -48,6 +48,10 @@ def longer(bone, factor):
         (standing(longer("lkne", 2.5)), r"bone 'lkne', taken for the left thigh, is .*--rename"),
         (standing(longer("relb", 1.5)), r"bones 'lelb' and 'relb', taken for both upper arms, are .*--rename"),
         (standing(renamed({"lkne": "bone1", "rkne": "bone2"})), r"no names of legs were understood.*--rename"),
+        (
+            standing(renamed({"lkne": "LeftUpLeg", "rkne": "RightUpLeg", "lank": "LeftLeg", "rank": "RightLeg"})),
+            r"no name of the left arm and the right arm was understood: .*--rename",
+        ),
     ],
 )
 def test_each_doubt_names_bone_reason_and_remedy(clip, doubt):

@@ -167,6 +167,23 @@ def test_a_leg_that_is_missing_is_named_and_no_arm_taken_for_it(tmp_path):
         to_canonical(clip)
 
 
+def test_a_head_without_an_end_gets_one_though_what_carries_it_has_no_known_name(tmp_path):
+    text = re.sub(r"End Site\n{\n[^}]*}\n", "", bvh_text(MOTION, LAFAN1))
+    unnamed = re.sub(r"JOINT (Neck|Spine\d?)\n", lambda found: f"JOINT bone_{found.start()}\n", text)
+    assert unnamed != text
+    clips = [read_clip(write(tmp_path, one)).skeleton for one in (text, unnamed)]
+    lengths = [clip.length[clip.index("Head")] for clip in clips]
+    assert lengths[0] == pytest.approx(lengths[1], rel=0.2)
+
+
+def test_a_head_that_nothing_leads_to_gets_no_end(tmp_path):
+    head = "JOINT Head\n{\nOFFSET 0 0 0\nCHANNELS 3 Zrotation Xrotation Yrotation\n}\n"
+    prop = head.replace("Head", "Prop").replace("0 0 0", "0 9 0").replace("}", "End Site\n{\nOFFSET 0 9 0\n}\n}")
+    root = "HIERARCHY\nROOT Root\n{\nOFFSET 0 0 0\nCHANNELS 3 Zrotation Xrotation Yrotation\n"
+    text = root + head + prop + "}\nMOTION\nFrames: 1\nFrame Time: 0.01\n" + "0 " * 9 + "\n"
+    assert read_clip(write(tmp_path, text)).skeleton.bones == ("Root", "Prop")
+
+
 def test_one_frame_is_a_pose(tmp_path):
     one = replace_frames(MOTION, 1)
     check_person(read_clip(write(tmp_path, bvh_text(one))), one, tolerance=1e-5)
