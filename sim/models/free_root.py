@@ -51,6 +51,10 @@ def free_root(path: Path, spec: mujoco.MjSpec) -> None:
             # A ball or a table that came along would stand in front of the free root's seven numbers; a body moved by
             # hand (mocap) would pull at what is welded to it.
             spec.delete(body)
+    left = {body.name for body in spec.bodies}
+    for looking in [*spec.cameras, *spec.lights]:
+        if looking.targetbody and looking.targetbody not in left:
+            spec.delete(looking)
     for equality in [*spec.equalities]:
         if equality.type in _CLOSING and "world" in _tied(spec, equality):
             spec.delete(equality)

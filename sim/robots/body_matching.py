@@ -16,6 +16,7 @@ Looked at is the robot as its file has it (every joint at zero), whichever way i
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import combinations
 from pathlib import Path
@@ -45,6 +46,7 @@ BEND_SHARE = 0.6
 TOES_SHARE, FINGERS_SHARE = 0.15, 0.3
 # Of the robot's height: what starts so close to the middle is no arm yet but a clavicle, and a head is as close.
 CLAVICLE_SHARE, HEAD_SHARE = 0.03, 0.06
+_ARM_WORDS, _LEG_WORDS = ("shoulder", "elbow", "forearm"), ("leg", "hip", "thigh", "knee", "shin", "ankle", "foot")
 EYES = 0.5  # what moves above the neck and is smaller than this share of the head is an eye
 ALIKE = 0.02  # limbs whose lengths differ by less than this share are of one length
 
@@ -178,12 +180,14 @@ class _Matcher:
             branches.setdefault(self.body.branch(end, pelvis), []).append(end)
         if len(branches) > 2:
             raise _StandsOtherwise(self._refusal(f"{len(branches)} limbs stand on the floor"))
+        if all(self._called_arm(self.body.limb(ends[0], pelvis)) for ends in branches.values()):
+            raise FileFormatError(self._refusal("by their names the two limbs that reach lowest are arms"))
         # Of the rods and the foot of one leg the foot reaches lowest.
         return [min(ends, key=self.body.lowest) for ends in branches.values()]
 
     def _is_leg(self, end: int, pelvis: int) -> bool:
         limb = self.body.limb(end, pelvis)
-        if len(limb.joints) < 2:
+        if not self._can_bend(limb.joints):
             return False
         way = self.body.sole(end) - self.data.xanchor[limb.joints[0]]
         length = float(np.linalg.norm(way))
@@ -206,7 +210,8 @@ class _Matcher:
             )
             for side, arm in found.items()
         }
-        return arms if all(len(self.body.limb(arm, chest).joints) > 1 for arm in arms.values()) else {}
+        stiff = {arm for arm in arms.values() if not self._can_bend(self.body.limb(arm, chest).joints)}
+        return self._arms([e for e in rest if e not in stiff], centre, left) if stiff else arms
 
     def _chest(self, arms: list[int], left: Array) -> int:
         """Where two arms part; of one arm, the last body that moves with its hinges near the middle of the body."""
@@ -332,7 +337,18 @@ class _Matcher:
     def _beside(self, limb: RobotLimb, left: Array) -> RobotLimb:
         """The part of an arm that does not start near the middle of the body, as a clavicle does."""
         first = next((k for k, joint in enumerate(limb.joints) if self._is_beside(joint, left)), 0)
-        return RobotLimb(limb.joints[first:], limb.tip) if len(limb.joints) - first > 1 else limb
+        return RobotLimb(limb.joints[first:], limb.tip) if self._can_bend(limb.joints[first:]) else limb
+
+    def _called_arm(self, limb: RobotLimb) -> bool:
+        """Whether names of a limb's joints and bodies speak of an arm, and none of a leg."""
+        bodies = (int(self.model.jnt_bodyid[joint]) for joint in limb.joints)
+        names = [self.model.joint(joint).name for joint in limb.joints] + [self.body.name(body) for body in bodies]
+        words = " ".join(names).lower()
+        return any(word in words for word in _ARM_WORDS) and not any(word in words for word in _LEG_WORDS)
+
+    def _can_bend(self, joints: Sequence[int]) -> bool:
+        """Whether hinges move two bodies or more: those of one body have no knee among them."""
+        return len({int(self.model.jnt_bodyid[joint]) for joint in joints}) > 1
 
     def _is_beside(self, joint: int, left: Array) -> bool:
         away = float((self.data.xanchor[joint] - self.data.xpos[self.root]) @ left)

@@ -334,6 +334,16 @@ def test_sensors_and_contact_pairs_on_what_is_left_out_go_with_it(tmp_path):
     assert read_model(model_file(tmp_path, text)).compile().nsensor == 0
 
 
+@pytest.mark.parametrize(
+    "looking", ['<camera mode="targetbody" target="ball"/>', '<light mode="targetbodycom" target="ball"/>']
+)
+def test_cameras_and_lamps_that_follow_what_is_left_out_go_with_it(tmp_path, looking):
+    ball = '<body name="ball" pos="2 0 0"><freejoint/><geom size="0.1"/></body></worldbody>'
+    text = humanoid(trunk=looking + '<camera mode="targetbody" target="left_hip"/>').replace("</worldbody>", ball)
+    model = read_model(model_file(tmp_path, text)).compile()
+    assert (model.ncam, model.nlight) == (1, 0)
+
+
 def test_servos_that_have_no_gains_are_given_some(tmp_path):
     motors = humanoid().replace("<position ", '<motor gear="10" ctrlrange="-1 1" ').replace(' kp="20"', "")
     model = read_model(model_file(tmp_path, motors)).compile()

@@ -10,8 +10,9 @@ from controller.rotations import rotate
 from motiondeck_base.errors import FileFormatError
 from sim.models.model_file import read_model
 from sim.robots.body_matching import match
-from small_robots import full_humanoid, humanoid
+from small_robots import SERVOS, full_humanoid, humanoid
 
+AXES = ("0 1 0", "1 0 0", "0 0 1")
 JOINTS = {"l_shank": "left_knee", "l_forearm": "left_elbow", "r_shank": "right_knee", "r_forearm": "right_elbow"}
 
 
@@ -123,6 +124,19 @@ def test_the_head_is_what_carries_the_eyes(tmp_path):
     assert found.parts["head"] == "neck_pitch"
 
 
+@pytest.mark.parametrize("hinges", [1, 3])
+def test_wings_that_reach_farther_than_the_arms_are_none(tmp_path, hinges):
+    wings = "".join(
+        f'<body name="{side}_wing" pos="-0.05 {y} 0.2">'
+        + "".join(f'<joint name="{side}_wing_{k}" axis="{axis}"/>' for k, axis in enumerate(AXES[:hinges]))
+        + f'<geom type="capsule" fromto="0 0 0 0 {6 * y} 0.2" size="0.01"/></body>'
+        for side, y in (("left", 0.1), ("right", -0.1))
+    )
+    acts = [f"{side}_wing_{k}" for side in ("left", "right") for k in range(hinges)]
+    found, _ = matched(tmp_path, humanoid(trunk=wings, servos=[*SERVOS, *acts]))
+    assert (found.parts["l_upper_arm"], found.parts["r_forearm"]) == ("left_upper", "right_fore")
+
+
 def test_a_trunk_on_a_waist_is_no_arm(tmp_path):
     text = full_humanoid(arms=(), neck="", waist="yaw roll")
     found, _ = matched(
@@ -225,6 +239,15 @@ def hanging_arms():
     )
 
 
+ARMS_ALONE = "".join(
+    f'<body name="{side}_shoulder" pos="0 {y} .2"><joint name="{side}_shoulder_pitch" axis="0 1 0"/>'
+    '<geom type="capsule" fromto="0 0 0 0 0 -.2" size=".03"/>'
+    f'<body name="{side}_forearm" pos="0 0 -.2"><joint name="{side}_elbow" axis="0 1 0"/>'
+    '<geom type="capsule" fromto="0 0 0 0.02 0 -.2" size=".02"/></body></body>'
+    for side, y in (("left", 0.15), ("right", -0.15))
+)
+
+
 @pytest.mark.parametrize(
     ("text", "found"),
     [
@@ -233,10 +256,11 @@ def hanging_arms():
         (spider(), r"no two limbs.*'leg0' \(2 hinges\), 'leg1' \(2 hinges\)"),
         (arms(1), r"'stand' \(3 hinges\)"),
         (arms(2), r"'arm0' \(3 hinges\), 'arm1' \(3 hinges\)"),
+        (on_a_base("<freejoint/>", ARMS_ALONE), r"by their names .* are arms.*'left_shoulder' \(2 hinges\)"),
         (rover(), r"it stands on wheels \(wheel0, wheel1, wheel2, wheel3\).*'caster0' \(2 hinges\)"),
         (rover(hanging_arms()), r"it stands on wheels \(wheel0, .*'arm_l' \(2 hinges\)"),
     ],
-    ids=["dog", "lizard", "spider", "arm", "two arms", "wheels", "arms on wheels"],
+    ids=["dog", "lizard", "spider", "arm", "two arms", "torso", "wheels", "arms on wheels"],
 )
 def test_what_is_no_humanoid_is_refused_in_one_line_with_what_was_found(tmp_path, text, found):
     with pytest.raises(FileFormatError, match=f"robot.xml: this is not a humanoid with two legs.*{found}") as error:
