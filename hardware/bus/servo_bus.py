@@ -43,6 +43,7 @@ class Identity(NamedTuple):
 
 _REQUESTS_KEPT = 256
 _SHORT_MARGIN = 0.02  # s for an adapter, where hundreds of IDs are silent
+_PATIENCE = 0.4  # s for an adapter or a program in between that was kept from running
 
 
 class Bus:
@@ -50,7 +51,9 @@ class Bus:
 
     Calls that wait do so in poll(), until a deadline: the time the bytes need on the wire, plus `margin` for the
     adapter (a USB latency timer may hold a reply for 16 ms) and the servos' return delay. They are repeated at most
-    `retries` times. A servo's hardware problem is a field of its answer (`alert`), never an exception.
+    `retries` times. On a busy machine whoever carries the bytes may stand still for longer: a `read` or `write` is
+    waited for patiently once more before it fails, unless it was in vain the last time and nothing has answered since.
+    A servo's hardware problem is a field of its answer (`alert`), never an exception.
 
     For a real-time loop there are calls that never wait: `sync_write`, `request` and `collect`. Any other call
     gives up a request under way. Every call raises SerialPortError when the port is gone.
@@ -74,6 +77,7 @@ class Bus:
         self.garbled = False
         self._retries = retries
         self._margin = margin
+        self._patient = True  # whether a last wait may be a long one
         self._requests: dict[tuple[Blocks, bool], GroupRead] = {}
         self._asked: tuple[Blocks, bool, GroupRead | None] = (), False, None  # last: a loop asks the same again
         self._pending: GroupRead | None = None  # the one whose reply is awaited
@@ -280,6 +284,9 @@ class Bus:
     def _insist(self, frame: bytes, id: int, length: int, what: str) -> StatusPacket:
         """The status a servo answers with, or the reason why there is none."""
         status = self._ask(frame, id, length)
+        if status is None and self._patient:
+            status = self._exchange(frame, id, length, _PATIENCE)
+        self._patient = status is not None
         if status is None:
             raise NoReplyError(
                 f"id {id} on {self.port.name} does not answer ({what}). Check its power, cable, id and baud rate."
@@ -292,12 +299,12 @@ class Bus:
     def _ask(self, frame: bytes, id: int, length: int) -> StatusPacket | None:
         """The status of one servo, asked again if it stays silent."""
         for _ in range(1 + self._retries):
-            status = self._exchange(frame, id, length)
+            status = self._exchange(frame, id, length, self._margin)
             if status is not None:
                 return status
         return None
 
-    def _exchange(self, frame: bytes, id: int, length: int) -> StatusPacket | None:
+    def _exchange(self, frame: bytes, id: int, length: int, margin: float) -> StatusPacket | None:
         """Sends a frame and waits until this servo has answered or the deadline is over.
 
         An answer of an unexpected length and without an error number came too late for an earlier call; it is ignored.
@@ -307,7 +314,7 @@ class Bus:
         self._discard()
         if not self.port.send(frame):
             return None
-        deadline = self.port.now() + self.wire_time(len(frame) + status_length(length)) + self._margin
+        deadline = self.port.now() + self.wire_time(len(frame) + status_length(length)) + margin
         parser, read = (OldParser(), old_status) if id in self.old else (Parser(), as_status)
         unread = 0
         while (left := deadline - self.port.now()) > 0.0 and self.port.wait(left):

@@ -4,6 +4,7 @@ import pytest
 
 from hardware.bus.servo_bus import Bus
 from hardware.control_table.models import MODELS
+from hardware.emulator.faults import Fault, FaultPlan
 from hardware.errors import NoReplyError, RefusedError, SerialPortError
 from hardware.protocol2.frames import build_status
 from hardware.protocol2.group_reply import WholeReply
@@ -49,6 +50,26 @@ def test_a_value_that_looks_like_a_header_arrives_as_it_is(bus, servos):
 def test_a_silent_servo_is_named(bus):
     with pytest.raises(NoReplyError, match=r"id 99 on emulated does not answer \(read register 132\)"):
         bus.read(99, 132, 4)
+
+
+def test_who_carries_the_bytes_may_stand_still_for_a_while(bus, port):
+    """As an emulator or an adapter's program does that a busy machine does not let run."""
+    port.wire.faults = FaultPlan([Fault("delay", value=300.0)])
+    bus.write(1, 116, (2100).to_bytes(4, "little"))
+    assert bus.read(1, 116, 4).params == (2100).to_bytes(4, "little")
+
+
+def test_a_port_without_power_costs_a_long_wait_only_once(bus, port, servos):
+    for id in (1, 2, 3, 4):
+        servos[id].dead = True
+    times = []
+    for id in (1, 2, 3, 4):
+        before = port.now()
+        with pytest.raises(NoReplyError):
+            bus.read(id, *POSITION)
+        times.append(port.now() - before)
+    assert times[0] > 0.4
+    assert max(times[1:]) < 0.2
 
 
 def test_a_refusal_says_why(bus):
