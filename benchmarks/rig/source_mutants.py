@@ -36,7 +36,7 @@ MUTANTS = {
         _limit_speed, '"profile_acceleration", rates', '"profile_acceleration", [0] * len(rates)'
     ),
     "no speed limit": Mutant(
-        speed_counts, 'in_counts(joint, "profile_velocity", joint.velocity * joint.gear * pace, 1)', "0"
+        speed_counts, 'in_counts(joint, "profile_velocity", joint.velocity * joint.gear * pace)', "0"
     ),
     "full-speed catch-up": Mutant(
         cast(property, vars(CatchingUp)["pace"]).fget or CatchingUp.note,

@@ -63,7 +63,8 @@ class RigJoint(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
         if self.model not in MODELS:
             near = MODELS.near(self.model)
             raise ValueError(
-                f"model '{self.model}' is unknown. " + (f"Did you mean {' or '.join(near)}?" if near else "")
+                f"model '{self.model}' is unknown. "
+                + (f"Did you mean {' or '.join(near)}?" if near else "Only Dynamixel servos are driven")
             )
         if not math.isfinite(self.velocity):
             raise ValueError(f"velocity is {self.velocity}; it must be a finite number")
@@ -80,6 +81,7 @@ class RigJoint(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
             raise ValueError(f"model '{self.model}' measures no current, so it takes no limit of it")
         if self.current and self.current > (most := (limit := self.table["current_limit"]).maximum * limit.si):
             raise ValueError(f"current is {self.current:g} A; the most that model '{self.model}' takes is {most:.3g} A")
+        self._refuse_too_small_limits()
         bottom, top = self.table.one_turn
         low, high = sorted((self.pulses(self.lower), self.pulses(self.upper)))
         if not (low >= bottom and high <= top):
@@ -88,6 +90,18 @@ class RigJoint(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
                 f"limits {self.lower} to {self.upper} rad with zero {self.zero} reach from {low:.0f} to {high:.0f} "
                 f"pulses, outside the servo's one turn ({bottom} to {top}){in_degrees}"
             )
+
+    def _refuse_too_small_limits(self) -> None:
+        """Raises ValueError for a limit below one count of its register, in which 0 means no limit."""
+        for key, value, unit, name, gear in (
+            ("velocity", self.velocity, "rad/s", "profile_velocity", self.gear),
+            ("acceleration", self.acceleration, "rad/s^2", "profile_acceleration", self.gear),
+            ("current", self.current, "A", "current_limit", 1.0),
+        ):
+            if value and value < (least := self.table[name].si / gear):
+                raise ValueError(
+                    f"{key} is {value:g} {unit}; the least that model '{self.model}' can keep is {least:.3g}"
+                )
 
     @property
     def table(self) -> ControlTable:

@@ -26,6 +26,7 @@ some models have one from the box, and the tables do not hold it.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable, Iterator
 from typing import Literal, NamedTuple
 
@@ -49,6 +50,7 @@ _GAINS = ("position_p_gain", "position_i_gain", "feedforward_1st_gain", "feedfor
           "ccw_compliance_margin", "cw_compliance_slope", "ccw_compliance_slope")  # fmt: skip
 _LAST_ID, _NO_SECOND_ID = 252, 255
 _COOLEST_LIMIT = 40  # degC: with a lower one a servo shuts down where it is warm
+_ROUNDED_UP = 1.01  # of a limit: a register may hold so much of it
 _SLOW_ANSWER = 10  # counts of 2 us that do no harm
 _COMPARED = frozenset({
     "drive_mode", "homing_offset", "secondary_id", "startup_configuration", "shutdown", "temperature_limit",
@@ -138,11 +140,14 @@ def position_ends(config: RigConfig) -> Array:
     return np.sort([scale.pulses(scale.lower), scale.pulses(scale.upper)], axis=0)
 
 
-def in_counts(joint: RigJoint, name: str, value: float, least: int) -> int:
-    """A value in SI units as what a register of the joint takes, 0 for 0."""
+def in_counts(joint: RigJoint, name: str, limit: float) -> int:
+    """A limit in SI units as what a register of the joint takes: at most 1 % above it, at least one count; 0 for 0."""
     register = joint.table[name]
     most = _FASTEST_JOINT if joint.model in OLD_MODELS and name == "profile_velocity" else register.maximum
-    return max(least if value else 0, min(round(value / register.si), most))
+    exact = limit / register.si
+    nearest = round(exact)
+    counts = nearest if nearest <= _ROUNDED_UP * exact else math.floor(exact)
+    return max(1 if limit else 0, min(counts, most))
 
 
 def _read_settings(joint: RigJoint, bus: Bus) -> dict[str, int]:
@@ -166,7 +171,7 @@ def _needs(joint: RigJoint, low: int, high: int, held: dict[str, int]) -> Iterat
     yield "min_position_limit", low, "switch-on"
     yield "max_position_limit", high, "switch-on"
     if joint.current:
-        yield "current_limit", in_counts(joint, "current_limit", joint.current, 1), "switch-on"
+        yield "current_limit", in_counts(joint, "current_limit", joint.current), "switch-on"
     if joint.model in TRAITS:
         for name in _GAINS:
             default = joint.table.registers[name].default if name in held else None
@@ -189,12 +194,12 @@ def _needs(joint: RigJoint, low: int, high: int, held: dict[str, int]) -> Iterat
     hottest, limit = round(joint.hottest), held["temperature_limit"]
     yield "temperature_limit", limit if _COOLEST_LIMIT <= limit <= hottest else hottest, "refused"
     if "velocity_limit" in held:
-        fast_enough = in_counts(joint, "velocity_limit", joint.velocity * joint.gear, 1)
+        fast_enough = in_counts(joint, "velocity_limit", joint.velocity * joint.gear)
         # The P series would refuse the profile, with which a joint keeps its limits.
         when: When = "refused" if joint.model in P_SERIES else "advised"
         yield "velocity_limit", max(held["velocity_limit"], fast_enough), when
         if joint.model in P_SERIES:
-            quick_enough = in_counts(joint, "acceleration_limit", joint.acceleration * joint.gear, 0)
+            quick_enough = in_counts(joint, "acceleration_limit", joint.acceleration * joint.gear)
             yield "acceleration_limit", max(held["acceleration_limit"], quick_enough), when
     for name in ("pwm_limit", "max_torque"):
         default = joint.table.registers[name].default if name in held else None

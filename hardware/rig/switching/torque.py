@@ -211,14 +211,14 @@ def _is_set(joint: RigJoint, bus: Bus, low: int, high: int) -> bool:
 
 def speed_counts(joint: RigJoint, pace: float) -> int:
     """The profile velocity with which a servo keeps this part of its joint's speed limit; 0 would mean no limit."""
-    return in_counts(joint, "profile_velocity", joint.velocity * joint.gear * pace, 1)
+    return in_counts(joint, "profile_velocity", joint.velocity * joint.gear * pace)
 
 
 def _limit_speed(config: RigConfig, bus: Bus, pace: float) -> None:
     """Has each servo keep its joint's limits, and this part of its speed limit, on its own."""
     speeds = [speed_counts(joint, pace) for joint in config.joints]
     rates = [
-        in_counts(joint, "profile_acceleration", joint.acceleration * joint.gear, 0) if joint.acceleration else 0
+        in_counts(joint, "profile_acceleration", joint.acceleration * joint.gear) if joint.acceleration else 0
         for joint in config.joints
     ]
     write_each(config, bus, "profile_velocity", speeds)

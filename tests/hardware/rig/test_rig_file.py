@@ -53,6 +53,19 @@ def test_an_angle_becomes_pulses(written):
         (("direction = 1", "direction = 2"), "joint 1.direction: 2 is not allowed; -1 and 1 are"),
         (("XM430-W350", "MX-28 1.0"), "joint 1: model 'MX-28 1.0' is unknown. Did you mean MX-28(1.0)"),
         (("-W350", "-X"), "joint 1: model 'XM430-X' is unknown"),
+        (("XM430-W350", "STS3215"), "joint 1: model 'STS3215' is unknown. Only Dynamixel servos are driven"),
+        (
+            ("velocity = 4", "velocity = 0.02"),
+            "velocity is 0.02 rad/s; the least that model 'XM430-W350' can keep is 0.024",
+        ),
+        (
+            ("velocity = 4", "velocity = 4, acceleration = 0.1"),
+            "acceleration is 0.1 rad/s^2; the least that model 'XM430-W350' can keep is 0.375",
+        ),
+        (
+            ("velocity = 4", "velocity = 4, current = 0.002"),
+            "current is 0.002 A; the least that model 'XM430-W350' can keep is 0.00269",
+        ),
         (("lower = -1", "lower = 2"), "joint 1: lower is 2.0 rad and upper 1.0 rad; lower must be below"),
         (("upper = 1", "upper = nan"), "joint 1: lower is -1.0 rad and upper nan rad"),
         (("velocity = 4", "velocity = inf"), "joint 1: velocity is inf; it must be a finite number"),

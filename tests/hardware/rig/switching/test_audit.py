@@ -9,7 +9,7 @@ from hardware.emulator.port import EmulatedPort
 from hardware.errors import RigError
 from hardware.rig.driving.dynamixel_rig import DynamixelRig
 from hardware.rig.rig_file import RigConfig, RigJoint
-from hardware.rig.switching.audit import audit, settle
+from hardware.rig.switching.audit import audit, in_counts, settle
 from hardware.tools.doctor import examine, fix_settings, look_elsewhere
 from hardware.tools.set_up import set_up
 
@@ -131,6 +131,15 @@ def test_the_doctor_lists_the_status_return_level_that_it_has_set(model, level):
     report = examine(config, bus)
     assert any(f"status_return_level is {level}, the rig needs 2" in line for line in report.problems + report.notes)
     assert f"joint_1 (id 1): status_return_level was {level} and is 2" in fix_settings(config, bus).done
+
+
+@pytest.mark.parametrize("model", ["XM430-W350", "XL330-M288", "AX-12A", "PH54-200-S500"])
+def test_a_speed_or_acceleration_between_two_counts_of_a_register_is_kept(model):
+    one_speed = RigJoint("joint_1", 1, model, 1, 512, -0.5, 0.5, 1.0).table["profile_velocity"].si
+    slow = RigJoint("joint_1", 1, model, 1, 512, -0.5, 0.5, 1.7 * one_speed)
+    assert in_counts(slow, "profile_velocity", slow.velocity) == 1
+    fast = RigJoint("joint_1", 1, model, 1, 512, -0.5, 0.5, 195.99 * one_speed)
+    assert in_counts(fast, "profile_velocity", fast.velocity) == 196  # within 1 % of the limit
 
 
 def test_the_doctor_mends_a_servo_that_answers_no_read(used_rig, port, bus):
