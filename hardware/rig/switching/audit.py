@@ -36,6 +36,7 @@ from hardware.bus.servo_bus import Bus
 from hardware.control_table.old_models import OLD_MODELS
 from hardware.control_table.p_series import P_SERIES
 from hardware.control_table.servo_traits import TRAITS
+from hardware.errors import RefusedError
 from hardware.rig.rig_file import RigConfig, RigJoint
 from hardware.rig.scale import Array, RigScale
 
@@ -125,13 +126,21 @@ def settle(differences: Iterable[Difference], config: RigConfig, bus: Bus) -> No
     """Writes what the rig needs where it differs. EEPROM registers are locked while torque is on.
 
     Raises:
-        ServoError: if a servo stays silent, or refuses.
+        ServoError: if a servo stays silent, or refuses; an old one may keep its EEPROM locked until its power is off.
         SerialPortError: if the port vanishes.
     """
     tables = {joint.id: joint.table for joint in config.joints}
     for difference in differences:
-        register = tables[difference.id][difference.register]
-        bus.write(difference.id, register.address, register.encode(difference.needed))
+        id, table = difference.id, tables[difference.id]
+        register, lock = table[difference.register], table.registers.get("lock")
+        try:
+            bus.write(id, register.address, register.encode(difference.needed))
+        except RefusedError as error:
+            if lock is None or register.memory != "EEPROM" or bus.read(id, lock.address, 1).params == b"\0":
+                raise
+            raise RefusedError(
+                f"id {id} keeps its EEPROM locked, and its {register.name} cannot be set: switch its power off and on."
+            ) from error
 
 
 def position_ends(config: RigConfig) -> Array:

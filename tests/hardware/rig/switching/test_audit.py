@@ -133,6 +133,23 @@ def test_the_doctor_lists_the_status_return_level_that_it_has_set(model, level):
     assert f"joint_1 (id 1): status_return_level was {level} and is 2" in fix_settings(config, bus).done
 
 
+@pytest.mark.parametrize("model", ["AX-12A", "MX-28(1.0)"])
+def test_a_locked_eeprom_is_named_with_the_remedy(model):
+    joint = RigJoint("joint_1", 1, model, 1, 512, -0.5, 0.5, 0.5)
+    config = RigConfig("emulated", 1_000_000, 100.0, (joint,))
+    port = EmulatedPort(EmulatedBus(config), paced=True)
+    bus = Bus(port, 1_000_000)
+    bus.old = config.old_ids
+    port.bus[1]["lock"] = 1
+    said = r"id 1 keeps its EEPROM locked, and its {} cannot be set: switch its power off and on"
+    assert said.format("return_delay_time") in "".join(fix_settings(config, bus).refused)
+    with pytest.raises(RigError, match=said.format("min_position_limit")):
+        DynamixelRig(config, bus)
+    port.bus[1].reboot(port.now())
+    assert fix_settings(config, bus).refused == []
+    DynamixelRig(config, bus)
+
+
 @pytest.mark.parametrize("model", ["XM430-W350", "XL330-M288", "AX-12A", "PH54-200-S500"])
 def test_a_speed_or_acceleration_between_two_counts_of_a_register_is_kept(model):
     one_speed = RigJoint("joint_1", 1, model, 1, 512, -0.5, 0.5, 1.0).table["profile_velocity"].si
