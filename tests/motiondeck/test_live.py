@@ -6,7 +6,9 @@ import subprocess
 import sys
 import threading
 import time
+from fractions import Fraction
 
+import numpy as np
 import pytest
 
 import motiondeck
@@ -90,7 +92,21 @@ def test_an_argument_of_another_type_is_named(library):
     with motiondeck.play(library, "march", physics=False, rate=100.0) as deck:
         with pytest.raises(MotiondeckError, match="to: expected str, got int"):
             deck.switch(3)
+        with pytest.raises(MotiondeckError, match="to: expected str, got bytes"):
+            deck.switch(b"march")
+        with pytest.raises(MotiondeckError, match="factor: expected float, got complex"):
+            deck.set_tempo(1j)
+        with pytest.raises(MotiondeckError, match=r"factor: expected float, got numpy\.ndarray"):
+            deck.set_tempo(np.ones(2))
         assert deck.status().motion == "march"
+
+
+@pytest.mark.parametrize("number", [np.float64(0.5), np.float32(0.5), np.int64(1), Fraction(1, 2)])
+def test_numbers_of_any_type_are_taken(library, number):
+    with motiondeck.play(library, "march", physics=False, rate=np.int64(100), seconds=np.float64(20.0)) as deck:
+        deck.tempo = number
+        deck.jump(np.float32(0.25))
+        deck.blend("march", "wave", np.float64(0.5))
 
 
 def test_commands_change_the_status_and_appear_as_events(library):

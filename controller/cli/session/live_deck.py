@@ -11,6 +11,7 @@ import os
 import signal
 import sys
 import threading
+from numbers import Integral, Real
 from pathlib import Path
 from typing import Any, TypeVar, get_args, get_type_hints
 
@@ -19,7 +20,7 @@ import msgspec
 from controller.wire.messages.commands import CommandError
 from motiondeck_base.errors import MotiondeckError
 
-T = TypeVar("T")
+T = TypeVar("T", bound=msgspec.Struct)
 
 
 class LiveRequest(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
@@ -59,18 +60,28 @@ class LiveRequest(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
 
 
 def with_right_types(given: T) -> T:
-    """A request or a message as it was given, if its arguments are of their types.
+    """A request or a message as it was given, if its arguments are of their types; a number may be of any type.
 
     Raises:
         CommandError: if one is not, in one line: "rate: expected float, got str".
     """
     try:
-        return msgspec.convert(msgspec.to_builtins(given), type(given))
+        names = zip(given.__struct_encode_fields__, given.__struct_fields__, strict=True)
+        return msgspec.convert({sent: _plain(getattr(given, name)) for sent, name in names}, type(given))
     except msgspec.ValidationError as error:
         reason, _, place = str(error).replace("`", "").partition(" - at $.")
         if choices := get_args(get_type_hints(type(given)).get(place)):
             reason = f"'{getattr(given, place)}' is none of {', '.join(map(str, choices))}"
         raise CommandError(f"{place}: {reason[:1].lower()}{reason[1:]}") from None
+
+
+def _plain(value: object) -> object:
+    """A number of numpy or another library as Python's own; anything else as it is."""
+    if isinstance(value, tuple):
+        return tuple(map(_plain, value))
+    if isinstance(value, bool) or not isinstance(value, Real):
+        return value
+    return int(value) if isinstance(value, Integral) else float(value)
 
 
 class Ready(msgspec.Struct, frozen=True, tag="ready"):
