@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 import contextlib
+import os
 import subprocess
 import threading
 from typing import Any
@@ -37,6 +38,7 @@ class DeckProcess:
             MotiondeckError: if it cannot begin, and why.
         """
         self._process, self._opened = process, opened
+        self._starter = os.getpid()
         self.report: dict[str, Any] | None = None
         assert process.stdout is not None
         self._stdout = process.stdout
@@ -49,6 +51,11 @@ class DeckProcess:
             self.end()
             raise MotiondeckError(ready.reason if isinstance(ready, Failed) else self.how_it_ended)
         self.ready = ready
+
+    @property
+    def in_fork(self) -> bool:
+        """Whether this is a fork of the process that started it: only that one can wait for it."""
+        return os.getpid() != self._starter
 
     @property
     def running(self) -> bool:

@@ -85,6 +85,7 @@ class LiveDeck:
     @property
     def running(self) -> bool:
         """Whether it still plays."""
+        self._refuse_fork()
         return self._process.running
 
     @property
@@ -254,6 +255,7 @@ class LiveDeck:
         Raises:
             MotiondeckError: if the deck has ended already.
         """
+        self._refuse_fork()
         client = CommandClient(self.command_port)
         try:
             client.request(commands.Subscribe(), _ANSWERS_WITHIN)
@@ -268,6 +270,7 @@ class LiveDeck:
         Raises:
             MotiondeckError: if it has not ended in time, or ended without a report.
         """
+        self._refuse_fork()
         if not self._process.wait(timeout):
             raise MotiondeckError(f"the deck still plays after {timeout:g} s")
         self._process.end()
@@ -276,7 +279,9 @@ class LiveDeck:
         return self.report
 
     def close(self) -> None:
-        """Brings the joints to rest and ends the deck; may be called twice."""
+        """Brings the joints to rest and ends the deck; may be called twice. In a forked process it does nothing."""
+        if self._process.in_fork:
+            return
         if self.running:
             with contextlib.suppress(SocketError):
                 self._client.post(commands.Stop())
@@ -293,12 +298,21 @@ class LiveDeck:
             self._clients.own = CommandClient(self.command_port), threading.Lock()
         return self._clients.own
 
+    def _refuse_fork(self) -> None:
+        """Raises MotiondeckError in a fork of the process that started the deck, whose sockets it shares."""
+        if self._process.in_fork:
+            raise MotiondeckError(
+                "this deck belongs to the process that started it: command it there, or from anywhere with "
+                f"motiondeck send --command-port {self.command_port}"
+            )
+
     def _commanded(self, motion: str, message: DeckCommand) -> CommandedMotion:
         reply, (client, reading) = self._request(message), self._own
         assert isinstance(reply, Accepted), "what is not refused is accepted"
         outcome: list[Settled | Refused] = []
 
         def wait(timeout: float) -> float:
+            self._refuse_fork()
             deadline = time.monotonic() + timeout
             while not outcome:
                 left = deadline - time.monotonic()
@@ -323,6 +337,7 @@ class LiveDeck:
             CommandError: if it is refused, or an argument is of another type.
             SocketError: if the deck has ended; it says why.
         """
+        self._refuse_fork()
         if not self.running:
             self._process.end()
             raise SocketError(self._process.how_it_ended)

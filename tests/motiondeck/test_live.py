@@ -1,6 +1,7 @@
 """A live deck in its own process: commands, events, and its end, whoever brings it about."""
 
 import os
+import select
 import signal
 import subprocess
 import sys
@@ -22,6 +23,18 @@ import motiondeck, sys
 deck = motiondeck.play(sys.argv[1], physics=False, rate=100.0)
 print(deck._process._process.pid, flush=True)
 sys.stdin.read()
+"""
+
+FORKING_PROGRAM = """
+import motiondeck, os, sys, time
+deck = motiondeck.play(sys.argv[1], physics=False, rate=100.0)
+print(deck._process._process.pid, flush=True)
+child = os.fork()
+if child == 0:
+    time.sleep(60.0)
+    os._exit(0)
+print(child, flush=True)
+time.sleep(60.0)
 """
 
 
@@ -109,6 +122,34 @@ def test_numbers_of_any_type_are_taken(library, number):
         deck.blend("march", "wave", np.float64(0.5))
 
 
+def test_a_forked_process_cannot_command_the_deck_and_leaves_it_alone(library):
+    with motiondeck.play(library, "march", physics=False, rate=100.0) as deck:
+        said, saying = os.pipe()
+        wave = deck.switch("wave")
+        child = os.fork()
+        if child == 0:
+            refused = (deck.status, deck.wait, wave.wait, lambda: deck.running, lambda: next(deck.events()))
+            for call in (*refused, deck.close):
+                try:
+                    call()
+                    os.write(saying, b"done\n")
+                except MotiondeckError as error:
+                    os.write(saying, f"{error}\n".encode())
+            os._exit(0)
+        os.close(saying)
+        lines = []
+        with os.fdopen(said) as reading:
+            if select.select([said], [], [], 20.0)[0]:
+                lines = reading.read().splitlines()
+            else:
+                os.kill(child, signal.SIGKILL)
+        os.waitpid(child, 0)
+        belongs = "this deck belongs to the process that started it"
+        assert [line.split(":")[0] for line in lines] == [*[belongs] * 5, "done"]
+        wave.wait()
+        assert deck.status().motion == "wave"
+
+
 def test_commands_change_the_status_and_appear_as_events(library):
     with motiondeck.play(library, "march", physics=False, rate=100.0) as deck:
         with pytest.raises(MotiondeckError, match=r"unknown motion 'mrach'\. Did you mean march"):
@@ -187,6 +228,22 @@ def test_it_ends_with_the_program_that_started_it(library, tmp_path):
     while alive(pid):
         assert time.monotonic() < deadline, "the deck plays on without its program"
         time.sleep(0.05)
+
+
+def test_it_ends_with_the_program_that_started_it_even_if_its_forked_children_live_on(library, tmp_path):
+    library.save(tmp_path / "small.safetensors")
+    command = [sys.executable, "-c", FORKING_PROGRAM, str(tmp_path / "small.safetensors")]
+    with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as program:
+        assert program.stdout is not None
+        deck, child = int(program.stdout.readline()), int(program.stdout.readline())
+        program.kill()
+        deadline = time.monotonic() + 20.0
+        try:
+            while alive(deck):
+                assert time.monotonic() < deadline, "the deck plays on without its program"
+                time.sleep(0.05)
+        finally:
+            os.kill(child, signal.SIGKILL)
 
 
 def alive(pid):

@@ -2,12 +2,13 @@
 
 The request comes as one JSON object on the command line. The answers are JSON lines on standard output: first `Ready`
 or `Failed`, in the end `Ended`. Commands come over the command socket. Standard input stays open as long as the program
-lives; when it closes, the joints come to rest and the process ends.
+lives; when it closes, or the program has ended, the joints come to rest and the process ends.
 """
 
 from __future__ import annotations
 
 import os
+import select
 import signal
 import sys
 import threading
@@ -19,6 +20,8 @@ import msgspec
 
 from controller.wire.messages.commands import CommandError
 from motiondeck_base.errors import MotiondeckError
+
+_LOOKS_EVERY = 0.5  # s
 
 T = TypeVar("T", bound=msgspec.Struct)
 
@@ -150,11 +153,14 @@ def play_live(request: LiveRequest) -> None:
 
 
 def _stop_with_parent() -> None:
-    """Asks for a controlled stop when standard input closes."""
+    """Asks for a controlled stop when standard input closes, or the parent has ended and its forks keep it open."""
+    parent, stdin = os.getppid(), sys.stdin.fileno()
 
     def wait() -> None:
-        while os.read(sys.stdin.fileno(), 4096):  # not sys.stdin.read, whose lock would be held at exit
-            pass
+        while os.getppid() == parent:
+            # not sys.stdin.read, whose lock would be held at exit
+            if select.select([stdin], [], [], _LOOKS_EVERY)[0] and not os.read(stdin, 4096):
+                break
         os.kill(os.getpid(), signal.SIGTERM)
 
     threading.Thread(target=wait, daemon=True).start()
