@@ -72,6 +72,9 @@ class ExactState:
         self.model, self._data = model, mujoco.MjData(model)
         self._upright = between(-gravity / np.linalg.norm(gravity), UP)
 
+    def start(self) -> None:
+        """Forgets what it saw before: the robot is at rest where it is seen next."""
+
     def see(self, data: mujoco.MjData, stands: Array) -> mujoco.MjData:
         """The robot as it knows itself: posture, bodies, centre of mass and its velocity.
 
@@ -124,6 +127,12 @@ class Estimate(ExactState):
         self._drift = sensors.drift * self._random.choice([-1.0, 1.0], 3)
         self._jacobian, self._error = np.empty((3, model.nv)), np.empty(model.nv)
         self._posture: Array | None = None
+
+    def start(self) -> None:
+        """Forgets what it saw before; as of `ExactState`."""
+        self._posture = None
+        self._line.clear()
+        self._root_speed[:] = 0.0
 
     def see(self, data: mujoco.MjData, stands: Array) -> mujoco.MjData:
         """The robot as its sensors show it; as of `ExactState`."""

@@ -151,6 +151,7 @@ class Walker:
     def start(self, data: mujoco.MjData) -> None:
         """Puts the robot on both its feet, where and as high as it is in data."""
         model, plan, height = self._model, self._body.plan, float(data.qpos[2])
+        self._senses.start()
         self._height, self._now = height, 0.0
         self.preview, self.travel = Preview(height, self._dt), Travel(self._dt)
         plan.qpos[:] = data.qpos

@@ -87,3 +87,19 @@ def test_on_a_slope_down_is_where_gravity_points(robot):
     senses = ExactState(model, 9.81 * np.array([0.0, -np.sin(lean), -np.cos(lean)]))
     up = senses.see(data, np.array([0.5, 0.5])).xmat[1].reshape(3, 3)[:, 2]
     assert up == pytest.approx([0.0, -np.sin(lean), np.cos(lean)])
+
+
+def test_who_is_put_elsewhere_is_seen_there_at_once(robot):
+    model = physics_model(robot, "free")
+    foot, body, rows = swaying(robot, model, 0.1)
+    soles = lambda data, _: (data.xpos[body] + data.xmat[body].reshape(3, 3) @ foot.sole, body)  # noqa: E731
+    estimate, data = Estimate(model, DOWN, PERFECT, soles, DT), mujoco.MjData(model)
+    for data.qpos[:], data.qvel[:] in rows:
+        data.qpos[3:7] = [np.sqrt(0.5), 0.0, np.sqrt(0.5), 0.0]  # it lies, and slides
+        data.qvel[:3] = 2.0
+        estimate.see(data, np.array([1.0, 0.0]))
+    data.qpos[:], data.qvel[:] = rows[0][0], 0.0
+    estimate.start()
+    seen = estimate.see(data, np.array([1.0, 0.0]))
+    assert np.allclose(seen.qpos[3:], data.qpos[3:], atol=1e-9)
+    assert np.allclose(seen.qvel[:3], data.qvel[:3], atol=1e-9)

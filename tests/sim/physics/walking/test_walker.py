@@ -126,6 +126,20 @@ def test_what_is_seen_late_does_not_shake_the_legs():
     assert shaking(0.01) < 0.3 * shaking(0.0)
 
 
+@pytest.mark.thorough
+def test_who_lies_and_is_put_in_place_stands_by_sensors_too():
+    robot = load_robot(ROBOTS / "servo20.toml", human())
+    stage = PhysicsPlayback(robot, DT, "free", walk=True, sensors=Sensors())
+    for tick in range(600):
+        sideways, breaks = 100.0 * (100 <= tick < 140), 1e14 * (tick == 400)
+        stage.push(np.array([breaks, sideways, 0.0]))
+        stage.write(robot.rest, bent_pose(human()))
+        assert tick != 399 or stage.fallen
+    assert stage.report()["faults"] == 1
+    assert len(stage.near_falls) == 1
+    assert not stage.fallen
+
+
 @pytest.mark.parametrize("turned", [2.0, np.pi, -np.pi])
 def test_it_does_not_matter_which_way_in_the_world_it_has_turned(turned):
     robot = load_robot(ROBOTS / "servo20.toml", human())
