@@ -218,7 +218,7 @@ def _named(name: str, style: _Style) -> NamedPart | None:
 @lru_cache(maxsize=4096)
 def _words(name: str) -> tuple[str, ...]:
     """The words of a name in small letters, without the prefixes of the usual exporters."""
-    name = without_accents(name.rsplit(":", 1)[-1])
+    name = without_accents(re.split("[:|/]", name)[-1])
     name = re.sub(r"([a-z0-9])([A-Z])", r"\1 \2", name)
     name = re.sub(r"([A-Z])([A-Z][a-z])", r"\1 \2", name)
     spaced = " ".join(re.sub(r"[\W_]+", " ", name.lower()).split())

@@ -7,7 +7,7 @@ A reader gives where every joint is and how it is turned, frame by frame; here j
 - A joint becomes the bone from itself to its children. Where these begin in different places there is one bone for each
   of them, called after both joints ("Hips-LeftUpLeg"); children that begin where their parent does add no bone.
 - A joint that ends the tree without an end site is a bone too if it is a hand or a head: how it is turned is recorded,
-  only its length is not. It continues the bone before it.
+  only its length is not. It continues the bone before it, in the zero pose where that is a body's, else on average.
 - Where a bone changes its length or bends (position channels), it is as long as in the median frame, and turned in each
   frame to where it points there.
 """
@@ -31,6 +31,7 @@ COINCIDENT = 1e-4  # of the body's size: exporters write 0.000069 for joints tha
 Parts: TypeAlias = list[NamedPart | None]  # what the name of each joint means
 # How long a bone is whose end the file does not give: a head against the spine below it, a hand against its arm.
 HEAD_PER_SPINE, HAND_PER_ARM = 0.25, 0.35
+BENT = 0.5  # cosine: nobody's wrist or neck is bent by more than 60 degrees on average
 
 
 @dataclass(frozen=True, eq=False)
@@ -97,7 +98,8 @@ def body_of(tree: JointTree, path: object) -> RecordedBody:
     if not 0.0 < size < 1e9 or np.abs(tree.position).max() > 1e9:
         raise FileFormatError(f"{path}: no body has joints like these. Is it the right file?")
     rigid = _median(offset)
-    bends = np.abs(offset - rigid).max(axis=(0, 2)) > COINCIDENT * size
+    least = COINCIDENT * size
+    bends = np.abs(offset - rigid).max(axis=(0, 2)) > least
     parts = named_parts(tree.names)
     root = _root(tree, parts, children)
 
@@ -105,15 +107,18 @@ def body_of(tree: JointTree, path: object) -> RecordedBody:
     parents: list[int] = []
     vectors: list[Array] = []
     rotations: list[Array] = []
-    for joint, child, bone_above in _bones(tree, parts, children, rigid, COINCIDENT * size, root, names):
+    bones = [*_bones(tree, parts, children, rigid, least, root, names)]
+    ends = {joint: _leading(tree, parts, joint, rigid, least, root) for joint, end, _ in bones if end is None}
+    ways_on = _ways_on(tree, ends, rigid)
+    for joint, child, bone_above in bones:
         turned = tree.rotation[:, joint]
         if child is None:
-            vector = _assumed(parts[joint], _leading(tree, parts, joint, rigid, COINCIDENT * size, root))
+            vector = ways_on[joint] * _assumed_length(parts[joint], rigid[ends[joint]])
         else:
             vector = rigid[child]
             if bends[child]:
                 seen = rotate(turned, offset[:, child])
-                there = np.sqrt(dot(seen, seen)) > COINCIDENT * size
+                there = np.sqrt(dot(seen, seen)) > least
                 swing = between(normalise(rotate(turned, vector)), normalise(seen))
                 turned = np.where(there[:, None], multiply(swing, turned), turned)
         parents.append(bone_above)
@@ -236,19 +241,30 @@ def _unfinished(tree: JointTree, parts: Parts, children: list[list[int]], joint:
     return part.part == "head" or (part.part == "hand" and last)
 
 
-def _leading(tree: JointTree, parts: Parts, joint: int, offset: Array, least: float, root: int) -> list[Array]:
-    """The bones that lead to a joint from the trunk, the last one first."""
+def _leading(tree: JointTree, parts: Parts, joint: int, offset: Array, least: float, root: int) -> list[int]:
+    """The joints in which the bones end that lead to a joint from the trunk, the last one first."""
     way = _above(tree, joint)
     way = way[: way.index(root)]
     names = [parts[above] for above in way]
     trunk = next((at for at, part in enumerate(names) if part is not None and part.part == "pelvis"), len(way))
-    return [offset[above] for above in way[:trunk] if np.abs(offset[above]).max() > least]
+    return [above for above in way[:trunk] if np.abs(offset[above]).max() > least]
 
 
-def _assumed(part: NamedPart | None, before: list[Array]) -> Array:
-    """A bone that continues those before it, seen from its own joint."""
-    if part is not None and part.part == "hand":
-        before, share = before[:2], HAND_PER_ARM
-    else:
-        share = HEAD_PER_SPINE
-    return normalise(before[0]) * share * sum(float(np.linalg.norm(vector)) for vector in before)
+def _ways_on(tree: JointTree, ends: dict[int, list[int]], offset: Array) -> dict[int, Array]:
+    """Where bones point that continue those before them, seen from their own joints: in the zero pose, or on average.
+
+    A zero pose that bends one of them is none of a body: there the joints' axes have directions of their own.
+    """
+    straight = {joint: normalise(offset[before[0]]) for joint, before in ends.items()}
+    mean: dict[int, Array] = {}
+    for joint, (last, *_) in ends.items():
+        line = normalise(tree.position[:, last] - tree.position[:, tree.parent[last]])
+        mean[joint] = normalise(rotate(conjugate(tree.rotation[:, joint]), line).mean(axis=0))
+    return mean if any(straight[joint] @ mean[joint] < BENT for joint in ends) else straight
+
+
+def _assumed_length(part: NamedPart | None, before: Array) -> float:
+    """How long a bone without an end is, after those before it, shape (N, 3)."""
+    hand = part is not None and part.part == "hand"
+    before, share = (before[:2], HAND_PER_ARM) if hand else (before, HEAD_PER_SPINE)
+    return share * float(np.linalg.norm(before, axis=1).sum())

@@ -12,13 +12,14 @@ from controller.mocap.bone_names import named_parts
 from controller.mocap.canonical.canonical_body import CANONICAL_BONES, NO_LENGTH, Landmarks, landmarks_of, to_canonical
 from controller.mocap.clip import Clip
 from controller.mocap.skeleton import Skeleton
-from controller.rotations import Array, dot, rotate
+from controller.rotations import Array, dot, normalise, rotate
 from motiondeck_base.errors import FileFormatError
 
 SHORTEST_LEG, LONGEST_LEG = 0.35, 1.15  # m, thigh and shank: of a child of three, and of the tallest
 FLOATS = 0.3  # m: the lowest joint above the ground, nearly all the time
 DEEPEST = 0.3  # m: the lowest joint below the ground, in the middle of the recording
 NEARLY_NEVER = 5.0  # percent of the time
+LIES = 0.5  # sine: neck and ankles rise and fall by less than 30 degrees from the hips
 UPSIDE_DOWN = 0.4  # legs: a head this far below the feet; of somebody who lies it may be a little
 SIDES_DIFFER = 1.25  # a bone over its counterpart
 # Degrees: in radians no joint turns farther than that number says, in degrees those of a moving body do.
@@ -65,6 +66,13 @@ def doubts(clip: Clip) -> list[str]:
         )
     if np.median(head - toes) < -UPSIDE_DOWN * own.skeleton.leg_length:
         found.append("the head is below the feet most of the time: the up axis may be wrong (--up).")
+    spans = joints[:, [1 + CANONICAL_BONES.index(bone) for bone in ("neck", "lank", "rank")]] - joints[:, :1]
+    steepest = np.abs(normalise(spans)[..., 2]).max(axis=1)
+    if np.percentile(steepest, 100.0 - NEARLY_NEVER) < LIES:
+        found.append(
+            "the body lies all the time: if the person did not, another axis is up (--up; where it is x, turn the "
+            "recording in the program that it comes from)."
+        )
     if "lfoo" in marks.joint and _toes_ahead(own) < -0.3:
         found.append("the toes point backwards: names may have left and right exchanged (--rename).")
     return found

@@ -65,6 +65,13 @@ def test_words_that_all_names_share_say_nothing(name, spelled):
     check(CONVENTIONS[name], spelled)
 
 
+def test_of_a_path_the_last_name_counts_though_each_bone_has_another():
+    """As Maya's long names and USD's joints: what a bone hangs from stands before it."""
+    names = ["Hips", "hero|Hips|LeftUpLeg", "Hips/Spine/LeftArm", "a:Hips|a:Spine|a:Head", "b:RightUpLeg", "LeftLeg"]
+    parts = [part and part.part for part in named_parts(names)]
+    assert parts == ["pelvis", "thigh", "upper arm", "head", "thigh", "shank"]
+
+
 @pytest.mark.parametrize("spelled", [lambda name: f"{name}_jnt_bind", lambda name: f"Q_{name}"])
 @pytest.mark.parametrize("name", ["Bandai-Namco", "Unreal", "SMPL", "LAFAN1"])
 def test_words_of_all_parts_say_nothing_beside_hair_and_skirt(name, spelled):

@@ -68,6 +68,14 @@ def test_a_body_on_its_head_and_one_with_sides_exchanged_are_doubted():
     assert any("toes point backwards" in line for line in doubts(standing(renamed(sides))))
 
 
+def test_who_lies_all_the_time_is_doubted_and_who_only_bends_is_not():
+    lying, bent = standing(human()), standing(human())
+    lying.rotation[:] = bent.rotation[:] = about(np.array([0.0, 1.0, 0.0]), 0.5 * np.pi)
+    bent.rotation[:, [1 + human().index(leg) for leg in ("lkne", "lank", "rkne", "rank")]] = [1.0, 0.0, 0.0, 0.0]
+    assert any(re.search(r"the body lies all the time: .*--up", line) for line in doubts(lying))
+    assert not any("lies" in line for line in doubts(bent))
+
+
 def swaying(degrees):
     """Somebody with the arms out whose every joint turns to and fro by so many degrees."""
     clip = standing(human())
@@ -88,7 +96,9 @@ def test_joints_that_hardly_turn_may_be_of_a_file_in_radians():
 def test_the_head_of_somebody_who_lies_may_be_lower_than_his_feet():
     clip = standing(human(), height=0.15)
     back = np.broadcast_to(about(np.array([0.0, 1.0, 0.0]), np.radians(-92.0)), clip.rotation.shape)
-    assert doubts(replace(clip, rotation=back)) == []
+    found = doubts(replace(clip, rotation=back))
+    assert len(found) == 1
+    assert "the body lies all the time" in found[0]
 
 
 def test_the_feet_of_somebody_who_crawls_may_point_behind_him():

@@ -2,11 +2,14 @@
 
 import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
 
+import written_files
 from controller.mocap.canonical.body_doubts import doubts
 from controller.mocap.canonical.canonical_body import landmarks_of, to_canonical
 from controller.mocap.formats.reading import read_clip
-from people import check_person, in_our_axes, moving
+from controller.rotations import dot, normalise
+from people import KEYS, check_person, in_our_axes, moving
 from written_files import LAFAN1, MIXAMO, SOMA, bvh_text
 
 MOTION = moving(frames=60, reach=0.4)
@@ -44,6 +47,18 @@ def test_a_spine_of_blender_ends_where_the_arms_branch_off(tmp_path):
     neck = own.joints()[:, 1 + own.skeleton.index("neck")]
     np.testing.assert_allclose(neck, in_our_axes(MOTION.place["neck"]), atol=1e-3)
     assert doubts(clip) == []
+
+
+def test_ends_that_a_file_lacks_continue_the_bones_before_whatever_axes_joints_have(tmp_path, monkeypatch):
+    """A zero pose of bones in all directions says nothing about them."""
+    axes = dict(zip(KEYS, Rotation.random(len(KEYS), random_state=5), strict=True))
+    monkeypatch.setattr(written_files, "own_axes", lambda: axes)
+    (tmp_path / "walk.bvh").write_text(bvh_text(MOTION, LAFAN1, along_x=True))
+    own = to_canonical(read_clip(tmp_path / "walk.bvh"))
+    for start, bone, key in (("neck", "head", "neck"), ("lwri", "lhan", "l hand"), ("rwri", "rhan", "r hand")):
+        ends = (own.joints()[:, 1 + own.skeleton.index(one)] for one in (start, bone))
+        line, truth = next(ends) - next(ends), MOTION.place[key] - MOTION.place[key.replace("neck", "head") + " end"]
+        assert np.median(dot(normalise(line), normalise(in_our_axes(truth)))) > np.cos(np.radians(15.0)), bone
 
 
 @pytest.mark.parametrize("name", FILES)
