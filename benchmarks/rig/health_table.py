@@ -26,7 +26,7 @@ from hardware.rig.supervision.supervised_rig import SupervisedRig
 
 MODELS = ("XM430-W350", "XL330-M288", "XL430-W250", "XC330-T288", "MX-64", "XW540-T260")
 OLD_MODELS = ("AX-12A", "RX-64", "MX-28(1.0)", "MX-64(1.0)", "XL-320", "XM430-W350")
-P_MODELS = (*P_SERIES, "XM430-W350")
+P_MODELS = (*(model for model in P_SERIES if model.startswith("P")), "XM430-W350")
 _TICK = 0.01
 _AT, _UNTIL = 1.0, 4.0  # s
 _HEAT = 4

@@ -2,8 +2,8 @@
 
 The `.model` files of the installed dynamixel-sdk give address and length of each register. Sign, access, memory, range,
 default and unit come from the XM430-W350's manual, whose words the others share, with the figures of `servo_traits` in
-place of its own. The P series and the old models have tables of their own. For any other model outside the X and MX
-series the range is what the bytes can hold.
+place of its own. The P and PRO(A) series and the old models have tables of their own. For the Y series and the
+RH-P12-RN the range is what the bytes can hold.
 """
 
 from __future__ import annotations
@@ -128,7 +128,7 @@ def _plain_register(row: Row, torque: int, rad_per_s: float) -> Register:
         if like is not None
         else row.name == "present_load" or row.name.endswith("_offset")
     )
-    # Only the Y series and PRO count positions from -half a turn to +half a turn.
+    # The Y series counts positions from -half a turn to +half a turn.
     signed = signed or (row.name.endswith("position_limit") and row.length == 4)
     bits = 8 * row.length
     unit, scale = ("", 1.0) if like is None else (like.unit, like.scale)

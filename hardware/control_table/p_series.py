@@ -1,8 +1,8 @@
-"""The control tables of the P series (e-Manual, each model's page): one layout, with each model's own limits.
+"""The control tables of the P series and of PRO(A) (e-Manual, each model's page): one layout, each model's own limits.
 
-They count positions from half a turn below 0 to half a turn above, and refuse a profile beyond their velocity or
-acceleration limit. Only the PH54-200's page tells gains; those of the others are left as they are. The indirect
-addresses are in EEPROM.
+PRO(A) is the older series, with the same limits and without the newest registers. Both count positions from half a turn
+below 0 to half a turn above, and refuse a profile beyond their velocity or acceleration limit. Only the PH54-200's page
+tells gains; those of the others are left as they are. The indirect addresses are in EEPROM.
 """
 
 from __future__ import annotations
@@ -84,7 +84,14 @@ PH42-020-S300   2000    303750     303454  4500     4306173            10765    
 PM54-060-S250   2120    251417     251173  7980     4457932            11145         2830      58
 PM54-040-S250   2110    251417     251173  4470     4414976            11037         2840      58
 PM42-010-S260   2100    263187     262931  1461     4346756            10867         2600      58
+H54-200-S500-RA 54025   501923     501433  22740    3992644            9982          2900      52
+H54-100-S500-RA 53769   501923     501433  15900    4255632            10639         2920      52
+H42-20-S300-RA  51201   303750     303454  4500     4306173            10765         2920      52
+M54-60-S250-RA  46353   251417     251173  7980     4457932            11145         2830      52
+M54-40-S250-RA  46097   251417     251173  4470     4414976            11037         2840      52
+M42-10-S260-RA  43289   263187     262931  1461     4346756            10867         2600      52
 """
+_NOT_IN_PRO_A = ("protocol_type", "startup_configuration", "backup_ready")
 _GAINS = ("velocity_i_gain", "velocity_p_gain", "position_d_gain", "position_i_gain", "position_p_gain",
           "feedforward_2nd_gain", "feedforward_1st_gain")  # fmt: skip
 
@@ -103,7 +110,7 @@ def _table(model: str, *figures: int) -> ControlTable:
     limit("velocity_limit", 0, velocity, velocity)
     limit("max_position_limit", -half_turn, half_turn, ends)
     limit("min_position_limit", -half_turn, half_turn, -ends)
-    limit("shutdown", 0, 255 if shutdown != 52 else 63, shutdown)
+    limit("shutdown", 0, 63 if number == 2020 else 255, shutdown)
     limit("goal_current", -current, current, current)
     limit("present_current", -current, current, None)
     limit("goal_velocity", -velocity, velocity, 0)
@@ -112,6 +119,8 @@ def _table(model: str, *figures: int) -> ControlTable:
     if number != 2020:
         for name in _GAINS:
             table.registers[name] = replace(table[name], default=None)
+    for name in _NOT_IN_PRO_A if model.endswith("-RA") else ():
+        del table.registers[name]
     return table
 
 

@@ -9,6 +9,8 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
+from hardware.control_table.p_series import P_SERIES
+
 CURRENT_MODES = (0, 1, 3, 4, 5, 16)
 VOLTAGE_MODES = (1, 3, 4, 16)
 P_MODES = (0, 1, 3, 4, 16)
@@ -16,7 +18,7 @@ P_MODES = (0, 1, 3, 4, 16)
 
 @dataclass(frozen=True, slots=True)
 class Traits:
-    """A model of the X, MX, AX, RX or P series, or the XL-320.
+    """A model of the X, MX, AX, RX, P or PRO(A) series, or the XL-320.
 
     Attributes:
         no_load_speed: of the horn at `voltage`, rev/min.
@@ -105,6 +107,12 @@ PH42-020-S300   32.7   4.5     24   1.0       4500     2920     80    314  -
 PM54-060-S250   33.1   8.0     24   1.0       7980     2830     80    314  -
 PM54-040-S250   28.4   4.5     24   1.0       4470     2840     80    314  -
 PM42-010-S260   28.0   1.5     24   1.0       1461     2600     80    314  -
+H54-200-S500-RA 33.1  22.7     24   1.0      22740     2900     80    314  -
+H54-100-S500-RA 33.3  15.9     24   1.0      15900     2920     80    314  -
+H42-20-S300-RA  32.7   4.5     24   1.0       4500     2920     80    314  -
+M54-60-S250-RA  33.1   8.0     24   1.0       7980     2830     80    314  -
+M54-40-S250-RA  28.4   4.5     24   1.0       4470     2840     80    314  -
+M42-10-S260-RA  28.0   1.5     24   1.0       1461     2600     80    314  -
 """
 _P_FULL_PWM = 2009.0
 _P_GAIN_UNIT = 2048.0  # no manual tells it; an estimate that makes them about as stiff as the X series
@@ -124,8 +132,9 @@ def _traits(row: Sequence[str]) -> Traits:
         None if fast == "-" else int(fast),
         CURRENT_MODES if float(unit) else VOLTAGE_MODES,
     )
-    is_p = model.startswith("P")
-    return replace(traits, modes=P_MODES, full_pwm=_P_FULL_PWM, gain_unit=_P_GAIN_UNIT) if is_p else traits
+    if model not in P_SERIES:
+        return traits
+    return replace(traits, modes=P_MODES, full_pwm=_P_FULL_PWM, gain_unit=_P_GAIN_UNIT)
 
 
 TRAITS: dict[str, Traits] = {

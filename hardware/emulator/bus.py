@@ -49,9 +49,6 @@ class EmulatedBus:
         """Switches the rig on, every servo at its zero and set to the rig's baud rate.
 
         With a plant the horns are where its joints are, and feel what they turn.
-
-        Raises:
-            RigError: if a model cannot be emulated.
         """
         self.strict = strict
         self.baud = config.baud

@@ -14,15 +14,13 @@ import msgspec
 
 from hardware.control_table.baud_rates import baud_value
 from hardware.control_table.models import MODELS
-from hardware.control_table.old_models import OLD_MODELS
+from hardware.control_table.servo_traits import TRAITS
 from hardware.control_table.table import ControlTable
 from hardware.errors import RigFileError
 from hardware.rig.rig_lines import line_of
 from motiondeck_base.near_names import did_you_mean
 
-_NEEDED = ("torque_enable", "status_return_level", "goal_position", "present_velocity", "present_position", "shutdown",
-           "profile_velocity", "min_position_limit", "max_position_limit")  # fmt: skip
-_NEEDED_UNLESS_OLD = ("bus_watchdog", "hardware_error_status", "operating_mode", "profile_acceleration")
+_DRIVEN = "the XL-320 and servos of the X, MX, AX, RX, P and PRO(A) series"
 _WATCHDOG_UNIT_MS = 20  # in which the servos count
 BAUD_RATES = (9600, 57600, 115200, 1_000_000, 2_000_000, 3_000_000, 4_000_000)
 
@@ -70,9 +68,8 @@ class RigJoint(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
             raise ValueError(f"velocity is {self.velocity}; it must be a finite number")
         if not self.lower < self.upper:
             raise ValueError(f"lower is {self.lower} rad and upper {self.upper} rad; lower must be below upper")
-        needed = _NEEDED if self.model in OLD_MODELS else _NEEDED + _NEEDED_UNLESS_OLD
-        if any(name not in self.table.registers for name in needed):
-            raise ValueError(f"model '{self.model}' cannot be a joint of a rig: its control table is of another kind")
+        if self.model not in TRAITS:
+            raise ValueError(f"model '{self.model}' cannot be a joint of a rig; {_DRIVEN} can")
         if not (math.isfinite(self.acceleration) and math.isfinite(self.current) and math.isfinite(self.gear)):
             raise ValueError("acceleration, current and gear must be finite numbers")
         if self.acceleration and "profile_acceleration" not in self.table.registers:

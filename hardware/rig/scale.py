@@ -67,5 +67,4 @@ def _ampere(joint: RigJoint) -> float:
     table = joint.table
     if "present_current" in table.registers:
         return table["present_current"].si or 0.0
-    traits = TRAITS.get(joint.model)
-    return traits.stall_current * 1e-3 if traits is not None else 0.0
+    return TRAITS[joint.model].stall_current * 1e-3

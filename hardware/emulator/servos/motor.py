@@ -6,7 +6,6 @@ import math
 from dataclasses import dataclass
 
 from hardware.control_table.servo_traits import TRAITS
-from hardware.errors import RigError
 
 _GEARS = 0.7  # share of an ideal motor's torque that is left behind the gears; an estimate
 _LAG = 0.015  # s; an estimate of rotor and gears without a load
@@ -44,12 +43,6 @@ class Motor:
 
 
 def motor_of(model: str) -> Motor:
-    """The motor of a model.
-
-    Raises:
-        RigError: if the model cannot be emulated.
-    """
-    traits = TRAITS.get(model)
-    if traits is None:
-        raise RigError(f"{model} cannot be emulated, only {', '.join(TRAITS)}.")
+    """The motor of a model that can be a joint of a rig."""
+    traits = TRAITS[model]
     return Motor(traits.no_load_speed, traits.stall_current * 1e3, traits.voltage, traits.full_pwm)

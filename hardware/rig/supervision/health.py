@@ -107,9 +107,9 @@ class Health:
         self._who = [f"{joint.name} (id {joint.id})" for joint in config.joints]
         self._patience = config.watchdog_ms * 1e-3 - WATCHDOG_UNIT
         self._hottest = np.array([joint.hottest for joint in config.joints])
-        traits = [TRAITS.get(joint.model) for joint in config.joints]
-        self._lowest = np.array([_LOW_VOLTAGE * each.voltage if each else 0.0 for each in traits])
-        self._stall = np.array([each.stall_current if each else np.inf for each in traits])
+        traits = [TRAITS[joint.model] for joint in config.joints]
+        self._lowest = np.array([_LOW_VOLTAGE * each.voltage for each in traits])
+        self._stall = np.array([each.stall_current for each in traits])
         self._far = np.array([_far(joint) for joint in config.joints])
         self._moved = np.array([min(_MOVED, 0.1 * joint.velocity) for joint in config.joints])
         self._heard = np.full(count, now)
@@ -256,7 +256,4 @@ class Health:
 
 def _far(joint: RigJoint) -> float:
     """How far from its goal a servo with its gain from the box drives with half of its voltage, rad."""
-    traits = TRAITS.get(joint.model)
-    if traits is None:
-        return 0.1
-    return float(np.clip(traits.error_for(0.5) / abs(joint.pulses_per_radian), 0.05, 0.5))
+    return float(np.clip(TRAITS[joint.model].error_for(0.5) / abs(joint.pulses_per_radian), 0.05, 0.5))

@@ -45,16 +45,12 @@ class Strain:
 
 
 def _allowed(joint: RigJoint) -> float:
-    """What a joint may take for long, A; no bound where the model's motor is not known."""
-    traits = TRAITS.get(joint.model)
-    most = _MOST * traits.stall_current if traits is not None else math.inf
-    return min(joint.current or math.inf, most)
+    """What a joint may take for long, A."""
+    return min(joint.current or math.inf, _MOST * TRAITS[joint.model].stall_current)
 
 
 def _reach(joint: RigJoint) -> float:
     """How far from its goal a servo with the gain it has from the box draws the gentle current, rad."""
-    traits = TRAITS.get(joint.model)
-    if traits is None:
-        return math.inf
+    traits = TRAITS[joint.model]
     part = _GENTLE * _allowed(joint) / traits.stall_current
     return traits.error_for(part) / abs(joint.pulses_per_radian)

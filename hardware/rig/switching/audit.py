@@ -35,7 +35,6 @@ import numpy as np
 from hardware.bus.servo_bus import Bus
 from hardware.control_table.old_models import OLD_MODELS
 from hardware.control_table.p_series import P_SERIES
-from hardware.control_table.servo_traits import TRAITS
 from hardware.errors import RefusedError
 from hardware.rig.rig_file import RigConfig, RigJoint
 from hardware.rig.scale import Array, RigScale
@@ -181,11 +180,10 @@ def _needs(joint: RigJoint, low: int, high: int, held: dict[str, int]) -> Iterat
     yield "max_position_limit", high, "switch-on"
     if joint.current:
         yield "current_limit", in_counts(joint, "current_limit", joint.current), "switch-on"
-    if joint.model in TRAITS:
-        for name in _GAINS:
-            default = joint.table.registers[name].default if name in held else None
-            if default is not None:
-                yield name, default, "switch-on"
+    for name in _GAINS:
+        default = joint.table.registers[name].default if name in held else None
+        if default is not None:
+            yield name, default, "switch-on"
     for name, most in (("goal_pwm", "pwm_limit"), ("torque_limit", "max_torque")):
         if name in held:
             yield name, held[most], "switch-on"
@@ -204,7 +202,7 @@ def _needs(joint: RigJoint, low: int, high: int, held: dict[str, int]) -> Iterat
     yield "temperature_limit", limit if _COOLEST_LIMIT <= limit <= hottest else hottest, "refused"
     if "velocity_limit" in held:
         fast_enough = in_counts(joint, "velocity_limit", joint.velocity * joint.gear)
-        # The P series would refuse the profile, with which a joint keeps its limits.
+        # The P and PRO(A) series would refuse the profile, with which a joint keeps its limits.
         when: When = "refused" if joint.model in P_SERIES else "advised"
         yield "velocity_limit", max(held["velocity_limit"], fast_enough), when
         if joint.model in P_SERIES:

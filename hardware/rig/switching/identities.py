@@ -86,7 +86,7 @@ def knows_fast_reads(config: RigConfig, bus: Bus) -> bool:
 def know_fast_reads(config: RigConfig, firmware: Sequence[int]) -> bool:
     """Whether servos of Protocol 2.0 with these versions of firmware answer fast sync reads; the others have none."""
     asked = [index for index, joint in enumerate(config.joints) if joint.table.protocol == 2]
-    since = [TRAITS[model].fast_read if (model := config.joints[index].model) in TRAITS else None for index in asked]
+    since = [TRAITS[config.joints[index].model].fast_read for index in asked]
     return all(first is not None and firmware[index] >= first for index, first in zip(asked, since, strict=True))
 
 

@@ -15,8 +15,7 @@ from hardware.emulator.bus import EmulatedBus
 from hardware.emulator.faults import KINDS, Fault, FaultError, FaultPlan, parse_fault
 from hardware.emulator.port import EmulatedPort
 from hardware.emulator.pty_server import PtyServer
-from hardware.errors import RigError, SerialPortError
-from hardware.rig.rig_file import RigConfig, RigJoint
+from hardware.errors import SerialPortError
 
 
 def port_with(config, *faults, seed=0, paced=False):
@@ -129,13 +128,6 @@ def test_of_two_faults_of_a_kind_the_longer_one_ends_it(rig_of_four):
         port.elapse(until - port.now())
         seen.append((float(port.bus[1].bank.drive.supply[0]), port.bus[1].dead))
     assert seen == [(12.0, False), (9.0, True), (9.0, True), (12.0, True)]
-
-
-@pytest.mark.parametrize("model", ["H54-200-S500-RA", "M42-10-S260-RA"])
-def test_models_that_cannot_be_emulated_are_named(model):
-    config = RigConfig("p", 1_000_000, 10.0, (RigJoint("arm", 1, model, 1, 0, -1.0, 1.0, 1.0),))
-    with pytest.raises(RigError, match=f"{model} cannot be emulated"):
-        EmulatedBus(config)
 
 
 def test_the_name_of_a_pulled_adapter_leads_nowhere(rig_of_four, tmp_path):

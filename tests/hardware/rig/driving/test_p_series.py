@@ -12,6 +12,7 @@ from hardware.emulator.port import EmulatedPort
 from hardware.errors import RigError, ServoError
 from hardware.rig.rig_file import RigConfig, RigJoint
 from hardware.rig.supervision.supervised_rig import SupervisedRig
+from hardware.rig.switching.audit import in_counts
 from hardware.tools.doctor import fix_settings
 
 LIMIT, DATA_RANGE = 6, 4
@@ -58,6 +59,16 @@ def test_registers_are_where_the_makers_file_has_them(model):
     assert rows == {name: table.place(name) for name in rows}
 
 
+@pytest.mark.parametrize("model", ["H54-200-S500-RA", "H54-100-S500-RA", "H42-20-S300-RA", "M42-10-S260-RA"])
+def test_pro_a_models_count_as_their_pages_say(model):
+    table = MODELS[model]
+    joint = RigJoint("joint_1", 1, model, 1, 0, -1.5, 1.5, 2.0, 1.0, 0.5)
+    assert in_counts(joint, "current_limit", joint.current) == 500  # mA
+    assert in_counts(joint, "profile_acceleration", joint.acceleration) == 573  # rev/min^2
+    assert in_counts(joint, "profile_velocity", joint.velocity) == 1910  # 0.01 rev/min
+    assert table.registers.keys().isdisjoint({"protocol_type", "startup_configuration", "backup_ready"})
+
+
 def test_a_profile_beyond_a_limit_is_refused(servo):
     put, device = servo
     put("velocity_limit", 1000)
@@ -93,6 +104,19 @@ def test_one_as_it_comes_is_refused_until_it_protects_itself_from_heat():
         SupervisedRig(config, open_bus, beside=False, sleep=port.elapse)
     fix_settings(config, open_bus())
     assert SupervisedRig(config, open_bus, beside=False, sleep=port.elapse).close() == []
+
+
+def test_a_rig_of_pro_a_moves_as_they_come():
+    config = rig_of("H54-200-S500-RA", "H54-100-S500-RA", "H42-20-S300-RA", "M54-60-S250-RA", "M54-40-S250-RA",
+                    "M42-10-S260-RA", "AX-12A", acceleration=0.0)  # fmt: skip
+    port, open_bus = emulated(config)
+    rig = SupervisedRig(config, open_bus, beside=False, sleep=port.elapse)
+    for _ in range(200):
+        rig.collect_state()
+        rig.write(np.full(7, 1.2))
+        port.elapse(0.01)
+    assert rig.positions == pytest.approx(np.full(7, 1.2), abs=0.02)
+    assert rig.close() == []
 
 
 def test_one_that_would_refuse_the_rigs_profile_is_refused_by_name():
