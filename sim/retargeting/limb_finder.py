@@ -181,16 +181,22 @@ class LimbFinder:
         return float(np.linalg.norm(np.cross(self._data.xaxis[joint], point - self._data.xanchor[joint])))
 
     def _knee(self, upper: int, lower: int) -> int:
-        """The last hinge across the limb on the way from its upper segment to the body that its knee moves."""
+        """The last hinge across the limb on the way from its upper segment to the body that its knee moves.
+
+        Of several at one body it is the one that turns farthest: beside a knee, a shank may lean aside a little.
+        """
         way = hinges_between(self._model, upper, lower)
         if not way:
             raise self._no_hinge(lower)
         start, tip = self._data.xpos[upper], self._tip(lower, self._data.xanchor[way[-1]])
+        across: list[int] = []
         for joint in reversed(way):
             at, axis = self._data.xanchor[joint], self._data.xaxis[joint]
             if sine(axis, at - start) >= ACROSS and sine(axis, tip - at) >= ACROSS:
-                return joint
-        return way[0]
+                across.append(joint)
+        body, ranges = self._model.jnt_bodyid, np.ptp(self._model.jnt_range, axis=1)
+        ranges = np.where(self._model.jnt_limited, ranges, np.inf)
+        return max((j for j in across if body[j] == body[across[0]]), key=lambda j: ranges[j], default=way[0])
 
     def _ankle(self, lower: int, end: int, knee: Array, upper: float) -> int:
         """The first hinge across the limb on the way from its lower segment to its end."""

@@ -111,6 +111,20 @@ def test_legs_without_solids_below_the_knee_end_at_their_ankles(tmp_path):
     assert found.segments[1].length == pytest.approx([0.2, 0.2], abs=1e-3)
 
 
+def test_of_the_hinges_of_a_knee_the_one_that_turns_farthest_folds_it(tmp_path):
+    """As in models of muscles and bones: the shank also leans aside and turns, by little."""
+    little = '<joint name="{s}_knee_{k}" axis="{axis}" range="-.03 .03"/>'
+    text = humanoid()
+    for s in ("left", "right"):
+        knee = f'<joint name="{s}_knee" axis="0 1 0" range="0 2.4"/>'
+        more = little.format(s=s, k="lean", axis="1 0 0") + little.format(s=s, k="turn", axis="0 0 1")
+        assert knee in text
+        text = text.replace(knee, knee + more)
+    found = calibrated(model_file(tmp_path, text, "lean.xml"))
+    assert found.segments[1].hinge == ("right_knee", "left_knee")
+    assert found.sound
+
+
 def test_signs_and_zeros_of_the_angle_solver_are_found(tmp_path):
     found = calibrated(model_file(tmp_path, humanoid()))
     signs = {name: angle.sign for name, angle in found.angles.items()}
