@@ -46,6 +46,14 @@ window.motiondeck ??= (() => {
     if (element.textContent !== text) element.textContent = text;
   }
 
+  // viser hears no key while a field or a box has the focus: Esc leaves it, and is heard as anywhere else.
+  const leave = (event) => {
+    if (event.key !== "Escape" || !event.target.matches?.("input, textarea, select")) return;
+    event.target.blur();
+    document.body.dispatchEvent(new KeyboardEvent("keydown", { key: "Escape", code: "Escape", bubbles: true }));
+  };
+  addEventListener("keydown", leave, true);
+
   setInterval(draw, 100);
   return { part: (kind, how) => (kinds[kind] = how), child, write };
 })();
