@@ -1,8 +1,9 @@
-"""A number with the word that it counts: 1 frame, 2 frames."""
+"""A number with the word that it counts: 1 frame, 2 frames, 2 switches."""
 
 from __future__ import annotations
 
 
 def counted(number: int, one: str) -> str:
-    """The number and the word, which takes an s unless the number is 1."""
-    return f"{number} {one}" if number == 1 else f"{number} {one}s"
+    """The number and the word, which takes an s, or es behind ch, unless the number is 1."""
+    ending = "es" if one.endswith("ch") else "s"
+    return f"{number} {one}" if number == 1 else f"{number} {one}{ending}"

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from pathlib import Path
 
 from motiondeck_base.errors import MotiondeckError, UnknownNameError
@@ -33,13 +34,17 @@ def find_robot(name: str | Path) -> Path:
     return _find("robot", "robots", ".toml", name)
 
 
-def find_rig(name: str | Path) -> Path:
+def find_rig(name: str | Path, *, also: Sequence[str] = ()) -> Path:
     """The file of a rig: the path itself if `name` is one, else the shipped rig of this name.
+
+    Args:
+        name: of the rig, or its file.
+        also: other words that the user may have meant, which have no file.
 
     Raises:
         MotiondeckError: if there is none; it offers the nearest names.
     """
-    return _find("rig", "rigs", ".toml", name)
+    return _find("rig", "rigs", ".toml", name, also)
 
 
 def find_library(name: str | Path) -> Path:
@@ -60,7 +65,7 @@ def find_stage(name: str | Path) -> Path:
     return _find("stage", "stages", ".toml", name)
 
 
-def _find(kind: str, folder: str, suffix: str, name: str | Path) -> Path:
+def _find(kind: str, folder: str, suffix: str, name: str | Path, also: Sequence[str] = ()) -> Path:
     """A file by its path, which has the suffix or names a folder, or else by the name of a shipped one."""
     path = Path(name)
     if path.suffix == suffix or len(path.parts) > 1:
@@ -76,7 +81,7 @@ def _find(kind: str, folder: str, suffix: str, name: str | Path) -> Path:
     if str(name) not in shipped and path.is_file():
         raise _of_another_kind(kind, suffix, name)
     if str(name) not in shipped:
-        raise UnknownNameError.among(kind, str(name), shipped)
+        raise UnknownNameError.among(kind, str(name), [*also, *shipped])
     return shipped[str(name)]
 
 

@@ -9,6 +9,7 @@ as the joint, and none of the file's own floor, sky and lamps: the stage brings 
 
 from __future__ import annotations
 
+import re
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 
@@ -38,6 +39,8 @@ _SIZES = {
     mujoco.mjtGeom.mjGEOM_CYLINDER: 2,
     mujoco.mjtGeom.mjGEOM_BOX: 3,
 }
+# How MuJoCo says that it cannot open a mesh, a texture or a part of a model.
+_UNOPENED = re.compile(r"[Ee]rror opening file '([^']+)'")
 _AT_A_JOINT = (int(mujoco.mjtTrn.mjTRN_JOINT), int(mujoco.mjtTrn.mjTRN_JOINTINPARENT))
 _AT_A_DISTANCE = (int(mujoco.mjtTrn.mjTRN_TENDON), int(mujoco.mjtTrn.mjTRN_SLIDERCRANK))
 
@@ -86,6 +89,11 @@ def read_model(path: Path, packages: Mapping[str, Path] | None = None, feet: Seq
                 geom.group = 0
         spec.compile()
     except ValueError as error:
+        missing = _UNOPENED.search(str(error))
+        if missing and not Path(missing[1]).exists():
+            raise FileFormatError(
+                f"{path}: {missing[1]}, which it needs, is missing; copy it there with the other files of the model"
+            ) from error
         raise FileFormatError(f"{path}: MuJoCo refuses it: {' '.join(str(error).split())}") from error
     return spec
 

@@ -254,6 +254,8 @@ def _rise(table: RiseSettings, retarget: Retargeter, skeleton: Skeleton, limits:
 
 def _load_model(path: Path, file: RobotFile) -> tuple[mujoco.MjSpec, mujoco.MjModel]:
     model_path = path.parent / Path(str(file.model)).expanduser()
+    if not model_path.exists():
+        raise FileFormatError(f"{path}: its model {model_path} is missing; put it there, or correct `model`")
     packages = {name: path.parent / Path(folder).expanduser() for name, folder in file.packages.items()}
     spec = read_model(model_path, packages, [file.parts[foot] for foot in FEET if foot in file.parts])
     root = next(body for body in spec.worldbody.bodies if body.joints)

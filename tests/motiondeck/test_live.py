@@ -201,6 +201,8 @@ def test_it_ends_by_itself_and_events_with_it(library):
     [
         ({"library": "thesis14"}, "unknown library 'thesis14'. Did you mean thesis15"),
         ({"rig": "emulated"}, "no rig for robot 'mannequin'"),
+        ({"rig": "emulated2"}, "unknown rig 'emulated2'. Did you mean emulated?"),
+        ({"rig": "lab"}, "unknown rig 'lab'. There are: emulated, pan-tilt, servo20"),
     ],
 )
 def test_what_cannot_be_played_is_said_in_one_line(wanted, says):

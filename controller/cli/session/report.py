@@ -20,6 +20,8 @@ from controller.loop.permissions import Permission
 from controller.wire.command_socket import CommandServer
 from motiondeck_base.counted import counted
 
+_AT_ONCE = 0.05  # s before which a fall is told as one at once
+_FEET = "; with --walk or --balance it can keep on its feet"
 _INCIDENTS_SHOWN = 10  # the latest
 _OVERRUNS_EVERY = 1.0  # s from one event on overruns to the next, which has all since
 _FAULTS_EVERY = 0.25  # s from one look at faults to the next
@@ -77,8 +79,9 @@ class RunNews:
         for index, channel in enumerate(self._channels):
             if channel.faults != self._faults[index]:
                 self._faults[index] = channel.faults
-                parked = ", and is left out" if channel.parked else ""
-                self._desk.tell("fault", f"{channel.output.name}: {channel.fault}{parked}")
+                fault = f"{channel.output.name}: {channel.fault}"
+                parked = f"{fault.removesuffix('.')}. Nothing more is sent to it"
+                self._desk.tell("fault", parked if channel.parked else fault)
             incidents = getattr(channel.output, "incidents", ())
             if not incidents:
                 continue
@@ -131,8 +134,9 @@ def _happened(report: dict[str, Any]) -> list[str]:
     lines: list[str] = []
     if report["switches"]:
         times = [s["settled_s"] - s["commanded_s"] for s in report["switches"] if s["settled_s"] is not None]
-        settled = f", settled after {np.median(times):.2f} s (median)" if times else ""
-        lines.append(f"{len(report['switches'])} switches{settled}")
+        median = " (median)" if len(times) > 1 else ""
+        settled = f", settled after {np.median(times):.2f} s{median}" if times else ""
+        lines.append(f"{counted(len(report['switches']), 'switch')}{settled}")
     lines += [f"went to {s['to']} by way of {', '.join(s['via'])}" for s in report["switches"] if s["via"]]
     if report["restarts"]:
         lines.append(f"the network lost its motion and was restarted {report['restarts']} times")
@@ -141,8 +145,10 @@ def _happened(report: dict[str, Any]) -> list[str]:
         lines += [f"rig: {incident}" for incident in report["rig"]["incidents"][-_INCIDENTS_SHOWN:]]
     for output in report["outputs"]:
         if output.get("fell_s") is not None:
+            when = f"after {output['fell_s']:.1f} s" if output["fell_s"] >= _AT_ONCE else "at once"
             up = f"; it got up {counted(output['got_up'], 'time')}" if output.get("got_up") else ""
-            lines.append(f"the robot fell after {output['fell_s']:.1f} s{up}")
+            has_legs = "near_falls_s" in output
+            lines.append(f"the robot fell {when}{up if has_legs else _FEET}")
     for output in report["outputs"]:
         if travel := output.get("travel"):
             lines.append(f"walked {travel['walked_m']:.1f} m; the motion went {travel['asked_m']:.1f} m")

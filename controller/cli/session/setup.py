@@ -129,7 +129,7 @@ def _rig_file(rig: str | None, robot: str) -> Path | None:
     if rig is None:
         return None
     if rig != EMULATED:
-        return find_rig(rig)
+        return find_rig(rig, also=[EMULATED])
     try:
         return find_rig(Path(robot).stem)
     except MotiondeckError:

@@ -59,6 +59,20 @@ def test_a_file_of_another_kind_is_refused_and_says_what_was_expected(tmp_path, 
     assert "\n" not in str(caught.value)
 
 
+def test_a_model_without_its_mesh_names_the_missing_file_and_the_remedy(tmp_path):
+    file = tmp_path / "bot.xml"
+    file.write_text(
+        '<mujoco><compiler meshdir="assets"/><asset><mesh name="hull" file="hull.stl"/></asset>'
+        '<worldbody><body><freejoint/><geom type="mesh" mesh="hull"/></body></worldbody></mujoco>'
+    )
+    missing = tmp_path / "assets" / "hull.stl"
+    with pytest.raises(FileFormatError) as caught:
+        read_model(file)
+    assert str(caught.value) == (
+        f"{file}: {missing}, which it needs, is missing; copy it there with the other files of the model"
+    )
+
+
 @pytest.mark.parametrize(
     ("name", "head", "encoding"),
     [

@@ -91,7 +91,7 @@ def test_a_joint_may_differ_from_the_others(tmp_path):
         (
             GOOD.replace('kind = "mannequin"', 'kind = "humanoid"\nmodel = "no.xml"'),
             FileFormatError,
-            r"no\.xml: there is no such model file",
+            r"robot\.toml: its model .*no\.xml is missing; put it there, or correct `model`",
         ),
         (GOOD + "[", FileFormatError, r"robot\.toml: not valid TOML"),
     ],

@@ -83,6 +83,26 @@ def test_a_terminal_that_is_gone_ends_nothing():
         time.sleep(1.5 * PERIOD)
 
 
+def test_the_summary_says_when_a_robot_fell_and_what_keeps_it_on_its_feet():
+    figures = {"p50": 3.0, "p99": 5.0, "p999": 9.0, "max": 9.0}
+    report = {
+        **{"reason": "played to the end", "ticks": 400, "rate_hz": 200.0, "overruns": 0, "skipped": 0},
+        **{"lateness_us": figures, "work_us": figures, "restarts": 0, "switches": [{"to": "jog", "via": []}]},
+        "refused": [],
+    }
+    report["switches"][0] |= {"commanded_s": 1.0, "settled_s": 1.5}
+    parked = {"name": "physics", "parked": False}
+
+    def lines(**output):
+        return summary({**report, "outputs": [parked | output]}).splitlines()
+
+    assert "1 switch, settled after 0.50 s" in lines()
+    advice = "; with --walk or --balance it can keep on its feet"
+    assert f"the robot fell at once{advice}" in lines(fell_s=0.02)
+    assert f"the robot fell after 2.0 s{advice}" in lines(fell_s=2.0)
+    assert "the robot fell after 2.0 s; it got up 1 time" in lines(fell_s=2.0, near_falls_s=[1.5], got_up=1)
+
+
 def test_the_summary_says_first_what_happened_then_the_figures():
     figures = {"p50": 3.0, "p99": 5.0, "p999": 9.0, "max": 9.0}
     report = {

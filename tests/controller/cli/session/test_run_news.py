@@ -5,6 +5,14 @@ from types import SimpleNamespace
 from controller.cli.session.report import RunNews
 
 
+def test_a_parked_output_is_told_in_whole_sentences():
+    told = []
+    channel = SimpleNamespace(output=SimpleNamespace(name="rig"), faults=1, fault="id 3 is gone.", parked=True)
+    desk = SimpleNamespace(tell=lambda kind, text, motion="": told.append(text))
+    RunNews(desk, SimpleNamespace(period=0.25, overruns=0), [channel], []).look()
+    assert told == ["rig: id 3 is gone. Nothing more is sent to it"]
+
+
 def test_an_incident_that_happens_again_is_told_again_and_a_command_is_no_fault():
     told = []
     rig = SimpleNamespace(name="rig", incidents=[], news=[])
