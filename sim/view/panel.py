@@ -224,7 +224,7 @@ class Panel:
         self.send(Resume() if self._state.paused else Pause())
 
     def _ask_to_end(self, event: viser.GuiEvent) -> None:
-        text = "The robot comes to rest, and the deck ends. This page then shows nothing any more."
+        text = "The robot comes to rest, and the deck ends. This page then keeps its last picture."
         self.ask(event, "End the run?", text, "End the run", Stop(), no="Play on")
 
     def ask(

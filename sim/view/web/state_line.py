@@ -105,7 +105,9 @@ def state_line(state: RunState) -> StateLine:
     if state.mode == "emergency stop":
         return StateLine("EMERGENCY STOP", "every joint is held", "Reset releases it", RED)
     if state.fallen:
-        return StateLine("FALLEN", f"playing {state.shown}", upcoming or "End run, and start it again", RED)
+        return StateLine(
+            "FALLEN", f"playing {state.shown}", upcoming or "if it stays down: End run, and start it again", RED
+        )
     if state.mode == "held":
         return StateLine("HELD", "nothing moves", "choose a motion, or Home", AMBER)
     if state.mode == "home":

@@ -49,7 +49,7 @@ SITUATIONS = [
     (state(blend=["jog", "waltz"]), ["BLEND", "walk + 40 % jog + 25 % waltz"]),
     (state(paused=1.0), ["PAUSED", "walk"]),
     (state(paused=1.0, queue=["jog"]), ["PAUSED", "walk", "next: jog"]),
-    (state(fallen=1.0), ["FALLEN", "playing walk", "End run, and start it again"]),
+    (state(fallen=1.0), ["FALLEN", "playing walk", "if it stays down: End run, and start it again"]),
     (state(approaching=1.0), ["ON ITS WAY", "slowly to walk"]),
     (state(mode="home"), ["HOME", "at rest, or on the way there", "choose a motion to play on"]),
     (state(mode="held"), ["HELD", "nothing moves", "choose a motion, or Home"]),

@@ -8,14 +8,17 @@ motiondeck.part("motion-grid", (element, state, send) => {
     const field = child(element, "search", "input", "search");
     field.placeholder = "search a motion";
     field.oninput = () => {
-      for (const name of motions)
-        child(grid, name, "div", "motion").hidden = !name.toLowerCase().includes(field.value.trim().toLowerCase());
+      const found = motions.filter((name) => name.toLowerCase().includes(field.value.trim().toLowerCase()));
+      for (const name of motions) child(grid, name, "div", "motion").hidden = !found.includes(name);
+      write(child(element, "none", "div", "none"), found.length ? "" : "no motion is named like this");
     };
+    child(element, "none", "div", "none");
   }
   const grid = child(element, "grid", "div", "motions");
   motions.forEach((name, index) => {
     const box = child(grid, name, "div", "motion");
     box.dataset.look = state.looks[index];
+    if (index < 9) box.dataset.keyNumber = index + 1;
     const button = child(box, "play", "button", "play");
     button.disabled = !state.enabled;
     button.setAttribute("aria-label", state.labels[index]);

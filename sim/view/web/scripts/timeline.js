@@ -5,7 +5,7 @@ motiondeck.part("timeline", (element, state, send) => {
   const { child, write } = motiondeck;
   const strip = child(document.body, "timeline", "div", "timeline-strip");
   const place = (at) => `${(100 * (state.seconds + at)) / state.seconds}%`;
-  const LEGIBLE = 30; // pixels, of a strip with a word that ends in dots
+  const LEGIBLE = 36; // pixels, of a strip with a word that ends in dots
   const hue = (name) => [...name].reduce((sum, letter) => (sum * 31 + letter.charCodeAt(0)) % 360, 7);
   const bar = child(strip, "bar", "div", "bar");
   bar.setAttribute("role", "slider");
@@ -27,11 +27,13 @@ motiondeck.part("timeline", (element, state, send) => {
       return mark;
     }),
   );
-  // A strip that is too narrow for its name has a shorter one, or none; the pointer on it shows it all.
+  // A strip that is too narrow for its name has a shorter one, or none; the pointer on it shows it all. A blend is not
+  // cut: its first letters would read as one motion alone.
+  const isCut = (run) => run.scrollWidth > run.clientWidth;
   for (const run of bar.querySelectorAll(".run")) {
     const [first, ...others] = run.title.split(" + ");
-    if (others.length && run.scrollWidth > run.clientWidth) run.textContent = `${first} + ${others.length}`;
-    if (run.scrollWidth > run.clientWidth && run.clientWidth < LEGIBLE) run.textContent = "";
+    if (others.length && isCut(run)) run.textContent = `${first} + ${others.length}`;
+    if (isCut(run) && (others.length || run.clientWidth < LEGIBLE)) run.textContent = "";
   }
   const hand = document.createElement("i");
   hand.className = "hand";

@@ -94,6 +94,14 @@ def test_grid_queue_ring_and_pad_send_commands(browser):
             "walk",
             "waltz",
         ]
+        assert not tab.get_by_text("no motion is named like this", exact=True).is_visible()
+        tab.get_by_placeholder("search a motion").fill("zzz")
+        tab.get_by_text("no motion is named like this", exact=True).wait_for()
+        tab.get_by_placeholder("search a motion").fill("wal")
+        assert [tab.locator(f'.motion[data-key="{name}"]').get_attribute("data-key-number") for name in MOTIONS] == [
+            *"123456789",
+            *[None] * 6,
+        ]
 
         ring = tab.get_by_role("slider", name="phase")
         assert ring.get_attribute("aria-valuenow") == "0.4"
