@@ -286,6 +286,7 @@ class Bus:
         status = self._ask(frame, id, length)
         if status is None and self._patient:
             status = self._exchange(frame, id, length, _PATIENCE)
+            self._outlast_repeats()
         self._patient = status is not None
         if status is None:
             raise NoReplyError(
@@ -298,11 +299,19 @@ class Bus:
 
     def _ask(self, frame: bytes, id: int, length: int) -> StatusPacket | None:
         """The status of one servo, asked again if it stays silent."""
-        for _ in range(1 + self._retries):
+        for attempt in range(1 + self._retries):
             status = self._exchange(frame, id, length, self._margin)
             if status is not None:
+                if attempt:
+                    self._outlast_repeats()
                 return status
         return None
+
+    def _outlast_repeats(self) -> None:
+        """Waits for late answers to a question that was repeated: the next would take them for its own."""
+        end = self.port.now() + 2.0 * self._margin * (1 + self._retries)
+        while (left := end - self.port.now()) > 0.0 and self.port.wait(min(left, 2.0 * self._margin)):
+            self._discard()
 
     def _exchange(self, frame: bytes, id: int, length: int, margin: float) -> StatusPacket | None:
         """Sends a frame and waits until this servo has answered or the deadline is over.

@@ -59,6 +59,15 @@ def test_who_carries_the_bytes_may_stand_still_for_a_while(bus, port):
     assert bus.read(1, 116, 4).params == (2100).to_bytes(4, "little")
 
 
+@pytest.mark.parametrize("late", [30.0, 60.0, 150.0, 300.0])
+def test_a_late_answer_is_not_taken_for_that_of_the_next_register(bus, port, late):
+    """An answer does not tell its register: the second one to a question asked twice would be the next one's."""
+    rows = [XM430[name] for name in ("present_temperature", "torque_enable", "id", "baud_rate")]
+    before = [bus.read(1, row.address, 1).params for row in rows]
+    port.wire.faults = FaultPlan([Fault("delay", value=late)])
+    assert [bus.read(1, row.address, 1).params for row in rows] == before
+
+
 def test_a_port_without_power_costs_a_long_wait_only_once(bus, port, servos):
     for id in (1, 2, 3, 4):
         servos[id].dead = True
