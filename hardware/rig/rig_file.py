@@ -158,7 +158,7 @@ class RigConfig(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
             raise ValueError(f"read_hz {self.read_hz:g} must be from 0 to rate_hz, {self.rate_hz:g}")
         for number, joint in enumerate(self.joints, 1):
             if baud_value(joint.table, self.baud) is None:
-                raise ValueError(f"joint {number} ({joint.name}): a {joint.model} cannot do {self.baud} baud")
+                raise ValueError(f"joint {number} ({joint.name}): model '{joint.model}' cannot do {self.baud} baud")
         for port in self.ports:
             self._refuse_doubles("id", [joint.id if self._port_of(joint) == port else None for joint in self.joints])
         self._refuse_doubles("name", [joint.name for joint in self.joints])

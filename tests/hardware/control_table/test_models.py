@@ -96,7 +96,7 @@ def test_models_with_other_places_and_another_protocol_may_too():
 @pytest.mark.parametrize(("model", "baud"), [("AX-12A", 4_000_000), ("AX-12A", 3_000_000), ("XL-320", 2_000_000)])
 def test_a_baud_rate_that_a_model_cannot_do_is_refused(model, baud):
     leg = RigJoint("leg", 3, model, 1, 512, -1.0, 1.0, 1.0)
-    with pytest.raises(ValueError, match=rf"joint 2 \(leg\): a {model} cannot do {baud} baud"):
+    with pytest.raises(ValueError, match=rf"joint 2 \(leg\): model '{model}' cannot do {baud} baud"):
         RigConfig("port", baud, 100.0, (joint(1, "XM430-W350"), leg))
 
 
