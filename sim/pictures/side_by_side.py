@@ -52,7 +52,8 @@ class SideBySide:
             if texture.type == mujoco.mjtTexture.mjTEXTURE_SKYBOX:
                 other.delete(texture)
         self._apart = np.array([0.0, -APART * self.scale * skeleton.leg_length])
-        other.option = spec.option  # nothing moves by physics here, and MuJoCo would warn of each difference
+        # Nothing moves by physics here, it is drawn as the human is, and MuJoCo would warn of each difference.
+        other.option, other.visual = spec.option, spec.visual
         for size in _SIZES:
             setattr(other, size, getattr(spec, size))
         spec.attach(other, prefix=PREFIX, frame=spec.worldbody.add_frame())

@@ -143,7 +143,9 @@ def test_a_urdf_is_drawn_by_its_visual_shapes_and_moves_by_the_others(tmp_path):
 
 @pytest.mark.filterwarnings("error")
 def test_a_robot_with_options_of_its_own_is_shown_beside_the_human(tmp_path):
-    own = '<option ls_iterations="5"/><size njmax="5000" nconmax="2000" nuser_jnt="1" nkey="1"/><worldbody>'
+    own = '<option ls_iterations="5"/><size njmax="5000" nconmax="2000" nuser_jnt="1" nkey="1"/>'
+    own += '<visual><map zfar="30" shadowscale="2"/><global fovy="60"/><quality shadowsize="512"/>'
+    own += '<rgba haze="0 0 0 1"/><scale com="2"/></visual><statistic extent="3" center="1 0 0"/><worldbody>'
     (tmp_path / "small.xml").write_text(humanoid().replace("<worldbody>", own, 1))
     (tmp_path / "small.toml").write_text(calibrated(tmp_path / "small.xml").to_toml(tmp_path))
     beside = SideBySide(human(), find_robot("mannequin"), tmp_path / "small.toml", 1.0 / 60.0)
