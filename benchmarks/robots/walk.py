@@ -33,7 +33,7 @@ from controller.rotations import Array
 from motiondeck_base.shipped import find_library, find_robot
 from sim.physics.pushes import usual_push
 from sim.physics.walk_conditions import AS_MODELLED, CONDITIONS
-from sim.physics.walk_trial import Course, Trial, play_course, walk_trial
+from sim.physics.walk_trial import Course, Trial, play_course, pushes, walk_trial
 from sim.robots.robot import DT, Robot, load_robot
 
 # Of thesis15, or LIBRARY/MOTION.
@@ -110,7 +110,7 @@ def measure(case: Case) -> dict[str, Any]:
     begin = 0
     while not trials or (" " in motion and begin < len(course.targets) - 1):
         rest = Course(course.targets[begin:], course.roots[begin:], course.headings[begin:])
-        trials.append(walk_trial(robot, rest, impulse, case.seed, condition=CONDITIONS[case.condition]))
+        trials.append(walk_trial(robot, rest, pushes(impulse, case.seed), condition=CONDITIONS[case.condition]))
         begin += round(trials[-1].stood_s / DT)
         if begin < len(course.targets):
             falls.append(round(begin * DT, 1))

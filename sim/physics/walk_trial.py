@@ -104,18 +104,30 @@ def pushes(impulse: float, seed: int) -> Callable[[float], Array]:
     return force
 
 
+def unpushed(now: float) -> Array:
+    """No force at any time."""
+    return np.zeros(3)
+
+
 def walk_trial(
     robot: Robot,
     course: Course,
-    impulse: float = 0.0,
-    seed: int = 0,
+    force: Callable[[float], Array] = unpushed,
     settings: WalkSettings | None = None,
     condition: Condition = CONDITIONS[AS_MODELLED],
 ) -> Trial:
-    """Walks a course until its end or a fall, pushed as `pushes` says; with other settings than the robot's."""
+    """Walks a course until its end or a fall, under a force (3,) on the root, N, by the time, s.
+
+    Args:
+        robot: which.
+        course: what it is told.
+        force: such as `pushes` gives.
+        settings: how it walks, if not as the robot's own say.
+        condition: what differs from its model.
+    """
     body = condition.applied(robot if settings is None else replace(robot, walk=settings))
     stage = PhysicsPlayback(body, DT, "free", walk=True, sensors=condition.sensors, alter=condition.alter)
-    force, lag, legs = pushes(impulse, seed), round(AHEAD / DT), _legs(robot)
+    lag, legs = round(AHEAD / DT), _legs(robot)
     costs: list[float] = []
     square = np.zeros(len(robot.joints))
     for tick, (targets, root, heading) in enumerate(zip(course.targets, course.roots, course.headings, strict=True)):

@@ -19,7 +19,7 @@ from motiondeck_base.files import write_file
 from motiondeck_base.shipped import find_library
 from sim.models.walk_settings import WalkSettings, with_walk_table
 from sim.physics.pushes import usual_push
-from sim.physics.walk_trial import Course, Trial, play_course, walk_trial
+from sim.physics.walk_trial import Course, Trial, play_course, pushes, walk_trial
 from sim.physics.walk_tuning import EDGE, steps, tune_walk
 from sim.robots.robot import Robot, load_robot
 
@@ -77,7 +77,7 @@ def _loaded(file: Path, library: str) -> Robot:
 
 def _walk(file: Path, library: str, course: Course, impulse: float, seed: int, settings: WalkSettings) -> Trial:
     """One trial, in whatever process."""
-    return walk_trial(_loaded(file, library), course, impulse, seed, settings)
+    return walk_trial(_loaded(file, library), course, pushes(impulse, seed), settings)
 
 
 def words(report: dict[str, Any]) -> str:
