@@ -337,7 +337,6 @@ class LiveDeck:
             CommandError: if it is refused, or an argument is of another type.
             SocketError: if the deck has ended; it says why.
         """
-        self._refuse_fork()
         if not self.running:
             self._process.end()
             raise SocketError(self._process.how_it_ended)

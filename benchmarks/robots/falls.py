@@ -26,7 +26,7 @@ from controller.library.motion_library import load_library
 from controller.rotations import Array
 from motiondeck_base.shipped import find_library, find_robot
 from sim.physics.playback import PhysicsPlayback
-from sim.physics.pushes import PUSH_LASTS, push_force, usual_push
+from sim.physics.pushes import PUSH_LASTS, one_push, usual_push
 from sim.physics.walk_trial import Course, placed_pose, play_course
 from sim.robots.robot import DT, Robot, load_robot
 
@@ -114,10 +114,10 @@ class Watched(PhysicsPlayback):
 
 def fall(robot: Robot, course: Course, impulse: float, towards: float, at: float, guard: bool) -> tuple[bool, Blows]:
     """Whether a robot fell that was pushed with an impulse, N s, in a direction, rad, at a time, s; and its blows."""
-    stage = Watched(robot, guard)
+    stage, force = Watched(robot, guard), one_push(impulse, towards, at)
     for tick, (targets, root, heading) in enumerate(zip(course.targets, course.roots, course.headings, strict=True)):
         since = tick * DT - at
-        stage.push(push_force(impulse, towards) if 0.0 <= since < PUSH_LASTS else np.zeros(3))
+        stage.push(force(tick * DT))
         stage.watching = PUSH_LASTS <= since < WATCHED
         stage.write(targets, placed_pose(root, float(heading)))
         if stage.fallen:

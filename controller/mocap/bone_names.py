@@ -230,7 +230,12 @@ def _words(name: str) -> tuple[str, ...]:
 @lru_cache(maxsize=4096)
 def _key(name: str, shared: frozenset[str]) -> tuple[str, Side]:
     """A name in English without prefix, separators, numbers and side; and the side."""
-    key, side = _sided_key(tuple(word for word in _words(name) if word not in shared))
+    return _english_key(tuple(word for word in _words(name) if word not in shared))
+
+
+def _english_key(words: tuple[str, ...]) -> tuple[str, Side]:
+    """As `_key`, of the words of a name."""
+    key, side = _sided_key(words)
     return ENGLISH.get(key, key), side
 
 
@@ -250,8 +255,7 @@ def _besides_part(words: tuple[str, ...]) -> tuple[frozenset[str], tuple[str, Si
     """The words of a name besides the most that together name a part, and that part; None if none do."""
     for count in range(len(words), 0, -1):
         for at in range(len(words) - count + 1):
-            key, side = _sided_key(words[at : at + count])
-            key = ENGLISH.get(key, key)
+            key, side = _english_key(words[at : at + count])
             if key in _KEYS:
                 return frozenset(words[:at] + words[at + count :]), (key, side)
     return None

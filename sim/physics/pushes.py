@@ -1,4 +1,4 @@
-"""Pushes of a simulated body: how hard one usually is, how long it lasts, and its force."""
+"""Pushes of a simulated body: how hard one usually is, how long it lasts, its force, and when it comes."""
 
 # pyright: reportAttributeAccessIssue=false
 # (MuJoCo's names come from compiled modules, which have no type stubs.)
@@ -6,6 +6,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 
 import mujoco
 import numpy as np
@@ -31,3 +32,9 @@ def usual_push(model: mujoco.MjModel) -> float:
 def push_force(impulse: float, towards: float) -> Array:
     """The force (3,), N, of a push with an impulse, N s, in a direction on the ground, rad."""
     return impulse / PUSH_LASTS * np.array([np.cos(towards), np.sin(towards), 0.0])
+
+
+def one_push(impulse: float, towards: float, at: float) -> Callable[[float], Array]:
+    """The force (3,), N, at a time, s, of a push as `push_force` has it that comes once, at a time, s."""
+    force = push_force(impulse, towards)
+    return lambda now: force if 0.0 <= now - at < PUSH_LASTS else np.zeros(3)
