@@ -17,6 +17,7 @@ from sim.models.kinematic_tree import path_to
 ROOT_JOINT = "(root)"
 
 _CLOSING = (mujoco.mjtEq.mjEQ_CONNECT, mujoco.mjtEq.mjEQ_WELD)
+_OF_ROBOTS = (*_CLOSING, mujoco.mjtEq.mjEQ_JOINT, mujoco.mjtEq.mjEQ_TENDON)  # the others are about cloth
 
 
 def free_root(path: Path, spec: mujoco.MjSpec) -> None:
@@ -29,13 +30,10 @@ def free_root(path: Path, spec: mujoco.MjSpec) -> None:
     bodies = [body for body in spec.worldbody.bodies if not body.mocap]
     if not bodies:
         raise FileFormatError(f"{path}: there is no body in it")
-    for body in bodies:
-        free = [joint for joint in body.joints if joint.type == mujoco.mjtJoint.mjJNT_FREE]
-        if free:
-            root, joint = body, free[0]
-            break
-    else:
-        root = max(bodies, key=lambda body: len(body.find_all("body")))
+    floating = [body for body in bodies if _free(body) and _moving(body)]
+    root = max(floating, key=_moving) if floating else max(bodies, key=lambda body: (_moving(body), _parts(body)))
+    joint = next(iter(_free(root)), None)
+    if joint is None:
         _clear_rails(spec, root)
         if root.joints:
             raise FileFormatError(
@@ -55,9 +53,32 @@ def free_root(path: Path, spec: mujoco.MjSpec) -> None:
     for looking in [*spec.cameras, *spec.lights]:
         if looking.targetbody and looking.targetbody not in left:
             spec.delete(looking)
+    for skin in [*spec.skins]:
+        if not left.issuperset(skin.bodyname):
+            spec.delete(skin)
+    cloths = [cloth for cloth in spec.flexes if not left.issuperset([*cloth.vertbody, *cloth.nodebody])]
+    gone = {cloth.name for cloth in cloths}
     for equality in [*spec.equalities]:
-        if equality.type in _CLOSING and "world" in _tied(spec, equality):
+        tied_to_world = equality.type in _CLOSING and "world" in _tied(spec, equality)
+        if tied_to_world or (equality.type not in _OF_ROBOTS and equality.name1 in gone):
             spec.delete(equality)
+    for cloth in cloths:
+        spec.delete(cloth)
+
+
+def _free(body: mujoco.MjsBody) -> list[mujoco.MjsJoint]:
+    """The free joint of a body, if it has one."""
+    return [joint for joint in body.joints if joint.type == mujoco.mjtJoint.mjJNT_FREE]
+
+
+def _parts(body: mujoco.MjsBody) -> int:
+    """How many bodies hang from a body."""
+    return len(body.find_all("body"))
+
+
+def _moving(body: mujoco.MjsBody) -> int:
+    """How many joints a body has below it and itself, but for a free one: a ball that lies beside a robot has none."""
+    return sum(len(part.joints) for part in [body, *body.find_all("body")]) - len(_free(body))
 
 
 def _tied(spec: mujoco.MjSpec, equality: mujoco.MjsEquality) -> list[str]:

@@ -121,8 +121,8 @@ def _clear_stage(spec: mujoco.MjSpec) -> None:
     for texture in [*spec.textures]:
         if texture.type == mujoco.mjtTexture.mjTEXTURE_SKYBOX:
             spec.delete(texture)
-    # Keyframes, sensors and pairs of solids may be about what is taken away; nothing here looks at them.
-    for thing in [*spec.keys, *spec.sensors, *spec.pairs]:
+    # Keyframes, sensors, pairs of solids and lists may be about what is taken away; nothing here looks at them.
+    for thing in [*spec.keys, *spec.sensors, *spec.pairs, *spec.tuples]:
         spec.delete(thing)
 
 

@@ -348,6 +348,33 @@ def test_sensors_and_contact_pairs_on_what_is_left_out_go_with_it(tmp_path):
     assert read_model(model_file(tmp_path, text)).compile().nsensor == 0
 
 
+SKIN = (
+    '<deformable><skin vertex="0 0 0 1 0 0 0 1 0" face="0 1 2"><bone body="{}" bindpos="0 0 0" bindquat="1 0 0 0" '
+    'vertid="0 1 2" vertweight="1 1 1"/></skin></deformable>'
+)
+CLOTH = (
+    '<flexcomp name="cloth" type="grid" count="3 3 1" spacing=".1 .1 .1" pos="2 0 1" dim="2" radius=".01">'
+    '<edge equality="true"/></flexcomp>'
+)
+
+
+@pytest.mark.parametrize(
+    ("beside", "extra"),
+    [
+        ("", SKIN.format("table")),
+        (CLOTH, ""),
+        ("", '<custom><tuple name="both"><element objtype="body" objname="table"/></tuple></custom>'),
+    ],
+)
+def test_skins_cloths_and_lists_of_what_is_left_out_go_with_it(tmp_path, beside, extra):
+    table = f'{beside}<body name="table" pos="2 0 0"><geom size="0.3"/></body></worldbody>'
+    text = humanoid(extra=extra).replace("</worldbody>", table)
+    model = read_model(model_file(tmp_path, text)).compile()
+    assert (model.nskin, model.nflex, model.ntuple) == (0, 0, 0)
+    own = read_model(model_file(tmp_path, humanoid(extra=SKIN.format("trunk")))).compile()
+    assert own.nskin == 1
+
+
 @pytest.mark.parametrize(
     "looking", ['<camera mode="targetbody" target="ball"/>', '<light mode="targetbodycom" target="ball"/>']
 )
@@ -356,6 +383,15 @@ def test_cameras_and_lamps_that_follow_what_is_left_out_go_with_it(tmp_path, loo
     text = humanoid(trunk=looking + '<camera mode="targetbody" target="left_hip"/>').replace("</worldbody>", ball)
     model = read_model(model_file(tmp_path, text)).compile()
     assert (model.ncam, model.nlight) == (1, 0)
+
+
+@pytest.mark.parametrize("free", ["<freejoint/>", ""])
+def test_the_robot_of_a_scene_is_what_has_joints_whatever_stands_before_it(tmp_path, free):
+    ball = '<worldbody><body name="ball" pos="2 0 0"><freejoint/><geom size="0.1"/></body>'
+    door = '<body name="door" pos="0 3 0"><joint axis="0 0 1"/><geom size="0.1 0.1 1" type="box"/></body>'
+    (tmp_path / "scene.xml").write_text(humanoid(free=free).replace("<worldbody>", ball + door))
+    (tmp_path / "alone.xml").write_text(humanoid(free=free))
+    assert calibrated(tmp_path / "scene.xml").joints == calibrated(tmp_path / "alone.xml").joints
 
 
 def test_servos_that_have_no_gains_are_given_some(tmp_path):
