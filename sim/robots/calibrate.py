@@ -22,9 +22,13 @@ import numpy as np
 from controller.deck.interfaces import JointLimits
 from controller.mocap.rest_pose import FOOT_SLOPE
 from controller.rotations import Array
+from motiondeck_base.counted import counted
 from motiondeck_base.errors import FileFormatError
 from sim.models.coupled_joints import followers
+from sim.models.formats.model_kind import model_kind
 from sim.models.formats.urdf_speeds import urdf_speeds
+from sim.models.formats.urdf_text import packages_of_looks
+from sim.models.formats.urdf_visuals import missing_looks
 from sim.models.joint_layout import JointLayout
 from sim.models.model_file import read_model
 from sim.models.robot_file import Angle
@@ -154,6 +158,18 @@ class Calibration:
         return "\n".join(lines) + "\n"
 
 
+def _unseen(path: Path, packages: Mapping[str, Path]) -> list[Doubt]:
+    """A doubt about the meshes of a URDF's looks that are missing: it can do without."""
+    missing = missing_looks(path, packages) if model_kind(path) == "robot" else []
+    if not missing:
+        return []
+    named = packages_of_looks(path)
+    where = f", or say where the package is with --package {named[0]}=FOLDER" if named else ""
+    are = f"{counted(len(missing), 'mesh')} of its looks {'is' if len(missing) == 1 else 'are'} missing"
+    words = f"{are} ({missing[0]}): it is drawn by its collision shapes. Copy them there{where}"
+    return [Doubt("", words, False)]
+
+
 def calibrate(path: Path, packages: Mapping[str, Path] | None = None) -> Calibration:
     """Calibrates the robot in a model file.
 
@@ -197,7 +213,9 @@ def calibrate(path: Path, packages: Mapping[str, Path] | None = None) -> Calibra
     points, radius = limbs.surface.positions(limbs.data), limbs.surface.radius
     tall = float((points[:, 2] + radius).max() + height)
     segments = segments_of(model, found.parts, limbs, tall)
-    unsure = other_units(model, tall) + [Doubt("", words, False) for words in found.doubts]
+    unsure = (
+        _unseen(path, packages or {}) + other_units(model, tall) + [Doubt("", words, False) for words in found.doubts]
+    )
     coupled = {model.joint(follower).name for follower in followers(model)}
     hinges, unplayed = (
         [model.joint(j).name for j in np.flatnonzero(np.isin(model.jnt_type, kinds)).tolist()]

@@ -17,6 +17,7 @@ _COMMENT = re.compile(r"<!--.*?-->", re.DOTALL)
 _NUMBERS = re.compile(r"""\b(xyz|rpy)\s*=\s*(["'])([^"']*,[^"']*)\2""")
 _NO_NUMBER = re.compile(r"""\b(?:lower|upper|effort|velocity)\s*=\s*["']\s*[+-]?nan\s*["']""", re.IGNORECASE)
 _URI = re.compile(r'(?:package|model):/{2,3}([^/"\']+)/([^"\']*)')
+_LOOK = re.compile(r"<visual\b.*?</visual\s*>", re.DOTALL)
 _FILE = re.compile(r"""(<mesh\b[^>]*\bfilename\s*=\s*["'])(?:file://)?([^"':]+)(?=["'])""")
 
 
@@ -27,7 +28,8 @@ def readable_urdf(path: Path, packages: Mapping[str, Path], visuals: bool = Fals
     are kept with `visuals`, or where there are no others.
 
     Raises:
-        FileFormatError: if a package is in none of these places, or the file cannot be read as text.
+        FileFormatError: if a package is in none of these places and not of <visual> shapes alone, which a robot can
+            do without, or the file cannot be read as text.
     """
     text = xml_text(path)
 
@@ -37,6 +39,8 @@ def readable_urdf(path: Path, packages: Mapping[str, Path], visuals: bool = Fals
         for above in path.resolve().parents if not folders else ():
             folders += [above] if above.name == name else [above / name]
         found = next((folder / inside for folder in folders if (folder / inside).exists()), None)
+        if found is None and any(start < uri.start() < end for start, end in looks):
+            return (folders[0] / inside).as_posix()
         if found is None:
             where = f"in {packages[name]}" if name in packages else f"beside or above {path.resolve().parent}"
             raise FileFormatError(
@@ -51,11 +55,19 @@ def readable_urdf(path: Path, packages: Mapping[str, Path], visuals: bool = Fals
 
     text = _NO_NUMBER.sub("", _COMMENT.sub("", text))  # MuJoCo would write a file of warnings
     text = _NUMBERS.sub(lambda numbers: f'{numbers[1]}="{numbers[3].replace(",", " ")}"', text)
+    looks = [look.span() for look in _LOOK.finditer(text)] if has_collision_shapes(text) else []
     resolved = _FILE.sub(in_folder, _URI.sub(in_package, text))
     if resolved != text:
         # MuJoCo takes the folders off the meshes of a URDF, unless the file says otherwise.
         text = _with_setting(resolved, "strippath", "false")
     return _with_setting(text, "discardvisual", "false") if visuals or not has_collision_shapes(text) else text
+
+
+def packages_of_looks(path: Path) -> list[str]:
+    """The packages that a URDF names in its <visual> shapes."""
+    text = _COMMENT.sub("", xml_text(path))
+    named = (uri[1] for look in _LOOK.finditer(text) for uri in _URI.finditer(look[0]))
+    return list(dict.fromkeys(named))
 
 
 def has_collision_shapes(text: str) -> bool:

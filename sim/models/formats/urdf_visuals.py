@@ -16,6 +16,7 @@ import msgspec
 import mujoco
 import numpy as np
 
+from motiondeck_base.errors import MotiondeckError
 from sim.models.formats.mesh_files import READABLE, SHELL, fill, read_meshes
 from sim.models.formats.urdf_text import readable_urdf
 
@@ -51,6 +52,16 @@ def dressed(spec: mujoco.MjSpec) -> mujoco.MjSpec:
     """As `with_visuals`, to be changed further: a copy, or the model itself where there is nothing to put on."""
     worn = _worn(spec)
     return spec if worn is None else worn[0]
+
+
+def missing_looks(file: Path, packages: Mapping[str, Path]) -> list[Path]:
+    """The meshes of a URDF's visual shapes that are not where it says."""
+    try:
+        looks = mujoco.MjSpec.from_string(readable_urdf(file, packages, visuals=True))
+    except (MotiondeckError, ValueError):  # something else is wrong with it
+        return []
+    folder = file.resolve().parent / looks.meshdir
+    return [folder / mesh.file for mesh in looks.meshes if mesh.file and not (folder / mesh.file).is_file()]
 
 
 def _worn(spec: mujoco.MjSpec) -> tuple[mujoco.MjSpec, mujoco.MjModel] | None:

@@ -174,6 +174,27 @@ def test_a_package_elsewhere_is_named_and_kept_in_the_robot_file(tmp_path):
     assert load_robot(file, human()).model.nmesh == 1
 
 
+@pytest.mark.parametrize("where", ["package://legs_description/meshes/", "../meshes/", "/nowhere/"])
+def test_meshes_of_its_looks_alone_may_be_missing_and_calibration_says_so(tmp_path, where):
+    look = f'<visual><geometry><mesh filename="{where}shank.stl"/></geometry></visual>'
+    path = tmp_path / "legs.urdf"
+    path.write_text(urdf().replace('<link name="l_shank">', f'<link name="l_shank">{look}'))
+    found = calibrate(path)
+    (said,) = (doubt for doubt in found.doubts if "shank.stl" in doubt.words)
+    assert "1 mesh" in said.words
+    assert ("--package legs_description=FOLDER" in said.words) == where.startswith("package")
+    assert not said.fatal
+    assert found.sound == calibrate_without_looks(tmp_path).sound
+    assert with_visuals(read_model(path)).ngeom == read_model(path).compile().ngeom
+
+
+def calibrate_without_looks(folder):
+    (folder / "plain.urdf").write_text(urdf())
+    found = calibrated(folder / "plain.urdf")
+    assert not any("mesh" in doubt.words for doubt in found.doubts)
+    return found
+
+
 @pytest.mark.parametrize(
     ("was", "becomes"),
     [
