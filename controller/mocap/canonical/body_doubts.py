@@ -20,6 +20,7 @@ FLOATS = 0.3  # m: the lowest joint above the ground, nearly all the time
 DEEPEST = 0.3  # m: the lowest joint below the ground, in the middle of the recording
 NEARLY_NEVER = 5.0  # percent of the time
 LIES = 0.5  # sine: neck and ankles rise and fall by less than 30 degrees from the hips
+STEADY = 0.7  # length of the mean of directions that hardly change
 UPSIDE_DOWN = 0.4  # legs: a head this far below the feet; of somebody who lies it may be a little
 SIDES_DIFFER = 1.25  # a bone over its counterpart
 # Degrees: in radians no joint turns farther than that number says, in degrees those of a moving body do.
@@ -67,8 +68,7 @@ def doubts(clip: Clip) -> list[str]:
     if np.median(head - toes) < -UPSIDE_DOWN * own.skeleton.leg_length:
         found.append("the head is below the feet most of the time: the up axis may be wrong (--up).")
     spans = joints[:, [1 + CANONICAL_BONES.index(bone) for bone in ("neck", "lank", "rank")]] - joints[:, :1]
-    steepest = np.abs(normalise(spans)[..., 2]).max(axis=1)
-    if np.percentile(steepest, 100.0 - NEARLY_NEVER) < LIES:
+    if _lie(normalise(spans)):
         found.append(
             "the body lies all the time: if the person did not, another axis is up (--up; where it is x, turn the "
             "recording in the program that it comes from)."
@@ -76,6 +76,17 @@ def doubts(clip: Clip) -> list[str]:
     if "lfoo" in marks.joint and _toes_ahead(own) < -0.3:
         found.append("the toes point backwards: names may have left and right exchanged (--rename).")
     return found
+
+
+def _lie(lines: Array) -> bool:
+    """Whether lines (T, N, 3) lie: nearly all the time all of them, or on the whole, each for ever the same way.
+
+    The legs of somebody who walks with another axis up swing up and down.
+    """
+    steepest = np.abs(lines[..., 2]).max(axis=1)
+    whole = lines.mean(axis=0)
+    same_way = np.linalg.norm(whole, axis=-1).min() > STEADY and np.abs(whole[:, 2]).max() < LIES
+    return bool(np.percentile(steepest, 100.0 - NEARLY_NEVER) < LIES or same_way)
 
 
 def _arms_by_shape(skeleton: Skeleton, marks: Landmarks) -> str:

@@ -9,7 +9,10 @@ Tables of others are read alike: with semicolons or tabs (then decimals may have
 A table that begins with `root` is a body: each column is where a bone ends. Which bones there are, it does not say, so
 they are found: each joint hangs from that earlier one from which it keeps its distance best, and of those that keep it
 equally well, from the nearest. Bones called "A-B" and "A-C" start in one joint, as `joint_tree` names them. The file
-does not say how bones are twisted; `orientation` settles it.
+does not say how bones are twisted; `orientation` settles it. But where the points that are called hips or thighs lie in
+the hips, near the root, all are points in joints, as in tables without a root.
+
+Ours have z up. Others do not say which axis is up: the body tells.
 """
 
 from __future__ import annotations
@@ -22,13 +25,13 @@ from pathlib import Path
 import numpy as np
 
 from controller.mocap.clip import Clip
+from controller.mocap.formats.markers.joint_points import joint_points
 from controller.mocap.formats.markers.tracks import FARTHEST, Markers, unit_of_size
 from controller.mocap.orientation import orient
 from controller.mocap.reading_options import AS_FOUND, ReadingOptions
 from controller.mocap.rest_pose import RecordedBody, stand
 from controller.mocap.skeleton import ROOT, Skeleton
-from controller.mocap.up_axis import TO_OURS
-from controller.rotations import Array, continuous, normalise, rotate
+from controller.rotations import Array, continuous, normalise
 from motiondeck_base.errors import FileFormatError
 from motiondeck_base.files import Line, as_float, no_number, read_lines
 
@@ -37,6 +40,7 @@ MOST_COLUMNS = 3000
 COMPARED = 400  # frames in which distances are compared
 WRITTEN = 1e-5  # m: files have six digits, so a distance that varies by less is kept
 NO_LENGTH = 1e-5  # m
+IN_HIP = 0.5  # thighs: a point this near to the root is no knee
 _LOOKED_AT = 1 << 16  # bytes of a file that may be another table
 _TIMES = ("time_s", "time", "time (s)", "time [s]", "timestamp", "seconds", "t")
 _COLUMN = re.compile(r"(.+?)[._ :]?([xyz])", re.IGNORECASE)
@@ -47,6 +51,7 @@ class _Positions:
     names: tuple[str, ...]
     rate: float
     position: Array  # (T, N, 3), m; NaN where a place is empty
+    ours: bool  # whether the columns are called as `writing` calls them
 
 
 def read_positions(path: str | Path, options: ReadingOptions = AS_FOUND) -> Clip | Markers:
@@ -57,17 +62,31 @@ def read_positions(path: str | Path, options: ReadingOptions = AS_FOUND) -> Clip
     """
     table = _table(path)
     is_body = table.names[0].lower() == "root"
-    position = table.position * (options.unit or (unit_of_size(table.position) if is_body else 1.0))
+    unit = unit_of_size(table.position) if len(table.names) > 1 else 1.0
+    position = table.position * (options.unit or unit)
     names = options.renamed(table.names, path)
-    if not is_body:
-        return Markers(names, table.rate, position, options.up or "z", Path(path).name)
+    up = options.up or ("z" if table.ours else None)
+    points = Markers(names, table.rate, position, up, Path(path).name)
+    if not is_body or _in_joints(points):
+        return points
     if len(names) < 2 or np.isnan(position).any():
         raise FileFormatError(f"{path}: a body needs its root and all other joints in every frame. Fill the gaps.")
     name = Path(path).stem
-    parent = _hung(names, position)
-    body = _body(names[1:], parent, rotate(TO_OURS[options.up or "z"], position))
-    skeleton, root, rotation = stand(name, body, 1.0, "z")
+    body = _body(names[1:], _hung(names, position), position)
+    skeleton, root, rotation = stand(name, body, 1.0, up)
     return Clip(name, skeleton, table.rate, root, continuous(rotation), Path(path).name)
+
+
+def _in_joints(points: Markers) -> bool:
+    """Whether the points of a table with a root lie in the joints that they are called after, not at bones' ends."""
+    joints, root = joint_points(points), points.position[:, 0]
+
+    def apart(one: Array, other: Array) -> float:
+        return float(np.nanmedian(np.linalg.norm(one - other, axis=-1)))
+
+    return bool(joints) and all(
+        apart(joints[side + "hip"], root) < IN_HIP * apart(joints[side + "hip"], joints[side + "kne"]) for side in "lr"
+    )
 
 
 def is_table(path: Path) -> bool:
@@ -102,7 +121,10 @@ def _table(path: str | Path) -> _Positions:
     head, rows = Line(path, texts[0][0], _words(texts[0][1], separator)), texts[1:]
     columns = head.words
     if columns[0].lower() not in _TIMES or len(columns) < 4 or len(columns) % 3 != 1 or len(columns) > MOST_COLUMNS:
-        raise head.error("expected 'time_s' and then x, y and z of each joint, such as 'root.x,root.y,root.z'.")
+        raise head.error(
+            "expected 'time_s' and then x, y and z of each joint, such as 'root.x,root.y,root.z'. Write it so, or "
+            "export the recording as .bvh, .c3d or .trc."
+        )
     found = [_COLUMN.fullmatch(column) for column in columns[1:]]
     named = [(column[1], column[2].lower()) for column in found if column is not None]
     names = tuple(name for name, _ in named[::3])
@@ -125,7 +147,8 @@ def _table(path: str | Path) -> _Positions:
     rate = len(steps) / float(time[-1] - time[0]) if len(steps) else 120.0
     rate = round(rate, 2) if abs(rate - round(rate, 2)) < 1e-4 * rate else rate
     position[np.isnan(position).any(axis=-1)] = np.nan
-    return _Positions(names, rate, position)
+    ours = columns[0] == "time_s" and columns[1::3] == [f"{name}.x" for name in names]
+    return _Positions(names, rate, position, ours)
 
 
 def _row(line: Line, count: int) -> list[float]:

@@ -43,7 +43,17 @@ _INSTEAD = {
     ".pkl": "holds Python objects, which are never loaded. Save its arrays as .npz: poses, trans, mocap_framerate.",
     ".blend": "Blender's own format. Export it there: File > Export > glTF 2.0 or Motion Capture (.bvh).",
     **dict.fromkeys((".zip", ".gz", ".xz", ".7z", ".rar", ".tar"), _PACKED),
-    ".usd": "not read. Convert it in Blender: import it, then File > Export > glTF 2.0.",
+    **dict.fromkeys(
+        (".usd", ".usda", ".usdc", ".usdz", ".dae", ".abc"),
+        "not read. Convert it in Blender: import it, then File > Export > glTF 2.0.",
+    ),
+    ".vmd": "MikuMikuDance's own format. Import it in Blender (MMD Tools) on its model, then File > Export > glTF 2.0.",
+    ".bip": "3ds Max's own format. Load it on its biped, export FBX, and convert that with FBX2glTF (to .glb).",
+    ".tak": "Motive's own format. Export it there as .c3d, .bvh or .trc.",
+    ".mvn": "Xsens's own format. Export it there as .mvnx.",
+    ".qtm": "Qualisys's own format. Export it there as .c3d.",
+    ".tsv": "a table of Qualisys or others. Export the recording as .c3d or .trc.",
+    **dict.fromkeys((".mot", ".sto"), "OpenSim's angles, which need its model. Give the markers (.trc or .c3d)."),
 }
 CONVERTIBLE = frozenset(_INSTEAD) - {".asf"}
 """The endings of recordings that `read_clip` refuses with the way to unpack or convert them, in small letters."""

@@ -76,6 +76,31 @@ def test_who_lies_all_the_time_is_doubted_and_who_only_bends_is_not():
     assert not any("lies" in line for line in doubts(bent))
 
 
+def test_who_walks_with_another_axis_up_is_doubted_though_his_legs_swing():
+    side = about(np.array([1.0, 0.0, 0.0]), 0.5 * np.pi)
+    upright, clip = striding(), striding()
+    clip.rotation[:] = multiply(np.broadcast_to(side, clip.rotation.shape), clip.rotation)
+    assert any("the body lies all the time" in line for line in doubts(clip))
+    assert not any("lies" in line for line in doubts(upright))
+
+
+def striding():
+    """Somebody who takes long strides on the spot."""
+    clip = standing(human(), height=0.85)
+    for side, sign in (("l", 1.0), ("r", -1.0)):
+        for frame, angle in enumerate(sign * 0.8 * np.sin(np.arange(len(clip)) / 3.0)):
+            for bone in ("kne", "ank", "foo"):
+                clip.rotation[frame, 1 + human().index(side + bone)] = about(np.array([0.0, 1.0, 0.0]), angle)
+    return clip
+
+
+def test_who_rolls_over_head_and_feet_does_not_lie():
+    clip = standing(human())
+    for frame, angle in enumerate(np.linspace(0.0, 2.0 * np.pi, len(clip))):
+        clip.rotation[frame] = about(np.array([0.0, 1.0, 0.0]), angle)
+    assert not any("lies" in line for line in doubts(clip))
+
+
 def swaying(degrees):
     """Somebody with the arms out whose every joint turns to and fro by so many degrees."""
     clip = standing(human())

@@ -1,9 +1,12 @@
 """Our CSV read back is the same body; markers in a CSV are markers; other tables are refused."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from bodies import random_body, random_clip
+from controller.mocap.canonical.body_doubts import doubts
 from controller.mocap.canonical.canonical_body import to_canonical
 from controller.mocap.canonical.clip_edits import mirrored
 from controller.mocap.clip import Clip
@@ -11,8 +14,9 @@ from controller.mocap.formats.positions import read_positions
 from controller.mocap.formats.reading import read_clip, recordings_below
 from controller.mocap.formats.writing import csv_text, markers_csv, write_clip
 from controller.mocap.reading_options import ReadingOptions
+from controller.rotations import multiply, normalise
 from motiondeck_base.errors import FileFormatError
-from people import moving
+from people import CANONICAL, in_our_axes, moving
 from written_files import gltf_file
 
 
@@ -129,6 +133,49 @@ def test_a_body_in_centimetres_or_millimetres_is_as_large(tmp_path, walk, unit):
     larger = [",".join(f"{unit * float(word):.4f}" for word in row.split(",")) for row in places]
     (tmp_path / "larger.csv").write_text("\n".join([head, *map(",".join, zip(times, larger, strict=True))]))
     assert np.abs(read_clip(tmp_path / "larger.csv").joints() - walk.joints()).max() < 2e-5
+
+
+JOINTS = {"hips": "Hip", "neck": "Neck", "head": "Head"} | {
+    f"{side} {key}": word + name
+    for side, word in (("l", "left_"), ("r", "right_"))
+    for key, name in zip(
+        ("thigh", "shank", "foot", "toes", "arm", "forearm", "hand"),
+        ("hip", "knee", "ankle", "foot", "shoulder", "elbow", "wrist"),
+        strict=True,
+    )
+}
+
+
+ON_SIDE = np.array([0.5, -0.5, -0.5, -0.5])  # z up becomes y up: (x, y, z) becomes (y, z, x)
+
+
+@pytest.mark.parametrize("up", ["y", "z"])
+@pytest.mark.parametrize("unit", [1.0, 100.0, 1000.0])
+@pytest.mark.parametrize("first", ["Hip", "root"])
+def test_a_table_of_joints_of_others_is_the_person_whatever_axis_is_up(tmp_path, up, unit, first):
+    """As pose estimators write them; where the joints are is known from the person."""
+    person = moving(frames=40)
+    names = JOINTS | {"hips": first}
+    axes = [0, 1, 2] if up == "y" else [2, 0, 1]
+    places = np.stack([person.place[key] for key in names], axis=1)[..., axes] * unit
+    lines = [",".join(["time", *(f"{name}_{axis}" for name in names.values() for axis in "xyz")])]
+    lines += [f"{k / person.rate:.6f}," + ",".join(f"{v:.6f}" for v in row.ravel()) for k, row in enumerate(places)]
+    (tmp_path / "estimated.csv").write_text("\n".join(lines))
+    own = to_canonical(read_clip(tmp_path / "estimated.csv"))
+    joints = dict(zip(("root", *own.skeleton.bones), np.moveaxis(own.joints(), 1, 0), strict=True))
+    for side in "lr":
+        for upper, lower in (("hip", "kne"), ("kne", "ank"), ("sho", "elb"), ("elb", "wri")):
+            ours = joints[side + lower] - joints[side + upper]
+            true = in_our_axes(person.place[CANONICAL[side + lower]] - person.place[CANONICAL[side + upper]])
+            assert np.abs(normalise(ours) - normalise(true)).max() < 1e-3, side + lower
+    middle = in_our_axes(0.5 * (person.place["l thigh"] + person.place["r thigh"]))
+    assert np.abs(own.root_position - middle).max() < 0.02
+
+
+def test_a_table_written_as_ours_with_another_axis_up_is_doubted(tmp_path, walk):
+    turned = replace(walk, root_position=walk.root_position[:, [1, 2, 0]], rotation=multiply(ON_SIDE, walk.rotation))
+    assert any("lies all the time" in doubt for doubt in doubts(back(tmp_path, turned)))
+    assert not doubts(back(tmp_path, walk))
 
 
 def test_line_ends_do_not_matter(tmp_path, walk):
