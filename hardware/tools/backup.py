@@ -99,7 +99,7 @@ def restore(config: RigConfig, backups: Iterable[ServoBackup], bus: Bus) -> list
             continue
         backup, who = kept[joint.name], f"{joint.name} (id {joint.id})"
         if backup.model != joint.model:
-            raise RigError(f"{joint.name} is a {joint.model} in the rig file, and a {backup.model} in the backup.")
+            raise RigError(f"{joint.name} is {joint.model} in the rig file, and {backup.model} in the backup.")
         _check_model(joint.name, joint.id, joint.model, bus)
         torque = joint.table["torque_enable"]
         if bus.read(joint.id, torque.address, torque.length).params != b"\0":
@@ -158,4 +158,4 @@ def _check_model(joint: str, id: int, model: str, bus: Bus) -> None:
     if identity.model_number == UNTOLD:
         raise RigError(_MUTE.format(f"{joint} (id {id})"))
     if identity.model != model:
-        raise RigError(f"{joint} (id {id}) is a {identity.model}, not a {model}. Correct the rig file.")
+        raise RigError(f"{joint} (id {id}) answers as {identity.model}, not as {model}. Correct the rig file.")

@@ -160,7 +160,9 @@ def _not_its_servo(joint: RigJoint, identity: Identity) -> str:
     """Why what has answered cannot be the servo of a joint, or ""."""
     if identity.model_number == UNTOLD and identity.protocol == joint.table.protocol:
         return _SILENT
-    return "" if identity.model == joint.model else f"is a {identity.model}, not a {joint.model}: correct the rig file"
+    if identity.model != joint.model:
+        return f"answers as {identity.model}, not as {joint.model}: correct the rig file"
+    return ""
 
 
 def _longest_tick(config: RigConfig, servos: Sequence[ServoReport]) -> float:

@@ -25,7 +25,7 @@ def new_joint(name: str, id: int, model: str) -> RigJoint:
         RigError: if the model cannot be a joint of a rig.
     """
     if model not in MODELS:
-        raise RigError(f"id {id} is a {model}, which Motiondeck does not know.")
+        raise RigError(f"id {id}: Motiondeck does not know its model ({model}).")
     table = MODELS[model]
     bottom, top = table.one_turn
     zero = (bottom + top + 1) // 2
@@ -36,21 +36,32 @@ def new_joint(name: str, id: int, model: str) -> RigJoint:
         raise RigError(f"id {id}: {error}.") from error
 
 
-def rig_of(found: Sequence[Found], port: str) -> RigConfig:
-    """A rig of the servos that answered a scan, named joint_ID.
+def rig_of(found: Sequence[Found], port: str) -> tuple[RigConfig, list[str]]:
+    """A rig of the servos that answered a scan, named joint_ID; and those that cannot be joints of it, and why.
 
     Raises:
-        RigError: if there are none, or they cannot share one port as they are; it says what to do.
+        RigError: if no servo can, or they cannot share one port as they are; it says what to do.
     """
     if not found:
         raise RigError(f"no servo answers on {port}. Check power, cable and adapter.")
-    bauds = sorted({one.baud for one in found})
+    joints: list[RigJoint] = []
+    bauds: set[int] = set()
+    left_out: list[str] = []
+    for baud, servo in sorted(found, key=lambda one: one.identity.id):
+        try:
+            joints.append(new_joint(f"joint_{servo.id}", servo.id, servo.model))
+        except RigError as error:
+            left_out.append(str(error))
+        else:
+            bauds.add(baud)
+    if not joints:
+        raise RigError("\n".join(["no servo can be a joint of a rig.", *left_out]))
     if len(bauds) > 1:
         raise RigError(
-            f"servos answer at {' and '.join(map(str, bauds))} baud. Bring each to one of them: motiondeck rig setup"
+            f"servos answer at {' and '.join(map(str, sorted(bauds)))} baud. Bring each to one of them: motiondeck rig "
+            "setup"
         )
-    servos = sorted((one.identity for one in found), key=lambda identity: identity.id)
-    return assembled((new_joint(f"joint_{one.id}", one.id, one.model) for one in servos), port, bauds[0])
+    return assembled(joints, port, bauds.pop()), left_out
 
 
 def assembled(joints: Iterable[RigJoint], port: str, baud: int) -> RigConfig:

@@ -72,7 +72,7 @@ def _who_answers(identity: Identity, bus: Bus) -> Identity:
     untold = identity.model_number == UNTOLD
     table = MODELS["AX-12A" if untold else identity.model] if untold or identity.model in MODELS else None
     if table is None:
-        raise RigError(f"the servo is a {identity.model}, whose control table is not known.")
+        raise RigError(f"the servo answers as {identity.model}, whose control table is not known.")
     for name, value in (("torque_enable", 0), ("status_return_level", 2)):  # at the same place in all of Protocol 1.0
         bus.sync_write(table[name].address, 1, bytes((identity.id, value)))
     return bus.ping(identity.id) or identity if untold else identity

@@ -27,7 +27,7 @@ def scan(
     """List every servo that answers on a port, at any baud rate and protocol; with --out, write a rig file of them.
 
     The rig file has the adapter's permanent name, each servo's whole turn as its range, and 2 rad/s as its speed: name
-    the joints in an editor, then calibrate.
+    the joints in an editor, then calibrate. Servos that Motiondeck cannot drive are left out, and a note says why.
 
     [bold]Examples[/]
 
@@ -40,6 +40,7 @@ def scan(
     if out is not None:
         _refuse_existing(out)
     found = _answering(port, baud)
+    widest = max((len(one.identity.model) for one in found), default=0)
     if as_json:
         rows = [
             {"baud": one.baud, "id": i.id, "model": i.model, "firmware": i.firmware, "alert": i.alert, "protocol": p}
@@ -51,11 +52,14 @@ def scan(
         who = one.identity
         alert = "  reports a hardware problem" if who.alert else ""
         old = "  Protocol 1.0" if who.protocol == 1 else ""
-        print(f"id {who.id:>3}  {who.model:<14} firmware {who.firmware:<3} {one.baud} baud{old}{alert}")
+        print(f"id {who.id:>3}  {who.model:<{widest}}  firmware {who.firmware:<3} {one.baud} baud{old}{alert}")
     if not found and out is None:
         raise MotiondeckError(f"no servo answers on {port}. Check power, cable and adapter.")
     if out is not None:
-        save_rig(rig_of(found, lasting_name(port)), out)
+        rig, left_out = rig_of(found, lasting_name(port))
+        save_rig(rig, out)
+        for reason in left_out:
+            print(f"note: left out: {reason}", file=sys.stderr)
         if not as_json:
             print(f"wrote {out}")
 

@@ -226,7 +226,7 @@ class SupervisedRig:
         """
         one = self.config.joints[joint]
         if one.table.protocol == 1:
-            raise RigError(f"{one.name} is a {one.model}, which cannot be restarted. Switch its power off and on.")
+            raise RigError(f"{one.name} ({one.model}) cannot be restarted. Switch its power off and on.")
         self._health.take_back(joint, self._rig.now())
         self._mending.to_do = lambda bus: bus.restart(one.id)
 

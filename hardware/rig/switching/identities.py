@@ -33,7 +33,7 @@ def check_identities(config: RigConfig, bus: Bus) -> None:
             "Check power, cables and ids; motiondeck rig doctor finds servos at other ids and baud rates."
         )
     others = [
-        f"{joint.name} (id {joint.id}) is a {identity.model}, not a {joint.model}"
+        f"{joint.name} (id {joint.id}) answers as {identity.model}, not as {joint.model}"
         for joint in config.joints
         if (identity := found[joint.id]) is not None and identity.model != joint.model
     ]

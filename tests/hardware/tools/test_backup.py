@@ -42,7 +42,7 @@ def test_nothing_is_written_while_one_servo_has_its_torque_on(rig_of_four, bus, 
 def test_another_servo_in_its_place_is_not_written_to(rig_of_four, bus, port):
     backups = back_up(rig_of_four, bus)
     port.bus[2]["model_number"] = 1060
-    with pytest.raises(RigError, match=r"joint_2 \(id 2\) is a XL430-W250, not a XM430-W350"):
+    with pytest.raises(RigError, match=r"joint_2 \(id 2\) answers as XL430-W250, not as XM430-W350"):
         restore(rig_of_four, backups, bus)
     port.bus[1].dead = True
     with pytest.raises(RigError, match=r"joint_1 \(id 1\) does not answer"):

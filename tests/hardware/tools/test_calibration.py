@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from hardware.bus.servo_bus import Bus
+from hardware.control_table.models import MODELS
 from hardware.emulator.bus import EmulatedBus
 from hardware.emulator.hands import Hands, HandsError
 from hardware.emulator.port import EmulatedPort
@@ -210,8 +211,8 @@ def test_a_rig_file_is_made_of_what_answers(rig_of_four, port, tmp_path):
         port.bus.baud = baud
         return Bus(port, baud)
 
-    made = rig_of(scan(open_bus), "/dev/serial/by-id/usb-U2D2")
-    assert made.names == rig_of_four.names
+    made, left_out = rig_of(scan(open_bus), "/dev/serial/by-id/usb-U2D2")
+    assert (made.names, left_out) == (rig_of_four.names, [])
     assert (made.port, made.baud) == ("/dev/serial/by-id/usb-U2D2", 1_000_000)
     save_rig(made, tmp_path / "rig.toml")
     assert load_rig(tmp_path / "rig.toml") == made
@@ -283,3 +284,16 @@ def test_hands_leave_servos_alone_that_hold(rig_of_four, port):
     port.elapse(0.1)
     hands.move([port.bus], port.now())
     assert port.bus[1].bank.shaft[0] - 2048 == pytest.approx(swung[-1], abs=1)
+
+
+def test_a_servo_that_cannot_be_a_joint_is_left_out_with_its_reason(port):
+    """The others are still a rig."""
+    port.bus[2].swap(9999, port.now())
+    port.bus[3].swap(MODELS["RH-P12-RN"].number, port.now())
+    found = scan(lambda baud: Bus(port, baud), [1_000_000])
+    made, left_out = rig_of(found, "p")
+    assert made.names == ("joint_1", "joint_4")
+    assert left_out[0] == "id 2: Motiondeck does not know its model (model number 9999)."
+    assert left_out[1].startswith("id 3: model 'RH-P12-RN' cannot be a joint of a rig; ")
+    with pytest.raises(RigError, match=r"id 2: .*9999"):
+        rig_of(found[1:2], "p")

@@ -95,7 +95,7 @@ def test_an_examination_names_every_trouble(rig_of_four, bus, port):
     problems = "\n".join(examine(slow, bus).problems)
     for said in (
         "joint_1 (id 1) does not answer",
-        "joint_2 (id 2) is a XL430-W250, not a XM430-W350",
+        "joint_2 (id 2) answers as XL430-W250, not as XM430-W350",
         "joint_3 (id 3) reports overload",
         "joint_4 (id 4) stands at 2.99 rad",
         "joint_4 (id 4) has 75 degC",

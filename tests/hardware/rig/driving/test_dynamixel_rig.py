@@ -155,7 +155,7 @@ def test_missing_servos_are_all_named_in_one_error(rig_of_four, port, bus):
 
 def test_another_model_is_named(rig_of_four, port, bus):
     port.bus[3]["model_number"] = 1060
-    with pytest.raises(RigError, match=r"joint_3 \(id 3\) is a XL430-W250, not a XM430-W350"):
+    with pytest.raises(RigError, match=r"joint_3 \(id 3\) answers as XL430-W250, not as XM430-W350"):
         DynamixelRig(rig_of_four, bus)
 
 

@@ -248,7 +248,7 @@ def test_a_servo_in_another_ones_place_is_not_switched_on_after_replugging(build
     rig, port = build("unplug:at=1,for=0.5", reconnect_s=1.5)
     play(rig, port, [0.1] * 4, 0.9)
     port.bus[3]["model_number"] = 1060
-    with pytest.raises(RigError, match=r"the rig has stopped: joint_3 \(id 3\) is a XL430-W250"):
+    with pytest.raises(RigError, match=r"the rig has stopped: joint_3 \(id 3\) answers as XL430-W250"):
         play(rig, port, [0.1] * 4, 5.0)
     sent = len(port.sent)
     play(rig, port, [0.1] * 4, 0.5)
@@ -419,7 +419,7 @@ def test_a_stopped_rig_whose_servo_is_another_one_is_tried_for_two_seconds_and_m
     port.bus[3]["model_number"] = 1060
     port.elapse(0.5)  # the watchdogs trip
     began = port.now()
-    with pytest.raises(RigError, match=r"the rig has stopped: joint_3 \(id 3\) is a XL430-W250"):
+    with pytest.raises(RigError, match=r"the rig has stopped: joint_3 \(id 3\) answers as XL430-W250"):
         play(rig, port, [1.0] * 4, 5.0)
     assert 2.0 <= port.now() - began < 4.0
     assert not port.bus.moving
