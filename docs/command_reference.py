@@ -26,7 +26,7 @@ def commands(command: Any, words: str = "motiondeck") -> Iterator[tuple[str, Any
 
 def _section(words: str, command: Any) -> str:
     records = [parameter.get_help_record(typer.Context(command, info_name=words)) for parameter in command.params]
-    rows = [f"| `{_escaped(names.removesuffix(' <str>'))}` | {_escaped(told)} |" for names, told in records]
+    rows = [f"| `{_escaped(names)}` | {_escaped(told)} |" for names, told in records]
     table = ["| | |", "|---|---|", *rows] if rows else []
     return "\n".join([f"## `{words}`", "", _paragraphs(command.help or ""), "", *table])
 

@@ -5,12 +5,25 @@ from __future__ import annotations
 import inspect
 import re
 from collections.abc import Callable
+from copy import copy
 from typing import Any
 
 import typer
+from typer.core import TyperArgument, TyperCommand
 
 WIDTH = 78  # of the narrowest terminal that it is made for, without its margins
 _ON = " \\"
+
+
+class NamedCommand(TyperCommand):
+    """A command in whose help an argument has its name alone, such as RIG, and no type of a programming language."""
+
+    def __init__(self, *args: Any, **settings: Any) -> None:
+        super().__init__(*args, **settings)
+        for parameter in self.params:
+            if isinstance(parameter, TyperArgument):
+                parameter.type = copy(parameter.type)  # types are shared with options
+                parameter.type.get_metavar = lambda param, ctx: ""
 
 
 def set_help_texts(app: typer.Typer) -> None:
@@ -18,6 +31,7 @@ def set_help_texts(app: typer.Typer) -> None:
     for command in app.registered_commands:
         if command.callback is not None:
             command.help = help_text(command.callback)
+            command.cls = NamedCommand
     for group in app.registered_groups:
         if group.typer_instance is not None:
             set_help_texts(group.typer_instance)

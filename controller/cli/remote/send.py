@@ -34,7 +34,7 @@ def send(
         list[str],
         typer.Argument(
             metavar="COMMAND",
-            help=" | ".join(command.usage for command in COMMANDS),
+            help=f"One of: {', '.join(command.word for command in COMMANDS)}; `motiondeck send help` explains them.",
         ),
     ],
     wait: Annotated[
@@ -47,7 +47,7 @@ def send(
 ) -> None:
     """Send a command to the running deck and print its reply; the exit code is 1 if it was refused.
 
-    `motiondeck send help` explains the commands, which are those of the prompt of `play`. MOTION alone switches to it.
+    The commands are those of the prompt of `play`. MOTION alone switches to it, and `status` lists the motions.
 
     [bold]Examples[/]
 

@@ -183,12 +183,15 @@ def calibrate(
 def tune_walk(
     robot: RobotArgument,
     motion: Annotated[
-        list[str] | None, typer.Option("--motion", help="A motion to walk; repeatable. Default: walk.")
+        list[str] | None,
+        typer.Option("--motion", metavar="MOTION", help="A motion to walk; repeatable. Default: walk."),
     ] = None,
-    library: Annotated[str, typer.Option("--library", help="The library of the motions.")] = "thesis15",
-    seconds: Annotated[float, typer.Option("--seconds", help="Length of each trial, s.")] = 60.0,
-    rounds: Annotated[int, typer.Option("--rounds", help="Number of settings to try.")] = 40,
-    seed: Annotated[int, typer.Option("--seed", help="Seed of the search.")] = 0,
+    library: Annotated[
+        str, typer.Option("--library", metavar="LIBRARY", help="The library of the motions.")
+    ] = "thesis15",
+    seconds: Annotated[float, typer.Option("--seconds", metavar="SECONDS", help="Length of each trial, s.")] = 60.0,
+    rounds: Annotated[int, typer.Option("--rounds", metavar="N", help="Number of settings to try.")] = 40,
+    seed: Annotated[int, typer.Option("--seed", metavar="N", help="Seed of the search.")] = 0,
     jobs: JobsOption = "-1",
     as_json: JsonOption = False,
 ) -> None:
@@ -220,12 +223,16 @@ def rehearse(
     robot: RobotArgument,
     motion: Annotated[str, typer.Argument(metavar="MOTION", help="A motion of the library.")],
     out: Annotated[Path, typer.Option("--out", metavar="FILE", help="The joint targets (.clip or .csv).")],
-    library: Annotated[str, typer.Option("--library", help="The library of the motion.")] = "thesis15",
-    tempo: Annotated[float, typer.Option("--tempo", help="Tempo of the motion.")] = 1.0,
-    rounds: Annotated[int, typer.Option("--rounds", help="How often a loop goes round.")] = 3,
-    generations: Annotated[int, typer.Option("--generations", help="How long to search.")] = 70,
-    tries: Annotated[int, typer.Option("--tries", help="How often to try the result, with other errors.")] = 20,
-    seed: Annotated[int, typer.Option("--seed", help="Seed of the search.", min=0)] = 0,
+    library: Annotated[
+        str, typer.Option("--library", metavar="LIBRARY", help="The library of the motion.")
+    ] = "thesis15",
+    tempo: Annotated[float, typer.Option("--tempo", metavar="TEMPO", help="Tempo of the motion.")] = 1.0,
+    rounds: Annotated[int, typer.Option("--rounds", metavar="N", help="How often a loop goes round.")] = 3,
+    generations: Annotated[int, typer.Option("--generations", metavar="N", help="How long to search.")] = 70,
+    tries: Annotated[
+        int, typer.Option("--tries", metavar="N", help="How often to try the result, with other errors.")
+    ] = 20,
+    seed: Annotated[int, typer.Option("--seed", metavar="N", help="Seed of the search.", min=0)] = 0,
     as_json: JsonOption = False,
 ) -> None:
     """Find joint targets with which a robot does a motion on a free root, in many short simulations.

@@ -3,6 +3,7 @@
 import json
 import os
 import pty
+import re
 import shutil
 import socket
 import subprocess
@@ -216,6 +217,19 @@ def test_help_is_wrapped_where_the_terminal_ends(monkeypatch):
         # Words move up as far as they fit: no line ends long before the terminal does, but the last of a paragraph.
         first, second = sentence.split("Opens a page")[1].splitlines()[:2]
         assert len(" Opens a page" + first.rstrip()) + len(second.split()[0]) + 1 > columns - 2
+
+
+def test_help_names_what_is_given_and_no_types(monkeypatch):
+    monkeypatch.setenv("COLUMNS", "200")
+    for words in (("send",), ("rig", "scan"), ("conduct",), ("robot", "rehearse"), ("robot", "tune-walk")):
+        assert re.findall(r"<(?:str|path|int|float).*?>", motiondeck(*words, "--help").stdout) == []
+
+
+def test_the_help_of_send_lists_the_commands(monkeypatch):
+    monkeypatch.setenv("COLUMNS", "80")
+    words = " ".join(re.sub("[│*]", " ", motiondeck("send", "--help").stdout).split())
+    assert "One of: switch, queue, blend, tempo, input," in words
+    assert "`motiondeck send help` explains them" in words
 
 
 def test_examples_fit_the_terminal_and_can_be_pasted(monkeypatch):
