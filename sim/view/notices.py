@@ -8,6 +8,7 @@ from sim.view.web.page_style import NOTICE_SECONDS
 from sim.view.web.private_page import PrivatePage
 
 MOST_NOTICES = 3  # at a time; what a rig does has its own tab
+FAULT = "Fault"
 MORE = "All of them are marks in the strip of the last minutes, with their text."
 
 
@@ -24,8 +25,8 @@ class Notices:
         if now - self._shown.get(text, -NOTICE_SECONDS) < NOTICE_SECONDS:
             return
         self._shown = {old: at for old, at in self._shown.items() if now - at < NOTICE_SECONDS} | {text: now}
-        if title == "fault" and len(self._shown) > MOST_NOTICES:
-            title, text = "more faults", MORE
+        if title == FAULT and len(self._shown) > MOST_NOTICES:
+            title, text = "More faults", MORE
             if text in self._shown:
                 return
             self._shown[text] = now

@@ -36,7 +36,7 @@ from controller.wire.messages.replies import Refused
 from motiondeck_base.errors import MotiondeckError
 from sim.view.loop_figures import loop_figures
 from sim.view.motions.motion_controls import MotionControls
-from sim.view.notices import Notices
+from sim.view.notices import FAULT, Notices
 from sim.view.recognition_text import what_is_seen
 from sim.view.view_choices import ViewChoices
 from sim.view.web.page_style import CURRENT, STOPS, STYLE
@@ -48,7 +48,17 @@ ANSWER_WITHIN = 1.0
 # A hand on a slider keeps it for so long before the deck's own value is shown again, s.
 HAND_ON = 1.0
 
-_TOLD = ("via", "gave up", "fault", "fell", "stands", "push", "lost", "replayed")
+# The titles of notices, by the kind of the event.
+_TITLES = {
+    "via": "On the way",
+    "gave up": "Blend given up",
+    "fault": FAULT,
+    "fell": "Fallen",
+    "stands": "Stands again",
+    "push": "Push",
+    "lost": "Contact lost",
+    "replayed": "Command refused",
+}
 _ALARMING = ("fault", "fell", "lost", "replayed")
 PANEL_WIDTH = 332  # pixels
 
@@ -197,8 +207,8 @@ class Panel:
 
     def tell(self, event: Event) -> None:
         """Shows an event that nothing else on the page shows."""
-        if event.kind in _TOLD:
-            self._notices.show(event.kind, event.text, alarming=event.kind in _ALARMING)
+        if event.kind in _TITLES:
+            self._notices.show(_TITLES[event.kind], event.text, alarming=event.kind in _ALARMING)
 
     def refuse(self, reason: str) -> None:
         """Shows why something was not done."""

@@ -113,6 +113,8 @@ def test_two_browsers_see_what_happens_and_both_command(browser):
             wide.get_by_text("push", exact=True).click()
             left = wide.get_by_role("button", name="left", exact=True)
             until(lambda: left.click() or (Push, "left 0.25") in heard, "the push")
+            panel.tell(Event("via", "crawl, on the way to standup", "crawl", 0.5, 0))
+            wide.get_by_text("On the way", exact=True).wait_for()
             for _ in range(2):
                 panel.tell(Event("fault", "id 3 is hot", "walk", 1.0, 1))
             panel.tell(Event("fault", "id 4 is hot", "walk", 1.0, 2))
@@ -120,7 +122,7 @@ def test_two_browsers_see_what_happens_and_both_command(browser):
             assert wide.get_by_text("id 3 is hot").count() == 1
             for id in range(5, 10):
                 panel.tell(Event("fault", f"id {id} is hot", "walk", 1.0, id))
-            wide.get_by_text("more faults").wait_for()
+            wide.get_by_text("More faults").wait_for()
             assert wide.get_by_text("is hot").count() <= 3
 
             card = panel.parts.add("network-card", "network-card")

@@ -90,6 +90,8 @@ class Page:
         fields["phase"][0] = deck.phase if deck.phase is not None else math.nan
         fields["playing"][0] = deck.motions.index(deck.playing)
         set_blend(fields, deck.blend, deck.motions)
+        _set_names(fields["way"], deck.way, deck.motions)
+        _set_names(fields["queue"], deck.queue, deck.motions)
         fields["paused"][0] = deck.paused
         fields["settled"][0] = deck.settled
         lock = deck.lock_state
@@ -109,8 +111,6 @@ class Page:
         fields["restarts"][0] = deck.restarts
         fields["kept_apart"][0] = sum(guard.kept_apart.total() for guard in self._guards)
         if health:
-            _set_names(fields["way"], deck.way, deck.motions)
-            _set_names(fields["queue"], deck.queue, deck.motions)
             lateness = state.lateness.percentiles()
             fields["lateness_p50_us"][0] = lateness.p50
             fields["lateness_p999_us"][0] = lateness.p999
