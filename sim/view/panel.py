@@ -39,7 +39,7 @@ from sim.view.motions.motion_controls import MotionControls
 from sim.view.notices import FAULT, Notices
 from sim.view.recognition_text import what_is_seen
 from sim.view.view_choices import ViewChoices
-from sim.view.web.page_style import CURRENT, STOPS, STYLE
+from sim.view.web.page_style import CURRENT, STOPS, STYLE, buttons_in_line
 from sim.view.web.parts import PageParts
 from sim.view.web.private_page import PrivatePage
 from sim.view.web.state_line import RunState, ended_line, number_in, state_line
@@ -106,7 +106,7 @@ class Panel:
         gui.configure_theme(show_share_button=False, show_logo=False, brand_color=CURRENT)
         gui.main_panel.dock_right()  # the scene has what is left, and nothing covers the robot
         gui.main_panel.set_width(PANEL_WIDTH)
-        gui.add_html(STYLE)
+        gui.add_html(STYLE + buttons_in_line(3))
         self.parts = PageParts(page)
         # What happens and how to stop it stand first, so that they are visible in a small window too.
         self._line = gui.add_html("")

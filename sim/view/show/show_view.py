@@ -8,7 +8,7 @@ import viser
 
 from controller.fleet.show_state import ShowState
 from sim.view.show.show_text import cue_table, deck_cards, ended_show_line, show_line, silent_line
-from sim.view.web.page_style import CURRENT, NOTICE_SECONDS, STATE_LINE, STOPS, STYLE
+from sim.view.web.page_style import CURRENT, NOTICE_SECONDS, STATE_LINE, STOPS, STYLE, buttons_in_line
 from sim.view.web.private_page import PrivatePage
 from sim.view.web.state_line import StateLine
 
@@ -20,11 +20,11 @@ SHOW_STYLE = f"""<style>
 @media (min-width: 700px) {{
   #{STATE_LINE} {{ zoom: 1.7; }}
   div:has(> #{STATE_LINE}) + div {{ top: 10.9em; }}
-  div[style*="right: 0px"]:has(#{STATE_LINE}), div[style*="right: 0px"] div[style*="width: {WIDTH + 4}px"] {{
+  div[style*="right: 0px"]:has(#{STATE_LINE}), div[style*="flex-shrink: 0"]:has(#{STATE_LINE}) {{
     width: 100% !important; }}
   .mantine-Notifications-root {{ top: auto !important; bottom: 16px !important; }} }}
 div:has(> #{STATE_LINE}) + div button {{ min-height: 4em; font-size: 1.4em; }}
-#decks {{ display: grid; grid-template-columns: repeat(auto-fill, minmax(220px, 1fr)); gap: 8px; padding: 4px 10px;
+#decks {{ display: grid; grid-template-columns: repeat(auto-fit, minmax(260px, 1fr)); gap: 8px; padding: 4px 10px;
   font-size: 12.5px; line-height: 1.4; font-variant-numeric: tabular-nums; }}
 #decks > div {{ border: 2px solid; border-left-width: 8px; border-radius: 6px; padding: 5px 9px; }}
 #decks b, #decks strong {{ display: block; font-size: 17px; line-height: 1.25; }}
@@ -53,7 +53,7 @@ class ShowView:
         gui.configure_theme(show_share_button=False, show_logo=False, brand_color=CURRENT)
         gui.main_panel.dock_right()
         gui.main_panel.set_width(WIDTH)
-        gui.add_html(STYLE + SHOW_STYLE)
+        gui.add_html(STYLE + buttons_in_line(2) + SHOW_STYLE)
         self._line = gui.add_html("")
         stop = gui.add_button(
             "Emergency stop", icon=viser.Icon.ALERT_OCTAGON, color=STOPS, hint="Of all decks. Key: Esc."

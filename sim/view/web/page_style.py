@@ -1,4 +1,4 @@
-"""The style of the panel: the state line and the emergency stop stay in sight, and three buttons share a line.
+"""The style of the panel: the state line and the emergency stop stay in sight, and some buttons share a line.
 
 viser lays a panel out in one column that scrolls as a whole; on a phone it is a sheet at the lower edge. These rules go
 by marks of our own in that column; where a browser or another version of viser does not match them, the panel is as
@@ -29,9 +29,19 @@ div[style*="pointer-events: none"] div:has(> #{STATE_LINE}) ~ div {{ opacity: .5
 div[style*="pointer-events: none"] #{STATE_LINE}:not([data-word="ENDED"])::before {{
   content: "NO CONNECTION"; display: block; margin: -8px -12px 4px; padding: 2px 12px; background: black;
   font-weight: 800; font-size: 17px; }}
-div:has(> #{STATE_LINE}) + div + div {{ margin-right: calc(66.7% + 1px) !important; }}
-div:has(> #{STATE_LINE}) + div + div + div {{
-  margin-left: calc(33.3% + 2px) !important; margin-right: calc(33.3% + 2px) !important; margin-top: -2.25em; }}
-div:has(> #{STATE_LINE}) + div + div + div + div {{ margin-left: calc(66.7% + 1px) !important; margin-top: -2.25em; }}
 div:has(> #{STATE_LINE}) ~ div button {{ padding-inline: 6px; }}
 </style>"""
+
+
+def buttons_in_line(count: int) -> str:
+    """The style in which the first buttons after the emergency stop share a line."""
+    rules: list[str] = []
+    for place in range(count):
+        button = f"div:has(> #{STATE_LINE}) + div" + (place + 1) * " + div"
+        if place > 0:
+            left = f"calc({100.0 * place / count:.1f}% + 2px)"
+            rules.append(f"{button} {{ margin-left: {left} !important; margin-top: -2.25em; }}")
+        if place < count - 1:
+            right = f"calc({100.0 * (count - 1 - place) / count:.1f}% + 2px)"
+            rules.append(f"{button} {{ margin-right: {right} !important; }}")
+    return "<style>" + "\n".join(rules) + "</style>"

@@ -7,11 +7,23 @@ import msgspec
 
 from controller.cli.show.show_page import ShowPage
 from controller.fleet.show_file import ShowCue
-from controller.fleet.show_state import ShowNotice, ShowState
+from controller.fleet.show_state import DeckRow, ShowNotice, ShowState
 from sim.view.show.viewer import view
 from waiting import free_port, until
 
-SHOW = ShowState("gala", [ShowCue(say="switch walk", name="opening", at=0.0), ShowCue(say="home", hold=True)], 0, 1)
+CUES = [ShowCue(say="switch walk", name="opening", at=0.0), ShowCue(say="home", hold=True)]
+DECKS = [DeckRow(name, "servo20", "thesis15", "stage", True, 0, 0.0, None) for name in ("left", "middle", "right")]
+SHOW = ShowState("gala", CUES, 0, 1, decks=DECKS)
+
+
+def in_lines_of(tab, width):
+    """Whether go and hold share a line of a window, and the cards of the decks have all of the next one."""
+    go, hold = (tab.get_by_role("button", name=name, exact=True).bounding_box() for name in ("Go", "Hold"))
+    cards = [card.bounding_box() for card in tab.locator("#decks > div").all()]
+    beside = abs(go["y"] - hold["y"]) < 2 and go["x"] + go["width"] <= hold["x"]
+    across = go["x"] < 30 and hold["x"] + hold["width"] > width - 40 and cards[0]["x"] < 30
+    in_sight = all(card["x"] + card["width"] <= width for card in cards)
+    return beside and across and in_sight and cards[0]["y"] >= go["y"] + go["height"]
 
 
 def test_the_page_shows_the_cues_and_its_buttons_say_words(browser, monkeypatch):
@@ -35,6 +47,13 @@ def test_the_page_shows_the_cues_and_its_buttons_say_words(browser, monkeypatch)
         tab.goto(f"http://127.0.0.1:{port}")
         tab.locator("#cues .now").get_by_text("switch walk").wait_for()
         tab.get_by_text("PLAYING").wait_for()
+        for width in (390, 900, 1366):
+            tab.set_viewport_size({"width": width, "height": 700})
+            until(
+                lambda width=width: in_lines_of(tab, width),
+                f"go and hold in a line, and all decks in sight, at {width}",
+            )
+        tab.set_viewport_size({"width": 900, "height": 600})
         for name, word in (("Go", "go"), ("Hold", "hold"), ("Emergency stop", "stop")):
             tab.get_by_role("button", name=name, exact=True).click()
             until(lambda word=word: said(word), word)
