@@ -12,6 +12,7 @@ from typing import Any, Literal, TypeVar, Union, get_args, get_origin
 import msgspec
 
 from motiondeck_base.errors import FileFormatError
+from motiondeck_base.file_words import in_file_words
 from motiondeck_base.near_names import near_names
 
 T = TypeVar("T")
@@ -69,7 +70,7 @@ def _problems(tree: object, shape: Any, where: str) -> list[str]:
     if isinstance(tree, str) and (choices := list(_choices(shape))):
         return [f"'{tree}' is none of {', '.join(choices)}{_at(where)}"]
     # A problem of the whole: a wrong type, a value out of range, or what the structure itself checks.
-    return found or [_lower(re.sub(r" - at `\$[^`]*`$", "", message)) + _at(where)]
+    return found or [_lower(in_file_words(re.sub(r" - at `\$[^`]*`$", "", message))) + _at(where)]
 
 
 def _wrong_keys(tree: object, shape: Any, where: str) -> Iterator[str]:
@@ -88,7 +89,7 @@ def _wrong_keys(tree: object, shape: Any, where: str) -> Iterator[str]:
             yield f"unknown key '{key}'{_at(where)}.{hint} Allowed are: {', '.join(sorted(allowed))}."
     for field in fields:
         if field.required and field.encode_name not in tree:
-            yield f"missing required field `{field.encode_name}`{_at(where)}"
+            yield f"missing key '{field.encode_name}'{_at(where)}"
 
 
 def _parts(tree: object, shape: Any) -> Iterable[tuple[str, object, Any]]:

@@ -18,6 +18,7 @@ from hardware.control_table.servo_traits import TRAITS
 from hardware.control_table.table import ControlTable
 from hardware.errors import RigFileError
 from hardware.rig.rig_lines import line_of
+from motiondeck_base.file_words import in_file_words
 from motiondeck_base.near_names import did_you_mean
 
 _DRIVEN = "the XL-320 and servos of the X, MX, AX, RX, P and PRO(A) series"
@@ -243,7 +244,7 @@ def _explain(path: str | Path, text: str, message: str) -> str:
         what = f"{what.removeprefix('Invalid enum value ')} is not allowed; {allowed} are"
     key = unknown[1] if unknown else where.rpartition(".")[2].rstrip("`")
     line = _line(text, where, key, what)
-    what = what.removeprefix("Object ")  # what msgspec calls a table
+    what = in_file_words(what)
     end = "" if what.endswith("?") else "."
     return f"{path}{f' line {line}' if line else ''}: {f'{place}: ' if place else ''}{what}{end}"
 

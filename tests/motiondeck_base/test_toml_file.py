@@ -59,8 +59,8 @@ def test_a_good_file_is_read(tmp_path):
         ('name = "a"\n[[parts]]\nsize = 1\ncolor = "x"', r"unknown key 'color' in \[parts.*\].*'colour'.*colour, size"),
         ('name = "a"\nshape = {type = "round", side = 1.0}', "unknown key 'side'.*radius, type"),
         ('name = "a"\nshape = {type = "oval"}', "oval"),
-        ("name = 3", "expected `str`, got `int`.*name"),
-        ("", "missing required field `name`"),
+        ("name = 3", "expected text, not a whole number.*name"),
+        ("", "missing key 'name'"),
         ("name = ", "not valid TOML.*Invalid value"),
     ],
 )
@@ -85,14 +85,14 @@ named = {left = {size = 1.5}}
     assert all(line.startswith(place) for line in lines)
     assert [line.removeprefix(place).split(" Did")[0].split(" Allowed")[0] for line in lines] == [
         "unknown key 'nmae'.",
-        "missing required field `name`",
+        "missing key 'name'",
         "unknown key 'radius' in [shape].",
-        "expected `float`, got `str` in [shape.side]",
-        "expected `int`, got `str` in [parts.2.size]",
+        "expected a number, not text in [shape.side]",
+        "expected a whole number, not text in [parts.2.size]",
         "unknown key 'color' in [parts.3].",
-        "missing required field `size` in [parts.3]",
-        "expected `int`, got `float` in [named.left.size]",
-        "expected `int`, got `str` in [span.2]",
+        "missing key 'size' in [parts.3]",
+        "expected a whole number, not a number with decimals in [named.left.size]",
+        "expected a whole number, not text in [span.2]",
     ]
 
 

@@ -43,7 +43,7 @@ def test_a_file_maps_addresses_notes_and_times(tmp_path):
     ("text", "problem"),
     [
         ("", "nothing is mapped"),
-        ("[osc]\nlisten = 0", "expected `int` >= 1"),
+        ("[osc]\nlisten = 0", "expected a whole number of at least 1"),
         ('[osc]\nsend_to = "9001"', "send_to in [osc] is HOST:PORT"),
         ('[osc.commands]\n"/a" = "stop"', "commands in [osc] need a port"),
         ('[osc]\nlisten = 9\n[osc.commands]\n"a" = "stop"', "'a' in [osc.commands]: an OSC address begins with /"),

@@ -75,7 +75,7 @@ def test_a_timeline_says_what_is_commanded_when(tmp_path):
     ("text", "says"),
     [
         ('motion = "wlak"', "show.toml: unknown motion 'wlak'. Did you mean walk"),
-        ("", "missing required field `motion`"),
+        ("", "missing key 'motion'"),
         ('motion = "walk"\ntempo = 2', "unknown key 'tempo'"),
         ('motion = "walk"\n[[commands]]\nat = -1.0\nsay = "jog"', "command 1: at = -1.0"),
         ('motion = "walk"\n[[commands]]\nat = nan\nsay = "jog"', "command 1: at = nan"),
