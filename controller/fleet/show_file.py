@@ -20,13 +20,14 @@ say = ["switch waltz", "tempo 0.8"]
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Annotated, Literal
 
 import msgspec
 
-from controller.fleet.membership import check_name
+from controller.fleet.membership import CONDUCTOR, check_name
 from controller.fleet.messages import CUE_COMMANDS, Lost
 from controller.wire.messages.command_table import parse_command, row_of
 from controller.wire.messages.commands import Blend, CommandError, DeckCommand, Queue, Switch
@@ -165,16 +166,26 @@ def _wrong_names(show: Show) -> Iterator[str]:
         (show.show, "show", "show"),
         *((name, "deck", "decks") for name in show.decks),
         *((name, "group", "groups") for name in show.groups),
+        *((name, "deck", f"groups.{group}") for group, decks in show.groups.items() for name in decks),
     ):
         try:
             check_name(name, what)
         except MotiondeckError as error:
             yield f"{error} in [{place}]"
+        if name == CONDUCTOR and what != "show":
+            yield f"the conductor cannot be a {what}: another name is needed in [{place}]"
+    yield from (f"deck '{name}' is named twice in [decks]" for name, often in Counter(show.decks).items() if often > 1)
     if ALL in show.groups:
         yield f"the group '{ALL}' is always there; call yours otherwise in [groups]"
     for group, decks in show.groups.items():
+        if group in show.decks:
+            yield f"the group '{group}' has the name of a deck; call it otherwise in [groups]"
+        if not decks:
+            yield f"the group '{group}' has no decks in [groups]"
         for name in decks:
-            if show.decks and name not in show.decks:
+            if name in show.groups or name == ALL:
+                yield f"'{name}' is a group: a group has decks, no other groups in [groups.{group}]"
+            elif show.decks and name not in show.decks:
                 yield f"{UnknownNameError.among('deck', name, show.decks)} in [groups.{group}]"
 
 
@@ -186,8 +197,12 @@ def _wrong_cues(show: Show) -> Iterator[str]:
         place = _place(number, cue)
         if cue.name and (cue.name in names or names.add(cue.name)):
             yield f"{place}: another cue has this name"
+        if cue.name.isdecimal():
+            yield f"{place}: a name that is a number is taken for the number of a cue; call it otherwise"
         if not cue.say:
             yield f"{place}: say is empty; give one command or several"
+        if not cue.receivers:
+            yield f"{place}: to is empty; name a deck or group, or several, or leave it out for all"
         waits = [key for key, given in (("at", cue.at is not None), ("hold", cue.hold), ("when", cue.when)) if given]
         if len(waits) != 1:
             given = f"not {' and '.join(waits)}" if waits else "which say when it comes"
@@ -197,8 +212,14 @@ def _wrong_cues(show: Show) -> Iterator[str]:
         if cue.at is not None and cue.at < latest:
             yield f"{place}: at = {cue.at:g} is before the cue above, at {latest:g} s"
         latest = cue.at if cue.at is not None else 0.0
-        if show.decks:
-            yield from (f"{place}: {UnknownNameError.among('deck', n, known)}" for n in cue.receivers if n not in known)
+        for name in cue.receivers:
+            try:
+                check_name(name, "deck or group")
+            except MotiondeckError as error:
+                yield f"{place}: {error}"
+            else:
+                if show.decks and name not in known:
+                    yield f"{place}: {UnknownNameError.among('deck', name, known)}"
         try:
             cue.commands  # noqa: B018 (for what it raises)
         except CommandError as error:

@@ -35,6 +35,16 @@ def written(folder, text):
         ('show = "gala"\ndecks = ["left"]\n[[cues]]\nat = 1\nto = ["lift"]\nsay = "pause"', "Did you mean left?"),
         ('show = "gala"\ndecks = ["left"]\n[groups]\nb = ["right"]', "unknown deck 'right'"),
         ('show = "gala"\n[groups]\nall = ["right"]', "'all' is always there"),
+        ('show = "gala"\n[groups]\nconductor = ["right"]', "the conductor cannot be a group"),
+        ('show = "gala"\ndecks = ["conductor"]', "the conductor cannot be a deck"),
+        ('show = "gala"\ndecks = ["left", "left"]', "deck 'left' is named twice in [decks]"),
+        ('show = "gala"\ndecks = ["left"]\n[groups]\nleft = ["left"]', "the group 'left' has the name of a deck"),
+        ('show = "gala"\n[groups]\nsides = []', "the group 'sides' has no decks"),
+        ('show = "gala"\n[groups]\nsides = ["Left"]', "'Left' cannot name a deck"),
+        ('show = "gala"\n[groups]\nsides = ["left"]\nends = ["sides"]', "a group has decks, no other groups"),
+        ('show = "gala"\n[[cues]]\nat = 1\nto = []\nsay = "pause"', "cue 1: to is empty"),
+        ('show = "gala"\n[[cues]]\nat = 1\nto = "Left"\nsay = "pause"', "cue 1: 'Left' cannot name a deck or group"),
+        ('show = "gala"\n[[cues]]\nat = 1\nname = "2"\nsay = "pause"', "cue 1 '2': a name that is a number"),
     ],
 )
 def test_a_mistake_is_named_with_its_place(tmp_path, text, says):
