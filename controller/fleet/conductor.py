@@ -16,6 +16,7 @@ from controller.fleet.messages import About, CommonRound, DeckHealth, EmergencyS
 from controller.fleet.seen_decks import SeenDeck, SeenDecks
 from controller.fleet.show_file import Condition, Show, ShowCue, motions_of, show_command
 from controller.wire.messages.commands import CommandError, DeckCommand
+from motiondeck_base.errors import MotiondeckError
 
 GRID = 0.02
 """Cues fall on multiples of this, s: then they fall on ticks of decks at 50, 100, 200, 250, 500 and 1000 Hz, which the
@@ -27,6 +28,7 @@ JOINS_EVERY = 1.0
 TOLD_AFTER = 3.0
 """A cue that waits for decks for so long says so, s."""
 
+_NO_CUES = "all cues have been given: type commands to go on"
 _SAID = 0.5  # s within which a deck that was told to stop says so
 _HISTORY = 16  # emergency stops that were seen
 
@@ -119,12 +121,22 @@ class Conductor:
             self.stopped_by = ""
             self._seen.forget_sent()
             self.cues.hold()
-            return "the emergency stop is over; go again for the next cue"
-        return "goes on" if self.cues.go(self.now()) else "the show does not wait for go"
+            then = "go again for the next cue" if not self.over else f"{_NO_CUES}, but for example: all resume"
+            return f"the emergency stop is over; {then}"
+        if self.over:
+            return _NO_CUES
+        if self.cues.go(self.now()):
+            return "goes on"
+        return f"the show does not wait for go; to give {self._next_name} at once: hold, then go"
 
-    def hold(self) -> None:
-        """Sends no more cues until `go`."""
-        self.cues.hold()
+    def hold(self) -> str:
+        """Sends no more cues until `go`; what came of it."""
+        if self.over:
+            return _NO_CUES
+        if not self.cues.waits:
+            self.cues.hold()
+            self._told_waiting = self.cues.next
+        return f"waits for go: {self._next_name}"
 
     def command(self, names: list[str], line: str) -> str:
         """Has decks and groups carry out a command together; those that are not here get it when they join.
@@ -133,9 +145,11 @@ class Conductor:
             What was done.
 
         Raises:
-            MotiondeckError: if there is no such deck, or no such command.
+            MotiondeckError: if there is no such deck, or no such command, or an emergency stop is on.
         """
         decks = self._seen.named(names)
+        if self.stopped_by:
+            raise MotiondeckError("the emergency stop is on; reset it at each deck, then: go")
         command = show_command(line)
         for deck in decks:
             for motion in motions_of([command]):
@@ -182,13 +196,14 @@ class Conductor:
 
     def _stopped_by(self, name: str) -> None:
         self.stopped_by, self._stopped_at = name or "a deck without a name", self.now()
-        self._tell(f"emergency stop by {name}; reset each deck where it is, then: go")
+        who = "the conductor" if name == CONDUCTOR else self.stopped_by
+        self._tell(f"emergency stop by {who}; reset each deck where it is, then: go")
 
     # Cues.
 
     def _send_show_cue(self, number: int, cue: ShowCue, at: float) -> None:
         at = self.given[number] = _on_grid(at)
-        name = cue.name or f"cue {number + 1}"
+        name = self._name(number)
         present = self._seen.present_names
         decks = self.show.members(cue.receivers, present)
         try:
@@ -245,7 +260,7 @@ class Conductor:
         if cue is not self._told_waiting:
             self._told_waiting = cue
             if cue is not None:
-                self._tell(f"waits for go: {cue.name or cue.say}")
+                self._tell(f"waits for go: {self._next_name}")
 
     def _tell_lacking(self, now: float) -> None:
         """Tells what the next cue waits for, when it takes long, and again when that has changed."""
@@ -257,7 +272,16 @@ class Conductor:
             self._lacks, self._lacking_since = lacking, now
         elif lacking and lacking != self._told_lacks and now - self._lacking_since > TOLD_AFTER:
             self._told_lacks = lacking
-            self._tell(f"{cue.name or cue.say} waits: {', '.join(lacking)}")
+            self._tell(f"{self._next_name} waits: {', '.join(lacking)}")
+
+    @property
+    def _next_name(self) -> str:
+        """What the next cue is called."""
+        return self._name(self.cues.number)
+
+    def _name(self, number: int) -> str:
+        """What a cue is called, by its number from 0."""
+        return self.show.cues[number].name or f"cue {number + 1}"
 
 
 def _told(decks: list[str], present: list[str]) -> str:

@@ -19,12 +19,14 @@ import msgspec
 from controller.fleet.clock_estimate import ClockEstimate, RoundTrip
 from controller.fleet.link import Link
 from controller.fleet.mailbox import Mailbox
+from controller.fleet.membership import CONDUCTOR
 from controller.fleet.messages import (
     About,
     ClockHealth,
     CommonRound,
     DeckHealth,
     EmergencyStopAll,
+    Lost,
     Time,
     TimedCue,
     encode,
@@ -50,6 +52,12 @@ _IRREGULAR = 0.6, 1.4
 _PATIENCE = 1.0  # s for an answer
 _OWN_DOING = 1.0  # s within which the deck reports an emergency stop that came from here
 _REMEMBERED = 64  # emergency stops that were passed on
+
+_THEN: dict[Lost, str] = {
+    "go on": "the deck plays on",
+    "hold": "the deck pauses until it is back",
+    "stop": "emergency stop of this deck",
+}
 
 Told = Callable[[str], None]
 
@@ -89,7 +97,7 @@ class Member:
         self._done = ("", 0)
         self._step: CommonRound | None = None
         self._state: State | None = None
-        self._problem = ""
+        self._problem, self._problems = "", 0
         self._stopped_at = -_OWN_DOING
         self._stops: deque[str] = deque(maxlen=_REMEMBERED)
         self._to_say: list[tuple[float, bytes]] = []
@@ -175,7 +183,7 @@ class Member:
         if self._lost or not time_now.run or now - self._answered_at <= time_now.after:
             return
         self._lost = True
-        self._tell(f"the conductor has not answered for {time_now.after:g} s: {time_now.lost}")
+        self._tell(f"the conductor has not answered for {time_now.after:g} s; {_THEN[time_now.lost]}")
         plays = self._state is not None and self._state.mode == "playing" and not self._state.paused
         if time_now.lost == "hold" and plays:
             self._holds = True
@@ -197,11 +205,10 @@ class Member:
         """Gives the deck a cue ahead of its time: its loop is punctual, and this process may not get a core then."""
         late = self._now() - self._due(cue)
         if late > LATEST:
-            self._problem = f"cue {cue.number} came {late:.1f} s late"
-            self._tell(self._problem)
+            self._note_problem(f"{cue.name} came {late:.1f} s late")
             return
         if refused := [command for command in cue.say if not is_allowed(command)]:
-            self._problem = f"cue {cue.number} asks for what a show may not: {type(refused[0]).__name__}"
+            self._note_problem(f"{cue.name} asks for what a show may not: {type(refused[0]).__name__}")
             cue = msgspec.structs.replace(cue, say=[], step=None)
         else:
             self._give(cue)
@@ -232,7 +239,7 @@ class Member:
 
     def _post(self, command: msgspec.Struct, cue: TimedCue) -> None:
         timed = commands.AtTime(self._clock.local(cue.at), command)  # pyright: ignore[reportArgumentType]
-        self._commands[self._deck.post(timed)] = f"cue {cue.number}"
+        self._commands[self._deck.post(timed)] = cue.name
         if len(self._commands) > _REMEMBERED:
             del self._commands[next(iter(self._commands))]
 
@@ -254,8 +261,7 @@ class Member:
                 self._tell_health(reply)
             elif isinstance(reply, Refused):
                 whose = self._commands.pop(reply.id, "")
-                self._problem = f"{whose}: {reply.reason}" if whose else reply.reason
-                self._tell(self._problem)
+                self._note_problem(f"{whose}: {reply.reason}" if whose else reply.reason)
             elif isinstance(reply, Event):
                 if reply.kind == "ended":
                     return False
@@ -282,8 +288,14 @@ class Member:
             lock=str(state.lock) if state.lock is not None else "",
             clock=known,
             problem=self._problem,
+            problems=self._problems,
         )
         self._link.say(f"health/{self._name}", encode(health))
+
+    def _note_problem(self, problem: str) -> None:
+        """Notes what went wrong, for the people here and at the conductor."""
+        self._problem, self._problems = problem, self._problems + 1
+        self._tell(problem)
 
     # Emergency stops.
 
@@ -293,7 +305,7 @@ class Member:
             return
         self._stops.append(stop.id)
         self._stop_deck(self._now())
-        self._tell(f"emergency stop by {stop.by}")
+        self._tell(f"emergency stop by {'the conductor' if stop.by == CONDUCTOR else stop.by}")
         self._link.say("stop", data)
 
     def _pass_on_stop(self) -> None:

@@ -134,6 +134,7 @@ class DeckHealth(msgspec.Struct, frozen=True):
         motion, mode, phase, paused, switching, lock: as in `State`; lock is "" without one.
         clock: how well the conductor's time is known; None if not at all.
         problem: the latest refusal or cue that came too late, or "".
+        problems: how many there have been.
     """
 
     run: str
@@ -146,6 +147,7 @@ class DeckHealth(msgspec.Struct, frozen=True):
     lock: str
     clock: ClockHealth | None
     problem: str = ""
+    problems: int = 0
 
 
 class EmergencyStopAll(msgspec.Struct, frozen=True):

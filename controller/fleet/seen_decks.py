@@ -25,7 +25,7 @@ class SeenDeck:
         heard: when its health came, s.
         standing: what it should be doing.
         joined: when it was last given that, s.
-        problem: the last one that was told.
+        problems: how many have been told.
         losses: how often its connection was lost.
     """
 
@@ -36,7 +36,7 @@ class SeenDeck:
     heard: float = 0.0
     standing: Standing = field(default_factory=Standing)
     joined: float = 0.0
-    problem: str = ""
+    problems: int = 0
     losses: int = 0
 
 
@@ -134,9 +134,9 @@ class SeenDecks:
         """Notes how a deck is, and tells a new problem of its."""
         deck = self[name]
         deck.health, deck.heard = health, self._now()
-        if health.problem not in ("", deck.problem):
+        if health.problems > deck.problems:
             self._tell(f"{name}: {health.problem}")
-        deck.problem = health.problem
+        deck.problems = health.problems
 
     def note_sent(self, cue: TimedCue, to: list[str]) -> None:
         """Notes a cue that was sent to its decks, and is for all of these names, decks that come later too."""

@@ -18,7 +18,7 @@ class Link:
     """Answers at once, by a clock that is ahead."""
 
     def __init__(self, now):
-        self.now, self.heard, self.asked = now, {}, []
+        self.now, self.heard, self.asked, self.there = now, {}, [], True
 
     def hear(self, key, heard):
         self.heard[key] = heard
@@ -33,6 +33,8 @@ class Link:
         pass
 
     def ask(self, key, heard, patience):
+        if not self.there:
+            return
         self.asked.append(self.now())
         heard(key, encode(Time("run", self.now() + AHEAD, "go on", 3.0)))
 
@@ -66,7 +68,7 @@ class Stage:
 
     def cue(self, number, at, *say, step=None):
         """A cue of the conductor, for a time of the deck's clock."""
-        cue = TimedCue("run", number, "", at + AHEAD, ["left"], list(say), step)
+        cue = TimedCue("run", number, f"scene {number}", at + AHEAD, ["left"], list(say), step)
         self.link.heard["cue"]("cue", encode(cue))
 
     def phase(self):
@@ -122,7 +124,7 @@ def test_a_cue_that_comes_too_late_is_left_out_and_told(stage):
     stage.cue(1, stage.time - 0.1, Switch("march"))
     stage.cue(2, stage.time - 0.4, Switch("march"))
     assert len(timed(stage.play(0.05))) == 1
-    assert stage.told[-1] == "cue 2 came 0.4 s late"
+    assert stage.told[-1] == "scene 2 came 0.4 s late"
 
 
 def test_questions_come_at_irregular_times(stage):
@@ -132,3 +134,9 @@ def test_questions_come_at_irregular_times(stage):
     between = np.diff(stage.link.asked[before:])
     assert between.mean() == pytest.approx(ASKS_EVERY, rel=0.1)
     assert between.std() > 0.03
+
+
+def test_a_deck_that_hears_nothing_says_what_it_does(stage):
+    stage.link.there = False
+    stage.play(3.5)
+    assert stage.told[-1] == "the conductor has not answered for 3 s; the deck plays on"

@@ -161,7 +161,10 @@ def test_two_decks_start_together_keep_step_and_stop_together(theatre):
     assert show_state(theatre.conductor).stopped_by == "conductor"
     machines = theatre.machines.values()
     theatre.until(lambda: all(machine.stop.emergency for machine in machines), 2.0)
+    assert "emergency stop by the conductor" in left.told
     assert "first reset the emergency stop" in theatre.conductor.go()
+    with pytest.raises(Exception, match="the emergency stop is on; reset it at each deck, then: go"):
+        theatre.conductor.command(["all"], "switch march")
 
 
 @pytest.mark.thorough
@@ -228,3 +231,21 @@ def test_what_no_show_may_say_is_not_carried_out(theatre):
         link.say("stop", encode(EmergencyStopAll("other", "1")))
         theatre.until(lambda: any("emergency stop by other" in text for text in theatre.told), 2.0)
     assert left.stop.emergency
+
+
+def test_a_hold_says_what_waits_and_a_refusal_says_whose_it_is(theatre):
+    theatre.deck("left")
+    cues = [ShowCue(say=["switch march", "tempo 1"], at=3600.0)]
+    theatre.conduct(cues=cues, lead=0.05)
+    theatre.until(lambda: "left" in theatre.conductor.decks and theatre.conductor.decks["left"].health)
+    assert theatre.conductor.go() == "the show does not wait for go; to give cue 1 at once: hold, then go"
+    assert theatre.conductor.hold() == theatre.conductor.hold() == "waits for go: cue 1"
+    theatre.until(lambda: theatre.conductor.decks["left"].health.clock)
+    for _ in range(2):  # a refusal in the same words is another one
+        theatre.told.clear()
+        theatre.conductor.command(["left"], "input speed 1")
+        theatre.until(lambda: any(text.startswith("left: input speed 1: ") for text in theatre.told))
+    assert theatre.conductor.go() == "goes on"
+    theatre.until(lambda: theatre.conductor.over)
+    assert theatre.conductor.go() == theatre.conductor.hold() == "all cues have been given: type commands to go on"
+    assert not any("[" in text for text in theatre.told)
