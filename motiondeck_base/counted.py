@@ -4,6 +4,6 @@ from __future__ import annotations
 
 
 def counted(number: int, one: str) -> str:
-    """The number and the word, which takes an s, or es behind ch or sh, unless the number is 1."""
-    ending = "es" if one.endswith(("ch", "sh")) else "s"
+    """The number and the word, which takes an s, or es behind ch, sh and s, unless the number is 1."""
+    ending = "es" if one.endswith(("ch", "sh", "s")) else "s"
     return f"{number} {one}" if number == 1 else f"{number} {one}{ending}"

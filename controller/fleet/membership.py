@@ -121,10 +121,17 @@ def with_certificates(folder: Path, *, listens: bool = True) -> Membership:
     """The member whose certificates are in a folder.
 
     Raises:
-        FileFormatError: if its member.toml is missing or wrong.
-        MotiondeckError: if others may read its key, or a certificate is missing.
+        FileFormatError: if its member.toml is wrong.
+        MotiondeckError: if there is no such folder, others may read its key, or a certificate is missing.
     """
     path = folder / MEMBER_FILE
+    if not path.exists():
+        members = sorted(str(found.parent) for found in folder.glob(f"*/{MEMBER_FILE}"))
+        what = "no folder of one member" if folder.is_dir() else "there is no such folder"
+        which = f", such as {' or '.join(members)}" if members else ""
+        raise MotiondeckError(
+            f"{folder}: {what}; give the one that `motiondeck fleet certificates` made for this member{which}"
+        )
     file = read_toml(path, MemberFile)
     try:
         for what, name in (("show", file.show), *(("member of a show", name) for name in file.members)):

@@ -7,6 +7,7 @@ import os
 import time
 from collections import deque
 from collections.abc import Iterator
+from pathlib import Path
 from typing import TYPE_CHECKING, Any, Protocol
 
 from motiondeck_base.errors import MotiondeckError
@@ -14,6 +15,8 @@ from motiondeck_base.errors import MotiondeckError
 if TYPE_CHECKING:
     import mido
 
+RAW_DEVICES = Path("/dev/snd")
+_EXAMPLE = "/dev/snd/midiC1D0"
 _INSTALL = 'Install it with: pip install "motiondeck[stage]"'
 
 
@@ -129,14 +132,16 @@ def open_midi_port(name: str) -> MidiPort:
     except ImportError as error:
         raise MotiondeckError(
             f"MIDI port '{name}' cannot be opened: {error}. {_INSTALL}, on Python 3.13 and newer python-rtmidi as well"
-            " (it is compiled there); a raw device, such as /dev/snd/midiC1D0, does without"
+            f" (it is compiled there); a raw device, such as {_EXAMPLE}, does without"
         ) from None
     except OSError as error:
         reason = error.strerror or str(error).rstrip(".")
     there: list[str] = []
-    with contextlib.suppress(OSError, ImportError):  # without python-rtmidi, or ALSA's library, there are none
-        there = mido.get_input_names()  # pyright: ignore
-    ports = (
-        f"There are: {', '.join(there)}" if there else "There are none; a raw device has a path, as /dev/snd/midiC1D0"
-    )
+    if "/" in name:
+        there = sorted(map(str, RAW_DEVICES.glob("midi*")))
+    else:
+        with contextlib.suppress(OSError, ImportError):  # without python-rtmidi, or ALSA's library, there are none
+            there = mido.get_input_names()  # pyright: ignore
+    other = "a port of a MIDI system has a name" if "/" in name else f"a raw device has a path, such as {_EXAMPLE}"
+    ports = f"There are: {', '.join(there)}" if there else f"There are none; {other}"
     raise MotiondeckError(f"MIDI input '{name}' cannot be opened ({reason}). {ports}")

@@ -129,7 +129,11 @@ def _open(mapped: StageMap, tell: Sparing) -> list[Input]:
 def _summary(mapped: StageMap) -> str:
     """What is listened to, in a few words."""
     osc, midi = mapped.osc, mapped.midi
-    parts = [f"OSC on port {osc.port} of loopback ({len(osc.commands)} addresses)"] if osc.port is not None else []
+    parts = (
+        [f"OSC on port {osc.port} of loopback ({counted(len(osc.commands), 'address')})"]
+        if osc.port is not None
+        else []
+    )
     if osc.target is not None:
         parts.append(f"OSC to {osc.target[0]}:{osc.target[1]}")
     if midi is not None:

@@ -71,6 +71,14 @@ def test_only_the_owner_may_read_a_key(tmp_path):
         deck_in(str(folder))
 
 
+def test_the_folder_of_all_members_is_not_that_of_one(tmp_path):
+    make_certificates(tmp_path / "gala", "gala", addresses("conductor", "left"))
+    with pytest.raises(MotiondeckError, match=r"gala: no folder of one member.*gala/conductor or \S*gala/left"):
+        deck_in(str(tmp_path / "gala"))
+    with pytest.raises(MotiondeckError, match=r"nothing: there is no such folder.*fleet certificates"):
+        with_certificates(tmp_path / "nothing")
+
+
 def test_members_can_be_added(tmp_path):
     make_certificates(tmp_path / "gala", "gala", addresses("conductor", "left"))
     authority = (tmp_path / "gala" / "authority.pem").read_bytes()

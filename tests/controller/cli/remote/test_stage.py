@@ -144,14 +144,16 @@ def test_without_the_extra_the_error_names_it(monkeypatch, tmp_path, module, tex
     assert 'pip install "motiondeck[stage]"' in result.stderr
 
 
-def test_a_raw_device_that_is_not_there_is_one_line_where_no_port_can_be_named(monkeypatch, tmp_path):
-    monkeypatch.setitem(sys.modules, "mido.backends.rtmidi", None)
-    monkeypatch.setattr(mido.backend, "_module", None)
+@pytest.mark.parametrize(("devices", "says"), [((), "There are none"), (("midiC1D0", "midiC2D0"), "midiC2D0")])
+def test_a_raw_device_that_is_not_there_is_one_line_with_those_that_are(monkeypatch, tmp_path, devices, says):
+    monkeypatch.setattr("controller.stage.midi_port.RAW_DEVICES", tmp_path)
+    for device in devices:
+        (tmp_path / device).touch()
     with StandIn() as deck:
         result = stage(deck, written(tmp_path, '[midi]\ninput = "/dev/no/midi"'))
     assert result.returncode == 1
     assert result.stderr.count("\n") == 1
-    assert "There are none" in result.stderr
+    assert says in result.stderr
 
 
 def test_without_a_deck_it_says_how_to_start_one(tmp_path):
