@@ -203,7 +203,7 @@ class Conductor:
 
     def _send_show_cue(self, number: int, cue: ShowCue, at: float) -> None:
         at = self.given[number] = _on_grid(at)
-        name = self._name(number)
+        name = self.cue_name(number)
         present = self._seen.present_names
         decks = self.show.members(cue.receivers, present)
         try:
@@ -277,9 +277,9 @@ class Conductor:
     @property
     def _next_name(self) -> str:
         """What the next cue is called."""
-        return self._name(self.cues.number)
+        return self.cue_name(self.cues.number)
 
-    def _name(self, number: int) -> str:
+    def cue_name(self, number: int) -> str:
         """What a cue is called, by its number from 0."""
         return self.show.cues[number].name or f"cue {number + 1}"
 

@@ -25,6 +25,7 @@ if TYPE_CHECKING:
     from controller.fleet.seen_decks import SeenDeck
 
 _HELP = "go | hold | stop (emergency stop of all) | status | DECK or GROUP COMMAND, such as: all pause | quit"
+_WITHOUT = {"go on": "play on", "hold": "pause until one is there", "stop": "make an emergency stop"}
 _STOP_WITHIN = 3.0  # s for decks to be found and to say that they have stopped
 _STOP_AT_LEAST = 1.0  # s for those that are found later than the first
 _PAGE_EVERY = 0.2  # s between two states for the page
@@ -154,6 +155,7 @@ def _hear_page(conductor: Conductor, page: ShowPage, tell: Told) -> bool:
 
 def _do(conductor: Conductor, line: str, tell: Told, *, as_json: bool) -> bool:
     """Does what was typed; False to end."""
+    from controller.wire.messages.command_table import BY_WORD
     from motiondeck_base.errors import MotiondeckError
 
     words = line.split()
@@ -161,17 +163,23 @@ def _do(conductor: Conductor, line: str, tell: Told, *, as_json: bool) -> bool:
         case []:
             pass
         case ["quit"]:
+            show = conductor.show
+            tell(f"ended; after {show.lost_after:g} s without a conductor decks {_WITHOUT[show.if_lost]} (if_lost)")
             return False
         case ["go"]:
             tell(conductor.go())
         case ["hold"]:
-            conductor.hold()
+            tell(conductor.hold())
         case ["stop"] | ["estop"]:
             conductor.stop()
         case ["status"]:
             _show_status(conductor, as_json=as_json)
         case ["help"]:
             tell(_HELP)
+        case [word, *_] if word in BY_WORD and not _are_decks(conductor, word):
+            tell(f"for which decks? For example: all {line}")
+        case [names] if _are_decks(conductor, names):
+            tell(f"what is {names} to do? For example: {names} pause")
         case [names, *command] if command:
             try:
                 tell(conductor.command(names.split(","), " ".join(command)))
@@ -182,13 +190,35 @@ def _do(conductor: Conductor, line: str, tell: Told, *, as_json: bool) -> bool:
     return True
 
 
+def _are_decks(conductor: Conductor, names: str) -> bool:
+    """Whether these are names of decks and groups, separated by commas."""
+    show = conductor.show
+    return {*names.split(",")} <= {"all", *conductor.decks, *show.decks, *show.groups}
+
+
 def _show_status(conductor: Conductor, *, as_json: bool) -> None:
     import msgspec
 
+    from controller.fleet.show_state import show_state
+    from sim.view.show.show_text import show_line
+
+    state = show_state(conductor)
     if as_json:
-        decks = {deck.name: {"here": deck.here, "health": deck.health} for deck in conductor.decks.values()}
-        print(msgspec.json.encode({"decks": decks}).decode(), flush=True)
+        present, upcoming = (
+            None if number is None else conductor.cue_name(number) for number in (state.present, state.upcoming)
+        )
+        told = {
+            "present": present,
+            "upcoming": upcoming,
+            "seconds": state.seconds,
+            "waits": state.waits,
+            "stopped_by": state.stopped_by,
+            "decks": {deck.name: {"here": deck.here, "health": deck.health} for deck in conductor.decks.values()},
+        }
+        print(msgspec.json.encode(told).decode(), flush=True)
         return
+    shown = show_line(state)
+    print(f"        {'; '.join(filter(None, (f'{shown.word} {shown.played}', shown.upcoming)))}", flush=True)
     for deck in sorted(conductor.decks.values(), key=lambda deck: deck.name):
         print(f"        {deck.name:12} {_describe(deck)}", flush=True)
 

@@ -25,7 +25,7 @@ def show_line(state: ShowState) -> StateLine:
         return StateLine("PLAYING", _name(state, state.present), "that was the last cue", GREEN)
     upcoming = _name(state, state.upcoming)
     if state.waits:
-        return StateLine("HELD", f"before {upcoming}", "press Go", AMBER)
+        return StateLine("HELD", f"before {upcoming}", "Go brings it", AMBER)
     when = _when_next(state.cues[state.upcoming], state.seconds)
     if state.present is None:
         return StateLine("READY", f"first {upcoming}", when, VIOLET)

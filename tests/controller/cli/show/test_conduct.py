@@ -1,17 +1,21 @@
 """`motiondeck conduct`, `fleet certificates` and `play --show`: a whole show, and mistakes in one line."""
 
+import json
 import os
 import socket
 import subprocess
 import sys
+from contextlib import closing
 from pathlib import Path
 from unittest.mock import Mock
 
 import pytest
 
 from command_line import motiondeck
-from controller.cli.show.conduct import _hear_page
+from controller.cli.show.conduct import _do, _hear_page
 from controller.cli.show.show_page import ShowPage
+from controller.fleet.conductor import Conductor
+from controller.fleet.show_file import Show, ShowCue
 from controller.fleet.show_state import ShowNotice
 
 pytest.importorskip("zenoh")
@@ -75,6 +79,52 @@ def test_a_button_of_the_page_does_what_the_typed_word_does():
         assert not _hear_page(conductor, page, told.append)
         assert told[1:] == ["the page has ended; the show goes on"]
         page.tell(ShowNotice("which nobody reads"))
+
+
+def conducted(told, *cues, **show):
+    """A conductor without decks."""
+    return Conductor(Show("gala", list(cues), decks=["left"], groups={"sides": ["left"]}, **show), Mock(), told.append)
+
+
+@pytest.mark.parametrize(
+    ("typed", "says"),
+    [
+        ("tempo 1.2", "for which decks? For example: all tempo 1.2"),
+        ("pause", "for which decks? For example: all pause"),
+        ("left", "what is left to do? For example: left pause"),
+        ("sides,left", "what is sides,left to do? For example: sides,left pause"),
+        ("lft pause", "unknown deck 'lft'. Did you mean left?"),
+        ("gooo", "'gooo' is nothing to do here: go | hold"),
+        ("left pause", "not here: left"),
+        ("hold", "waits for go: cue 1"),
+    ],
+)
+def test_what_is_typed_wrongly_is_answered_with_an_example(typed, says):
+    told = []
+    with closing(conducted(told, ShowCue(say="home", at=3600.0))) as conductor:
+        assert _do(conductor, typed, told.append, as_json=False)
+    assert len(told) == 1
+    assert told[0].startswith(says)
+
+
+def test_the_status_says_where_the_show_is_and_the_end_what_decks_do(capsys):
+    told = []
+    with closing(conducted(told, ShowCue(say="home", name="bow", hold=True))) as conductor:
+        conductor.step()
+        assert _do(conductor, "status", told.append, as_json=False)
+        assert capsys.readouterr().out.splitlines()[0].strip() == 'HELD before "bow"; Go brings it'
+        assert _do(conductor, "status", told.append, as_json=True)
+        assert json.loads(capsys.readouterr().out) == {
+            "present": None,
+            "upcoming": "bow",
+            "seconds": None,
+            "waits": True,
+            "stopped_by": "",
+            "decks": {},
+        }
+        told.clear()
+        assert not _do(conductor, "quit", told.append, as_json=False)
+    assert told == ["ended; after 3 s without a conductor decks pause until one is there (if_lost)"]
 
 
 def test_mistakes_are_one_line(tmp_path, monkeypatch):

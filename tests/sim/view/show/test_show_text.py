@@ -37,7 +37,7 @@ def words(page):
     [
         (show(upcoming=0), ("READY", 'first "opening"', "as soon as all are connected")),
         (show(present=0, upcoming=1, seconds=11.6), ("PLAYING", '"opening"', "next cue 2 in 12 s")),
-        (show(present=1, upcoming=2, waits=True), ("HELD", 'before "bow"', "press Go")),
+        (show(present=1, upcoming=2, waits=True), ("HELD", 'before "bow"', "Go brings it")),
         (show(present=2), ("PLAYING", '"bow"', "that was the last cue")),
         (
             show(present=1, upcoming=2, stopped_by="right", decks=[deck(mode="emergency stop")]),
