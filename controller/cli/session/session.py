@@ -203,7 +203,8 @@ class Session:
         member = opening.enter_context(
             show_member(show, self.command_port, source, self._settings.robot, self._settings.rate)
         )
-        self._children.add("the part in the show", member.process)
+        then = "no cue and no emergency stop of the show reaches this deck until it is started again"
+        self._children.add("the part in the show", member.process, then)
         return member
 
     def _start_terminal(self, opening: ExitStack) -> None:

@@ -106,20 +106,21 @@ class Children:
 
     def __init__(self) -> None:
         self.restore_tty: Callable[[], None] = lambda: None
-        self._running: list[tuple[str, subprocess.Popen[bytes]]] = []
+        self._running: list[tuple[subprocess.Popen[bytes], str, str]] = []
 
-    def add(self, name: str, process: subprocess.Popen[bytes]) -> None:
-        """Watches one more; its name is for people."""
-        self._running.append((name, process))
+    def add(self, name: str, process: subprocess.Popen[bytes], then: str = "the deck plays on") -> None:
+        """Watches one more; its name, and what comes of its end, are for people."""
+        self._running.append((process, name, then))
 
     def report_dead(self) -> None:
-        """Prints a line for each that has died since the last call: the deck plays on without it."""
-        for name, process in [*self._running]:
+        """Prints a line for each that has died since the last call."""
+        for child in [*self._running]:
+            process, name, then = child
             if process.poll() is not None:
-                self._running.remove((name, process))
+                self._running.remove(child)
                 if process.returncode != 0:
                     self.restore_tty()
-                    print(f"motiondeck: {name} has ended; the deck plays on", file=sys.stderr)
+                    print(f"motiondeck: {name} has ended; {then}", file=sys.stderr)
 
 
 @contextmanager

@@ -13,6 +13,7 @@ import pytest
 
 import synthetic
 from command_line import invoked
+from controller.cli.session.beside.child_process import Children
 from controller.cli.session.beside.tick_recorder import TickRecorder
 from controller.library.motion_library import save_library
 from controller.wire.run_folder import run_folder, write_shared
@@ -49,6 +50,15 @@ def test_a_recorder_that_is_killed_is_said_at_once_and_in_the_report(play, tmp_p
     assert json.loads(result.stdout)["recording"] == {"file": str(tmp_path / "run.rec"), "complete": False}
     assert "the recorder has ended; the deck plays on" in result.stderr
     assert len(recorded) >= 75
+
+
+def test_what_comes_of_a_lost_process_is_said_once(capsys):
+    children, process = Children(), subprocess.Popen([sys.executable, "-c", "raise SystemExit(3)"])
+    children.add("the part in the show", process, "no cue reaches this deck")
+    process.wait()
+    for _ in range(2):
+        children.report_dead()
+    assert capsys.readouterr().err == "motiondeck: the part in the show has ended; no cue reaches this deck\n"
 
 
 def test_a_disk_that_is_full_is_said_and_ends_with_exit_code_1(play, capfd):
