@@ -16,7 +16,8 @@ from math import ceil
 
 import numpy as np
 
-from controller.deck.joins.fade_search import LONGEST, LOOK_EVERY, SHORTEST, Bounds
+from controller.deck.joins.fade_search import LONGEST, LOOK_EVERY, SHORTEST
+from controller.deck.joins.join_limits import Bounds
 from controller.deck.joins.posture_blend import smooth_headings, weighted_mean
 from controller.mocap.posture import Posture, walk_path
 from controller.mocap.skeleton import Skeleton

@@ -13,11 +13,12 @@ which tick depends on the ticks' length alone.
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 
 from controller.deck.joins.course import BodyCourse
+from controller.deck.joins.join_limits import Bounds
 from controller.deck.joins.transition import Fade
 from controller.rotations import Array, cross, dot
 
@@ -42,19 +43,6 @@ _SAMPLES = 16
 _LONGER = 1.1
 
 
-@dataclass(frozen=True)
-class Bounds:
-    """What no joint may exceed while a difference fades.
-
-    Attributes:
-        speed: in the world, m/s.
-        acceleration: in the world, beyond the target's own, m/s^2.
-    """
-
-    speed: float
-    acceleration: float
-
-
 class FadeSearch:
     """Finds the fade of a difference, look by look.
 
@@ -62,7 +50,7 @@ class FadeSearch:
         differ: finds the difference, as `transition.difference`; called with the first step.
         ahead: the target's course after so many seconds (S,), from 0 on.
         chain: which bones lead to each joint, shape (B, B), as of a skeleton.
-        bounds: what no joint may exceed.
+        bounds: what no joint may exceed; its acceleration is that beyond the target's own.
 
     Attributes:
         fade: the one that was found; until then the longest that has been considered after a better one than any

@@ -6,6 +6,8 @@ Both are taken over the same time as those of the motions, PEAKS_OVER, so that t
 from __future__ import annotations
 
 from collections import deque
+from collections.abc import Collection
+from dataclasses import dataclass
 from math import ceil
 
 import numpy as np
@@ -20,6 +22,26 @@ FASTEST, HARDEST = 1.5, 2.0
 """A join moves a body point at most so many times as fast, and accelerates it so many times as hard, as its motions."""
 
 
+@dataclass(frozen=True)
+class Bounds:
+    """What no joint may exceed in the world.
+
+    Attributes:
+        speed: m/s.
+        acceleration: m/s^2.
+    """
+
+    speed: float
+    acceleration: float
+
+    @classmethod
+    def of(cls, motions: Collection[Motion], faster: float, harder: float) -> Bounds:
+        """So many times as fast as the fastest of these motions, and so many times as hard as the hardest."""
+        return cls(
+            faster * max(motion.speed for motion in motions), harder * max(motion.acceleration for motion in motions)
+        )
+
+
 class JoinLimits:
     """Watches the joints in the world while motions are joined.
 
@@ -32,18 +54,17 @@ class JoinLimits:
         self._skeleton = skeleton
         self._shown: deque[Array] = deque(self._joints(pose) for pose in (before, now) if pose is not None)
         self._motions: tuple[Motion, ...] = ()
-        self._speed = self._acceleration = 0.0
+        self._bounds = Bounds(0.0, 0.0)
 
     def begin(self, *motions: Motion) -> None:
         """Sets the limits to those of a join of these motions; the motions of the join that it interrupts count too."""
         allowed = (*self._motions, *motions)
         self._motions = motions
-        self._speed = FASTEST * max(motion.speed for motion in allowed)
-        self._acceleration = HARDEST * max(motion.acceleration for motion in allowed)
+        self._bounds = Bounds.of(allowed, FASTEST, HARDEST)
 
     def use(self, pose: Pose, dt: float) -> float:
         """How much of the limits the joints need if this pose comes dt seconds after the last; 1 is the limit."""
-        shown, ticks = self._shown, ceil(PEAKS_OVER / dt - 1e-6)
+        shown, bounds, ticks = self._shown, self._bounds, ceil(PEAKS_OVER / dt - 1e-6)
         while len(shown) > 2 * ticks:
             shown.popleft()
         while 2 <= len(shown) < 2 * ticks:
@@ -53,7 +74,7 @@ class JoinLimits:
         step = self._joints(pose) - shown[-between]
         change = step - (shown[-between] - shown[-2 * between]) if 2 * between <= len(shown) else np.zeros(3)
         speed, acceleration = (float(np.square(part).sum(-1).max()) ** 0.5 for part in (step, change))
-        return max(speed / (self._speed * over), acceleration / (self._acceleration * over * over))
+        return max(speed / (bounds.speed * over), acceleration / (bounds.acceleration * over * over))
 
     def accept(self, pose: Pose) -> None:
         """Takes a pose for the last one that was shown."""

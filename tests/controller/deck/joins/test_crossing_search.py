@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 
 from controller.deck.joins.crossing_search import CrossingSearch, crossed
-from controller.deck.joins.fade_search import LONGEST, LOOK_EVERY, SHORTEST, Bounds
+from controller.deck.joins.fade_search import LONGEST, LOOK_EVERY, SHORTEST
+from controller.deck.joins.join_limits import Bounds
 from controller.deck.joins.posture_blend import PostureBlend
 from controller.mocap.posture import Posture, walk_path
 from controller.mocap.skeleton import ROOT, Skeleton

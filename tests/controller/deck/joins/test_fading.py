@@ -5,8 +5,9 @@ import pytest
 
 from controller.deck.joins import fade_search
 from controller.deck.joins.course import BodyCourse
-from controller.deck.joins.fade_search import LONGEST, SHORTEST, Bounds, FadeSearch
+from controller.deck.joins.fade_search import LONGEST, SHORTEST, FadeSearch
 from controller.deck.joins.fading import Fading
+from controller.deck.joins.join_limits import Bounds
 from controller.deck.joins.transition import displaced
 from controller.mocap.posture import Posture
 from controller.mocap.skeleton import ROOT, Skeleton

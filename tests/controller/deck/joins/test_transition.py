@@ -7,7 +7,8 @@ from hypothesis import strategies as st
 
 from controller.deck.joins import fade_search
 from controller.deck.joins.course import BodyCourse
-from controller.deck.joins.fade_search import LONGEST, PLANNED_SHARE, SHORTEST, Bounds, FadeSearch, peaks
+from controller.deck.joins.fade_search import LONGEST, PLANNED_SHARE, SHORTEST, FadeSearch, peaks
+from controller.deck.joins.join_limits import Bounds
 from controller.deck.joins.transition import Fade, best_anchor, difference, displaced, extrapolated
 from controller.mocap.posture import Posture
 from controller.mocap.skeleton import ROOT, Skeleton
