@@ -74,8 +74,7 @@ class Watched(PhysicsPlayback):
             for part, pattern in PARTS.items()
         }
         self._parts["trunk"].add(int(model.jnt_bodyid[0]))
-        self._dof = model.jnt_dofadr[model.actuator_trnid[:, 0]].astype(np.int64)
-        self._dof[robot.layout.ball] += np.arange(3)
+        self._dof = robot.layout.dof
         self.blows, self.watching = Blows(), False
 
     def step(self, model: mujoco.MjModel, data: mujoco.MjData) -> None:

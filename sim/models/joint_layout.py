@@ -33,6 +33,7 @@ class JointLayout:
         hinge_qpos: where they live, shape (H,).
         ball: which coordinates are rotation vectors, shape (N, 3).
         ball_qpos: where their quaternions live, shape (N, 4).
+        dof: the degree of freedom that each coordinate moves, a place in qvel, shape (J,).
         led: joints that follow others, in the order to be placed in.
         followers, leaders: where these and those live in qpos, for each group of them.
     """
@@ -42,6 +43,7 @@ class JointLayout:
     hinge_qpos: NDArray[np.int64]
     ball: NDArray[np.int64]
     ball_qpos: NDArray[np.int64]
+    dof: NDArray[np.int64]
     led: tuple[LedJoints, ...] = ()
     followers: tuple[NDArray[np.int64], ...] = ()
     leaders: tuple[NDArray[np.int64], ...] = ()
@@ -57,7 +59,7 @@ class JointLayout:
         name = model.names[: model.names.index(b"\0")].decode()
         if model.njnt == 0 or model.jnt_type[0] != mujoco.mjtJoint.mjJNT_FREE:
             raise FileFormatError(f"robot '{name}': its first joint is not a free joint")
-        hinge, hinge_qpos, ball, ball_qpos = [], [], [], []
+        hinge, hinge_qpos, ball, ball_qpos, dof = [], [], [], [], []
         index = 0
         while index < model.nu:
             servo, joint = model.actuator(index).name, int(model.actuator_trnid[index, 0])
@@ -75,6 +77,7 @@ class JointLayout:
                 ball_qpos.append(model.jnt_qposadr[joint] + np.arange(4))
             else:
                 raise FileFormatError(f"robot '{name}': ball joint of '{servo}' has not x, y, z servos in a row")
+            dof.extend(model.jnt_dofadr[joint] + np.arange(count))
             index += count
         led = led_joints(model)
         return cls(
@@ -83,6 +86,7 @@ class JointLayout:
             np.array(hinge_qpos, dtype=np.int64),
             np.array(ball, dtype=np.int64).reshape(-1, 3),
             np.array(ball_qpos, dtype=np.int64).reshape(-1, 4),
+            np.array(dof, dtype=np.int64),
             led,
             tuple(model.jnt_qposadr[group.follower] for group in led),
             tuple(model.jnt_qposadr[group.leader] for group in led),

@@ -100,7 +100,7 @@ def loads_of(
     model, data = robot.model, mujoco.MjData(robot.model)
     qpos, qvel, qacc = _motion(robot, played)
     count = len(qpos)
-    dof, lowest_point, surface = _actuated(robot), LowestPoint(model), Surface.of(model)
+    dof, lowest_point, surface = robot.layout.dof, LowestPoint(model), Surface.of(model)
     soles = [body for foot in feet for body in below(model, model.body(foot.body).id)]
     rest = surface.part(np.setdiff1d(surface.body, soles))
     near = TOUCHES * float(model.body(int(model.jnt_bodyid[0])).pos[2])
@@ -178,15 +178,6 @@ def _rate(values: Array) -> Array:
     """The rate of change of (T, n) samples."""
     rate: Array = np.gradient(values, DT, axis=0)  # pyright: ignore[reportAssignmentType]
     return rate
-
-
-def _actuated(robot: Robot) -> NDArray[np.intp]:
-    """The degree of freedom of each actuator."""
-    model, layout = robot.model, robot.layout
-    first = model.jnt_dofadr[model.actuator_trnid[:, 0]].astype(np.intp)
-    for row in layout.ball:
-        first[row] += np.arange(3)
-    return first
 
 
 def _corners(model: mujoco.MjModel, data: mujoco.MjData, feet: tuple[Foot, ...]) -> tuple[Array, Array]:

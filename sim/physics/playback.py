@@ -113,9 +113,6 @@ class PhysicsPlayback:
         self.behind_s = AHEAD if walk else 0.0
         self._servos = Servos(robot.servo, model, self._dt) if robot.servo is not None else None
         self._lead = lead_of(model)
-        # Which degree of freedom an actuator drives: of a ball joint each of the three in a row has its own.
-        self._dof = model.jnt_dofadr[model.actuator_trnid[:, 0]].astype(np.int64)
-        self._dof[robot.layout.ball] += np.arange(3)
         self._goal, self._goal_before, self.wanted = (model.qpos0.copy() for _ in range(3))
         self.placed = np.empty(7)
         self._straight = model.qpos0.copy()
@@ -325,7 +322,7 @@ class PhysicsPlayback:
         """Sets the controls that stay the same in all steps of a write."""
         layout, ahead = self._robot.layout, self._ahead
         mujoco.mj_differentiatePos(self.model, self._turned, self._dt, self._goal_before, self._goal)
-        ahead[:] = self._lead * self._turned[self._dof]
+        ahead[:] = self._lead * self._turned[layout.dof]
         ahead[layout.hinge] += self._goal[layout.hinge_qpos]
 
     def _aim_balls(self, ctrl: Array, balls: NDArray[np.int64]) -> None:
@@ -333,7 +330,7 @@ class PhysicsPlayback:
         # MuJoCo subtracts the joint's rotation vector from the control; the difference is to be the error.
         mujoco.mj_differentiatePos(self.model, self._turned, 1.0, self._straight, self.data.qpos)
         mujoco.mj_differentiatePos(self.model, self._error, 1.0, self.data.qpos, self._goal)
-        ctrl[balls] += (self._turned + self._error)[self._dof[balls]]
+        ctrl[balls] += (self._turned + self._error)[self._robot.layout.dof[balls]]
 
     def _put_in_place(self) -> None:
         """Starts at the goal, at rest; a free robot with its lowest point on the floor."""

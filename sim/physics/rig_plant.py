@@ -54,7 +54,7 @@ class RigPlant:
             if index not in hinges:
                 raise MotiondeckError(f"joint {name} of {robot.name} is no hinge, so no servo can drive it")
             places.append(hinges[index])
-            velocities.append(int(model.jnt_dofadr[model.actuator_trnid[index, 0]]))
+            velocities.append(layout.dof[index])
         self._places, self._velocities = np.array(places), np.array(velocities)
         self.data.qpos[self._places] = 0.0
         mujoco.mj_forward(model, self.data)

@@ -62,7 +62,7 @@ class Robot:
         name: what it is called.
         spec: the model as it can still be changed and saved; save with `spec.to_file(path)`.
         model: the same, compiled.
-        layout: where each joint lives in qpos.
+        layout: where each joint lives in qpos and qvel.
         limits: what each of its J joints may do at most.
         rest: joint positions to start from and return to, shape (J,), rad.
         tucked: those in which it falls with least harm, shape (J,), rad; where it rests, if its motions are no human's.

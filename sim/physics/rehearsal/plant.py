@@ -154,10 +154,8 @@ def _with_motors(robot: Robot, plain: mujoco.MjModel, variation: Variation) -> m
     if robot.servo is not None:
         slope = robot.servo.torque / robot.servo.speed
         most = np.minimum(most, robot.servo.most * variation.strength)
-        driven = model.jnt_dofadr[model.actuator_trnid[:, 0]].astype(np.int64)
-        driven[robot.layout.ball] += np.arange(3)
         model.actuator_biasprm[:, 2] += slope
-        model.dof_damping[driven] += slope
+        model.dof_damping[robot.layout.dof] += slope
     bounded = np.isfinite(most)
     model.actuator_forcelimited[bounded] = 1
     model.actuator_forcerange[bounded] = most[bounded, None] * (-1.0, 1.0)
