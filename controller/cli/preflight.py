@@ -74,12 +74,7 @@ def preflight(
 
     if not SLOWEST <= tempo <= TEMPO.highest:
         raise MotiondeckError(f"--tempo {tempo:g} is not between {SLOWEST:g} and {TEMPO.highest:g}")
-    check_root(root)
-    if balance and root != "free":
-        raise MotiondeckError(f"a robot whose root is {root} need not balance: give --root free with --balance")
-    if walk and (root != "free" or balance):
-        what = "balances by itself: leave --balance" if balance else f"needs a free root, not {root}: give --root free"
-        raise MotiondeckError(f"a robot that walks {what}")
+    check_root(root, balance=balance, walk=walk)
     if plot is not None:
         from controller.cli.pictures.figures import check_picture
 

@@ -37,10 +37,20 @@ def feet_of(robot: Robot) -> tuple[Foot, ...]:
     return find_feet(robot.model, data.qpos)
 
 
-def check_root(root: str) -> None:
-    """Refuses what is none of ROOTS with a MotiondeckError."""
+def check_root(root: str, *, balance: bool = False, walk: bool = False) -> None:
+    """Checks that a robot with this root can balance or walk, if it is to.
+
+    Raises:
+        MotiondeckError: if root is none of ROOTS, a robot that is not free is to balance or to walk, or one is to do
+            both.
+    """
     if root not in ROOTS:
         raise MotiondeckError(f"root '{root}': choose gantry (carried along), fixed (held in place) or free")
+    if balance and root != "free":
+        raise MotiondeckError(f"a robot whose root is {root} need not balance: give --root free with --balance")
+    if walk and (root != "free" or balance):
+        what = "balances by itself: leave --balance" if balance else f"needs a free root, not {root}: give --root free"
+        raise MotiondeckError(f"a robot that walks {what}")
 
 
 Alteration = Callable[[mujoco.MjSpec], None]

@@ -21,7 +21,7 @@ from sim.physics.balance import Balance
 from sim.physics.contact_forces import contact_forces
 from sim.physics.falls.fallen import has_fallen
 from sim.physics.falls.recovery import Phase, Recovery
-from sim.physics.physics_model import Alteration, feet_of, lead_of, physics_model
+from sim.physics.physics_model import Alteration, check_root, feet_of, lead_of, physics_model
 from sim.physics.pushes import PUSH_LASTS, PUSHES_TOWARDS, push_force, usual_push
 from sim.physics.simulated_servos import Servos
 from sim.physics.walking.preview import AHEAD
@@ -91,19 +91,13 @@ class PhysicsPlayback:
             MotiondeckError: if root is another word, or balance or walking is asked of a robot that is not free or
                 lacks two feet, or both are asked.
         """
+        check_root(root, balance=balance, walk=walk)
         self._robot, self._root = robot, root
         self.model = model = physics_model(robot, root, alter) if compiled is None else copy(compiled)
         self.data = mujoco.MjData(model)
         self._warnings = [self.data.warning[kind] for kind in _BROKEN]
         self._steps = max(1, round(dt / model.opt.timestep))
         self._dt = self._steps * model.opt.timestep
-        if balance and root != "free":
-            raise MotiondeckError(f"a robot whose root is {root} need not balance: give --root free with --balance")
-        if walk and (root != "free" or balance):
-            what = (
-                "balances by itself: leave --balance" if balance else f"needs a free root, not {root}: give --root free"
-            )
-            raise MotiondeckError(f"a robot that walks {what}")
         self._balance = Balance(robot, model, self._dt) if balance else None
         own = model if alter is None else physics_model(robot, root)
         gravity = model.opt.gravity
