@@ -1,7 +1,7 @@
-"""A library of any recordings, with nothing to choose: `learn` finds out what a recipe would have to give.
+"""A library of any recordings, with nothing to choose: `examine` finds out what a recipe would have to say.
 
-Still ends are trimmed; whether a motion is a loop is decided by its best seam; recordings are resampled to one rate and
-carried to one body. What was found out is written into the recipe, so that it can be edited and trained again.
+Recordings are resampled to one rate and carried to one body. What was found out is written into the recipe, so that it
+can be edited and trained again.
 """
 
 from __future__ import annotations
@@ -9,7 +9,6 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Iterable
 from dataclasses import dataclass, field, replace
-from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
@@ -17,38 +16,22 @@ from joblib import delayed
 
 from controller.jobs import ALONE, Jobs, spread
 from controller.library.motion_library import MotionLibrary
-from controller.measures.motion_matching import joint_features
-from controller.mocap.canonical.body_doubts import doubts
-from controller.mocap.canonical.breaks import breaks
-from controller.mocap.canonical.canonical_body import to_canonical
-from controller.mocap.canonical.clip_edits import moving_part, resampled, span
-from controller.mocap.clip import Clip
-from controller.mocap.encodings.encoding import encoding_of
 from controller.mocap.encodings.joint_angles import JointBody
-from controller.mocap.formats.markers.marker_doubts import misplaced
-from controller.mocap.formats.reading import CONVERTIBLE, RECORDINGS, read_fitted, recordings_below, skeleton_of
+from controller.mocap.formats.reading import CONVERTIBLE, RECORDINGS, recordings_below
 from controller.mocap.reading_options import AS_FOUND, ReadingOptions
+from controller.training.examine import LOOP_KEEPS, Examined, examine
 from controller.training.fit import fit_prepared
-from controller.training.preparation.loops import best_seam, farthest_left_out, with_velocities
-from controller.training.preparation.takes import by_motion, read_takes
-from controller.training.recipe import LibraryRecipe, MotionRecipe, NetworkRecipe, check_recipe, typeable
+from controller.training.preparation.takes import by_motion
+from controller.training.recipe import LibraryRecipe, NetworkRecipe, check_recipe, typeable
 from controller.training.reservoirs.phase_conceptor_training import PhaseRecipe
 from controller.training.training_set import (
     COMMON_RATE,
-    SHORTEST_SECONDS,
     LearnedPart,
     Progress,
     TrainingSet,
-    apart_at,
     prepare,
 )
-from motiondeck_base.errors import FileFormatError, MotiondeckError
-
-LONGEST_SECONDS = 120.0
-LOOP_KEEPS = 0.5  # a loop keeps at least this share of its recording
-# A seam is good enough for a loop if joints are this close, mm, and by this share of how far the motion spreads,
-# velocities included; and if all that is left out comes within the other share of it in the loop.
-SEAM_MM, SEAM_SHARE, LEFT_OUT_SHARE = 50.0, 0.5, 0.6
+from motiondeck_base.errors import MotiondeckError
 
 
 @dataclass(frozen=True)
@@ -91,17 +74,6 @@ class LearnedLibrary:
     def failed(self) -> list[LearnedMotion]:
         """The recordings that were not read or not learned well enough."""
         return [motion for motion in self.motions if not motion.passed]
-
-
-@dataclass(frozen=True)
-class _Prepared:
-    """A recording that can be learned: how, and its clip with all frames."""
-
-    motion: MotionRecipe
-    clip: Clip
-    seam_mm: float
-    seam_degrees: float
-    doubts: list[str]
 
 
 def recordings_in(paths: Iterable[Path]) -> list[Path]:
@@ -157,55 +129,37 @@ def learn(
     takes = _takes(recordings_in(paths))
     files = list(takes)
     names = _names(files)
-    prepared: list[_Prepared] = []
+    examined: list[Examined] = []
     left_out: list[LearnedMotion] = []
-    tasks = (delayed(_prepared)(file, names[file], options, takes[file], within) for file in files)
+    tasks = (delayed(_examined)(file, names[file], options, takes[file], within) for file in files)
     for file, read in zip(files, spread(tasks, jobs, ordered=True), strict=True):
         progress(f"reading {file.name}")
         if isinstance(read, LearnedMotion):
             left_out.append(read)
         else:
-            prepared.append(read)
-    if not prepared:
+            examined.append(read)
+    if not examined:
         none = f"none of {len(files)} recordings can be learned. " if len(files) > 1 else ""
         raise MotiondeckError(f"{none}{_named(left_out[0])}")
-    kinds = {isinstance(one.clip.skeleton, JointBody) for one in prepared}
+    kinds = {isinstance(one.clip.skeleton, JointBody) for one in examined}
     if len(kinds) > 1:
         raise MotiondeckError("recordings of bodies and clips taught to a rig do not share a library; learn them apart")
     recipe = check_recipe(
         LibraryRecipe(
             name=name,
             network=network or PhaseRecipe(),
-            motions=[one.motion for one in prepared],
+            motions=[one.motion for one in examined],
             rate=COMMON_RATE if kinds == {False} else None,
             loop_keeps=LOOP_KEEPS,
             seeds=list(seeds),
         ),
         Path(name),
     )
-    clips = {one.motion.name: one.clip for one in prepared}
+    clips = {one.motion.name: one.clip for one in examined}
     training_set = prepare(recipe, Path(), progress, lambda motion: clips[motion.name])
     library = fit_prepared(recipe, training_set, progress)
-    rows = [_row(one, training_set, library) for one in prepared]
+    rows = [_row(one, training_set, library) for one in examined]
     return LearnedLibrary(library, recipe, [*rows, *left_out])
-
-
-def examine(
-    file: Path, name: str, options: ReadingOptions = AS_FOUND, within: tuple[float, float] | None = None
-) -> tuple[MotionRecipe, Clip]:
-    """What `learn` finds out about one recording: how to learn it, and its clip with all frames.
-
-    Args:
-        file: the recording.
-        name: of the motion.
-        options: what overrules the file.
-        within: the only part to take, from and to, s; all of it by default.
-
-    Raises:
-        MotiondeckError: if it cannot be read or learned, and why.
-    """
-    one = _prepare(file, name, options, [], within)
-    return one.motion, one.clip
 
 
 def _named(one: LearnedMotion) -> str:
@@ -213,7 +167,7 @@ def _named(one: LearnedMotion) -> str:
     return one.remedy if one.remedy.startswith(f"{one.file} ") else f"{one.file}: {one.remedy}"
 
 
-def _row(one: _Prepared, training_set: TrainingSet, library: MotionLibrary) -> LearnedMotion:
+def _row(one: Examined, training_set: TrainingSet, library: MotionLibrary) -> LearnedMotion:
     info = next(info for info in library.info.motions if info.name == one.motion.name)
     part = training_set.parts[info.name]
     if part.seam_mm is None:
@@ -231,7 +185,7 @@ def _row(one: _Prepared, training_set: TrainingSet, library: MotionLibrary) -> L
     )
 
 
-def _remedy(one: _Prepared) -> str:
+def _remedy(one: Examined) -> str:
     """What to do about a motion that failed its self-test."""
     if one.motion.plays == "loop":
         return "Set plays = 'once' in the recipe, or frames to some whole cycles, and train with fit."
@@ -246,92 +200,14 @@ def _takes(files: list[Path]) -> dict[Path, list[Path]]:
     return {file: further.get(file, []) for file in files if file not in taken}
 
 
-def _prepared(
+def _examined(
     file: Path, name: str, options: ReadingOptions, takes: list[Path], within: tuple[float, float] | None = None
-) -> _Prepared | LearnedMotion:
+) -> Examined | LearnedMotion:
     """A recording that can be learned, or one that is left out, with the reason."""
     try:
-        return _prepare(file, name, options, takes, within)
+        return examine(file, name, options, within, takes)
     except MotiondeckError as error:
         return LearnedMotion(name, file, remedy=str(error).removeprefix(f"{file}: "))
-
-
-def _prepare(
-    file: Path,
-    name: str,
-    options: ReadingOptions,
-    takes: list[Path],
-    within: tuple[float, float] | None = None,
-) -> _Prepared:
-    """Reads a recording and finds out which of its frames to learn, and how they play.
-
-    Raises:
-        MotiondeckError: if it cannot be read, is too short or too long, or nothing moves in it.
-    """
-    own = replace(options, skeleton=_skeleton(file, options))
-    recording = read_fitted(file, own)
-    clip, taught = recording.clip, None
-    if isinstance(clip.skeleton, JointBody):
-        clip, taught = read_takes([file, *takes])
-    first, end = moving_part(clip)
-    if within is not None and end:
-        first, end = max(first, round(within[0] * clip.rate)), min(end, round(within[1] * clip.rate))
-    if end == 0:
-        raise FileFormatError(f"{file}: nothing moves in it. Give a recording with a motion.")
-    (first, end), jumped = _without_jumps(clip, first, end)
-    seconds = (end - first) / clip.rate
-    if seconds < SHORTEST_SECONDS:
-        between = f"{', '.join(jumped)}; the longest piece between, " if jumped else ""
-        raise FileFormatError(f"{file}: {between}{seconds:.2f} s are too short; {SHORTEST_SECONDS:g} s are the least.")
-    if seconds > LONGEST_SECONDS:
-        raise FileFormatError(
-            f"{file}: {seconds:.0f} s are more than one motion ({LONGEST_SECONDS:g} s are the most). "
-            "Cut a piece out with `motiondeck clip convert FILE PIECE.bvh --from SECONDS --to SECONDS`."
-        )
-    loop, seam_mm, seam_degrees = _loops(span(clip, first, end)) if taught is None else (taught == "loop", 0.0, 0.0)
-    motion = MotionRecipe(
-        name=name,
-        file=str(file.absolute()),
-        plays="loop" if loop else "once",
-        frames=(first, end),
-        skeleton=None if own.skeleton is None else str(own.skeleton.absolute()),
-        unit=own.unit,
-        up=own.up,
-        rename=dict(own.rename),
-        takes=tuple(str(take.absolute()) for take in takes),
-    )
-    body = [] if isinstance(clip.skeleton, JointBody) else doubts(clip)
-    body += [] if recording.fit is None else misplaced(recording.fit)
-    cut = [f"{what}: only {first / clip.rate:.2f} to {end / clip.rate:.2f} s were learned." for what in jumped]
-    return _Prepared(motion, clip, seam_mm, seam_degrees, [*cut, *body])
-
-
-def _without_jumps(clip: Clip, first: int, end: int) -> tuple[tuple[int, int], list[str]]:
-    """The longest part of some frames in which neither body nor limb jumps, and what jumps elsewhere and when."""
-    at, found = breaks(clip, first, end)
-    return max(pairwise([first, *at, end]), key=lambda part: part[1] - part[0]), found
-
-
-def _skeleton(file: Path, options: ReadingOptions) -> Path | None:
-    """The skeleton of a recording: the given one where it is for files of this kind, or the .asf nearby."""
-    unfit = {".amc": ".npz", ".npz": ".asf"}.get(file.suffix.lower())
-    if options.skeleton is not None and unfit and options.skeleton.suffix.lower() != unfit:
-        return options.skeleton
-    return skeleton_of(file, file.parent.parent)
-
-
-def _loops(clip: Clip) -> tuple[bool, float, float]:
-    """Whether a clip is a loop; at its best seam, how far joints are off, mm, and the bone that is most, degrees."""
-    one = resampled(to_canonical(clip), COMMON_RATE)
-    encoding = encoding_of(one.skeleton)
-    channels = encoding.encode(one)
-    features = joint_features(encoding, channels)
-    seam = best_seam(features, one.rate, at_least=LOOP_KEEPS)
-    apart, degrees = apart_at(encoding, channels, features, seam)
-    seen = with_velocities(features, one.rate)
-    spread = float(np.sqrt(np.square(seen - seen.mean(0)).sum(1).mean()))
-    close = apart < SEAM_MM and seam.mismatch < SEAM_SHARE * spread
-    return close and farthest_left_out(seen, seam) < LEFT_OUT_SHARE * spread, apart, degrees
 
 
 def _names(files: list[Path]) -> dict[Path, str]:

@@ -146,7 +146,7 @@ def test_a_limb_that_is_elsewhere_for_a_moment_is_learned_up_to_there(folder, fr
 
 
 def test_a_recording_of_minutes_is_refused_with_the_way_to_cut_it(folder, monkeypatch):
-    monkeypatch.setattr("controller.training.learn.LONGEST_SECONDS", 2.0)
+    monkeypatch.setattr("controller.training.examine.LONGEST_SECONDS", 2.0)
     with pytest.raises(
         MotiondeckError, match=r"swing\.bvh: . s are more than one motion .*clip convert FILE PIECE\.bvh"
     ):
@@ -185,7 +185,7 @@ def test_a_skeleton_that_is_given_is_for_recordings_of_its_kind(tmp_path, monkey
         seen.append(options.skeleton)
         return FittedClip(replace(waving(60.0, 2.0), name=file.stem), None)
 
-    monkeypatch.setattr("controller.training.learn.read_fitted", reader)
+    monkeypatch.setattr("controller.training.examine.read_fitted", reader)
     learn(files, "mine", options=ReadingOptions(Path(given)), network=QUICK, seeds=[0])
     assert seen == [name and Path(name) for name in taken]
 

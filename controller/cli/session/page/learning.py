@@ -40,14 +40,15 @@ def look(request: LearnRequest) -> Seen:
     """
     from controller.mocap.encodings.joint_angles import JointBody, angles_of
     from controller.mocap.formats.writing import bvh_text
-    from controller.training.learn import examine
+    from controller.training.examine import examine
 
     file = Path(request.file)
     if file.suffix == HAND:
         return _look_at_hands(file)
     if file.suffix.lower() in MARKERS:
         tell(LearningStep(f"reading {file.name}: a body is fitted to its markers, which takes some seconds"))
-    motion, clip = examine(file, "recording")
+    recording = examine(file, "recording")
+    motion, clip = recording.motion, recording.clip
     if file.suffix.lower() in MARKERS:
         # What took so long is not done again: read from BVH it is the same clip.
         file = file.with_suffix(".bvh")
@@ -93,14 +94,15 @@ def learn(request: LearnRequest) -> Learned | NotLearned:
     from controller.library.motion_library import load_library, save_library
     from controller.mocap.encodings.joint_angles import JointBody
     from controller.training.adding import add_motion
-    from controller.training.learn import examine
+    from controller.training.examine import examine
     from controller.training.learn import learn as learn_library
 
     library, file, within = Path(request.library), Path(request.file), request.within
     tell(LearningStep(f"reading {file.name}"))
     if file.suffix == ".clip" and within is not None:
         file, within = _cut(file, request.name, within), None
-    motion, clip = examine(file, request.name, within=within)
+    recording = examine(file, request.name, within=within)
+    motion, clip = recording.motion, recording.clip
     deck = load_library(library)
     out = _free_name(f"{library.stem}-{request.name}")
     tell(LearningStep(f"learning {request.name} beside the {len(deck.network.motions)} motions of {deck.info.name}"))

@@ -7,21 +7,21 @@ import pytest
 
 from controller.cli.session.page import learning as page_learning
 from controller.mocap.formats.reading import read_clip
-from controller.training import learn
+from controller.training import examine
 from sim.view.learning.learning_process import LearnRequest
 
 
 @pytest.mark.thorough
 def test_a_body_is_fitted_to_markers_once_and_it_is_said_that_it_takes_a_while(tmp_path, mocap_data, monkeypatch):
-    said, read, examine = [], [], learn.examine
+    said, read, look_at = [], [], examine.examine
     monkeypatch.setattr(page_learning, "tell", said.append)
-    monkeypatch.setattr(learn, "examine", lambda *given: read.append(examine(*given)) or read[-1])
+    monkeypatch.setattr(examine, "examine", lambda *given: read.append(look_at(*given)) or read[-1])
     file = tmp_path / "jog.c3d"
     shutil.copy(mocap_data / "c3d" / "02_03_runjog.c3d", file)
     seen = page_learning.look(LearnRequest(str(file)))
     assert "fitted to its markers" in said[0].text
     assert seen.file == str(tmp_path / "jog.bvh")
-    assert np.abs(read[0][1].joints() - read_clip(seen.file).joints()).max() < 1e-6
+    assert np.abs(read[0].clip.joints() - read_clip(seen.file).joints()).max() < 1e-6
     file.unlink()
     twice = page_learning.look(LearnRequest(seen.file))
     assert (twice.seconds, twice.moving) == (pytest.approx(seen.seconds), pytest.approx(seen.moving))
