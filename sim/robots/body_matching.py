@@ -6,9 +6,7 @@ Looked at is the robot as its file has it (every joint at zero), whichever way i
   pelvis. Which is the left one follows from their names, where they differ by left and right; otherwise the soles stick
   out ahead, or without ankles the knees do as they bend.
 - Of the rest, what reaches farthest to either side is an arm, and what reaches highest near the middle is the head.
-- A knee (elbow) is the first hinge that lies across its limb and parallel to its twin seen in a mirror, and has much of
-  the limb on both of its sides. Hinges along the limb belong to the segment that they turn: the yaw of a thigh, the
-  roll of a forearm. The next hinge across the limb is the ankle (wrist); toes and fingers that follow are left alone.
+- Where they bend and end is told by `limb_parts`.
 """
 
 # pyright: reportAttributeAccessIssue=false
@@ -16,7 +14,6 @@ Looked at is the robot as its file has it (every joint at zero), whichever way i
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import combinations
 from pathlib import Path
@@ -28,22 +25,14 @@ from controller.rotations import Array, conjugate, from_rotation_vector, multipl
 from motiondeck_base.errors import FileFormatError
 from sim.models.ball_joints import unplayed_balls
 from sim.models.kinematic_tree import below, hinges_at, hinges_between, path_to
-from sim.models.limb_geometry import ACROSS, end_hinge, farthest, folds, sine
+from sim.robots.limb_parts import ARM, LEG, bend_of, can_bend, divided, end_of, front_of
 from sim.robots.side_names import is_left
-from sim.robots.standing_body import PARALLEL, STANDS, RobotLimb, StandingBody
-
-LEG = ("thigh", "shank", "foot")
-ARM = ("upper_arm", "forearm", "hand")
+from sim.robots.standing_body import STANDS, RobotLimb, StandingBody
 
 # Of the robot's height: a limb is a leg if it is so long.
 LEG_SHARE = 0.25
 # A leg points down: at least this is the cosine of the angle between it and the vertical.
 DOWN = 0.5
-# The knee is the first hinge with at least this share of the most limb on both of its sides.
-BEND_SHARE = 0.6
-# A joint of the ankle is less than this share of the shank ahead of it (what is farther ahead moves toes), and a joint
-# of the wrist less than that share of the forearm beyond it.
-TOES_SHARE, FINGERS_SHARE = 0.15, 0.3
 # Of the robot's height: what starts so close to the middle is no arm yet but a clavicle, and a head is as close.
 CLAVICLE_SHARE, HEAD_SHARE = 0.03, 0.06
 _ARM_WORDS, _LEG_WORDS = ("shoulder", "elbow", "forearm"), ("leg", "hip", "thigh", "knee", "shin", "ankle", "foot")
@@ -139,7 +128,7 @@ class _Matcher:
         own = hinges_between(self.model, self.root, pelvis) if pelvis != self.root else []
         parts = {"pelvis": self.body.name(pelvis if own else self.root)}
         stands = [self.body.limb(end, pelvis) for end in legs]
-        parts |= self._divided(LEG, dict(zip("rl", stands, strict=True)), ahead)
+        parts |= divided(self.body, LEG, dict(zip("rl", stands, strict=True)), ahead)
 
         branches = {self.body.branch(leg, pelvis) for leg in legs}
         rest = [e for e in self.ends if self.body.branch(e, pelvis) not in branches]
@@ -149,7 +138,7 @@ class _Matcher:
         if arms:
             chest = self._chest([*arms.values()], left)
             limbs = {side: self._beside(self.body.limb(end, chest), left) for side, end in arms.items()}
-            parts |= self._divided(ARM, limbs, ahead)
+            parts |= divided(self.body, ARM, limbs, ahead)
             self.leg_share = max(map(self.body.length, stands)) / max(map(self.body.length, limbs.values()))
             hinges = {len(limb.joints) for limb in (*stands, *limbs.values())}
             self.limbs_alike = len(hinges) == 1 and abs(self.leg_share - 1.0) < ALIKE
@@ -187,7 +176,7 @@ class _Matcher:
 
     def _is_leg(self, end: int, pelvis: int) -> bool:
         limb = self.body.limb(end, pelvis)
-        if not self._can_bend(limb.joints):
+        if not can_bend(self.model, limb.joints):
             return False
         way = self.body.sole(end) - self.data.xanchor[limb.joints[0]]
         length = float(np.linalg.norm(way))
@@ -210,7 +199,7 @@ class _Matcher:
             )
             for side, arm in found.items()
         }
-        stiff = {arm for arm in arms.values() if not self._can_bend(self.body.limb(arm, chest).joints)}
+        stiff = {arm for arm in arms.values() if not can_bend(self.model, self.body.limb(arm, chest).joints)}
         return self._arms([e for e in rest if e not in stiff], centre, left) if stiff else arms
 
     def _chest(self, arms: list[int], left: Array) -> int:
@@ -251,9 +240,9 @@ class _Matcher:
         reach, seen, folding = 0.0, True, True
         for leg in legs:
             limb = self.body.limb(leg, pelvis)
-            knee = self._bend(limb, limb)
-            ankle = self._end(limb, knee)
-            ahead = self._folds_back(limb, knee) @ across if ankle is None else 0.0
+            knee = bend_of(self.body, limb, limb)
+            ankle = end_of(self.body, limb, knee)
+            ahead = front_of(self.body, limb, knee) @ across if ankle is None else 0.0
             last, seen = (limb.joints[-1], False) if ankle is None else (ankle, seen)
             mine = np.isin(self.surface.body, below(self.model, int(self.model.jnt_bodyid[last])))
             folding = folding and (ahead != 0.0 or ankle is not None)
@@ -278,66 +267,10 @@ class _Matcher:
             self.doubts.append(f"its feet stick out behind if '{names[0]}' and '{names[1]}' are on the sides they name")
         return by_names
 
-    def _divided(self, names: tuple[str, str, str], limbs: dict[str, RobotLimb], ahead: Array) -> dict[str, str]:
-        """The bodies of the three parts of the limbs of each side; without an ankle (wrist) only of two."""
-        parts = {}
-        for side, limb in limbs.items():
-            knee = self._bend(limb, limbs.get("l" if side == "r" else "r", limb))
-            body = self.model.jnt_bodyid
-            upper = next(j for j in reversed(limb.joints[:knee]) if body[j] != body[limb.joints[knee]])
-            parts |= {f"{side}_{names[0]}": self.body.name(body[upper])}
-            parts |= {f"{side}_{names[1]}": self.body.name(body[limb.joints[knee]])}
-            end = self._end(limb, knee)
-            if end is None:
-                continue
-            at, span = (
-                self.data.xanchor[end],
-                float(np.linalg.norm(self.data.xanchor[end] - self.data.xanchor[limb.joints[knee]])),
-            )
-            for joint in limb.joints[limb.joints.index(end) + 1 :]:
-                way = self.data.xanchor[joint] - at
-                if way @ ahead < TOES_SHARE * span if names is LEG else np.linalg.norm(way) < FINGERS_SHARE * span:
-                    end = joint
-            parts[f"{side}_{names[2]}"] = self.body.name(body[end])
-        return parts
-
-    def _bend(self, limb: RobotLimb, twin: RobotLimb) -> int:
-        """Which of a limb's joints is the knee (elbow)."""
-        at = [self.data.xanchor[j] for j in limb.joints]
-        between = at[0] - self.data.xanchor[twin.joints[0]]
-        mirror = between / max(float(np.linalg.norm(between)), 1e-9)
-        score: dict[int, float] = {}
-        for k in range(1, len(at)):
-            if self.model.jnt_bodyid[limb.joints[k]] == self.model.jnt_bodyid[limb.joints[0]]:
-                continue  # it would leave no body for the upper segment
-            up, down = farthest(at[:k], at[k]) - at[k], farthest([*at[k + 1 :], limb.tip], at[k]) - at[k]
-            axis = self.data.xaxis[limb.joints[k]]
-            share = min(float(np.linalg.norm(up)), float(np.linalg.norm(down)))
-            across = min(sine(axis, up), sine(axis, down)) >= ACROSS
-            other = self.data.xaxis[twin.joints[k]] if len(twin.joints) == len(limb.joints) else axis
-            other = other - 2.0 * (other @ mirror) * mirror
-            # What does not lie across its limb, parallel to its twin, is a knee only where nothing else could be one.
-            score[k] = share * (1.0 if across and abs(axis @ other) >= PARALLEL else 0.1)
-        most = max(score.values())
-        return next(k for k, value in score.items() if value >= BEND_SHARE * most)
-
-    def _folds_back(self, limb: RobotLimb, knee: int) -> Array:
-        """Where the front of a leg without an ankle is, shape (3,), m: its knee folds its end the other way."""
-        joint = limb.joints[knee]
-        axis, at = self.data.xaxis[joint], self.data.xanchor[joint]
-        up, down = at - farthest([self.data.xanchor[j] for j in limb.joints[:knee]], at), limb.tip - at
-        return -folds(self.model, joint, axis, up, down) * np.cross(axis, down)
-
-    def _end(self, limb: RobotLimb, knee: int) -> int | None:
-        """The first joint of the ankle (wrist)."""
-        at = self.data.xanchor[limb.joints[knee]]
-        upper = float(np.linalg.norm(farthest([self.data.xanchor[j] for j in limb.joints[:knee]], at) - at))
-        return end_hinge(self.data, limb.joints[knee + 1 :], at, upper)
-
     def _beside(self, limb: RobotLimb, left: Array) -> RobotLimb:
         """The part of an arm that does not start near the middle of the body, as a clavicle does."""
         first = next((k for k, joint in enumerate(limb.joints) if self._is_beside(joint, left)), 0)
-        return RobotLimb(limb.joints[first:], limb.tip) if self._can_bend(limb.joints[first:]) else limb
+        return RobotLimb(limb.joints[first:], limb.tip) if can_bend(self.model, limb.joints[first:]) else limb
 
     def _called_arm(self, limb: RobotLimb) -> bool:
         """Whether names of a limb's joints and bodies speak of an arm, and none of a leg."""
@@ -345,10 +278,6 @@ class _Matcher:
         names = [self.model.joint(joint).name for joint in limb.joints] + [self.body.name(body) for body in bodies]
         words = " ".join(names).lower()
         return any(word in words for word in _ARM_WORDS) and not any(word in words for word in _LEG_WORDS)
-
-    def _can_bend(self, joints: Sequence[int]) -> bool:
-        """Whether hinges move two bodies or more: those of one body have no knee among them."""
-        return len({int(self.model.jnt_bodyid[joint]) for joint in joints}) > 1
 
     def _is_beside(self, joint: int, left: Array) -> bool:
         away = float((self.data.xanchor[joint] - self.data.xpos[self.root]) @ left)

@@ -1,0 +1,106 @@
+"""Where a robot's limbs bend and end: the knee and the ankle of a leg, the elbow and the wrist of an arm.
+
+A knee (elbow) is the first hinge that lies across its limb and parallel to its twin seen in a mirror, and has much of
+the limb on both of its sides. Hinges along the limb belong to the segment that they turn: the yaw of a thigh, the roll
+of a forearm. The next hinge across the limb is the ankle (wrist); toes and fingers that follow are left alone.
+"""
+
+# pyright: reportAttributeAccessIssue=false
+# (MuJoCo's names come from compiled modules, which have no type stubs.)
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import mujoco
+import numpy as np
+
+from controller.rotations import Array
+from sim.models.limb_geometry import ACROSS, end_hinge, farthest, folds, sine
+from sim.robots.standing_body import PARALLEL, RobotLimb, StandingBody
+
+LEG = ("thigh", "shank", "foot")
+ARM = ("upper_arm", "forearm", "hand")
+
+# The knee is the first hinge with at least this share of the most limb on both of its sides.
+BEND_SHARE = 0.6
+# A joint of the ankle is less than this share of the shank ahead of it (what is farther ahead moves toes), and a joint
+# of the wrist less than that share of the forearm beyond it.
+TOES_SHARE, FINGERS_SHARE = 0.15, 0.3
+
+
+def divided(
+    body: StandingBody, names: tuple[str, str, str], limbs: dict[str, RobotLimb], ahead: Array
+) -> dict[str, str]:
+    """The bodies of the three parts of each limb; without an ankle (wrist) only of two.
+
+    Args:
+        body: the robot.
+        names: of the parts, LEG or ARM.
+        limbs: side, "l" or "r", to the limb there; each can bend.
+        ahead: where the robot faces, shape (3,).
+
+    Returns:
+        Part, such as "l_shank", to the name of its body.
+    """
+    parts, data, moved = {}, body.data, body.model.jnt_bodyid
+    for side, limb in limbs.items():
+        bend = bend_of(body, limb, limbs.get("l" if side == "r" else "r", limb))
+        knee = limb.joints[bend]
+        upper = next(joint for joint in reversed(limb.joints[:bend]) if moved[joint] != moved[knee])
+        found = [upper, knee]
+        end = end_of(body, limb, bend)
+        if end is not None:
+            at = data.xanchor[end]
+            span = float(np.linalg.norm(at - data.xanchor[knee]))
+            for joint in limb.joints[limb.joints.index(end) + 1 :]:
+                way = data.xanchor[joint] - at
+                if way @ ahead < TOES_SHARE * span if names is LEG else np.linalg.norm(way) < FINGERS_SHARE * span:
+                    end = joint
+            found.append(end)
+        parts |= {f"{side}_{name}": body.name(moved[joint]) for name, joint in zip(names, found, strict=False)}
+    return parts
+
+
+def bend_of(body: StandingBody, limb: RobotLimb, twin: RobotLimb) -> int:
+    """Which of the joints of a limb is its knee (elbow): its place among them.
+
+    The limb can bend; its twin on the other side is the limb itself where there is none.
+    """
+    at = [body.data.xanchor[j] for j in limb.joints]
+    between = at[0] - body.data.xanchor[twin.joints[0]]
+    mirror = between / max(float(np.linalg.norm(between)), 1e-9)
+    score: dict[int, float] = {}
+    for k in range(1, len(at)):
+        if body.model.jnt_bodyid[limb.joints[k]] == body.model.jnt_bodyid[limb.joints[0]]:
+            continue  # it would leave no body for the upper segment
+        up, down = farthest(at[:k], at[k]) - at[k], farthest([*at[k + 1 :], limb.tip], at[k]) - at[k]
+        axis = body.data.xaxis[limb.joints[k]]
+        share = min(float(np.linalg.norm(up)), float(np.linalg.norm(down)))
+        across = min(sine(axis, up), sine(axis, down)) >= ACROSS
+        other = body.data.xaxis[twin.joints[k]] if len(twin.joints) == len(limb.joints) else axis
+        other = other - 2.0 * (other @ mirror) * mirror
+        # What does not lie across its limb, parallel to its twin, is a knee only where nothing else could be one.
+        score[k] = share * (1.0 if across and abs(axis @ other) >= PARALLEL else 0.1)
+    most = max(score.values())
+    return next(k for k, value in score.items() if value >= BEND_SHARE * most)
+
+
+def end_of(body: StandingBody, limb: RobotLimb, knee: int) -> int | None:
+    """The first joint of the ankle (wrist) of a limb whose knee has this place among its joints; None without one."""
+    at = body.data.xanchor[limb.joints[knee]]
+    upper = float(np.linalg.norm(farthest([body.data.xanchor[j] for j in limb.joints[:knee]], at) - at))
+    return end_hinge(body.data, limb.joints[knee + 1 :], at, upper)
+
+
+def front_of(body: StandingBody, limb: RobotLimb, knee: int) -> Array:
+    """Where the front of a leg without an ankle is, shape (3,), m: its knee folds its end the other way."""
+    joint = limb.joints[knee]
+    axis, at = body.data.xaxis[joint], body.data.xanchor[joint]
+    up, down = at - farthest([body.data.xanchor[j] for j in limb.joints[:knee]], at), limb.tip - at
+    return -folds(body.model, joint, axis, up, down) * np.cross(axis, down)
+
+
+def can_bend(model: mujoco.MjModel, joints: Sequence[int]) -> bool:
+    """Whether hinges move two bodies or more: those of one body have no knee among them."""
+    return len({int(model.jnt_bodyid[joint]) for joint in joints}) > 1
