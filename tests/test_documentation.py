@@ -17,6 +17,8 @@ from controller.cli.main import app
 ROOT = Path(__file__).parents[1]
 PAGES = [ROOT / name for name in ("README.md", "CONTRIBUTING.md", "THIRD_PARTY_NOTICES.md", "CHANGELOG.md")]
 PAGES += sorted((ROOT / "docs").glob("*.md"))
+FOLDERS = ("motiondeck", "motiondeck_base", "controller", "sim", "hardware", "tests", "benchmarks", "examples", "docs")
+SOURCES = [path.relative_to(ROOT).as_posix() for folder in FOLDERS for path in (ROOT / folder).rglob("*.py")]
 LINK = re.compile(r"\[[^\]\[]*\]\(([^)\s]+)\)")
 
 
@@ -45,6 +47,14 @@ def test_every_link_and_picture_exists(page):
         if not there.exists() or (anchor and anchor not in anchors(there)):
             broken.append(target)
     assert broken == []
+
+
+@pytest.mark.parametrize("page", [page for page in PAGES if page.name != "CHANGELOG.md"], ids=lambda page: page.name)
+def test_every_module_that_a_page_names_exists(page):
+    """By its path, or the end of it; the change log speaks of files that were."""
+    named = set(re.findall(r"`([\w/]+\.py)`", text_of(page)))
+    gone = {path for path in named if not any(f"/{file}".endswith(f"/{path}") for file in SOURCES)}
+    assert gone == set()
 
 
 def test_every_page_is_linked_from_the_first():

@@ -1,4 +1,4 @@
-"""What the deck asks of a generator, whatever network is inside."""
+"""What is asked of a network, whatever is inside: frame by frame, as the deck plays it, and in continuous time."""
 
 from __future__ import annotations
 
