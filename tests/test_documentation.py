@@ -108,6 +108,17 @@ def test_every_command_line_is_one_that_the_program_understands(program, page):
     assert {line: problem for line, problem in wrong.items() if problem} == {}
 
 
+def test_the_page_of_commands_describes_every_command(program):
+    """In a section whose heading names it or its group."""
+    sections = (ROOT / "docs" / "commands.md").read_text(encoding="utf-8").split("\n## ")
+    missing = []
+    for name, command in program.commands.items():
+        own = "\n".join(one for one in sections if re.search(rf"`motiondeck {name}\b", one.partition("\n")[0]))
+        parts = getattr(command, "commands", [name])
+        missing += [f"{name}: {part}" for part in parts if not re.search(rf"\b{part}\b", own)]
+    assert missing == []
+
+
 @pytest.fixture(scope="module")
 def packed(tmp_path_factory):
     """The names in the source distribution."""
