@@ -80,6 +80,7 @@ _SIDED_ONLY: dict[str, Part] = {"hip": "thigh", "thorax": "clavicle", "larm": "f
 # "LFArm" is a left forearm, though "lf" elsewhere means left.
 _WHOLE = {f"{letter}{key}" for letter in "lr" for key in ("farm", "uarm")}
 _KNOWN = frozenset(_KEYS) | frozenset(ENGLISH)
+_SILENT = ("c", "m", "x", "stretch")  # the middle; a bone of Auto-Rig Pro that deforms
 _SHARED = 0.6  # of the names bear a word that says nothing
 # What a bone may lead to: a bone "A-B" belongs to A only where B continues it.
 _FOLLOWS: dict[Part, tuple[Part, ...]] = {
@@ -130,7 +131,7 @@ class _Style(NamedTuple):
     Attributes:
         shared: words that say nothing, because most names bear them.
         joints: a shoulder is the upper arm, because bones are called after joints, or collar bones have other names.
-        shins: a leg is a thigh, because what follows it is called shin.
+        shins: a leg is a thigh, because what follows it is called shin or knee.
         ankles: a foot is what follows the ankle: the toes.
         thighs: a hip of a side is what carries the thigh, because thighs have names of their own.
     """
@@ -157,7 +158,7 @@ class _Style(NamedTuple):
             shared |= _besides_parts(map(_words, joints)) - known
         keys = {key for joint in joints for key, _ in [_key(joint, shared)]}
         thighs = bool(keys & {"upleg", "upperleg", "legupper", "uleg", "thigh", "thighbend", "femur"})
-        shins = bool(keys & {"shin", "calf", "shank", "lowerleg", "lowleg", "loleg", "leglower", "lleg"})
+        shins = bool(keys & {"shin", "calf", "shank", "lowerleg", "lowleg", "loleg", "leglower", "lleg", "knee"})
         uppers = {"upperarm", "uparm", "armupper", "arm", "uarm", "humerus"}
         others = {"elbow", "knee", "clavicle", "clav", "collar", "collarbone", "scapula"}
         joints = bool(keys & others) and not keys & uppers
@@ -274,7 +275,7 @@ def _sided_key(words: tuple[str, ...]) -> tuple[str, Side]:
             side = "left" if bare in _LEFT else "right"
         elif bare or len(words) == 1:
             kept.append(bare if bare not in ("", "l", "t") else word)
-    key = "".join(word for word in kept if word not in ("c", "m"))  # the middle
+    key = "".join(word for word in kept if word not in _SILENT)
     if side == "middle" and key not in _KNOWN:
         for word, which in _AFFIXES:
             if key.startswith(word) and key[len(word) :] in _KNOWN:
