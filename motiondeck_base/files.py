@@ -52,6 +52,8 @@ class Line:
 def no_number(word: str) -> str:
     """What is wrong with a word that is no finite number, and what to do."""
     remedy = "Write decimals with a dot." if "," in word else "Export the recording again."
+    if word.endswith(",") and as_float(word.rstrip(",")) is not None:
+        remedy = "Put blanks between numbers, not commas."
     return f"expected a number, found '{shortened(word)}'. {remedy}"
 
 

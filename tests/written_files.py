@@ -219,8 +219,19 @@ def own_axes():
     return turn
 
 
-def bvh_text(motion, names=MIXAMO, *, order="ZYX", along_x=False, floor=None, everywhere=False, offset_words=3):
-    """BVH in cm, y up.
+def bvh_text(
+    motion,
+    names=MIXAMO,
+    *,
+    order="ZYX",
+    along_x=False,
+    floor=None,
+    everywhere=False,
+    offset_words=3,
+    offset=OFFSET,
+    unit=0.01,
+):
+    """BVH, y up.
 
     Args:
         motion: whose.
@@ -230,26 +241,28 @@ def bvh_text(motion, names=MIXAMO, *, order="ZYX", along_x=False, floor=None, ev
         floor: the name of a joint at the origin that carries the hips.
         everywhere: every joint has position channels.
         offset_words: how many numbers an OFFSET has; SOMA writes six.
+        offset: where each joint stands against its parent, m.
+        unit: what one length in the file is, m.
     """
     axes = own_axes() if along_x else dict.fromkeys(KEYS, Rotation.identity())
     keys = [key for key in KEYS if key in names]
     lines, columns = ["HIERARCHY"], []
     frames = len(motion.root)
 
-    def offset(values):
+    def offset_line(values):
         return "OFFSET " + " ".join(f"{value:.6f}" for value in [*values, *[0.5] * (offset_words - 3)])
 
     def write(key, depth):
         above = PARENT[key]
-        local = axes[above].inv().apply(OFFSET[key]) if above else np.zeros(3)
+        local = axes[above].inv().apply(offset[key]) if above else np.zeros(3)
         head = "ROOT" if above is None and floor is None else "JOINT"
         moves = above is None or everywhere
         own_order = order if isinstance(order, str) else order[key]
         turns = " ".join(f"{axis}rotation" for axis in own_order)
         places = "6 Xposition Yposition Zposition" if moves else "3"
-        lines.extend([f"{head} {names[key]}", "{", offset(100.0 * local), f"CHANNELS {places} {turns}"])
+        lines.extend([f"{head} {names[key]}", "{", offset_line(local / unit), f"CHANNELS {places} {turns}"])
         if moves:
-            columns.append(100.0 * (motion.root if above is None else np.tile(local, (frames, 1))))
+            columns.append((motion.root if above is None else np.tile(local, (frames, 1))) / unit)
         world = motion.world[key] * axes[key]
         own = world if above is None else (motion.world[above] * axes[above]).inv() * world
         with warnings.catch_warnings():
@@ -259,11 +272,11 @@ def bvh_text(motion, names=MIXAMO, *, order="ZYX", along_x=False, floor=None, ev
         for child in children:
             write(child, depth + 1)
         if not children:
-            lines.extend(["End Site", "{", offset(np.zeros(3)), "}"])
+            lines.extend(["End Site", "{", offset_line(np.zeros(3)), "}"])
         lines.append("}")
 
     if floor:
-        lines.extend([f"ROOT {floor}", "{", offset(np.zeros(3)), "CHANNELS 6 Xposition Yposition Zposition "])
+        lines.extend([f"ROOT {floor}", "{", offset_line(np.zeros(3)), "CHANNELS 6 Xposition Yposition Zposition "])
         lines[-1] += "Zrotation Yrotation Xrotation"
         columns.append(np.zeros((frames, 6)))
     write("hips", 1)

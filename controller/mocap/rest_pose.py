@@ -28,6 +28,7 @@ UNITS = (1.0, 0.01, 0.001, 0.0254, 0.0254 / 0.45)
 SELDOM = 1.8  # by this factor a seldom unit must come nearer to a person's size, or children in cm would be giants
 STATURE = 1.70  # m, of a person
 LEG_PER_STATURE = 0.245 + 0.246  # thigh and shank (Winter 2009, fig. 4.1)
+SPINE_PER_STATURE = 0.470  # from the hips to the top of the head; of a short-legged character it tells the size
 
 FRAMES_TRIED = 24
 FRAMES_JUDGED = 200  # at most, by which the up axis is told
@@ -240,11 +241,16 @@ def _up_in_recording(body: RecordedBody, rest: _Stance, stands: bool, skeleton: 
 
 
 def _unit(body: RecordedBody, vector: Array, parts: Anatomy | None) -> float:
-    """The unit in which the body comes closest to a person's size."""
+    """The unit in which the body, by its legs or by its trunk and head, comes closest to a person's size."""
+    skeleton = _as_skeleton(body, vector)
     legs = [] if parts is None else [*parts.all("thigh"), *parts.all("shank")]
-    stature = float(np.linalg.norm(vector[legs], axis=1).sum()) / 2.0 / LEG_PER_STATURE
+    spine = [] if parts is None else [bone for part in ("trunk", "neck", "head") for bone in parts.all(part)]
+    stature = float(skeleton.length[legs].sum()) / 2.0 / LEG_PER_STATURE
+    if stature > 0.0 and spine:
+        up_to = skeleton.chain[np.ix_(spine, spine)] @ skeleton.length[spine]
+        stature = max(stature, float(up_to.max()) / SPINE_PER_STATURE)
     if stature == 0.0:
-        ends = _as_skeleton(body, vector).chain @ vector
+        ends = skeleton.chain @ vector
         stature = float(np.ptp(np.vstack([ends, np.zeros(3)]), axis=0).max())
 
     def off(unit: float) -> float:

@@ -13,6 +13,7 @@ import re
 import warnings
 from collections.abc import Iterator
 from dataclasses import dataclass
+from decimal import Decimal
 from pathlib import Path
 
 import numpy as np
@@ -27,6 +28,7 @@ from motiondeck_base.files import Line, as_float, no_number, read_text, shortene
 
 MOST_JOINTS = 1000  # without a bound a broken file could ask for any amount of memory
 LONGEST_PERIOD = 1.0  # s; a longer frame time is a rate that was written in its place
+USUAL_RATES = (24.0, 25.0, 30.0, 48.0, 50.0, 60.0, 90.0, 100.0, 120.0, 200.0, 240.0)  # Hz
 # A place this near to the parent, in lengths of the OFFSET, is no place of its own; two frames later it is this near.
 AT_ZERO, NEAR_ZERO = 0.02, 0.15
 CHANNELS = tuple(f"{axis}{kind}" for kind in ("position", "rotation") for axis in "xyz")
@@ -110,8 +112,10 @@ def _hierarchy(path: str | Path, lines: list[Line]) -> list[Joint]:
 
 
 def _one_brace_a_line(lines: list[Line]) -> Iterator[Line]:
-    """The lines that are not empty; braces are taken off the lines they share."""
+    """The lines that are neither empty nor remarks; braces are taken off the lines they share."""
     for line in lines:
+        if line.words and line.words[0].startswith(("#", "//")):
+            continue
         words: list[str] = []
         for word in re.findall(r"[{}]|[^\s{}]+", " ".join(line.words)):
             if word not in "{}":
@@ -174,8 +178,15 @@ def _announced(path: str | Path, lines: list[Line]) -> tuple[float, Line]:
     if not 1e-5 <= period <= LONGEST_PERIOD:
         rate = f" For {period:g} frames a second write {1.0 / period:.6f}." if period > LONGEST_PERIOD else ""
         raise times[0].error(f"a frame time of {period:g} s is not possible; it is seconds from frame to frame.{rate}")
-    # 0.0083333 s means 120 Hz: the files write few digits.
-    return round(1.0 / period, 2), counts[0]
+    return _rate(period, times[0].words[-1]), counts[0]
+
+
+def _rate(period: float, written: str) -> float:
+    """The rate that a frame time, s, means, Hz. Files write few digits: 0.0083 s is 120 Hz, and 0.033 s is 30 Hz."""
+    exact = round(1.0 / period, 2)
+    rounded = 0.5 * 10.0 ** int(Decimal(written).as_tuple().exponent)
+    meant = (rate for rate in USUAL_RATES if abs(1.0 / rate - period) <= rounded)
+    return exact if exact == round(exact) else next(meant, exact)
 
 
 def _values(rows: str, at: int, width: int, announced: Line) -> Array:

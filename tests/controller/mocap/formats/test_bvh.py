@@ -237,6 +237,28 @@ def test_the_unit_is_guessed_from_the_size_of_the_body(tmp_path, unit, size):
     assert clip.skeleton.leg_length == pytest.approx(0.88 * size, abs=1e-6)
 
 
+@pytest.mark.parametrize(
+    ("period", "rate"),
+    [
+        ("0.033", 30.0),
+        (".03", 30.0),
+        ("0.0333", 30.0),
+        ("0.017", 60.0),
+        ("0.0083", 120.0),
+        ("0.042", 24.0),
+        ("3.3e-2", 30.0),
+        ("0.008", 125.0),
+        ("0.02", 50.0),
+        ("0.0160", 62.5),
+        ("0.033000", 30.3),
+    ],
+)
+def test_few_digits_of_a_frame_time_mean_a_usual_rate(tmp_path, period, rate):
+    """0.033 s is 30 Hz, not 30.3: played so, a minute would be half a second short. What whole rates give is exact."""
+    text = re.sub(r"Frame Time:\s*\S+", f"Frame Time: {period}", BVH)
+    assert read_bvh(write(tmp_path, text)).rate == rate
+
+
 @pytest.mark.parametrize(("period", "rate"), [("0.0083333", 120.0), ("0.03336670", 29.97), ("0.0166833", 59.94)])
 def test_a_rate_need_not_be_a_whole_number_of_hertz(tmp_path, period, rate):
     """A rate rounded to whole Hz would drift by a frame in a thousand."""

@@ -15,7 +15,7 @@ from controller.mocap.formats.markers.c3d import read_c3d
 from controller.mocap.formats.reading import read_clip
 from controller.mocap.reading_options import ReadingOptions
 from motiondeck_base.errors import FileFormatError
-from people import KEYS, check_person, in_our_axes, moving
+from people import KEYS, OFFSET, check_person, in_our_axes, moving
 from recordings import c3d_bytes
 from written_files import LAFAN1, MIXAMO, bvh_text, gltf_file
 
@@ -51,6 +51,7 @@ def offset_of_the_root(text, place):
 READ = {
     "line ends of Windows": (TEXT.replace("\n", "\r\n"), ()),
     "line ends of old Macs": (TEXT.replace("\n", "\r"), ()),
+    "remarks": ("# from a program\n" + TEXT.replace("MOTION", "// here it comes\nMOTION"), ()),
     "blanks and tabs": (TEXT.replace(" ", " \t "), ()),
     "numbers across lines": (HEAD + TIME + ROWS.replace(" ", "\n", 200), ()),
     "one frame more than announced": (TEXT.replace("Frames: 20", "Frames: 19"), ()),
@@ -218,11 +219,20 @@ REFUSED = {
     "an infinite number": (beginning_with("inf"), "line 155: expected a number, found 'inf'"),
     "digit groups": (beginning_with("1_0"), "line 155: expected a number, found '1_0'"),
     "decimal commas": (HEAD + TIME + ROWS.replace(".", ","), "Write decimals with a dot"),
+    "commas between numbers": (HEAD + TIME + ROWS.replace(" ", ", "), "Put blanks between numbers, not commas"),
     "a decimal comma in the frame time": (
         TEXT.replace("0.0166667", "0,0166667"),
         "found '0,0166667'. Write decimals with a dot",
     ),
 }
+
+
+@pytest.mark.parametrize(("unit", "legs"), [(0.01, 0.3), (0.01, 1.0), (0.0254, 1.0), (0.01, 0.6), (1.0, 0.3)])
+def test_short_legs_below_a_large_body_make_no_giant(tmp_path, unit, legs):
+    """A character of a cartoon is tall by its trunk and head: of cm and inch, its legs alone would choose the inch."""
+    offset = {key: by * (legs if key.endswith(("shank", "foot")) else 1.0) for key, by in OFFSET.items()}
+    person = moving(frames=20, offset=offset)
+    check_person(read_clip(write(tmp_path, bvh_text(person, offset=offset, unit=unit))), person)
 
 
 @pytest.mark.parametrize("name", REFUSED)
