@@ -40,6 +40,7 @@ MOST_COLUMNS = 3000
 COMPARED = 400  # frames in which distances are compared
 WRITTEN = 1e-5  # m: files have six digits, so a distance that varies by less is kept
 NO_LENGTH = 1e-5  # m
+LONGEST_GAP = 0.5  # s without a frame
 IN_HIP = 0.5  # thighs: a point this near to the root is no knee
 _LOOKED_AT = 1 << 16  # bytes of a file that may be another table
 _TIMES = ("time_s", "time", "time (s)", "time [s]", "timestamp", "seconds", "t")
@@ -141,14 +142,48 @@ def _table(path: str | Path) -> _Positions:
         words = _words(text, separator) if '"' in text or "'" in text else text.split(separator)
         numbers[frame] = _row(Line(path, number, words), len(columns))
     time, position = numbers[:, 0], numbers[:, 1:].reshape(len(rows), -1, 3)
-    steps = np.diff(time)
-    if np.isnan(time).any() or (len(steps) and not (steps.min() > 0.0 and np.ptp(steps) < 0.1 * steps.mean() + 2e-6)):
-        raise FileFormatError(f"{path}: the times are not evenly spaced. Resample the recording.")
-    rate = len(steps) / float(time[-1] - time[0]) if len(steps) else 120.0
-    rate = round(rate, 2) if abs(rate - round(rate, 2)) < 1e-4 * rate else rate
+    rate, position = _even(time, position, [Line(path, number, []) for number, _ in rows])
     position[np.isnan(position).any(axis=-1)] = np.nan
     ours = columns[0] == "time_s" and columns[1::3] == [f"{name}.x" for name in names]
     return _Positions(names, rate, position, ours)
+
+
+def _even(time: Array, position: Array, lines: list[Line]) -> tuple[float, Array]:
+    """The rate, Hz, and the positions at even times: between those of frames that came late, or not at all, by lines.
+
+    Raises:
+        FileFormatError: naming the line, if times do not rise, or far apart are no frames.
+    """
+    if len(time) == 1 and np.isfinite(time[0]):
+        return 120.0, position
+    steps = np.diff(time, prepend=time[0] - 1.0)  # one for the first frame too, which comes after anything
+    back = next(iter(np.flatnonzero(~(steps > 0.0))), None)
+    if back is not None:
+        raise lines[back].error(
+            f"the time {time[back]:g} does not come after {time[back - 1]:g}. Put the frames in order."
+        )
+    steps = steps[1:]
+    usual = float(np.median(steps))
+    if usual > LONGEST_GAP:
+        raise lines[1].error(
+            f"{usual:g} s from frame to frame are too long. Times are in seconds: divide them by 1000 if they are ms."
+        )
+    widest = int(np.argmax(steps))
+    if steps[widest] > LONGEST_GAP:
+        raise lines[widest + 1].error(
+            f"no frames from {time[widest]:g} to {time[widest + 1]:g} s. Cut the recording there."
+        )
+    if np.ptp(steps) < 0.1 * steps.mean() + 2e-6:
+        rate = len(steps) / float(time[-1] - time[0])
+        return (round(rate, 2) if abs(rate - round(rate, 2)) < 1e-4 * rate else rate), position
+    rate = 1.0 / float(steps[steps < 1.5 * usual].mean())
+    columns = position.reshape(len(time), -1).T
+    count = int((time[-1] - time[0]) * rate + 1e-6) + 1
+    if count * len(columns) > MOST_NUMBERS:
+        raise lines[0].error(f"{count} frames at even times do not fit into memory. Cut the recording into pieces.")
+    even = time[0] + np.arange(count) / rate
+    places = np.stack([np.interp(even, time, column) for column in columns], axis=1)
+    return rate, places.reshape(len(even), -1, 3)
 
 
 def _row(line: Line, count: int) -> list[float]:
@@ -157,9 +192,9 @@ def _row(line: Line, count: int) -> list[float]:
             f"{len(line.words)} values, but the first line names {count}. (Decimals are written with a dot.)"
         )
     numbers: list[float] = []
-    for word in line.words:
+    for column, word in enumerate(line.words):
         value = math.nan if not word.strip() else as_float(word)
-        if value is None or abs(value) > FARTHEST or math.isinf(value):
+        if value is None or math.isinf(value) or (column > 0 and abs(value) > FARTHEST):
             raise line.error(no_number(word))
         numbers.append(value)
     return numbers

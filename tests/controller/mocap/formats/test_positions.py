@@ -83,6 +83,36 @@ def decimal_commas(text):
     return "\n".join([head, *(row.replace(".", ",") for row in rows)])
 
 
+def timed(text, change):
+    head, *rows = text.splitlines()
+    return "\n".join([head, *(f"{change(float(row.partition(',')[0])):.9f},{row.partition(',')[2]}" for row in rows)])
+
+
+def test_times_may_be_those_of_a_clock(tmp_path, walk):
+    (tmp_path / "clock.csv").write_text(timed(csv_text(walk), lambda time: 1.7e9 + time))
+    clip = read_clip(tmp_path / "clock.csv")
+    assert clip.rate == pytest.approx(walk.rate, rel=1e-4)
+    assert np.abs(clip.joints() - walk.joints()).max() < 2e-5
+
+
+def test_a_table_with_uneven_times_is_evened_out(tmp_path, walk):
+    """As cameras of telephones write them: some frames come late, some not at all."""
+    draw = np.random.default_rng(4)
+    late = timed(csv_text(walk), lambda time: time + (0.0 < time < 0.6) * draw.uniform(0.0, 0.006))
+    head, *rows = late.splitlines()
+    moved = np.array([[float(word) for word in row.split(",")] for row in rows])
+    true = np.arange(len(walk)) / walk.rate
+    places = walk.joints().reshape(len(walk), -1)
+    moved[:, 1:] = np.stack([np.interp(moved[:, 0], true, column) for column in places.T], axis=1)
+    kept = [",".join(f"{value:.6f}" for value in row) for k, row in enumerate(moved) if k not in (9, 20, 21)]
+    (tmp_path / "late.csv").write_text("\n".join([head, *kept]))
+    clip = read_clip(tmp_path / "late.csv")
+    assert clip.rate == pytest.approx(walk.rate, rel=0.05)
+    when = np.arange(len(clip)) / clip.rate
+    expected = np.stack([np.interp(when, true, column) for column in places.T], axis=1)
+    assert np.abs(clip.joints().reshape(len(clip), -1) - expected).max() < 0.02
+
+
 @pytest.mark.parametrize(
     ("change", "said"),
     [
@@ -96,8 +126,23 @@ def decimal_commas(text):
         (lambda text: text.replace(",0.", ",nan0.", 1), "line 2: expected a number"),
         (lambda text: text[: text.rindex(",")], "values, but the first line names"),
         (lambda text: text[: text.rindex(",") + 1], "Fill the gaps"),
-        (lambda text: text.replace("\n0.016667", "\n0.5"), "times are not evenly spaced"),
-        (lambda text: "\n".join(text.splitlines()[:2] + text.splitlines()[1:2]), "times are not evenly spaced"),
+        (
+            lambda text: text.replace("\n0.016667", "\n0.5"),
+            r"odd\.csv line 4: the time 0\.0333.* does not come after 0\.5",
+        ),
+        (
+            lambda text: "\n".join(text.splitlines()[:2] + text.splitlines()[1:2]),
+            "line 3: the time 0 .*not come after 0",
+        ),
+        (
+            lambda text: timed(text, lambda time: time + (time > 0.3)),
+            r"line 21: no frames from 0\.3 to 1\.31\d+ s. Cut",
+        ),
+        (lambda text: timed(text, lambda time: time if time > 0.4 else 1e-5 * time), "do not fit into memory. Cut"),
+        (
+            lambda text: timed(text, lambda time: 1e5 + 1000.0 * time),
+            "line 3: .* Times are in seconds: divide them by 1000",
+        ),
     ],
 )
 def test_another_table_is_one_line(tmp_path, walk, change, said):
