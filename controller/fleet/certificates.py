@@ -9,6 +9,7 @@ import datetime
 import ipaddress
 import os
 from collections.abc import Mapping
+from itertools import combinations
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -49,9 +50,17 @@ def make_certificates(folder: Path, show: str, members: Mapping[str, str]) -> li
             file cannot be written.
     """
     check_name(show, "show")
-    hosts = {check_name(name, "member of a show"): host_and_port(address)[0] for name, address in members.items()}
+    places = {check_name(name, "member of a show"): host_and_port(address) for name, address in members.items()}
+    hosts = {name: host for name, (host, _) in places.items()}
     if CONDUCTOR not in hosts:
         raise MotiondeckError(f"give the address of the conductor too, such as {CONDUCTOR}=192.168.1.20")
+    for (one, place), (other, same) in combinations(places.items(), 2):
+        if place == same:
+            host, port = place
+            raise MotiondeckError(
+                f"{one} and {other} have one address, {host}:{port}; give {other} another port, such as "
+                f"{other}={host}:{port + 1}"
+            )
     try:
         folder.mkdir(mode=0o700, parents=True, exist_ok=True)
         authority = _authority(folder, show)

@@ -44,6 +44,9 @@ ASKS_EVERY = 0.25
 LATEST = 0.25
 """A cue that comes later than this after its time is not carried out, s; the conductor then gives what stands."""
 
+ALONE_AFTER = 10.0
+"""A deck that no conductor has answered for so long says so, s."""
+
 STOP_SAID, STOP_AGAIN = 5, 0.02
 """An emergency stop is said so many times, so far apart, s."""
 
@@ -91,8 +94,8 @@ class Member:
         self._arrived = Mailbox[tuple[str, bytes]]()
         self._answers = Mailbox[tuple[float, float, bytes]]()
         self._clock, self._time = ClockEstimate(), Time("", 0.0, "go on", 0.0)
-        self._asked, self._ask_at, self._answered_at = 0, now(), 0.0
-        self._lost = self._holds = False
+        self._asked, self._ask_at, self._answered_at = 0, now(), now()
+        self._lost = self._holds = self._told_alone = False
         self._cues: list[TimedCue] = []
         self._done = ("", 0)
         self._step: CommonRound | None = None
@@ -180,6 +183,12 @@ class Member:
     def _look_for_conductor(self, now: float) -> None:
         """Does what the show says when the conductor has not answered for too long."""
         time_now = self._time
+        if not time_now.run and not self._told_alone and now - self._answered_at > ALONE_AFTER:
+            self._told_alone = True
+            self._tell(
+                f"no conductor has answered for {ALONE_AFTER:g} s: is it running, for the same show, with certificates "
+                "of one authority?"
+            )
         if self._lost or not time_now.run or now - self._answered_at <= time_now.after:
             return
         self._lost = True

@@ -93,6 +93,7 @@ def test_members_can_be_added(tmp_path):
         ({"left": "10.0.0.1"}, "address of the conductor"),
         ({"conductor": "10.0.0.1", "Left": "10.0.0.2"}, "'Left' cannot name"),
         ({"conductor": "10.0.0.1:99999"}, "is no address"),
+        ({"conductor": "10.0.0.1", "left": "10.0.0.1:7447"}, "conductor and left have one address, 10.0.0.1:7447"),
         ({"conductor": 'x"y/z'}, "is no address"),
     ],
 )

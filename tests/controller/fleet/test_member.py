@@ -45,13 +45,14 @@ class Link:
 class Stage:
     """A member, the sockets of its deck, and a time that is told."""
 
-    def __init__(self, opened):
+    def __init__(self, opened, *, conducted=True):
         self.time = 1000.0
         self.deck = opened.enter_context(closing(CommandServer(0)))
         leader = opened.enter_context(closing(CommandServer(0)))
         client = opened.enter_context(closing(CommandClient(self.deck.port)))
         self.asking = opened.enter_context(closing(CommandClient(leader.port)))
         self.link, self.told = Link(lambda: self.time), []
+        self.link.there = conducted
         about = About("dummy", "small", 100.0, {"march": 0.9})
         self.member = Member("left", about, self.link, client, leader, self.told.append, lambda: self.time)
         opened.callback(self.member.close)
@@ -140,3 +141,15 @@ def test_a_deck_that_hears_nothing_says_what_it_does(stage):
     stage.link.there = False
     stage.play(3.5)
     assert stage.told[-1] == "the conductor has not answered for 3 s; the deck plays on"
+
+
+def test_a_deck_that_no_conductor_ever_answers_says_so_once_and_what_to_check():
+    with ExitStack() as opened:
+        stage = Stage(opened, conducted=False)
+        stage.play(60.0)
+        assert stage.told == [
+            "no conductor has answered for 10 s: is it running, for the same show, with certificates of one authority?"
+        ]
+        stage.link.there = True
+        stage.play(1.0)
+        assert stage.told[1:] == ["the show has a conductor"]
