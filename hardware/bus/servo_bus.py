@@ -51,9 +51,9 @@ class Bus:
 
     Calls that wait do so in poll(), until a deadline: the time the bytes need on the wire, plus `margin` for the
     adapter (a USB latency timer may hold a reply for 16 ms) and the servos' return delay. They are repeated at most
-    `retries` times. On a busy machine whoever carries the bytes may stand still for longer: a `read` or `write` is
-    waited for patiently once more before it fails, unless it was in vain the last time and nothing has answered since.
-    A servo's hardware problem is a field of its answer (`alert`), never an exception.
+    `retries` times. On a busy machine whoever carries the bytes may stand still for longer: a `ping`, `read` or
+    `write` is waited for patiently once more before it fails, unless it was in vain the last time and nothing has
+    answered since. A servo's hardware problem is a field of its answer (`alert`), never an exception.
 
     For a real-time loop there are calls that never wait: `sync_write`, `request` and `collect`. Any other call
     gives up a request under way. Every call raises SerialPortError when the port is gone.
@@ -102,12 +102,12 @@ class Bus:
     def ping(self, id: int) -> Identity | None:
         """The servo that answers at this ID; None if none does."""
         if id not in self.old:
-            status = self._ask(instructions.ping(id), id, 3)
+            status = self._ask_patiently(instructions.ping(id), id, 3)
             return None if status is None or status.error else self._identity(status)
         # A ping of Protocol 1.0 says nothing; model number and firmware are the first registers.
-        if self._ask(old_words.ping(id), id, 0) is None:
+        if self._ask_patiently(old_words.ping(id), id, 0) is None:
             return None
-        status = self._ask(old_words.read(id, 0, 3), id, 3)
+        status = self._ask_patiently(old_words.read(id, 0, 3), id, 3)
         return Identity(id, UNTOLD, 0, False, 1) if status is None or status.error else self._identity(status)
 
     def read(self, id: int, address: int, length: int) -> StatusPacket:
@@ -283,11 +283,7 @@ class Bus:
 
     def _insist(self, frame: bytes, id: int, length: int, what: str) -> StatusPacket:
         """The status a servo answers with, or the reason why there is none."""
-        status = self._ask(frame, id, length)
-        if status is None and self._patient:
-            status = self._exchange(frame, id, length, _PATIENCE)
-            self._outlast_repeats()
-        self._patient = status is not None
+        status = self._ask_patiently(frame, id, length)
         if status is None:
             raise NoReplyError(
                 f"id {id} on {self.port.name} does not answer ({what}). Check its power, cable, id and baud rate."
@@ -295,6 +291,15 @@ class Bus:
         if status.error:
             meaning = instructions.ERRORS.get(status.error, "unknown error")
             raise RefusedError(f"id {id} on {self.port.name} refused to {what}: error {status.error}, {meaning}.")
+        return status
+
+    def _ask_patiently(self, frame: bytes, id: int, length: int) -> StatusPacket | None:
+        """The status of one servo, waited for patiently in the end; a scan, which asks once, has no time for that."""
+        status = self._ask(frame, id, length)
+        if status is None and self._patient and self._retries:
+            status = self._exchange(frame, id, length, _PATIENCE)
+            self._outlast_repeats()
+        self._patient = status is not None
         return status
 
     def _ask(self, frame: bytes, id: int, length: int) -> StatusPacket | None:

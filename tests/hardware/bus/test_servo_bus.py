@@ -4,10 +4,13 @@ import pytest
 
 from hardware.bus.servo_bus import Bus
 from hardware.control_table.models import MODELS
+from hardware.emulator.bus import EmulatedBus
 from hardware.emulator.faults import Fault, FaultPlan
+from hardware.emulator.port import EmulatedPort
 from hardware.errors import NoReplyError, RefusedError, SerialPortError
 from hardware.protocol2.frames import build_status
 from hardware.protocol2.group_reply import WholeReply
+from hardware.rig.rig_file import RigConfig, RigJoint
 
 XM430 = MODELS["XM430-W350"]
 POSITION = XM430.block("present_position", "present_position")
@@ -66,6 +69,19 @@ def test_a_late_answer_is_not_taken_for_that_of_the_next_register(bus, port, lat
     before = [bus.read(1, row.address, 1).params for row in rows]
     port.wire.faults = FaultPlan([Fault("delay", value=late)])
     assert [bus.read(1, row.address, 1).params for row in rows] == before
+
+
+@pytest.mark.parametrize("old", [False, True])
+def test_a_servo_is_found_though_its_bytes_stand_still_for_a_while(old):
+    model = "AX-12A" if old else "XL430-W250"
+    joint = RigJoint("pan", 1, model, 1, MODELS[model].one_turn[1] // 2, -1.0, 1.0, 2.0)
+    port = EmulatedPort(EmulatedBus(RigConfig("p", 1_000_000, 100.0, (joint,))))
+    bus = Bus(port, 1_000_000)
+    bus.old = frozenset({1} if old else ())
+    port.wire.faults = FaultPlan([Fault("delay", value=300.0)])
+    found = bus.ping(1)
+    assert found is not None
+    assert found.model == model
 
 
 def test_a_port_without_power_costs_a_long_wait_only_once(bus, port, servos):
