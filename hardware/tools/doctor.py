@@ -187,7 +187,7 @@ def look_elsewhere(config: RigConfig, report: Report, open_bus: Callable[[int], 
     known = {joint.id for joint in config.joints} - {*report.missing}
     bauds = list(dict.fromkeys((report.baud, *LIKELY_BAUDS))) if report.missing else []
     return [
-        f"a {who.model} answers as id {who.id} at {baud} baud{' in Protocol 1.0' * (who.protocol == 1)}: connect it "
+        f"{who.model} answers as id {who.id} at {baud} baud{' in Protocol 1.0' * (who.protocol == 1)}: connect it "
         f"alone, then motiondeck rig setup {report.port} "
         f"--id {report.missing[0] if len(report.missing) == 1 else 'ID'} --baud {report.baud}"
         for baud, who in scan(open_bus, bauds)

@@ -8,6 +8,7 @@ equally many periods. The takes of a motion are NAME.clip, NAME.2.clip, NAME.3.c
 
 from __future__ import annotations
 
+import math
 import re
 from collections.abc import Iterable, Sequence
 from pathlib import Path
@@ -107,11 +108,11 @@ def join_takes(takes: Sequence[Array], names: Sequence[str], rate: float, *, loo
             continue
         part = _best_part(take, periods[reference]) if loop else take
         over = _laid_over(part, periods[reference])
-        if _distance(over, periods[reference]) > within:
+        if (differs := _distance(over, periods[reference])) > within:
+            more = math.ceil(100.0 * (differs / within - 1.0))
             raise FileFormatError(
-                f"{names[number]} is not the motion of {names[reference]}: they stay "
-                f"{_distance(over, periods[reference]):.2f} apart where {within:.2f} is the most. Teach it again, or "
-                "give it a name of its own."
+                f"{names[number]} is not the motion of {names[reference]}: they differ by {more} % more than takes of "
+                "a motion may. Teach it again, or give it a name of its own."
             )
         laid.append(over)
     mean = np.mean(laid, axis=0)

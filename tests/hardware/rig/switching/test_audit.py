@@ -71,9 +71,9 @@ AS_OTHER_TOOLS_LEAVE_IT = {
     "reversed": ({"drive_mode": 1}, "drive_mode is 1, the rig needs 0", "refused"),
     "extended position": ({"operating_mode": 4}, "operating_mode is 4, the rig needs 3", "mended"),
     "status return level 0": ({"status_return_level": 0}, "its status_return_level is 0", "mended"),
-    "from the box": ({"baud_rate": 1}, "a XM430-W350 answers as id 1 at 57600 baud", "refused"),
-    "another id": ({"id": 77}, "a XM430-W350 answers as id 77 at 1000000 baud: connect it alone", "refused"),
-    "Protocol 1.0": ({"protocol_type": 1}, "a XM430-W350 answers as id 1 at 1000000 baud in Protocol 1.0", "refused"),
+    "from the box": ({"baud_rate": 1}, "XM430-W350 answers as id 1 at 57600 baud", "refused"),
+    "another id": ({"id": 77}, "XM430-W350 answers as id 77 at 1000000 baud: connect it alone", "refused"),
+    "Protocol 1.0": ({"protocol_type": 1}, "XM430-W350 answers as id 1 at 1000000 baud in Protocol 1.0", "refused"),
 }
 
 
