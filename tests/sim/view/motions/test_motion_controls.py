@@ -1,5 +1,7 @@
 """Motions on the page: pictures, the queue, blends and the phase, in a browser; and what is found out of a library."""
 
+from unittest.mock import Mock
+
 import numpy as np
 import pytest
 
@@ -9,6 +11,7 @@ from controller.wire.messages.commands import Blend, Jump, Queue, Switch
 from motiondeck_base.shipped import find_library
 from sim.view.motions.library_glance import MOST, Partners, blends_of, pictures_of
 from sim.view.motions.motion_controls import MotionControls
+from sim.view.panel import Panel
 from sim.view.web.parts import PageParts
 from sim.view.web.private_page import PrivatePage
 from sim.view.web.state_line import RunState
@@ -152,6 +155,30 @@ def test_grid_queue_ring_and_pad_send_commands(browser):
         controls._touched = 0.0
         controls.show(RunState(motion="jog", playing="jog"), {"phase": np.array([0.4])})
         tab.get_by_role("group").get_by_text("jog is a one-shot").first.wait_for()
+    finally:
+        tab.close()
+        page.stop()
+
+
+class KnownToBeFarApart(Known):
+    """A motion that can be blended with hardly any other."""
+
+    blends = {"walk": Partners(["jog"], [""], {name: f"{name} lies down" for name in MOTIONS[2:]})}  # noqa: RUF012
+
+
+def test_a_long_list_of_what_cannot_be_blended_makes_the_panel_no_wider(browser):
+    """It had the emergency stop half out of sight."""
+    page = PrivatePage(free_port(), "test")
+    panel = Panel(page, MOTIONS, [], Mock(), has_phase=True, look_from=Mock())
+    panel._controls_of_motions._glance = KnownToBeFarApart()
+    panel.show({"playing": np.zeros(1), "motion": np.zeros(1), "phase": np.array([0.4])})
+    tab = browser.new_page(viewport={"width": 1000, "height": 700})
+    tab.set_default_timeout(60_000)
+    stop = tab.get_by_role("button", name="Emergency stop")
+    try:
+        tab.goto(page.address)
+        tab.get_by_text("no blend with waltz").wait_for()
+        until(lambda: (box := stop.bounding_box()) and box["x"] + box["width"] <= 1000, "the panel within the window")
     finally:
         tab.close()
         page.stop()
