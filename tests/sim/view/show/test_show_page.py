@@ -20,6 +20,8 @@ def in_lines_of(tab, width):
     """Whether go and hold share a line of a window, and the cards of the decks have all of the next one."""
     go, hold = (tab.get_by_role("button", name=name, exact=True).bounding_box() for name in ("Go", "Hold"))
     cards = [card.bounding_box() for card in tab.locator("#decks > div").all()]
+    if not cards or None in (go, hold, *cards):  # the window is being laid out
+        return False
     beside = abs(go["y"] - hold["y"]) < 2 and go["x"] + go["width"] <= hold["x"]
     across = go["x"] < 30 and hold["x"] + hold["width"] > width - 40 and cards[0]["x"] < 30
     in_sight = all(card["x"] + card["width"] <= width for card in cards)
