@@ -400,6 +400,16 @@ CONVENTIONS = {
         "hand": "LWrist",
         "other": "Nose LEye LEar",
     },
+    "MediaPipe": {
+        "thigh": "left_hip",
+        "shank": "left_knee",
+        "foot": "left_ankle",
+        "toes": "left_foot_index",
+        "upper arm": "left_shoulder",
+        "forearm": "left_elbow",
+        "hand": "left_wrist",
+        "other": "nose left_eye_inner left_ear mouth_left left_pinky left_index left_thumb left_heel",
+    },
     "Noitom": {
         "pelvis": "Robot_Hips",
         "trunk": "Robot_Spine Robot_Spine1",

@@ -59,7 +59,7 @@ _SIDED: dict[Part, str] = {
     "thigh": "upleg upperleg legupper uleg thigh thighbend femur hip",
     "shank": "lowerleg lowleg loleg leglower leg calf shin shank tibia knee",
     "foot": "foot ankle footankle",
-    "toes": "toe toes toebase ball football bigtoe",
+    "toes": "toe toes toebase ball football bigtoe footindex",
     "clavicle": "clavicle clav collar collarbone shoulder scapula thorax",
     "upper arm": "upperarm uparm armupper arm uarm humerus shldr shldrbend",
     "forearm": "forearm forearmbend lowerarm lowarm loarm armlower farm radius elbow",
