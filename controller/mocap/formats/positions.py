@@ -12,26 +12,27 @@ equally well, from the nearest. Bones called "A-B" and "A-C" start in one joint,
 does not say how bones are twisted; `orientation` settles it. But where the points that are called hips or thighs lie in
 the hips, near the root, all are points in joints, as in tables without a root.
 
-Ours have z up. Others do not say which axis is up: the body tells.
+Ours have z up. Others do not say which axis is up, or down as that of a camera: the body tells.
 """
 
 from __future__ import annotations
 
 import math
 import re
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
 
 from controller.mocap.clip import Clip
 from controller.mocap.formats.markers.joint_points import joint_points
+from controller.mocap.formats.markers.jointed_body import ARMS, LEGS
 from controller.mocap.formats.markers.tracks import FARTHEST, Markers, unit_of_size
 from controller.mocap.orientation import orient
 from controller.mocap.reading_options import AS_FOUND, ReadingOptions
 from controller.mocap.rest_pose import RecordedBody, stand
 from controller.mocap.skeleton import ROOT, Skeleton
-from controller.rotations import Array, continuous, normalise
+from controller.rotations import Array, continuous, dot, normalise
 from motiondeck_base.errors import FileFormatError
 from motiondeck_base.files import Line, as_float, no_number, read_lines
 
@@ -69,7 +70,7 @@ def read_positions(path: str | Path, options: ReadingOptions = AS_FOUND) -> Clip
     up = options.up or ("z" if table.ours else None)
     points = Markers(names, table.rate, position, up, Path(path).name)
     if not is_body or _in_joints(points):
-        return points
+        return points if up else _turned_over(points)
     if len(names) < 2 or np.isnan(position).any():
         raise FileFormatError(f"{path}: a body needs its root and all other joints in every frame. Fill the gaps.")
     name = Path(path).stem
@@ -88,6 +89,26 @@ def _in_joints(points: Markers) -> bool:
     return bool(joints) and all(
         apart(joints[side + "hip"], root) < IN_HIP * apart(joints[side + "hip"], joints[side + "kne"]) for side in "lr"
     )
+
+
+def _turned_over(points: Markers) -> Markers:
+    """The points of a camera, whose axis points down, turned by half a turn about x; others as they are.
+
+    Legs that point along the axis that is up may be those of somebody who stands on the hands: then the arms point away
+    from them.
+    """
+    joints = joint_points(points)
+    if not all(joint in joints for joint in (*LEGS, *ARMS)):
+        return points
+    legs, arms = (
+        np.mean([joints[side + end] - joints[side + start] for side in "lr"], axis=0)
+        for start, end in (("hip", "ank"), ("sho", "wri"))
+    )
+    y, z = legs.mean(axis=0)[1:]
+    down = (y if abs(y) > abs(z) else z) > 0.0
+    if not down or np.mean(dot(legs, arms)) < 0.0:
+        return points
+    return replace(points, position=points.position * np.array([1.0, -1.0, -1.0]))
 
 
 def is_table(path: Path) -> bool:

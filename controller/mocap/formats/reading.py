@@ -55,7 +55,8 @@ _INSTEAD = {
     ".tsv": "a table of Qualisys or others. Export the recording as .c3d or .trc.",
     **dict.fromkeys((".mot", ".sto"), "OpenSim's angles, which need its model. Give the markers (.trc or .c3d)."),
 }
-CONVERTIBLE = frozenset(_INSTEAD) - {".asf"}
+_MOSTLY_OTHERS = {".asf", ".dae", ".abc", ".tsv", ".mot", ".sto", ".qtm"}  # lie beside recordings: meshes, tables
+CONVERTIBLE = frozenset(_INSTEAD) - _MOSTLY_OTHERS
 """The endings of recordings that `read_clip` refuses with the way to unpack or convert them, in small letters."""
 
 

@@ -201,12 +201,8 @@ def test_a_table_of_joints_of_others_is_the_person_whatever_axis_is_up(tmp_path,
     """As pose estimators write them; where the joints are is known from the person."""
     person = moving(frames=40)
     names = JOINTS | {"hips": first}
-    axes = [0, 1, 2] if up == "y" else [2, 0, 1]
-    places = np.stack([person.place[key] for key in names], axis=1)[..., axes] * unit
-    lines = [",".join(["time", *(f"{name}_{axis}" for name in names.values() for axis in "xyz")])]
-    lines += [f"{k / person.rate:.6f}," + ",".join(f"{v:.6f}" for v in row.ravel()) for k, row in enumerate(places)]
-    (tmp_path / "estimated.csv").write_text("\n".join(lines))
-    own = to_canonical(read_clip(tmp_path / "estimated.csv"))
+    axes = unit * (np.eye(3) if up == "y" else np.eye(3)[[2, 0, 1]])
+    own = to_canonical(estimated(tmp_path, person, axes, names))
     joints = dict(zip(("root", *own.skeleton.bones), np.moveaxis(own.joints(), 1, 0), strict=True))
     for side in "lr":
         for upper, lower in (("hip", "kne"), ("kne", "ank"), ("sho", "elb"), ("elb", "wri")):
@@ -215,6 +211,42 @@ def test_a_table_of_joints_of_others_is_the_person_whatever_axis_is_up(tmp_path,
             assert np.abs(normalise(ours) - normalise(true)).max() < 1e-3, side + lower
     middle = in_our_axes(0.5 * (person.place["l thigh"] + person.place["r thigh"]))
     assert np.abs(own.root_position - middle).max() < 0.02
+
+
+def estimated(tmp_path, person, axes, names=JOINTS):
+    """A table of a pose estimator, its places turned into other axes."""
+    places = np.stack([person.place[key] for key in names], axis=1) @ np.array(axes, float).T
+    lines = [",".join(["time", *(f"{name}_{axis}" for name in names.values() for axis in "xyz")])]
+    lines += [f"{k / person.rate:.6f}," + ",".join(f"{v:.6f}" for v in row.ravel()) for k, row in enumerate(places)]
+    (tmp_path / "estimated.csv").write_text("\n".join(lines))
+    return read_clip(tmp_path / "estimated.csv")
+
+
+Y_DOWN, TIPPED = np.diag([1.0, -1.0, -1.0]), [[1, 0, 0], [0, 0, -1], [0, 1, 0]]
+
+
+@pytest.mark.parametrize("axes", [Y_DOWN, TIPPED @ Y_DOWN], ids=["y down", "z down"])
+def test_a_camera_has_its_axis_down_and_the_person_stands(tmp_path, axes):
+    person = moving(frames=40)
+    clip = estimated(tmp_path, person, axes)
+    own = to_canonical(clip)
+    assert np.percentile(own.joints()[:, own.skeleton.bones.index("head") + 1, 2] - own.root_position[:, 2], 5) > 0.3
+    shank = (
+        own.joints()[:, 1 + own.skeleton.bones.index("lank")] - own.joints()[:, 1 + own.skeleton.bones.index("lkne")]
+    )
+    true = person.place["l foot"] - person.place["l shank"]
+    assert np.allclose(normalise(shank)[:, 2], normalise(true)[:, 1], atol=1e-3)
+
+
+def test_who_stands_on_the_hands_is_not_turned_over(tmp_path):
+    """The arms tell: they point away from the legs."""
+    person = moving(frames=40)
+    up = {key: place.copy() for key, place in person.place.items()}
+    for side in "lr":
+        for k, key in enumerate(("forearm", "hand")):
+            up[f"{side} {key}"] = up[f"{side} arm"] + (k + 1) * np.array([0.0, 0.27, 0.0])
+    own = to_canonical(estimated(tmp_path, replace(person, place=up), Y_DOWN))
+    assert (own.joints()[:, own.skeleton.bones.index("head") + 1, 2] < own.root_position[:, 2]).all()
 
 
 def test_a_table_written_as_ours_with_another_axis_up_is_doubted(tmp_path, walk):
