@@ -6,7 +6,7 @@
 from __future__ import annotations
 
 from copy import deepcopy
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 import mujoco
@@ -142,90 +142,98 @@ class RobotLoader:
 
     def __call__(self, skeleton: Skeleton, solver: Solver | None = None, dt: float = DT) -> Robot:
         """The robot for one skeleton, as `load_robot` gives it; robots of one loader share their model."""
-        path, file = self._path, self.file
-        if file.kind == "mannequin":
-            if isinstance(skeleton, JointBody):
-                raise FileFormatError(
-                    f"{path}: these motions were taught on the joints {listed(skeleton.bones)}, which a mannequin "
-                    "has not. Give the robot that has them with --robot, or play them on the rig alone: "
-                    "motiondeck rig play."
-                )
-            spec = build_mannequin(skeleton)
-            model = spec.compile()
-        else:
-            self._built = self._built or _load_model(path, file)
-            spec, model = self._built
+        if self.file.kind == "mannequin":
+            return _mannequin(self._path, self.file, skeleton)
+        self._built = self._built or _load_model(self._path, self.file)
+        plain = _PlainRobot.of(self._path, self.file, *self._built)
+        height, leg = self.file.root_height, skeleton.leg_length
+        scale = height / leg if height and leg > 0.0 else 1.0
+        if isinstance(skeleton, JointBody):
+            return plain.playing(JointRetargeter(skeleton, plain.layout.joints, plain.rest), scale)
+        return _humanoid(plain, skeleton, scale, solver or self.file.solver, dt)
+
+
+@dataclass(frozen=True)
+class _PlainRobot:
+    """A robot as its file and its model say, whatever motions it is to play; the attributes are those of `Robot`."""
+
+    path: Path
+    file: RobotFile
+    spec: mujoco.MjSpec
+    model: mujoco.MjModel
+    layout: JointLayout
+    limits: JointLimits
+    rest: Array
+
+    @classmethod
+    def of(cls, path: Path, file: RobotFile, spec: mujoco.MjSpec, model: mujoco.MjModel) -> _PlainRobot:
         layout = JointLayout.of(model)
         limits = _limits(path, file, model, layout)
-        rest = _rest(path, file, layout, limits)
-        if file.kind == "mannequin":
-            retarget = MannequinRetargeter(skeleton)
-            return Robot(
-                file.name,
-                spec,
-                model,
-                layout,
-                limits,
-                rest,
-                bent_joints(retarget, skeleton, limits, TUCKED),
-                retarget,
-                1.0,
-                file.servo,
-                None,
-                file.walk,
-                _rise(file.rise, retarget, skeleton, limits),
-            )
-        scale = file.root_height / skeleton.leg_length if file.root_height and skeleton.leg_length > 0.0 else 1.0
-        if isinstance(skeleton, JointBody):
-            taught = JointRetargeter(skeleton, layout.joints, rest)
-            return Robot(file.name, spec, model, layout, limits, rest, rest, taught, scale, file.servo)
-        stance = HumanStance(skeleton, dt)
-        retarget = _retargeter(path, file, solver or file.solver, skeleton, model, layout, limits, rest, dt, stance)
-        feet = [model.body(file.parts[foot]).id for foot in FEET if foot in file.parts]
-        turned, waist = np.array(file.root_rotation), None
-        if "pelvis" in file.parts:
-            pelvis = UprightPelvis(model, model.body(file.parts["pelvis"]).id, turned)
-            if pelvis.below_a_waist:
-                waist = pelvis
-                scale *= 1.0 + pelvis.above_root / file.root_height if file.root_height else 1.0
-        footing = Footing(stance, model, feet, turned, scale, waist)
-        tucked = bent_joints(retarget, skeleton, limits, TUCKED)
+        return cls(path, file, spec, model, layout, limits, _rest(path, file, layout, limits))
+
+    def playing(self, retarget: Retargeter, path_scale: float) -> Robot:
+        """The robot that plays what a retargeter makes of poses; it neither protects itself nor gets up."""
         return Robot(
-            file.name,
-            spec,
-            model,
-            layout,
-            limits,
-            rest,
-            tucked,
-            retarget,
-            scale,
-            file.servo,
-            footing,
-            file.walk,
-            _rise(file.rise, retarget, skeleton, limits),
+            name=self.file.name,
+            spec=self.spec,
+            model=self.model,
+            layout=self.layout,
+            limits=self.limits,
+            rest=self.rest,
+            tucked=self.rest,
+            retarget=retarget,
+            path_scale=path_scale,
+            servo=self.file.servo,
+        )
+
+    def playing_a_human(self, retarget: Retargeter, path_scale: float, skeleton: Skeleton) -> Robot:
+        """The robot that plays a human's poses, tucks itself in as it falls, and walks and gets up as its file says."""
+        return replace(
+            self.playing(retarget, path_scale),
+            tucked=bent_joints(retarget, skeleton, self.limits, TUCKED),
+            walk=self.file.walk,
+            rise=_rise(self.file.rise, retarget, skeleton, self.limits),
         )
 
 
-def _retargeter(
-    path: Path,
-    file: RobotFile,
-    solver: Solver,
-    skeleton: Skeleton,
-    model: mujoco.MjModel,
-    layout: JointLayout,
-    limits: JointLimits,
-    rest: Array,
-    dt: float,
-    stance: HumanStance,
-) -> Retargeter:
-    parts = file.parts
+def _mannequin(path: Path, file: RobotFile, skeleton: Skeleton) -> Robot:
+    """A mannequin, built from the skeleton."""
+    if isinstance(skeleton, JointBody):
+        raise FileFormatError(
+            f"{path}: these motions were taught on the joints {listed(skeleton.bones)}, which a mannequin "
+            "has not. Give the robot that has them with --robot, or play them on the rig alone: "
+            "motiondeck rig play."
+        )
+    spec = build_mannequin(skeleton)
+    plain = _PlainRobot.of(path, file, spec, spec.compile())
+    return plain.playing_a_human(MannequinRetargeter(skeleton), 1.0, skeleton)
+
+
+def _humanoid(plain: _PlainRobot, skeleton: Skeleton, scale: float, solver: Solver, dt: float) -> Robot:
+    """A humanoid of this size over that of the skeleton, with its feet on the ground."""
+    file, model = plain.file, plain.model
+    stance = HumanStance(skeleton, dt)
+    retarget = _retargeter(plain, skeleton, solver, dt, stance)
+    feet = [model.body(file.parts[foot]).id for foot in FEET if foot in file.parts]
+    turned, waist = np.array(file.root_rotation), None
+    if "pelvis" in file.parts:
+        pelvis = UprightPelvis(model, model.body(file.parts["pelvis"]).id, turned)
+        if pelvis.below_a_waist:
+            waist = pelvis
+            scale *= 1.0 + pelvis.above_root / file.root_height if file.root_height else 1.0
+    footing = Footing(stance, model, feet, turned, scale, waist)
+    return replace(plain.playing_a_human(retarget, scale, skeleton), footing=footing)
+
+
+def _retargeter(plain: _PlainRobot, skeleton: Skeleton, solver: Solver, dt: float, stance: HumanStance) -> Retargeter:
+    path, model, parts, joints, limits = plain.path, plain.model, plain.file.parts, plain.layout.joints, plain.limits
+    upright = np.array(plain.file.root_rotation)
     if solver == "angles":
         if parts:
-            RobotLimbs(path, model, parts, np.array(file.root_rotation), layout.joints)
+            RobotLimbs(path, model, parts, upright, joints)  # refuses parts that it cannot have
         try:
             return ServoHumanoidRetargeter(
-                skeleton, layout.joints, limits.lower, limits.upper, file.angles, rest, stance.flat, dt
+                skeleton, joints, limits.lower, limits.upper, plain.file.angles, plain.rest, stance.flat, dt
             )
         except UnknownNameError as error:
             raise UnknownNameError(f"{path}: {error}") from None
@@ -233,8 +241,8 @@ def _retargeter(
 
     if not parts:
         raise FileFormatError(f"{path}: solver 'ik' needs a table [parts]: `motiondeck robot calibrate` writes one")
-    limbs = RobotLimbs(path, model, parts, np.array(file.root_rotation), layout.joints)
-    return InverseKinematics(skeleton, limbs, limits, rest, dt, stance)
+    limbs = RobotLimbs(path, model, parts, upright, joints)
+    return InverseKinematics(skeleton, limbs, limits, plain.rest, dt, stance)
 
 
 def bent_joints(retarget: Retargeter, skeleton: Skeleton, limits: JointLimits, bends: Bends) -> Array:
