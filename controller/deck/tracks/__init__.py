@@ -1,1 +1,1 @@
-"""One motion as it plays: a network in continuous time, alone or mixed with another."""
+"""Motions as they play: networks in continuous time, alone or blended."""
