@@ -129,12 +129,3 @@ class Generator(Protocol):
         A tempo is a factor on dt: 0 holds the motion. One with a phase also goes back, where dt is negative.
         """
         ...
-
-
-class PhaseGenerator(Generator, Protocol):
-    """Plays motions in continuous time, forwards and backwards, and is sent to any phase by `cue`."""
-
-    @property
-    def phase(self) -> float:
-        """How far the motion is: [0, 1) in a loop, 0 to 1 in a one-shot."""
-        ...

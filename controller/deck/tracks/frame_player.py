@@ -31,7 +31,7 @@ class PlayerState:
 class FramePlayer:
     """Plays a frame network in continuous time; fits `base.Generator`.
 
-    One that a center drives is also sent to any phase and played backwards: it fits `base.PhaseGenerator`.
+    One that a center drives is also sent to any phase and played backwards.
 
     Args:
         network: the network that is played.
