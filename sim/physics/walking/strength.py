@@ -42,9 +42,7 @@ def check_legs(robot: Robot, model: mujoco.MjModel, body: WholeBody, feet: tuple
     _check_ankles(robot, model, feet)
     plan, root = body.plan, int(model.jnt_bodyid[0])
     weight, centre = float(model.body_subtreemass[root]) * GRAVITY, plan.subtree_com[root]
-    joints = model.actuator_trnid[:, 0]
-    dof = model.jnt_dofadr[joints].astype(np.int64)
-    dof[robot.layout.ball] += np.arange(3)
+    joints, dof = model.actuator_trnid[:, 0], robot.layout.dof
     most = strength(model)
     if robot.servo is not None:
         most = np.minimum(most, robot.servo.most)

@@ -125,10 +125,8 @@ class Walker:
         mujoco.mj_kinematics(model, self._motion)
         left = self._stance(self._motion)[0][:, 1]
         self._sides = np.sign(left - left.mean())
-        driven = model.jnt_dofadr[model.actuator_trnid[:, 0]].astype(np.int64)
-        driven[robot.layout.ball] += np.arange(3)
         stiffness = np.full(model.nv, np.inf)
-        stiffness[driven] = np.maximum(model.actuator_gainprm[:, 0], 1e-9)
+        stiffness[robot.layout.dof] = np.maximum(model.actuator_gainprm[:, 0], 1e-9)
         self._fades = float(np.exp(-dt / RIGHTS))
         self._late = robot.servo.latency if robot.servo is not None else 0.0
         down = model.opt.gravity if gravity is None else gravity

@@ -154,12 +154,6 @@ class WholeBody:
 
     def _fastest(self) -> Array:
         """The speed limit of each degree of freedom, shape (nv,)."""
-        model, layout, limit = self._model, self._robot.layout, self._robot.limits.velocity
-        most = np.full(model.nv, np.inf)
-        joint = model.actuator_trnid[:, 0]
-        for index in layout.hinge:
-            most[model.jnt_dofadr[joint[index]]] = limit[index]
-        for row in layout.ball:
-            first = model.jnt_dofadr[joint[row[0]]]
-            most[first : first + 3] = limit[row]
+        most = np.full(self._model.nv, np.inf)
+        most[self._robot.layout.dof] = self._robot.limits.velocity
         return most
