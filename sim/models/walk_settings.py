@@ -24,6 +24,8 @@ class WalkSettings(msgspec.Struct, forbid_unknown_fields=True, frozen=True):
         ahead: what a landing foot makes up for of the error of the capture point, forwards.
         aside: the same, sideways.
         ankle: how far the centre of mass is moved against what is left of that error.
+        lean: how far it is moved to a side at most, in half lengths of the sole; ahead it is 0.8. Beyond the half width
+            of the sole a stiff ankle lifts the foot onto its edge.
         upright: what the swinging foot makes up for of how far the trunk's tilt moves it, as a share.
         feed_forward: the share of the torques of gravity that the servos of the legs get in advance.
         toe: how far a foot is turned over its toes when it leaves the floor after the longest step, rad.
@@ -42,6 +44,7 @@ class WalkSettings(msgspec.Struct, forbid_unknown_fields=True, frozen=True):
     ahead: float = 0.8
     aside: float = 0.5
     ankle: float = 0.9
+    lean: float = 0.28
     upright: float = 0.6
     feed_forward: float = 0.6
     toe: float = 0.3

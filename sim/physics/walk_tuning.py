@@ -32,6 +32,7 @@ SEARCHED = {
     "ahead": (0.5, 1.1),
     "aside": (0.3, 1.1),
     "ankle": (0.2, 1.2),
+    "lean": (0.1, 0.8),
     "upright": (0.1, 1.0),
     "feed_forward": (0.0, 1.0),
     "toe": (0.05, 0.6),

@@ -26,7 +26,7 @@ FROZEN = 0.15
 # In one step the robot turns by at most so much, a foot lands turned by at most so much from its heading, and what
 # stands is at most so much turned from it while it turns on, rad.
 TURN, FOOT_TURN, TWIST = 0.6, 0.5, 0.6
-# A foot lands at most so much farther to its side than it has to be, in widths.
+# A foot lands at most so much farther to its side than it has to be, in widths, or as far as it lands flat.
 APART = 0.9
 # The most that a step is made longer, in heights of the root, and how narrow and how wide it may become, in widths.
 LONGER, NARROW, WIDE = 0.7, 0.85, 2.2
@@ -52,11 +52,20 @@ class Gait:
         recoveries: how often it took a step that is not the motion's.
     """
 
-    def __init__(self, settings: WalkSettings, height: float, sole: float, sides: Array) -> None:
-        """Takes the height of the root, m, the length of the sole, m, and which side each foot is on, 1 for left."""
+    def __init__(self, settings: WalkSettings, height: float, sole: float, sides: Array, widest: float) -> None:
+        """Takes a robot.
+
+        Args:
+            settings: how it walks.
+            height: of its root, m.
+            sole: its length, m.
+            sides: which side each foot is on, 1 for left, shape (2,).
+            widest: how far apart its soles may be, side by side, m.
+        """
         self._set, self._height, self._sides = settings, height, sides
         self._roll = 0.5 * sole * settings.roll
         self._width = settings.width * height
+        self._apart = min(APART * self._width, widest - self._width)
         self._reach = STRETCH * height * float(np.hypot(settings.longest, settings.width))
         self._slowest = settings.slowest * float(np.sqrt(height / GRAVITY))  # on one foot errors grow
 
@@ -249,7 +258,7 @@ class Gait:
         side = self._sides[swing.foot]
         aside = share * max(side * y - self._width, 0.0)
         # Legs that are apart reach less far ahead.
-        far = max(1.0, float(np.hypot(share * x / most, aside / (APART * self._width))))
+        far = max(1.0, float(np.hypot(share * x / most, aside / max(self._apart, 1e-9))))
         place = other + _turned((share * x / far, side * (self._width + aside / far)), heading)
         yaw = heading + _clipped(swing.yaw - swing.heading)
         # Who only follows the other foot, as boxers do, does not roll.

@@ -42,11 +42,12 @@ from motiondeck_base.errors import MotiondeckError
 from sim.models.feet import Foot
 from sim.models.gravity import GRAVITY
 from sim.physics.walking.capture_point import follow, pendulum_rate, planned_capture_point, run_away
-from sim.physics.walking.gait import Gait
+from sim.physics.walking.gait import WIDE, Gait
 from sim.physics.walking.momentum import Momentum
 from sim.physics.walking.preview import AHEAD, Preview, Travel
 from sim.physics.walking.rolling import ROUNDED, from_flat
 from sim.physics.walking.senses import Estimate, ExactState, Sensors
+from sim.physics.walking.spread import widest
 from sim.physics.walking.steps import highest, swing_path
 from sim.physics.walking.strength import check_legs
 from sim.physics.walking.whole_body import WholeBody
@@ -57,7 +58,7 @@ HEIGHT = 15.0
 # How fast the root rises at most, in heights a second, beside the motion's own rise: a knee that lifts the body faster
 # than its servo can under load lags, and the trunk tilts.
 CLIMBS = 0.35
-# How far ankles move the centre of mass at most, in half lengths of the sole.
+# How far ankles move the centre of mass ahead and back at most, in half lengths of the sole.
 REACH = 0.8
 # They act on an error that is smoothed over so long, s, where nothing limits the servos: the noise of its speed would
 # shake them, and the feet would rattle along the floor. Servos with a torque-speed line do not follow it, but what is
@@ -138,6 +139,7 @@ class Walker:
         self._takes = min(1.0, dt / max(smoothed, dt))
         self._yields = self._set.feed_forward * self._body.legs / stiffness
         self._motion.qpos[2] -= self._stance(self._motion)[0][:, 2].mean()
+        self._widest = self._find_widest()
         self.start(self._motion)
         check_legs(robot, model, self._body, tuple(feet), self._half * self._set.roll)
 
@@ -160,7 +162,7 @@ class Walker:
         self._pressure, self._astray = self._centre.copy(), 0.0
         self._off, self._learned = np.zeros(2), np.zeros(2)
         self._righted = np.zeros((2, 3))
-        self._gait = Gait(self._set, height, 2.0 * self._half, self._sides)
+        self._gait = Gait(self._set, height, 2.0 * self._half, self._sides, self._widest * height)
         self._gait.start(self._centre, facing, yaws)
         goal = data.qpos.copy()
         goal[2] -= self._set.bend * height
@@ -207,6 +209,14 @@ class Walker:
         self._carry(goal, self._pressure)
         self.travel.add(data.qpos[:2])
 
+    def _find_widest(self) -> float:
+        """How far apart feet that land flat may be, side by side, in heights of the root."""
+        goal, settings = self._motion.qpos.copy(), self._set
+        height = float(goal[2])
+        goal[2] -= settings.bend * height
+        most = WIDE * settings.width
+        return widest(self._body, goal, self._flat, self._sides, settings.width * height, most * height) / height
+
     def _look_ahead(self, goal: Array, heading: float) -> None:
         self._momentum.add(goal)
         self._motion.qpos[:] = goal
@@ -242,8 +252,9 @@ class Walker:
         self._off += self._takes * (off - self._off)
         self._learned += LEARNS * self._dt * (turning.T @ off)
         np.clip(self._learned, -most, most, out=self._learned)
-        push = -self._set.ankle * self._off - turning @ self._learned
-        return push * min(1.0, REACH * self._half / max(float(np.hypot(*push)), 1e-9))
+        ahead, aside = -self._set.ankle * (turning.T @ self._off) - self._learned
+        far = float(np.hypot(ahead / REACH, aside / self._set.lean)) / self._half
+        return turning @ np.array([ahead, aside]) / max(far, 1.0)
 
     def _feet(self, tilt: Array) -> tuple[list[Array], list[Array]]:
         """Where the soles are to be and how the feet are to be turned; the swinging one is raised against the tilt.

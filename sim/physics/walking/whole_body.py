@@ -129,6 +129,15 @@ class WholeBody:
         mujoco.mj_integratePos(model, plan.qpos, np.clip(step, -most, most), 1.0)
         self._within_limits()
 
+    def sole(self, foot: int) -> tuple[Array, float]:
+        """The middle of the sole of a foot in the last solution, shape (3,), m, and how far it is from level, rad."""
+        plan, body = self.plan, self.bodies[foot]
+        mujoco.mj_kinematics(self._model, plan)
+        frame = plan.xmat[body].reshape(3, 3)
+        return plan.xpos[body] + frame @ self._soles[foot], float(
+            np.arccos(min(frame[2] @ self._axes[foot][:, 2], 1.0))
+        )
+
     def pushed(self, foot: int, force: Array, arm: Array) -> Array:
         """The joint torques (nv,), N m, of a force (3,), N, on a sole, `arm` (3,), m, from its middle."""
         rows = self.jacobian[6 * foot : 6 * foot + 6]

@@ -39,8 +39,8 @@ def pendulum(gait, seconds, *, push=0.0, catch=True, **walk):
     return np.array(rows)
 
 
-def new_gait():
-    gait = Gait(SETTINGS, 1.0, 0.25, np.array([1.0, -1.0]))
+def new_gait(widest=2.2 * SETTINGS.width):
+    gait = Gait(SETTINGS, 1.0, 0.25, np.array([1.0, -1.0]), widest)
     gait.start(np.zeros(2), 0.0, np.zeros(2))
     return gait
 
@@ -65,6 +65,27 @@ def test_feet_never_meet_however_hard_the_push():
     gait = new_gait()
     pendulum(gait, 4.2, push=0.5, length=0.3, step=0.5)
     assert abs(gait.places[0, 1] - gait.places[1, 1]) > 0.8 * SETTINGS.width
+
+
+def widest_step(widest):
+    """How far apart the feet land at most of who walks with wide steps; feet lie flat as far apart as `widest`."""
+    gait, footfalls, widths = new_gait(widest), Footfalls(1.0, DT), []
+    soles, yaws, headings = walking_soles(6.0, DT, length=0.1, step=0.5)
+    soles[..., 1] *= 2.5
+    for k, row in enumerate(zip(soles, yaws, headings, strict=True)):
+        footfalls.add(k * DT, *row)
+        now = (k + 1) * DT - PREVIEW
+        ended = gait.advance(now, footfalls.swings, PREVIEW) if now > 0.0 else None
+        if ended is not None:
+            footfalls.forget(ended)
+            widths.append(abs(float(np.subtract(*gait.places)[1])))
+    return max(widths)
+
+
+def test_no_foot_lands_farther_to_its_side_than_it_lands_flat():
+    assert widest_step(0.4) > 0.32
+    assert 0.28 < widest_step(0.3) <= 0.3
+    assert widest_step(SETTINGS.width) == pytest.approx(SETTINGS.width)
 
 
 @pytest.mark.parametrize("push", [-0.5, 0.5])

@@ -26,7 +26,11 @@ def rolled(seconds, toe=TOE, heel=HEEL, motion=(9.0, -9.0), **walk):
     At each tick: which foot swings, 2 if none does; and the pitches of the soles.
     """
     settings = WalkSettings(share=1.0, longest=0.5, fastest=9.0, width=0.2, toe=toe, heel=heel)
-    gait, footfalls, rows = Gait(settings, 1.0, 2.0 * HALF, np.array([1.0, -1.0])), Footfalls(1.0, DT), []
+    gait, footfalls, rows = (
+        Gait(settings, 1.0, 2.0 * HALF, np.array([1.0, -1.0]), 2.2 * settings.width),
+        Footfalls(1.0, DT),
+        [],
+    )
     gait.start(np.zeros(2), 0.0, np.zeros(2))
     for k, row in enumerate(zip(*walking_soles(seconds + PREVIEW, DT, **walk), strict=True)):
         swinging = bool(footfalls.swings and footfalls.swings[-1].end is None)

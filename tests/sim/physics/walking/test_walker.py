@@ -18,7 +18,7 @@ from sim.physics.walking.walker import Walker
 from sim.robots.robot import load_robot
 from simulated_bodies import HUMAN, ROBOTS, bent_pose, human, skeleton_of
 
-DT = 0.005
+DT, LEAN = 0.005, 0.2
 
 
 def walk(name, motion, seconds, push=(0.0, 0.0, 0.0), at=np.inf, then=None):
@@ -187,6 +187,33 @@ def test_a_tilted_trunk_does_not_turn_the_sole_that_lands():
         raised.append(np.ptp([seen.xpos[model.body(foot.body).id][2] for foot in feet]) > 0.01)
     assert sum(raised) > 30
     assert np.mean(np.array(off_level)[raised]) < 3.0
+
+
+def leaning(direction):
+    """How far a standing mannequin leans against where its capture point is off, in half lengths of the sole."""
+    robot = load_robot(ROBOTS / "mannequin.toml", human())
+    robot = replace(robot, walk=msgspec.structs.replace(robot.walk, lean=LEAN))
+    model, feet = physics_model(robot, "free"), feet_of(robot)
+    walker, data, seen = Walker(robot, model, feet, DT), mujoco.MjData(model), mujoco.MjData(model)
+    robot.layout.place(robot.rest, data.qpos)
+    walker.start(data)
+    mujoco.mj_forward(model, data)
+    stood, goal = data.subtree_com[model.jnt_bodyid[0]].copy(), data.qpos.copy()
+    # A tenth of the root's height: it does not step for that.
+    data.qvel[:2] = 0.1 * data.qpos[2] * np.sqrt(9.81 / stood[2]) * np.array(direction)
+    for _ in range(30):
+        goal = data.qpos.copy()
+        walker.adjust(data, goal, 0.0)
+    assert walker.own_steps == 0
+    seen.qpos[:] = goal
+    mujoco.mj_forward(model, seen)
+    leant = (stood - seen.subtree_com[model.jnt_bodyid[0]])[:2] @ direction
+    return float(leant) / (0.5 * float(np.ptp(feet[0].corners @ feet[0].axes, axis=0)[0]))
+
+
+def test_ankles_lean_less_far_to_a_side_than_ahead():
+    # Soles are longer than wide, and a stiff foot that is asked for more tips over its edge.
+    assert 0.5 * LEAN < leaning((0.0, 1.0)) < 1.1 * LEAN < 1.4 * LEAN < leaning((1.0, 0.0))
 
 
 def test_arms_that_would_throw_the_robot_over_swing_less():
