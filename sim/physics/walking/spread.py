@@ -9,13 +9,14 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from controller.rotations import Array
+from controller.rotations import Array, conjugate, multiply, rotate
 from sim.physics.walking.whole_body import WholeBody
 
 # A foot that lands is flat if it is turned by less than this, rad, and in place within so many heights of the root.
 FLAT, THERE = 0.05, 0.01
 # Where the centre of mass is when a foot lands at its side, as a share of the way to that foot.
 SHIFTED = 0.35
+UP = np.array([0.0, 0.0, 1.0])
 # How often the range that the answer is in is halved.
 HALVINGS = 6
 
@@ -47,5 +48,7 @@ def _lands_flat(body: WholeBody, goal: Array, flat: Sequence[Array], sides: Arra
     stands = places[1 - foot]
     body.plan.qpos[:] = goal
     body.settle(goal, places, flat, (stands + SHIFTED * (places[foot] - stands))[:2])
-    sole, turned = body.sole(foot)
-    return turned < FLAT and bool(np.linalg.norm(sole - places[foot]) < THERE * goal[2])
+    turned = multiply(body.plan.xquat[body.bodies[foot]], conjugate(flat[foot]))
+    off_level = float(np.arccos(min(rotate(turned, UP)[2], 1.0)))
+    off_place = float(np.linalg.norm(body.sole(body.plan, foot) - places[foot]))
+    return off_level < FLAT and off_place < THERE * goal[2]

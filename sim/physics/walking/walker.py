@@ -118,7 +118,6 @@ class Walker:
         self._weight = float(model.body_subtreemass[self._root]) * GRAVITY
         self._body = WholeBody(robot, model, feet, dt, HEIGHT)
         self._motion = mujoco.MjData(model)
-        self._soles = [foot.sole for foot in feet]
         self._toes = [foot.axes[:, 0] for foot in feet]
         self._flat = [from_matrix(foot.axes.T) for foot in feet]
         self._half = 0.5 * float(np.ptp((feet[0].corners @ feet[0].axes)[:, 0]))
@@ -170,7 +169,6 @@ class Walker:
         data.qpos[:] = plan.qpos
         self._high = float(plan.qpos[2])
         self._lower = height - self._high
-        mujoco.mj_kinematics(model, plan)
         mujoco.mj_comPos(model, plan)
         self._omega = pendulum_rate(float(plan.subtree_com[self._root, 2]))
         self._momentum = Momentum(model, self._dt, AHEAD, self._omega, self._half)
@@ -299,7 +297,7 @@ class Walker:
         """The middles of the soles in a state, shape (2, 3), m, and which way they point, shape (2,), rad."""
         soles, yaws = np.empty((2, 3)), np.empty(2)
         for foot, body in enumerate(self._body.bodies):
-            soles[foot], _ = self._sole(data, foot)
+            soles[foot] = self._body.sole(data, foot)
             yaws[foot] = _azimuth(data.xmat[body].reshape(3, 3) @ self._toes[foot])
         return soles, yaws
 
@@ -319,14 +317,9 @@ class Walker:
 
     def _stands_on(self, data: mujoco.MjData, foot: int) -> tuple[Array, int]:
         """The middle of the sole, or of the edge that it is turned over, shape (3,), m, and the body of the foot."""
-        sole, body = self._sole(data, foot)
+        sole, body = self._body.sole(data, foot), self._body.bodies[foot]
         edge = self._half * min(max(float(self._pitches(data)[foot]) / ROUNDED, -1.0), 1.0)
         return sole + data.xmat[body].reshape(3, 3) @ (edge * self._toes[foot]), body
-
-    def _sole(self, data: mujoco.MjData, foot: int) -> tuple[Array, int]:
-        """The middle of the sole of a foot in a state, shape (3,), m, and the body of the foot."""
-        body = self._body.bodies[foot]
-        return data.xpos[body] + data.xmat[body].reshape(3, 3) @ self._soles[foot], body
 
 
 def _azimuth(direction: Array) -> float:

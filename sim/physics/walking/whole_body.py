@@ -71,6 +71,7 @@ class WholeBody:
         """Solves it to the end, however far joints have to go; as `step`."""
         for _ in range(STARTING_STEPS):
             self.step(goal, places, turns, centre, pace=np.inf)
+        mujoco.mj_kinematics(self._model, self.plan)
 
     def step(
         self,
@@ -97,9 +98,9 @@ class WholeBody:
         root = int(model.jnt_bodyid[0])
         jacobian, off = self.jacobian[:14], np.empty(14)
         weight, tasks = np.empty(14), jacobian
-        for k, (own, body) in enumerate(zip(self._soles, self.bodies, strict=True)):
+        for k, body in enumerate(self.bodies):
             rows = slice(6 * k, 6 * k + 3), slice(6 * k + 3, 6 * k + 6)
-            sole = plan.xpos[body] + plan.xmat[body].reshape(3, 3) @ own
+            sole = self.sole(plan, k)
             mujoco.mj_jac(model, plan, jacobian[rows[0]], jacobian[rows[1]], sole, body)
             off[rows[0]] = places[k] - sole
             off[rows[1]] = to_rotation_vector(multiply(turns[k], conjugate(plan.xquat[body])))
@@ -129,14 +130,10 @@ class WholeBody:
         mujoco.mj_integratePos(model, plan.qpos, np.clip(step, -most, most), 1.0)
         self._within_limits()
 
-    def sole(self, foot: int) -> tuple[Array, float]:
-        """The middle of the sole of a foot in the last solution, shape (3,), m, and how far it is from level, rad."""
-        plan, body = self.plan, self.bodies[foot]
-        mujoco.mj_kinematics(self._model, plan)
-        frame = plan.xmat[body].reshape(3, 3)
-        return plan.xpos[body] + frame @ self._soles[foot], float(
-            np.arccos(min(frame[2] @ self._axes[foot][:, 2], 1.0))
-        )
+    def sole(self, data: mujoco.MjData, foot: int) -> Array:
+        """The middle of the sole of a foot in a state, shape (3,), m."""
+        body = self.bodies[foot]
+        return data.xpos[body] + data.xmat[body].reshape(3, 3) @ self._soles[foot]
 
     def pushed(self, foot: int, force: Array, arm: Array) -> Array:
         """The joint torques (nv,), N m, of a force (3,), N, on a sole, `arm` (3,), m, from its middle."""
