@@ -18,6 +18,9 @@ RAMP = 0.25
 # A foot is lifted by at most so many heights of the root for each second of its swing: a quick one would hit the floor.
 RISES = 0.3
 
+Knot = tuple[float, float, float]
+"""Where the centre of pressure is, m, and how much of it goes along when the step under way gets longer."""
+
 
 @dataclass(slots=True)
 class Step:
@@ -52,8 +55,9 @@ def pressure_course(
     """Where the centre of pressure is to be when.
 
     Under a foot that stands alone it goes from `roll` behind the middle of the sole to as much before it; while both
-    stand, and MEETS before, from one to the other, and where that takes longer than two SHIFTs, by way of the middle
-    between them.
+    stand, and MEETS before, to where it is to be in the next step, and on the way there towards the middle between
+    them: all the way if both stand for two SHIFTs, else as far as there is time. So who takes two steps with the same
+    foot does not balance on the other one meanwhile.
 
     Args:
         now: s.
@@ -68,17 +72,19 @@ def pressure_course(
         the times of K knots, shape (K,), s; and at each, shape (K, 3), the centre of pressure, m, and how much of it
         goes along when the first step gets longer.
     """
-    at = [(*places[0], 0.0), (*places[1], 0.0)]
+    at: list[Knot] = [(float(x), float(y), 0.0) for x, y in places]
     toes = [(roll * np.cos(yaw), roll * np.sin(yaw)) for yaw in yaws]
     landed = None if last is None else last[0]
     times: list[float] = [] if last is None else [last[0]]
-    knots: list[tuple[float, float, float]] = [] if last is None else [(float(last[1][0]), float(last[1][1]), 0.0)]
+    knots: list[Knot] = [] if last is None else [(float(last[1][0]), float(last[1][1]), 0.0)]
 
-    def stand(begin: float | None, end: float | None) -> None:
-        if begin is not None and end is not None and end - begin <= 2.0 * SHIFT:
+    def stand(begin: float | None, then: tuple[float, Knot] | None) -> None:
+        middle, end = _between(at[0], at[1], 0.5), None if then is None else then[0]
+        if begin is not None and then is not None and then[0] - begin <= 2.0 * SHIFT:
+            straight, share = _between(knots[-1], then[1], 0.5), (then[0] - begin) / (2.0 * SHIFT)
+            times.append(0.5 * (begin + then[0]))
+            knots.append(_between(straight, middle, share))
             return
-        (a, b, c), (d, e, f) = at
-        middle = 0.5 * (a + d), 0.5 * (b + e), 0.5 * (c + f)
         times.append(min(now, (now if end is None else end) - SHIFT) - 1.0 if begin is None else begin + SHIFT)
         knots.append(middle)
         if end is not None:
@@ -86,12 +92,13 @@ def pressure_course(
             knots.append(middle)
 
     for number, step in enumerate(steps):
-        stand(landed, step.start)
         other = 1 - step.foot
         (x, y, share), (u, v) = at[other], toes[other]
+        heel = x - u, y - v, share
+        stand(landed, (step.start, heel))
         landed = step.end - MEETS
         times += [step.start, landed]
-        knots += [(x - u, y - v, share), (x + u, y + v, share)]
+        knots += [heel, (x + u, y + v, share)]
         # All that comes later goes along with the first step.
         at[step.foot] = (float(step.place[0]), float(step.place[1]), 1.0)
         toes[step.foot] = (roll * np.cos(step.yaw), roll * np.sin(step.yaw))
@@ -99,6 +106,11 @@ def pressure_course(
             at = [(x, y, 1.0) for x, y, _ in at]
     stand(landed, None)
     return np.array(times), np.array(knots)
+
+
+def _between(one: Knot, other: Knot, share: float) -> Knot:
+    (a, b, c), (d, e, f) = one, other
+    return a + share * (d - a), b + share * (e - b), c + share * (f - c)
 
 
 def swing_path(share: float) -> tuple[float, float]:

@@ -5,7 +5,7 @@ from sim.models.walk_settings import WalkSettings
 from sim.physics.walking.capture_point import planned_capture_point
 from sim.physics.walking.footfalls import Footfalls
 from sim.physics.walking.gait import Gait
-from sim.physics.walking.steps import highest, swing_path
+from sim.physics.walking.steps import MEETS, Step, highest, pressure_course, swing_path
 from walking_soles import walking_soles
 
 DT, PREVIEW, OMEGA = 0.01, 1.2, 3.2
@@ -156,6 +156,21 @@ def test_who_stands_keeps_the_pressure_between_the_feet():
     rows = pendulum(gait, 3.0, begins=100.0)
     assert np.abs(rows).max() < 1e-9
     assert gait.step is None
+
+
+@pytest.mark.parametrize("pause", [0.1, 0.3, 0.6])
+def test_between_two_steps_of_one_foot_the_pressure_goes_towards_it_as_far_as_there_is_time(pause):
+    places = np.array([[0.0, 0.1], [0.0, -0.1]])
+    steps = [
+        Step(0, start, start + 0.4, place, 0.0, 0.0, 0.0, 0.0, 0.0)
+        for start, place in [(1.0, np.array([0.1, 0.1])), (1.4 + pause, np.array([0.2, 0.1]))]
+    ]
+    times, knots = pressure_course(0.9, None, places, np.zeros(2), steps, 0.0)
+    moments = np.linspace(1.4, 1.4 + pause, 50)
+    aside = np.interp(moments, times, knots[:, 1])
+    assert aside[-1] == pytest.approx(-0.1)
+    # Half a second takes it to the middle between the feet.
+    assert aside.max() == pytest.approx(-0.1 + 0.1 * min((pause + MEETS) / 0.5, 1.0), abs=0.005)
 
 
 def test_a_swinging_foot_leaves_and_lands_softly():
