@@ -10,9 +10,10 @@ with the planned c_p and what was learned of a lasting error, b, seen from the h
 and the servos of the legs get a share of the torques in advance that carry the weight W along the line from the centre
 of pressure p to the centre of mass:
 
-    tau = W J_c,z - J_p^T f,      f = W ((c_p - p) omega^2 / g, 1)                                               (7)
+    tau = W J_c,z - J_p^T f,      f = W ((c_p - p - s) omega^2 / g, 1)                                           (7)
 
-What turns the body over too quickly is played softer (`momentum`).
+where s is how the legs that swing throw the body (`leg_swing`). What else turns it over too quickly is played softer
+(`momentum`).
 
 All is planned on a plane where feet never slip: the robot is seen from the feet that stand, so that nothing needs to
 know where in the world it is.
@@ -43,6 +44,7 @@ from sim.models.feet import Foot
 from sim.models.gravity import GRAVITY
 from sim.physics.walking.capture_point import follow, pendulum_rate, planned_capture_point, run_away
 from sim.physics.walking.gait import WIDE, Gait
+from sim.physics.walking.leg_swing import leg_swing, legs_carry
 from sim.physics.walking.momentum import Momentum
 from sim.physics.walking.preview import AHEAD, Preview, Travel
 from sim.physics.walking.rolling import ROUNDED, from_flat
@@ -171,6 +173,8 @@ class Walker:
         self._lower = height - self._high
         mujoco.mj_comPos(model, plan)
         self._omega = pendulum_rate(float(plan.subtree_com[self._root, 2]))
+        carried = legs_carry(model, self._body, goal, *self._feet(np.zeros(3)), self._centre)
+        self._carried = carried / self._weight
         self._momentum = Momentum(model, self._dt, AHEAD, self._omega, self._half)
 
     def adjust(self, data: mujoco.MjData, goal: Array, heading: float) -> None:
@@ -188,7 +192,9 @@ class Walker:
         capture, tilt = self._measure(seen, soles, yaws)
         times, knots = gait.course(self._now)
         planned = planned_capture_point(times, knots, self._now, omega)
-        wanted, effect = planned[:2] + _turning(self._astray) @ self._momentum.shift, float(planned[2])
+        legs = leg_swing(self._now, omega, self._carried, gait)
+        wanted = planned[:2] + _turning(self._astray) @ self._momentum.shift + legs.shift
+        effect = float(planned[2]) + legs.along
         wanted = wanted + effect * gait.catch(self._now, capture - wanted, effect)
         gait.recover(self._now, capture - wanted, capture)
         off = float(np.hypot(*(capture - wanted))) / (LOST * self._height)
@@ -204,7 +210,7 @@ class Walker:
         self._body.step(wanted_posture, *self._feet(tilt), self._centre + self._ankles(capture - wanted), rise)
         goal[:] = self._body.plan.qpos
         self._pressure = np.array([np.interp(self._now, times, knots[:, axis]) for axis in range(2)])
-        self._carry(goal, self._pressure)
+        self._carry(goal, self._pressure, legs.arm)
         self.travel.add(data.qpos[:2])
 
     def _find_widest(self) -> float:
@@ -278,10 +284,11 @@ class Walker:
         self._righted = self._fades * self._righted
         return places, turns
 
-    def _carry(self, goal: Array, pressure: Array) -> None:
-        """Moves the goal of the legs by what their servos yield under the weight: (7)."""
+    def _carry(self, goal: Array, pressure: Array, arm: Array) -> None:
+        """Moves the goal of the legs by what their servos yield under the weight and the swing of the legs: (7)."""
         gait, standing = self._gait, self._gait.standing
-        force = self._weight * np.array([*(self._omega**2 / GRAVITY * (self._centre - pressure)), 1.0])
+        lean = self._omega**2 / GRAVITY * (self._centre - pressure - arm)
+        force = self._weight * np.array([*lean, 1.0])
         torque = self._weight * self._body.jacobian[14]
         if gait.step is None:
             apart = gait.places[1] - gait.places[0]

@@ -1,0 +1,107 @@
+"""Leg swing: how the legs that swing turn the body over, and how the planned capture point makes up for it.
+
+The angular momentum L about the centre of mass of a robot whose soles move by v_1 and v_2, while its centre of mass
+keeps still, is nearly the same share of them ahead and aside:
+
+    (L_y, -L_x) = -kappa (v_1 + v_2)                                                                            (13)
+
+So a leg that speeds up throws the body like a centre of pressure that is off by s, the one that (10) has, and by (2)
+the planned capture point moves, for each foot, by the second of
+
+    s = -kappa / W v',      omega integral from t of  e^(-omega (t' - t)) s(t') dt'                              (14)
+
+with the weight W.
+"""
+
+# pyright: reportAttributeAccessIssue=false
+# (MuJoCo's names come from compiled modules, which have no type stubs.)
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import mujoco
+import numpy as np
+
+from controller.rotations import Array
+from sim.physics.walking.gait import Gait
+from sim.physics.walking.steps import RAMP
+from sim.physics.walking.whole_body import WholeBody
+
+# kappa is measured by a sole that moves so far, in heights of the root.
+MOVES = 0.02
+
+
+class LegSwing(NamedTuple):
+    """What the legs do to the body.
+
+    Attributes:
+        shift: of the planned capture point, shape (2,), m.
+        along: how much of it goes along when the step under way gets longer.
+        arm: s, shape (2,), m.
+    """
+
+    shift: Array
+    along: float
+    arm: Array
+
+
+def legs_carry(
+    model: mujoco.MjModel,
+    body: WholeBody,
+    goal: Array,
+    places: Sequence[Array],
+    turns: Sequence[Array],
+    centre: Array,
+) -> float:
+    """kappa of (13), kg m, of a robot that stands as its whole body is solved; the rest as `WholeBody.step`.
+
+    The solution stays what it was.
+    """
+    plan, root, far = body.plan, int(model.jnt_bodyid[0]), MOVES * float(goal[2])
+    before, jacobian, shares = plan.qpos.copy(), body.jacobian.copy(), np.empty((2, 2))
+    for foot, axis in np.ndindex(2, 2):
+        moved = [place.copy() for place in places]
+        moved[foot][axis] += far
+        body.settle(goal, moved, turns, centre)
+        mujoco.mj_differentiatePos(model, plan.qvel, 1.0, before, plan.qpos)
+        plan.qpos[:] = before
+        mujoco.mj_kinematics(model, plan)
+        mujoco.mj_comPos(model, plan)
+        mujoco.mj_comVel(model, plan)
+        mujoco.mj_subtreeVel(model, plan)
+        x, y, _ = plan.subtree_angmom[root]
+        shares[foot, axis] = -(y, -x)[axis] / far
+    plan.qvel[:], body.jacobian[:] = 0.0, jacobian
+    return float(shares.mean())
+
+
+def leg_swing(now: float, omega: float, carried: float, gait: Gait) -> LegSwing:
+    """What the steps of a gait do to the body: (14).
+
+    Args:
+        now: s.
+        omega: of the capture point, 1/s.
+        carried: kappa / W, s^2.
+        gait: after it went on to now.
+    """
+    shift, arm, along = np.zeros(2), np.zeros(2), 0.0
+    landed: list[Array | None] = [None, None]
+    for step in gait.coming:
+        begun, lasts = landed[step.foot], step.end - step.start
+        if begun is None:
+            begun = gait.swing(now)[0] if step is gait.step else gait.places[step.foot]
+        way, ramp = step.place - begun, RAMP * lasts
+        # The foot speeds up, goes evenly and slows down (`swing_path`).
+        turns = (step.start, step.start + ramp, step.end - ramp, step.end)
+        thrown = -carried / (ramp * (lasts - ramp))
+        leaves, even, slows, lands = [math.exp(-omega * max(turn - now, 0.0)) for turn in turns]
+        moved = thrown * (leaves - even - slows + lands)
+        shift += moved * way
+        arm += thrown * (float(turns[0] <= now < turns[1]) - float(turns[2] <= now < turns[3])) * way
+        # A later step of the same foot begins as much farther as it ends.
+        along += moved if landed[step.foot] is None else 0.0
+        landed[step.foot] = step.place
+    return LegSwing(shift, along, arm)
