@@ -1,9 +1,15 @@
-"""Strength: whether a robot has ankles, and servos that hold it on one leg, as every step needs.
+"""Strength: whether a robot has ankles, and servos that are strong and stiff enough to hold it on one leg.
 
 The plan moves the centre of pressure p from behind the middle of the sole to the front of it, while the centre of mass
 c is between the feet. The servos of that leg then need the torques
 
     tau = W J_c,z - J_p^T f,      f = W ((c - p) / c_z, 1)
+
+Servos that hold their joints are springs, of the stiffnesses K: a horizontal force on the centre of mass moves it by
+J K^-1 J^T of the force, J from the joints of the leg to c over a foot that stays. By as much as it moves, its weight
+leans, as if the force were W / h of it, with the height h of c above the ankle. So the leg gives way where
+
+    the largest eigenvalue of J K^-1 J^T is above h / W                                                         (15)
 """
 
 # pyright: reportAttributeAccessIssue=false
@@ -13,6 +19,7 @@ from __future__ import annotations
 
 import mujoco
 import numpy as np
+from numpy.typing import NDArray
 
 from motiondeck_base.errors import MotiondeckError
 from sim.models.feet import Foot
@@ -37,7 +44,7 @@ def check_legs(robot: Robot, model: mujoco.MjModel, body: WholeBody, feet: tuple
         roll: how far the centre of pressure goes from the middle of the sole, m.
 
     Raises:
-        MotiondeckError: if it has no ankles, or a servo of its legs is too weak.
+        MotiondeckError: if it has no ankles, or a servo of its legs is too weak or too soft.
     """
     _check_ankles(robot, model, feet)
     plan, root = body.plan, int(model.jnt_bodyid[0])
@@ -51,6 +58,7 @@ def check_legs(robot: Robot, model: mujoco.MjModel, body: WholeBody, feet: tuple
         frame = plan.xmat[own].reshape(3, 3)
         sole = plan.xpos[own] + frame @ foot.sole
         leg = np.isin(model.dof_bodyid[dof], path_to(model, own)) & body.legs[dof]
+        _check_stiffness(robot, model, body, number, leg)
         for ahead in (-roll, roll):
             arm = frame @ foot.axes[:, 0] * ahead
             lean = (centre - sole - arm) / (centre[2] - sole[2])
@@ -60,10 +68,28 @@ def check_legs(robot: Robot, model: mujoco.MjModel, body: WholeBody, feet: tuple
             if short[worst] > 1.0:
                 raise MotiondeckError(
                     f"robot '{robot.name}' cannot stand on one leg, so it cannot walk: joint"
-                    f" {model.joint(joints[worst]).name} needs {needs[worst]:.2g} N m and has {most[worst]:.2g}."
+                    f" {model.joint(joints[worst]).name} needs {needs[worst]:.3g} N m and has {most[worst]:.3g}."
                     " Give it a stronger servo (`effort` in a URDF, `forcerange` in an MJCF, [servo] in the robot"
                     " file), or leave --walk; --root gantry carries it"
                 )
+
+
+def _check_stiffness(robot: Robot, model: mujoco.MjModel, body: WholeBody, foot: int, leg: NDArray[np.bool_]) -> None:
+    root, joints, dof = int(model.jnt_bodyid[0]), model.actuator_trnid[leg, 0], robot.layout.dof[leg]
+    stiffness = np.maximum(model.actuator_gainprm[leg, 0], 1e-9)
+    sole, centre = body.jacobian[6 * foot : 6 * foot + 6], body.jacobian[12:14]
+    moves = centre[:, dof] - centre[:, :6] @ np.linalg.solve(sole[:, :6], sole[:, dof])
+    gives, ways = np.linalg.eigh(moves / stiffness @ moves.T)
+    height = body.plan.subtree_com[root, 2] - body.plan.xanchor[joints[-1], 2]
+    holds = height / (float(model.body_subtreemass[root]) * GRAVITY * gives[-1])
+    if holds < 1.0:
+        softest = int(np.argmax(np.square(ways[:, -1] @ moves) / stiffness))
+        raise MotiondeckError(
+            f"robot '{robot.name}' gives way under its weight on one leg, so it cannot walk: its servos are"
+            f" {holds:.2g} times as stiff as they have to be; that of joint {model.joint(joints[softest]).name}, the"
+            f" softest, holds {stiffness[softest]:.3g} N m/rad. Raise their gain (`kp` of a position actuator in an"
+            " MJCF), or leave --walk; --root gantry carries it"
+        )
 
 
 def _check_ankles(robot: Robot, model: mujoco.MjModel, feet: tuple[Foot, ...]) -> None:

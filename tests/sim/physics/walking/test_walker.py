@@ -264,6 +264,26 @@ def test_a_robot_that_cannot_stand_on_one_leg_is_refused_with_the_joint():
         PhysicsPlayback(weak, DT, "free", walk=True)
 
 
+@pytest.mark.parametrize("share", [0.85, 1.2])
+def test_a_robot_whose_ankles_are_softer_than_its_weight_leans_is_refused(share):
+    """Legs that give way only in the ankles are an inverted pendulum, which W h has to hold."""
+    robot = load_robot(ROBOTS / "mannequin.toml", human())
+    model = physics_model(robot, "free")
+    data = mujoco.MjData(model)
+    robot.layout.place(robot.rest, data.qpos)
+    mujoco.mj_forward(model, data)
+    weight, ankles = 9.81 * model.body_subtreemass[1], [model.body(foot.body).id for foot in feet_of(robot)]
+    for actuator, joint in enumerate(model.actuator_trnid[:, 0]):
+        high = data.subtree_com[1, 2] - data.xanchor[joint, 2]
+        holds = share * weight * high if model.jnt_bodyid[joint] in ankles else 1e6
+        model.actuator_gainprm[actuator, 0], model.actuator_biasprm[actuator, 1] = holds, -holds
+    if share > 1.0:
+        Walker(robot, model, feet_of(robot), DT)
+    else:
+        with pytest.raises(MotiondeckError, match=r"gives way under its weight on one leg.* 0\.[89]\d? times as stiff"):
+            Walker(robot, model, feet_of(robot), DT)
+
+
 def test_a_robot_without_ankles_is_refused():
     robot = load_robot(ROBOTS / "servo20.toml", human())
     model = physics_model(robot, "free")
