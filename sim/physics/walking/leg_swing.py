@@ -27,7 +27,7 @@ import numpy as np
 
 from controller.rotations import Array
 from sim.physics.walking.gait import Gait
-from sim.physics.walking.steps import RAMP
+from sim.physics.walking.steps import swing_ramps
 from sim.physics.walking.whole_body import WholeBody
 
 # kappa is measured by a sole that moves so far, in heights of the root.
@@ -90,13 +90,12 @@ def leg_swing(now: float, omega: float, carried: float, gait: Gait) -> LegSwing:
     shift, arm, along = np.zeros(2), np.zeros(2), 0.0
     landed: list[Array | None] = [None, None]
     for step in gait.coming:
-        begun, lasts = landed[step.foot], step.end - step.start
+        begun = landed[step.foot]
         if begun is None:
             begun = gait.swing(now)[0] if step is gait.step else gait.places[step.foot]
-        way, ramp = step.place - begun, RAMP * lasts
-        # The foot speeds up, goes evenly and slows down (`swing_path`).
-        turns = (step.start, step.start + ramp, step.end - ramp, step.end)
-        thrown = -carried / (ramp * (lasts - ramp))
+        way = step.place - begun
+        turns, squared = swing_ramps(step.start, step.end)
+        thrown = -carried / squared
         leaves, even, slows, lands = [math.exp(-omega * max(turn - now, 0.0)) for turn in turns]
         moved = thrown * (leaves - even - slows + lands)
         shift += moved * way

@@ -124,6 +124,22 @@ def swing_path(share: float) -> tuple[float, float]:
     return way if u < 0.5 else 1.0 - way, 16.0 * (u * (1.0 - u)) ** 2
 
 
+def swing_ramps(start: float, end: float) -> tuple[tuple[float, float, float, float], float]:
+    """When a foot on that path speeds up and slows down, and how quickly.
+
+    Args:
+        start: when it leaves the floor, s.
+        end: when it lands, s.
+
+    Returns:
+        when it begins and ends to speed up, and begins and ends to slow down, s; and what its way is divided by to give
+        its acceleration meanwhile, s^2.
+    """
+    lasts = end - start
+    ramp = RAMP * lasts
+    return (start, start + ramp, end - ramp, end), ramp * (lasts - ramp)
+
+
 def highest(lift: float, seconds: float) -> float:
     """How high a foot is lifted whose swing takes so long, at most `lift`; heights of the root."""
     return min(lift, RISES * seconds)
