@@ -2,6 +2,8 @@
 
 import numpy as np
 
+from sim.physics.walking.footfalls import Footfalls
+
 
 def walking_soles(seconds, dt, length=0.3, step=0.5, lift=0.05, begins=1.0, turn=0.0):
     """Soles of somebody who begins to walk: (T, 2, 3), m; their yaws (T, 2) and the heading (T,), rad.
@@ -25,3 +27,17 @@ def walking_soles(seconds, dt, length=0.3, step=0.5, lift=0.05, begins=1.0, turn
         yaws.append(angle)
         headings.append(angle.mean())
     return np.array(soles), np.array(yaws), np.array(headings)
+
+
+def go_after(gait, soles, dt, preview):
+    """Lets a gait go after soles ahead of it: each tick from 0 on, the time, s, and the swing that has ended."""
+    footfalls = Footfalls(1.0, dt)
+    for k, row in enumerate(zip(*soles, strict=True)):
+        footfalls.add(k * dt, *row)
+        now = (k + 1) * dt - preview
+        if now < 0.0:
+            continue
+        ended = gait.advance(now, footfalls.swings, preview)
+        if ended is not None:
+            footfalls.forget(ended)
+        yield now, ended

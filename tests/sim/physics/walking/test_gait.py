@@ -3,10 +3,9 @@ import pytest
 
 from sim.models.walk_settings import WalkSettings
 from sim.physics.walking.capture_point import planned_capture_point
-from sim.physics.walking.footfalls import Footfalls
 from sim.physics.walking.gait import Gait
 from sim.physics.walking.steps import MEETS, Step, highest, pressure_course, swing_path
-from walking_soles import walking_soles
+from walking_soles import go_after, walking_soles
 
 DT, PREVIEW, OMEGA = 0.01, 1.2, 3.2
 SETTINGS = WalkSettings(share=0.5, width=0.2, roll=0.5, ahead=0.9, aside=0.9)
@@ -14,17 +13,8 @@ SETTINGS = WalkSettings(share=0.5, width=0.2, roll=0.5, ahead=0.9, aside=0.9)
 
 def pendulum(gait, seconds, *, push=0.0, catch=True, **walk):
     """Walks a pendulum that stands on the gait's centre of pressure; where its capture point was, and was to be."""
-    footfalls = Footfalls(1.0, DT)
-    steps = list(zip(*walking_soles(seconds + PREVIEW, DT, **walk), strict=True))
     capture, rows = np.zeros(2), []
-    for k in range(round((seconds + PREVIEW) / DT)):
-        footfalls.add(k * DT, *steps[k])
-        now = (k + 1) * DT - PREVIEW
-        if now < 0.0:
-            continue
-        ended = gait.advance(now, footfalls.swings, PREVIEW)
-        if ended is not None:
-            footfalls.forget(ended)
+    for now, _ in go_after(gait, walking_soles(seconds + PREVIEW, DT, **walk), DT, PREVIEW):
         times, knots = gait.course(now)
         wanted, effect = np.split(planned_capture_point(times, knots, now, OMEGA), [2])
         if catch:
@@ -69,15 +59,11 @@ def test_feet_never_meet_however_hard_the_push():
 
 def widest_step(widest):
     """How far apart the feet land at most of who walks with wide steps; feet lie flat as far apart as `widest`."""
-    gait, footfalls, widths = new_gait(widest), Footfalls(1.0, DT), []
+    gait, widths = new_gait(widest), []
     soles, yaws, headings = walking_soles(6.0, DT, length=0.1, step=0.5)
     soles[..., 1] *= 2.5
-    for k, row in enumerate(zip(soles, yaws, headings, strict=True)):
-        footfalls.add(k * DT, *row)
-        now = (k + 1) * DT - PREVIEW
-        ended = gait.advance(now, footfalls.swings, PREVIEW) if now > 0.0 else None
+    for _, ended in go_after(gait, (soles, yaws, headings), DT, PREVIEW):
         if ended is not None:
-            footfalls.forget(ended)
             widths.append(abs(float(np.subtract(*gait.places)[1])))
     return max(widths)
 
@@ -110,13 +96,8 @@ def test_the_goal_of_a_swing_moves_no_faster_than_the_foot_can_follow():
 
 
 def test_a_step_lasts_until_it_has_ended_in_the_plan_too():
-    gait, footfalls = new_gait(), Footfalls(1.0, DT)
-    for k, row in enumerate(zip(*walking_soles(6.0, DT, step=0.16), strict=True)):
-        footfalls.add(k * DT, *row)
-        now = (k + 1) * DT - PREVIEW
-        ended = gait.advance(now, footfalls.swings, PREVIEW)
-        if ended is not None:
-            footfalls.forget(ended)
+    gait = new_gait()
+    for now, _ in go_after(gait, walking_soles(6.0, DT, step=0.16), DT, PREVIEW):
         if gait.step is not None:
             assert gait.step.end > now
 
@@ -132,15 +113,8 @@ def test_who_turns_on_feet_that_stand_turns_only_as_far_as_hips_do():
 
 
 def test_the_centre_of_pressure_never_jumps():
-    gait, footfalls, before = new_gait(), Footfalls(1.0, DT), None
-    for k, row in enumerate(zip(*walking_soles(6.0, DT, step=0.5), strict=True)):
-        footfalls.add(k * DT, *row)
-        now = (k + 1) * DT - PREVIEW
-        if now < 0.0:
-            continue
-        ended = gait.advance(now, footfalls.swings, PREVIEW)
-        if ended is not None:
-            footfalls.forget(ended)
+    gait, before = new_gait(), None
+    for now, _ in go_after(gait, walking_soles(6.0, DT, step=0.5), DT, PREVIEW):
         times, knots = gait.course(now)
         assert times[0] <= now
         assert np.all(np.diff(times) > 0.0)
@@ -192,13 +166,8 @@ def test_a_quick_foot_comes_down_by_less_than_a_height_a_second(seconds):
 
 
 def test_of_a_slow_step_most_is_spent_on_both_feet():
-    gait, footfalls = new_gait(), Footfalls(1.0, DT)
-    swinging = 0.0
-    for k, row in enumerate(zip(*walking_soles(14.0, DT, step=2.0), strict=True)):
-        footfalls.add(k * DT, *row)
-        ended = gait.advance((k + 1) * DT - PREVIEW, footfalls.swings, PREVIEW)
-        if ended is not None:
-            footfalls.forget(ended)
+    gait, swinging = new_gait(), 0.0
+    for _ in go_after(gait, walking_soles(14.0, DT, step=2.0), DT, PREVIEW):
         swinging = swinging + DT if gait.step is not None else 0.0
         assert swinging < 1.2
     assert gait.places[:, 0].max() > 0.4

@@ -7,31 +7,28 @@ from sim.models.kinematic_tree import path_to
 from sim.models.walk_settings import WalkSettings
 from sim.physics.physics_model import feet_of, physics_model
 from sim.physics.walking.capture_point import planned_capture_point
-from sim.physics.walking.footfalls import Footfalls
 from sim.physics.walking.gait import Gait
 from sim.physics.walking.leg_swing import leg_swing, legs_carry
 from sim.physics.walking.steps import swing_path
 from sim.physics.walking.whole_body import WholeBody
 from sim.robots.robot import load_robot
 from simulated_bodies import ROBOTS, human
-from walking_soles import walking_soles
+from walking_soles import go_after, walking_soles
 
 DT, PREVIEW, OMEGA, CARRIED = 0.002, 1.2, 4.0, 0.005
 SETTINGS = WalkSettings(share=0.9, width=0.2, roll=0.5)
 
 
+def new_gait():
+    gait = Gait(SETTINGS, 1.0, 0.25, np.array([1.0, -1.0]), 0.44)
+    gait.start(np.zeros(2), 0.0, np.zeros(2))
+    return gait
+
+
 def walking(seconds=6.0):
     """Each tick of a walk: planned capture point, pressure that it is planned for, soles, gait and time."""
-    gait, footfalls = Gait(SETTINGS, 1.0, 0.25, np.array([1.0, -1.0]), 0.44), Footfalls(1.0, DT)
-    gait.start(np.zeros(2), 0.0, np.zeros(2))
-    for k, row in enumerate(zip(*walking_soles(seconds, DT, length=0.5, step=0.5), strict=True)):
-        footfalls.add(k * DT, *row)
-        now = (k + 1) * DT - PREVIEW
-        if now < 0.0:
-            continue
-        ended = gait.advance(now, footfalls.swings, PREVIEW)
-        if ended is not None:
-            footfalls.forget(ended)
+    gait = new_gait()
+    for now, _ in go_after(gait, walking_soles(seconds, DT, length=0.5, step=0.5), DT, PREVIEW):
         times, knots = gait.course(now)
         pressure = np.array([np.interp(now, times, knots[:, axis]) for axis in range(2)])
         planned = planned_capture_point(times, knots, now, OMEGA)[:2]
@@ -79,8 +76,7 @@ def test_a_longer_step_moves_the_shift_as_much_as_it_says():
 
 
 def test_who_stands_moves_nothing():
-    gait = Gait(SETTINGS, 1.0, 0.25, np.array([1.0, -1.0]), 0.44)
-    gait.start(np.zeros(2), 0.0, np.zeros(2))
+    gait = new_gait()
     gait.advance(0.1, [], PREVIEW)
     swing = leg_swing(0.1, OMEGA, CARRIED, gait)
     assert not swing.shift.any()
