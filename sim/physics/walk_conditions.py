@@ -12,6 +12,7 @@ import msgspec
 import mujoco
 import numpy as np
 
+from motiondeck_base.errors import MotiondeckError
 from sim.models.gravity import GRAVITY
 from sim.models.servo_motor import ServoMotor
 from sim.physics.physics_model import FLOOR_BIT, Alteration
@@ -28,7 +29,7 @@ class Condition:
 
     Attributes:
         alter: of the world, the robot's body included; the robot does not know it.
-        servo: of the servos; None if nothing, and for robots whose servos are not known.
+        servo: of the servos; None if nothing.
         sensors: what the robot knows itself by; None if it knows its state exactly.
     """
 
@@ -37,9 +38,17 @@ class Condition:
     sensors: Sensors | None = None
 
     def applied(self, robot: Robot) -> Robot:
-        """The robot with these servos."""
-        if self.servo is None or robot.servo is None:
+        """The robot with these servos.
+
+        Raises:
+            MotiondeckError: if nothing is known of its servos, which would stay as they are.
+        """
+        if self.servo is None:
             return robot
+        if robot.servo is None:
+            raise MotiondeckError(
+                f"robot '{robot.name}' has no table [servo] in its file: other servos would change nothing"
+            )
         return replace(robot, servo=self.servo(robot.servo))
 
 
@@ -73,8 +82,9 @@ def _loaded(spec: mujoco.MjSpec) -> None:
     model = spec.copy().compile()
     height = 0.3 * float(model.body(root.name).pos[2])
     mass = 0.1 * float(model.body(root.name).subtreemass[0])
-    root.add_geom(
-        type=mujoco.mjtGeom.mjGEOM_SPHERE, size=[0.02, 0, 0], pos=[0, 0, height], mass=mass, contype=0, conaffinity=0
+    # A body of its own: one whose inertia is given does not count the mass of another geom.
+    root.add_body(pos=[0, 0, height]).add_geom(
+        type=mujoco.mjtGeom.mjGEOM_SPHERE, size=[0.02, 0, 0], mass=mass, contype=0, conaffinity=0
     )
 
 

@@ -4,11 +4,11 @@ Each tick: the footfalls of the motion become steps of the robot (`Gait`), these
 this a planned capture point xi_p (`capture_point`). Where the robot's own xi is off it, the next step lands where that
 is made up for, and the centre of mass is moved against what is left:
 
-    c = c_p - ankle (xi - xi_p) - b,      b' = LEARNS (xi - xi_p)                                                (6)
+    c = c_p - ankle (xi - xi_p) - b                                                                              (6)
 
-with the planned c_p and what was learned of a lasting error, b, seen from the heading. `WholeBody` finds the posture,
-and the servos of the legs get a share of the torques in advance that carry the weight W along the line from the centre
-of pressure p to the centre of mass:
+with the planned c_p and what was learned of a lasting error, b (`lasting_error`). `WholeBody` finds the posture, and
+the servos of the legs get a share of the torques in advance that carry the weight W along the line from the centre of
+pressure p to the centre of mass:
 
     tau = W J_c,z - J_p^T f,      f = W ((c_p - p - s) omega^2 / g, 1)                                           (7)
 
@@ -44,6 +44,7 @@ from sim.models.feet import Foot
 from sim.models.gravity import GRAVITY
 from sim.physics.walking.capture_point import follow, pendulum_rate, planned_capture_point, run_away
 from sim.physics.walking.gait import WIDE, Gait
+from sim.physics.walking.lasting_error import LastingError
 from sim.physics.walking.leg_swing import leg_swing, legs_carry
 from sim.physics.walking.momentum import Momentum
 from sim.physics.walking.preview import AHEAD, Preview, Travel
@@ -66,8 +67,6 @@ REACH = 0.8
 # shake them, and the feet would rattle along the floor. Servos with a torque-speed line do not follow it, but what is
 # seen late comes back as an error of the next ticks: it is smoothed over so many times how late it is.
 SMOOTHED, LATE = 0.03, 2.0
-# How fast lasting errors of the capture point are learned, 1/s, and how much of them at most, in heights of the root.
-LEARNS, LEARNED = 0.5, 0.12
 # Where the capture point is so far off, in heights of the root, the robot is going to fall.
 LOST = 0.5
 # In the first share of a swing the foot begins to make up for the tilt of the trunk.
@@ -161,7 +160,7 @@ class Walker:
         facing = _azimuth(rotate(multiply(plan.qpos[3:7], conjugate(model.qpos0[3:7])), np.array([1.0, 0.0, 0.0])))
         self._centre = soles[:, :2].mean(axis=0)
         self._pressure, self._astray = self._centre.copy(), 0.0
-        self._off, self._learned = np.zeros(2), np.zeros(2)
+        self._off, self._lasting = np.zeros(2), LastingError(height, self._dt)
         self._righted = np.zeros((2, 3))
         self._gait = Gait(self._set, height, 2.0 * self._half, self._sides, self._widest * height)
         self._gait.start(self._centre, facing, yaws)
@@ -252,11 +251,10 @@ class Walker:
     def _ankles(self, off: Array) -> Array:
         """How the centre of mass is moved, (2,), m, against an error of the capture point: (6)."""
         heading = self.preview.heading + self._astray
-        turning, most = _turning(heading), LEARNED * self._height
+        turning = _turning(heading)
         self._off += self._takes * (off - self._off)
-        self._learned += LEARNS * self._dt * (turning.T @ off)
-        np.clip(self._learned, -most, most, out=self._learned)
-        ahead, aside = -self._set.ankle * (turning.T @ self._off) - self._learned
+        lasting = self._lasting.learn(turning.T @ off, self._gait.standing)
+        ahead, aside = -self._set.ankle * (turning.T @ self._off) - lasting
         far = float(np.hypot(ahead / REACH, aside / self._set.lean)) / self._half
         return turning @ np.array([ahead, aside]) / max(far, 1.0)
 
