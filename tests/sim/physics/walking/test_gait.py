@@ -125,6 +125,21 @@ def test_the_centre_of_pressure_never_jumps():
         before = pressure
 
 
+@pytest.mark.parametrize("turn", [-0.3, 0.3])
+def test_hips_that_turn_with_each_step_leave_the_feet_as_far_apart(turn):
+    """A stride is turned to and fro by the hips; its feet keep their tracks, nearer to each other than the robot's."""
+    gait, widths = new_gait(), []
+    soles, yaws, headings = walking_soles(8.0, DT, length=0.3, step=0.5)
+    soles[..., 1] *= 0.5
+    times = np.arange(len(headings)) * DT
+    headings = headings + turn * np.where(times > 1.0, np.cos(np.pi * (times - 1.0) / 0.5), 0.0)
+    for _, ended in go_after(gait, (soles, yaws, headings), DT, PREVIEW):
+        if ended is not None:
+            widths.append(abs(float(np.subtract(*gait.places)[1])))
+    assert len(widths) > 8
+    assert np.array(widths[2:]) == pytest.approx(SETTINGS.width, rel=0.05)
+
+
 def test_who_stands_keeps_the_pressure_between_the_feet():
     gait = new_gait()
     rows = pendulum(gait, 3.0, begins=100.0)
@@ -136,7 +151,7 @@ def test_who_stands_keeps_the_pressure_between_the_feet():
 def test_between_two_steps_of_one_foot_the_pressure_goes_towards_it_as_far_as_there_is_time(pause):
     places = np.array([[0.0, 0.1], [0.0, -0.1]])
     steps = [
-        Step(0, start, start + 0.4, place, 0.0, 0.0, 0.0, 0.0, 0.0)
+        Step(0, start, start + 0.4, place, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
         for start, place in [(1.0, np.array([0.1, 0.1])), (1.4 + pause, np.array([0.2, 0.1]))]
     ]
     times, knots = pressure_course(0.9, None, places, np.zeros(2), steps, 0.0)
