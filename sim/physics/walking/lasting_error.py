@@ -19,7 +19,7 @@ LEARNS = 0.5
 # The error on a foot is smoothed over so long, s.
 TAKES = 0.25
 # How much of an error counts at most, and how much is learned at most, in heights of the root.
-BIG, LEARNED = 0.02, 0.12
+BIG, LEARNED = 0.03, 0.12
 
 
 class LastingError:

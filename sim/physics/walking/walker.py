@@ -253,10 +253,11 @@ class Walker:
         heading = self.preview.heading + self._astray
         turning = _turning(heading)
         self._off += self._takes * (off - self._off)
-        lasting = self._lasting.learn(turning.T @ off, self._gait.standing)
-        ahead, aside = -self._set.ankle * (turning.T @ self._off) - lasting
+        ahead, aside = -self._set.ankle * (turning.T @ self._off)
         far = float(np.hypot(ahead / REACH, aside / self._set.lean)) / self._half
-        return turning @ np.array([ahead, aside]) / max(far, 1.0)
+        # What lasts is not limited: it brings the weight back over the middle of the sole.
+        lasting = self._lasting.learn(turning.T @ off, self._gait.standing)
+        return turning @ (np.array([ahead, aside]) / max(far, 1.0) - lasting)
 
     def _feet(self, tilt: Array) -> tuple[list[Array], list[Array]]:
         """Where the soles are to be and how the feet are to be turned; the swinging one is raised against the tilt.
