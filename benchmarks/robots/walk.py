@@ -158,12 +158,14 @@ def summary(rows: Sequence[dict[str, Any]]) -> list[str]:
     lines: list[str] = []
     for (robot, motion, tempo, condition, push, seconds), group in sorted(groups.items()):
         mean = {name: float(np.mean([row[name] for row in group])) for name in ("upper_deg", "legs_deg", "tick_us")}
-        went = sum(row["walked_m"] for row in group) / max(sum(row["asked_m"] for row in group), 1e-9)
+        asked = sum(row["asked_m"] for row in group)
+        # Who sits or does a cartwheel goes nowhere.
+        went = f"{sum(row['walked_m'] for row in group) / asked:.0%}" if asked > 0.5 * len(group) else "-"
         stood = sum(not row["falls_s"] for row in group)
         shortest = min(row["stood_s"] for row in group)
         lines.append(
             f"{robot:10.24} {motion:12.12} {condition:18} {tempo:5.2f} {push:9.2f} {stood:3d} of {len(group):2d}"
-            f" {shortest:6.1f} of {seconds:3.0f} s {went:7.0%} {mean['upper_deg']:10.2f} {mean['legs_deg']:9.1f}"
+            f" {shortest:6.1f} of {seconds:3.0f} s {went:>7} {mean['upper_deg']:10.2f} {mean['legs_deg']:9.1f}"
             f" {mean['tick_us']:8.0f}  {sum(len(row['falls_s']) for row in group)}"
         )
     return lines

@@ -259,7 +259,7 @@ class Gait:
         seconds = min(end - swing.start, self._slowest)
         most = self._height * min(self._set.longest, 0.5 * self._set.fastest * seconds)
         side = self._sides[swing.foot]
-        aside = share * max(side * y - self._width, 0.0)
+        aside = share * max(side * y - self._width, 0.0) if self._apart > 0.0 else 0.0
         # Legs that are apart reach less far ahead.
         far = max(1.0, float(np.hypot(share * x / most, aside / max(self._apart, 1e-9))))
         place = other + _turned((share * x / far, side * (self._width + aside / far)), along)

@@ -68,6 +68,20 @@ def widest_step(widest):
     return max(widths)
 
 
+def test_who_lands_no_foot_farther_aside_steps_as_far_ahead():
+    """Of somebody whose feet are a little farther apart than the robot's."""
+    lengths = []
+    for widest in (2.0 * SETTINGS.width, SETTINGS.width):
+        gait = new_gait(widest)
+        soles, yaws, headings = walking_soles(6.0, DT, length=0.2, step=0.5)
+        soles[..., 1] *= 1.2
+        for _ in go_after(gait, (soles, yaws, headings), DT, PREVIEW):
+            pass
+        lengths.append(float(gait.places[:, 0].max()))
+    assert lengths[0] > 0.5
+    assert lengths[1] == pytest.approx(lengths[0], rel=0.05)
+
+
 def test_no_foot_lands_farther_to_its_side_than_it_lands_flat():
     assert widest_step(0.4) > 0.32
     assert 0.28 < widest_step(0.3) <= 0.3
