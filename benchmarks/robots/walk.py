@@ -16,7 +16,6 @@ from __future__ import annotations
 
 import argparse
 import json
-import sys
 from collections.abc import Iterator, Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
@@ -31,7 +30,6 @@ from controller.jobs import Jobs, spread
 from controller.library.motion_library import MotionLibrary, load_library
 from controller.mocap.posture import Pose
 from controller.rotations import Array
-from motiondeck_base.errors import MotiondeckError
 from motiondeck_base.shipped import find_library, find_robot
 from sim.physics.pushes import usual_push
 from sim.physics.walk_conditions import AS_MODELLED, CONDITIONS
@@ -219,8 +217,6 @@ def main() -> None:
             )
     except KeyboardInterrupt:
         print(f"stopped after {len(rows)} of {len(cases)} runs")
-    except MotiondeckError as error:
-        sys.exit(f"{parser.prog}: {error}")
     print(
         f"\n{'robot':10} {'motion':12} {'condition':18} {'tempo':>5} {'push N s':>9} {'stood':>9} {'shortest':>15}"
         f" {'the way':>7} {'upper deg':>10} {'legs deg':>9} {'tick us':>8}  falls"

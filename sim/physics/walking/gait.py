@@ -126,14 +126,14 @@ class Gait:
             return np.zeros(2)
         before = self._longer
         alone = off + effect * before
-        wanted = _turned(alone * (effect / (effect**2 + DOUBT**2)), -step.along) * (s.ahead, s.aside)
+        wanted = _turned(alone * (effect / (effect**2 + DOUBT**2)), -step.direction) * (s.ahead, s.aside)
         most = LONGER * self._height
         x = min(max(wanted[0], -most), most)
         side = self._sides[step.foot]
-        planned = side * _turned(step.place - before - self.places[1 - step.foot], -step.along)[1]
+        planned = side * _turned(step.place - before - self.places[1 - step.foot], -step.direction)[1]
         y = side * (min(max(planned + side * wanted[1], NARROW * self._width), WIDE * self._width) - planned)
         stands, unmoved = self.places[1 - step.foot], step.place - before
-        place = unmoved + _turned((x, y), step.along)
+        place = unmoved + _turned((x, y), step.direction)
         place = stands + (place - stands) * min(1.0, self._reach / float(np.hypot(*(place - stands))))
         along, _ = swing_path((now - step.start) / (step.end - step.start))
         moves = place - unmoved - before
@@ -251,7 +251,7 @@ class Gait:
         half = 0.5 * turned
         turned += _clipped(heading + turned - stands, TWIST) - _wrapped(heading + turned - stands)
         heading, astray = heading + turned, astray + turned - turn
-        along = heading - half
+        direction = heading - half
         share = self._set.share * GROWS[min(count, len(GROWS) - 1)]
         x, y = _turned((swing.from_other[0], swing.from_other[1]), half)
         end = self._end(swing, swing.start)
@@ -262,11 +262,11 @@ class Gait:
         aside = share * max(side * y - self._width, 0.0) if self._apart > 0.0 else 0.0
         # Legs that are apart reach less far ahead.
         far = max(1.0, float(np.hypot(share * x / most, aside / max(self._apart, 1e-9))))
-        place = other + _turned((share * x / far, side * (self._width + aside / far)), along)
+        place = other + _turned((share * x / far, side * (self._width + aside / far)), direction)
         yaw = heading + _clipped(swing.yaw - swing.heading)
         # Who only follows the other foot, as boxers do, does not roll.
         leaves, lands = (max(swing.leaves, 0.0), max(-swing.lands, 0.0)) if x > 0.0 else (0.0, 0.0)
-        return Step(swing.foot, swing.start, end, place, yaw, heading, along, astray, leaves, lands)
+        return Step(swing.foot, swing.start, end, place, yaw, heading, astray, direction, leaves, lands)
 
 
 def _wrapped(turn: float) -> float:

@@ -16,8 +16,8 @@ from sim.physics.walking.footfalls import Footfalls, Swing
 AHEAD = 1.2
 """How far the body is behind the motion, s."""
 
-# The body goes up and down with the mean of the motion over so much before and after, s: at half the tempo a stride takes
-# twice as long, and the body would bob with each step.
+# The body goes up and down with the mean of the motion over so much before and after, s: at half the tempo a stride
+# takes twice as long, and the body would bob with each step.
 EVEN = 0.5 * AHEAD
 # The motion's path is smoothed with this time constant, s: the body sways on its way.
 SWAY = 0.5

@@ -80,7 +80,7 @@ class Rolling:
 
     def _stretch(self, ahead: Array, step: Step) -> float:
         """How long a step is that goes so far (2,), m, compared with the longest one; 0 if it goes back."""
-        along = float(ahead @ (np.cos(step.along), np.sin(step.along)))
+        along = float(ahead @ (np.cos(step.direction), np.sin(step.direction)))
         return min(max(along / self._longest, 0.0), 1.0)
 
 

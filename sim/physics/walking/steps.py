@@ -33,8 +33,8 @@ class Step:
         place: where the middle of its sole lands, shape (2,), m.
         yaw: which way it points then, rad.
         heading: of the robot then, rad.
-        along: the direction in which its length and width are measured, midway from the heading before the step, rad.
         astray: how far that is from the heading of the motion, rad.
+        direction: in which its length and width are measured: midway from the heading before the step, rad.
         leaves: how far the motion's sole is turned over its toes when it leaves the floor, rad.
         lands: how far it is turned over its heel when it lands, rad.
     """
@@ -45,8 +45,8 @@ class Step:
     place: Array
     yaw: float
     heading: float
-    along: float
     astray: float
+    direction: float
     leaves: float
     lands: float
 
