@@ -13,6 +13,7 @@ import numpy as np
 from controller.rotations import Array, from_matrix
 from motiondeck_base.errors import MotiondeckError
 from sim.models.feet import Foot, find_feet
+from sim.models.kinematic_tree import below
 from sim.models.overlaps import near_bodies
 from sim.models.scenery import FLOOR, GANTRY
 from sim.robots.robot import Robot
@@ -61,8 +62,9 @@ def physics_model(robot: Robot, root: str = "gantry", alter: Alteration | None =
     """A model of its own to simulate a robot on.
 
     Under a free root the floor is solid: the bodies that the robot's model lets collide stand on it, or where it lets
-    none, all of them. A foot of rounded solids gets a flat sole, as wide and long as they are. Bodies that hang from
-    one another, or overlap in the rest pose, do not push each other: their covers are drawn into one another.
+    none, all of them. A foot of rounded solids gets a flat sole, as wide and long as they are, which stands in place
+    of them and of the toes. Bodies that hang from one another, or overlap in the rest pose, do not push each other:
+    their covers are drawn into one another.
 
     Args:
         robot: whose; it is not changed.
@@ -104,13 +106,16 @@ def _make_solid(spec: mujoco.MjSpec, robot: Robot) -> None:
     model = robot.model
     # Read from the compiled model: in the spec a geom may have it from its class.
     touching = {geom for geom in range(model.ngeom) if model.geom_contype[geom] or model.geom_conaffinity[geom]}
+    feet = feet_of(robot)
+    # With their toes: a foot would wobble on what is round, and tip over toes that are bent.
+    shod = {body for foot in feet if foot.round for body in below(model, int(model.body(foot.body).id))}
     for geom in spec.geoms:
         if geom.name == FLOOR:
             geom.contype, geom.conaffinity, geom.friction = FLOOR_BIT, 0, FRICTION
-        elif not touching or geom.id in touching:
+        elif (not touching or geom.id in touching) and int(model.geom_bodyid[geom.id]) not in shod:
             geom.conaffinity = int(model.geom_conaffinity[geom.id]) | FLOOR_BIT
             geom.friction = FRICTION
-    for foot in feet_of(robot):
+    for foot in feet:
         if foot.round:
             along, across = (foot.corners[1] - foot.corners[0]), (foot.corners[3] - foot.corners[0])
             spec.body(foot.body).add_geom(

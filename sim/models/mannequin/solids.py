@@ -45,6 +45,10 @@ LIMB_INERTIA: dict[Part, tuple[float, float, float]] = {
 
 SMALLEST_MASS = 0.05
 
+# The sole is so far below the end of the foot's bone, m, and at least so far below the ankle: the round end of the
+# shank must not reach through it.
+UNDER_BALL, ANKLE = 0.006, 0.046
+
 Tone = Literal["body", "limb", "dark"]
 
 
@@ -236,20 +240,23 @@ def _hand(skeleton: Skeleton, parts: Anatomy, bone: int, length: float, axes: Ar
 
 
 def _foot(skeleton: Skeleton, parts: Anatomy, bone: int, length: float, s: float) -> list[Solid]:
-    """Heel, instep and ball of a foot whose sole is flat when the bone slopes down as in standing."""
-    up, across, along = bone_frame(skeleton.rest_direction[bone]).T
-    if parts.first("foot", parts.side[bone]) != bone:
-        toes = np.array([0.020 * s, 0.042 * s, 0.65 * length])
-        return [Solid("ellipsoid", 0.5 * length * along, np.stack([up, across, along], axis=1), toes, "limb")]
+    """Heel, instep and ball of a foot whose sole is flat when the bone slopes down as in standing; or its toes."""
+    ankle = parts.first("foot", parts.side[bone])
+    up, across, along = bone_frame(skeleton.rest_direction[ankle]).T
     cos, sin = np.cos(FOOT_SLOPE), np.sin(FOOT_SLOPE)
     ahead, above = cos * along + sin * up, cos * up - sin * along
     axes = np.stack([above, across, ahead], axis=1)
-    reach, sole = cos * length, -sin * length - 0.006 * s
+    reach, drop = cos * length, sin * float(skeleton.length[ankle])
+    # How far the sole is below the joint: below the ankle, or below the ball of the foot, where the toes begin.
+    under = max(drop + UNDER_BALL * s, ANKLE * s) - (0.0 if bone == ankle else drop)
 
     def lump(forward: float, thick: float, wide: float, long: float) -> Solid:
-        centre = forward * ahead + (sole + thick * s) * above
+        centre = forward * ahead + (thick * s - under) * above
         return Solid("ellipsoid", centre, axes, np.array([thick * s, wide * s, long]), "limb")
 
+    if bone != ankle:
+        # Level with the sole: a foot that stood on its toes would tip over them.
+        return [lump(0.5 * length, 0.020, 0.042, 0.65 * length)]
     return [
         Solid("ellipsoid", np.zeros(3), axes, np.full(3, 0.044 * s), "dark"),
         lump(-0.022 * s, 0.036, 0.036, 0.046 * s),

@@ -4,8 +4,10 @@ import mujoco
 import numpy as np
 import pytest
 
+from controller.library.motion_library import load_library
 from controller.rotations import multiply, rotate
 from motiondeck_base.errors import MotiondeckError
+from motiondeck_base.shipped import find_library
 from sim.models.feet import find_feet
 from sim.models.surface import LowestPoint
 from sim.physics.falls.fallen import has_fallen
@@ -45,6 +47,22 @@ def test_two_flat_feet_are_found_on_the_ground(name):
         assert sole[2] < 0.1 * float(data.qpos[2])
     sides = [data.xpos[robot.model.body(foot.body).id, 1] for foot in feet]
     assert min(sides) < 0.0 < max(sides)
+
+
+def test_feet_of_rounded_solids_stand_on_their_flat_soles_and_not_on_their_toes():
+    skeleton = load_library(find_library("cmu86")).skeleton
+    robot = load_robot(ROBOTS / "mannequin.toml", skeleton)
+    down, model = (0.0, 0.6, 0.0), physics_model(robot, "free")
+    data = mujoco.MjData(model)
+    robot.layout.place(robot.retarget(bent_pose(skeleton, ltoes=down, rtoes=down)), data.qpos)
+    mujoco.mj_kinematics(model, data)
+    frames = [(foot, data.body(foot.body)) for foot in feet_of(robot)]
+    # One leg is a little longer than the other.
+    data.qpos[2] -= min((at.xpos + foot.corners @ at.xmat.reshape(3, 3).T)[:, 2].min() for foot, at in frames) + 0.01
+    mujoco.mj_forward(model, data)
+    touching = data.contact.geom[:, 1]
+    assert {model.body(body).name for body in model.geom_bodyid[touching]} == {"rfoot"}
+    assert set(model.geom_type[touching].tolist()) == {int(mujoco.mjtGeom.mjGEOM_BOX)}
 
 
 def test_a_column_has_no_two_feet():

@@ -4,14 +4,18 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from controller.library.motion_library import load_library
 from controller.mocap.anatomy import anatomy
 from controller.mocap.formats.jaeger_patterns import read_pattern
 from controller.mocap.formats.reading import read_clip
 from controller.mocap.posture import Pose
 from controller.mocap.reading_options import ReadingOptions
+from motiondeck_base.shipped import find_library
 from sim.models.joint_layout import JointLayout
 from sim.models.mannequin.mannequin import build_mannequin
 from sim.models.mannequin.solids import stature
+from sim.models.surface import reach
+from sim.physics.physics_model import feet_of
 from sim.physics.playback import PhysicsPlayback
 from sim.retargeting.retarget import MannequinRetargeter
 from sim.robots.robot import load_robot
@@ -117,6 +121,20 @@ def test_it_stands_on_the_floor_and_reaches_as_high_as_a_person():
     moving = model.body_weldid[model.geom_bodyid] != 0
     top = (data.geom_xpos[moving, 2] + model.geom_rbound[moving]).max()
     assert 0.9 * stature(body, anatomy(body)) < top < 1.1 * stature(body, anatomy(body))
+
+
+def test_it_stands_on_the_whole_foot_and_not_on_its_toes():
+    robot = load_robot(ROBOTS / "mannequin.toml", load_library(find_library("cmu86")).skeleton)
+    model, data = robot.model, mujoco.MjData(robot.model)
+    mujoco.mj_kinematics(model, data)
+    feet = feet_of(robot)
+    assert [foot.body for foot in feet] == ["lfoot", "rfoot"]
+    for foot, toes in zip(feet, ("ltoes", "rtoes"), strict=True):
+        turned = data.body(foot.body).xmat.reshape(3, 3)
+        up, sole = turned @ foot.axes[:, 2], data.body(foot.body).xpos + turned @ foot.sole
+        for geom in np.flatnonzero(model.geom_bodyid == model.body(toes).id):
+            below = reach(model, int(geom), -up @ data.geom_xmat[geom].reshape(3, 3))
+            assert up @ (data.geom_xpos[geom] - sole) - below == pytest.approx(0.0, abs=0.002)
 
 
 def test_left_and_right_limbs_differ_in_colour():
