@@ -28,7 +28,9 @@ from controller.networks.base import NeuronNetwork
 from controller.networks.orbits import orbits
 from motiondeck_base.shipped import find_library, find_robot
 from sim.physics.playback import PhysicsPlayback
+from sim.physics.walking.preview import AHEAD
 from sim.pictures.offscreen import OffScreen
+from sim.pictures.video import bodies_sheet
 from sim.robots.robot import DT, load_robot
 
 DOCS = Path(__file__).parent
@@ -64,6 +66,27 @@ def walk() -> None:
     for place, frame in enumerate(frames[:8]):
         sheet.paste(frame, (place % 4 * 320, place // 4 * 240))
     sheet.save(PICTURES / "walk-servo20.webp", quality=80)
+
+
+def beside() -> None:
+    """The human's walk, and the robots on their own feet at the same times of it."""
+    library = load_library(find_library("thesis15"))
+    first, apart, lag = round(6.0 / DT), round(0.2 / DT), round(AHEAD / DT)
+    ticks = range(first, first + 8 * apart, apart)
+    human = load_robot(find_robot("mannequin"), library.skeleton)
+    deck, played = Deck(library, human.retarget, "walk"), np.zeros((ticks[-1] + 1, human.model.nq))
+    for qpos in played:
+        human.place(*deck.update(DT), qpos)
+    rows = [("human", human.model, [played[tick] for tick in ticks])]
+    for name in ("servo20", "mannequin"):
+        robot = load_robot(find_robot(name), library.skeleton)
+        deck, stage = Deck(library, robot.retarget, "walk"), PhysicsPlayback(robot, DT, "free", walk=True)
+        walked = np.zeros((ticks[-1] + lag + 1, robot.model.nq))
+        for qpos in walked:
+            stage.write(*deck.update(DT))
+            qpos[:] = stage.qpos
+        rows.append((name, robot.model, [walked[tick + lag] for tick in ticks]))
+    bodies_sheet(rows, PICTURES / "walk-beside-human.webp", (170, 190))
 
 
 def rise() -> None:
@@ -120,6 +143,7 @@ MADE: dict[str, Callable[[], object]] = {
     "page": lambda: subprocess.run(PAGE, check=True),
     "motiondeck.gif": film,
     "walk-servo20": walk,
+    "walk-beside-human": beside,
     "rise-servo20": rise,
     "network-inside": network,
     "thesis15-mannequin": lambda: motiondeck("library", "sheet", "thesis15", "--out", DOCS / "thesis15-mannequin.png"),
