@@ -50,9 +50,26 @@ def benchmark(*words: str | Path) -> None:
 
 
 def film() -> None:
-    """Four motions with the switches between them."""
-    script = "walk 3, jog 3, waltz 3, box1 3"
-    motiondeck("play", "--script", script, "--size", "400x300", "--fps", "15", "--video", DOCS / "motiondeck.gif")
+    """Four motions with the switches between them: as they were learned, and by a robot on its own feet."""
+    fps, seconds = 12, 12.0
+    options = ["--script", "walk 3, jog 3, waltz 3, box1 3", "--size", "320x300", "--fps", str(fps)]
+    halves: list[list[Image.Image]] = []
+    with tempfile.TemporaryDirectory() as folder:
+        for more in ([], ["--root", "free", "--walk", "--footprints"]):
+            half = Path(folder) / f"{len(halves)}.gif"
+            motiondeck("play", *options, "--seconds", str(seconds + AHEAD), *more, "--video", half)
+            halves.append([frame.convert("RGB") for frame in ImageSequence.Iterator(Image.open(half))])
+    learned, walked = halves
+    # The body is so much later than the motion.
+    both = list(zip(learned, walked[round(AHEAD * fps) :], strict=False))
+    frames = [Image.new("RGB", (640, 300)) for _ in both]
+    for frame, (left, right) in zip(frames, both, strict=True):
+        frame.paste(left, (0, 0))
+        frame.paste(right, (320, 0))
+    # One palette for all, so that what does not move is stored once.
+    palette = frames[0].quantize(96)
+    small = [frame.quantize(palette=palette, dither=Image.Dither.NONE) for frame in frames]
+    small[0].save(DOCS / "motiondeck.gif", save_all=True, append_images=small[1:], duration=1000 / fps, loop=0)
 
 
 def walk() -> None:
