@@ -6,7 +6,8 @@ Each tick makes one damped least-squares step on a robot of its own, from where 
 
 where e_f is the distance of the soles from their places, e_c that of the centre of mass from its goal, and e_q that of
 root and joints from the played motion: the legs give way, the rest of the body keeps playing. Long steps of flat feet
-pull the root down; where it would rise faster than it may, the step is solved again with its height given.
+pull the root down. Where it would rise faster than it may, or a knee would become straight (`knees`), the step is
+solved again with that given.
 """
 
 # pyright: reportAttributeAccessIssue=false
@@ -22,12 +23,13 @@ import numpy as np
 from controller.rotations import Array, conjugate, cross, multiply, to_rotation_vector
 from sim.models.feet import Foot
 from sim.models.kinematic_tree import path_to
+from sim.physics.walking.knees import bent_knees
 from sim.robots.robot import Robot
 
 # Weights of one metre or one radian off.
 FOOT, CENTRE, LEAN, LEG, REST = 100.0, 60.0, 3.0, 0.3, 3.0
 STARTING_STEPS = 60
-# Weight of a root that may not rise faster.
+# Weight of what is given.
 HELD = 1e4
 # A leg with fewer hinges cannot put a foot anywhere at any angle: an ankle without roll leaves it at this weight.
 LEG_HINGES, ROLL = 6, 1.0
@@ -64,6 +66,8 @@ class WholeBody:
         self._weight = self._weights(height_weight)
         self.legs = self._weight == LEG
         self._most = self._fastest() * dt
+        knees, *self._ends = bent_knees(model, self.bodies)
+        self._knees = model.jnt_dofadr[knees], model.jnt_qposadr[knees]
         self._error = np.empty(model.nv)
         self.jacobian = np.empty((15, model.nv))
 
@@ -89,7 +93,7 @@ class WholeBody:
             places: where the middles of the soles are to be, two of shape (3,), m.
             turns: the rotations of the feet's bodies, two quaternions.
             centre: where the centre of mass is to be, shape (2,), m.
-            rise: how far the root may go up in this step, m.
+            rise: how far the root may go up in this step, and down to keep knees bent, m.
             pace: how many ticks the step may take up of the joints' speed.
         """
         model, plan = self._model, self.plan
@@ -121,11 +125,10 @@ class WholeBody:
         matrix = tasks.T @ weighted
         matrix[np.diag_indices_from(matrix)] += square + 1e-6
         wanted = square * self._error + weighted.T @ off
-        step = np.linalg.solve(matrix, wanted)
+        step = _solve(matrix, wanted, [], [])
         if step[2] > rise:
-            matrix[2, 2] += HELD**2
-            wanted[2] += HELD**2 * rise
-            step = np.linalg.solve(matrix, wanted)
+            step = _solve(matrix, wanted, [2], [rise])
+        step = self._bent(matrix, wanted, step, rise)
         most = self._most * pace
         mujoco.mj_integratePos(model, plan.qpos, np.clip(step, -most, most), 1.0)
         self._within_limits()
@@ -139,6 +142,18 @@ class WholeBody:
         """The joint torques (nv,), N m, of a force (3,), N, on a sole, `arm` (3,), m, from its middle."""
         rows = self.jacobian[6 * foot : 6 * foot + 6]
         return rows[:3].T @ force + rows[3:].T @ cross(arm, force)
+
+    def _bent(self, matrix: Array, wanted: Array, step: Array, rise: float) -> Array:
+        """The step (nv,) with knees that stay bent, and a root that sinks for that no faster than it may rise."""
+        dofs, at = self._knees
+        ends = np.clip(step[dofs], *(end - self.plan.qpos[at] for end in self._ends))
+        beyond = ends != step[dofs]
+        if not beyond.any():
+            return step
+        held, to = dofs[beyond].tolist(), ends[beyond].tolist()
+        bent = _solve(matrix, wanted, held, to)
+        high = min(max(float(bent[2]), -rise), rise)
+        return bent if bent[2] == high else _solve(matrix, wanted, [2, *held], [high, *to])
 
     def _within_limits(self) -> None:
         layout, limits, qpos = self._robot.layout, self._robot.limits, self.plan.qpos
@@ -163,3 +178,11 @@ class WholeBody:
         most = np.full(self._model.nv, np.inf)
         most[self._robot.layout.dof] = self._robot.limits.velocity
         return most
+
+
+def _solve(matrix: Array, wanted: Array, given: Sequence[int], to: Sequence[float]) -> Array:
+    """The least-squares step (nv,) in which some degrees of freedom go as far as is given."""
+    matrix, wanted = matrix.copy(), wanted.copy()
+    matrix[given, given] += HELD**2
+    wanted[given] += HELD**2 * np.asarray(to)
+    return np.linalg.solve(matrix, wanted).astype(np.float64, copy=False)
