@@ -78,6 +78,12 @@ def end_hinge(data: mujoco.MjData, hinges: Sequence[int], knee: Array, upper: fl
     return None
 
 
+def bent_by(axis: Array, upper: Array, lower: Array) -> float:
+    """By what turn about its axis a knee (elbow) is bent, rad; 0 where the limb is straight; arguments as `folds`."""
+    upper, lower = (way - (way @ axis) * axis for way in (upper, lower))
+    return float(np.arctan2(axis @ np.cross(upper, lower), upper @ lower))
+
+
 def folds(model: mujoco.MjModel, joint: int, axis: Array, upper: Array, lower: Array) -> int:
     """The sign of a knee's (elbow's) turns that fold a limb, seen from where it is straight; 0 if it folds either way.
 
@@ -87,8 +93,7 @@ def folds(model: mujoco.MjModel, joint: int, axis: Array, upper: Array, lower: A
         axis: its axis, shape (3,).
         upper, lower: the ways from the beginning of the limb to the knee and on to its end, shape (3,) each.
     """
-    upper, lower = (way - (way @ axis) * axis for way in (upper, lower))
-    bent = float(np.arctan2(axis @ np.cross(upper, lower), upper @ lower))
+    bent = bent_by(axis, upper, lower)
     low, high = bent + model.jnt_range[joint]
     one_way = model.jnt_limited[joint] and min(abs(low), abs(high)) < 0.5 * max(abs(low), abs(high))
     return int(np.sign(low + high)) if one_way else 0

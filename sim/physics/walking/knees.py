@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from controller.rotations import Array
 from sim.models.kinematic_tree import hinges_between
-from sim.models.limb_geometry import centre_of, end_hinge
+from sim.models.limb_geometry import bent_by, centre_of, end_hinge
 
 # A knee stays bent by so much, rad.
 BENT = 0.15
@@ -44,12 +44,10 @@ def knee_of(model: mujoco.MjModel, body: int) -> tuple[int, float] | None:
             continue
         down = data.xanchor[ankle] - at
         leg = max(leg, float(np.linalg.norm(up - down)))
-        up, down = (way - (way @ axis) * axis for way in (up, down))
-        least = min(float(np.linalg.norm(up)), float(np.linalg.norm(down)))
+        least = min(float(np.linalg.norm(way - (way @ axis) * axis)) for way in (up, down))
         if least > most:
-            # The leg is longest where down points the other way than up.
-            straight = float(np.arctan2(axis @ np.cross(down, -up), -up @ down))
-            found, most = (joint, straight + float(model.qpos0[model.jnt_qposadr[joint]])), least
+            straight = float(model.qpos0[model.jnt_qposadr[joint]]) - bent_by(axis, -up, down)
+            found, most = (joint, straight), least
     return found if most > SHARE * leg else None
 
 

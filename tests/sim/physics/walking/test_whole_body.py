@@ -18,19 +18,20 @@ def robot():
     return load_robot(ROBOTS / "servo20.toml", human())
 
 
-def heights_from_a_squat(robot, rise):
-    """Tick by tick, how high the root is of who squats and is to stand up; and how far soles leave their places."""
+def standing(robot):
+    """Who solves, a state of the robot at rest, where its soles are, how feet are turned, and the soles' middle."""
     model, feet = physics_model(robot, "free"), feet_of(robot)
     body, data = WholeBody(robot, model, feet, 0.005, 15.0), mujoco.MjData(model)
     robot.layout.place(robot.rest, data.qpos)
     mujoco.mj_kinematics(model, data)
+    places = [body.sole(data, foot) for foot in range(2)]
+    return body, data, places, [from_matrix(foot.axes.T) for foot in feet], np.mean(places, axis=0)[:2]
 
-    def soles(at):
-        frames = [(at.xpos[k], at.xmat[k].reshape(3, 3)) for k in body.bodies]
-        return [place + frame @ foot.sole for (place, frame), foot in zip(frames, feet, strict=True)]
 
-    places, turns = soles(data), [from_matrix(foot.axes.T) for foot in feet]
-    middle, low = np.mean(places, axis=0)[:2], data.qpos.copy()
+def heights_from_a_squat(robot, rise):
+    """Tick by tick, how high the root is of who squats and is to stand up; and how far soles leave their places."""
+    model, (body, data, places, turns, middle) = physics_model(robot, "free"), standing(robot)
+    low = data.qpos.copy()
     for joint, angle in BENT.items():
         for side in "rl":
             low[model.joint(f"{side}_{joint}").qposadr] = angle
@@ -42,7 +43,7 @@ def heights_from_a_squat(robot, rise):
         body.step(data.qpos.copy(), places, turns, middle, rise)
         mujoco.mj_kinematics(model, body.plan)
         heights.append(float(body.plan.qpos[2]))
-        slid = max(slid, *(np.linalg.norm(a - b) for a, b in zip(soles(body.plan), places, strict=True)))
+        slid = max(slid, *(np.linalg.norm(body.sole(body.plan, foot) - places[foot]) for foot in range(2)))
     return np.array(heights), slid
 
 
@@ -56,12 +57,8 @@ def test_the_root_rises_no_faster_than_it_may_and_the_soles_stay_where_they_are(
 
 @pytest.mark.parametrize("heights", [0.3, 0.6])
 def test_a_leg_that_reaches_far_keeps_its_knee_bent_and_the_root_sinks_no_faster_for_it(robot, heights):
-    model, feet = physics_model(robot, "free"), feet_of(robot)
-    body, data = WholeBody(robot, model, feet, 0.005, 15.0), mujoco.MjData(model)
-    robot.layout.place(robot.rest, data.qpos)
-    mujoco.mj_kinematics(model, data)
-    places, turns = [body.sole(data, foot) for foot in range(2)], [from_matrix(foot.axes.T) for foot in feet]
-    middle, knees = np.mean(places, axis=0)[:2], model.jnt_qposadr[[model.joint(f"{side}_knee").id for side in "rl"]]
+    model, (body, data, places, turns, middle) = physics_model(robot, "free"), standing(robot)
+    knees = model.jnt_qposadr[[model.joint(f"{side}_knee").id for side in "rl"]]
     body.plan.qpos[:] = data.qpos
     body.settle(data.qpos, places, turns, middle)
     moves = []
