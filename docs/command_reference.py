@@ -7,7 +7,7 @@ from typing import Any
 
 import typer
 
-from controller.cli.main import command_line
+from motiondeck.cli.main import command_line
 
 
 def command_reference() -> str:

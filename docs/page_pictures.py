@@ -243,7 +243,7 @@ def _emergency_stop(setting: Setting) -> Shots:
 
 
 def _learning(setting: Setting) -> Shots:
-    from controller.mocap.formats.writing import bvh_text
+    from controller.motion.formats.writing import bvh_text
 
     recording = setting.work / "my-waltz.bvh"
     recording.write_text(bvh_text(as_clip(load_library(find_library("thesis15")), "waltz", 6.0, 60.0)))

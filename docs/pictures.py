@@ -21,16 +21,16 @@ os.environ.setdefault("MUJOCO_GL", "egl")
 import numpy as np
 from PIL import Image, ImageSequence
 
-from controller.cli.pictures.figures import new_figure, save
 from controller.deck.deck import Deck
 from controller.library.motion_library import load_library
 from controller.networks.base import NeuronNetwork
 from controller.networks.orbits import orbits
+from motiondeck.pictures.figures import new_figure, save
+from motiondeck.pictures.offscreen import OffScreen
+from motiondeck.pictures.video import bodies_sheet
 from motiondeck_base.shipped import find_library, find_robot
 from sim.physics.playback import PhysicsPlayback
 from sim.physics.walking.preview import AHEAD
-from sim.pictures.offscreen import OffScreen
-from sim.pictures.video import bodies_sheet
 from sim.robots.robot import DT, load_robot
 
 DOCS = Path(__file__).parent

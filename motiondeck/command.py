@@ -17,7 +17,7 @@ def main() -> None:
     for line in shadowed():
         print(f"motiondeck: {line}", file=sys.stderr)
         sys.exit(1)
-    from controller.cli.main import main as run
+    from motiondeck.cli.main import main as run
 
     run()
 

@@ -11,7 +11,7 @@ from typing import Any
 
 import msgspec
 
-from controller.cli.session.live_deck import Ended, Failed, LiveNews, Ready
+from motiondeck.run.live_deck import Ended, Failed, LiveNews, Ready
 from motiondeck_base.errors import MotiondeckError
 
 _ENDS_WITHIN = 30.0  # s: on the way to rest a rig may take its time

@@ -11,13 +11,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from controller.deck.motion_generator import MotionGenerator, generate, generate_clip
+from controller.learning.fit import fit
+from controller.learning.learn import learn as learn_recordings
+from controller.learning.recipe import NetworkRecipe, read_recipe, require_sizes
 from controller.library.motion_library import MotionLibrary, save_library
 from controller.library.motion_library import load_library as load_library_file
-from controller.mocap.clip import Clip
-from controller.mocap.skeleton import Skeleton
-from controller.training.fit import fit
-from controller.training.learn import learn as learn_recordings
-from controller.training.recipe import NetworkRecipe, read_recipe, require_sizes
+from controller.motion.clip import Clip
+from controller.motion.skeleton import Skeleton
 from motiondeck_base.errors import MotiondeckError
 from motiondeck_base.shipped import find_library
 

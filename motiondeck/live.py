@@ -11,7 +11,6 @@ from dataclasses import dataclass
 from types import TracebackType
 from typing import Any, Literal
 
-from controller.cli.session.live_deck import with_right_types
 from controller.wire.command_socket import CommandClient, SocketError
 from controller.wire.messages import commands
 from controller.wire.messages.command_table import checked
@@ -21,6 +20,7 @@ from controller.wire.messages.lock_state import LockState
 from controller.wire.messages.replies import Accepted, Refused, Settled
 from controller.wire.messages.replies import State as DeckStatus
 from motiondeck.deck_process import DeckProcess
+from motiondeck.run.live_deck import with_right_types
 from motiondeck_base.errors import MotiondeckError
 
 __all__ = ["CommandedMotion", "DeckEvent", "DeckStatus", "LiveDeck", "LockState"]

@@ -6,8 +6,25 @@ Each stands in a file of its own in `controller/networks`, with its equations; h
 
 from __future__ import annotations
 
+from controller.learning.centralized.centralized_training import CentralizedRecipe
+from controller.learning.centralized.motion_training import train_centralized
+from controller.learning.centralized.primitive_learning import learn_primitive
+from controller.learning.measures.accuracy import nrmse
+from controller.learning.own_signals import (
+    SMALL_RESERVOIR,
+    ReservoirResponse,
+    learn_response,
+    learn_signals,
+    load_signals,
+    run_free,
+)
+from controller.learning.reservoirs.completion_training import CompletionRecipe, learn_completion
+from controller.learning.reservoirs.conceptor_training import ConceptorRecipe
+from controller.learning.reservoirs.echo_state_training import EchoStateRecipe
+from controller.learning.reservoirs.phase_conceptor_training import PhaseRecipe
+from controller.learning.reservoirs.phase_echo_state_training import PhaseEchoStateRecipe
+from controller.learning.reservoirs.random_feature_training import RandomFeatureRecipe
 from controller.library.network_arrays import AnyNetwork
-from controller.measures.accuracy import nrmse
 from controller.networks.base import FrameNetwork, Generator
 from controller.networks.centralized.centers import (
     Duffing,
@@ -56,24 +73,7 @@ from controller.networks.reservoirs.phase_echo_state import PhaseEchoStateNetwor
 from controller.networks.reservoirs.phase_morph import PhaseMorph
 from controller.networks.reservoirs.random_feature_conceptor import RandomFeatureNetwork
 from controller.networks.reservoirs.reservoir import Reservoir, drive, random_reservoir
-from controller.ridge import ridge
-from controller.training.centralized.centralized_training import CentralizedRecipe
-from controller.training.centralized.motion_training import train_centralized
-from controller.training.centralized.primitive_learning import learn_primitive
-from controller.training.own_signals import (
-    SMALL_RESERVOIR,
-    ReservoirResponse,
-    learn_response,
-    learn_signals,
-    load_signals,
-    run_free,
-)
-from controller.training.reservoirs.completion_training import CompletionRecipe, learn_completion
-from controller.training.reservoirs.conceptor_training import ConceptorRecipe
-from controller.training.reservoirs.echo_state_training import EchoStateRecipe
-from controller.training.reservoirs.phase_conceptor_training import PhaseRecipe
-from controller.training.reservoirs.phase_echo_state_training import PhaseEchoStateRecipe
-from controller.training.reservoirs.random_feature_training import RandomFeatureRecipe
+from controller.networks.ridge import ridge
 
 __all__ = [
     "SMALL_RESERVOIR",

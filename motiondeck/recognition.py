@@ -10,17 +10,17 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from controller.mocap.clip import Clip
-from controller.mocap.skeleton import Skeleton
-from controller.recognition.body_recognizer import BodyRecognizer
-from controller.recognition.experts import STRETCHES, committee_recipe
-from controller.recognition.features import FeatureRecipe
-from controller.recognition.labelled_recordings import Dataset, Example, read_dataset
-from controller.recognition.online_recognizer import OnlineRecognizer
-from controller.recognition.recognizer import RecognitionVerdict, train_recognizer
-from controller.recognition.recognizer import Recognizer as TrainedRecognizer
-from controller.recognition.recognizer_file import load_recognizer as load_recognizer_file
-from controller.recognition.recognizer_file import save_recognizer
+from controller.learning.recognition.body_recognizer import BodyRecognizer
+from controller.learning.recognition.experts import STRETCHES, committee_recipe
+from controller.learning.recognition.features import FeatureRecipe
+from controller.learning.recognition.labelled_recordings import Dataset, Example, read_dataset
+from controller.learning.recognition.online_recognizer import OnlineRecognizer
+from controller.learning.recognition.recognizer import RecognitionVerdict, train_recognizer
+from controller.learning.recognition.recognizer import Recognizer as TrainedRecognizer
+from controller.learning.recognition.recognizer_file import load_recognizer as load_recognizer_file
+from controller.learning.recognition.recognizer_file import save_recognizer
+from controller.motion.clip import Clip
+from controller.motion.skeleton import Skeleton
 from motiondeck.recordings import the_clip
 from motiondeck_base.errors import MotiondeckError
 

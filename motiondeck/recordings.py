@@ -7,11 +7,11 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Literal
 
-from controller.mocap.clip import Clip
-from controller.mocap.formats.reading import read_clip
-from controller.mocap.formats.writing import write_clip
-from controller.mocap.reading_options import ReadingOptions
-from controller.mocap.skeleton import Skeleton
+from controller.motion.clip import Clip
+from controller.motion.formats.reading import read_clip
+from controller.motion.formats.writing import write_clip
+from controller.motion.reading_options import ReadingOptions
+from controller.motion.skeleton import Skeleton
 from motiondeck_base.errors import MotiondeckError
 
 __all__ = ["Clip", "Skeleton", "read_recording", "save_recording"]

@@ -12,7 +12,7 @@ from typing import Literal
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from controller.quintic import rise
+from controller.motion.quintic import rise
 from hardware.emulator.process import start_emulator
 from hardware.emulator.simulated_rig import SimulatedRig
 from hardware.errors import RigError, still_on

@@ -8,9 +8,9 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Literal
 
-from controller.jobs import Jobs
-from controller.mocap.clip import Clip
+from controller.motion.clip import Clip
 from motiondeck.recordings import the_clip
+from motiondeck_base.jobs import Jobs
 from motiondeck_base.shipped import find_robot
 from sim.models.mannequin.average_body import reference_body
 from sim.models.robot_file import read_robot_file, solver_named

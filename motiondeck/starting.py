@@ -12,11 +12,11 @@ from typing import Literal
 
 import msgspec
 
-from controller.cli.session.live_deck import LiveRequest, with_right_types
 from controller.wire.run_folder import run_folder
 from motiondeck.deck_process import DeckProcess
 from motiondeck.libraries import Library
 from motiondeck.live import LiveDeck
+from motiondeck.run.live_deck import LiveRequest, with_right_types
 from motiondeck_base.errors import MotiondeckError
 
 __all__ = ["play"]
@@ -87,7 +87,7 @@ def play(
         for name, value in (("rate", request.rate), ("seconds", request.seconds)):
             if value is not None and not math.isfinite(value):
                 raise MotiondeckError(f"{name} is {value}, not a finite number")
-        module = "controller.cli.session.live_deck"
+        module = "motiondeck.run.live_deck"
         # In a session of its own: Ctrl-C is for the program, whose `with` block then ends the deck.
         process = subprocess.Popen(
             [sys.executable, "-P", "-m", module, msgspec.json.encode(request).decode()],

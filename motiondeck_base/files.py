@@ -10,7 +10,7 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 from pathlib import Path
 
-from motiondeck_base.errors import FileFormatError
+from motiondeck_base.errors import FileFormatError, MotiondeckError
 from motiondeck_base.mistaken_files import what_it_is
 
 LARGEST = 256 * 2**20  # bytes; CMU's files need that much for three quarters of an hour
@@ -155,3 +155,19 @@ def _replace(path: Path, content: bytes) -> None:
         Path(temporary).replace(path)
     finally:
         Path(temporary).unlink(missing_ok=True)
+
+
+def check_folder(*files: Path | None) -> None:
+    """Checks, before anything is computed, that there are folders that files can be written to.
+
+    Raises:
+        MotiondeckError: if there is none, or it takes no files.
+    """
+    for file in files:
+        if file is None:
+            continue
+        folder = file.absolute().parent
+        if not folder.is_dir():
+            raise MotiondeckError(f"{file.parent}: there is no such folder to write {file.name} to")
+        if not os.access(folder, os.W_OK | os.X_OK):
+            raise MotiondeckError(f"{file}: nothing can be written to the folder {folder}. Give a place of your own.")

@@ -2,9 +2,9 @@
 
 import numpy as np
 
-from controller.mocap.clip import Clip
-from controller.mocap.skeleton import Skeleton
-from controller.rotations import normalise
+from controller.motion.clip import Clip
+from controller.motion.rotations import normalise
+from controller.motion.skeleton import Skeleton
 from simulated_bodies import human
 
 SMALL = (

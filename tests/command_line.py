@@ -8,7 +8,7 @@ from contextlib import redirect_stderr, redirect_stdout
 
 from typer.testing import CliRunner
 
-from controller.cli.main import command_line, main
+from motiondeck.cli.main import command_line, main
 
 
 def invoked(*words, **options):

@@ -66,7 +66,7 @@ def pytest_collection_modifyitems(items):
     items.sort(key=lambda item: (not has_browser_tests(item.path), not item.nodeid.startswith(PROGRAMS)))
 
 
-PROGRAMS = ("tests/motiondeck/", "tests/controller/cli/", "tests/controller/fleet/")
+PROGRAMS = ("tests/motiondeck/",)
 
 
 @pytest.hookimpl(optionalhook=True)

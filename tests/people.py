@@ -96,7 +96,7 @@ def farthest(joints, track):
 
 def check_person(clip, motion, tolerance=1e-6, lacking=()):
     """Every joint of the person is a joint of the clip, and the canonical landmarks are the right ones."""
-    from controller.mocap.canonical.canonical_body import to_canonical
+    from controller.motion.canonical.canonical_body import to_canonical
 
     joints = clip.joints()
     for key, track in motion.place.items():

@@ -5,8 +5,8 @@ from pathlib import Path
 
 import numpy as np
 
-from controller.mocap.encodings.bone_directions import BoneDirections
-from controller.recognition.labelled_recordings import Dataset, Example
+from controller.learning.recognition.labelled_recordings import Dataset, Example
+from controller.motion.encodings.bone_directions import BoneDirections
 from synthetic import RATE, bow, march, small_encoding, small_skeleton, wave
 
 CLASSES = ("bow", "march", "wave")

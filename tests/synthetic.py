@@ -6,18 +6,18 @@ from functools import wraps
 import msgspec
 import numpy as np
 
+from controller.learning.preparation.loops import hold_end
+from controller.learning.preparation.training_motion import TrainingMotion
+from controller.learning.reservoirs.conceptor_training import ConceptorRecipe, conceptor_network, load_reservoir
+from controller.learning.reservoirs.phase_conceptor_training import PhaseRecipe
+from controller.learning.reservoirs.phase_echo_state_training import PhaseEchoStateRecipe
+from controller.learning.reservoirs.phase_training import train_phase_driven
 from controller.library.library_header import VERSION, LibraryInfo, MotionInfo, describe_skeleton
 from controller.library.motion_library import MotionLibrary
-from controller.mocap.encodings.bone_directions import BoneDirections
-from controller.mocap.encodings.normalisation import Normalisation
-from controller.mocap.skeleton import Skeleton
+from controller.motion.encodings.bone_directions import BoneDirections
+from controller.motion.encodings.normalisation import Normalisation
+from controller.motion.skeleton import Skeleton
 from controller.networks.reservoirs.phase_conceptor import PhaseConceptorNetwork
-from controller.training.preparation.loops import hold_end
-from controller.training.preparation.training_motion import TrainingMotion
-from controller.training.reservoirs.conceptor_training import ConceptorRecipe, conceptor_network, load_reservoir
-from controller.training.reservoirs.phase_conceptor_training import PhaseRecipe
-from controller.training.reservoirs.phase_echo_state_training import PhaseEchoStateRecipe
-from controller.training.reservoirs.phase_training import train_phase_driven
 
 RATE = 120.0
 RIGHT, LEFT, UP, DOWN = (0, -1, 0), (0, 1, 0), (0, 0, 1), (0, 0, -1)

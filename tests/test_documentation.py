@@ -12,7 +12,7 @@ from urllib.parse import unquote
 import pytest
 import typer
 
-from controller.cli.main import app
+from motiondeck.cli.main import app
 
 ROOT = Path(__file__).parents[1]
 PAGES = [ROOT / name for name in ("README.md", "CONTRIBUTING.md", "THIRD_PARTY_NOTICES.md", "CHANGELOG.md")]

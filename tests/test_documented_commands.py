@@ -17,7 +17,7 @@ import time
 import pytest
 
 from bodies import waving
-from controller.mocap.formats.writing import bvh_text
+from controller.motion.formats.writing import bvh_text
 from motiondeck_base.shipped import find_library, find_rig
 from small_robots import humanoid
 from test_documentation import PAGES, command_lines

@@ -22,10 +22,10 @@ from threadpoolctl import threadpool_limits
 from benchmarks import command
 from benchmarks.centralized.centralized_filling import places_of
 from benchmarks.papers.segment_network import play_segment
-from controller.mocap.segmentation import find_segments
-from controller.rotations import Array
-from controller.training.centralized.low_rank_learning import learn_low_rank
-from controller.training.centralized.satellite_learning import principal_scores, slow_and_fast
+from controller.learning.centralized.low_rank_learning import learn_low_rank
+from controller.learning.centralized.satellite_learning import principal_scores, slow_and_fast
+from controller.motion.rotations import Array
+from controller.motion.segmentation import find_segments
 
 PIECE_S = 3.5
 PARAMETERS = [10, 18, 35]

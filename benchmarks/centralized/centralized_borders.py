@@ -13,10 +13,10 @@ import numpy as np
 import typer
 
 from benchmarks import command
-from controller.mocap.formats.reading import read_clip
-from controller.mocap.segmentation import Bounds, body_features, find_segments
-from controller.recognition.segmentation.border_score import BorderScore, score_borders
-from controller.recognition.segmentation.labels import read_labels
+from controller.learning.recognition.segmentation.border_score import BorderScore, score_borders
+from controller.learning.recognition.segmentation.labels import read_labels
+from controller.motion.formats.reading import read_clip
+from controller.motion.segmentation import Bounds, body_features, find_segments
 
 RATE = 120.0
 

@@ -17,8 +17,8 @@ import typer
 
 from benchmarks import command
 from benchmarks.papers.hidden_joints import Missed, fill_hidden
-from controller.mocap.formats.markers.c3d import read_c3d
-from controller.mocap.formats.reading import read_clip
+from controller.motion.formats.markers.c3d import read_c3d
+from controller.motion.formats.reading import read_clip
 
 GAPS_S = (0.25, 0.5, 1.0)
 TRIES = 2

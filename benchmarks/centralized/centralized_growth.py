@@ -24,11 +24,11 @@ import typer
 from benchmarks import command
 from benchmarks.centralized.centralized_step import motion
 from benchmarks.papers.frequency_search import FrequencySearch
-from controller.cli.pictures.figures import check_picture, new_figure, save
+from controller.learning.centralized.satellite_learning import learn, ridge_readout, slow_and_fast
 from controller.networks.centralized.centers import pairs_at
 from controller.networks.centralized.centralized import CentralizedGenerator
 from controller.networks.centralized.satellites import GaussianSatellites, grid_places, spacing
-from controller.training.centralized.satellite_learning import learn, ridge_readout, slow_and_fast
+from motiondeck.pictures.figures import check_picture, new_figure, save
 
 RATE = 120.0
 USUAL = {"samples": 1000, "outputs": 62, "centers": 2, "satellites": 49, "segments": 1}

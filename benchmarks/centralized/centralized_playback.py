@@ -16,9 +16,9 @@ import typer
 from benchmarks import command
 from controller.deck.deck import Deck
 from controller.library.motion_library import MotionLibrary, load_library
+from controller.motion.rotations import Array
 from controller.networks.centralized.centralized import Voice
 from controller.networks.centralized.centralized_frames import CentralizedNetwork
-from controller.rotations import Array
 from motiondeck_base.errors import MotiondeckError
 
 DT = 1.0 / 120.0

@@ -16,11 +16,11 @@ import typer
 
 from benchmarks import command
 from benchmarks.papers.segment_network import play_segment
-from controller.cli.pictures.curve_plots import draw_lines
-from controller.cli.pictures.figures import check_picture
-from controller.mocap.formats.reading import read_clip
-from controller.mocap.segmentation import body_features, find_segments
-from controller.training.centralized.model_choice import mean_absolute, mean_distance
+from controller.learning.centralized.model_choice import mean_absolute, mean_distance
+from controller.motion.formats.reading import read_clip
+from controller.motion.segmentation import body_features, find_segments
+from motiondeck.pictures.curve_plots import draw_lines
+from motiondeck.pictures.figures import check_picture
 
 SEGMENTS = 11
 

@@ -17,11 +17,11 @@ import typer
 from threadpoolctl import threadpool_limits
 
 from benchmarks import command
-from controller.mocap.formats.reading import read_clip, skeleton_of
-from controller.mocap.reading_options import ReadingOptions
-from controller.rotations import Array
-from controller.training.centralized.model_choice import hands_and_feet
-from controller.training.centralized.primitive_learning import learn_primitive
+from controller.learning.centralized.model_choice import hands_and_feet
+from controller.learning.centralized.primitive_learning import learn_primitive
+from controller.motion.formats.reading import read_clip, skeleton_of
+from controller.motion.reading_options import ReadingOptions
+from controller.motion.rotations import Array
 
 FRAMES = 100
 SATELLITES = 15

@@ -11,7 +11,7 @@ from pathlib import Path
 import numpy as np
 
 from controller.loop.permissions import FIFO_PRIORITY
-from controller.rotations import Array
+from controller.motion.rotations import Array
 
 
 @dataclass(frozen=True)

@@ -1,4 +1,4 @@
-/* Two parts of a tick as C would do them: the rotations of the bones (controller/mocap/orientation.py) and the angles
+/* Two parts of a tick as C would do them: the rotations of the bones (controller/motion/orientation.py) and the angles
    of the limbs (LimbAngles in sim/retargeting/retarget.py). `python -m benchmarks compiled` compares them. */
 #include <math.h>
 #include <string.h>

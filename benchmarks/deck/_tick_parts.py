@@ -12,14 +12,14 @@ from typing import Any
 
 import numpy as np
 
-import controller.mocap.encodings.bone_directions as bone_directions
-from controller.cli.session.session import Session
+import controller.motion.encodings.bone_directions as bone_directions
 from controller.deck.deck import Deck
 from controller.deck.tracks.frame_player import FramePlayer
 from controller.loop.clock import Ticker, VirtualClock
 from controller.loop.output_channel import Channel
 from controller.loop.safety.safety_envelope import SafetyEnvelope
-from controller.rotations import Array
+from controller.motion.rotations import Array
+from motiondeck.run.session import Session
 from sim.physics.playback import PhysicsPlayback
 from sim.physics.simulated_servos import Servos
 from sim.retargeting.footing import Footing

@@ -26,7 +26,7 @@ from controller.deck.interfaces import JointLimits  # noqa: E402
 from controller.library.motion_library import load_library  # noqa: E402
 from controller.loop.safety.approach import Approach  # noqa: E402
 from controller.loop.safety.safety_envelope import SafetyEnvelope  # noqa: E402
-from controller.rotations import Array  # noqa: E402
+from controller.motion.rotations import Array  # noqa: E402
 from motiondeck_base.shipped import find_library, find_robot  # noqa: E402
 from sim.robots.robot import load_robot  # noqa: E402
 

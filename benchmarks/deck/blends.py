@@ -27,11 +27,11 @@ from controller.deck.joins.posture_blend import PostureBlend  # noqa: E402
 from controller.deck.routes import Routes  # noqa: E402
 from controller.deck.tracks.frame_player import FramePlayer  # noqa: E402
 from controller.library.motion_library import MotionLibrary, load_library  # noqa: E402
-from controller.measures.motion_matching import joint_features  # noqa: E402
-from controller.mocap.encodings.bone_directions import BoneDirections  # noqa: E402
+from controller.motion.encodings.bone_directions import BoneDirections  # noqa: E402
+from controller.motion.encodings.motion_matching import joint_features  # noqa: E402
+from controller.motion.quintic import rise  # noqa: E402
+from controller.motion.rotations import Array  # noqa: E402
 from controller.networks.reservoirs.morph import ReservoirNetwork, morph  # noqa: E402
-from controller.quintic import rise  # noqa: E402
-from controller.rotations import Array  # noqa: E402
 from motiondeck_base.shipped import find_library  # noqa: E402
 
 WAYS = ("inside", "bone by bone", "in step")

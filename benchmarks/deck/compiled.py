@@ -20,12 +20,12 @@ from typing import Any
 
 import numpy as np
 
-import controller.mocap.encodings.bone_directions as bone_directions
+import controller.motion.encodings.bone_directions as bone_directions
 from controller.deck.deck import Deck
 from controller.library.motion_library import load_library
-from controller.mocap.rest_pose import FOOT_SLOPE
-from controller.mocap.skeleton import Skeleton
-from controller.rotations import Array, best_fit
+from controller.motion.rest_pose import FOOT_SLOPE
+from controller.motion.rotations import Array, best_fit
+from controller.motion.skeleton import Skeleton
 from motiondeck_base.errors import MotiondeckError
 from motiondeck_base.shipped import find_library, find_robot
 from sim.retargeting.retarget import LimbAngles

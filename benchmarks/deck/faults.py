@@ -62,7 +62,7 @@ class Run:
         words = tuple(word.replace("{folder}", str(self.folder)) for word in words)
         limited = "no room" in options
         return subprocess.Popen(
-            [sys.executable, "-m", "controller.cli.main", *(word for word in words if word != "no room")],
+            [sys.executable, "-m", "motiondeck.cli.main", *(word for word in words if word != "no room")],
             env=self.environment,
             stdin=subprocess.DEVNULL if terminal is None else terminal,
             stdout=subprocess.PIPE if terminal is None else terminal,
@@ -204,7 +204,7 @@ def full_recording() -> Outcome:
             found = one.end(fault, (1,), "run.rec: cannot be written (No space left on device)")
         # What was written before is readable.
         shown = subprocess.run(
-            [sys.executable, "-m", "controller.cli.main", "replay", str(folder / "run.rec"), "--headless"],
+            [sys.executable, "-m", "motiondeck.cli.main", "replay", str(folder / "run.rec"), "--headless"],
             capture_output=True,
             text=True,
         )
@@ -280,7 +280,7 @@ def stale_socket() -> Outcome:
 def rows(moments: int) -> Iterator[Callable[[], Outcome]]:
     """All faults."""
     yield from (no_room, full_disk, full_tmpfs, full_recording, read_only_home, closed_terminal)
-    deck, page, recorder = "controller.cli.main", "sim.view.viewer", "controller.wire.recorder"
+    deck, page, recorder = "motiondeck.cli.main", "motiondeck.page.viewer", "controller.wire.recorder"
     kill, pause = signal.SIGKILL, signal.SIGSTOP
     yield lambda: struck("the deck", deck, kill, (-9,), "")
     yield lambda: struck("the page", page, kill, (0,), "the page has ended; the deck plays on")

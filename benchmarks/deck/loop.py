@@ -41,10 +41,6 @@ import numpy as np  # noqa: E402
 from benchmarks.deck._c_loop import CLoop  # noqa: E402
 from benchmarks.deck._machine_load import hog, stolen_ms  # noqa: E402
 from benchmarks.deck._peer_clock import PeerClock, limiters  # noqa: E402
-from controller.cli.session.robots.robot_on_deck import RobotSetup, open_robots  # noqa: E402
-from controller.cli.session.run_settings import RunSettings  # noqa: E402
-from controller.cli.session.script import Timed  # noqa: E402
-from controller.cli.session.session import Session  # noqa: E402
 from controller.deck.deck import Deck  # noqa: E402
 from controller.library.motion_library import MotionLibrary, load_library  # noqa: E402
 from controller.loop.clock import Clock, Ticker  # noqa: E402
@@ -52,6 +48,10 @@ from controller.loop.gc_and_blas import undisturbed  # noqa: E402
 from controller.loop.histogram import DurationHistogram  # noqa: E402
 from controller.loop.permissions import handed_back, request_core, request_realtime  # noqa: E402
 from controller.wire.messages.commands import Switch  # noqa: E402
+from motiondeck.run.robots.robot_on_deck import RobotSetup, open_robots  # noqa: E402
+from motiondeck.run.run_settings import RunSettings  # noqa: E402
+from motiondeck.run.script import Timed  # noqa: E402
+from motiondeck.run.session import Session  # noqa: E402
 from motiondeck_base.shipped import find_library, find_rig, find_robot  # noqa: E402
 
 BESIDE = ("none", "view", "hog")

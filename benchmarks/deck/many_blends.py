@@ -31,7 +31,7 @@ from controller.deck.joins.deck_motions import read_motions  # noqa: E402
 from controller.deck.joins.join_limits import FASTEST, HARDEST  # noqa: E402
 from controller.deck.routes import Routes  # noqa: E402
 from controller.library.motion_library import MotionLibrary, load_library  # noqa: E402
-from controller.rotations import Array, conjugate, multiply, to_rotation_vector  # noqa: E402
+from controller.motion.rotations import Array, conjugate, multiply, to_rotation_vector  # noqa: E402
 from motiondeck_base.shipped import find_library  # noqa: E402
 
 RATE = 200.0  # Hz

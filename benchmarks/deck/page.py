@@ -81,7 +81,7 @@ def page_of(deck: int) -> int:
     """The process of a deck's page."""
     for task in Path(f"/proc/{deck}/task").iterdir():
         for child in (task / "children").read_text().split():
-            if b"sim.view.viewer" in Path(f"/proc/{child}/cmdline").read_bytes():
+            if b"motiondeck.page.viewer" in Path(f"/proc/{child}/cmdline").read_bytes():
                 return int(child)
     raise RuntimeError("the deck has no page")
 

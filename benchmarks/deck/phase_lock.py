@@ -25,7 +25,7 @@ from controller.library.motion_library import MotionLibrary, load_library  # noq
 from controller.loop.commands.command_desk import CommandDesk  # noqa: E402
 from controller.loop.commands.commanded_run import CommandedRun  # noqa: E402
 from controller.loop.stop_requests import StopRequest  # noqa: E402
-from controller.rotations import Array  # noqa: E402
+from controller.motion.rotations import Array  # noqa: E402
 from controller.wire.command_socket import CommandClient, CommandServer  # noqa: E402
 from controller.wire.leader_link import LeaderLink  # noqa: E402
 from motiondeck_base.shipped import find_library  # noqa: E402

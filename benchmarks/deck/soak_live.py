@@ -30,15 +30,15 @@ import numpy as np
 
 from benchmarks.deck.memory_growth import growth
 from benchmarks.deck.soak_run import random_command
-from controller.cli.session.beside.tick_recorder import MODES
 from controller.deck.interfaces import JointLimits
 from controller.deck.switch_plan import REMEMBERED_SWITCHES
 from controller.library.motion_library import load_library
-from controller.rotations import Array
+from controller.motion.rotations import Array
 from controller.wire.command_socket import CommandClient
 from controller.wire.messages.commands import DeckCommand, GetStatus, GiveBeat, Jump, LockPhase, Stop, Switch, Unlock
 from controller.wire.messages.replies import State
 from controller.wire.run_recording import RunRecording, load_recording
+from motiondeck.run.beside.tick_recorder import MODES
 from motiondeck_base.errors import MotiondeckError
 from motiondeck_base.shipped import find_library, find_robot
 from sim.robots.robot import load_robot
@@ -59,7 +59,7 @@ def start(folder: Path) -> subprocess.Popen[str]:
     words = ["play", *OPTIONS.split(), "--record", str(folder / "run.rec")]
     words += ["--listen", "127.0.0.1", "--token-file", str(token)]
     return subprocess.Popen(
-        [sys.executable, "-m", "controller.cli.main", *words],
+        [sys.executable, "-m", "motiondeck.cli.main", *words],
         env=os.environ | {"TMPDIR": str(folder), "XDG_RUNTIME_DIR": str(folder)},
         stdin=subprocess.DEVNULL,
         stdout=(folder / "report.json").open("w"),
@@ -72,7 +72,7 @@ def start(folder: Path) -> subprocess.Popen[str]:
 def subscriber(folder: Path) -> subprocess.Popen[str]:
     """Prints the deck's events into a file, and is missed when it is gone."""
     return subprocess.Popen(
-        [sys.executable, "-m", "controller.cli.main", "events", "--command-port", "7000", "--heartbeat", "5", "--json"],
+        [sys.executable, "-m", "motiondeck.cli.main", "events", "--command-port", "7000", "--heartbeat", "5", "--json"],
         env=os.environ | {"XDG_RUNTIME_DIR": str(folder)},
         stdin=subprocess.DEVNULL,
         stdout=(folder / "events.txt").open("w"),

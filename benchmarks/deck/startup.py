@@ -58,7 +58,7 @@ def done(clock):
     return 0
 out = sys.argv.pop(1)
 sys.meta_path.insert(0, Hook())
-from controller.cli.main import main
+from motiondeck.cli.main import main
 main()
 """
 

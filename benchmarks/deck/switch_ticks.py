@@ -21,14 +21,14 @@ for _library in ("OPENBLAS", "OMP", "MKL"):
 import numpy as np  # noqa: E402
 
 from benchmarks.deck._tick_parts import ALL, Ticks  # noqa: E402
-from controller.cli.session.robots.robot_on_deck import RobotSetup, open_robots  # noqa: E402
-from controller.cli.session.run_settings import RunSettings  # noqa: E402
-from controller.cli.session.session import Session  # noqa: E402
 from controller.deck.deck import Deck  # noqa: E402
 from controller.deck.joins.joining import JOININGS, Joining  # noqa: E402
 from controller.library.motion_library import MotionLibrary, load_library  # noqa: E402
 from controller.loop.clock import SPIN_NS, VirtualClock  # noqa: E402
-from controller.rotations import Array  # noqa: E402
+from controller.motion.rotations import Array  # noqa: E402
+from motiondeck.run.robots.robot_on_deck import RobotSetup, open_robots  # noqa: E402
+from motiondeck.run.run_settings import RunSettings  # noqa: E402
+from motiondeck.run.session import Session  # noqa: E402
 from motiondeck_base.shipped import find_library, find_robot  # noqa: E402
 
 RATE = 200.0

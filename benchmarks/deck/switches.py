@@ -26,7 +26,7 @@ from controller.deck.joins.deck_motions import read_motions  # noqa: E402
 from controller.deck.joins.joining import JOININGS, Joining  # noqa: E402
 from controller.deck.routes import Routes  # noqa: E402
 from controller.library.motion_library import MotionLibrary, load_library  # noqa: E402
-from controller.rotations import Array  # noqa: E402
+from controller.motion.rotations import Array  # noqa: E402
 from motiondeck_base.shipped import find_library  # noqa: E402
 
 RATE = 200.0

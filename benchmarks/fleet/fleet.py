@@ -26,7 +26,7 @@ from benchmarks.command import run
 from benchmarks.fleet._idle_watch import idle_watch, stalls
 from benchmarks.fleet._network import Network, address, namespace, network
 from benchmarks.fleet._recorded_decks import RecordedDeck, apart_ms, in_step_since, longest_beyond, undisturbed
-from controller.fleet.certificates import make_certificates
+from motiondeck.shows.certificates import make_certificates
 
 SHOW = """
 show = "gala"

@@ -11,11 +11,11 @@ import msgspec
 import numpy as np
 from threadpoolctl import threadpool_limits
 
+from controller.learning.centralized.centralized_training import CentralizedRecipe
+from controller.learning.fit import train
+from controller.learning.recipe import LibraryRecipe
+from controller.learning.training_set import TrainingSet
 from controller.library.network_arrays import AnyNetwork, arrays_of
-from controller.training.centralized.centralized_training import CentralizedRecipe
-from controller.training.fit import train
-from controller.training.recipe import LibraryRecipe
-from controller.training.training_set import TrainingSet
 
 SIZES = (300, 600, 1000, 1500)
 SATELLITES = (16, 36, 64, 100)

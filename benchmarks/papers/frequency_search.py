@@ -14,9 +14,9 @@ import numpy as np
 from scipy.linalg import blas, lapack
 from scipy.optimize import minimize
 
+from controller.learning.centralized.satellite_learning import principal_scores
+from controller.motion.rotations import Array
 from controller.networks.centralized.centers import require_frequencies
-from controller.rotations import Array
-from controller.training.centralized.satellite_learning import principal_scores
 from motiondeck_base.errors import MotiondeckError
 
 # Ranking solves normal equations; this share of the frames on their diagonal keeps them solvable.

@@ -7,8 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.interpolate import CubicSpline
 
-from controller.rotations import Array
-from controller.training.centralized.reconstruction import fill_missing
+from controller.learning.centralized.reconstruction import fill_missing
+from controller.motion.rotations import Array
 
 # How much of a path a cubic is laid through on each side of a gap, s.
 NEAR_S = 0.25

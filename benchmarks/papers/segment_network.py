@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from controller.rotations import Array
-from controller.training.centralized.satellite_learning import learn, ridge_readout, slow_and_fast
+from controller.learning.centralized.satellite_learning import learn, ridge_readout, slow_and_fast
+from controller.motion.rotations import Array
 
 TRIES = 30
 KEPT = 4

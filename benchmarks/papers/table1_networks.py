@@ -20,11 +20,11 @@ from benchmarks.papers.frequency_search import (
     readout,
     sines_at,
 )
-from controller.mocap.clip import Clip
+from controller.learning.centralized.model_choice import mean_absolute, relative_accuracy
+from controller.learning.centralized.satellite_learning import learn, ridge_readout, slow_and_fast
+from controller.motion.clip import Clip
+from controller.motion.rotations import Array
 from controller.networks.centralized.satellites import grid_places, spacing
-from controller.rotations import Array
-from controller.training.centralized.model_choice import mean_absolute, relative_accuracy
-from controller.training.centralized.satellite_learning import learn, ridge_readout, slow_and_fast
 from motiondeck_base.errors import FileFormatError
 
 MARKERS = ("rfoot", "lfoot", "rwrist", "lwrist")

@@ -10,19 +10,20 @@ import typer
 
 from benchmarks import command
 from benchmarks.papers.thesis_figures import THESIS, noisy_targets
-from controller.cli.common.options import JobsOption, check_folder
-from controller.cli.common.progress import progress
-from controller.cli.common.tables import deliver
-from controller.cli.pictures.figures import check_picture
-from controller.cli.pictures.table_plots import draw_bars
-from controller.evaluation.evaluation import Evaluation, read_evaluation
-from controller.evaluation.failure_rates import sweep
-from controller.evaluation.tables import Table, Value, failure_table, training_table
-from controller.jobs import Jobs
-from controller.measures.disturbance import Kind
-from controller.rotations import Array
-from controller.training.recipe import find_recording
-from controller.training.reservoirs.conceptor_training import ConceptorRecipe
+from controller.learning.evaluation.evaluation import Evaluation, read_evaluation
+from controller.learning.evaluation.failure_rates import sweep
+from controller.learning.evaluation.tables import Table, Value, failure_table, training_table
+from controller.learning.measures.disturbance import Kind
+from controller.learning.recipe import find_recording
+from controller.learning.reservoirs.conceptor_training import ConceptorRecipe
+from controller.motion.rotations import Array
+from motiondeck.cli.common.options import JobsOption
+from motiondeck.cli.common.tables import deliver
+from motiondeck.pictures.figures import check_picture
+from motiondeck.pictures.table_plots import draw_bars
+from motiondeck_base.files import check_folder
+from motiondeck_base.jobs import Jobs
+from motiondeck_base.progress import progress
 
 
 def main(

@@ -11,11 +11,11 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 
-from controller.mocap.encodings.bone_directions import FIRST_BONE
-from controller.mocap.encodings.normalisation import Normalisation
-from controller.mocap.formats.mat5 import read_mat
-from controller.rotations import Array
-from controller.training.preparation.training_motion import TrainingMotion
+from controller.learning.preparation.training_motion import TrainingMotion
+from controller.motion.encodings.bone_directions import FIRST_BONE
+from controller.motion.encodings.normalisation import Normalisation
+from controller.motion.formats.mat5 import read_mat
+from controller.motion.rotations import Array
 from motiondeck_base.errors import FileFormatError
 
 NOISE_CHANNELS = (4, 16)

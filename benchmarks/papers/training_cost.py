@@ -12,12 +12,12 @@ import typer
 
 from benchmarks import command
 from benchmarks.papers.cost_measurement import TrainingCost, costs, exponent, variants
-from controller.cli.common.options import check_folder
-from controller.cli.common.progress import progress
-from controller.cli.common.tables import deliver
-from controller.cli.pictures.figures import check_picture, new_figure, save
-from controller.evaluation.evaluation import read_evaluation
-from controller.evaluation.tables import Table, Value
+from controller.learning.evaluation.evaluation import read_evaluation
+from controller.learning.evaluation.tables import Table, Value
+from motiondeck.cli.common.tables import deliver
+from motiondeck.pictures.figures import check_picture, new_figure, save
+from motiondeck_base.files import check_folder
+from motiondeck_base.progress import progress
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

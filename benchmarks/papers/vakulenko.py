@@ -14,24 +14,24 @@ from benchmarks import command
 from benchmarks.papers.hidden_joints import fill_hidden
 from benchmarks.papers.segment_network import play_segment
 from benchmarks.papers.vakulenko_plots import draw_hidden, draw_segment_errors
-from controller.cli.common.options import check_folder
-from controller.cli.common.progress import progress
-from controller.cli.common.tables import deliver
-from controller.cli.pictures.curve_plots import draw_coordinates, draw_lines
-from controller.cli.pictures.figures import check_picture
-from controller.evaluation.tables import Table, Value
-from controller.mocap.clip import Clip
-from controller.mocap.formats.reading import read_clip
-from controller.mocap.segmentation import body_features, find_segments
-from controller.training.centralized.model_choice import (
+from controller.learning.centralized.model_choice import (
     hands_and_feet,
     mean_absolute,
     mean_distance,
     relative_accuracy,
 )
-from controller.training.centralized.model_search import CENTERS as CENTER_CHOICES
-from controller.training.centralized.model_search import RATE, SATELLITES, score_models
+from controller.learning.centralized.model_search import CENTERS as CENTER_CHOICES
+from controller.learning.centralized.model_search import RATE, SATELLITES, score_models
+from controller.learning.evaluation.tables import Table, Value
+from controller.motion.clip import Clip
+from controller.motion.formats.reading import read_clip
+from controller.motion.segmentation import body_features, find_segments
+from motiondeck.cli.common.tables import deliver
+from motiondeck.pictures.curve_plots import draw_coordinates, draw_lines
+from motiondeck.pictures.figures import check_picture
 from motiondeck_base.errors import MotiondeckError
+from motiondeck_base.files import check_folder
+from motiondeck_base.progress import progress
 
 Draw = Callable[[Table, Path], None]
 

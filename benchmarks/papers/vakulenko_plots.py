@@ -7,9 +7,9 @@ from typing import Any
 
 import numpy as np
 
-from controller.cli.pictures.curve_plots import PLAYED, RECORDED
-from controller.cli.pictures.figures import new_figure, save
-from controller.evaluation.tables import Table
+from controller.learning.evaluation.tables import Table
+from motiondeck.pictures.curve_plots import PLAYED, RECORDED
+from motiondeck.pictures.figures import new_figure, save
 
 
 def draw_segment_errors(table: Table, path: Path) -> None:

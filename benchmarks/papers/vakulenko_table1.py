@@ -10,13 +10,13 @@ import typer
 from benchmarks import command
 from benchmarks.papers.table1_networks import PAPER, Entry, centralized_table1
 from benchmarks.papers.vakulenko_plots import draw_table1
-from controller.cli.common.options import check_folder
-from controller.cli.common.progress import progress
-from controller.cli.common.tables import deliver
-from controller.cli.pictures.figures import check_picture
-from controller.evaluation.tables import Table, Value
-from controller.mocap.formats.reading import read_clip
-from controller.training.recipe import find_recording
+from controller.learning.evaluation.tables import Table, Value
+from controller.learning.recipe import find_recording
+from controller.motion.formats.reading import read_clip
+from motiondeck.cli.common.tables import deliver
+from motiondeck.pictures.figures import check_picture
+from motiondeck_base.files import check_folder
+from motiondeck_base.progress import progress
 
 
 def main(

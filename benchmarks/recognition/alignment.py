@@ -11,7 +11,7 @@ from collections.abc import Callable
 import numpy as np
 from scipy.spatial.distance import cdist
 
-from controller.rotations import Array
+from controller.motion.rotations import Array
 
 # What a cell makes of its own value and its neighbours: (value, upper, left, upper-left) -> cell.
 Step = Callable[[Array, Array, Array, Array], Array]

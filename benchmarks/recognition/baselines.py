@@ -10,9 +10,9 @@ from scipy.linalg import cho_factor, cho_solve
 
 from benchmarks.recognition.alignment import warping_distances
 from benchmarks.recognition.methods import Prepare, Scorer, forced_scorer, learned_by_class
-from controller.recognition.experts import ExpertRecipe, Forced, expert_reservoir, force
-from controller.recognition.splits import Indices
-from controller.rotations import Array
+from controller.learning.recognition.experts import ExpertRecipe, Forced, expert_reservoir, force
+from controller.learning.recognition.splits import Indices
+from controller.motion.rotations import Array
 
 
 def mean_pose(signals: list[Array], labels: Indices, classes: int) -> Scorer:

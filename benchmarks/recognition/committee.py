@@ -14,7 +14,7 @@ from __future__ import annotations
 import numpy as np
 
 from benchmarks.recognition.methods import Prepare, Scorer, learned_by_class
-from controller.recognition.experts import (
+from controller.learning.recognition.experts import (
     SMALLEST_ERROR,
     ExpertRecipe,
     Moments,
@@ -24,8 +24,8 @@ from controller.recognition.experts import (
     readout,
     total,
 )
-from controller.recognition.splits import Indices
-from controller.rotations import Array
+from controller.learning.recognition.splits import Indices
+from controller.motion.rotations import Array
 
 NEURONS, GROUPS = 200, 8
 A_JOINT = 3  # channels: a position, or a velocity

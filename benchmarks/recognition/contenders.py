@@ -24,10 +24,10 @@ from benchmarks.recognition.methods import Method, Prepare, at_recorded_angles, 
 from benchmarks.recognition.motion_templates import motion_templates, relations
 from benchmarks.recognition.self_organising_map import motion_strings
 from benchmarks.recognition.unknown import Doubter
-from controller.recognition.experts import STRETCHED_LEAK, ExpertRecipe
-from controller.recognition.features import ENDS, FeatureRecipe, features, with_velocity
-from controller.recognition.labelled_recordings import Dataset, Example
-from controller.rotations import Array
+from controller.learning.recognition.experts import STRETCHED_LEAK, ExpertRecipe
+from controller.learning.recognition.features import ENDS, FeatureRecipe, features, with_velocity
+from controller.learning.recognition.labelled_recordings import Dataset, Example
+from controller.motion.rotations import Array
 
 POSITIONS = FeatureRecipe(velocity=False)
 WITH_VELOCITY = FeatureRecipe()

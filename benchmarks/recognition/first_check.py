@@ -10,9 +10,9 @@ from __future__ import annotations
 import msgspec
 import numpy as np
 
+from controller.learning.recognition.experts import force
+from controller.motion.rotations import Array
 from controller.networks.reservoirs.reservoir import Reservoir, random_reservoir
-from controller.recognition.experts import force
-from controller.rotations import Array
 
 WASHOUT, LEARNED, ASKED = 100, 500, 500
 

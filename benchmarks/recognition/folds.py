@@ -10,11 +10,11 @@ import numpy as np
 
 from benchmarks.recognition.methods import Method, Prepare, Scorer, shared_experts
 from benchmarks.recognition.reduction import REDUCTIONS, Reduce
-from controller.recognition.experts import ExpertRecipe
-from controller.recognition.features import FeatureRecipe, features, with_velocity
-from controller.recognition.labelled_recordings import Dataset
-from controller.recognition.splits import Fold, Indices, Protocol, folds, inner_folds
-from controller.rotations import Array
+from controller.learning.recognition.experts import ExpertRecipe
+from controller.learning.recognition.features import FeatureRecipe, features, with_velocity
+from controller.learning.recognition.labelled_recordings import Dataset
+from controller.learning.recognition.splits import Fold, Indices, Protocol, folds, inner_folds
+from controller.motion.rotations import Array
 
 WARPS = (0.5, 0.7, 0.85, 1.0, 1.2, 1.4, 2.0)
 STRETCHES = (0.7, 1.0, 1.4)

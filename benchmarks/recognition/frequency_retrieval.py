@@ -12,11 +12,11 @@ from scipy.spatial.distance import cdist
 
 from benchmarks.recognition.baselines import nearest
 from benchmarks.recognition.methods import Prepare, Scorer
+from controller.learning.recognition.labelled_recordings import Example
+from controller.learning.recognition.splits import Indices
 from controller.library.motion_signature import NUMBERS_A_PART, PARTS, signature
-from controller.mocap.encodings.encoding import encoding_of
-from controller.recognition.labelled_recordings import Example
-from controller.recognition.splits import Indices
-from controller.rotations import Array
+from controller.motion.encodings.encoding import encoding_of
+from controller.motion.rotations import Array
 
 # Of the numbers of each part: the best center and the mean frequency; the third says how far it moves.
 FREQUENCIES = np.array([n for n in range(NUMBERS_A_PART * len(PARTS)) if n % NUMBERS_A_PART < 2])

@@ -13,8 +13,7 @@ from typing import TypeAlias
 import numpy as np
 
 from benchmarks.recognition.recorded_angles import recorded_angles
-from controller.networks.reservoirs.reservoir import random_reservoir
-from controller.recognition.experts import (
+from controller.learning.recognition.experts import (
     SMALLEST_ERROR,
     ExpertRecipe,
     Forced,
@@ -25,10 +24,11 @@ from controller.recognition.experts import (
     readout,
     total,
 )
-from controller.recognition.features import FeatureRecipe, features, resampled
-from controller.recognition.labelled_recordings import Example
-from controller.recognition.splits import Indices
-from controller.rotations import Array
+from controller.learning.recognition.features import FeatureRecipe, features, resampled
+from controller.learning.recognition.labelled_recordings import Example
+from controller.learning.recognition.splits import Indices
+from controller.motion.rotations import Array
+from controller.networks.reservoirs.reservoir import random_reservoir
 
 # (learn, ask) -> the cost of each class for each asked example, shape (len(ask), classes); least is nearest.
 Scorer: TypeAlias = Callable[[Indices, Indices], Array]

@@ -26,14 +26,14 @@ from benchmarks.recognition.folds import STRETCHES, dimension_curves, measure, w
 from benchmarks.recognition.recognition_cost import cost
 from benchmarks.recognition.recognition_plots import draw
 from benchmarks.recognition.unknown import Doubter, nested_unknown_auc, unknown_auc
-from controller.cli.common.progress import progress
-from controller.cli.common.tables import show_table
-from controller.cli.pictures.figures import need_matplotlib
-from controller.cli.recognition.recognition_data import AsJson, DataArgument, leave, read
-from controller.recognition.experts import ExpertRecipe
-from controller.recognition.labelled_recordings import Dataset
-from controller.recognition.splits import PROTOCOLS, Protocol
+from controller.learning.recognition.experts import ExpertRecipe
+from controller.learning.recognition.labelled_recordings import Dataset
+from controller.learning.recognition.splits import PROTOCOLS, Protocol
+from motiondeck.cli.common.tables import show_table
+from motiondeck.cli.recognition.recognition_data import AsJson, DataArgument, leave, read
+from motiondeck.pictures.figures import need_matplotlib
 from motiondeck_base.errors import MotiondeckError, UnknownNameError
+from motiondeck_base.progress import progress
 
 
 def main(

@@ -10,12 +10,12 @@ import time
 import msgspec
 import numpy as np
 
-from controller.recognition.expert_bank import ExpertBank, teach
-from controller.recognition.experts import ExpertRecipe
-from controller.recognition.features import FeatureRecipe, features
-from controller.recognition.labelled_recordings import Dataset
-from controller.recognition.online_recognizer import OnlineRecognizer
-from controller.rotations import Array
+from controller.learning.recognition.expert_bank import ExpertBank, teach
+from controller.learning.recognition.experts import ExpertRecipe
+from controller.learning.recognition.features import FeatureRecipe, features
+from controller.learning.recognition.labelled_recordings import Dataset
+from controller.learning.recognition.online_recognizer import OnlineRecognizer
+from controller.motion.rotations import Array
 
 REPEATS = 7
 BLOCKS, FRAMES = 20, 100  # single frames are too short for the clock

@@ -24,9 +24,9 @@ from benchmarks.recognition.baselines import linear_experts
 from benchmarks.recognition.contenders import POSITIONS, WITH_VELOCITY, in_committee, ours
 from benchmarks.recognition.folds import measure
 from benchmarks.recognition.methods import Method, Prepare, looking_at
-from controller.recognition.features import features, resampled
-from controller.recognition.labelled_recordings import Example, read_dataset
-from controller.recognition.splits import PROTOCOLS, Protocol
+from controller.learning.recognition.features import features, resampled
+from controller.learning.recognition.labelled_recordings import Example, read_dataset
+from controller.learning.recognition.splits import PROTOCOLS, Protocol
 from motiondeck_base.errors import UnknownNameError
 
 FRAMES, KERNELS = 96, 4000

@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from controller.cli.pictures.figures import new_figure, save
+from motiondeck.pictures.figures import new_figure, save
 from motiondeck_base.errors import MotiondeckError
 
 if TYPE_CHECKING:

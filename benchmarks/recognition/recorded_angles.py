@@ -6,7 +6,7 @@ from pathlib import Path
 
 import numpy as np
 
-from controller.rotations import Array
+from controller.motion.rotations import Array
 from motiondeck_base.errors import FileFormatError
 from motiondeck_base.files import as_float, read_lines
 

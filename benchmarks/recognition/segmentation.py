@@ -27,13 +27,10 @@ import scipy.io
 import typer
 
 from benchmarks import command
-from controller.mocap.formats.acclaim.amc import read_amc
-from controller.mocap.formats.acclaim.asf import AcclaimSkeleton, read_asf
-from controller.mocap.segmentation import body_features, find_segments
-from controller.recognition.experts import ExpertRecipe
-from controller.recognition.features import ANGLE_UNIT, FeatureRecipe, features, resampled, with_velocity
-from controller.recognition.segmentation.border_score import score_borders
-from controller.recognition.segmentation.by_experts import (
+from controller.learning.recognition.experts import ExpertRecipe
+from controller.learning.recognition.features import ANGLE_UNIT, FeatureRecipe, features, resampled, with_velocity
+from controller.learning.recognition.segmentation.border_score import score_borders
+from controller.learning.recognition.segmentation.by_experts import (
     CHANGE_COST,
     EXPERTS,
     LOOK,
@@ -45,7 +42,7 @@ from controller.recognition.segmentation.by_experts import (
     smoothed,
     viterbi,
 )
-from controller.recognition.segmentation.change_points import (
+from controller.learning.recognition.segmentation.change_points import (
     BORDER_PRICE,
     KERNEL_RATE,
     PREDICTION_RATE,
@@ -53,7 +50,10 @@ from controller.recognition.segmentation.change_points import (
     cross_prediction,
     kernel_change_points,
 )
-from controller.recognition.segmentation.labels import Labels, read_labels
+from controller.learning.recognition.segmentation.labels import Labels, read_labels
+from controller.motion.formats.acclaim.amc import read_amc
+from controller.motion.formats.acclaim.asf import AcclaimSkeleton, read_asf
+from controller.motion.segmentation import body_features, find_segments
 
 RATE = 120.0
 

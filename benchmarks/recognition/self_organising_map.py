@@ -12,8 +12,8 @@ from scipy.spatial.distance import cdist
 
 from benchmarks.recognition.alignment import locally_aligned
 from benchmarks.recognition.methods import Prepare, Scorer
-from controller.recognition.splits import Indices
-from controller.rotations import Array
+from controller.learning.recognition.splits import Indices
+from controller.motion.rotations import Array
 
 ROUNDS = 15
 GAP = 0.5

@@ -14,9 +14,9 @@ import numpy as np
 from scipy.stats import rankdata
 
 from benchmarks.recognition.methods import Scorer
-from controller.recognition.expert_bank import margins
-from controller.recognition.splits import Fold, Indices, Protocol, folds
-from controller.rotations import Array
+from controller.learning.recognition.expert_bank import margins
+from controller.learning.recognition.splits import Fold, Indices, Protocol, folds
+from controller.motion.rotations import Array
 from motiondeck_base.errors import MotiondeckError
 
 FEWEST_CLASSES = 4  # a margin takes two that are learned

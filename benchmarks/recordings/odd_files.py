@@ -28,12 +28,12 @@ import typer
 from benchmarks import command
 from benchmarks.recordings.odd_bodies import of_acclaim
 from benchmarks.recordings.odd_kinds import KINDS, Written
-from controller.mocap.canonical.body_doubts import doubts
-from controller.mocap.canonical.canonical_body import CANONICAL_BONES, to_canonical
-from controller.mocap.clip import Clip
-from controller.mocap.formats.reading import read_clip
-from controller.rotations import normalise, rotate
-from controller.training.learn import learn
+from controller.learning.learn import learn
+from controller.motion.canonical.body_doubts import doubts
+from controller.motion.canonical.canonical_body import CANONICAL_BONES, to_canonical
+from controller.motion.clip import Clip
+from controller.motion.formats.reading import read_clip
+from controller.motion.rotations import normalise, rotate
 from motiondeck_base.errors import MotiondeckError
 
 CHOSEN_ON = "08/08_01,16/16_01"

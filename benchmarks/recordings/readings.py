@@ -39,14 +39,14 @@ from benchmarks.recordings.independent_readings import (
     landmarks,
     pattern_channels,
 )
-from controller.mocap.canonical.canonical_body import CANONICAL_BONES, landmarks_of, to_canonical
-from controller.mocap.clip import Clip
-from controller.mocap.encodings.bone_directions import BoneDirections
-from controller.mocap.formats.markers.c3d import read_c3d
-from controller.mocap.formats.reading import read_clip, recordings_below, skeleton_of
-from controller.mocap.formats.writing import write_clip
-from controller.mocap.reading_options import ReadingOptions
-from controller.rotations import Array, normalise, rotate
+from controller.motion.canonical.canonical_body import CANONICAL_BONES, landmarks_of, to_canonical
+from controller.motion.clip import Clip
+from controller.motion.encodings.bone_directions import BoneDirections
+from controller.motion.formats.markers.c3d import read_c3d
+from controller.motion.formats.reading import read_clip, recordings_below, skeleton_of
+from controller.motion.formats.writing import write_clip
+from controller.motion.reading_options import ReadingOptions
+from controller.motion.rotations import Array, normalise, rotate
 from motiondeck_base.errors import MotiondeckError
 
 SHORTEST = 1e-4  # m: shorter bones point nowhere in files of six digits

@@ -27,14 +27,14 @@ from scipy.ndimage import gaussian_filter1d
 from threadpoolctl import threadpool_limits
 
 from benchmarks import command
-from controller.measures.motion_matching import joint_features
-from controller.mocap.canonical.canonical_body import carried, to_canonical
-from controller.mocap.canonical.clip_edits import resampled
-from controller.mocap.encodings.encoding import encoding_of
-from controller.mocap.formats.reading import read_clip
+from controller.motion.canonical.canonical_body import carried, to_canonical
+from controller.motion.canonical.clip_edits import resampled
+from controller.motion.encodings.encoding import encoding_of
+from controller.motion.encodings.motion_matching import joint_features
+from controller.motion.formats.reading import read_clip
+from controller.motion.rotations import Array
 from controller.networks.reservoirs.reservoir import drive, random_reservoir
-from controller.ridge import ridge
-from controller.rotations import Array
+from controller.networks.ridge import ridge
 
 RATE = 120.0
 SEEDS = (51, 52, 53)

@@ -24,20 +24,20 @@ import typer
 from threadpoolctl import threadpool_limits
 
 from benchmarks import command
-from controller.measures.motion_matching import joint_features
-from controller.mocap.canonical.canonical_body import carried, to_canonical
-from controller.mocap.canonical.clip_edits import resampled
-from controller.mocap.encodings.encoding import Encoding, encoding_of
-from controller.mocap.encodings.normalisation import Normalisation
-from controller.mocap.formats.reading import read_clip
+from controller.learning.preparation.cycles import in_step, steps_behind
+from controller.learning.preparation.people import in_the_manner_of
+from controller.learning.preparation.training_motion import TrainingMotion, Variant
+from controller.learning.reservoirs.phase_conceptor_training import PhaseRecipe
+from controller.learning.reservoirs.phase_training import train_phase_driven
+from controller.motion.canonical.canonical_body import carried, to_canonical
+from controller.motion.canonical.clip_edits import resampled
+from controller.motion.encodings.encoding import Encoding, encoding_of
+from controller.motion.encodings.motion_matching import joint_features
+from controller.motion.encodings.normalisation import Normalisation
+from controller.motion.formats.reading import read_clip
+from controller.motion.rotations import Array
 from controller.networks.reservoirs.driving_input import DrivingInput
 from controller.networks.reservoirs.phase_driven import PhaseDrivenNetwork
-from controller.rotations import Array
-from controller.training.preparation.cycles import in_step, steps_behind
-from controller.training.preparation.people import in_the_manner_of
-from controller.training.preparation.training_motion import TrainingMotion, Variant
-from controller.training.reservoirs.phase_conceptor_training import PhaseRecipe
-from controller.training.reservoirs.phase_training import train_phase_driven
 
 RATE = 120.0
 RECIPE = PhaseRecipe(neurons=500, rank=100)

@@ -29,13 +29,13 @@ import typer
 from threadpoolctl import threadpool_limits
 
 from benchmarks import command
-from controller.measures.motion_matching import joint_features
-from controller.mocap.canonical.canonical_body import carried, to_canonical
-from controller.mocap.canonical.clip_edits import resampled
-from controller.mocap.encodings.encoding import encoding_of
-from controller.mocap.formats.reading import read_clip
-from controller.rotations import Array
-from controller.training.reservoirs.completion_training import CompletionRecipe, learn_completion
+from controller.learning.reservoirs.completion_training import CompletionRecipe, learn_completion
+from controller.motion.canonical.canonical_body import carried, to_canonical
+from controller.motion.canonical.clip_edits import resampled
+from controller.motion.encodings.encoding import encoding_of
+from controller.motion.encodings.motion_matching import joint_features
+from controller.motion.formats.reading import read_clip
+from controller.motion.rotations import Array
 
 RATE = 60.0
 SEEDS = (51, 52, 53)

@@ -29,12 +29,12 @@ import numpy as np
 
 from controller.deck.joins.posture_blend import PostureBlend
 from controller.library.motion_library import MotionLibrary, load_library
-from controller.measures.motion_matching import joint_features
-from controller.mocap.encodings.bone_directions import BoneDirections
-from controller.mocap.encodings.encoding import Encoding
+from controller.motion.encodings.bone_directions import BoneDirections
+from controller.motion.encodings.encoding import Encoding
+from controller.motion.encodings.motion_matching import joint_features
+from controller.motion.rotations import Array
 from controller.networks.reservoirs.phase_conceptor import PhaseConceptorNetwork
 from controller.networks.reservoirs.phase_morph import PhaseMorph, channels_at
-from controller.rotations import Array
 from motiondeck_base.errors import MotiondeckError
 from motiondeck_base.shipped import find_library
 

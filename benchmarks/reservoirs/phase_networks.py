@@ -36,22 +36,22 @@ import numpy as np
 from threadpoolctl import threadpool_limits
 
 from controller.deck.tracks.frame_player import FramePlayer
+from controller.learning.fit import train
+from controller.learning.measures.disturbance import disturbed
+from controller.learning.measures.intervals import wilson
+from controller.learning.measures.run_batch import batch_of
+from controller.learning.measures.self_test import Judge, after_disturbance, self_test
+from controller.learning.recipe import MotionRecipe, NetworkRecipe, read_recipe
+from controller.learning.reservoirs.conceptor_training import ConceptorRecipe
+from controller.learning.reservoirs.echo_state_training import EchoStateRecipe
+from controller.learning.reservoirs.phase_conceptor_training import PhaseRecipe
+from controller.learning.reservoirs.phase_echo_state_training import PhaseEchoStateRecipe
+from controller.learning.training_set import TrainingSet, prepare, to_learn
 from controller.library.network_arrays import AnyNetwork, arrays_of
-from controller.measures.disturbance import disturbed
-from controller.measures.intervals import wilson
-from controller.measures.run_batch import batch_of
-from controller.measures.self_test import Judge, after_disturbance, self_test
-from controller.mocap.encodings.encoding import encoding_of
-from controller.mocap.formats.reading import read_clip
+from controller.motion.encodings.encoding import encoding_of
+from controller.motion.formats.reading import read_clip
+from controller.motion.rotations import Array
 from controller.networks.clip_player import ClipPlayer
-from controller.rotations import Array
-from controller.training.fit import train
-from controller.training.recipe import MotionRecipe, NetworkRecipe, read_recipe
-from controller.training.reservoirs.conceptor_training import ConceptorRecipe
-from controller.training.reservoirs.echo_state_training import EchoStateRecipe
-from controller.training.reservoirs.phase_conceptor_training import PhaseRecipe
-from controller.training.reservoirs.phase_echo_state_training import PhaseEchoStateRecipe
-from controller.training.training_set import TrainingSet, prepare, to_learn
 from motiondeck_base.errors import FileFormatError
 from motiondeck_base.shipped import shipped_configs
 

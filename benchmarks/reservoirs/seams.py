@@ -15,12 +15,12 @@ import numpy as np
 import typer
 
 from benchmarks import command
+from controller.learning.recipe import read_recipe
+from controller.learning.training_set import prepare
 from controller.library.motion_library import MotionLibrary, load_library
-from controller.mocap.posture import walk_path
+from controller.motion.posture import walk_path
+from controller.motion.rotations import Array
 from controller.networks.reservoirs.phase_driven import PhaseDrivenNetwork
-from controller.rotations import Array
-from controller.training.recipe import read_recipe
-from controller.training.training_set import prepare
 
 NEAR = 2  # frames
 

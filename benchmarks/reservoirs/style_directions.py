@@ -17,12 +17,12 @@ import typer
 from threadpoolctl import threadpool_limits
 
 from benchmarks import command
+from controller.learning.learn import learn
 from controller.library.motion_library import MotionLibrary
 from controller.library.restyling import in_the_style
-from controller.measures.motion_matching import joint_features
+from controller.motion.encodings.motion_matching import joint_features
+from controller.motion.rotations import Array
 from controller.networks.reservoirs.phase_driven import PhaseDrivenNetwork
-from controller.rotations import Array
-from controller.training.learn import learn
 
 FILES = ("walk_normal_001", "walk_old_001", "bow_happy_001", "bow_old_001")
 CASES = (  # what is changed, the style and its opposite, what it should become

@@ -21,21 +21,21 @@ import typer
 from joblib import delayed
 
 from benchmarks import command
-from controller.cli.common.options import JobsOption
 from controller.deck.motion_generator import generate
-from controller.jobs import Jobs, spread
+from controller.learning.learn import LearnedLibrary, LearnedMotion, learn, recordings_in
+from controller.learning.measures.self_test import distances
+from controller.learning.preparation.loops import SEAM_SECONDS
 from controller.library.motion_library import MotionLibrary
-from controller.measures.motion_matching import joint_features
-from controller.measures.self_test import distances
-from controller.mocap.canonical.canonical_body import CANONICAL_BONES, carried, landmarks_of
-from controller.mocap.canonical.clip_edits import resampled
-from controller.mocap.clip import Clip
-from controller.mocap.formats.reading import read_clip, skeleton_of
-from controller.mocap.reading_options import ReadingOptions
-from controller.rotations import rotate
-from controller.training.learn import LearnedLibrary, LearnedMotion, learn, recordings_in
-from controller.training.preparation.loops import SEAM_SECONDS
+from controller.motion.canonical.canonical_body import CANONICAL_BONES, carried, landmarks_of
+from controller.motion.canonical.clip_edits import resampled
+from controller.motion.clip import Clip
+from controller.motion.encodings.motion_matching import joint_features
+from controller.motion.formats.reading import read_clip, skeleton_of
+from controller.motion.reading_options import ReadingOptions
+from controller.motion.rotations import rotate
+from motiondeck.cli.common.options import JobsOption
 from motiondeck_base.errors import MotiondeckError
+from motiondeck_base.jobs import Jobs, spread
 
 LARGEST = 16
 CARRIED_DEGREES, PLAYED_MM = 1.0, 10.0

@@ -20,22 +20,22 @@ from copy import deepcopy
 
 import numpy as np
 
-from controller.cli.session.recognition.recognition_watch import MismatchPolicy, RecognitionWatch
-from controller.cli.session.robots.rig_output import RigOutput, narrowed
 from controller.deck.deck import Deck
+from controller.learning.recognition.deck_recognizer import joint_motions
+from controller.learning.recognition.deck_watch import PATIENCE, DeckWatch
 from controller.library.motion_library import load_library
 from controller.loop.clock import VirtualClock
 from controller.loop.loop import LoopState, run
 from controller.loop.output_channel import Channel
 from controller.loop.safety.safety_envelope import SafetyEnvelope
 from controller.loop.stop_requests import StopRequest
-from controller.recognition.deck_recognizer import joint_motions
-from controller.recognition.deck_watch import PATIENCE, DeckWatch
 from hardware.bus.servo_bus import Bus
 from hardware.emulator.bus import EmulatedBus
 from hardware.emulator.port import EmulatedPort
 from hardware.rig.driving.dynamixel_rig import DynamixelRig
 from hardware.rig.rig_file import load_rig
+from motiondeck.run.recognition.recognition_watch import MismatchPolicy, RecognitionWatch
+from motiondeck.run.robots.rig_output import RigOutput, narrowed
 from motiondeck_base.shipped import find_library, find_rig, find_robot
 from sim.physics.playback import PhysicsPlayback
 from sim.robots.robot import load_robot

@@ -17,11 +17,11 @@ import numpy as np
 from joblib import delayed
 
 from controller.deck.deck import Deck
-from controller.jobs import Jobs, spread
 from controller.library.motion_library import load_library
 from controller.loop.safety.safety_envelope import SafetyEnvelope
-from controller.mocap.posture import Pose
-from controller.rotations import Array
+from controller.motion.posture import Pose
+from controller.motion.rotations import Array
+from motiondeck_base.jobs import Jobs, spread
 from motiondeck_base.shipped import find_library, find_robot
 from sim.physics.physics_model import feet_of
 from sim.physics.playback import PhysicsPlayback
@@ -143,7 +143,7 @@ def main() -> None:
 
 def draw(cases: list[tuple[str, str, str]], found: Any, path: Path) -> None:
     """A row for what fell and a row for what stood of each thesis15 case; time goes to the right."""
-    from sim.pictures.video import contact_sheet
+    from motiondeck.pictures.video import contact_sheet
 
     for name in ("mannequin", "servo20"):
         rows: list[tuple[str, list[Array]]] = []

@@ -24,10 +24,10 @@ from joblib import delayed
 
 from benchmarks import command
 from benchmarks.robots.training_files import write_clips
-from controller.jobs import ALONE, Jobs, spread
+from controller.learning.learn import learn
 from controller.library.motion_library import save_library
-from controller.training.learn import learn
 from motiondeck_base.errors import MotiondeckError
+from motiondeck_base.jobs import ALONE, Jobs, spread
 from motiondeck_base.shipped import find_robot
 from sim.robots.retarget_files import MANIFEST, retarget_files
 

@@ -21,7 +21,7 @@ import numpy as np  # noqa: E402
 from controller.deck.deck import Deck  # noqa: E402
 from controller.library.motion_library import MotionLibrary, load_library  # noqa: E402
 from controller.loop.safety.safety_envelope import SafetyEnvelope  # noqa: E402
-from controller.rotations import Array  # noqa: E402
+from controller.motion.rotations import Array  # noqa: E402
 from motiondeck_base.shipped import find_library, find_robot  # noqa: E402
 from sim.models.overlaps import OVERLAP  # noqa: E402
 from sim.robots.collision_guard import CollisionGuard  # noqa: E402

@@ -21,9 +21,9 @@ import numpy as np
 from joblib import delayed
 
 from controller.deck.deck import Deck
-from controller.jobs import Jobs, spread
 from controller.library.motion_library import load_library
-from controller.rotations import Array
+from controller.motion.rotations import Array
+from motiondeck_base.jobs import Jobs, spread
 from motiondeck_base.shipped import find_library, find_robot
 from sim.physics.playback import PhysicsPlayback
 from sim.physics.pushes import PUSH_LASTS, one_push, usual_push

@@ -24,11 +24,11 @@ from PIL import Image, ImageDraw
 from controller.deck.deck import Deck
 from controller.library.motion_library import load_library
 from controller.loop.safety.safety_envelope import SafetyEnvelope
-from controller.mocap.posture import Pose
-from controller.rotations import Array
+from controller.motion.posture import Pose
+from controller.motion.rotations import Array
+from motiondeck.pictures.offscreen import OffScreen
 from motiondeck_base.shipped import find_library, find_robot
 from sim.physics.playback import PhysicsPlayback
-from sim.pictures.offscreen import OffScreen
 from sim.robots.robot import Robot, load_robot
 
 DT = 1.0 / 200.0

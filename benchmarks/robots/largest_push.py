@@ -14,11 +14,11 @@ from collections.abc import Callable
 import numpy as np
 from joblib import delayed
 
-from controller.cli.common.progress import progress
 from controller.deck.deck import Deck
-from controller.jobs import Jobs, spread
 from controller.library.motion_library import load_library
 from controller.wire.messages.commands import Side
+from motiondeck_base.jobs import Jobs, spread
+from motiondeck_base.progress import progress
 from motiondeck_base.shipped import find_library, find_robot
 from sim.physics.pushes import PUSHES_TOWARDS, one_push, usual_push
 from sim.physics.walk_trial import play_course, walk_trial

@@ -7,10 +7,10 @@ from collections.abc import Callable
 import numpy as np
 
 from controller.deck.interfaces import Retargeter
-from controller.mocap.anatomy import Part, Side, anatomy
-from controller.mocap.posture import Pose
-from controller.mocap.skeleton import Skeleton
-from controller.rotations import Array, about, multiply
+from controller.motion.anatomy import Part, Side, anatomy
+from controller.motion.posture import Pose
+from controller.motion.rotations import Array, about, multiply
+from controller.motion.skeleton import Skeleton
 
 X, Y = np.array([1.0, 0.0, 0.0]), np.array([0.0, 1.0, 0.0])
 ROUND = 2.0

@@ -31,10 +31,10 @@ import typer
 
 from benchmarks import command
 from controller.library.motion_library import load_library
-from controller.mocap.clip import Clip
-from controller.mocap.posture import Pose
-from controller.mocap.skeleton import ROOT, Skeleton
-from controller.rotations import Array
+from controller.motion.clip import Clip
+from controller.motion.posture import Pose
+from controller.motion.rotations import Array
+from controller.motion.skeleton import ROOT, Skeleton
 from motiondeck_base.shipped import find_library, find_robot
 from sim.models.robot_file import read_robot_file
 from sim.physics.played_motions import as_clip

@@ -17,10 +17,10 @@ from typing import Any
 import mujoco
 import numpy as np
 
-from controller.mocap.anatomy import Part, Side, anatomy
-from controller.mocap.posture import Pose
-from controller.mocap.skeleton import ROOT, Skeleton
-from controller.rotations import Array, between, conjugate, multiply
+from controller.motion.anatomy import Part, Side, anatomy
+from controller.motion.posture import Pose
+from controller.motion.rotations import Array, between, conjugate, multiply
+from controller.motion.skeleton import ROOT, Skeleton
 from sim.retargeting.human_limbs import LIMBS, LimbView
 from sim.retargeting.robot_limbs import RobotLimbs
 from sim.robots.calibrate import standing

@@ -34,11 +34,11 @@ from benchmarks import command
 from benchmarks.robots.published_models import MODELS, fetch, models_in
 from benchmarks.robots.retargeting_peers import OneStage, TwoStages
 from controller.library.motion_library import load_library
-from controller.mocap.canonical.clip_edits import resampled, without_reference_pose
-from controller.mocap.clip import Clip
-from controller.mocap.formats.reading import read_clip
-from controller.mocap.posture import Pose
-from controller.rotations import Array
+from controller.motion.canonical.clip_edits import resampled, without_reference_pose
+from controller.motion.clip import Clip
+from controller.motion.formats.reading import read_clip
+from controller.motion.posture import Pose
+from controller.motion.rotations import Array
 from motiondeck_base.errors import MotiondeckError
 from motiondeck_base.shipped import find_library
 from sim.models.surface import LowestPoint

@@ -29,9 +29,9 @@ import typer
 
 from benchmarks import command
 from benchmarks.robots.published_models import MODELS, fetch, models_in
-from controller.mocap.clip import Clip
-from controller.mocap.formats.reading import read_clip, recordings_below
-from controller.mocap.formats.writing import write_clip
+from controller.motion.clip import Clip
+from controller.motion.formats.reading import read_clip, recordings_below
+from controller.motion.formats.writing import write_clip
 from motiondeck_base.errors import MotiondeckError
 from sim.robots.calibrate import calibrate
 from sim.robots.retarget_files import MANIFEST
@@ -93,7 +93,7 @@ def interrupted_twice(folder: Path, count: int) -> dict[str, Any]:
         start = time.perf_counter()
         run = subprocess.Popen(
             [
-                *(sys.executable, "-P", "-m", "controller.cli.main", "retarget", str(folder / "clips")),
+                *(sys.executable, "-P", "-m", "motiondeck.cli.main", "retarget", str(folder / "clips")),
                 *("--robot", str(folder / "robot.toml"), "--out", str(out), "--format", "mjlab"),
             ],
             stdout=subprocess.DEVNULL,

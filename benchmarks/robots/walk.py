@@ -24,12 +24,12 @@ from typing import Any
 import numpy as np
 from joblib import delayed
 
-from controller.cli.common.progress import progress
 from controller.deck.deck import Deck
-from controller.jobs import Jobs, spread
 from controller.library.motion_library import MotionLibrary, load_library
-from controller.mocap.posture import Pose
-from controller.rotations import Array
+from controller.motion.posture import Pose
+from controller.motion.rotations import Array
+from motiondeck_base.jobs import Jobs, spread
+from motiondeck_base.progress import progress
 from motiondeck_base.shipped import find_library, find_robot
 from sim.physics.pushes import usual_push
 from sim.physics.walk_conditions import AS_MODELLED, CONDITIONS

@@ -19,9 +19,9 @@ from controller.deck.routes import Routes
 from controller.deck.switch import CommandedSwitch
 from controller.deck.switch_plan import SwitchPlan
 from controller.library.motion_library import MotionLibrary
-from controller.mocap.posture import Pose, Posture
+from controller.motion.posture import Pose, Posture
+from controller.motion.rotations import Array
 from controller.networks.base import Activation
-from controller.rotations import Array
 from controller.wire.messages.arguments import PHASE, TEMPO
 from controller.wire.messages.blends import blend_weights
 from motiondeck_base.errors import MotiondeckError, UnknownNameError

@@ -11,7 +11,7 @@ from controller.deck.locks.lock import Lock, LoopPlace
 from controller.deck.locks.other_deck import Leader, OtherDeck
 from controller.deck.locks.phase_lock import PhaseLock
 from controller.deck.tempo import TEMPO_RATE, Paced
-from controller.rotations import Array
+from controller.motion.rotations import Array
 from controller.wire.messages.arguments import AGO, LOCK_PHASE, STEPS
 from controller.wire.messages.lock_state import LockSource, LockState
 from motiondeck_base.errors import MotiondeckError

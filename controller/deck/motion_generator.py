@@ -9,9 +9,9 @@ import numpy as np
 
 from controller.deck.tracks.frame_player import FramePlayer
 from controller.library.motion_library import MotionLibrary
-from controller.mocap.clip import Clip
-from controller.mocap.posture import walk_path
-from controller.rotations import Array
+from controller.motion.clip import Clip
+from controller.motion.posture import walk_path
+from controller.motion.rotations import Array
 from motiondeck_base.errors import MotiondeckError
 
 LONGEST = 3600.0  # s, of motion generated at once

@@ -22,11 +22,11 @@ from controller.deck.root_path import advance, at_origin
 from controller.deck.tracks.playing_tracks import PlayingTracks
 from controller.deck.tracks.track import Track
 from controller.library.motion_library import MotionLibrary
-from controller.mocap.posture import Pose, Posture
+from controller.motion.posture import Pose, Posture
+from controller.motion.rotations import Array
 from controller.networks.base import Activation
 from controller.networks.centralized.centralized_frames import CentralizedNetwork
 from controller.networks.reservoirs.morph import ReservoirNetwork
-from controller.rotations import Array
 
 # A difference in joint velocity counts as much as the distance it covers in this time (8 frames at 120 Hz), s.
 VELOCITY_REACH = 8.0 / 120.0

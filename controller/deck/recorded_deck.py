@@ -10,8 +10,8 @@ import numpy as np
 from controller.deck.interfaces import PlacedPose
 from controller.deck.switch import CommandedSwitch
 from controller.deck.tempo import Paced
-from controller.mocap.posture import Pose
-from controller.rotations import Array, normalise
+from controller.motion.posture import Pose
+from controller.motion.rotations import Array, normalise
 from controller.wire.messages.events import Event
 from controller.wire.messages.lock_state import LockSource
 from controller.wire.run_recording import RunRecording

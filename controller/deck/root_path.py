@@ -6,8 +6,8 @@ from math import cos, sin
 
 import numpy as np
 
-from controller.mocap.posture import Pose, Posture
-from controller.rotations import turned_about_vertical
+from controller.motion.posture import Pose, Posture
+from controller.motion.rotations import turned_about_vertical
 
 
 def at_origin(posture: Posture) -> Pose:

@@ -20,7 +20,7 @@ import numpy as np
 
 from controller.deck.joins.deck_motions import Motion, read_motions
 from controller.library.motion_library import MotionLibrary, once_a_library
-from controller.rotations import Array
+from controller.motion.rotations import Array
 
 LEAP_M = 0.2
 """A leap that is worth one more motion on the way, m."""

@@ -21,7 +21,7 @@ from controller.deck.performance import VELOCITY_REACH
 from controller.deck.routes import Routes
 from controller.deck.switch import CommandedSwitch
 from controller.library.motion_library import MotionLibrary
-from controller.rotations import Array
+from controller.motion.rotations import Array
 
 PHASES = 24
 """At how many places a loop is left."""

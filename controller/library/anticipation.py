@@ -26,9 +26,9 @@ from controller.library.anticipation_trust import (
     at_last_velocity,
 )
 from controller.library.motion_library import MotionLibrary
-from controller.measures.motion_matching import joint_features
+from controller.motion.encodings.motion_matching import joint_features
+from controller.motion.rotations import Array
 from controller.networks.centralized.centralized_frames import CentralizedNetwork
-from controller.rotations import Array
 from motiondeck_base.errors import MotiondeckError
 
 RATE = 60.0

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.special import expit, logit
 
-from controller.rotations import Array
+from controller.motion.rotations import Array
 
 AHEAD_FRAMES = 30
 TRUST_LEVELS = 4  # distances, each with as many of the trials

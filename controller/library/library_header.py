@@ -8,11 +8,11 @@ from typing import Any, Literal
 import msgspec
 import numpy as np
 
-from controller.mocap.encodings.bone_directions import BoneDirections
-from controller.mocap.encodings.encoding import Encoding
-from controller.mocap.encodings.joint_angles import JointAngles, JointBody
-from controller.mocap.encodings.joint_rotations import JointRotations
-from controller.mocap.skeleton import Skeleton
+from controller.motion.encodings.bone_directions import BoneDirections
+from controller.motion.encodings.encoding import Encoding
+from controller.motion.encodings.joint_angles import JointAngles, JointBody
+from controller.motion.encodings.joint_rotations import JointRotations
+from controller.motion.skeleton import Skeleton
 from controller.networks.reservoirs.driving_input import DrivingInput
 from controller.networks.reservoirs.phase_reservoir import PhaseScales
 from motiondeck_base.errors import FileFormatError

@@ -14,9 +14,9 @@ import msgspec
 import numpy as np
 from scipy.spatial import KDTree
 
-from controller.arrays_file import Kind, read_arrays, write_arrays
+from controller.motion.rotations import Array
 from controller.networks.centralized.centers import require_frequencies
-from controller.rotations import Array
+from motiondeck_base.arrays_file import Kind, read_arrays, write_arrays
 from motiondeck_base.errors import MotiondeckError
 from motiondeck_base.toml_file import shaped
 

@@ -16,11 +16,11 @@ from weakref import WeakKeyDictionary
 
 import numpy as np
 
-from controller.arrays_file import Kind, read_arrays, write_arrays
 from controller.library.library_header import OLDER, VERSION, LibraryInfo, encoding_in, read_header
 from controller.library.network_arrays import AnyNetwork, Network, arrays_of, network_in
-from controller.mocap.encodings.encoding import Encoding
-from controller.mocap.skeleton import Skeleton
+from controller.motion.encodings.encoding import Encoding
+from controller.motion.skeleton import Skeleton
+from motiondeck_base.arrays_file import Kind, read_arrays, write_arrays
 from motiondeck_base.errors import FileFormatError, MotiondeckError
 
 LARGEST_CHANNEL = 100.0  # of a frame: m, m/s, rad/s or rad; the shipped libraries stay below 10

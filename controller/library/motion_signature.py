@@ -8,9 +8,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from controller.mocap.anatomy import Part, anatomy
-from controller.mocap.encodings.encoding import Encoding
-from controller.rotations import Array
+from controller.motion.anatomy import Part, anatomy
+from controller.motion.encodings.encoding import Encoding
+from controller.motion.rotations import Array
 from motiondeck_base.errors import MotiondeckError
 
 PARTS: dict[str, tuple[Part, ...]] = {

@@ -8,9 +8,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from controller.arrays_file import StoredArrays
 from controller.library.library_header import FEWEST_ANCHORS, LibraryInfo, MotionInfo
-from controller.mocap.encodings.normalisation import Normalisation
+from controller.motion.encodings.normalisation import Normalisation
 from controller.networks.centralized.centralized import CentralizedMotion
 from controller.networks.centralized.centralized_frames import CentralizedNetwork, StoredMotion
 from controller.networks.centralized.low_rank import LowRankWeights, PackedWeights
@@ -29,6 +28,7 @@ from controller.networks.reservoirs.random_feature_conceptor import (
     FeatureReservoir,
     RandomFeatureNetwork,
 )
+from motiondeck_base.arrays_file import StoredArrays
 from motiondeck_base.errors import FileFormatError, MotiondeckError
 
 Network = ConceptorNetwork | EchoStateNetwork | RandomFeatureNetwork

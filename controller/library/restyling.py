@@ -19,7 +19,7 @@ import numpy as np
 
 from controller.library.motion_library import MotionLibrary
 from controller.library.network_arrays import AnyNetwork
-from controller.measures.motion_matching import joint_features
+from controller.motion.encodings.motion_matching import joint_features
 from controller.networks.centralized.centralized_frames import CentralizedNetwork
 from controller.networks.reservoirs.phase_driven import PhaseDrivenNetwork
 from motiondeck_base.errors import MotiondeckError

@@ -11,8 +11,8 @@ from dataclasses import fields
 import numpy as np
 
 from controller.deck.interfaces import JointLimits, Output, Retargeter
-from controller.mocap.posture import Pose
-from controller.rotations import Array
+from controller.motion.posture import Pose
+from controller.motion.rotations import Array
 
 
 def all_limits(limits: Sequence[JointLimits]) -> JointLimits:

@@ -24,8 +24,8 @@ from controller.loop.run_phases import Player, Source, safe_targets
 from controller.loop.safety.pace import Pace
 from controller.loop.safety.safety_envelope import SafetyEnvelope
 from controller.loop.stop_requests import StopRequest, stop_on_signals
-from controller.mocap.posture import Pose
-from controller.rotations import Array
+from controller.motion.posture import Pose
+from controller.motion.rotations import Array
 
 
 @dataclass

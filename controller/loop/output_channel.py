@@ -5,8 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 
 from controller.deck.interfaces import Output
-from controller.mocap.posture import Pose
-from controller.rotations import Array
+from controller.motion.posture import Pose
+from controller.motion.rotations import Array
 from motiondeck_base.errors import in_words
 
 FAULTS_TO_PARK = 3

@@ -13,8 +13,8 @@ from controller.loop.output_channel import Channel
 from controller.loop.safety.approach import Approach
 from controller.loop.safety.safety_envelope import SafetyEnvelope
 from controller.loop.stop_requests import StopRequest
-from controller.mocap.posture import Pose
-from controller.rotations import Array
+from controller.motion.posture import Pose
+from controller.motion.rotations import Array
 
 
 class Player(Protocol):

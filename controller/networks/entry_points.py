@@ -7,8 +7,8 @@ from typing import Protocol
 
 import numpy as np
 
+from controller.motion.rotations import Array
 from controller.networks.base import Channels
-from controller.rotations import Array
 
 WINDOW_FRAMES = 12
 WINDOW_SECONDS = 0.45

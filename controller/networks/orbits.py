@@ -18,8 +18,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from controller.motion.rotations import Array
 from controller.networks.base import Activation, NeuronNetwork
-from controller.rotations import Array
 
 SHOWN = 3
 POINTS = 120  # of each motion's path

@@ -20,7 +20,7 @@ from typing import Annotated, Any
 import msgspec
 import numpy as np
 
-from controller.rotations import Array
+from controller.motion.rotations import Array
 from controller.wire.telemetry import named
 from motiondeck_base.errors import FileFormatError
 

@@ -22,7 +22,7 @@ import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
-from controller.rotations import Array
+from controller.motion.rotations import Array
 from controller.wire.run_folder import allocate
 from motiondeck_base.errors import FileFormatError, MotiondeckError
 

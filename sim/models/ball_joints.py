@@ -10,7 +10,7 @@ from itertools import combinations
 import mujoco
 import numpy as np
 
-from controller.rotations import Array
+from controller.motion.rotations import Array
 from sim.models.formats.mesh_files import compiled
 
 NAMES = ("pitch", "roll", "yaw")

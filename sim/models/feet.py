@@ -11,7 +11,7 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
-from controller.rotations import Array, cross
+from controller.motion.rotations import Array, cross
 from sim.models.surface import outline, reach, solids
 
 # A foot turns about a joint less than this share of the robot's height above the ground, and reaches down to the ground

@@ -15,7 +15,7 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
-from controller.rotations import Array, dot, from_rotation_vector, to_rotation_vector
+from controller.motion.rotations import Array, dot, from_rotation_vector, to_rotation_vector
 from motiondeck_base.errors import FileFormatError
 from sim.models.coupled_joints import LedJoints, led_joints
 

@@ -15,7 +15,7 @@ from collections.abc import Sequence
 import mujoco
 import numpy as np
 
-from controller.rotations import Array
+from controller.motion.rotations import Array
 
 # The least sine of the angle between a limb and an axis that lies across it.
 ACROSS = 0.7

@@ -8,7 +8,7 @@ from __future__ import annotations
 import mujoco
 import numpy as np
 
-from controller.rotations import Array
+from controller.motion.rotations import Array
 
 OVERLAP = 0.003
 """Covers may touch; deeper than this, m, something gives way."""

@@ -21,7 +21,7 @@ import msgspec
 import mujoco
 import numpy as np
 
-from controller.rotations import Array
+from controller.motion.rotations import Array
 
 ROOM = 25.0
 """degC; what servos start from and cool down to."""

@@ -12,7 +12,7 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
-from controller.rotations import Array, rotate
+from controller.motion.rotations import Array, rotate
 
 # The corners, edges and sides of a cube: in these directions a mesh shows its farthest vertices.
 _DIRECTIONS = np.array([d for d in product((-1.0, 0.0, 1.0), repeat=3) if any(d)])

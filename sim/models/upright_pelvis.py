@@ -8,7 +8,7 @@ from __future__ import annotations
 import mujoco
 import numpy as np
 
-from controller.rotations import Array, conjugate, multiply
+from controller.motion.rotations import Array, conjugate, multiply
 from sim.models.kinematic_tree import hinges_between
 
 UPRIGHT = np.array([1.0, 0.0, 0.0, 0.0])

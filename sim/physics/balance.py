@@ -17,7 +17,7 @@ from __future__ import annotations
 import mujoco
 import numpy as np
 
-from controller.rotations import Array, about, conjugate, from_matrix, multiply, rotate, yaw
+from controller.motion.rotations import Array, about, conjugate, from_matrix, multiply, rotate, yaw
 from motiondeck_base.errors import MotiondeckError
 from sim.models.gravity import GRAVITY
 from sim.physics.physics_model import feet_of

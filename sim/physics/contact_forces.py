@@ -8,7 +8,7 @@ from __future__ import annotations
 import mujoco
 import numpy as np
 
-from controller.rotations import Array
+from controller.motion.rotations import Array
 
 
 def contact_forces(model: mujoco.MjModel, data: mujoco.MjData, out: Array) -> None:

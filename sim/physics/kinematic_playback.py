@@ -9,8 +9,8 @@ from collections.abc import Mapping
 
 import mujoco
 
-from controller.mocap.posture import Pose
-from controller.rotations import Array
+from controller.motion.posture import Pose
+from controller.motion.rotations import Array
 from sim.robots.robot import Robot
 
 

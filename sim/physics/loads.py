@@ -21,7 +21,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import nnls
 
-from controller.rotations import Array
+from controller.motion.rotations import Array
 from sim.models.feet import Foot
 from sim.models.gravity import GRAVITY
 from sim.models.kinematic_tree import below

@@ -10,7 +10,7 @@ from collections.abc import Callable
 import mujoco
 import numpy as np
 
-from controller.rotations import Array, from_matrix
+from controller.motion.rotations import Array, from_matrix
 from motiondeck_base.errors import MotiondeckError
 from sim.models.feet import Foot, find_feet
 from sim.models.kinematic_tree import below

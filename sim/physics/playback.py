@@ -12,8 +12,8 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
-from controller.mocap.posture import Pose
-from controller.rotations import Array
+from controller.motion.posture import Pose
+from controller.motion.rotations import Array
 from controller.wire.messages.commands import Side
 from motiondeck_base.errors import MotiondeckError
 from sim.models.surface import LowestPoint

@@ -15,10 +15,10 @@ from controller.deck.deck import Deck
 from controller.deck.joins.deck_motions import Motion, read_motions
 from controller.deck.routes import Routes
 from controller.library.motion_library import MotionLibrary
-from controller.mocap.clip import Clip
-from controller.mocap.posture import Pose
-from controller.mocap.skeleton import Skeleton
-from controller.rotations import Array, continuous, multiply, normalise, rotate, yaw
+from controller.motion.clip import Clip
+from controller.motion.posture import Pose
+from controller.motion.rotations import Array, continuous, multiply, normalise, rotate, yaw
+from controller.motion.skeleton import Skeleton
 from sim.robots.robot import Robot, load_robot
 
 T = TypeVar("T")

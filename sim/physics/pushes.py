@@ -11,7 +11,7 @@ from collections.abc import Callable
 import mujoco
 import numpy as np
 
-from controller.rotations import Array
+from controller.motion.rotations import Array
 from controller.wire.messages.commands import Side
 from sim.models.gravity import GRAVITY
 

@@ -14,7 +14,7 @@ from collections.abc import Sequence
 import mujoco
 import numpy as np
 
-from controller.rotations import Array
+from controller.motion.rotations import Array
 from motiondeck_base.errors import MotiondeckError, UnknownNameError
 from sim.physics.physics_model import physics_model
 from sim.robots.robot import Robot

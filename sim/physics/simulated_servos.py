@@ -10,7 +10,7 @@ from collections import deque
 import mujoco
 import numpy as np
 
-from controller.rotations import Array
+from controller.motion.rotations import Array
 from sim.models.servo_motor import ROOM, ServoMotor
 
 # A servo that pushes with this share of its present limit counts as at its limit.

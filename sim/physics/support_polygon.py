@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from controller.rotations import Array
+from controller.motion.rotations import Array
 
 
 def convex_hull(points: Array) -> Array:

@@ -14,8 +14,8 @@ from numpy.typing import NDArray
 
 from controller.deck.interfaces import PlacedPose
 from controller.loop.safety.safety_envelope import SafetyEnvelope
-from controller.mocap.posture import Pose
-from controller.rotations import Array
+from controller.motion.posture import Pose
+from controller.motion.rotations import Array
 from sim.models.kinematic_tree import path_to
 from sim.models.walk_settings import WalkSettings
 from sim.physics.physics_model import feet_of

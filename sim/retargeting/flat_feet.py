@@ -11,10 +11,10 @@ from math import cos, exp, sin, sqrt
 
 import numpy as np
 
-from controller.mocap.anatomy import anatomy
-from controller.mocap.clip import Clip
-from controller.mocap.rest_pose import FOOT_SLOPE
-from controller.rotations import Array
+from controller.motion.anatomy import anatomy
+from controller.motion.clip import Clip
+from controller.motion.rest_pose import FOOT_SLOPE
+from controller.motion.rotations import Array
 from sim.retargeting.human_limbs import LIMBS
 
 # How fast a foot that stands with more, or with less, of a slope changes what counts as flat, s: on tiptoe people stand

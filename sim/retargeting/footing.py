@@ -19,8 +19,8 @@ from collections.abc import Sequence
 import mujoco
 import numpy as np
 
-from controller.mocap.posture import Pose
-from controller.rotations import Array
+from controller.motion.posture import Pose
+from controller.motion.rotations import Array
 from sim.models.kinematic_tree import Scratch, below
 from sim.models.surface import LowestPoint, Surface
 from sim.models.upright_pelvis import UPRIGHT, UprightPelvis

@@ -8,10 +8,10 @@ from __future__ import annotations
 
 import numpy as np
 
-from controller.mocap.anatomy import Part, Side, anatomy, leg_without_name
-from controller.mocap.posture import Pose
-from controller.mocap.skeleton import ROOT, Skeleton
-from controller.rotations import Array, conjugate, multiply
+from controller.motion.anatomy import Part, Side, anatomy, leg_without_name
+from controller.motion.posture import Pose
+from controller.motion.rotations import Array, conjugate, multiply
+from controller.motion.skeleton import ROOT, Skeleton
 from motiondeck_base.errors import FileFormatError
 
 # The rows of what a view returns; the last four are axes of head and chest.

@@ -8,10 +8,10 @@ from math import atan2, cos, hypot, sin
 
 import numpy as np
 
-from controller.mocap.anatomy import anatomy
-from controller.mocap.posture import Pose
-from controller.mocap.rest_pose import FOOT_SLOPE
-from controller.mocap.skeleton import Skeleton
+from controller.motion.anatomy import anatomy
+from controller.motion.posture import Pose
+from controller.motion.rest_pose import FOOT_SLOPE
+from controller.motion.skeleton import Skeleton
 from sim.retargeting.human_limbs import turning
 
 Point = tuple[float, float, float]

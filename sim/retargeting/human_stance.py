@@ -7,8 +7,8 @@ from __future__ import annotations
 
 from math import dist, exp, hypot
 
-from controller.mocap.posture import Pose
-from controller.mocap.skeleton import Skeleton
+from controller.motion.posture import Pose
+from controller.motion.skeleton import Skeleton
 from sim.retargeting.flat_feet import FlatFeet
 from sim.retargeting.human_soles import Sole, Soles
 

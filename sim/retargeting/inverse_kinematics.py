@@ -21,10 +21,10 @@ import daqp
 import numpy as np
 
 from controller.deck.interfaces import JointLimits
-from controller.mocap.posture import Pose
-from controller.mocap.rest_pose import FOOT_SLOPE
-from controller.mocap.skeleton import Skeleton
-from controller.rotations import Array
+from controller.motion.posture import Pose
+from controller.motion.rest_pose import FOOT_SLOPE
+from controller.motion.rotations import Array
+from controller.motion.skeleton import Skeleton
 from sim.retargeting.human_limbs import LIMBS, LimbView, up_of
 from sim.retargeting.human_stance import HumanStance
 from sim.retargeting.limb_finder import FEET, PLANE

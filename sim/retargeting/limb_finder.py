@@ -16,7 +16,7 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
-from controller.rotations import Array, conjugate, rotate
+from controller.motion.rotations import Array, conjugate, rotate
 from motiondeck_base.errors import FileFormatError
 from sim.models.kinematic_tree import below, hinges_between, joints_above
 from sim.models.limb_geometry import ACROSS, centre_of, end_hinge, folds, level_with, sine

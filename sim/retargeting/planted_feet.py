@@ -12,8 +12,8 @@ from math import exp
 
 import numpy as np
 
-from controller.mocap.posture import Pose
-from controller.rotations import Array, to_matrix
+from controller.motion.posture import Pose
+from controller.motion.rotations import Array, to_matrix
 from sim.retargeting.human_stance import HumanStance
 from sim.retargeting.limb_finder import FEET
 from sim.retargeting.robot_limbs import RobotLimbs

@@ -15,8 +15,8 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
-from controller.mocap.rest_pose import FOOT_SLOPE
-from controller.rotations import Array
+from controller.motion.rest_pose import FOOT_SLOPE
+from controller.motion.rotations import Array
 from sim.models.coupled_joints import LedJoints, followers
 from sim.models.kinematic_tree import Scratch, below, joints_above
 from sim.models.surface import Surface

@@ -13,7 +13,7 @@ from collections.abc import Callable, Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from controller.rotations import Array
+from controller.motion.rotations import Array
 from sim.retargeting.limb_finder import FEET
 
 # A limb is far off if one of its vectors misses its goal by this share of its length; a scout that misses by half of

@@ -11,10 +11,10 @@ from typing import NamedTuple
 
 import numpy as np
 
-from controller.mocap.anatomy import Part, anatomy
-from controller.mocap.posture import Pose
-from controller.mocap.skeleton import ROOT, Skeleton
-from controller.rotations import Array, between
+from controller.motion.anatomy import Part, anatomy
+from controller.motion.posture import Pose
+from controller.motion.rotations import Array, between
+from controller.motion.skeleton import ROOT, Skeleton
 
 
 class Bends(NamedTuple):

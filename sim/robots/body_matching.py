@@ -21,7 +21,7 @@ from pathlib import Path
 import mujoco
 import numpy as np
 
-from controller.rotations import Array, conjugate, from_rotation_vector, multiply, yaw
+from controller.motion.rotations import Array, conjugate, from_rotation_vector, multiply, yaw
 from motiondeck_base.errors import FileFormatError
 from sim.models.ball_joints import unplayed_balls
 from sim.models.kinematic_tree import below, hinges_at, hinges_between, path_to

@@ -20,8 +20,8 @@ import mujoco
 import numpy as np
 
 from controller.deck.interfaces import JointLimits
-from controller.mocap.rest_pose import FOOT_SLOPE
-from controller.rotations import Array
+from controller.motion.rest_pose import FOOT_SLOPE
+from controller.motion.rotations import Array
 from motiondeck_base.counted import counted
 from motiondeck_base.errors import FileFormatError
 from sim.models.coupled_joints import followers

@@ -20,8 +20,8 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
-from controller.mocap.posture import Pose
-from controller.rotations import Array
+from controller.motion.posture import Pose
+from controller.motion.rotations import Array
 from sim.models.coupled_joints import followers
 from sim.models.overlaps import OVERLAP
 from sim.robots.robot import Robot

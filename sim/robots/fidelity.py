@@ -16,10 +16,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from controller.loop.safety.safety_envelope import SafetyEnvelope
-from controller.mocap.anatomy import Side, anatomy
-from controller.mocap.clip import Clip
-from controller.mocap.posture import Pose
-from controller.rotations import Array
+from controller.motion.anatomy import Side, anatomy
+from controller.motion.clip import Clip
+from controller.motion.posture import Pose
+from controller.motion.rotations import Array
 from sim.models.kinematic_tree import below
 from sim.models.surface import LowestPoint, Surface
 from sim.retargeting.human_limbs import LIMBS, LimbView

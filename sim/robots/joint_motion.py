@@ -7,10 +7,10 @@ from pathlib import Path
 
 import numpy as np
 
-from controller.mocap.clip import Clip
-from controller.mocap.encodings.joint_angles import Plays, save_taught_clip, taught_clip
-from controller.mocap.posture import Pose
-from controller.rotations import Array
+from controller.motion.clip import Clip
+from controller.motion.encodings.joint_angles import Plays, save_taught_clip, taught_clip
+from controller.motion.posture import Pose
+from controller.motion.rotations import Array
 from motiondeck_base.errors import FileFormatError
 from motiondeck_base.files import write_file
 from sim.robots.robot import Robot

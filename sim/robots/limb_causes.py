@@ -13,7 +13,7 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from controller.rotations import Array
+from controller.motion.rotations import Array
 from sim.robots.limb_directions import MEAN_LIMIT, WORST_LIMIT, LimbDirections, degrees_between
 from sim.robots.reachable import ReachableLimb
 from sim.robots.robot import Robot

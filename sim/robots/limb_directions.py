@@ -17,7 +17,7 @@ from dataclasses import dataclass
 import mujoco
 import numpy as np
 
-from controller.rotations import Array
+from controller.motion.rotations import Array
 from sim.models.kinematic_tree import below, hinges_at, hinges_between, path_to
 from sim.models.limb_geometry import centre_of, end_hinge, level_with
 from sim.models.surface import Surface

@@ -15,7 +15,7 @@ from collections.abc import Sequence
 import mujoco
 import numpy as np
 
-from controller.rotations import Array
+from controller.motion.rotations import Array
 from sim.models.limb_geometry import ACROSS, end_hinge, farthest, folds, sine
 from sim.robots.standing_body import PARALLEL, RobotLimb, StandingBody
 

@@ -15,7 +15,7 @@ from dataclasses import dataclass
 import mujoco
 import numpy as np
 
-from controller.rotations import Array
+from controller.motion.rotations import Array
 from sim.models.kinematic_tree import hinges_between, path_to
 from sim.retargeting.robot_limbs import RobotLimbs
 from sim.robots.limb_directions import LimbDirections

@@ -23,7 +23,7 @@ import numpy as np
 from scipy.stats import qmc
 
 from controller.deck.interfaces import JointLimits
-from controller.rotations import Array
+from controller.motion.rotations import Array
 from sim.models.coupled_joints import followers
 from sim.models.kinematic_tree import path_to
 from sim.robots.limb_directions import LimbDirections, LimbSegment

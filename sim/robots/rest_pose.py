@@ -10,7 +10,7 @@ from __future__ import annotations
 import numpy as np
 
 from controller.deck.interfaces import JointLimits
-from controller.rotations import Array
+from controller.motion.rotations import Array
 from sim.retargeting.human_limbs import LIMBS
 from sim.retargeting.inverse_kinematics import LimbSolver
 from sim.retargeting.robot_limbs import RobotLimbs, limb_directions

@@ -18,12 +18,12 @@ import msgspec
 import numpy as np
 from joblib import delayed
 
-from controller.jobs import EVERY_CORE, Jobs, spread
-from controller.mocap.canonical.breaks import breaks
-from controller.mocap.canonical.clip_edits import resampled, without_reference_pose
-from controller.mocap.clip import Clip
-from controller.mocap.formats.reading import read_clip, recordings_below
+from controller.motion.canonical.breaks import breaks
+from controller.motion.canonical.clip_edits import resampled, without_reference_pose
+from controller.motion.clip import Clip
+from controller.motion.formats.reading import read_clip, recordings_below
 from motiondeck_base.errors import MotiondeckError
+from motiondeck_base.jobs import EVERY_CORE, Jobs, spread
 from sim.models.robot_file import Solver, read_robot_file
 from sim.retargeting.robot_parts import SIDES
 from sim.robots.fidelity import floor_measures, followed, joint_measures

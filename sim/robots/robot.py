@@ -13,10 +13,10 @@ import mujoco
 import numpy as np
 
 from controller.deck.interfaces import JointLimits, PlacedPose, Retargeter
-from controller.mocap.encodings.joint_angles import JointBody, JointRetargeter
-from controller.mocap.posture import Pose
-from controller.mocap.skeleton import Skeleton
-from controller.rotations import Array
+from controller.motion.encodings.joint_angles import JointBody, JointRetargeter
+from controller.motion.posture import Pose
+from controller.motion.rotations import Array
+from controller.motion.skeleton import Skeleton
 from motiondeck_base.errors import FileFormatError, UnknownNameError
 from motiondeck_base.files import listed
 from sim.models.formats.urdf_visuals import with_visuals

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import mujoco
 
-from controller.rotations import Array
+from controller.motion.rotations import Array
 from sim.models.overlaps import near_bodies, overlaps
 from sim.models.scenery import FLOOR
 from sim.robots.robot import Robot

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 import mujoco
 import numpy as np
 
-from controller.rotations import Array, multiply
+from controller.motion.rotations import Array, multiply
 from sim.models.kinematic_tree import below, hinges_at, path_to
 from sim.models.limb_geometry import farthest
 from sim.models.surface import Surface

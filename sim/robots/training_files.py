@@ -24,7 +24,7 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
-from controller.rotations import Array, rotate
+from controller.motion.rotations import Array, rotate
 from motiondeck_base.errors import FileFormatError, UnknownNameError
 from motiondeck_base.files import write_file
 from sim.models.formats.urdf_visuals import MOVED_ORIGIN

@@ -5,7 +5,7 @@ import pytest
 
 import synthetic
 from benchmarks.deck.blends import WAYS, judged, played
-from controller.measures.motion_matching import joint_features
+from controller.motion.encodings.motion_matching import joint_features
 
 
 @pytest.fixture(scope="module")

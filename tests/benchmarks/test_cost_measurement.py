@@ -2,8 +2,8 @@ import pytest
 
 import synthetic
 from benchmarks.papers import cost_measurement as cost
-from controller.training.recipe import LibraryRecipe, MotionRecipe
-from controller.training.training_set import TrainingSet
+from controller.learning.recipe import LibraryRecipe, MotionRecipe
+from controller.learning.training_set import TrainingSet
 
 LOOPS = {name: name != "bow" for name in synthetic.MOTIONS}
 

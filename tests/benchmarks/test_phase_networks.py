@@ -6,8 +6,8 @@ import pytest
 import synthetic
 from benchmarks.reservoirs.phase_morphs import mixtures
 from benchmarks.reservoirs.phase_networks import ABLATION, channels_mb, clip_row, line, measured
-from controller.training.reservoirs.phase_conceptor_training import PhaseRecipe
-from controller.training.training_set import TrainingSet
+from controller.learning.reservoirs.phase_conceptor_training import PhaseRecipe
+from controller.learning.training_set import TrainingSet
 
 LOOPS = {name: name != "bow" for name in synthetic.MOTIONS}
 KNOWN = TrainingSet(synthetic.small_encoding(), synthetic.RATE, synthetic.references(), LOOPS, {})

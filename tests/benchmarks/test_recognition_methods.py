@@ -33,9 +33,9 @@ from benchmarks.recognition.methods import Method, looking_at, proposal, shared_
 from benchmarks.recognition.motion_templates import motion_templates, relations, template
 from benchmarks.recognition.self_organising_map import motion_strings, pose_map
 from benchmarks.recognition.unknown import Doubter, area_under_curve, nested_unknown_auc, unknown_auc
-from controller.recognition.experts import ExpertRecipe
-from controller.recognition.features import FeatureRecipe
-from controller.recognition.labelled_recordings import Example
+from controller.learning.recognition.experts import ExpertRecipe
+from controller.learning.recognition.features import FeatureRecipe
+from controller.learning.recognition.labelled_recordings import Example
 from motiondeck_base.errors import MotiondeckError
 from recognition_examples import PEOPLE, clip, dataset
 

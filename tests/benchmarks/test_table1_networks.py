@@ -12,8 +12,8 @@ from benchmarks.papers.table1_networks import (
     fixed_network,
     learned_network,
 )
-from controller.mocap.formats.reading import read_clip
-from controller.training.centralized.model_choice import mean_absolute, relative_accuracy
+from controller.learning.centralized.model_choice import mean_absolute, relative_accuracy
+from controller.motion.formats.reading import read_clip
 from motiondeck_base.errors import FileFormatError
 
 

@@ -5,11 +5,11 @@ import pytest
 
 from benchmarks.papers.thesis import accuracy, with_failure_figures, with_training_figures
 from benchmarks.papers.thesis_figures import NOISE_CHANNELS, THESIS, noisy_targets
-from controller.evaluation.evaluation import read_evaluation
-from controller.evaluation.failure_rates import Count
-from controller.evaluation.tables import Table, failure_table
-from controller.training.recipe import read_recipe
-from controller.training.training_set import prepare
+from controller.learning.evaluation.evaluation import read_evaluation
+from controller.learning.evaluation.failure_rates import Count
+from controller.learning.evaluation.tables import Table, failure_table
+from controller.learning.recipe import read_recipe
+from controller.learning.training_set import prepare
 from motiondeck_base.errors import FileFormatError
 from motiondeck_base.shipped import shipped_configs
 

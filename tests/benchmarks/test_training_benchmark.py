@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 
 from benchmarks.robots.training_files import read_back, write_clips
-from controller.jobs import Jobs
-from controller.mocap.clip import Clip
-from controller.mocap.formats.reading import read_clip
-from controller.mocap.formats.writing import write_clip
+from controller.motion.clip import Clip
+from controller.motion.formats.reading import read_clip
+from controller.motion.formats.writing import write_clip
+from motiondeck_base.jobs import Jobs
 from sim.robots.retarget_files import retarget_files
 from simulated_bodies import human, smooth_poses
 from small_robots import calibrated, humanoid

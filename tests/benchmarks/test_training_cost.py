@@ -6,9 +6,9 @@ import synthetic
 from benchmarks.papers import cost_measurement as cost
 from benchmarks.papers.cost_measurement import TrainingCost
 from benchmarks.papers.training_cost import cost_figure, cost_table
-from controller.training.centralized.centralized_training import CentralizedRecipe
-from controller.training.recipe import LibraryRecipe, MotionRecipe
-from controller.training.training_set import TrainingSet
+from controller.learning.centralized.centralized_training import CentralizedRecipe
+from controller.learning.recipe import LibraryRecipe, MotionRecipe
+from controller.learning.training_set import TrainingSet
 
 LOOPS = {name: name != "bow" for name in synthetic.MOTIONS}
 RECIPE = LibraryRecipe(

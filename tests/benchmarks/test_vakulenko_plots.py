@@ -2,7 +2,7 @@
 
 import pytest
 
-from controller.evaluation.tables import Table
+from controller.learning.evaluation.tables import Table
 
 pytest.importorskip("matplotlib")
 

@@ -5,7 +5,7 @@ from dataclasses import replace
 import pytest
 
 from benchmarks.robots import walk
-from controller.jobs import ALONE
+from motiondeck_base.jobs import ALONE
 
 CASE = walk.Case("servo20", "walk", 1.0, "as modelled", 1.0, 0, 60.0)
 CASES = [replace(CASE, seed=seed) for seed in range(3)]

@@ -8,10 +8,10 @@ import pytest
 
 from benchmarks.reservoirs import zoo
 from bodies import waving
-from controller.mocap.canonical.canonical_body import to_canonical
-from controller.mocap.formats.writing import bvh_text
-from controller.rotations import multiply
-from controller.training.learn import learn
+from controller.learning.learn import learn
+from controller.motion.canonical.canonical_body import to_canonical
+from controller.motion.formats.writing import bvh_text
+from controller.motion.rotations import multiply
 
 
 @pytest.mark.parametrize("count", [1, 8, 16, 17, 31, 32, 33, 100])

@@ -5,7 +5,7 @@ from pathlib import Path
 import pytest
 
 from controller.library.motion_library import load_library
-from controller.mocap.formats.reading import RECORDINGS, read_clip
+from controller.motion.formats.reading import RECORDINGS, read_clip
 from motiondeck_base.errors import FileFormatError
 from recordings import ASF
 

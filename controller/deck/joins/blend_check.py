@@ -9,7 +9,7 @@ from __future__ import annotations
 import numpy as np
 
 from controller.deck.joins.deck_motions import Motion
-from controller.rotations import Array
+from controller.motion.rotations import Array
 
 STILL, TURNS_OVER = 0.1, 2.5
 HALF_A_SECOND = 0.5

@@ -6,9 +6,9 @@ from collections.abc import Callable, Sequence
 from typing import Protocol
 
 from controller.deck.joins.crossing_search import CrossingSearch
+from controller.motion.quintic import rise
+from controller.motion.rotations import Array
 from controller.networks.centralized.centralized import Passage
-from controller.quintic import rise
-from controller.rotations import Array
 
 
 class Weights(Protocol):

@@ -6,9 +6,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from controller.mocap.posture import Posture
-from controller.mocap.skeleton import Skeleton
-from controller.rotations import Array, rotate
+from controller.motion.posture import Posture
+from controller.motion.rotations import Array, rotate
+from controller.motion.skeleton import Skeleton
 
 
 @dataclass(frozen=True)

@@ -8,16 +8,16 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from controller.cubic import between_frames
 from controller.deck.joins.course import BodyCourse
 from controller.library.library_header import MotionInfo
 from controller.library.motion_library import MotionLibrary, once_a_library
-from controller.measures.motion_matching import joint_features
-from controller.mocap.posture import Posture, walk_path
+from controller.motion.cubic import between_frames
+from controller.motion.encodings.motion_matching import joint_features
+from controller.motion.posture import Posture, walk_path
+from controller.motion.rotations import Array, dot, normalise
 from controller.networks.base import FrameNetwork
 from controller.networks.reservoirs.phase_driven import PhaseDrivenNetwork
 from controller.networks.reservoirs.phase_reservoir import ANCHOR_EVERY
-from controller.rotations import Array, dot, normalise
 
 ENTRY_SHARE = 0.1
 HELD_M = 0.02

@@ -20,7 +20,7 @@ import numpy as np
 from controller.deck.joins.course import BodyCourse
 from controller.deck.joins.join_limits import Bounds
 from controller.deck.joins.transition import Fade
-from controller.rotations import Array, cross, dot
+from controller.motion.rotations import Array, cross, dot
 
 SHORTEST, LONGEST = 0.2, 1.6
 

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from controller.deck.joins.fade_search import SHORTEST, FadeSearch
 from controller.deck.joins.transition import Fade, displaced
-from controller.mocap.posture import Posture
+from controller.motion.posture import Posture
 
 
 class Fading:

@@ -13,10 +13,10 @@ from math import ceil
 import numpy as np
 
 from controller.deck.joins.deck_motions import PEAKS_OVER, Motion
-from controller.mocap.encodings.joint_angles import JointBody
-from controller.mocap.posture import Pose
-from controller.mocap.skeleton import Skeleton
-from controller.rotations import Array
+from controller.motion.encodings.joint_angles import JointBody
+from controller.motion.posture import Pose
+from controller.motion.rotations import Array
+from controller.motion.skeleton import Skeleton
 
 FASTEST, HARDEST = 1.5, 2.0
 """A join moves a body point at most so many times as fast, and accelerates it so many times as hard, as its motions."""

@@ -30,9 +30,9 @@ from math import cos
 import numpy as np
 from numpy.typing import NDArray
 
-from controller.mocap.posture import Posture
-from controller.quintic import run_out
-from controller.rotations import (
+from controller.motion.posture import Posture
+from controller.motion.quintic import run_out
+from controller.motion.rotations import (
     Array,
     conjugate,
     dot,
@@ -44,7 +44,7 @@ from controller.rotations import (
     to_rotation_vector,
     yaw,
 )
-from controller.rotations import between as shortest_turn
+from controller.motion.rotations import between as shortest_turn
 
 HEADING_RATE = 4.0
 """How quickly the smooth heading follows that of the hips, 1/s (a critically damped filter of second order)."""

@@ -21,9 +21,9 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from controller.mocap.posture import Posture
-from controller.quintic import run_out, run_out_rates
-from controller.rotations import (
+from controller.motion.posture import Posture
+from controller.motion.quintic import run_out, run_out_rates
+from controller.motion.rotations import (
     Array,
     conjugate,
     from_rotation_vector,
@@ -33,7 +33,7 @@ from controller.rotations import (
     to_rotation_vector,
     yaw,
 )
-from controller.rotations import between as shortest_turn
+from controller.motion.rotations import between as shortest_turn
 
 
 @dataclass(frozen=True)

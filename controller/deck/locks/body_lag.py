@@ -14,7 +14,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from controller.rotations import Array
+from controller.motion.rotations import Array
 
 SPACING = 0.02
 """The poses of a motion are kept so far apart, s."""

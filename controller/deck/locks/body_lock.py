@@ -7,7 +7,7 @@ from collections.abc import Callable
 
 from controller.deck.locks.body_lag import PoseTable
 from controller.deck.locks.lock import LoopPlace, Steering
-from controller.rotations import Array
+from controller.motion.rotations import Array
 from controller.wire.messages.arguments import TEMPO
 from controller.wire.messages.lock_state import LockStage, LockState
 

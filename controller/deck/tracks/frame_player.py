@@ -11,7 +11,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from controller.cubic import CUBIC
+from controller.motion.cubic import CUBIC
 from controller.networks.base import Channels, CrossingNetwork, FrameNetwork, InputNetwork, PhaseNetwork
 from motiondeck_base.errors import MotiondeckError, UnknownNameError
 

@@ -6,9 +6,9 @@ from typing import Any
 
 import numpy as np
 
+from controller.motion.quintic import rise
 from controller.networks.base import Channels, FrameNetwork
 from controller.networks.reservoirs.morph import Morph, ReservoirNetwork, morph
-from controller.quintic import rise
 
 AHEAD = 3
 """Frames by which a player is ahead of its output."""

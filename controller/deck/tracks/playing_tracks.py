@@ -13,9 +13,9 @@ from controller.deck.joins.join_limits import FASTEST, HARDEST, Bounds
 from controller.deck.joins.posture_blend import PostureBlend
 from controller.deck.tracks.track import Track
 from controller.library.motion_library import MotionLibrary
-from controller.mocap.encodings.bone_directions import BoneDirections
-from controller.mocap.posture import Posture
-from controller.rotations import Array
+from controller.motion.encodings.bone_directions import BoneDirections
+from controller.motion.posture import Posture
+from controller.motion.rotations import Array
 from controller.wire.messages.blends import MOST_BLENDED
 
 

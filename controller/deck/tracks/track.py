@@ -12,10 +12,10 @@ from controller.deck.tracks.frame_player import FramePlayer
 from controller.deck.tracks.mixture import Mixture
 from controller.library.motion_library import MotionLibrary
 from controller.library.network_arrays import Network
-from controller.mocap.posture import Posture
+from controller.motion.posture import Posture
+from controller.motion.rotations import Array
 from controller.networks.base import Activation, NeuronNetwork, PhaseNetwork
 from controller.networks.guard import Guard
-from controller.rotations import Array
 
 
 class Track:

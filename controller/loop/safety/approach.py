@@ -11,7 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from controller.deck.interfaces import JointLimits
-from controller.rotations import Array
+from controller.motion.rotations import Array
 
 _VELOCITY, _ACCELERATION, _JERK = 15.0 / 8.0, 10.0 / np.sqrt(3.0), 60.0
 

@@ -20,7 +20,7 @@ import numpy as np
 
 from controller.deck.interfaces import JointLimits
 from controller.loop.safety.braking import braked, held_back, longest_run, stopping_run
-from controller.rotations import Array
+from controller.motion.rotations import Array
 from motiondeck_base.errors import MotiondeckError
 
 CHANGED = 1e-9

@@ -19,7 +19,7 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from controller.rotations import Array
+from controller.motion.rotations import Array
 from motiondeck_base.errors import MotiondeckError
 
 # A step of the splitting integrator turns an oscillator by at most this angle, rad.

@@ -18,6 +18,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from controller.motion.quintic import rise
+from controller.motion.rotations import Array
 from controller.networks.base import Channels
 from controller.networks.centralized.centers import pairs_at, require_frequencies
 from controller.networks.centralized.low_rank import LowRankWeights
@@ -27,8 +29,6 @@ from controller.networks.centralized.switching_design import design_module
 from controller.networks.centralized.switching_module import SwitchingModule
 from controller.networks.entry_points import Entries
 from controller.networks.named_motions import NamedMotions
-from controller.quintic import rise
-from controller.rotations import Array
 from motiondeck_base.errors import MotiondeckError
 
 # How long z takes for all but 1/e of its way, s, and the gain of the current that pulls it there.

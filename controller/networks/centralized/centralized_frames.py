@@ -10,13 +10,13 @@ from typing import Any
 
 import numpy as np
 
+from controller.motion.rotations import Array
 from controller.networks.base import Channels
 from controller.networks.centralized.centralized import CentralizedMotion, Passage, Voice, mix
 from controller.networks.centralized.low_rank import LowRankWeights
 from controller.networks.centralized.satellites import GaussianSatellites
 from controller.networks.entry_points import Entries
 from controller.networks.named_motions import NamedMotions
-from controller.rotations import Array
 from motiondeck_base.errors import MotiondeckError
 
 ANCHOR_EVERY = 2

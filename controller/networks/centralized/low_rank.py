@@ -14,7 +14,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from controller.rotations import Array
+from controller.motion.rotations import Array
 from motiondeck_base.errors import MotiondeckError
 
 

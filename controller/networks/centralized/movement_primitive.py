@@ -19,10 +19,10 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from controller.given import number_within, points
+from controller.motion.rotations import Array
 from controller.networks.centralized.centers import pairs_at
 from controller.networks.centralized.satellites import GaussianSatellites
-from controller.rotations import Array
+from controller.networks.given import number_within, points
 from motiondeck_base.counted import counted
 from motiondeck_base.errors import MotiondeckError
 

@@ -13,11 +13,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from controller.given import sampling_rate, time_series, whole_number
+from controller.motion.rotations import Array
 from controller.networks.centralized.centers import HarmonicCenters, NonlinearCenters
 from controller.networks.centralized.satellites import Satellites
-from controller.ridge import ridge
-from controller.rotations import Array
+from controller.networks.given import sampling_rate, time_series, whole_number
+from controller.networks.ridge import ridge
 from motiondeck_base.errors import MotiondeckError
 
 Centers = HarmonicCenters | NonlinearCenters

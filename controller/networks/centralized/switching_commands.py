@@ -6,9 +6,9 @@ from functools import lru_cache
 
 import numpy as np
 
+from controller.motion.rotations import Array
 from controller.networks.centralized.switching_design import ModuleDesign
 from controller.networks.centralized.switching_module import Command, CommandInput, SwitchingModule, advance_state
-from controller.rotations import Array
 
 
 def clamp(design: ModuleDesign, target: int, gain: float = 5.0, lasts: float = 1.0) -> Command:

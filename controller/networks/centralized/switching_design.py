@@ -21,8 +21,8 @@ from functools import cached_property, lru_cache
 import numpy as np
 from numpy.typing import NDArray
 
+from controller.motion.rotations import Array
 from controller.networks.centralized.satellites import logistic
-from controller.rotations import Array
 from motiondeck_base.errors import MotiondeckError
 
 LAST_WEIGHT = 0.05

@@ -7,9 +7,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from controller.motion.rotations import Array
 from controller.networks.centralized.satellites import logistic
 from controller.networks.centralized.switching_design import ModuleDesign
-from controller.rotations import Array
 
 
 @dataclass(slots=True)

@@ -14,9 +14,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from controller.given import time_series
+from controller.motion.rotations import Array
+from controller.networks.given import time_series
 from controller.networks.reservoirs.reservoir import Reservoir, drive
-from controller.rotations import Array
 from motiondeck_base.errors import MotiondeckError
 
 

@@ -23,7 +23,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from controller.mocap.encodings.normalisation import Normalisation
+from controller.motion.encodings.normalisation import Normalisation
 from controller.networks.base import Channels
 from controller.networks.reservoirs.reservoir_network import ReservoirNetwork
 

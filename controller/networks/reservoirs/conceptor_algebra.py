@@ -9,8 +9,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from controller.given import square, time_series
-from controller.rotations import Array
+from controller.motion.rotations import Array
+from controller.networks.given import square, time_series
 from motiondeck_base.errors import MotiondeckError
 
 # Below this an eigenvalue counts as 0, and above 1 minus this as 1: rounding leaves no exact ones.

@@ -9,7 +9,7 @@ from __future__ import annotations
 import msgspec
 import numpy as np
 
-from controller.rotations import Array
+from controller.motion.rotations import Array
 
 LEVELS: Array = np.linspace(-1.0, 1.0, 9)
 """At which a motion's settled states are kept; between them they are mixed."""

@@ -13,11 +13,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from controller.given import whole_number
-from controller.mocap.encodings.normalisation import Normalisation
+from controller.motion.encodings.normalisation import Normalisation
+from controller.motion.rotations import Array
+from controller.networks.given import whole_number
 from controller.networks.reservoirs.conceptor_algebra import conceptor
 from controller.networks.reservoirs.reservoir import Reservoir
-from controller.rotations import Array
 from motiondeck_base.errors import MotiondeckError, UnknownNameError
 
 

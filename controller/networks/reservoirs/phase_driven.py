@@ -14,7 +14,7 @@ from typing import Any, Generic, Self, TypeVar
 
 import numpy as np
 
-from controller.mocap.encodings.normalisation import Normalisation
+from controller.motion.encodings.normalisation import Normalisation
 from controller.networks.base import Channels
 from controller.networks.reservoirs.driving_input import LEVELS, DrivingInput
 from controller.networks.reservoirs.phase_reservoir import (

@@ -22,10 +22,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from controller.motion.rotations import Array
 from controller.networks.base import Channels
 from controller.networks.reservoirs.phase_conceptor import PhaseConceptorMotion, PhaseConceptorNetwork
-from controller.ridge import ridge
-from controller.rotations import Array
+from controller.networks.ridge import ridge
 from motiondeck_base.errors import MotiondeckError
 
 RANK = 40  # directions of each motion

@@ -13,8 +13,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from controller.given import number_within, time_series, whole_number
-from controller.rotations import Array
+from controller.motion.rotations import Array
+from controller.networks.given import number_within, time_series, whole_number
 from motiondeck_base.errors import MotiondeckError
 
 Floats = NDArray[Any]

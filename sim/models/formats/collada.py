@@ -10,7 +10,7 @@ from xml.etree import ElementTree
 import numpy as np
 from numpy.typing import NDArray
 
-from controller.rotations import Array, about, normalise, to_matrix
+from controller.motion.rotations import Array, about, normalise, to_matrix
 from motiondeck_base.errors import FileFormatError
 
 

@@ -13,7 +13,7 @@ from pathlib import Path
 import mujoco
 import numpy as np
 
-from controller.rotations import Array, rotate
+from controller.motion.rotations import Array, rotate
 from motiondeck_base.errors import FileFormatError
 from sim.models.formats.collada import TriangleMesh, read_collada
 

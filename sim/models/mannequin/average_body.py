@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from controller.mocap.skeleton import Skeleton
-from controller.mocap.thesis_body import thesis_skeleton
+from controller.motion.skeleton import Skeleton
+from controller.motion.thesis_body import thesis_skeleton
 
 STATURE = 1.75
 # Lengths of the 19 bones over the stature (Drillis and Contini 1966, as in Winter 2009, fig. 4.1): hip, thigh, shank

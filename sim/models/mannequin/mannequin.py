@@ -12,9 +12,9 @@ from __future__ import annotations
 import mujoco
 import numpy as np
 
-from controller.mocap.anatomy import Anatomy, Part, anatomy
-from controller.mocap.skeleton import ROOT, Skeleton
-from controller.rotations import Array, from_matrix
+from controller.motion.anatomy import Anatomy, Part, anatomy
+from controller.motion.rotations import Array, from_matrix
+from controller.motion.skeleton import ROOT, Skeleton
 from sim.models.gravity import GRAVITY
 from sim.models.mannequin.solids import Solid, flesh, limb_inertia, masses, pelvis
 from sim.models.overlaps import near_bodies

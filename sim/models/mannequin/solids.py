@@ -11,10 +11,10 @@ from typing import Literal
 
 import numpy as np
 
-from controller.mocap.anatomy import Anatomy, Part
-from controller.mocap.rest_pose import FOOT_SLOPE, LEG_PER_STATURE
-from controller.mocap.skeleton import Skeleton
-from controller.rotations import Array, cross
+from controller.motion.anatomy import Anatomy, Part
+from controller.motion.rest_pose import FOOT_SLOPE, LEG_PER_STATURE
+from controller.motion.rotations import Array, cross
+from controller.motion.skeleton import Skeleton
 
 REFERENCE_STATURE = 1.80
 

@@ -12,7 +12,7 @@ from __future__ import annotations
 import mujoco
 import numpy as np
 
-from controller.rotations import Array
+from controller.motion.rotations import Array
 from sim.robots.robot import Robot
 
 SOFT = 0.5

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from controller.rotations import Array, conjugate, rotate
+from controller.motion.rotations import Array, conjugate, rotate
 
 # A robot has fallen when its root is lower than this share of the height at which it is played, or when it leans over
 # by so much more than it is played, rad.

@@ -20,7 +20,7 @@ from typing import Protocol
 import mujoco
 import numpy as np
 
-from controller.rotations import Array, conjugate, multiply, rotate
+from controller.motion.rotations import Array, conjugate, multiply, rotate
 from sim.models.gravity import GRAVITY
 from sim.physics.falls.fall_guard import FallGuard
 from sim.robots.robot import Robot

@@ -6,7 +6,7 @@ import numpy as np
 
 from controller.deck.interfaces import JointLimits
 from controller.loop.safety.safety_envelope import SafetyEnvelope
-from controller.rotations import Array
+from controller.motion.rotations import Array
 from sim.models.overlaps import OVERLAP
 from sim.models.servo_motor import ROOM, strength
 from sim.physics.loads import Loads

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from controller.rotations import Array
+from controller.motion.rotations import Array
 
 
 @dataclass(frozen=True)

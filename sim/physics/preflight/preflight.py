@@ -16,7 +16,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from controller.deck.interfaces import JointLimits
-from controller.rotations import Array
+from controller.motion.rotations import Array
 from sim.models.servo_motor import strength
 from sim.physics.loads import Loads, loads_of
 from sim.physics.physics_model import feet_of

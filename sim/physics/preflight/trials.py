@@ -15,7 +15,7 @@ import numpy as np
 
 from controller.deck.interfaces import JointLimits
 from controller.loop.safety.safety_envelope import SafetyEnvelope
-from controller.rotations import Array
+from controller.motion.rotations import Array
 from sim.models.servo_motor import ROOM
 from sim.physics.physics_model import physics_model
 from sim.physics.playback import PhysicsPlayback

@@ -21,7 +21,7 @@ import mujoco
 import numpy as np
 from mujoco import rollout
 
-from controller.rotations import Array, from_rotation_vector, multiply
+from controller.motion.rotations import Array, from_rotation_vector, multiply
 from sim.models.servo_motor import strength
 from sim.models.surface import LowestPoint
 from sim.physics.physics_model import lead_of, physics_model

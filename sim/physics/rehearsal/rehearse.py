@@ -17,7 +17,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from controller.rotations import Array, conjugate, multiply, to_rotation_vector
+from controller.motion.rotations import Array, conjugate, multiply, to_rotation_vector
 from sim.physics.falls.fallen import FALLEN_HEIGHT, FALLEN_TILT
 from sim.physics.played_motions import DT
 from sim.physics.rehearsal.plant import Plant, Variation

@@ -12,7 +12,7 @@ import mujoco
 import numpy as np
 
 from controller.loop.safety.safety_envelope import SafetyEnvelope
-from controller.rotations import Array, conjugate, multiply, to_rotation_vector
+from controller.motion.rotations import Array, conjugate, multiply, to_rotation_vector
 from sim.physics.physics_model import physics_model
 from sim.physics.playback import PhysicsPlayback
 from sim.physics.played_motions import DT

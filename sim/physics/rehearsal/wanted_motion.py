@@ -16,7 +16,15 @@ from itertools import islice
 import mujoco
 import numpy as np
 
-from controller.rotations import Array, conjugate, from_rotation_vector, multiply, rotate, to_rotation_vector, yaw
+from controller.motion.rotations import (
+    Array,
+    conjugate,
+    from_rotation_vector,
+    multiply,
+    rotate,
+    to_rotation_vector,
+    yaw,
+)
 from sim.models.gravity import GRAVITY
 from sim.models.surface import LowestPoint
 from sim.physics.played_motions import DT, PlayedMotion, onward, poses_at, targets_at

@@ -22,7 +22,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from controller.rotations import Array
+from controller.motion.rotations import Array
 from sim.models.gravity import GRAVITY
 
 

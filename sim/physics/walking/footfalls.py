@@ -10,7 +10,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from controller.rotations import Array
+from controller.motion.rotations import Array
 
 # Speeds of a sole at which it begins and ends to swing, and how far a step goes at least, in heights of the root (a
 # second); how much it turns at least, rad, and how long it takes at least, s.

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from controller.rotations import Array
+from controller.motion.rotations import Array
 from sim.models.gravity import GRAVITY
 from sim.models.walk_settings import WalkSettings
 from sim.physics.walking.footfalls import Swing

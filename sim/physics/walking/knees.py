@@ -15,7 +15,7 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
-from controller.rotations import Array
+from controller.motion.rotations import Array
 from sim.models.kinematic_tree import hinges_between
 from sim.models.limb_geometry import bent_by, centre_of, end_hinge
 

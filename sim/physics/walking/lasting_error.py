@@ -12,7 +12,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from controller.rotations import Array
+from controller.motion.rotations import Array
 
 # How fast a lasting error is learned, 1/s.
 LEARNS = 0.5

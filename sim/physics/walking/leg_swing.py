@@ -25,7 +25,7 @@ from typing import NamedTuple
 import mujoco
 import numpy as np
 
-from controller.rotations import Array
+from controller.motion.rotations import Array
 from sim.physics.walking.gait import Gait
 from sim.physics.walking.steps import swing_ramps
 from sim.physics.walking.whole_body import WholeBody

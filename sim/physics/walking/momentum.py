@@ -22,7 +22,7 @@ from __future__ import annotations
 import mujoco
 import numpy as np
 
-from controller.rotations import Array
+from controller.motion.rotations import Array
 from sim.models.gravity import GRAVITY
 
 # Root mean square of |s| at which a motion begins to be softened, and is softened as far as it goes, in half soles.

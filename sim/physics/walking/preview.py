@@ -10,7 +10,7 @@ from collections import deque
 
 import numpy as np
 
-from controller.rotations import Array
+from controller.motion.rotations import Array
 from sim.physics.walking.footfalls import Footfalls, Swing
 
 AHEAD = 1.2

@@ -14,7 +14,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from controller.rotations import Array
+from controller.motion.rotations import Array
 from sim.physics.walking.steps import Step
 
 # The heel begins to rise so long before the foot leaves the floor, and the toes come down so long after it landed, s.

@@ -28,7 +28,7 @@ from dataclasses import dataclass
 import mujoco
 import numpy as np
 
-from controller.rotations import Array, between, multiply, rotate
+from controller.motion.rotations import Array, between, multiply, rotate
 
 # How fast the legs correct what the accelerometer says, and angles and gravity what the speeds say, s.
 BLEND = 0.1

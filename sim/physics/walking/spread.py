@@ -9,7 +9,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from controller.rotations import Array, conjugate, multiply, rotate
+from controller.motion.rotations import Array, conjugate, multiply, rotate
 from sim.physics.walking.whole_body import WholeBody
 
 # A foot that lands is flat if it is turned by less than this, rad, and in place within so many heights of the root.

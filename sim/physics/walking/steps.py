@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from controller.rotations import Array
+from controller.motion.rotations import Array
 
 # For so long the centre of pressure moves to the middle between the feet, or from there, s.
 SHIFT = 0.25

@@ -29,7 +29,7 @@ from collections.abc import Sequence
 import mujoco
 import numpy as np
 
-from controller.rotations import (
+from controller.motion.rotations import (
     Array,
     conjugate,
     from_matrix,

@@ -20,7 +20,7 @@ from collections.abc import Sequence
 import mujoco
 import numpy as np
 
-from controller.rotations import Array, conjugate, cross, multiply, to_rotation_vector
+from controller.motion.rotations import Array, conjugate, cross, multiply, to_rotation_vector
 from sim.models.feet import Foot
 from sim.models.kinematic_tree import path_to
 from sim.physics.walking.knees import bent_knees

@@ -5,7 +5,7 @@ import pytest
 
 from controller.deck.deck import Deck
 from controller.library.motion_library import load_library
-from controller.rotations import conjugate, multiply, to_rotation_vector
+from controller.motion.rotations import conjugate, multiply, to_rotation_vector
 from motiondeck_base.errors import MotiondeckError
 from motiondeck_base.shipped import find_library
 

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from controller.deck.root_path import advance, at_origin
-from controller.mocap.posture import Posture, walk_path
-from controller.rotations import rotate
+from controller.motion.posture import Posture, walk_path
+from controller.motion.rotations import rotate
 
 UPRIGHT = np.array([[1.0, 0.0, 0.0, 0.0]])
 

@@ -7,7 +7,7 @@ from controller.deck.joins.course import BodyCourse
 from controller.deck.joins.deck_motions import Motion, read_motions
 from controller.deck.routes import Routes
 from controller.library.motion_library import load_library
-from controller.mocap.posture import Posture
+from controller.motion.posture import Posture
 from motiondeck_base.shipped import shipped_configs
 
 DT = 0.01

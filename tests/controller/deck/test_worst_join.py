@@ -3,11 +3,11 @@
 import numpy as np
 import pytest
 
-from controller.cli.common.library_report import join_fields, join_line
 from controller.deck.deck import Deck
 from controller.deck.joins.deck_motions import read_motions
 from controller.deck.worst_join import RATE, Join, MeasuredDeck, hardest_joins, play_join, worst_join
 from controller.library.motion_library import load_library
+from motiondeck.cli.common.library_report import join_fields, join_line
 from motiondeck_base.shipped import shipped_configs
 
 

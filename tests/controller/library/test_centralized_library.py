@@ -9,13 +9,13 @@ from safetensors.numpy import save_file
 import synthetic
 from controller.deck.deck import Deck
 from controller.deck.tracks.frame_player import FramePlayer
+from controller.learning.centralized.centralized_training import CentralizedRecipe, train_centralized_network
+from controller.learning.measures.self_test import Judge, self_test
 from controller.library.motion_library import MotionLibrary, load_library, save_library
 from controller.library.network_arrays import arrays_of
-from controller.measures.motion_matching import joint_features
-from controller.measures.self_test import Judge, self_test
+from controller.motion.encodings.motion_matching import joint_features
 from controller.networks.centralized.centralized_frames import CentralizedNetwork
 from controller.networks.centralized.low_rank import LowRankWeights
-from controller.training.centralized.centralized_training import CentralizedRecipe, train_centralized_network
 from motiondeck_base.errors import FileFormatError, MotiondeckError, UnknownNameError
 from motiondeck_base.shipped import find_library
 

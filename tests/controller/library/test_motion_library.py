@@ -12,10 +12,10 @@ from safetensors import safe_open
 from safetensors.numpy import save_file
 
 import synthetic
-from controller.cli.common.tables import show_table
-from controller.cli.main import main
+from controller.learning.reservoirs.echo_state_training import EchoStateRecipe, train_echo_state
 from controller.library.motion_library import MotionLibrary, load_library, once_a_library, save_library
-from controller.training.reservoirs.echo_state_training import EchoStateRecipe, train_echo_state
+from motiondeck.cli.common.tables import show_table
+from motiondeck.cli.main import main
 from motiondeck_base.errors import FileFormatError, MotiondeckError
 from motiondeck_base.printable import printable
 

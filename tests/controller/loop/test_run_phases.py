@@ -10,7 +10,7 @@ from controller.deck.interfaces import JointLimits
 from controller.loop.run_phases import Source, safe_targets
 from controller.loop.safety.safety_envelope import SafetyEnvelope
 from controller.loop.stop_requests import EmergencyStopError, StopRequest
-from controller.mocap.posture import Pose
+from controller.motion.posture import Pose
 
 JOINTS, DT = 3, 0.005
 POSE = Pose(np.zeros(3), np.array(0.0), np.array([[1.0, 0.0, 0.0, 0.0]]))

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 import synthetic
-from controller.measures.self_test import run_free
+from controller.learning.measures.self_test import run_free
 from controller.networks.base import PhaseNetwork
 from controller.networks.clip_player import ClipPlayer
 

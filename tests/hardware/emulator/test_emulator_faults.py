@@ -183,7 +183,7 @@ def test_a_pulled_adapter_comes_back_under_its_name(rig_of_four, tmp_path):
 
 def test_the_command_line_emulates_scans_and_stops(servo20_file, tmp_path):
     link = tmp_path / "rig"
-    command = [sys.executable, "-m", "controller.cli.main", "rig"]
+    command = [sys.executable, "-m", "motiondeck.cli.main", "rig"]
     emulator = subprocess.Popen(
         [*command, "emulate", str(servo20_file), "--link", str(link)],
         stdout=subprocess.PIPE,

@@ -4,7 +4,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from controller.rotations import from_rotation_vector, normalise, to_rotation_vector
+from controller.motion.rotations import from_rotation_vector, normalise, to_rotation_vector
 from motiondeck_base.errors import FileFormatError
 from sim.models.joint_layout import JointLayout, nearest_turn
 from sim.models.mannequin.mannequin import build_mannequin

@@ -7,13 +7,13 @@ import mujoco
 import numpy as np
 import pytest
 
+from motiondeck.pictures.side_by_side import PREFIX, SideBySide
 from motiondeck_base.errors import FileFormatError
 from motiondeck_base.shipped import find_robot
 from sim.models.formats.urdf_speeds import urdf_speeds
 from sim.models.formats.urdf_visuals import with_visuals
 from sim.models.model_file import read_model
 from sim.models.scenery import set_stage
-from sim.pictures.side_by_side import PREFIX, SideBySide
 from sim.robots.calibrate import calibrate
 from sim.robots.robot import load_robot
 from simulated_bodies import human

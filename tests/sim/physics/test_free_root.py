@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 from controller.library.motion_library import load_library
-from controller.rotations import multiply, rotate
+from controller.motion.rotations import multiply, rotate
 from motiondeck_base.errors import MotiondeckError
 from motiondeck_base.shipped import find_library
 from sim.models.feet import find_feet

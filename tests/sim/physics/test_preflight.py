@@ -8,8 +8,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from controller.mocap.posture import Pose
-from controller.rotations import multiply, yaw
+from controller.motion.posture import Pose
+from controller.motion.rotations import multiply, yaw
 from motiondeck_base.errors import MotiondeckError
 from sim.physics.loads import loads_of
 from sim.physics.physics_model import feet_of

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from controller.mocap.encodings.joint_angles import JointBody
+from controller.motion.encodings.joint_angles import JointBody
 from hardware.emulator.bus import EmulatedBus
 from hardware.emulator.port import EmulatedPort
 from hardware.rig.rig_file import load_rig

@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from controller.mocap.clip import Clip
-from controller.mocap.rest_pose import FOOT_SLOPE
+from controller.motion.clip import Clip
+from controller.motion.rest_pose import FOOT_SLOPE
 from motiondeck_base.shipped import find_robot
 from sim.retargeting.flat_feet import FlatFeet
 from sim.retargeting.human_limbs import LIMBS, LimbView

@@ -10,8 +10,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from controller.deck.interfaces import JointLimits
-from controller.mocap.rest_pose import FOOT_SLOPE
-from controller.rotations import from_rotation_vector, normalise, rotate
+from controller.motion.rest_pose import FOOT_SLOPE
+from controller.motion.rotations import from_rotation_vector, normalise, rotate
 from sim.models.joint_layout import JointLayout
 from sim.models.model_file import read_model
 from sim.retargeting.human_limbs import LIMBS

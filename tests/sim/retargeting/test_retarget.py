@@ -5,8 +5,8 @@ import pytest
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
-from controller.mocap.skeleton import Skeleton
-from controller.rotations import between, conjugate, from_rotation_vector, multiply, rotate
+from controller.motion.rotations import between, conjugate, from_rotation_vector, multiply, rotate
+from controller.motion.skeleton import Skeleton
 from motiondeck_base.errors import FileFormatError
 from sim.retargeting.arm_angles import FOREARM
 from sim.retargeting.human_limbs import LIMBS, LimbView, up_of

@@ -6,8 +6,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from controller.mocap.posture import Pose
-from controller.rotations import from_rotation_vector, multiply
+from controller.motion.posture import Pose
+from controller.motion.rotations import from_rotation_vector, multiply
 from motiondeck_base.errors import FileFormatError, UnknownNameError
 from sim.models.formats.urdf_speeds import urdf_speeds
 from sim.models.joint_layout import JointLayout

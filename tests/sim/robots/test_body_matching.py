@@ -6,7 +6,7 @@ import mujoco
 import numpy as np
 import pytest
 
-from controller.rotations import rotate
+from controller.motion.rotations import rotate
 from motiondeck_base.errors import FileFormatError
 from sim.models.model_file import read_model
 from sim.robots.body_matching import match

@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from controller.mocap.posture import Pose
+from controller.motion.posture import Pose
 from sim.models.overlaps import OVERLAP
 from sim.robots.collision_guard import CollisionGuard
 from sim.robots.robot import load_robot

@@ -8,9 +8,9 @@ import joblib
 import numpy as np
 import pytest
 
-from controller.mocap.clip import Clip
-from controller.mocap.formats.writing import write_clip
-from controller.rotations import multiply
+from controller.motion.clip import Clip
+from controller.motion.formats.writing import write_clip
+from controller.motion.rotations import multiply
 from motiondeck_base.errors import MotiondeckError
 from sim.robots import retarget_files as module
 from sim.robots.retarget_files import MANIFEST, retarget_files

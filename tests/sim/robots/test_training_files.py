@@ -4,7 +4,7 @@ import mujoco
 import numpy as np
 import pytest
 
-from controller.mocap.clip import Clip
+from controller.motion.clip import Clip
 from motiondeck_base.errors import FileFormatError, UnknownNameError
 from motiondeck_base.shipped import find_robot
 from sim.robots.joint_motion import retargeted

@@ -9,9 +9,9 @@ from controller.deck.joins.fade_search import LONGEST, SHORTEST, FadeSearch
 from controller.deck.joins.fading import Fading
 from controller.deck.joins.join_limits import Bounds
 from controller.deck.joins.transition import displaced
-from controller.mocap.posture import Posture
-from controller.mocap.skeleton import ROOT, Skeleton
-from controller.rotations import conjugate, multiply, to_rotation_vector
+from controller.motion.posture import Posture
+from controller.motion.rotations import conjugate, multiply, to_rotation_vector
+from controller.motion.skeleton import ROOT, Skeleton
 
 BODY = Skeleton("rod", ("rod",), np.array([ROOT]), np.array([[1.0, 0.0, 0.0]]), np.array([1.0]))
 STILL = Posture(np.array(1.0), np.zeros(2), np.array(0.0), np.tile([1.0, 0.0, 0.0, 0.0], (2, 1)))

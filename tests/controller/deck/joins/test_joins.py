@@ -12,9 +12,9 @@ from controller.deck.joins.joining import JOININGS
 from controller.deck.joins.transition import extrapolated
 from controller.deck.worst_join import MeasuredDeck, play_join
 from controller.library.motion_library import load_library
-from controller.mocap.posture import Pose, Posture
-from controller.mocap.skeleton import Skeleton
-from controller.rotations import from_rotation_vector, multiply, normalise, to_rotation_vector, yaw
+from controller.motion.posture import Pose, Posture
+from controller.motion.rotations import from_rotation_vector, multiply, normalise, to_rotation_vector, yaw
+from controller.motion.skeleton import Skeleton
 from motiondeck_base.shipped import shipped_configs
 
 

@@ -11,9 +11,17 @@ import synthetic
 from controller.deck.joins.blend_weight import Ramp
 from controller.deck.joins.deck_motions import read_motions, rounds_beside, tempos_in_step
 from controller.deck.joins.posture_blend import PostureBlend, SmoothHeading
-from controller.mocap.posture import Posture
-from controller.quintic import rise
-from controller.rotations import conjugate, from_rotation_vector, multiply, normalise, rotate, to_rotation_vector, yaw
+from controller.motion.posture import Posture
+from controller.motion.quintic import rise
+from controller.motion.rotations import (
+    conjugate,
+    from_rotation_vector,
+    multiply,
+    normalise,
+    rotate,
+    to_rotation_vector,
+    yaw,
+)
 
 BONES, DT = 4, 0.005
 LONG = 0.015  # s of a tick where a test needs many

@@ -10,9 +10,17 @@ from controller.deck.joins.course import BodyCourse
 from controller.deck.joins.fade_search import LONGEST, PLANNED_SHARE, SHORTEST, FadeSearch, peaks
 from controller.deck.joins.join_limits import Bounds
 from controller.deck.joins.transition import Fade, best_anchor, difference, displaced, extrapolated
-from controller.mocap.posture import Posture
-from controller.mocap.skeleton import ROOT, Skeleton
-from controller.rotations import conjugate, from_rotation_vector, multiply, normalise, rotate, to_rotation_vector, yaw
+from controller.motion.posture import Posture
+from controller.motion.rotations import (
+    conjugate,
+    from_rotation_vector,
+    multiply,
+    normalise,
+    rotate,
+    to_rotation_vector,
+    yaw,
+)
+from controller.motion.skeleton import ROOT, Skeleton
 
 BONES = 5
 REST = np.tile([1.0, 0.0, 0.0], (BONES - 1, 1))  # all but the first, which is the root

@@ -5,7 +5,6 @@ from collections import deque
 
 import pytest
 
-from controller.cli.session.wired_stop import WiredStopWatch
 from controller.loop.commands.command_desk import CommandDesk
 from controller.loop.commands.commanded_run import CommandedRun
 from controller.loop.stop_requests import StopRequest
@@ -32,6 +31,7 @@ from controller.wire.messages.commands import (
 from controller.wire.messages.events import Event
 from controller.wire.messages.replies import Accepted, Refused, Registers
 from controller.wire.run_recording import COMMANDS as RECORDED
+from motiondeck.run.wired_stop import WiredStopWatch
 
 
 class Deck:

@@ -12,7 +12,7 @@ from controller.loop.loop import run
 from controller.loop.output_channel import Channel
 from controller.loop.safety.pace import BURST, LEAST, Pace
 from controller.loop.safety.safety_envelope import SafetyEnvelope
-from controller.mocap.posture import Pose
+from controller.motion.posture import Pose
 
 PERIOD_NS = 5_000_000
 LIMITS = JointLimits(*(np.array([value]) for value in (-3.0, 3.0, 4.7, 200.0, 20_000.0)))

@@ -2,10 +2,10 @@ import numpy as np
 import pytest
 
 import synthetic
+from controller.learning.reservoirs.conceptor_training import ConceptorRecipe, conceptor_network, load_reservoir
+from controller.learning.reservoirs.echo_state_training import EchoStateRecipe, train_echo_state
 from controller.networks.reservoirs.conceptor import ConceptorNetwork
 from controller.networks.reservoirs.morph import morph
-from controller.training.reservoirs.conceptor_training import ConceptorRecipe, conceptor_network, load_reservoir
-from controller.training.reservoirs.echo_state_training import EchoStateRecipe, train_echo_state
 from motiondeck_base.errors import MotiondeckError, UnknownNameError
 
 PLAIN = ConceptorRecipe(

@@ -8,11 +8,11 @@ from safetensors import safe_open
 from safetensors.numpy import save_file
 
 import synthetic
+from controller.learning.measures.run_batch import batch_of
+from controller.learning.recipe import read_recipe
+from controller.learning.reservoirs.random_feature_training import RandomFeatureRecipe, conceive, train_random_features
 from controller.library.motion_library import MotionLibrary, load_library, save_library
-from controller.measures.run_batch import batch_of
 from controller.networks.reservoirs.morph import morph
-from controller.training.recipe import read_recipe
-from controller.training.reservoirs.random_feature_training import RandomFeatureRecipe, conceive, train_random_features
 from motiondeck_base.errors import FileFormatError, MotiondeckError, UnknownNameError
 
 RECIPE = RandomFeatureRecipe(

@@ -7,11 +7,11 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from controller.cli.session.terminal import HELP
 from controller.wire import run_recording
 from controller.wire.messages.arguments import Choice, Flag, FurtherParts, Number, Text
 from controller.wire.messages.command_table import BY_WORD, COMMANDS, WholeCommand, parse_command, read_command, row_of
 from controller.wire.messages.commands import Blend, CommandError, DeckCommand, EmergencyStop, Pause, Reset, encode
+from motiondeck.run.terminal import HELP
 
 NAMES = st.text("abc-1", min_size=1, max_size=100).filter(lambda name: name not in BY_WORD)
 

@@ -5,11 +5,11 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from controller.library.motion_library import load_library
-from controller.mocap.anatomy import anatomy
-from controller.mocap.formats.jaeger_patterns import read_pattern
-from controller.mocap.formats.reading import read_clip
-from controller.mocap.posture import Pose
-from controller.mocap.reading_options import ReadingOptions
+from controller.motion.anatomy import anatomy
+from controller.motion.formats.jaeger_patterns import read_pattern
+from controller.motion.formats.reading import read_clip
+from controller.motion.posture import Pose
+from controller.motion.reading_options import ReadingOptions
 from motiondeck_base.shipped import find_library
 from sim.models.joint_layout import JointLayout
 from sim.models.mannequin.mannequin import build_mannequin

@@ -4,7 +4,7 @@ import mujoco
 import numpy as np
 import pytest
 
-from controller.rotations import from_rotation_vector, multiply
+from controller.motion.rotations import from_rotation_vector, multiply
 from sim.physics.falls.fall_guard import SOFT
 from sim.physics.falls.recovery import TRIES, Phase, Recovery
 from sim.physics.physics_model import physics_model

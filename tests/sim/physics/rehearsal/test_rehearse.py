@@ -3,7 +3,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from controller.rotations import from_rotation_vector, multiply
+from controller.motion.rotations import from_rotation_vector, multiply
 from sim.physics.rehearsal.plant import Plant, Variation
 from sim.physics.rehearsal.rehearse import FALLEN, cost, rehearse
 from sim.physics.rehearsal.verdict import repeated

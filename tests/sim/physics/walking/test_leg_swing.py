@@ -2,7 +2,7 @@ import mujoco
 import numpy as np
 import pytest
 
-from controller.rotations import from_matrix
+from controller.motion.rotations import from_matrix
 from sim.models.kinematic_tree import path_to
 from sim.models.walk_settings import WalkSettings
 from sim.physics.physics_model import feet_of, physics_model

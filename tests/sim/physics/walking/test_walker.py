@@ -7,7 +7,7 @@ import pytest
 
 from controller.deck.deck import Deck
 from controller.library.motion_library import load_library
-from controller.rotations import from_rotation_vector, multiply, yaw
+from controller.motion.rotations import from_rotation_vector, multiply, yaw
 from motiondeck_base.errors import MotiondeckError
 from motiondeck_base.shipped import find_library
 from sim.physics.physics_model import feet_of, physics_model

@@ -2,7 +2,7 @@ import mujoco
 import numpy as np
 import pytest
 
-from controller.rotations import from_matrix
+from controller.motion.rotations import from_matrix
 from sim.physics.physics_model import feet_of, physics_model
 from sim.physics.walking.knees import BENT as BENT_KNEE
 from sim.physics.walking.whole_body import WholeBody

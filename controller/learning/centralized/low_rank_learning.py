@@ -1,0 +1,270 @@
+"""Learns satellites together with weights of low rank, as few numbers as a motion is worth.
+
+1. The motion is turned into its principal curves (its singular vectors): curve j says S_j^2 of the sum of squares, and
+   V_ij^2 S_j^2 of it in channel i.
+2. Satellites are ranked by orthogonal least squares for all curves together; what each explains of each curve is known.
+3. A price decides everything: a channel has a share in a curve where V_ij^2 S_j^2 is above it, a curve is a sum of
+   the first satellites, up to the number that explains most for its price, and a curve that is not worth what it
+   costs is left out. A lower price gives a larger network: one price after the other is a path of networks.
+4. The network on that path is taken that Akaike's criterion prefers, or the largest within a number of parameters.
+   How much dearer the weights of curves are than shares is not known before satellites have moved: three are tried.
+5. Its satellites, frequencies and phases are moved by variable projection, where the best weights of nested sums come
+   from one Cholesky factor (its leading blocks are those of the shorter sums); then every channel gets its shares anew.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.linalg import cholesky, solve_triangular
+from threadpoolctl import threadpool_limits
+
+from controller.learning.centralized.model_choice import aicc
+from controller.learning.centralized.satellite_learning import (
+    RIDGE_SHARE,
+    WIDTHS,
+    LearnedSatellites,
+    choose_satellites,
+    learn_jointly,
+    rank_satellites,
+)
+from controller.motion.rotations import Array
+from controller.networks.centralized.centers import pairs_at, require_frequencies
+from controller.networks.centralized.low_rank import LowRankWeights
+from controller.networks.centralized.satellites import GaussianSatellites
+from controller.networks.ridge import ridge
+from motiondeck_base.errors import MotiondeckError
+
+MOST_CURVES = 40
+# A slow center passes its states in a fraction of a turn, where satellites have to be sharper.
+SHARPER = (*WIDTHS, 24.0, 48.0)
+PRICES = np.geomspace(1e-13, 1e-2, 881)  # of a share, as parts of the motion's sum of squares
+# A weight of a curve costs so many shares: moving satellites makes fewer of them do, and nothing does so for shares.
+WEIGHT_PRICES = (0.7, 1.5, 3.0)
+
+# Frequencies are ranked with so many satellites on about so many frames.
+FEW, THINNED = 25, 150
+
+
+@dataclass(frozen=True, eq=False)
+class LowRankNetwork:
+    """What was learned of one motion.
+
+    Attributes:
+        satellites: with their centers.
+        weights: W in two factors.
+    """
+
+    satellites: LearnedSatellites
+    weights: LowRankWeights
+
+    def play(self, time: Array) -> Array:
+        """The motion at times (K,), without its mean, shape (K, D)."""
+        return self.satellites.respond(time) @ self.weights.matrix.T
+
+    @property
+    def numbers(self) -> int:
+        """How many numbers it takes to store it, beside the mean: weights, satellites, frequencies and phases."""
+        places = self.satellites.satellites.places
+        return self.weights.numbers + places.size + len(places) + 2 * len(self.satellites.frequency)
+
+
+@dataclass(frozen=True, eq=False)
+class _Plan:
+    """A network of the path: which shares are kept, of which curves, and how many satellites each curve gets."""
+
+    kept: NDArray[np.bool_]  # (D, r)
+    curves: NDArray[np.int64]  # (r,)
+    used: NDArray[np.int64]  # (r,)
+    left: float  # of the sum of squares, about
+
+    def numbers(self, centers: int) -> int:
+        """As `LowRankNetwork.numbers`."""
+        flags = -(-self.kept.size // 32)
+        satellites = int(self.used.max()) * (2 * centers + 1)
+        return int(self.kept.sum() + self.used.sum()) + len(self.used) + flags + satellites + 2 * centers
+
+
+def learn_low_rank(
+    target: Array,
+    time: Array,
+    starts: list[Array],
+    *,
+    satellites: int,
+    parameters: int | None = None,
+    independent: int | None = None,
+    keep: int = 2,
+    iterations: int = 200,
+    move_frequencies: bool = True,
+) -> LowRankNetwork:
+    """A network with few weights for a motion.
+
+    Args:
+        target: the motion without its mean, shape (K, D); columns count by their size.
+        time: of each frame, shape (K,), s.
+        starts: frequency vectors to try, shape (n,) each, rad/s.
+        satellites: m at most.
+        parameters: how many numbers it may take at most; without it Akaike's criterion chooses.
+        independent: of how many frames the criterion takes K for; all, if not given.
+        keep: how many frequency vectors go through the whole recipe; the one with the least error is kept.
+        iterations: of L-BFGS for each.
+        move_frequencies: whether frequencies and phases move too; they must not where the motion is a closed loop.
+
+    Returns:
+        The network, its satellites' error that of the whole network.
+
+    Raises:
+        MotiondeckError: if there are too few frames for a satellite, or too few parameters for a curve, or nothing
+            moves; FrequencyError names a bad center.
+    """
+    most = min(satellites, len(target) - 2)
+    if most < 1:
+        raise MotiondeckError(f"{len(target)} frames are too few to learn {satellites} satellites from")
+    for frequency in starts:
+        require_frequencies(frequency)
+    if not target.any():
+        raise MotiondeckError("nothing moves: there is no curve to learn")
+    with threadpool_limits(1):
+        best = _ranked(target, time, starts, min(FEW, most))[:keep]
+        found = [
+            _learn_at(
+                f, price, target, time, most, parameters, independent or len(target), iterations, move_frequencies
+            )
+            for f in best
+            for price in WEIGHT_PRICES
+        ]
+    if parameters is not None:
+        return min(found, key=lambda network: network.satellites.error)
+    size, seen = float(np.square(target).sum()), (independent or len(target)) * target.shape[1]
+    scale = seen / target.size
+    return min(
+        found,
+        key=lambda one: aicc(one.satellites.error * size * scale, seen, one.numbers + target.shape[1]),
+    )
+
+
+def _ranked(target: Array, time: Array, starts: list[Array], few: int) -> list[Array]:
+    """Frequency vectors, the most promising first."""
+    left, size, _ = np.linalg.svd(target, full_matrices=False)
+    thin = max(1, len(target) // max(THINNED, 3 * few))
+    scores = (left[:, :MOST_CURVES] * size[:MOST_CURVES])[::thin]
+    few = min(few, len(scores) - 1)
+    return sorted(starts, key=lambda f: choose_satellites(pairs_at(f, np.zeros(len(f)), time[::thin]), scores, few)[1])
+
+
+def _learn_at(
+    frequency: Array,
+    weight_price: float,
+    target: Array,
+    time: Array,
+    most: int,
+    parameters: int | None,
+    independent: int,
+    iterations: int,
+    move_frequencies: bool,
+) -> LowRankNetwork:
+    """The recipe for one frequency vector and one price of a weight."""
+    left, size, directions = np.linalg.svd(target, full_matrices=False)
+    curves = min(MOST_CURVES, int((size > 1e-9 * size[0]).sum()))
+    scores, energy = left[:, :curves] * size[:curves], np.square(size[:curves])
+    phase = np.zeros(len(frequency))
+    thin = max(1, len(target) // max(300, 3 * most))
+    states = pairs_at(frequency, phase, time)
+    most = min(most, len(states[::thin]) - 1)
+    ranked, explained = rank_satellites(states[::thin], scores[::thin], most, SHARPER)
+    explained = explained * energy / np.maximum(np.square(scores[::thin]).sum(0), 1e-300)
+    by_channel = np.square(size[:curves, None] * directions[:curves]).T
+    plans = _path(by_channel, energy, explained, float(np.square(size).sum()), weight_price)
+    plan = _chosen(plans, len(frequency), target.shape, parameters, independent)
+
+    m = int(plan.used.max())
+    start = LearnedSatellites(frequency, phase, GaussianSatellites(ranked.places[:m], ranked.sharpness[:m]), 0.0)
+    # A curve counts by what channels keep of it.
+    shares = np.where(plan.kept, directions[plan.curves].T, 0.0)
+    wanted = scores[:, plan.curves] * np.linalg.norm(shares, axis=0)
+
+    def read_out(response: Array, curves: Array) -> Array:
+        return nested_readout(response, curves, plan.used)
+
+    moved = learn_jointly(start, wanted, time, iterations, move_frequencies=move_frequencies, read_out=read_out)
+    response = moved.respond(time)
+    # Rounded as they are stored, curves first: the shares then make up for it.
+    curves_of = read_out(response, wanted).astype(np.float32).astype(np.float64)
+    shares = _shares(response @ curves_of.T, target, plan.kept).astype(np.float32).astype(np.float64)
+    weights = LowRankWeights(shares, curves_of)
+    off = float(np.square(target - response @ weights.matrix.T).sum() / np.square(target).sum())
+    return LowRankNetwork(LearnedSatellites(moved.frequency, moved.phase, moved.satellites, off), weights)
+
+
+def _path(by_channel: Array, energy: Array, explained: Array, whole: float, weight_price: float) -> list[_Plan]:
+    """The networks of falling sizes.
+
+    Args:
+        by_channel: how much of the sum of squares each channel has of each curve, shape (D, r).
+        energy: of each curve, shape (r,).
+        explained: of each curve by each further satellite, shape (m, r).
+        whole: the sum of squares.
+        weight_price: of a weight of a curve, in shares.
+    """
+    left = np.maximum(np.vstack([energy, energy - np.cumsum(explained, axis=0)]), 0.0)
+    count = np.arange(len(left))[:, None]
+    plans = []
+    for price in PRICES * whole:
+        kept = by_channel > price
+        share = np.where(kept, by_channel, 0.0).sum(0) / energy
+        used = (share * left + weight_price * price * count).argmin(0)
+        gain = share * (energy - np.take_along_axis(left, used[None], 0)[0])
+        worth = np.flatnonzero((gain > price * (kept.sum(0) + weight_price * used)) & (used > 0))
+        if len(worth):
+            plans.append(_Plan(kept[:, worth], worth, used[worth], whole - float(gain[worth].sum())))
+    return plans
+
+
+def _chosen(
+    plans: list[_Plan], centers: int, shape: tuple[int, ...], parameters: int | None, independent: int
+) -> _Plan:
+    """The largest network within some parameters, or the one with the least AICc."""
+    if parameters is None:
+        frames, channels = shape
+        scale = independent / frames
+
+        def criterion(plan: _Plan) -> float:
+            return aicc(plan.left * scale, independent * channels, plan.numbers(centers) + channels)
+
+        best = min(plans, key=criterion)
+        return best if np.isfinite(criterion(best)) else plans[-1]
+    for plan in plans:
+        if plan.numbers(centers) <= parameters:
+            return plan
+    raise MotiondeckError(
+        f"{parameters} parameters are too few; the smallest network of this motion has {plans[-1].numbers(centers)}"
+    )
+
+
+def nested_readout(response: Array, target: Array, used: NDArray[np.int64]) -> Array:
+    """Ridge regression where column j of a target (K, r) is a sum of the first used[j] responses (K, m).
+
+    Returns:
+        The weights, shape (r, m), 0 beyond used[j].
+    """
+    gram = response.T @ response
+    gram[np.diag_indices(len(gram))] += RIDGE_SHARE * len(response)
+    lower = cholesky(gram, lower=True)
+    half = solve_triangular(lower, response.T @ target, lower=True)
+    weights = np.zeros(half.shape)
+    for count in np.unique(used):
+        these = used == count
+        weights[:count, these] = solve_triangular(lower[:count, :count], half[:count, these], lower=True, trans=1)
+    return weights.T
+
+
+def _shares(curves: Array, target: Array, kept: NDArray[np.bool_]) -> Array:
+    """How much each channel of a target (K, D) has of the curves (K, r) that it keeps, shape (D, r)."""
+    shares = np.zeros(kept.shape)
+    regulariser = 1e-9 * float(np.square(curves).sum())
+    for channel, these in enumerate(kept):
+        if these.any():
+            shares[channel, these] = ridge(curves[:, these], target[:, channel, None], regulariser)[0]
+    return shares

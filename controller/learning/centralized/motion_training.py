@@ -1,0 +1,106 @@
+"""Teaches one motion to a centralized network: rest, centers, satellites and weights.
+
+A loop gets a slow center that turns once in its period and fast ones that make whole numbers of turns, so that the
+curve on their torus is closed and the motion can go on for ever. A one-shot gets a slow center that
+starts with a quarter, 0.45 or one turn and is moved with everything else.
+"""
+
+from __future__ import annotations
+
+from itertools import combinations
+from typing import Literal
+
+import numpy as np
+
+from controller.learning.centralized.low_rank_learning import learn_low_rank
+from controller.learning.centralized.satellite_learning import learn, ridge_readout, slow_and_fast
+from controller.motion.rotations import Array
+from controller.networks.centralized.centralized import CentralizedMotion
+from controller.networks.centralized.low_rank import LowRankWeights
+from controller.networks.given import sampling_rate, time_series
+from motiondeck_base.errors import MotiondeckError
+
+# Weights of normalised channels beyond this stand for satellites that cancel each other.
+LARGEST_WEIGHT = 1e3
+
+MOST_TURNS = 8
+
+# Neighbouring frames of a fast recording say the same twice and would be counted twice: criteria see so many, Hz.
+RATE = 30.0
+
+Rank = Literal["full", "auto"]
+FREQUENCY_TRIES = 30
+
+
+def train_centralized(
+    channels: Array,
+    rate: float,
+    *,
+    loop: bool,
+    centers: int = 2,
+    satellites: int = 49,
+    rank: Rank = "full",
+    iterations: int = 150,
+    seed: int = 0,
+) -> CentralizedMotion:
+    """The network of one motion.
+
+    Args:
+        channels: the motion, shape (K, D); of a loop one period, whose first frame follows its last.
+        rate: frames per second.
+        loop: whether it goes on for ever.
+        centers, satellites: n and m; with a rank that is chosen, m at most.
+        rank: of W; "auto" takes the curves, satellites and shares that Akaike's criterion prefers, seen at 30 Hz.
+        iterations: of the joint refinement of all satellites.
+        seed: of the frequencies that are tried.
+
+    Raises:
+        MotiondeckError: if the motion is not of shape (K, D), a number is not finite, there are fewer frames than
+            satellites, or the weights grow beyond LARGEST_WEIGHT.
+    """
+    channels, rate = time_series(channels, "the motion"), sampling_rate(rate)
+    if centers < 1 or satellites < 1:
+        raise MotiondeckError(f"a network of {centers} centers and {satellites} satellites; it needs at least one each")
+    frames = len(channels)
+    seconds = frames / rate if loop else max(1, frames - 1) / rate
+    time = np.arange(frames) / rate
+    rest = channels.mean(0)
+    scale = channels.std(0)
+    scale = np.maximum(scale, 1e-3 * max(1e-12, float(scale.max())))
+    target = (channels - rest) / scale
+    starts = _closed(seconds, centers, seed) if loop else slow_and_fast(seconds, centers, FREQUENCY_TRIES, seed)
+    weights: Array | LowRankWeights
+    if rank == "auto" and target.any():
+        sparse = learn_low_rank(
+            target,
+            time,
+            starts,
+            satellites=satellites,
+            independent=min(frames, round(seconds * RATE)),
+            iterations=iterations,
+            move_frequencies=not loop,
+        )
+        learned, weights = sparse.satellites, sparse.weights
+        shares = (scale[:, None] * weights.shares).astype(np.float32)  # as they are stored
+        scaled = LowRankWeights(shares.astype(np.float64), weights.curves)
+        largest = float(np.abs(weights.matrix).max())
+    else:
+        learned = learn(target, time, satellites, starts, iterations=iterations, move_frequencies=not loop)
+        weights = ridge_readout(learned.respond(time), target)
+        scaled = weights * scale[:, None]
+        largest = float(np.abs(weights).max())
+    if largest > LARGEST_WEIGHT:
+        raise MotiondeckError(
+            f"the weights grow to {largest:.0f}: {satellites} satellites are too many for {frames} frames"
+        )
+    return CentralizedMotion(learned.frequency, learned.phase, learned.satellites, scaled, rest, seconds, loop)
+
+
+def _closed(seconds: float, centers: int, seed: int) -> list[Array]:
+    """Frequencies that make whole turns in a period: one turn, and each choice of faster ones (at most a few dozen)."""
+    base = 2.0 * np.pi / seconds
+    choices = [np.array((1, *faster)) for faster in combinations(range(2, MOST_TURNS + centers), centers - 1)]
+    if len(choices) > FREQUENCY_TRIES:
+        drawn = np.random.default_rng(seed).choice(len(choices), FREQUENCY_TRIES, replace=False)
+        choices = [choices[i] for i in sorted(drawn)]
+    return [base * turns for turns in choices]

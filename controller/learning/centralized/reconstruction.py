@@ -1,0 +1,300 @@
+"""Fills in markers that are missing for a while from those that are there (Vakulenko et al. 2017, section 4).
+
+1. Around a gap the markers that are there are shifted and turned, frame by frame, onto their mean shape (Kabsch 1976):
+   where the body goes and turns is of no use for telling where a marker on it is.
+2. Centers and satellites are learned from them. What these say moves in few directions, the scores; the marker that
+   is missing is a weighted sum of the scores. So it is the frequencies and satellites of the others that tell where it
+   was.
+3. By how much the weighted sum is off on both sides of the gap is carried over it, by a cubic or by a line.
+4. How much ridge the weights get, and which of the two it is, is found without the gap: stretches as long as it are
+   hidden where the marker is seen, and filled in every way. The largest ridge leaves nothing but the marker's mean.
+5. A cubic or a line through the marker's own path in the world is tried there, too. What fills the gap is a mean of
+   the best of both kinds, each weighted by how well it filled the hidden stretches; which one has more weight, the gap
+   says.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.interpolate import CubicSpline
+from scipy.special import expit
+
+from controller.learning.centralized.satellite_learning import learn, ridge_readout, slow_and_fast
+from controller.motion.rotations import Array
+from controller.networks.ridge import ridge
+
+# What is looked at on both sides of a gap, s, beside as much as the gap is long.
+CONTEXT_S = 3.0
+# Gaps that lie within so much, s, are filled from one network.
+TOGETHER_S = 3.0
+
+CENTERS = 2
+SATELLITES_A_SECOND = 12.0
+PIECE_S = 8.0
+TRIES = 20
+ITERATIONS = 60
+SCORES = 24
+
+HIDDEN = 8  # stretches that are hidden to find the way
+EAGERNESS = 1.0  # log weight for an error by so much larger as the smaller of the two is
+EDGE = 4  # frames on each side of a gap that its cubic starts from
+
+FEWEST_SEEN = 30  # frames of a marker, to learn its weights from
+FEWEST_OTHERS = 3  # markers, to know how the body lies
+BRIDGED = 0.1  # of the others may be missing so much outside the gap; straight lines bridge it
+
+Flags = NDArray[np.bool_]
+
+
+@dataclass(frozen=True)
+class FillMethod:
+    """How a gap may be filled.
+
+    Attributes:
+        ridge_share: of the weights, for each frame that is seen; without it only the marker's own path is used.
+        cubic: whether a cubic carries what they are off, or the path; otherwise a line.
+    """
+
+    ridge_share: float | None
+    cubic: bool
+
+
+WAYS = [
+    FillMethod(None if share is None else float(share), cubic)
+    for share in (*10.0 ** np.arange(-8.0, 3.0), None)
+    for cubic in (True, False)
+]
+
+
+@dataclass(frozen=True)
+class Gap:
+    """A marker that is not seen from one frame to before another.
+
+    Attributes:
+        marker, first, end: where it is.
+        expected: mean absolute error of a coordinate, in the unit of the markers, with which stretches as long as the
+            gap were filled where the truth is known; None if there was none to try, or the gap could not be filled.
+        filled: whether it was.
+        by: what filled it for the greater part: "network", or the marker's own path, as a "cubic" or a "line".
+    """
+
+    marker: int
+    first: int
+    end: int
+    expected: float | None = None
+    filled: bool = False
+    by: Literal["network", "cubic", "line"] | None = None
+
+    @property
+    def frames(self) -> int:
+        """How long it is."""
+        return self.end - self.first
+
+
+def gaps_of(markers: Array) -> list[Gap]:
+    """What is missing of markers (K, M, 3), by its beginning."""
+    missing: Flags = np.asarray(np.isnan(markers).any(axis=-1))
+    return sorted(
+        (Gap(m, first, end) for m in range(markers.shape[1]) for first, end in _runs(missing[:, m])),
+        key=lambda gap: gap.first,
+    )
+
+
+def fill_missing(markers: Array, rate: float, tick: Callable[[], None] = lambda: None) -> tuple[Array, list[Gap]]:
+    """Fills the gaps in markers.
+
+    A gap stays open where fewer than FEWEST_OTHERS markers are seen through it, or its own in fewer than FEWEST_SEEN
+    frames around it.
+
+    Args:
+        markers: shape (K, M, 3); coordinates of a missing one are NaN.
+        rate: frames per second.
+        tick: is called once a gap.
+
+    Returns:
+        The markers, and the gaps that there were.
+    """
+    filled, done = markers.copy(), []
+    for group in _groups(gaps_of(markers), round(TOGETHER_S * rate)):
+        tried = _fill_group(markers, filled, group, rate)
+        for gap in tried:
+            # What no three markers were seen through may still be filled piece by piece.
+            done += [gap] if gap.filled or len(group) == 1 else _fill_group(markers, filled, [gap], rate)
+            tick()
+    return filled, done
+
+
+def _groups(gaps: list[Gap], most: int) -> list[list[Gap]]:
+    """Gaps that lie within so many frames together."""
+    groups: list[list[Gap]] = []
+    for gap in gaps:
+        if groups and gap.end - groups[-1][0].first <= most:
+            groups[-1].append(gap)
+        else:
+            groups.append([gap])
+    return groups
+
+
+def _fill_group(markers: Array, filled: Array, group: list[Gap], rate: float) -> list[Gap]:
+    """Fills some gaps from one network."""
+    context = round(CONTEXT_S * rate) + max(gap.frames for gap in group)
+    begin = max(0, min(gap.first for gap in group) - context)
+    stop = min(len(markers), max(gap.end for gap in group) + context)
+    part = markers[begin:stop]
+    missing: Flags = np.asarray(np.isnan(part).any(axis=-1))
+    within = np.zeros(len(part), dtype=bool)
+    for gap in group:
+        within[gap.first - begin : gap.end - begin] = True
+    others = ~missing[within].any(axis=0) & (missing.mean(0) <= BRIDGED)
+    if others.sum() < FEWEST_OTHERS:
+        return group
+    base, turn, shape = _onto_mean_shape(_bridged(part[:, others], missing[:, others]))
+    scores = _scores(shape.reshape(len(shape), -1), rate)
+    done = []
+    for gap in group:
+        hole = missing[:, gap.marker]
+        if (~hole).sum() < FEWEST_SEEN:
+            done.append(gap)
+            continue
+        world = part[:, gap.marker]
+        body = _turned(world - base, turn)
+        chosen = _choose(scores, body, world, hole, gap.frames)
+        inside = slice(gap.first - begin, gap.end - begin)
+        found = _fill(scores, world, hole, chosen.path)[inside]
+        if chosen.share > 0.0:
+            predicted = _fill(scores, body, hole, chosen.network)[inside]
+            by_network = _turned(predicted, np.swapaxes(turn[inside], 1, 2)) + base[inside]
+            found = chosen.share * by_network + (1.0 - chosen.share) * found
+        filled[gap.first : gap.end, gap.marker] = found
+        by = "network" if chosen.share > 0.5 else "cubic" if chosen.path.cubic else "line"
+        done.append(Gap(gap.marker, gap.first, gap.end, chosen.expected, filled=True, by=by))
+    return done
+
+
+def _onto_mean_shape(markers: Array) -> tuple[Array, Array, Array]:
+    """Where markers (K, M, 3) are, how they are turned, (K, 3) and (K, 3, 3), and what is left: their shape."""
+    base = markers.mean(1)
+    centred = markers - base[:, None]
+    mean = centred[len(centred) // 2]
+    turn = np.zeros((len(markers), 3, 3))
+    for _ in range(3):
+        left, _, right = np.linalg.svd(np.swapaxes(centred, 1, 2) @ mean)
+        left[:, :, -1] *= np.sign(np.linalg.det(left @ right))[:, None]
+        turn = left @ right
+        mean = (centred @ turn).mean(0)
+    return base, turn, centred @ turn
+
+
+def _turned(path: Array, turn: Array) -> Array:
+    """Each place of a path (K, 3) turned by its own matrix."""
+    return (path[:, None] @ turn)[:, 0]
+
+
+def _scores(flat: Array, rate: float) -> Array:
+    """What networks of their own say of coordinates (K, F) in the SCORES strongest directions, shape (K, SCORES).
+
+    One network for each piece of PIECE_S at most.
+    """
+    target = flat - flat.mean(0)
+    pieces = np.array_split(target, max(1, int(np.ceil(len(flat) / (PIECE_S * rate)))))
+    predicted = np.concatenate([_predicted(piece, rate) for piece in pieces])
+    left, size, _ = np.linalg.svd(predicted, full_matrices=False)
+    return left[:, :SCORES] * size[:SCORES] / max(size[0], 1e-300)
+
+
+def _predicted(target: Array, rate: float) -> Array:
+    """What a network makes of coordinates (K, F)."""
+    middle = target.mean(0)
+    time = np.arange(len(target)) / rate
+    satellites = int(np.clip(SATELLITES_A_SECOND * time[-1], 4, max(1, len(target) // 3)))
+    starts = slow_and_fast(float(time[-1]), CENTERS, TRIES, 0)
+    learned = learn(target - middle, time, satellites, starts, iterations=ITERATIONS)
+    response = learned.respond(time)
+    return response @ ridge_readout(response, target - middle).T + middle
+
+
+@dataclass(frozen=True)
+class _Mixture:
+    """What fills a gap: the best way by the network, the best along the marker's own path, and the former's share.
+
+    Of `expected`, the mean absolute error of both by their shares, the mixture has at most as much.
+    """
+
+    network: FillMethod
+    path: FillMethod
+    share: float
+    expected: float | None
+
+
+def _choose(scores: Array, body: Array, world: Array, missing: Flags, gap: int) -> _Mixture:
+    """How to fill a gap, by how well hidden stretches as long as it are filled in every way.
+
+    Where the marker is never seen for so long, shorter stretches are hidden.
+
+    Args:
+        scores: what the network says of the others, shape (K, SCORES).
+        body, world: the marker's path as seen from the others, and in the world, shape (K, 3) each.
+        missing: where it is not seen, shape (K,).
+        gap: how long the gap is, frames.
+    """
+    longest = max((end - first for first, end in _runs(~missing)), default=0)
+    length = min(gap, longest - 2 * EDGE)
+    if length < 1:
+        return _Mixture(WAYS[0], FillMethod(None, cubic=False), 0.0, None)
+    starts = [k for first, end in _runs(~missing) for k in range(first + EDGE, end - length - EDGE + 1)]
+    tried = np.unique(np.linspace(0, len(starts) - 1, HIDDEN).astype(int))
+    missed = np.zeros(len(WAYS))
+    for start in (starts[place] for place in tried):
+        hidden = slice(start, start + length)
+        holes = missing.copy()
+        holes[hidden] = True
+        for index, way in enumerate(WAYS):
+            path = world if way.ridge_share is None else body
+            missed[index] += np.abs(_fill(scores, path, holes, way)[hidden] - path[hidden]).mean()
+    missed /= len(tried)
+    own_path = np.array([way.ridge_share is None for way in WAYS])
+    network = int(np.where(own_path, np.inf, missed).argmin())
+    path = int(np.where(own_path, missed, np.inf).argmin())
+    both = missed[[network, path]]
+    share = float(expit(EAGERNESS * (both[1] - both[0]) / max(both.min(), 1e-9)))
+    return _Mixture(WAYS[network], WAYS[path], share, float(share * both[0] + (1.0 - share) * both[1]))
+
+
+def _fill(scores: Array, path: Array, missing: Flags, way: FillMethod) -> Array:
+    """A path (K, 3) without gaps: what the scores say of it, and over each gap what they were off on both sides."""
+    predicted = np.zeros_like(path)
+    if way.ridge_share is not None:
+        there = path[~missing]
+        weights = ridge(scores[~missing], there - there.mean(0), way.ridge_share * len(there))
+        predicted = scores @ weights.T + there.mean(0)
+    out = np.where(missing[:, None], predicted, path)
+    for first, end in _runs(missing):
+        edges = (first - EDGE, first - 1, end, end + EDGE - 1) if way.cubic else (first - 1, end)
+        near = [k for k in edges if 0 <= k < len(path) and not missing[k]]
+        inside, off = np.arange(first, end), path[near] - predicted[near]
+        if len(near) == 4:
+            out[first:end] += CubicSpline(near, off)(inside)
+        elif near:
+            out[first:end] += np.stack([np.interp(inside, near, off[:, axis]) for axis in range(3)], axis=-1)
+    return out
+
+
+def _bridged(markers: Array, missing: Flags) -> Array:
+    """Markers (K, M, 3) with straight lines where they are missing."""
+    whole, frames = markers.copy(), np.arange(len(markers))
+    for m in np.flatnonzero(missing.any(0)):
+        there = ~missing[:, m]
+        for axis in range(3):
+            whole[:, m, axis] = np.interp(frames, frames[there], markers[there, m, axis])
+    return whole
+
+
+def _runs(flags: Flags) -> list[tuple[int, int]]:
+    """From where to before where flags (K,) are set."""
+    change = np.flatnonzero(np.diff(np.concatenate([[0], flags.astype(np.int8), [0]])))
+    return [(int(first), int(end)) for first, end in change.reshape(-1, 2)]

@@ -1,0 +1,318 @@
+"""Learns where satellites sit and how sharp they are, together with frequencies and phases.
+
+1. Greedy orthogonal least squares (Chen, Cowan and Grant 1991, reference 18 of Vakulenko et al. 2017): candidates are
+   states that the centers visit, with several widths; the one that explains most of what is left is taken, m times.
+2. Variable projection: places, sharpness, frequencies and phases are moved by L-BFGS while the weights W are
+   eliminated by ridge regression. With J(theta) = min_W |Y - Phi W'|^2 + ridge |W|^2 the gradient needs only
+   dJ/dPhi = -2 (Y - Phi W') W, because J is at its minimum in W. What is minimised is log J: J itself soon becomes so
+   small that stopping criteria mistake it for done.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.optimize import minimize
+from threadpoolctl import threadpool_limits
+
+from controller.motion.rotations import Array
+from controller.networks.centralized.centers import pairs_at, require_frequencies
+from controller.networks.centralized.satellites import GaussianSatellites
+from controller.networks.ridge import ridge
+from motiondeck_base.errors import MotiondeckError
+
+WIDTHS = (0.7, 1.5, 3.0, 6.0, 12.0)
+RIDGE_SHARE = 1e-9
+
+# A candidate of which less than this share lies outside what is already chosen adds only rounding.
+LEAST_NEW = 1e-6
+
+# The logarithm of the sharpness stays within these bounds.
+LEAST_SHARPNESS, GREATEST_SHARPNESS = 0.05, 60.0
+
+ReadOut = Callable[[Array, Array], Array]
+"""W, shape (D, m), from responses (K, m) and a target (K, D)."""
+
+
+def principal_scores(target: Array, keep: int = 40) -> Array:
+    """At most `keep` columns that stand in for target (K, D); what they leave out, every network leaves out."""
+    if target.shape[1] <= keep:
+        return target
+    left, size, _ = np.linalg.svd(target, full_matrices=False)
+    return left[:, :keep] * size[:keep]
+
+
+@dataclass(frozen=True, eq=False)
+class LearnedSatellites:
+    """Centers and satellites for one motion.
+
+    Attributes:
+        frequency, phase: of the centers, shape (n,), rad/s and rad.
+        satellites: in the 2 n coordinates of the centers.
+        error: the squared error left over, as a share of the motion's sum of squares.
+    """
+
+    frequency: Array
+    phase: Array
+    satellites: GaussianSatellites
+    error: float
+
+    def respond(self, time: Array) -> Array:
+        """Phi at times (K,), shape (K, m)."""
+        return self.satellites.respond(pairs_at(self.frequency, self.phase, time))
+
+
+def choose_satellites(states: Array, target: Array, count: int) -> tuple[GaussianSatellites, float]:
+    """The `count` visited states and widths that explain a motion best, one after another.
+
+    Args:
+        states: of the centers, shape (K, d).
+        target: the motion, shape (K, D).
+        count: m < K.
+
+    Returns:
+        The satellites, and the share of the sum of squares left over.
+
+    Raises:
+        MotiondeckError: if there are fewer frames than satellites.
+    """
+    size = float(np.square(target).sum())
+    satellites, explained = rank_satellites(states, target, count)
+    left = size - float(explained.sum())
+    spare = count - len(satellites)
+    if spare:
+        # Everything is explained already; what is still wanted is spread over the visited states.
+        places, sharpness = _candidates(states, count, WIDTHS)
+        more = (np.arange(spare) * len(places)) // spare
+        satellites = GaussianSatellites(
+            np.concatenate([satellites.places, places[more]]), np.concatenate([satellites.sharpness, sharpness[more]])
+        )
+    return satellites, max(0.0, left / size) if size else 0.0
+
+
+def rank_satellites(
+    states: Array, target: Array, count: int, widths: tuple[float, ...] = WIDTHS
+) -> tuple[GaussianSatellites, Array]:
+    """At most `count` satellites, each the one that explains most of what those before it leave.
+
+    Args:
+        states: of the centers, shape (K, d).
+        target: the motion, shape (K, D).
+        count: m < K; there are fewer where nothing is left that one could explain.
+        widths: how sharp they may be.
+
+    Returns:
+        The satellites in their order, and how much of the sum of squares of each column each explains, shape (m, D).
+
+    Raises:
+        MotiondeckError: if there are fewer frames than satellites.
+    """
+    if count >= len(states):
+        raise MotiondeckError(f"{count} satellites cannot be chosen from {len(states)} frames")
+    places, sharpness = _candidates(states, count, widths)
+    response = GaussianSatellites(places, sharpness).respond(states)
+    response /= np.linalg.norm(response, axis=0)
+    gram, explained = response.T @ response, response.T @ target
+    new = np.ones(len(places))
+    basis = np.zeros((len(places), count))
+    chosen: list[int] = []
+    taken: list[Array] = []
+    for k in range(count):
+        gain = np.where(new > LEAST_NEW, np.square(explained).sum(1) / np.maximum(new, LEAST_NEW), -1.0)
+        gain[chosen] = -1.0
+        best = int(gain.argmax())
+        if gain[best] < 0.0:
+            break
+        chosen.append(best)
+        taken.append(np.square(explained[best]) / new[best])
+        column = (gram[best] - basis[:, :k] @ basis[best, :k]) / np.sqrt(new[best])
+        explained = explained - np.multiply.outer(column, explained[best] / np.sqrt(new[best]))
+        new = new - np.square(column)
+        basis[:, k] = column
+    return GaussianSatellites(places[chosen], sharpness[chosen]), np.array(taken)
+
+
+def _candidates(states: Array, count: int, widths: tuple[float, ...]) -> tuple[Array, Array]:
+    """Visited states, with every width each: places (c, d) and sharpness (c,)."""
+    places = np.repeat(states[:: 2 if len(states) >= 2 * count else 1], len(widths), axis=0)
+    return places, np.tile(np.array(widths), len(places) // len(widths))
+
+
+def learn_jointly(
+    start: LearnedSatellites,
+    target: Array,
+    time: Array,
+    iterations: int,
+    *,
+    move_frequencies: bool = True,
+    read_out: ReadOut | None = None,
+) -> LearnedSatellites:
+    """Variable projection from a start; the result is never worse than the start.
+
+    Args:
+        start: centers and satellites.
+        target: the motion, shape (K, D).
+        time: of each frame, shape (K,), s.
+        iterations: of L-BFGS at most.
+        move_frequencies: whether frequencies and phases move too; they must not where the motion is a closed loop.
+        read_out: the best W for responses and target; without it any W may be, by ridge regression.
+    """
+    scores = target if read_out is not None else principal_scores(target)
+    problem = _Projection(start, scores, time, move_frequencies, read_out or ridge_readout)
+    x = problem.pack(start)
+    found = minimize(
+        problem.loss,
+        x,
+        jac=True,
+        method="L-BFGS-B",
+        bounds=problem.bounds(),
+        options={"maxiter": iterations, "maxcor": 20, "ftol": 1e-12, "gtol": 1e-9},
+    )
+    better = found.x if found.fun < problem.loss(x)[0] else x
+    return problem.unpack(better)
+
+
+def ridge_readout(response: Array, target: Array) -> Array:
+    """W, shape (D, m), for responses (K, m): the weights that variable projection stands on."""
+    return ridge(response, target, RIDGE_SHARE * len(response))
+
+
+def slow_and_fast(duration: float, centers: int, tries: int, seed: int, *, turns: float = 12.0) -> list[Array]:
+    """Frequency vectors worth trying: a slow center that tells where in the motion we are, and faster ones.
+
+    The slow center turns 1/4, 0.45 or once in the duration; the fast ones up to `turns` times. Shape (centers,) each.
+    """
+    base = 2.0 * np.pi / duration
+    slow = (0.25, 0.45, 1.0)
+    if centers == 1:
+        return [base * np.array([s]) for s in slow]
+    rng = np.random.default_rng(seed)
+    fast = np.exp(rng.uniform(np.log(1.1), np.log(turns), (tries, centers - 1)))
+    if centers == 2:
+        fast = np.geomspace(1.1, turns, tries)[:, None]
+    return [base * np.append(slow[i % len(slow)], np.sort(row)) for i, row in enumerate(fast)]
+
+
+def learn(
+    target: Array,
+    time: Array,
+    count: int,
+    starts: list[Array],
+    *,
+    keep: int = 2,
+    iterations: int = 200,
+    move_frequencies: bool = True,
+) -> LearnedSatellites:
+    """The whole recipe: ranks frequency vectors, then chooses and moves satellites for the best few.
+
+    Args:
+        target: the motion, shape (K, D).
+        time: of each frame, shape (K,), s.
+        count: m satellites.
+        starts: frequency vectors, shape (n,) each, rad/s.
+        keep: how many of them go through the whole recipe.
+        iterations: of L-BFGS for each.
+        move_frequencies: see `learn_jointly`.
+
+    Raises:
+        MotiondeckError: if there are fewer frames than satellites; FrequencyError names a bad center.
+    """
+    if count >= len(target):
+        raise MotiondeckError(f"{count} satellites cannot be learned from {len(target)} frames")
+    for frequency in starts:
+        require_frequencies(frequency)
+    # Two BLAS threads wait for each other longer than they help with matrices as small as these.
+    with threadpool_limits(1):
+        return _learn(principal_scores(target), time, count, starts, keep, iterations, move_frequencies)
+
+
+def _learn(
+    scores: Array, time: Array, count: int, starts: list[Array], keep: int, iterations: int, move_frequencies: bool
+) -> LearnedSatellites:
+    """`learn` for the principal scores of a motion."""
+    if not scores.any():
+        # Nothing moves: any satellites do, with weights of 0. The logarithm of the error would have no gradient.
+        phase = np.zeros(len(starts[0]))
+        return LearnedSatellites(starts[0], phase, *choose_satellites(pairs_at(starts[0], phase, time), scores, count))
+    few = min(count, 25)
+    thin = max(1, len(scores) // max(150, 3 * few))
+    ranked = sorted(
+        starts,
+        key=lambda f: choose_satellites(pairs_at(f, np.zeros(len(f)), time[::thin]), scores[::thin], few)[1],
+    )
+    thin = max(1, len(scores) // max(300, 4 * count))
+    found = []
+    for frequency in ranked[:keep]:
+        phase = np.zeros(len(frequency))
+        satellites, error = choose_satellites(pairs_at(frequency, phase, time[::thin]), scores[::thin], count)
+        start = LearnedSatellites(frequency, phase, satellites, error)
+        found.append(learn_jointly(start, scores, time, iterations, move_frequencies=move_frequencies))
+    return min(found, key=lambda learned: learned.error)
+
+
+class _Projection:
+    """log J over (log frequency, phase, places, log sharpness), with its gradient."""
+
+    def __init__(self, start: LearnedSatellites, target: Array, time: Array, move: bool, read_out: ReadOut) -> None:
+        self.read_out = read_out
+        self.frequency, self.phase = start.frequency, start.phase
+        self.shape = start.satellites.places.shape
+        self.target, self.time, self.move = target, time, move
+        self.size = float(np.square(target).sum())
+        self.states = pairs_at(start.frequency, start.phase, time)
+
+    def pack(self, learned: LearnedSatellites) -> Array:
+        """The parameters as one vector."""
+        parts = [learned.satellites.places.ravel(), np.log(learned.satellites.sharpness)]
+        if self.move:
+            parts += [np.log(learned.frequency), learned.phase]
+        return np.concatenate(parts)
+
+    def split(self, x: Array) -> tuple[GaussianSatellites, Array, Array]:
+        """Satellites, frequencies and phases of a vector."""
+        m, d = self.shape
+        satellites = GaussianSatellites(x[: m * d].reshape(m, d), np.exp(x[m * d : m * d + m]))
+        if not self.move:
+            return satellites, self.frequency, self.phase
+        n = d // 2
+        return satellites, np.exp(x[-2 * n : -n]), x[-n:]
+
+    def bounds(self) -> list[tuple[float, float]]:
+        """Satellites stay near what is visited, sharpness within reason, frequencies within a factor of their own."""
+        m, d = self.shape
+        bounds = [(-4.0, 4.0)] * (m * d) + [(np.log(LEAST_SHARPNESS), np.log(GREATEST_SHARPNESS))] * m
+        if self.move:
+            bounds += [(np.log(f) - 1.0, np.log(f) + 1.0) for f in self.frequency]
+            bounds += [(-20.0, 20.0)] * (d // 2)
+        return bounds
+
+    def unpack(self, x: Array) -> LearnedSatellites:
+        """The result, with the error its weights leave."""
+        satellites, frequency, phase = self.split(x)
+        learned = LearnedSatellites(frequency, phase, satellites, 0.0)
+        response = learned.respond(self.time)
+        left = self.target - response @ self.read_out(response, self.target).T
+        return LearnedSatellites(frequency, phase, satellites, float(np.square(left).sum()) / self.size)
+
+    def loss(self, x: Array) -> tuple[float, Array]:
+        """log J and its gradient."""
+        satellites, frequency, phase = self.split(x)
+        places, square = satellites.places, np.square(satellites.sharpness)
+        states = pairs_at(frequency, phase, self.time) if self.move else self.states
+        distances = satellites.distances(states)
+        response = np.exp(-0.5 * square * distances)
+        weights = self.read_out(response, self.target)
+        left = self.target - response @ weights.T
+        value = float(np.square(left).sum()) + RIDGE_SHARE * len(response) * float(np.square(weights).sum())
+        pull = (-2.0 / value) * (left @ weights) * response
+        by_place = square[:, None] * (pull.T @ states - pull.sum(0)[:, None] * places)
+        by_sharpness = -square * (pull * distances).sum(0)
+        parts = [by_place.ravel(), by_sharpness]
+        if self.move:
+            by_state = (pull * square) @ places - (pull @ square)[:, None] * states
+            # d(cos, sin) / d(angle) = (-sin, cos).
+            by_angle = by_state[:, 1::2] * states[:, ::2] - by_state[:, ::2] * states[:, 1::2]
+            parts += [frequency * (self.time @ by_angle), by_angle.sum(0)]
+        return float(np.log(value)), np.concatenate(parts)

@@ -1,0 +1,100 @@
+"""What is measured: a recipe, whose networks are trained for it, or a library, with the recordings behind it."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+from controller.learning.centralized.centralized_training import CentralizedRecipe
+from controller.learning.evaluation.failure_rates import Subject, train_subjects
+from controller.learning.evaluation.training_error import TrainingError, training_error
+from controller.learning.measures.self_test import Judge, MotionVerdict, self_test
+from controller.learning.recipe import LibraryRecipe, read_recipe, recipe_of
+from controller.learning.training_set import TrainingSet, prepare
+from controller.library.motion_library import load_library
+from controller.motion.rotations import Array
+from controller.networks.clip_player import ClipPlayer
+from motiondeck_base.errors import MotiondeckError
+from motiondeck_base.jobs import Jobs
+from motiondeck_base.shipped import find_library
+
+
+@dataclass(frozen=True)
+class Evaluation:
+    """A recipe or a library with the recordings that it was learned from.
+
+    Attributes:
+        name: of the recipe or library.
+        recipe: of its networks; a library holds its own.
+        library: the file, or None for a recipe.
+        syllabus: the frames to learn and to judge by.
+    """
+
+    name: str
+    recipe: LibraryRecipe
+    library: Path | None
+    syllabus: TrainingSet
+
+    @property
+    def holds(self) -> bool:
+        """Whether one-shot motions were taught to hold their end."""
+        return not self.recipe.as_recorded
+
+    @property
+    def judge(self) -> Judge:
+        """Decides whether a run is right."""
+        return Judge(
+            self.syllabus.encoding, self.syllabus.frames, self.syllabus.loops, self.syllabus.rate, holds=self.holds
+        )
+
+    @property
+    def clips(self) -> ClipPlayer:
+        """Plays the recordings; the baseline of every measure."""
+        return ClipPlayer(self.syllabus.frames, self.syllabus.loops)
+
+    @property
+    def centralized(self) -> bool:
+        """Whether its networks are centralized networks."""
+        return isinstance(self.recipe.network, CentralizedRecipe)
+
+    def networks(self, seeds: Iterable[int], jobs: Jobs, tick: Callable[[], None]) -> list[Subject]:
+        """The library's own network, or one trained for each seed; `tick` is called after each training."""
+        if self.library is None:
+            return train_subjects(self.recipe, self.syllabus, seeds, jobs, tick)
+        loaded = load_library(self.library)
+        return [Subject(loaded.info.seed, loaded.info.seed, loaded.network)]
+
+    def training_errors(
+        self, seeds: Iterable[int], tick: Callable[[], None], readout_targets: Sequence[Array] | None = None
+    ) -> tuple[list[TrainingError], list[dict[str, MotionVerdict]]]:
+        """Training errors and self-tests of one network per seed; `readout_targets` as in `training_error`.
+
+        Raises:
+            MotiondeckError: for a library, whose training is over.
+        """
+        if self.library is not None:
+            raise MotiondeckError(f"{self.library}: accuracy is measured in training; give the recipe (.toml) instead")
+        errors, verdicts = [], []
+        for seed in seeds:
+            errors.append(training_error(self.recipe, self.syllabus, seed, readout_targets))
+            verdicts.append(self_test(errors[-1].network, self.judge))
+            tick()
+        return errors, verdicts
+
+
+def read_evaluation(subject: str, data: Path) -> Evaluation:
+    """Reads a recipe (.toml) or a library (by name or file), and its recordings from a folder.
+
+    Raises:
+        MotiondeckError: if the folder, the recipe, the library or a recording is missing or cannot be read.
+    """
+    if not data.is_dir():
+        raise MotiondeckError(f"{data}: there is no such folder; --data is the folder that holds the recordings")
+    if subject.endswith(".toml"):
+        path, library = Path(subject), None
+        recipe = read_recipe(path)
+    else:
+        path = library = find_library(subject)
+        recipe = recipe_of(load_library(path).info.recipe, path)
+    return Evaluation(path.stem, recipe, library, prepare(recipe, data))

@@ -1,0 +1,158 @@
+"""Failure rates of a whole library over seeds and runs, spread over the cores."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from joblib import delayed
+from numpy.typing import NDArray
+from threadpoolctl import threadpool_limits
+
+from controller.learning.fit import first_to_pass, settle
+from controller.learning.measures.disturbance import GuardKnowledge, Kind, disturbed
+from controller.learning.measures.run_batch import batch_of
+from controller.learning.measures.self_test import Judge, after_disturbance
+from controller.learning.recipe import LibraryRecipe
+from controller.learning.training_set import TrainingSet
+from controller.library.network_arrays import AnyNetwork, Network
+from controller.networks import guard
+from motiondeck_base.jobs import ALONE, Jobs, spread
+
+Tick = Callable[[], None]
+
+# At most so many networks are drawn until one passes the self-test; their seeds are this far apart.
+ATTEMPTS = 4
+SEEDS_APART = 10_000
+
+
+@dataclass(frozen=True)
+class Subject:
+    """A trained network that is disturbed.
+
+    Attributes:
+        seed: it was asked for with.
+        drawn: the seed it was drawn with, a later one where an earlier network failed the self-test.
+        network: what plays.
+        weights: W of a conceptor network, shape (N, N), or None where it was not kept (a library keeps W U only).
+    """
+
+    seed: int
+    drawn: int
+    network: AnyNetwork
+    weights: NDArray[np.float32] | None = None
+
+
+@dataclass(frozen=True)
+class Count:
+    """How often one motion of one network failed.
+
+    Attributes:
+        motion: its name.
+        loop: whether it goes on for ever.
+        seed, drawn: of the network, as in `Subject`.
+        runs: how many there were.
+        intrinsic: how many of them failed without a guard.
+        guarded: how many with one, or None where that was not asked for or the network needs none.
+        reason: why the first intrinsic one did, or "".
+    """
+
+    motion: str
+    loop: bool
+    seed: int
+    drawn: int
+    runs: int
+    intrinsic: int
+    guarded: int | None
+    reason: str
+
+
+def train_subjects(
+    recipe: LibraryRecipe, syllabus: TrainingSet, seeds: Iterable[int], jobs: Jobs = ALONE, tick: Tick = lambda: None
+) -> list[Subject]:
+    """The networks of a recipe, one per seed, in order."""
+    return sorted(
+        _gathered((delayed(_train)(recipe, syllabus, seed) for seed in seeds), jobs, tick), key=lambda s: s.seed
+    )
+
+
+def sweep(
+    kind: Kind,
+    subjects: list[Subject],
+    syllabus: TrainingSet,
+    runs: int,
+    *,
+    motions: list[str] | None = None,
+    holds: bool = True,
+    guarded: bool = True,
+    jobs: Jobs = ALONE,
+    tick: Tick = lambda: None,
+) -> list[Count]:
+    """Disturbs every motion of every network, without a guard and with one where the deck plays it with one.
+
+    Args:
+        kind: of disturbance.
+        subjects: the networks.
+        syllabus: what they learned, to judge by.
+        runs: of each motion of each network.
+        motions: which of them, or all.
+        holds: whether one-shots were taught to hold their end.
+        guarded: whether to play all runs once more with a guard.
+        jobs: where the work is done.
+        tick: is called after each motion of each network.
+
+    Returns:
+        One count for each, by seed and in the order of the motions.
+    """
+    judge = Judge(syllabus.encoding, syllabus.frames, syllabus.loops, syllabus.rate, holds=holds)
+    motions = list(syllabus.frames) if motions is None else motions
+    tasks = (
+        delayed(_count)(kind, subject, motion, runs, judge, len(syllabus.frames[motion]), guarded)
+        for subject in subjects
+        for motion in motions
+    )
+    return sorted(_gathered(tasks, jobs, tick), key=lambda count: (count.seed, motions.index(count.motion)))
+
+
+def _gathered(tasks: Iterable[Any], jobs: Jobs, tick: Tick) -> list[Any]:
+    """The results of tasks, in the order of completion."""
+    results = []
+    for result in spread(tasks, jobs):
+        results.append(result)
+        tick()
+    return results
+
+
+def _train(recipe: LibraryRecipe, syllabus: TrainingSet, seed: int) -> Subject:
+    """Trains a network; as in `fit`, other seeds are tried if a motion fails its self-test, but not `as_recorded`."""
+    lessons, normalisation = syllabus.normalised()
+    judge = Judge(syllabus.encoding, syllabus.frames, syllabus.loops, syllabus.rate, holds=not recipe.as_recorded)
+    seeds = [seed + SEEDS_APART * attempt for attempt in range(1 if recipe.as_recorded else ATTEMPTS)]
+    with threadpool_limits(1):
+        taught = first_to_pass(
+            seeds, lambda drawn: settle(lessons, normalisation, recipe.network, syllabus.rate, drawn, judge)
+        )
+    return Subject(seed, taught.seed, taught.network, taught.weights)
+
+
+def _count(kind: Kind, subject: Subject, motion: str, runs: int, judge: Judge, length: int, guarded: bool) -> Count:
+    network, loop = subject.network, judge.loops[motion]
+    ways: list[GuardKnowledge | None] = [None]
+    if guarded and isinstance(network, Network):
+        scale = guard.spread(network)
+        beat = guard.beat(network, motion, scale, length, judge.rate, loop=loop)
+        ways.append(GuardKnowledge(beat, scale, network.anchors(motion)[0]))
+    failed: list[int] = []
+    reason = ""
+    with threadpool_limits(1):
+        for knowledge in ways:
+            # The same noise for both; only the guard differs.
+            rng = np.random.default_rng([subject.seed, network.motions.index(motion), kind == "stability"])
+            played = disturbed(kind, batch_of(network, motion, runs, subject.weights), runs, rng, knowledge)
+            verdicts = [after_disturbance(network, judge, motion, run.astype(np.float64)) for run in played]
+            failed.append(sum(not verdict.passed for verdict in verdicts))
+            reason = reason or next((verdict.reason for verdict in verdicts if not verdict.passed), "")
+    intrinsic, with_guard = failed[0], failed[1] if len(failed) > 1 else None
+    return Count(motion, loop, subject.seed, subject.drawn, runs, intrinsic, with_guard, reason)

@@ -1,0 +1,139 @@
+"""What to learn of one recording, which a recipe would have to say: which frames, and whether they are a loop.
+
+Still ends are trimmed, and so is what lies beyond a jump; whether a motion is a loop is decided by its best seam.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from itertools import pairwise
+from pathlib import Path
+
+import numpy as np
+
+from controller.learning.preparation.loops import best_seam, farthest_left_out, with_velocities
+from controller.learning.preparation.takes import read_takes
+from controller.learning.recipe import MotionRecipe
+from controller.learning.training_set import COMMON_RATE, SHORTEST_SECONDS, apart_at
+from controller.motion.canonical.body_doubts import doubts
+from controller.motion.canonical.breaks import breaks
+from controller.motion.canonical.canonical_body import to_canonical
+from controller.motion.canonical.clip_edits import moving_part, resampled, span
+from controller.motion.clip import Clip
+from controller.motion.encodings.encoding import encoding_of
+from controller.motion.encodings.joint_angles import JointBody
+from controller.motion.encodings.motion_matching import joint_features
+from controller.motion.formats.markers.marker_doubts import misplaced
+from controller.motion.formats.reading import read_fitted, skeleton_of
+from controller.motion.reading_options import AS_FOUND, ReadingOptions
+from motiondeck_base.errors import FileFormatError
+
+LONGEST_SECONDS = 120.0
+LOOP_KEEPS = 0.5  # a loop keeps at least this share of its recording
+# A seam is good enough for a loop if joints are this close, mm, and by this share of how far the motion spreads,
+# velocities included; and if all that is left out comes within the other share of it in the loop.
+SEAM_MM, SEAM_SHARE, LEFT_OUT_SHARE = 50.0, 0.5, 0.6
+
+
+@dataclass(frozen=True)
+class Examined:
+    """A recording that can be learned.
+
+    Attributes:
+        motion: how to learn it.
+        clip: all of its frames.
+        seam_mm, seam_degrees: at its best seam, how far joints are apart on average, and the bone that is most.
+        doubts: what looks wrong about the body, each with the bone and the reason.
+    """
+
+    motion: MotionRecipe
+    clip: Clip
+    seam_mm: float
+    seam_degrees: float
+    doubts: list[str]
+
+
+def examine(
+    file: Path,
+    name: str,
+    options: ReadingOptions = AS_FOUND,
+    within: tuple[float, float] | None = None,
+    takes: Sequence[Path] = (),
+) -> Examined:
+    """Reads a recording and finds out which of its frames to learn, and how they play.
+
+    Args:
+        file: the recording.
+        name: of the motion.
+        options: what overrules the file.
+        within: the only part to take, from and to, s; all of it by default.
+        takes: further takes of the motion, which only clips taught to a rig have.
+
+    Raises:
+        MotiondeckError: if it cannot be read, is too short or too long, or nothing moves in it.
+    """
+    own = replace(options, skeleton=_skeleton(file, options))
+    recording = read_fitted(file, own)
+    clip, taught = recording.clip, None
+    if isinstance(clip.skeleton, JointBody):
+        clip, taught = read_takes([file, *takes])
+    first, end = moving_part(clip)
+    if within is not None and end:
+        first, end = max(first, round(within[0] * clip.rate)), min(end, round(within[1] * clip.rate))
+    if end == 0:
+        raise FileFormatError(f"{file}: nothing moves in it. Give a recording with a motion.")
+    (first, end), jumped = _without_jumps(clip, first, end)
+    seconds = (end - first) / clip.rate
+    if seconds < SHORTEST_SECONDS:
+        between = f"{', '.join(jumped)}; the longest piece between, " if jumped else ""
+        raise FileFormatError(f"{file}: {between}{seconds:.2f} s are too short; {SHORTEST_SECONDS:g} s are the least.")
+    if seconds > LONGEST_SECONDS:
+        raise FileFormatError(
+            f"{file}: {seconds:.0f} s are more than one motion ({LONGEST_SECONDS:g} s are the most). "
+            "Cut a piece out with `motiondeck clip convert FILE PIECE.bvh --from SECONDS --to SECONDS`."
+        )
+    loop, seam_mm, seam_degrees = _loops(span(clip, first, end)) if taught is None else (taught == "loop", 0.0, 0.0)
+    motion = MotionRecipe(
+        name=name,
+        file=str(file.absolute()),
+        plays="loop" if loop else "once",
+        frames=(first, end),
+        skeleton=None if own.skeleton is None else str(own.skeleton.absolute()),
+        unit=own.unit,
+        up=own.up,
+        rename=dict(own.rename),
+        takes=tuple(str(take.absolute()) for take in takes),
+    )
+    body = [] if isinstance(clip.skeleton, JointBody) else doubts(clip)
+    body += [] if recording.fit is None else misplaced(recording.fit)
+    cut = [f"{what}: only {first / clip.rate:.2f} to {end / clip.rate:.2f} s were learned." for what in jumped]
+    return Examined(motion, clip, seam_mm, seam_degrees, [*cut, *body])
+
+
+def _without_jumps(clip: Clip, first: int, end: int) -> tuple[tuple[int, int], list[str]]:
+    """The longest part of some frames in which neither body nor limb jumps, and what jumps elsewhere and when."""
+    at, found = breaks(clip, first, end)
+    return max(pairwise([first, *at, end]), key=lambda part: part[1] - part[0]), found
+
+
+def _skeleton(file: Path, options: ReadingOptions) -> Path | None:
+    """The skeleton of a recording: the given one where it is for files of this kind, or the .asf nearby."""
+    unfit = {".amc": ".npz", ".npz": ".asf"}.get(file.suffix.lower())
+    if options.skeleton is not None and unfit and options.skeleton.suffix.lower() != unfit:
+        return options.skeleton
+    return skeleton_of(file, file.parent.parent)
+
+
+def _loops(clip: Clip) -> tuple[bool, float, float]:
+    """Whether a clip is a loop; at its best seam, how far joints are off, mm, and the bone that is most, degrees."""
+    one = resampled(to_canonical(clip), COMMON_RATE)
+    encoding = encoding_of(one.skeleton)
+    channels = encoding.encode(one)
+    features = joint_features(encoding, channels)
+    seam = best_seam(features, one.rate, at_least=LOOP_KEEPS)
+    apart, degrees = apart_at(encoding, channels, features, seam)
+    seen = with_velocities(features, one.rate)
+    spread = float(np.sqrt(np.square(seen - seen.mean(0)).sum(1).mean()))
+    close = apart < SEAM_MM and seam.mismatch < SEAM_SHARE * spread
+    return close and farthest_left_out(seen, seam) < LEFT_OUT_SHARE * spread, apart, degrees

@@ -1,0 +1,235 @@
+"""From a recipe to a motion library: prepare, train, test, and try the next seed if a motion fails."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass
+from pathlib import Path
+
+import msgspec
+import numpy as np
+from numpy.typing import NDArray
+from threadpoolctl import threadpool_limits
+
+from controller.learning.centralized.centralized_training import CentralizedRecipe, train_centralized_network
+from controller.learning.measures.accuracy import nrmse
+from controller.learning.measures.self_test import Judge, MotionVerdict, self_test
+from controller.learning.measures.trials import with_trials
+from controller.learning.preparation.training_motion import TrainingMotion
+from controller.learning.recipe import LibraryRecipe, MotionRecipe, NetworkRecipe
+from controller.learning.reservoirs.aperture_choice import settled_network
+from controller.learning.reservoirs.conceptor_training import ConceptorRecipe, conceptor_network, load_reservoir
+from controller.learning.reservoirs.echo_state_training import EchoStateRecipe, train_echo_state
+from controller.learning.reservoirs.noise_choice import settled_echo_state
+from controller.learning.reservoirs.phase_conceptor_training import PhaseRecipe
+from controller.learning.reservoirs.phase_echo_state_training import PhaseEchoStateRecipe
+from controller.learning.reservoirs.phase_training import PhaseDrivenRecipe, train_phase_driven
+from controller.learning.reservoirs.random_feature_training import RandomFeatureRecipe, train_random_features
+from controller.learning.reservoirs.size_choice import smallest_within
+from controller.learning.stress_test import stress_test
+from controller.learning.training_set import Progress, TrainingSet, prepare
+from controller.library.library_header import (
+    FEWEST_ANCHORS,
+    VERSION,
+    LibraryInfo,
+    MotionInfo,
+    NetworkKind,
+    describe_skeleton,
+)
+from controller.library.motion_library import MotionLibrary
+from controller.library.network_arrays import AnyNetwork
+from controller.motion.encodings.normalisation import Normalisation
+from controller.motion.rotations import Array
+from controller.networks.centralized.centralized_frames import CentralizedNetwork
+from controller.networks.reservoirs.phase_driven import PhaseDrivenNetwork
+from motiondeck_base.errors import FileFormatError
+
+_KINDS: dict[type, NetworkKind] = {
+    ConceptorRecipe: "conceptor",
+    PhaseRecipe: "phase-conceptor",
+    EchoStateRecipe: "echo-state",
+    PhaseEchoStateRecipe: "phase-echo-state",
+    RandomFeatureRecipe: "random-feature",
+    CentralizedRecipe: "centralized",
+}
+
+
+def fit(recipe: LibraryRecipe, data: Path, progress: Progress = lambda _: None) -> MotionLibrary:
+    """Trains the library of a recipe from the recordings in a folder.
+
+    Args:
+        recipe: what to train.
+        data: the folder that the recipe's files lie in.
+        progress: called with each step in a few words; there are `steps(recipe)` of them without retries.
+
+    Raises:
+        MotiondeckError: if a recording is missing or damaged.
+    """
+    return fit_prepared(recipe, prepare(recipe, data, progress), progress)
+
+
+def fit_prepared(
+    recipe: LibraryRecipe, training_set: TrainingSet, progress: Progress = lambda _: None
+) -> MotionLibrary:
+    """Trains the library of a recipe whose recordings have been read.
+
+    Returns:
+        The library of the first seed with which every motion passes the self-test; where none does, that of the seed
+        with which most do.
+
+    Raises:
+        FileFormatError: if the recipe's anchors are too far apart for a motion.
+    """
+    for name, frames in training_set.frames.items():
+        if len(frames[:: recipe.network.anchor_every]) < FEWEST_ANCHORS:
+            raise FileFormatError(
+                f"network.anchor_every = {recipe.network.anchor_every} leaves '{name}' with fewer than "
+                f"{FEWEST_ANCHORS} states to start from; give a smaller number"
+            )
+    motions, normalisation = training_set.normalised()
+    holds = not recipe.as_recorded
+    judge = Judge(training_set.encoding, training_set.frames, training_set.loops, training_set.rate, holds=holds)
+
+    if isinstance(recipe.network, PhaseRecipe | PhaseEchoStateRecipe) and recipe.network.tolerance_mm is not None:
+        wanted = (recipe.network.tolerance_mm, motions, normalisation, recipe.network)
+        with threadpool_limits(1):
+            sized = smallest_within(*wanted, training_set.rate, recipe.seeds[0], judge, progress)
+        recipe = msgspec.structs.replace(recipe, network=sized)
+
+    def train_with(seed: int) -> TrainedNetwork:
+        progress(f"training (seed {seed})")
+        trained = settle(motions, normalisation, recipe.network, training_set.rate, seed, judge)
+        progress("self-test")
+        return trained
+
+    # Two BLAS threads on a busy machine wait for each other longer than they help.
+    with threadpool_limits(1):
+        trained = first_to_pass(recipe.seeds, train_with)
+    return assemble(recipe, training_set, trained.network, trained.seed, trained.verdicts)
+
+
+@dataclass(frozen=True)
+class TrainedNetwork:
+    """A trained network.
+
+    Attributes:
+        seed: it was drawn with.
+        network: what plays.
+        verdicts: of the self-test.
+        weights: W of a conceptor network, shape (N, N).
+    """
+
+    seed: int
+    network: AnyNetwork
+    verdicts: dict[str, MotionVerdict]
+    weights: NDArray[np.float32] | None = None
+
+    @property
+    def passed(self) -> int:
+        """How many motions passed the self-test."""
+        return sum(verdict.passed for verdict in self.verdicts.values())
+
+
+def first_to_pass(seeds: Iterable[int], train_with: Callable[[int], TrainedNetwork]) -> TrainedNetwork:
+    """The network of the first seed with which every motion passes; where none does, that with which most do."""
+    best: TrainedNetwork | None = None
+    for seed in seeds:
+        trained = train_with(seed)
+        if best is None or trained.passed > best.passed:
+            best = trained
+        if best.passed == len(best.verdicts):
+            break
+    assert best is not None, "a recipe names at least one seed"
+    return best
+
+
+def settle(
+    motions: list[TrainingMotion],
+    normalisation: Normalisation,
+    recipe: NetworkRecipe,
+    rate: float,
+    seed: int,
+    judge: Judge,
+) -> TrainedNetwork:
+    """The network of a recipe, tested; one that chooses gets the apertures or the noise that hold in trials."""
+    weights, failed = None, {}
+    if isinstance(recipe, ConceptorRecipe):
+        loaded = load_reservoir(motions, recipe, seed)
+        weights = loaded.weights.astype(np.float32)
+        network, failed = settled_network(loaded, motions, normalisation, recipe, judge, seed)
+    elif isinstance(recipe, EchoStateRecipe) and recipe.choose_noise:
+        network, failed = settled_echo_state(motions, normalisation, recipe, judge, seed)
+    else:
+        network = train(motions, normalisation, recipe, rate, seed)
+    verdicts = self_test(network, judge)
+    if failed:
+        verdicts = with_trials(verdicts, failed)
+    elif not isinstance(network, CentralizedNetwork):
+        # The state of a centralized network is a place on a closed curve; its centers return there by themselves.
+        verdicts = stress_test(network, verdicts, judge, seed)
+    return TrainedNetwork(seed, network, verdicts, weights)
+
+
+def assemble(
+    recipe: LibraryRecipe, training_set: TrainingSet, network: AnyNetwork, seed: int, verdicts: dict[str, MotionVerdict]
+) -> MotionLibrary:
+    """A library of a trained network and of all that is known about it."""
+    info = LibraryInfo(
+        version=VERSION,
+        name=recipe.name,
+        network=_KINDS[type(recipe.network)],
+        encoding=training_set.encoding.name,
+        rate=training_set.rate,
+        seed=seed,
+        motions=[
+            describe_motion(
+                motion, training_set.frames[motion.name], network, verdicts[motion.name], recipe.network.anchor_every
+            )
+            for motion in recipe.motions
+        ],
+        skeleton=describe_skeleton(training_set.encoding),
+        recipe=msgspec.json.decode(msgspec.json.encode(recipe)),
+        licence=recipe.licence,
+        acknowledgement=recipe.acknowledgement,
+        leak=recipe.network.leak if isinstance(recipe.network, EchoStateRecipe) else 1.0,
+        clipped=recipe.network.clipped if isinstance(recipe.network, EchoStateRecipe) else True,
+        scales=network.scales if isinstance(network, PhaseDrivenNetwork) else None,
+    )
+    return MotionLibrary(info, network, training_set.encoding)
+
+
+def train(
+    motions: list[TrainingMotion], normalisation: Normalisation, recipe: NetworkRecipe, rate: float, seed: int
+) -> AnyNetwork:
+    """The network that a recipe describes, untested."""
+    if isinstance(recipe, CentralizedRecipe):
+        return train_centralized_network(motions, normalisation, recipe, rate, seed)
+    if isinstance(recipe, PhaseDrivenRecipe):
+        return train_phase_driven(motions, normalisation, recipe, rate, seed)
+    if isinstance(recipe, ConceptorRecipe):
+        return conceptor_network(load_reservoir(motions, recipe, seed), motions, normalisation, recipe)
+    if isinstance(recipe, RandomFeatureRecipe):
+        return train_random_features(motions, normalisation, recipe, seed)
+    return train_echo_state(motions, normalisation, recipe, seed)
+
+
+def steps(recipe: LibraryRecipe) -> int:
+    """How many steps a fit takes when the first seed passes."""
+    return len(recipe.motions) + 2
+
+
+def describe_motion(
+    motion: MotionRecipe, frames: Array, network: AnyNetwork, verdict: MotionVerdict, anchor_every: int
+) -> MotionInfo:
+    """What a library knows of a motion that was learned from frames (T, C)."""
+    return MotionInfo(
+        name=motion.name,
+        plays=motion.plays,
+        frames=len(frames),
+        source=motion.file,
+        nrmse=nrmse(network.recall(motion.name), frames[::anchor_every]),
+        error_mm=verdict.error_mm,
+        passed=verdict.passed,
+        reason=verdict.reason,
+        input=network[motion.name].driving if isinstance(network, PhaseDrivenNetwork) else None,
+    )

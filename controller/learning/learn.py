@@ -1,0 +1,227 @@
+"""A library of any recordings, with nothing to choose: `examine` finds out what a recipe would have to say.
+
+Recordings are resampled to one rate and carried to one body. What was found out is written into the recipe, so that it
+can be edited and trained again.
+"""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Iterable
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+
+import numpy as np
+from joblib import delayed
+
+from controller.learning.examine import LOOP_KEEPS, Examined, examine
+from controller.learning.fit import fit_prepared
+from controller.learning.preparation.takes import by_motion
+from controller.learning.recipe import LibraryRecipe, NetworkRecipe, check_recipe, typeable
+from controller.learning.reservoirs.phase_conceptor_training import PhaseRecipe
+from controller.learning.training_set import (
+    COMMON_RATE,
+    LearnedPart,
+    Progress,
+    TrainingSet,
+    prepare,
+)
+from controller.library.motion_library import MotionLibrary
+from controller.motion.encodings.joint_angles import JointBody
+from controller.motion.formats.reading import CONVERTIBLE, RECORDINGS, recordings_below
+from controller.motion.reading_options import AS_FOUND, ReadingOptions
+from motiondeck_base.errors import MotiondeckError
+from motiondeck_base.jobs import ALONE, Jobs, spread
+
+
+@dataclass(frozen=True)
+class LearnedMotion:
+    """One recording and what became of it.
+
+    Attributes:
+        name: of the motion; of the file, if it was not learned.
+        file: the recording.
+        plays: "loop" or "once"; "" if it was not learned.
+        seconds: how long one round of the loop takes, or the one-shot without the hold at its end.
+        part: which part of the recording was learned, without still ends; at its best seam, how far joints are apart
+            on average, and the bone that is most. None if it was not learned.
+        error_mm: of the free run.
+        passed: whether the motion may be played.
+        remedy: what to do if it may not.
+        doubts: what looks wrong about the body, each with the bone and the reason.
+    """
+
+    name: str
+    file: Path
+    plays: str = ""
+    seconds: float = 0.0
+    part: LearnedPart | None = None
+    error_mm: float = np.nan
+    passed: bool = False
+    remedy: str = ""
+    doubts: list[str] = field(default_factory=list[str])
+
+
+@dataclass(frozen=True)
+class LearnedLibrary:
+    """A library, the recipe it was trained by, and a line for each recording."""
+
+    library: MotionLibrary
+    recipe: LibraryRecipe
+    motions: list[LearnedMotion]
+
+    @property
+    def failed(self) -> list[LearnedMotion]:
+        """The recordings that were not read or not learned well enough."""
+        return [motion for motion in self.motions if not motion.passed]
+
+
+def recordings_in(paths: Iterable[Path]) -> list[Path]:
+    """Files, and the recordings in folders and below, in order and once each; those that must be converted last.
+
+    Raises:
+        MotiondeckError: if a path does not exist, or there is no recording.
+    """
+    paths = list(paths)
+    found: list[Path] = []
+    for path in paths:
+        if path.is_dir():
+            found += recordings_below(path)
+            found += sorted(one for one in path.rglob("*") if one.suffix.lower() in CONVERTIBLE and one.is_file())
+        elif path.exists():
+            found.append(path)
+        else:
+            raise MotiondeckError.missing(path, "file or folder")
+    if not found:
+        where = ", ".join(map(str, paths)) or "nothing was given"
+        raise MotiondeckError(f"{where}: no recording found. Recordings end in {', '.join(sorted(RECORDINGS))}.")
+    return list(dict.fromkeys(found))
+
+
+def learn(
+    paths: Iterable[Path],
+    name: str,
+    *,
+    options: ReadingOptions = AS_FOUND,
+    within: tuple[float, float] | None = None,
+    network: NetworkRecipe | None = None,
+    seeds: Iterable[int] = (0, 1, 2),
+    progress: Progress = lambda _: None,
+    jobs: Jobs = ALONE,
+) -> LearnedLibrary:
+    """Learns every recording of some files and folders as one library.
+
+    A recording that cannot be read or used is left out and named with the reason.
+
+    Args:
+        paths: recordings, and folders that hold some.
+        name: of the library.
+        options: what overrules the files, for all of them.
+        within: the only part of each to take, from and to, s; all of it by default.
+        network: its kind and sizes; None takes a recipe's default.
+        seeds: tried in turn until every motion passes the self-test.
+        progress: called with each step in a few words.
+        jobs: where recordings are read; the network is trained here.
+
+    Raises:
+        MotiondeckError: if no recording can be used, or bodies and rigs are mixed.
+    """
+    takes = _takes(recordings_in(paths))
+    files = list(takes)
+    names = _names(files)
+    examined: list[Examined] = []
+    left_out: list[LearnedMotion] = []
+    tasks = (delayed(_examined)(file, names[file], options, takes[file], within) for file in files)
+    for file, read in zip(files, spread(tasks, jobs, ordered=True), strict=True):
+        progress(f"reading {file.name}")
+        if isinstance(read, LearnedMotion):
+            left_out.append(read)
+        else:
+            examined.append(read)
+    if not examined:
+        none = f"none of {len(files)} recordings can be learned. " if len(files) > 1 else ""
+        raise MotiondeckError(f"{none}{_named(left_out[0])}")
+    kinds = {isinstance(one.clip.skeleton, JointBody) for one in examined}
+    if len(kinds) > 1:
+        raise MotiondeckError("recordings of bodies and clips taught to a rig do not share a library; learn them apart")
+    recipe = check_recipe(
+        LibraryRecipe(
+            name=name,
+            network=network or PhaseRecipe(),
+            motions=[one.motion for one in examined],
+            rate=COMMON_RATE if kinds == {False} else None,
+            loop_keeps=LOOP_KEEPS,
+            seeds=list(seeds),
+        ),
+        Path(name),
+    )
+    clips = {one.motion.name: one.clip for one in examined}
+    training_set = prepare(recipe, Path(), progress, lambda motion: clips[motion.name])
+    library = fit_prepared(recipe, training_set, progress)
+    rows = [_row(one, training_set, library) for one in examined]
+    return LearnedLibrary(library, recipe, [*rows, *left_out])
+
+
+def _named(one: LearnedMotion) -> str:
+    """Why a recording was left out, with its file, which some reasons already name with a line."""
+    return one.remedy if one.remedy.startswith(f"{one.file} ") else f"{one.file}: {one.remedy}"
+
+
+def _row(one: Examined, training_set: TrainingSet, library: MotionLibrary) -> LearnedMotion:
+    info = next(info for info in library.info.motions if info.name == one.motion.name)
+    part = training_set.parts[info.name]
+    if part.seam_mm is None:
+        part = replace(part, seam_mm=one.seam_mm, seam_degrees=one.seam_degrees)
+    return LearnedMotion(
+        name=info.name,
+        file=Path(one.motion.file),
+        plays=info.plays,
+        seconds=part.end - part.first,
+        part=part,
+        error_mm=info.error_mm,
+        passed=info.passed,
+        remedy="" if info.passed else f"{info.reason}. {_remedy(one)}",
+        doubts=one.doubts,
+    )
+
+
+def _remedy(one: Examined) -> str:
+    """What to do about a motion that failed its self-test."""
+    if one.motion.plays == "loop":
+        return "Set plays = 'once' in the recipe, or frames to some whole cycles, and train with fit."
+    return "Give it frames without pauses, more neurons or a shorter piece_seconds in the recipe, and train with fit."
+
+
+def _takes(files: list[Path]) -> dict[Path, list[Path]]:
+    """The recordings to learn, each with the further takes of its motion, which only clips taught to a rig have."""
+    groups = by_motion(file for file in files if file.suffix.lower() == ".clip")
+    further = {takes[0]: takes[1:] for takes in groups}
+    taken = {take for takes in further.values() for take in takes}
+    return {file: further.get(file, []) for file in files if file not in taken}
+
+
+def _examined(
+    file: Path, name: str, options: ReadingOptions, takes: list[Path], within: tuple[float, float] | None = None
+) -> Examined | LearnedMotion:
+    """A recording that can be learned, or one that is left out, with the reason."""
+    try:
+        return examine(file, name, options, within, takes)
+    except MotiondeckError as error:
+        return LearnedMotion(name, file, remedy=str(error).removeprefix(f"{file}: "))
+
+
+def _names(files: list[Path]) -> dict[Path, str]:
+    """A name for each file that can be typed: its stem, with its folder or a number where stems are alike."""
+    plain = {file: typeable(file.stem) for file in files}
+    shared = Counter(plain.values())
+    names: dict[Path, str] = {}
+    taken: set[str] = set()
+    for file in files:
+        name = plain[file] if shared[plain[file]] == 1 else typeable(f"{file.parent.name}-{file.stem}")
+        number = 2
+        while name in taken:
+            name = f"{plain[file][:36]}-{number}"
+            number += 1
+        taken.add(name)
+        names[file] = name
+    return names

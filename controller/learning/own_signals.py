@@ -1,0 +1,171 @@
+"""Learning from signals that are no motions: any time series (T, D), by name.
+
+Playing motions needs a body and an encoding; the networks themselves do not. A signal is normalised to [-1, 1], its
+first frames lead the reservoir in, and the rest is learned.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Mapping
+from dataclasses import dataclass
+
+import numpy as np
+
+from controller.learning.fit import train
+from controller.learning.preparation.training_motion import TrainingMotion
+from controller.learning.recipe import NetworkRecipe, require_sizes
+from controller.learning.reservoirs.conceptor_training import ConceptorRecipe, load_reservoir
+from controller.library.network_arrays import AnyNetwork
+from controller.motion.encodings.normalisation import Normalisation
+from controller.motion.rotations import Array
+from controller.networks.base import FrameNetwork
+from controller.networks.given import number_within, time_series, whole_number
+from controller.networks.reservoirs.loaded_signals import LoadedSignals
+from controller.networks.reservoirs.reservoir import Reservoir, drive
+from controller.networks.ridge import ridge
+from motiondeck_base.errors import MotiondeckError
+
+# Of Jaeger 2014, section 3.2, in the units of a normalised signal.
+SMALL_RESERVOIR = ConceptorRecipe(
+    neurons=100, spectral_radius=1.5, input_scale=1.5, bias_scale=0.2, learns="weights", ridge=1e-3, washout=100
+)
+
+
+def load_signals(
+    signals: Mapping[str, Array], recipe: ConceptorRecipe = SMALL_RESERVOIR, seed: int = 0
+) -> LoadedSignals:
+    """Loads signals into one reservoir (Jaeger 2014, section 3.3), whose conceptors can then be computed with.
+
+    Args:
+        signals: shape (T, D) each; the first `recipe.washout` frames only lead in.
+        recipe: sizes and scales; aperture, form and rank do not matter here.
+        seed: of the random weights.
+
+    Raises:
+        MotiondeckError: if there is no signal, channels differ, a signal is too short, or a number is not finite.
+    """
+    require_sizes(recipe)
+    motions, normalisation = _motions(signals, (), recipe.washout)
+    loaded = load_reservoir(motions, recipe, seed)
+    states = {motion.name: own for motion, own in zip(motions, loaded.states, strict=True)}
+    return LoadedSignals(loaded.reservoir, loaded.weights, loaded.readout, normalisation, states)
+
+
+def learn_signals(
+    signals: Mapping[str, Array],
+    recipe: NetworkRecipe,
+    *,
+    rate: float = 1.0,
+    loops: Collection[str] = (),
+    seed: int = 0,
+) -> AnyNetwork:
+    """One network that plays all signals, of the kind that the recipe names.
+
+    Args:
+        signals: shape (T, D) each.
+        recipe: kind, sizes and scales.
+        rate: frames per second, Hz; what is learned in frames does not depend on it.
+        loops: the signals that are one period, whose first frame follows the last.
+        seed: of everything random.
+
+    Raises:
+        MotiondeckError: as `load_signals`, or if a name in `loops` is no signal, or the rate is not from 0.001 Hz to
+            100 kHz.
+    """
+    require_sizes(recipe)
+    hertz, drawn_with = number_within(rate, "the rate, Hz,", 1e-3, 1e5), whole_number(seed, "seed")
+    motions, normalisation = _motions(signals, [loops] if isinstance(loops, str) else loops, 0)
+    return train(motions, normalisation, recipe, hertz, drawn_with)
+
+
+def run_free(network: FrameNetwork, motion: str, frames: int, anchor: int = 0) -> Array:
+    """What a network plays without any input, from a stored state on, shape (frames, C).
+
+    Args:
+        network: as `learn_signals` returns it.
+        motion: the name of a signal.
+        frames: how many.
+        anchor: which of the stored states; 0 is that at the start of the signal.
+
+    Raises:
+        UnknownNameError: if there is no such motion; it names the nearest.
+        MotiondeckError: if frames is no whole number, or there is no such anchor.
+    """
+    count, start, anchors = whole_number(frames, "frames"), whole_number(anchor, "anchor"), len(network.anchors(motion))
+    if start >= anchors:
+        raise MotiondeckError(f"anchor is {start}; '{motion}' has anchors from 0 to {anchors - 1}")
+    network.cue(motion, start)
+    out = np.empty((count, network.channels))
+    for frame in out:
+        network.advance(frame)
+    return out
+
+
+@dataclass(frozen=True, eq=False)
+class ReservoirResponse:
+    """A driven reservoir with a readout: an input signal in, an output signal out.
+
+    Attributes:
+        reservoir: with C inputs.
+        readout: W_out, shape (D, N).
+    """
+
+    reservoir: Reservoir
+    readout: Array
+
+    def respond(self, inputs: Array) -> Array:
+        """The outputs to inputs (T, C), shape (T, D), from x = 0 on: the first frames are still a transient.
+
+        Raises:
+            MotiondeckError: if the inputs are not of that shape, or a number is not finite.
+        """
+        (states,) = drive(self.reservoir, [inputs])
+        return states @ self.readout.T
+
+
+def learn_response(
+    reservoir: Reservoir, inputs: Array, outputs: Array, *, regulariser: float = 1e-6, washout: int = 100
+) -> ReservoirResponse:
+    """Learns to answer an input signal (T, C) with an output signal (T, D) by ridge regression on the driven states.
+
+    Raises:
+        MotiondeckError: if the two do not fit each other or the reservoir, the washout leaves nothing to learn from, or
+            a number is not finite.
+    """
+    given, wanted = time_series(inputs, "the input"), time_series(outputs, "the output")
+    first = whole_number(washout, "washout")
+    if not len(given) == len(wanted) > first:
+        raise MotiondeckError(
+            f"{len(given)} input and {len(wanted)} output frames with a washout of {first}: "
+            "give equally many of both, and more than the washout"
+        )
+    (states,) = drive(reservoir, [given])
+    return ReservoirResponse(reservoir, ridge(states[first:], wanted[first:], regulariser))
+
+
+def _motions(
+    signals: Mapping[str, Array], loops: Collection[str], washout: int
+) -> tuple[list[TrainingMotion], Normalisation]:
+    """What a trainer is given: normalised signals, of which the first frames lead in."""
+    if not isinstance(signals, Mapping):  # what pyright sees, a user's script does not
+        raise MotiondeckError(f"signals are {{name: array of shape (T, D)}}, not a {type(signals).__name__}")
+    if not signals:
+        raise MotiondeckError("there are no signals to learn")
+    for name in loops:
+        if name not in signals:
+            raise MotiondeckError(f"loops names '{name}', which is not among the signals {', '.join(signals)}")
+    series: dict[str, Array] = {}
+    for name, signal in signals.items():
+        channels = next(iter(series.values())).shape[1] if series else None
+        series[name] = frames = time_series(signal, f"signal '{name}'", channels)
+        if len(frames) < washout + 2:
+            lead_in = f"{washout} of them lead in (washout), and " if washout else ""
+            raise MotiondeckError(
+                f"signal '{name}' of {len(frames)} frames is too short: {lead_in}2 at least are learned"
+            )
+    normalisation = Normalisation.fit(list(series.values()))
+    return [
+        TrainingMotion(name, frames[washout:], name in loops, frames[:washout] if washout else None)
+        for name, signal in series.items()
+        for frames in [normalisation.apply(signal)]
+    ], normalisation

@@ -1,0 +1,98 @@
+"""One cycle of a motion that repeats itself, brought onto the time and phase of another.
+
+Recordings that differ in an input, such as speed, become one motion: of each a single cycle is cut out (a stride, not
+two), stretched to the same number of frames, and turned round until it runs in step with the first.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from scipy.interpolate import CubicSpline
+
+from controller.learning.preparation.loops import Seam, close_loop, with_velocities
+from controller.learning.preparation.training_motion import Variant
+from controller.motion.clip import Clip
+from controller.motion.encodings.encoding import Encoding
+from controller.motion.encodings.motion_matching import joint_features
+from controller.motion.rotations import Array
+from motiondeck_base.errors import FileFormatError
+
+SHORTEST_SECONDS = 0.4  # of a cycle
+AS_WELL = 2.0  # the shortest way back that returns as well as the best one, up to this factor, is one cycle
+
+
+def one_cycle(features: Array, rate: float, name: str) -> Seam:
+    """Where a recording is cut to one cycle.
+
+    Args:
+        features: joint positions, shape (T, F).
+        rate: frames per second, Hz.
+        name: of the recording, for the error.
+
+    Raises:
+        FileFormatError: if the recording is shorter than a cycle may be.
+    """
+    seen = with_velocities(features, rate)
+    shortest, longest = round(SHORTEST_SECONDS * rate), len(seen) - 1
+    if longest <= shortest:
+        raise FileFormatError(f"{name}: {len(seen) / rate:.2f} s are too short for a cycle of {SHORTEST_SECONDS} s")
+    found = []
+    for length in range(shortest, longest + 1):
+        apart = np.square(seen[length:] - seen[:-length]).sum(1)
+        start = int(apart.argmin())
+        found.append(Seam(start, start + length, float(np.sqrt(apart[start]))))
+    mismatch = np.array([seam.mismatch for seam in found])
+    dips = [k for k in range(1, len(found) - 1) if mismatch[k] <= min(mismatch[k - 1], mismatch[k + 1])]
+    if not dips:
+        return found[int(mismatch.argmin())]
+    best = float(mismatch[dips].min())
+    return found[next(k for k in dips if mismatch[k] <= AS_WELL * best)]
+
+
+def stretched(loop: Array, frames: int) -> Array:
+    """A loop (P, C) in another number of frames, by a periodic cubic spline, shape (frames, C)."""
+    closed = np.concatenate([loop, loop[:1]])
+    at = np.arange(frames) * (len(loop) / frames)
+    return CubicSpline(np.arange(len(closed)), closed, bc_type="periodic")(at)
+
+
+def steps_behind(loop: Array, reference: Array) -> int:
+    """By how many frames a loop (T, F) has to be rolled forward to run in step with another one (T, F)."""
+    own, other = (np.fft.rfft(a - a.mean(0), axis=0) for a in (loop, reference))
+    return int(np.fft.irfft((other * own.conj()).sum(1), n=len(loop)).argmax())
+
+
+def in_step(encoding: Encoding, clips: Sequence[Clip], values: Sequence[float], rate: float) -> list[Variant]:
+    """One cycle of each of some recordings of a loop, in step with the first and with as many frames.
+
+    Args:
+        encoding: of the channels.
+        clips: of its body, at a rate of `rate` Hz.
+        values: of the input in each recording; without any, the speed of each, m/s.
+        rate: of the clips.
+
+    Returns:
+        The variants in the order of the clips.
+
+    Raises:
+        FileFormatError: if a recording is shorter than a cycle may be.
+    """
+    found: list[Variant] = []
+    reference: Array | None = None
+    for index, clip in enumerate(clips):
+        channels = encoding.encode(clip)
+        cut = one_cycle(joint_features(encoding, channels), rate, clip.name)
+        loop = close_loop(channels, cut, encoding.velocities, rate)
+        seconds, value = len(loop) / rate, values[index] if values else ground_speed(loop)
+        loop = stretched(loop, len(found[0].frames) if found else len(loop))
+        features = joint_features(encoding, loop)
+        reference = features if reference is None else reference
+        found.append(Variant(value, seconds, np.roll(loop, steps_behind(features, reference), axis=0)))
+    return found
+
+
+def ground_speed(channels: Array) -> float:
+    """How fast a body gets along in channels (T, C) of bone directions, m/s."""
+    return float(np.hypot(*channels[:, 2:4].mean(0)))

@@ -1,0 +1,169 @@
+"""Closing a clip, so that a motion can go on for ever or come to rest.
+
+A recording ends; a network must not. A periodic motion is cut where it comes nearest to itself, and what mismatch is
+left there, in value and slope, is shared by both sides of the seam and eased out along a quintic, so that neither
+jumps. A one-shot is eased into a hold after it has ended: the network learns to rest there.
+
+Channels that are velocities (of the path, of the turn) are differences of recorded frames, and noisy. Their values at a
+seam are means over SLOPE_SECONDS, and what both sides share cancels out: a loop turns as far as its recording did.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from controller.motion.quintic import run_out
+from controller.motion.rotations import Array
+
+HOLD_SECONDS = 1.0  # at rest after a one-shot
+EASE_SECONDS = 0.3  # in which a one-shot comes to rest
+SEAM_SECONDS = 0.4  # on either side of a seam, over which the mismatch is eased out
+VELOCITY_SECONDS = 1.0 / 15.0  # what a mismatch in velocity counts: as far as it leads in this time
+SLOPE_SECONDS = 1.0 / 15.0  # over which a slope is measured
+ALIKE = 1e-6  # m: of seams whose mismatches differ by less, the one that keeps most of the recording is taken
+MOST_STARTS = 1200  # that are tried one by one; in longer clips every second or third and so on, then those around
+
+
+@dataclass(frozen=True)
+class Seam:
+    """Where a clip is cut into a loop.
+
+    Attributes:
+        start, end: the loop's first frame, and the one that is nearest to it and is left out.
+        mismatch: of the features between both, velocities included (root of the sum of squares).
+    """
+
+    start: int
+    end: int
+    mismatch: float
+
+
+def best_seam(features: Array, rate: float, *, at_least: float) -> Seam:
+    """Where a clip comes nearest to itself.
+
+    Args:
+        features: what the cut is judged by (joint positions), shape (T, F).
+        rate: frames per second, Hz.
+        at_least: how much of the clip the loop keeps, in (0, 1).
+    """
+    seen = with_velocities(features, rate)
+    frames = len(features)
+    shortest = max(2, int(at_least * frames))
+    stride = max(1, -(-frames // MOST_STARTS))
+    best = _best_of(seen, range(0, frames - shortest, stride), shortest, stride)
+    if stride > 1:
+        near = range(max(0, best.start - stride), min(frames - shortest, best.start + stride + 1))
+        best = _best_of(seen, near, shortest, 1)
+    return best
+
+
+def with_velocities(features: Array, rate: float) -> Array:
+    """Features (T, F) at a rate in Hz, and how far their velocities lead in VELOCITY_SECONDS, shape (T, 2 F)."""
+    return np.concatenate([features, VELOCITY_SECONDS * rate * slopes(features, rate)], axis=1)
+
+
+def farthest_left_out(seen: Array, cut: Seam) -> float:
+    """How far what a loop leaves out of a clip is from the loop, at most.
+
+    Args:
+        seen: features with velocities, shape (T, F).
+        cut: where the loop begins and ends.
+    """
+    stride = max(1, -(-len(seen) // MOST_STARTS))
+    loop = seen[cut.start : cut.end : stride]
+    square, farthest = np.square(loop).sum(1), 0.0
+    for part in (seen[: cut.start : stride], seen[cut.end :: stride]):
+        if len(part):
+            apart = np.square(part).sum(1)[:, None] + square - 2.0 * part @ loop.T
+            farthest = max(farthest, float(apart.min(1).max()))
+    return float(np.sqrt(max(farthest, 0.0)))
+
+
+def slopes(values: Array, rate: float) -> Array:
+    """The change of values (T, C) a frame: differences over SLOPE_SECONDS, of second order at the ends too."""
+    reach = _reach(rate)
+    if len(values) <= 2 * reach:
+        return np.gradient(values, axis=0)
+    near, far = values[reach:], values[2 * reach :]
+    central = far - values[: -2 * reach]
+    first = (4.0 * near - 3.0 * values[:-reach])[:reach] - far[:reach]
+    last = (3.0 * near - 4.0 * values[:-reach])[-reach:] + values[: -2 * reach][-reach:]
+    return np.concatenate([first, central, last]) / (2.0 * reach)
+
+
+def _reach(rate: float) -> int:
+    """How many frames on either side of one a slope is measured over."""
+    return max(1, round(0.5 * SLOPE_SECONDS * rate))
+
+
+def _best_of(seen: Array, starts: range, shortest: int, stride: int) -> Seam:
+    """The best seam that begins at one of some frames; of seams that are alike, the longest loop's."""
+    best, best_rank = Seam(0, len(seen) - 1, np.inf), (np.inf, 0)
+    for start in starts:
+        mismatch = np.sqrt(np.square(seen[start + shortest :: stride] - seen[start]).sum(1))
+        steps = np.rint(mismatch / ALIKE)
+        place = len(steps) - 1 - int(steps[::-1].argmin())
+        length = shortest + stride * place
+        if (rank := (float(steps[place]), -length)) < best_rank:
+            best, best_rank = Seam(start, start + length, float(mismatch[place])), rank
+    return best
+
+
+def close_loop(channels: Array, cut: Seam, velocities: slice, rate: float) -> Array:
+    """The periodic part of a clip.
+
+    Args:
+        channels: the clip, shape (T, C).
+        cut: where the loop begins and ends.
+        velocities: the channels that are velocities.
+        rate: frames per second, Hz.
+
+    Returns:
+        One period, shape (P, C): its frame 0 follows its last one.
+    """
+    loop = channels[cut.start : cut.end].copy()
+    ease = max(1, min(round(SEAM_SECONDS * rate), len(loop) // 2))
+    (value, slope), (end_value, end_slope) = (
+        _course(channels, frame, velocities, rate) for frame in (cut.start, cut.end)
+    )
+    apart, turned = 0.5 * (end_value - value), 0.5 * ease * (end_slope - slope)
+    value_share, slope_share = run_out(np.arange(ease)[:, None] / ease)
+    loop[:ease] += apart * value_share + turned * slope_share
+    value_share, slope_share = run_out(np.arange(1, ease + 1)[:, None] / ease)
+    loop[::-1][:ease] += turned * slope_share - apart * value_share
+    return loop
+
+
+def hold_end(channels: Array, velocities: slice, rate: float) -> Array:
+    """A clip that comes to rest: its frames, an eased stop, a second of still frames.
+
+    Args:
+        channels: the clip, shape (T, C).
+        velocities: the channels that are velocities, zero while resting.
+        rate: frames per second, Hz.
+    """
+    ease = max(2, round(EASE_SECONDS * rate))
+    value, slope = _course(channels, len(channels) - 1, velocities, rate)
+    s = np.arange(1, ease + 1)[:, None] / ease
+    # The slope runs out as (1 - s)^2 (1 + 2 s): what is walked on the way is its integral.
+    way = s - s**3 + 0.5 * s**4
+    stopping = value + slope * ease * way
+    stopping[:, velocities] = value[velocities] * (1.0 - s) ** 2 * (1.0 + 2.0 * s)
+    after = np.repeat(stopping[-1:], round(HOLD_SECONDS * rate), axis=0)
+    after[:, velocities] = 0.0
+    return np.concatenate([channels, stopping, after])
+
+
+def _course(channels: Array, frame: int, velocities: slice, rate: float) -> tuple[Array, Array]:
+    """Value and slope (a frame) of channels (T, C) at a frame; of velocities their mean around it, and no slope.
+
+    The slope is that of the parabola through the frames of SLOPE_SECONDS, at the ends of a clip through the last ones.
+    """
+    count = min(2 * _reach(rate) + 1, len(channels))
+    first = min(max(0, frame - count // 2), len(channels) - count)
+    around = channels[first : first + count]
+    value, slope = channels[frame].copy(), np.polyfit(np.arange(count) + first - frame, around, 2)[1]
+    value[velocities], slope[velocities] = around[:, velocities].mean(0), 0.0
+    return value, slope

@@ -1,0 +1,340 @@
+"""A training recipe: which clips become which motions, and the network that learns them."""
+
+from __future__ import annotations
+
+import re
+import unicodedata
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+from typing import Literal
+
+import msgspec
+
+from controller.learning.centralized.centralized_training import CentralizedRecipe
+from controller.learning.preparation.takes import by_motion, motion_of
+from controller.learning.reservoirs.conceptor_training import ConceptorRecipe
+from controller.learning.reservoirs.echo_state_training import EchoStateRecipe
+from controller.learning.reservoirs.phase_conceptor_training import PhaseRecipe
+from controller.learning.reservoirs.phase_echo_state_training import PhaseEchoStateRecipe
+from controller.learning.reservoirs.phase_training import PhaseDrivenRecipe
+from controller.learning.reservoirs.random_feature_training import RandomFeatureRecipe
+from controller.motion.encodings.joint_angles import how_taught
+from controller.motion.formats.reading import read_clip
+from controller.motion.up_axis import Up
+from motiondeck_base.errors import FileFormatError, MotiondeckError
+from motiondeck_base.toml_file import read_toml, shaped
+
+ReservoirRecipe = ConceptorRecipe | EchoStateRecipe | RandomFeatureRecipe
+"""Networks that run by themselves, as in the thesis."""
+
+CenterRecipe = PhaseRecipe | PhaseEchoStateRecipe | CentralizedRecipe
+"""Networks that centers drive."""
+
+NetworkRecipe = ReservoirRecipe | CenterRecipe
+
+_SATELLITES = 6.0  # per second of the longest clip
+
+NAME = re.compile(r"[A-Za-z0-9][A-Za-z0-9_-]{0,39}")
+"""Names that can be typed at a prompt and in a script."""
+
+_SPELLED = str.maketrans({"ß": "ss", "æ": "ae", "ø": "o", "œ": "oe", "ł": "l", "đ": "d", "ı": "i"})
+
+
+class MotionRecipe(msgspec.Struct, forbid_unknown_fields=True, frozen=True, kw_only=True):
+    """One motion.
+
+    Attributes:
+        file: the recording, relative to the data folder.
+        name: what it is called when it plays; without it, as its file.
+        plays: "loop" is closed and goes on for ever, "once" ends in a pose and holds it.
+        frames: first frame and the one after the last, or the whole recording.
+        skeleton: for an .amc, its .asf, relative to the data folder; without it the one nearby is taken.
+        unit, up, rename: what overrules the file, as in `ReadingOptions`.
+        mirrored: whether left and right are exchanged.
+        takes: further recordings of the same motion. Clips taught to a rig are joined with the first; with an input,
+            they are other values of it.
+        input: the name of an input besides the phase, in which the recordings differ, such as "speed".
+        values: of the input in the recording and in each take; without them, those of "speed" are measured, m/s.
+        people: who made the recording and each take; the motion is then learned in the manner of the first, and the
+            others show what the input does. Without it all recordings count as one person's.
+    """
+
+    file: str
+    name: str = ""
+    plays: Literal["loop", "once"] = "loop"
+    frames: tuple[int, int] | None = None
+    skeleton: str | None = None
+    unit: float | None = None
+    up: Up | None = None
+    rename: dict[str, str] = msgspec.field(default_factory=dict[str, str])
+    mirrored: bool = False
+    takes: tuple[str, ...] = ()
+    input: str = ""
+    values: tuple[float, ...] = ()
+    people: tuple[str, ...] = ()
+
+
+class LibraryRecipe(msgspec.Struct, forbid_unknown_fields=True, frozen=True, kw_only=True):
+    """A motion library to be trained.
+
+    Attributes:
+        motions: what it learns.
+        name: of the library; without it, as the recipe's file.
+        network: its kind and parameters; without it, the one that learns motions nobody tuned for.
+        body: the recording whose own skeleton all motions are carried to; without it, the canonical body with the
+            proportions of the first recording.
+        rate: frames per second that recordings are brought to, Hz; without it that of the recordings, or 120 Hz where
+            they differ.
+        encoding: what the channels of the network are; joint rotations keep the twist of bones.
+        as_recorded: learn the recordings as they are, each on its own body, no loop closed and no end held; the first
+            frames, as many as the washout, only lead in. This is what the thesis does.
+        loop_keeps: the least share of a recording that its loop keeps.
+        seeds: tried in turn until every motion passes the self-test.
+        licence, acknowledgement: of the recordings; they go into the library.
+    """
+
+    motions: list[MotionRecipe]
+    name: str = ""
+    network: NetworkRecipe = msgspec.field(default_factory=PhaseRecipe)
+    body: str = ""
+    rate: float | None = None
+    encoding: Literal["bone directions", "joint rotations"] = "bone directions"
+    as_recorded: bool = False
+    loop_keeps: float = 0.6
+    seeds: list[int] = msgspec.field(default_factory=lambda: [0, 1, 2, 3, 4])
+    licence: str = "unknown"
+    acknowledgement: str = ""
+
+
+def read_recipe(path: Path, data: Path | None = None) -> LibraryRecipe:
+    """The recipe in a TOML file.
+
+    Args:
+        path: of the recipe.
+        data: the folder of its recordings, if they are to be there.
+
+    Raises:
+        FileFormatError: one line for each problem that names the file, the key and what is allowed.
+    """
+    recipe = read_toml(path, LibraryRecipe)
+    motions = [
+        one if one.name else msgspec.structs.replace(one, name=typeable(Path(one.file).stem)) for one in recipe.motions
+    ]
+    return check_recipe(msgspec.structs.replace(recipe, name=recipe.name or path.stem, motions=motions), path, data)
+
+
+def typeable(text: str) -> str:
+    """The name nearest to a text that can be typed at a prompt and in a script; letters lose their accents."""
+    text = unicodedata.normalize("NFKD", text.translate(_SPELLED))
+    text = "".join(letter for letter in text if not unicodedata.combining(letter))
+    return re.sub(r"[^A-Za-z0-9_-]+", "-", text).strip("-_")[-40:].lstrip("-_") or "motion"
+
+
+def warnings(recipe: LibraryRecipe) -> list[str]:
+    """What a recipe lacks without which it can be trained."""
+    if recipe.licence.strip().lower() not in ("", "unknown"):
+        return []
+    return ["no licence of the recordings is given, so nobody may pass the library on: set licence in the recipe"]
+
+
+def gesture_recipe(name: str, clips: Sequence[Path], trim: bool = True) -> LibraryRecipe:
+    """The recipe for a library of clips taught to a rig by hand, each a motion or a take of one (`takes.by_motion`).
+
+    A centralized network, because its state is a place on a closed curve: nothing can lead it away, and servos follow.
+
+    Args:
+        name: of the library.
+        clips: taught to a rig.
+        trim: whether only the part of a loop is learned that comes back to its start best, or all of it.
+
+    Raises:
+        FileFormatError: if a name cannot be typed or is used twice, a clip cannot be read, or clips are of different
+            joints; it names them.
+    """
+    motions = [
+        MotionRecipe(
+            name=motion_of(takes[0]),
+            file=str(takes[0]),
+            plays=how_taught(takes[0]),
+            takes=tuple(map(str, takes[1:])),
+        )
+        for takes in by_motion(clips)
+    ]
+    recorded = [read_clip(clip) for clip in clips]
+    expected = recorded[0].skeleton.bones
+    for path, clip in zip(clips, recorded, strict=True):
+        lacking = [name for name in expected if name not in clip.skeleton.bones]
+        besides = [name for name in clip.skeleton.bones if name not in expected]
+        if lacking or besides:
+            differences = [f"lacks {', '.join(lacking)}"] * bool(lacking) + [f"has also {', '.join(besides)}"] * bool(
+                besides
+            )
+            raise FileFormatError(
+                f"{path}: beside {clips[0]} it {' and '.join(differences)}; the clips of one library need the same "
+                "joints. Teach them anew with one rig file, or make a library of each."
+            )
+    longest = max(clip.duration for clip in recorded)
+    return check_recipe(
+        LibraryRecipe(
+            name=name,
+            network=CentralizedRecipe(satellites=max(60, round(_SATELLITES * longest))),
+            motions=motions,
+            body=str(clips[0]),
+            loop_keeps=0.6 if trim else 1.0,
+            licence="Taught by hand: yours.",
+        ),
+        clips[0].parent,
+    )
+
+
+def recipe_of(tree: object, path: Path) -> LibraryRecipe:
+    """The recipe that a library was trained from, out of its header.
+
+    Raises:
+        FileFormatError: if there is none in it.
+    """
+    return check_recipe(shaped(tree, LibraryRecipe, f"{path} (its recipe)"), path)
+
+
+def check_name(name: str, path: Path) -> None:
+    """Refuses a name that cannot be typed at a prompt or in a script.
+
+    Raises:
+        FileFormatError: it names the file.
+    """
+    if not NAME.fullmatch(name):
+        raise FileFormatError(f"{path}: motion '{name}' cannot be typed; use letters, digits, - and _ (at most 40)")
+
+
+def check_recipe(recipe: LibraryRecipe, path: Path, data: Path | None = None) -> LibraryRecipe:
+    """The recipe itself, if its names and numbers make sense, and its files are in the data folder, if one is given.
+
+    Raises:
+        FileFormatError: if they do not; one line for each problem, with the path and what is allowed.
+    """
+    problems = [*_motion_problems(recipe), *_network_problems(recipe)]
+    problems += [] if data is None else _missing_files(recipe, data)
+    if problems:
+        raise FileFormatError.listing(str(path), problems)
+    return recipe
+
+
+def require_sizes(network: NetworkRecipe) -> None:
+    """Refuses sizes and scales that no network can have.
+
+    Raises:
+        MotiondeckError: it names the first.
+    """
+    if not isinstance(network, NetworkRecipe):  # what pyright sees, a user's script does not
+        raise MotiondeckError(f"a recipe such as ConceptorRecipe() is needed, not {network!r}")
+    for problem in _size_problems(network):
+        raise MotiondeckError(problem)
+
+
+def find_recording(data: Path, file: str) -> Path:
+    """A recording below the data folder, or directly in it.
+
+    Raises:
+        FileFormatError: if it is in neither.
+    """
+    for path in (data / file, data / Path(file).name):
+        if path.exists():
+            return path
+    raise FileFormatError(f"{data / file}: there is no such file; --data is the folder that holds the recordings")
+
+
+def _missing_files(recipe: LibraryRecipe, data: Path) -> Iterator[str]:
+    """The files of a recipe that are not in the data folder."""
+    files = [file for motion in recipe.motions for file in (motion.file, motion.skeleton, *motion.takes)]
+    for file in dict.fromkeys([*files, recipe.body]):
+        try:
+            if file:
+                find_recording(data, file)
+        except FileFormatError as error:
+            yield str(error)
+
+
+def _motion_problems(recipe: LibraryRecipe) -> Iterator[str]:
+    """What is wrong with a recipe's motions and with how they are prepared."""
+    names = [motion.name for motion in recipe.motions]
+    if not names:
+        yield "there are no [[motions]] in it"
+    for name in sorted({name for name in names if names.count(name) > 1}):
+        yield f"two motions are called '{name}'"
+    for name in dict.fromkeys(names):
+        if not NAME.fullmatch(name):
+            yield f"motion '{name}' cannot be typed; use letters, digits, - and _ (at most 40)"
+    for motion in recipe.motions:
+        first, end = motion.frames or (0, 1)
+        if not 0 <= first < end:
+            yield f"motion '{motion.name}': frames is [{first}, {end}]; give the first one and the one after the last"
+        yield from _input_problems(motion, recipe)
+    if not recipe.seeds or min(recipe.seeds) < 0:
+        yield f"seeds is {recipe.seeds}; give at least one whole number, none below 0"
+    if not 0.1 <= recipe.loop_keeps <= 1.0:
+        yield f"loop_keeps is {recipe.loop_keeps}; it lies between 0.1 and 1"
+    if recipe.rate is not None and not 10.0 <= recipe.rate <= 1000.0:
+        yield f"rate is {recipe.rate}; it lies between 10 and 1000 Hz"
+
+
+def _input_problems(motion: MotionRecipe, recipe: LibraryRecipe) -> Iterator[str]:
+    """What is wrong with the input of a motion."""
+    if not motion.input:
+        for key in ("values", "people"):
+            if getattr(motion, key):
+                yield f"motion '{motion.name}' has {key}, but no input"
+        return
+    if not NAME.fullmatch(motion.input):
+        yield f"input '{motion.input}' cannot be typed; use letters, digits, - and _ (at most 40)"
+    if not isinstance(recipe.network, PhaseDrivenRecipe):
+        yield f"motion '{motion.name}' has an input, which only phase-driven networks can have"
+    if motion.plays != "loop" or not motion.takes:
+        yield f"motion '{motion.name}' has an input; it has to be a loop with takes, which are its other values"
+    many = 1 + len(motion.takes)
+    if not motion.values and motion.input != "speed":
+        yield f"give the values of '{motion.input}' in the {many} recordings of motion '{motion.name}'"
+    different = 2 if motion.people else many  # people may be recorded at the same value
+    if motion.values and not (len(motion.values) == many and len(set(motion.values)) >= different):
+        yield f"motion '{motion.name}' has {many} recordings, which need as many values, {different} of them different"
+    if motion.people and len(motion.people) != many:
+        yield f"motion '{motion.name}' has {many} recordings; give as many people, the first that it is to be like"
+
+
+def _size_problems(network: NetworkRecipe) -> Iterator[str]:
+    """Values of another type than the recipe's, which only a script can give, and sizes and scales out of range."""
+    try:
+        msgspec.convert(msgspec.to_builtins(network), type(network))
+    except msgspec.ValidationError as error:
+        yield f"{type(network).__name__}: {error}"
+        return
+    for field in network.__struct_fields__:
+        value = getattr(network, field)
+        if isinstance(value, bool) or not isinstance(value, int | float):
+            continue
+        least = 0 if field.endswith(("noise", "wrong_starts")) else 1 if isinstance(value, int) else 1e-9
+        most = 20_000 if field in {"neurons", "features"} else 1.0 if field == "leak" else 1e6
+        if not least <= value <= most:
+            yield f"network.{field} is {value}; it lies between {least} and {most}"
+
+
+def _network_problems(recipe: LibraryRecipe) -> Iterator[str]:
+    """Sizes and scales that no network can have, and settings that its kind does not know."""
+    network = recipe.network
+    yield from _size_problems(network)
+    if isinstance(network, CenterRecipe) and recipe.as_recorded:
+        yield "as_recorded is for networks that run by themselves; centers need closed loops and ends that hold"
+    if isinstance(network, ConceptorRecipe):
+        for name, aperture in network.apertures.items():
+            if all(name != motion.name for motion in recipe.motions):
+                yield f"network.apertures names '{name}', which is not one of its motions"
+            if not 0.0 < aperture <= 1e6:
+                yield f"the aperture of '{name}' is {aperture}; it lies between 0 and 1e6"
+    if isinstance(network, RandomFeatureRecipe):
+        if network.features_each > network.features:
+            yield f"network.features_each is {network.features_each}, but network.features is {network.features}"
+        # A feature's energy is hardly ever above 1, so a step of the rule in `conceive` shrinks what c is off by.
+        if network.aperture > 0.0 and network.learning_rate * (1.0 + network.aperture**-2) >= 1.0:
+            yield (
+                f"network.learning_rate = {network.learning_rate} is too large for network.aperture = "
+                f"{network.aperture}: learning_rate * (1 + aperture^-2) has to stay below 1; learn slower or open wider"
+            )

@@ -1,0 +1,98 @@
+"""Recognition of a body while it moves: poses come at any pace, and a saved recognizer says which motion they show."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from controller.learning.recognition.features import POSITION_UNIT, VELOCITY_UNIT, still_features
+from controller.learning.recognition.frame_times import FrameTimes
+from controller.learning.recognition.online_recognizer import OnlineRecognizer
+from controller.learning.recognition.recognizer import Recognizer
+from controller.motion.clip import Clip
+from controller.motion.rotations import Array
+from controller.motion.skeleton import Skeleton
+
+STEADY = 0.06  # s for which a verdict must have been the same before it is told
+
+
+class BodyRecognizer:
+    """Says of a body of B bones which of a recognizer's motions it does.
+
+    Args:
+        recognizer: trained on recordings of whatever bodies.
+        skeleton: of the body that is looked at.
+
+    Attributes:
+        seen: the motion that has been the verdict for STEADY seconds, or None while nothing is sure.
+        online: the verdict of the last frame.
+
+    Raises:
+        MotiondeckError: if the skeleton lacks a joint that the recognizer looks at.
+    """
+
+    def __init__(self, recognizer: Recognizer, skeleton: Skeleton) -> None:
+        self._recipe, self._skeleton = recognizer.recipe, skeleton
+        self.online = OnlineRecognizer(recognizer.bank, recognizer.threshold, recognizer.recipe.rate)
+        self._times = FrameTimes(recognizer.recipe.rate)
+        self._frame: Array | None = None
+        # The last pose and this one.
+        self._root, self._rotation = np.zeros((2, 3)), np.zeros((2, 1 + len(skeleton), 4))
+        self._rotation[..., 0] = 1.0
+        self._still()  # names a joint that is missing, before anything moves
+        self._begun = False
+        self._verdict: str | None = None
+        self._steady = 0.0
+        self.seen: str | None = None
+
+    @property
+    def motions(self) -> tuple[str, ...]:
+        """What can be seen."""
+        return self.online.classes
+
+    @property
+    def confidence(self) -> float:
+        """How much smaller the best expert's error is than the second's, in [0, 1)."""
+        return self.online.confidence
+
+    def update(self, root_position: Array, rotation: Array, dt: float) -> str | None:
+        """Takes the pose dt >= 0 seconds after the last one; what is `seen` then.
+
+        A frame for the experts is read between two poses where it is due, linearly. A pose with a number that is not
+        finite is left out, and the time it stands for with it.
+
+        Args:
+            root_position: shape (3,), m.
+            rotation: of the root and of each bone in the world, shape (1 + B, 4).
+            dt: s.
+        """
+        if not (np.isfinite(root_position).all() and np.isfinite(rotation).all()):
+            self.online.skipped += 1
+            return self.seen
+        self._root[0], self._rotation[0] = self._root[1], self._rotation[1]
+        self._root[1], self._rotation[1] = root_position, rotation
+        if not self._begun:
+            self._begun = True
+            self._take(self._still()[1])
+            return self.seen
+        still: Array | None = None
+        for share in self._times.due(dt):
+            if still is None:
+                still = self._still()
+            self._take((1.0 - share) * still[0] + share * still[1])
+        return self.seen
+
+    def _still(self) -> Array:
+        """The features of the last two poses, without velocities, shape (2, C)."""
+        return still_features(Clip("now", self._skeleton, 1.0, self._root, self._rotation), self._recipe)
+
+    def _take(self, frame: Array) -> None:
+        """Hands a frame at the recognizer's rate, without velocities, to the experts."""
+        before = self._frame if self._frame is not None else frame
+        self._frame = frame
+        if self._recipe.velocity:
+            frame = np.concatenate([frame, (frame - before) * (self._recipe.rate * POSITION_UNIT / VELOCITY_UNIT)])
+        self.online.update(frame)
+        verdict = self.online.motion if self.online.known else None
+        self._steady = self._steady + 1.0 / self._recipe.rate if verdict == self._verdict else 0.0
+        self._verdict = verdict
+        self.seen = verdict if self._steady >= STEADY else None

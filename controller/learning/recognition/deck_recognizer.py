@@ -1,0 +1,115 @@
+"""Recognition on a robot: experts on its own joint angles, trained on its own library.
+
+There is one body only, and its joints have no angles that flip, so what fails across people works here as it stands:
+the measured joint positions are the features.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from controller.deck.interfaces import Retargeter
+from controller.deck.tracks.frame_player import FramePlayer
+from controller.learning.recognition.expert_bank import ExpertBank, teach
+from controller.learning.recognition.experts import ExpertRecipe
+from controller.learning.recognition.features import ANGLE_UNIT
+from controller.learning.recognition.frame_times import FrameTimes
+from controller.learning.recognition.online_recognizer import OnlineRecognizer
+from controller.library.motion_library import MotionLibrary
+from controller.motion.posture import Pose, walk_path
+from controller.motion.rotations import Array
+from motiondeck_base.errors import MotiondeckError
+
+RATE = 30.0  # Hz
+LOOPS = 2.0  # a loop is learned for this many times its length
+THRESHOLD = 0.3
+MEMORY = 0.1  # s; a longer one sees a switch later and nothing better
+
+# On one body single frames tell motions apart; a reservoir that forgets fast settles sooner after a switch.
+EXPERTS = ExpertRecipe(leak=1.0)
+
+
+def joint_motions(library: MotionLibrary, retarget: Retargeter, rate: float = RATE) -> dict[str, Array]:
+    """The joint targets of each motion of a library as its network plays them, shape (T, J), rad, at a rate in Hz."""
+    player = FramePlayer(library.network.twin(), library.info.rate)
+    out: dict[str, Array] = {}
+    for motion in library.info.motions:
+        player.cue(motion.name)
+        seconds = motion.frames / library.info.rate * (LOOPS if motion.plays == "loop" else 1.0)
+        channels = np.array([player.step(1.0 / rate).copy() for _ in range(max(4, round(seconds * rate)))])
+        pose = walk_path(library.encoding.decode(channels), 1.0 / rate)
+        moments = zip(pose.root_position, pose.heading, pose.rotation, strict=True)
+        out[motion.name] = np.array([retarget(Pose(*moment)).copy() for moment in moments])
+    return out
+
+
+def unwind(joints: Array, balls: NDArray[np.int64]) -> None:
+    """Replaces the rotation vectors of ball joints, v = angle axis, by sin(angle) axis, in place.
+
+    A rotation has many rotation vectors, whole turns apart, and on which of them a joint is hangs on where it has been;
+    this is the same for all of them, and smooth.
+
+    Args:
+        joints: shape (..., J), rad.
+        balls: which of them are rotation vectors, shape (N, 3).
+    """
+    if len(balls):
+        vectors = joints[..., balls]
+        joints[..., balls] = vectors * np.sinc(np.linalg.norm(vectors, axis=-1, keepdims=True) / np.pi)
+
+
+def teach_joints(motions: dict[str, Array], recipe: ExpertRecipe = EXPERTS) -> ExpertBank:
+    """Experts on joint positions (T, J), rad, with ball joints unwound.
+
+    Raises:
+        MotiondeckError: if there are fewer than two motions to tell apart.
+    """
+    if len(motions) < 2:
+        raise MotiondeckError("a library of one motion leaves nothing to recognize")
+    signals = [joints / ANGLE_UNIT for joints in motions.values()]
+    return teach(recipe, signals, list(motions))
+
+
+class JointWatcher:
+    """Takes measured joints at any pace and keeps an online recognizer fed at its own rate.
+
+    Args:
+        bank: experts on joint positions; see `teach_joints`.
+        rate: frames per second of their training, Hz.
+        threshold: the margin below which nothing is claimed.
+
+    Attributes:
+        recognizer: what is seen.
+    """
+
+    def __init__(self, bank: ExpertBank, rate: float = RATE, threshold: float = THRESHOLD) -> None:
+        self.recognizer = OnlineRecognizer(bank, threshold, rate, MEMORY)
+        self._times = FrameTimes(rate)
+        self._before: Array | None = None
+        self._frame = np.zeros(self.recognizer.channels)
+        self._scaled = np.zeros(self.recognizer.channels)
+
+    def update(self, joints: Array, dt: float) -> None:
+        """Takes the joints (J,), rad, measured dt >= 0 seconds after the last ones.
+
+        A frame for the recognizer is read between two measurements where it is due, linearly. A measurement with a
+        number that is not finite is left out, and the time it stands for with it.
+        """
+        if not np.isfinite(joints).all():
+            self.recognizer.skipped += 1
+            return
+        if self._before is None:
+            self._before = np.array(joints, dtype=np.float64)
+            self._take(self._before)
+            return
+        for share in self._times.due(dt):
+            np.multiply(self._before, 1.0 - share, out=self._frame)
+            np.multiply(joints, share, out=self._scaled)
+            self._frame += self._scaled
+            self._take(self._frame)
+        self._before[:] = joints
+
+    def _take(self, joints: Array) -> None:
+        np.multiply(joints, 1.0 / ANGLE_UNIT, out=self._scaled)
+        self.recognizer.update(self._scaled)

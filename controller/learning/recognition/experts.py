@@ -1,0 +1,223 @@
+"""Echo-state experts: one readout a motion, which predicts the next frame of it (Rodriguez 2012, section 4).
+
+A reservoir without input is forced along the motion that is to be recognized (teacher forcing):
+
+    x(t+1) = (1 - a) x(t) + a tanh(W x(t) + W_back y(t) + b)
+    y_m(t) = W_m x(t),      e_m = mean over t of |y(t) - y_m(t)|^2
+
+Expert m was trained on motion m, so the expert that errs least names the motion. All experts share one reservoir, which
+is therefore driven once, and their readouts are ridge regressions from the moments X'X and X'Y that each class keeps: a
+clip or a class is added without touching the others.
+
+Some experts are better guessers than others, whatever they see. So each is judged against itself: its log error less
+the mean over all classes of its log error on their training motions ("centred"). The moments know those errors too.
+
+An expert may be a committee: the neurons are split into groups, each with a readout of its own, and the logarithm of
+the error is averaged over groups and joints. One group's chance errors are averaged out, and a joint that hardly moves
+counts as much as one that swings. That tells known motions from unknown ones better (docs/recognition.md).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+from functools import reduce
+from operator import add
+
+import msgspec
+import numpy as np
+from scipy.linalg import cho_factor, cho_solve
+
+from controller.motion.rotations import Array
+from controller.networks.reservoirs.reservoir import Reservoir, drive, random_reservoir
+from motiondeck_base.errors import MotiondeckError
+
+SMALLEST_ERROR = 1e-12
+A_JOINT = 3  # channels: a position, or a velocity
+COMMITTEE_DOUBT = 0.1
+STRETCHES = (0.5, 0.7, 1.0, 1.4, 2.0)  # durations at which motions are learned, so that they are known at all between
+STRETCHED_LEAK = 1.0  # neurons without a time constant of their own suit motions that are learned at several durations
+WASHOUT_SHARE = 3  # no more than a third of a clip is spent on washing the reservoir's start out
+
+
+class ExpertRecipe(msgspec.Struct, forbid_unknown_fields=True, frozen=True, kw_only=True):
+    """How experts are made.
+
+    Attributes:
+        neurons: N.
+        spectral_radius: of W.
+        input_scale: of W_back for three channels; it shrinks with the square root of their number.
+        bias_scale: of b.
+        leak: a, in (0, 1].
+        ridge: relative to the mean diagonal of X'X.
+        washout: frames that are not counted, at most a third of a clip.
+        seed: of the reservoir.
+        groups: into how many groups the neurons are split; those left over are not read.
+    """
+
+    neurons: int = 100
+    spectral_radius: float = 0.8
+    input_scale: float = 0.5
+    bias_scale: float = 0.2
+    leak: float = 0.3
+    ridge: float = 0.1
+    washout: int = 5
+    seed: int = 1
+    groups: int = 1
+
+    def together(self, channels: int) -> int:
+        """How many neighbouring channels are judged together: all, or those of a joint by a committee."""
+        return A_JOINT if self.groups > 1 and channels % A_JOINT == 0 else channels
+
+    @property
+    def doubt(self) -> float:
+        """The share of the best cost that is taken from the margin: experts predict an unknown motion badly."""
+        return COMMITTEE_DOUBT if self.groups > 1 else 0.0
+
+    def __post_init__(self) -> None:
+        if not 1 <= self.groups <= max(self.neurons, 1):
+            raise MotiondeckError("experts need at least one group, and a neuron in each")
+        if self.neurons < 1 or self.washout < 0 or self.seed < 0:
+            raise MotiondeckError("experts need at least one neuron, and washout and seed must not be negative")
+        if not (0.0 < self.leak <= 1.0 and 0.0 < self.ridge < 1e6 and 0.0 <= self.spectral_radius < 10.0):
+            raise MotiondeckError("experts need a leak in (0, 1], a positive ridge, and a spectral radius below 10")
+
+
+def committee_recipe(
+    stretches: Sequence[float] = STRETCHES, *, neurons: int = 200, groups: int = 8, seed: int = 1
+) -> ExpertRecipe:
+    """How experts of people's recordings are made, unless other things are asked for."""
+    leak = STRETCHED_LEAK if len(set(stretches)) > 1 else ExpertRecipe().leak
+    return ExpertRecipe(neurons=neurons, groups=groups, seed=seed, leak=leak)
+
+
+def expert_reservoir(recipe: ExpertRecipe, channels: int) -> Reservoir:
+    """The reservoir that all experts of a recipe share."""
+    return random_reservoir(
+        recipe.neurons,
+        channels,
+        spectral_radius=recipe.spectral_radius,
+        input_scale=recipe.input_scale * float(np.sqrt(3.0 / channels)),
+        bias_scale=recipe.bias_scale,
+        rng=np.random.default_rng(recipe.seed),
+        leak=recipe.leak,
+    )
+
+
+@dataclass(frozen=True)
+class Forced:
+    """A motion forced through the reservoir: what it knew, and what came next.
+
+    Attributes:
+        states: x(t), which has seen y up to t - 1, shape (T', N).
+        targets: y(t), shape (T', C).
+    """
+
+    states: Array
+    targets: Array
+
+
+def force(reservoir: Reservoir, signals: list[Array], washout: int) -> list[Forced]:
+    """Teacher-forces signals (T_j, C); the washout of a short one is cut to a third of it.
+
+    Raises:
+        MotiondeckError: if a signal has fewer than two frames or a number that is not finite.
+    """
+    for number, signal in enumerate(signals):
+        if len(signal) < 2:
+            raise MotiondeckError(f"motion {number}: {len(signal)} frames; nothing can be predicted from less than 2")
+        if not np.isfinite(signal).all():
+            raise MotiondeckError(f"motion {number}: its features hold a number that is not finite")
+    driven = drive(reservoir, [signal[:-1] for signal in signals])
+    out: list[Forced] = []
+    for states, signal in zip(driven, signals, strict=True):
+        first = min(washout, len(states) // WASHOUT_SHARE)
+        out.append(Forced(states[first:], signal[1 + first :]))
+    return out
+
+
+@dataclass(frozen=True)
+class Moments:
+    """What readouts need to know of some motions, to be trained on them or judged by them.
+
+    Attributes:
+        xx: sum of x x', shape (N, N).
+        xy: sum of x y', shape (N, C).
+        yy: sum of y^2, shape (C,).
+        count: how many numbers y were summed, C a frame.
+    """
+
+    xx: Array
+    xy: Array
+    yy: Array
+    count: float
+
+    def __add__(self, other: Moments) -> Moments:
+        return Moments(self.xx + other.xx, self.xy + other.xy, self.yy + other.yy, self.count + other.count)
+
+
+def moments(forced: Forced) -> Moments:
+    """The moments of one motion."""
+    x, y = forced.states, forced.targets
+    return Moments(x.T @ x, x.T @ y, np.square(y).sum(0), float(y.size))
+
+
+def total(of: Iterable[Moments]) -> Moments:
+    """The moments of several motions together (at least one)."""
+    return reduce(add, of)
+
+
+def readout(of: Moments, ridge: float) -> Array:
+    """W_m, shape (C, N); ridge is relative to the mean diagonal of X'X."""
+    neurons = len(of.xx)
+    regularised = of.xx + np.eye(neurons) * max(ridge * float(np.trace(of.xx)) / neurons, 1e-12)
+    return cho_solve(cho_factor(regularised), of.xy).T
+
+
+def group_readouts(of: Moments, recipe: ExpertRecipe) -> Array:
+    """The readouts of one class, a group each, shape (G, C, N / G)."""
+    size = recipe.neurons // recipe.groups
+    parts = [slice(size * group, size * (group + 1)) for group in range(recipe.groups)]
+    return np.stack([readout(Moments(of.xx[p, p], of.xy[p], of.yy, of.count), recipe.ridge) for p in parts])
+
+
+def frame_errors(readouts: Array, forced: Forced, together: int) -> Array:
+    """The squared errors of each expert, by groups and joints, shape (T', M, K).
+
+    Args:
+        readouts: shape (M, G, C, N / G).
+        forced: the motion.
+        together: how many neighbouring channels are averaged; see `ExpertRecipe.together`.
+    """
+    experts, groups, channels, size = readouts.shape
+    found = np.empty((len(forced.states), experts, groups, channels // together))
+    for group in range(groups):
+        guess = forced.states[:, size * group : size * (group + 1)] @ readouts[:, group].reshape(-1, size).T
+        off = guess.reshape(-1, experts, channels) - forced.targets[:, None]
+        found[:, :, group] = np.square(off, out=off).reshape(*off.shape[:2], -1, together).mean(-1)
+    return found.reshape(*found.shape[:2], -1)
+
+
+def log_errors(readouts: Array, forced: list[Forced], together: int) -> Array:
+    """The logarithm of each expert's mean squared error on each motion, shape (motions, M).
+
+    Of a committee the mean over groups and joints.
+    """
+    means = np.array([frame_errors(readouts, f, together).mean(0) for f in forced])
+    return np.log(np.maximum(means, SMALLEST_ERROR)).mean(-1)
+
+
+def mean_errors(readouts: Array, of: Moments, together: int) -> Array:
+    """The mean squared errors of one expert's readouts (G, C, N / G) on the motions behind some moments, shape (K,)."""
+    groups, channels, size = readouts.shape
+    found = np.empty((groups, channels))
+    for group, weights in enumerate(readouts):
+        own = slice(size * group, size * (group + 1))
+        found[group] = of.yy - 2.0 * (weights * of.xy[own].T).sum(1) + ((weights @ of.xx[own, own]) * weights).sum(1)
+    found *= channels / of.count
+    return np.maximum(found.reshape(groups, -1, together).mean(-1).ravel(), SMALLEST_ERROR)
+
+
+def centre(readouts: Array, classes: Sequence[Moments], together: int) -> Array:
+    """What each expert's log error is on the average class, shape (M,): how good a guesser it is, whatever it sees."""
+    return np.log([[mean_errors(own, of, together) for of in classes] for own in readouts]).mean((1, 2))

@@ -1,0 +1,153 @@
+"""What a recognizer looks at: numbers made of a clip that mean the same for every person.
+
+The angles of a recording do not: they flip between equivalent triples and hang on how the markers sat. Joint positions,
+seen from the root and turned into the body's heading, do; see docs/recognition.md for the figures.
+"""
+
+from __future__ import annotations
+
+import contextlib
+from collections.abc import Sequence
+from typing import Literal
+
+import msgspec
+import numpy as np
+
+from controller.motion.canonical.canonical_body import to_canonical
+from controller.motion.clip import Clip
+from controller.motion.rotations import Array, conjugate, multiply, normalise, rotate, to_rotation_vector, yaw
+from motiondeck_base.errors import FileFormatError, MotiondeckError
+
+# Fourteen joints that show what a body does; each name is the bone that ends there.
+JOINTS = tuple(side + bone for bone in ("femur", "tibia", "foot", "humerus", "radius", "wrist") for side in "lr")
+JOINTS = (*JOINTS, "thorax", "head")
+# The same joints of the canonical body, which every recording of a human has.
+_ENDS = {"femur": "kne", "tibia": "ank", "foot": "foo", "humerus": "elb", "radius": "wri", "wrist": "han"}
+CANONICAL = {side + bone: side + end for bone, end in _ENDS.items() for side in "lr"} | {
+    "thorax": "neck",
+    "head": "head",
+}
+ENDS = ("lfoot", "rfoot", "lwrist", "rwrist", "head")
+
+# A step of this much makes 1: an arm's swing and an arm's speed then weigh alike.
+POSITION_UNIT = 0.3  # m
+VELOCITY_UNIT = 2.25  # m/s
+ANGLE_UNIT = 0.5  # rad
+
+
+class FeatureRecipe(msgspec.Struct, forbid_unknown_fields=True, frozen=True, kw_only=True):
+    """Which features.
+
+    Attributes:
+        kind: "positions" of joints, or "rotations" of bones against their parents (rotation vectors).
+        joints: the bones whose ends are looked at; empty takes the fourteen of JOINTS where the skeleton has them,
+            else all.
+        heading: whether positions are turned into the body's heading.
+        height: whether the root's height above the ground is a channel.
+        velocity: whether the velocity of each channel is one too.
+        rate: frames per second that are looked at, Hz.
+    """
+
+    kind: Literal["positions", "rotations"] = "positions"
+    joints: tuple[str, ...] = ()
+    heading: bool = True
+    height: bool = False
+    velocity: bool = True
+    rate: float = 30.0
+
+    def __post_init__(self) -> None:
+        if not (np.isfinite(self.rate) and 1.0 <= self.rate <= 1000.0):
+            raise MotiondeckError(f"a feature rate of {self.rate:g} Hz is not between 1 and 1000")
+
+
+def joints_of(bones: tuple[str, ...]) -> tuple[str, ...]:
+    """The joints looked at when a recipe names none."""
+    return JOINTS if set(JOINTS) <= set(bones) else bones
+
+
+def common_joints(clips: Sequence[Clip]) -> tuple[str, ...]:
+    """The joints looked at in recordings of several kinds: their own where they share them, else the canonical ones."""
+    bones = [clip.skeleton.bones for clip in clips]
+    if all(set(JOINTS) <= set(own) for own in bones) or all(set(own) == set(bones[0]) for own in bones):
+        return joints_of(bones[0])
+    return tuple(CANONICAL[joint] for joint in JOINTS)
+
+
+def features(clip: Clip, recipe: FeatureRecipe, stretch: float = 1.0) -> Array:
+    """The features of a clip, shape (frames at the recipe's rate, channels).
+
+    A clip that lacks the recipe's joints is looked at on the canonical body, which has the same ones.
+
+    Args:
+        clip: what is looked at.
+        recipe: which features.
+        stretch: as if the motion took that many times as long (time warp).
+
+    Raises:
+        MotiondeckError: if the skeleton lacks a joint of the recipe; it names both.
+    """
+    base = resampled(still_features(clip, recipe), clip.rate / stretch, recipe.rate)
+    return with_velocity(base, recipe.rate) if recipe.velocity else base
+
+
+def still_features(clip: Clip, recipe: FeatureRecipe) -> Array:
+    """The features of each frame of a clip by itself, shape (T, channels without velocities); see `features`."""
+    joints = recipe.joints or joints_of(clip.skeleton.bones)
+    if not set(joints) <= set(clip.skeleton.bones):
+        with contextlib.suppress(FileFormatError):
+            own, canonical = to_canonical(clip), tuple(CANONICAL.get(joint, joint) for joint in joints)
+            if set(canonical) <= set(own.skeleton.bones):
+                clip, joints = own, canonical
+    missing = [joint for joint in joints if joint not in clip.skeleton.bones]
+    if missing:
+        raise MotiondeckError(
+            f"{clip.source or clip.name}: skeleton '{clip.skeleton.name}' has no bone {', '.join(missing[:4])}, which "
+            f"the features need (it has: {', '.join(clip.skeleton.bones[:6])}, ...). Train with this kind of skeleton."
+        )
+    index = [clip.skeleton.index(joint) for joint in joints]
+    if recipe.kind == "positions":
+        base = _positions(clip, index, recipe.heading) / POSITION_UNIT
+    else:
+        base = _rotations(clip, index) / ANGLE_UNIT
+    if recipe.height:
+        base = np.column_stack([base, clip.root_position[:, 2] / POSITION_UNIT])
+    return base
+
+
+def with_velocity(base: Array, rate: float) -> Array:
+    """Channels and their velocities, shape (T, 2 C); the first frame's velocity repeats the second's."""
+    if len(base) < 2:
+        return np.concatenate([base, np.zeros_like(base)], axis=1)
+    velocity = np.diff(base, axis=0, prepend=base[:1]) * (rate * POSITION_UNIT / VELOCITY_UNIT)
+    velocity[0] = velocity[1]
+    return np.concatenate([base, velocity], axis=1)
+
+
+def resampled(frames: Array, rate: float, wanted: float) -> Array:
+    """Frames (T, C) at one rate, read at another one (linearly between frames); the first frame stays the first."""
+    at = np.arange(int(np.floor((len(frames) - 1) * wanted / rate + 1e-9)) + 1) * (rate / wanted)
+    low = np.minimum(at.astype(np.int64), len(frames) - 1)
+    high = np.minimum(low + 1, len(frames) - 1)
+    share = (at - low)[:, None]
+    return (1.0 - share) * frames[low] + share * frames[high]
+
+
+def heading_of(clip: Clip) -> Array:
+    """Which way the root faces, shape (T,), rad: its forward axis, flat on the floor."""
+    forward = rotate(clip.rotation[:, 0], np.array([1.0, 0.0, 0.0]))
+    return np.arctan2(forward[:, 1], forward[:, 0])
+
+
+def _positions(clip: Clip, index: list[int], heading: bool) -> Array:
+    joints = clip.joints()
+    seen = joints[:, 1:][:, index] - joints[:, :1]
+    if heading:
+        seen = rotate(conjugate(yaw(heading_of(clip)))[:, None], seen)
+    return seen.reshape(len(clip), -1)
+
+
+def _rotations(clip: Clip, index: list[int]) -> Array:
+    parent = clip.skeleton.parent[index] + 1
+    bones = np.array(index) + 1
+    local = multiply(conjugate(clip.rotation[:, parent]), clip.rotation[:, bones])
+    return to_rotation_vector(normalise(local)).reshape(len(clip), -1)

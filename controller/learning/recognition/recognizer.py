@@ -1,0 +1,166 @@
+"""A recognizer: clip in, verdict out, which may be "unknown"."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from controller.learning.recognition.expert_bank import ExpertBank, margins, teach
+from controller.learning.recognition.experts import ExpertRecipe
+from controller.learning.recognition.features import FeatureRecipe, common_joints, features
+from controller.learning.recognition.labelled_recordings import Dataset
+from controller.learning.recognition.splits import inner_folds
+from controller.motion.clip import Clip
+from controller.motion.rotations import Array
+from motiondeck_base.errors import MotiondeckError
+
+# A known motion of somebody new is called unknown this often, by the training set; where that has one actor only, a
+# motion of the same actor that was never learned is taken for a known one this often.
+FALSE_REJECTIONS = 0.05
+FALSE_ACCEPTANCES = 0.1
+LEAST_CONFIDENCE = -1e3  # nothing falls short of it
+SHORTEST_STRETCH, LONGEST_STRETCH = 0.1, 10.0
+
+
+@dataclass(frozen=True)
+class RecognitionVerdict:
+    """What a motion is taken for.
+
+    Attributes:
+        motion: the nearest class.
+        known: whether it is sure enough to be believed.
+        margin: how far the best expert is ahead of the second, in log error.
+        costs: the centred log error of each class, least is nearest.
+    """
+
+    motion: str
+    known: bool
+    margin: float
+    costs: dict[str, float]
+
+
+@dataclass(frozen=True, eq=False)
+class Recognizer:
+    """A trained recognizer.
+
+    Attributes:
+        recipe: what it looks at; its joints are spelled out.
+        bank: its experts.
+        threshold: the confidence (`ExpertBank.confidences`) below which a motion is called unknown.
+        clips: how many clips it was trained on.
+        sources: the names of their files.
+    """
+
+    recipe: FeatureRecipe
+    bank: ExpertBank
+    threshold: float
+    clips: int
+    sources: tuple[str, ...] = ()
+
+    def recognize(self, clip: Clip) -> RecognitionVerdict:
+        """The verdict on a clip.
+
+        Raises:
+            MotiondeckError: if its skeleton lacks a joint the features need, or it is too short to predict anything.
+        """
+        return self.verdict(self.bank.costs([self.look(clip)])[0])
+
+    def look(self, clip: Clip) -> Array:
+        """The features of a clip, shape (T, C), T >= 2.
+
+        Raises:
+            MotiondeckError: see `recognize`.
+        """
+        signal = features(clip, self.recipe)
+        if len(signal) < 2:
+            raise MotiondeckError(
+                f"{clip.source or clip.name}: {len(clip)} frames at {clip.rate:g} Hz are too short to be recognized "
+                f"(at least {2.0 / self.recipe.rate:.2f} s). Give a longer recording."
+            )
+        return signal
+
+    def verdict(self, costs: Array) -> RecognitionVerdict:
+        """The verdict on centred log errors, shape (M,)."""
+        margin = float(margins(costs[None])[0])
+        named = dict(zip(self.bank.classes, costs.tolist(), strict=True))
+        known = float(self.bank.confidences(costs[None])[0]) >= self.threshold
+        return RecognitionVerdict(self.bank.classes[int(costs.argmin())], known, margin, named)
+
+
+def train_recognizer(
+    dataset: Dataset, look: FeatureRecipe, experts: ExpertRecipe, stretches: Sequence[float] = (1.0,)
+) -> Recognizer:
+    """A recognizer of the classes of a dataset.
+
+    Its threshold is that of `rejection_threshold`.
+
+    Args:
+        dataset: what is learned.
+        look: the features.
+        experts: their recipe.
+        stretches: each clip is learned as if it took so many times as long, once for each factor; at least one.
+
+    Raises:
+        MotiondeckError: if there are fewer than two classes, a clip lacks a joint the features need, or a stretch is
+            not between SHORTEST_STRETCH and LONGEST_STRETCH.
+    """
+    for stretch in stretches:
+        if not SHORTEST_STRETCH <= stretch <= LONGEST_STRETCH:
+            raise MotiondeckError(
+                f"a stretch of {stretch:g} is not between {SHORTEST_STRETCH:g} and {LONGEST_STRETCH:g}"
+            )
+    if len(dataset.classes) < 2:
+        there = f"there is only one class, '{dataset.classes[0]}'" if dataset.classes else "there is no class"
+        raise MotiondeckError(f"{there}; a recognizer needs two folders or more.")
+    look = FeatureRecipe(
+        kind=look.kind,
+        joints=look.joints or common_joints([example.clip for example in dataset.examples]),
+        heading=look.heading,
+        height=look.height,
+        velocity=look.velocity,
+        rate=look.rate,
+    )
+    signals = [[features(example.clip, look, stretch) for stretch in stretches] for example in dataset.examples]
+    short = [e.path for e, own in zip(dataset.examples, signals, strict=True) if min(map(len, own)) < 2]
+    if short:
+        raise MotiondeckError(f"{short[0]}: too short for {look.rate:g} Hz features. Remove it, or raise --rate.")
+    bank = _trained_bank(signals, range(len(signals)), dataset, experts)
+    threshold = rejection_threshold(signals, dataset, experts)
+    sources = tuple(example.path.name for example in dataset.examples)
+    return Recognizer(look, bank, threshold, len(signals), sources)
+
+
+def _trained_bank(
+    signals: list[list[Array]], learn: Iterable[int], dataset: Dataset, experts: ExpertRecipe
+) -> ExpertBank:
+    """A bank that has learned all signals of some examples."""
+    pairs = [(signal, dataset.examples[i].label) for i in learn for signal in signals[i]]
+    return teach(experts, [signal for signal, _ in pairs], [label for _, label in pairs])
+
+
+def rejection_threshold(signals: list[list[Array]], dataset: Dataset, experts: ExpertRecipe) -> float:
+    """The confidence below which a motion is called unknown, by cross-validation.
+
+    With several actors a share of FALSE_REJECTIONS of the clips falls short of it, each asked of experts that have not
+    seen its actor. The clips of a single actor do not tell how far others' fall short, but what is not known falls
+    short of it in whoever does it: all but FALSE_ACCEPTANCES of the clips, each asked of experts that have not seen its
+    class. LEAST_CONFIDENCE, which rejects nothing, where the set is too small to be split.
+    """
+
+    def seen(learn: Iterable[int], ask: Iterable[int]) -> Array:
+        bank = _trained_bank(signals, learn, dataset, experts)
+        return bank.confidences(bank.costs([signal for i in ask for signal in signals[i]]))
+
+    labels = dataset.labels
+    if len(np.unique(dataset.actors)) == 1 and len(dataset.classes) > 2:
+        splits = [(np.flatnonzero(labels != c), np.flatnonzero(labels == c)) for c in range(len(dataset.classes))]
+        share = 1.0 - FALSE_ACCEPTANCES
+    else:
+        share = FALSE_REJECTIONS
+        try:
+            splits = inner_folds(labels, dataset.actors)
+        except MotiondeckError:
+            return LEAST_CONFIDENCE
+    return float(np.quantile(np.concatenate([seen(learn, ask) for learn, ask in splits]), share))

@@ -1,0 +1,132 @@
+"""Which aperture for which motion? One that holds in trials; they go in the order of Jaeger's attenuation criterion.
+
+With too small an aperture a conceptor takes parts of the motion away, with too large a one it lets through what does
+not belong to it; either way what comes out of a step, h = tanh(W x + b), is not what is let through,
+x = m + C (h - m). The attenuation
+
+    E|h - x|^2 / E|h - m|^2
+
+of the network running free is least in between (Jaeger 2014, section 3.8.5). It shows where a motion loses little,
+not whether it survives a disturbance, so every choice is tried: run free, started from noise, and disturbed.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from controller.learning.measures.disturbance import Kind
+from controller.learning.measures.self_test import Judge
+from controller.learning.measures.trials import failures
+from controller.learning.preparation.training_motion import TrainingMotion
+from controller.learning.reservoirs.conceptor_training import (
+    ConceptorRecipe,
+    LoadedReservoir,
+    conceptor_motion,
+    conceptor_network,
+    mean_state,
+    principal_directions,
+)
+from controller.learning.reservoirs.rank_choice import cut_to_tolerance
+from controller.motion.encodings.normalisation import Normalisation
+from controller.motion.rotations import Array
+from controller.networks.reservoirs.conceptor import ConceptorNetwork
+
+APERTURES = (5.0, 7.0, 10.0, 14.0, 20.0, 30.0, 50.0, 80.0)
+
+# How long each is run for its attenuation, and from when on it counts.
+STEPS, SETTLED = 400, 60
+
+# What a loop has to survive. A one-shot may be anywhere along its course after a disturbance.
+LOOP: tuple[Kind, ...] = ("robustness", "stability")
+
+
+def settled_network(
+    loaded: LoadedReservoir,
+    to_learn: list[TrainingMotion],
+    normalisation: Normalisation,
+    recipe: ConceptorRecipe,
+    judge: Judge,
+    seed: int,
+) -> tuple[ConceptorNetwork, dict[str, int]]:
+    """The network of a loaded reservoir, and how many trials of each motion fail, if the recipe chooses apertures.
+
+    A motion that fails a trial gets the first aperture at which it does not; where there is none, that with the fewest
+    failures. Then all are cut to the rank that the recipe's tolerance allows, if it has one, and tried once more.
+
+    Args:
+        loaded, to_learn, normalisation, recipe: as for `conceptor_network`.
+        judge: of the motions.
+        seed: of the noise in the trials.
+    """
+    network, failed = conceptor_network(loaded, to_learn, normalisation, recipe), {}
+    if recipe.choose_apertures:
+        network, failed = _tried(network, loaded, to_learn, normalisation, recipe, judge, seed)
+    if recipe.rank_tolerance_mm is not None:
+        network = cut_to_tolerance(network, judge.encoding, recipe.rank_tolerance_mm)
+        if failed:
+            # What was tried were the whole conceptors; what counts is how the cut ones hold.
+            weights = loaded.weights.astype(np.float32)
+            failed = {
+                motion.name: failures(network, motion.name, _survives(motion), judge, seed, weights)
+                for motion in to_learn
+            }
+    return network, failed
+
+
+def _survives(motion: TrainingMotion) -> tuple[Kind, ...]:
+    return LOOP if motion.loop else ()
+
+
+def _tried(
+    network: ConceptorNetwork,
+    loaded: LoadedReservoir,
+    to_learn: list[TrainingMotion],
+    normalisation: Normalisation,
+    recipe: ConceptorRecipe,
+    judge: Judge,
+    seed: int,
+) -> tuple[ConceptorNetwork, dict[str, int]]:
+    """The network with other apertures where its own do not hold, and how many trials of each motion fail then."""
+    weights = loaded.weights.astype(np.float32)
+    motions = {name: network[name] for name in network.motions}
+    left: dict[str, int] = {}
+    for motion, states in zip(to_learn, loaded.states, strict=True):
+        kinds = _survives(motion)
+        fewest = failures(network, motion.name, kinds, judge, seed, weights)
+        named = motion.name in recipe.apertures
+        for aperture in [] if named or fewest == 0 else by_attenuation(states, loaded, recipe):
+            part = conceptor_motion(states, loaded, normalisation, recipe, aperture)
+            failed = failures(ConceptorNetwork({motion.name: part}), motion.name, kinds, judge, seed, weights)
+            if failed < fewest:
+                fewest, motions[motion.name] = failed, part
+            if fewest == 0:
+                break
+        left[motion.name] = fewest
+    return network.with_motions(motions), left
+
+
+def by_attenuation(states: Array, loaded: LoadedReservoir, recipe: ConceptorRecipe) -> list[float]:
+    """APERTURES for a motion with states (T, N), the one with the least attenuation first."""
+    lost = attenuations(states, loaded, recipe)
+    return [APERTURES[i] for i in np.argsort(lost)]
+
+
+def attenuations(states: Array, loaded: LoadedReservoir, recipe: ConceptorRecipe) -> Array:
+    """The attenuation of a motion with states (T, N) at each of APERTURES, all running side by side."""
+    mean = mean_state(states, recipe)
+    values, directions = principal_directions(states - mean, recipe.rank)
+    singular = (values / (values + np.array(APERTURES)[:, None] ** -2)).astype(np.float32)
+    ahead, back = (loaded.weights @ directions).T.astype(np.float32), directions.astype(np.float32)
+    bias, centre = (loaded.weights @ mean + loaded.reservoir.bias).astype(np.float32), mean.astype(np.float32)
+    z = np.repeat(((states[0] - mean) @ directions)[None].astype(np.float32), len(APERTURES), axis=0)
+    lost, all_of_it = np.zeros(len(z)), np.zeros(len(z))
+    for step in range(STEPS):
+        apart = np.tanh(z @ ahead + bias) - centre
+        along = apart @ back
+        z = singular * along
+        if step >= SETTLED:
+            energy = np.square(apart).sum(1)
+            all_of_it += energy
+            # |h - x|^2, for U has orthonormal columns.
+            lost += energy - ((2.0 - singular) * singular * np.square(along)).sum(1)
+    return np.maximum(lost, 0.0) / np.maximum(all_of_it, 1e-12)

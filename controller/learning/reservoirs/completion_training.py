@@ -1,0 +1,98 @@
+"""Learns to complete a body: ridge regression on the states that measured joints leave in a reservoir."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import msgspec
+import numpy as np
+
+from controller.motion.rotations import Array
+from controller.networks.given import number_within, sampling_rate, time_series, whole_number
+from controller.networks.reservoirs.completion import Completion
+from controller.networks.reservoirs.reservoir import drive, random_reservoir
+from controller.networks.ridge import ridge
+from motiondeck_base.errors import MotiondeckError
+
+SETTLING_SECONDS = 1.0
+
+
+class CompletionRecipe(msgspec.Struct, forbid_unknown_fields=True, frozen=True, kw_only=True):
+    """The parameters; the defaults were chosen on jogs, sneaks and walks (docs/networks.md).
+
+    Attributes:
+        neurons: N.
+        spectral_radius: of W; 0 makes it a function of the present measurement, if `memory_seconds` is 0 as well.
+        memory_seconds: time constant of the neurons, s.
+        input_scale: of W_in, for one channel of deviation 1; it shrinks with the square root of their number.
+        bias_scale: of b.
+        ridge: gamma of the regression, for each frame that is learned.
+    """
+
+    neurons: int = 600
+    spectral_radius: float = 0.9
+    memory_seconds: float = 0.06
+    input_scale: float = 1.0
+    bias_scale: float = 0.5
+    ridge: float = 0.03
+
+    def leak(self, rate: float) -> float:
+        """a of neurons that forget within `memory_seconds` at a rate, Hz."""
+        return 1.0 - float(np.exp(-1.0 / (rate * self.memory_seconds))) if self.memory_seconds > 0.0 else 1.0
+
+
+def learn_completion(
+    examples: Sequence[tuple[Array, Array]],
+    rate: float,
+    *,
+    recipe: CompletionRecipe | None = None,
+    seed: int = 0,
+) -> Completion:
+    """Learns to tell the whole (T, D) from what is measured of it (T, C).
+
+    Args:
+        examples: of recordings, what would be measured in them and the whole. If measurements are noisy, give noisy
+            ones.
+        rate: frames per second of all of them, Hz.
+        recipe: sizes and scales.
+        seed: of the reservoir.
+
+    Raises:
+        MotiondeckError: if there is no example, the two arrays of one do not fit each other or those before, a number
+            is not finite, or the rate is none; it says which.
+    """
+    if len(examples) == 0:
+        raise MotiondeckError("there are no recordings to learn to complete a body from")
+    recipe, hertz, drawn_with = recipe or CompletionRecipe(), sampling_rate(rate), whole_number(seed, "seed")
+    number_within(recipe.memory_seconds, "memory_seconds", 0.0, 1e6)
+    given: list[Array] = []
+    wanted: list[Array] = []
+    for index, example in enumerate(examples):
+        if not isinstance(example, (tuple, list)) or len(example) != 2:  # what pyright sees, a user's script does not
+            raise MotiondeckError(f"recording {index}: give a pair, what is measured (T, C) and the whole (T, D)")
+        part, whole = example
+        given.append(time_series(part, f"what is measured in recording {index}", given[0].shape[1] if given else None))
+        wanted.append(time_series(whole, f"recording {index}", wanted[0].shape[1] if wanted else None))
+        if len(given[-1]) != len(wanted[-1]):
+            raise MotiondeckError(f"recording {index}: {len(given[-1])} measured and {len(wanted[-1])} whole frames")
+    together = np.concatenate(given)
+    mean, deviation = together.mean(0), together.std(0)
+    deviation = np.where(deviation > 1e-6 * max(float(deviation.max()), 1e-12), deviation, 1.0)
+    reservoir = random_reservoir(
+        recipe.neurons,
+        len(mean),
+        spectral_radius=recipe.spectral_radius,
+        input_scale=recipe.input_scale / np.sqrt(len(mean)),
+        bias_scale=recipe.bias_scale,
+        leak=recipe.leak(hertz),
+        rng=np.random.default_rng(drawn_with),
+    )
+    settling = round(SETTLING_SECONDS * hertz)
+    signals = [(part - mean) / deviation for part in given]
+    driven = drive(reservoir, [np.concatenate([np.repeat(one[:1], settling, axis=0), one]) for one in signals])
+    states, targets = np.concatenate([one[settling:] for one in driven]), np.concatenate(wanted)
+    centre, middle = states.mean(0), targets.mean(0)
+    gamma = number_within(recipe.ridge, "ridge", 0.0, 1e9) * len(states)
+    weights = ridge(states - centre, targets - middle, gamma)
+    readout = np.column_stack([weights, middle - weights @ centre])
+    return Completion(reservoir, mean, deviation, readout, hertz, settling)

@@ -1,0 +1,172 @@
+"""Loading motions into a reservoir and computing their conceptors (Deliallisi 2017, eqs 3.8 - 3.13).
+
+Two ways to learn what the input did, so that the network goes on without it:
+
+- "weights", the thesis's: a whole new W by ridge regression on  W* x(n-1) + W_in p(n)  (eqs 3.11, 3.12);
+- "input", ours:  W = W* + W_in V,  where V predicts the driving signal from the state: the same regression restricted
+  to what the input can do. It needs C N instead of N^2 numbers and plays as well.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Literal
+
+import msgspec
+import numpy as np
+from scipy.linalg import eigh
+
+from controller.learning.preparation.training_motion import TrainingMotion
+from controller.motion.encodings.normalisation import Normalisation
+from controller.motion.rotations import Array
+from controller.networks.reservoirs.conceptor import ConceptorMotion, ConceptorNetwork, Memory
+from controller.networks.reservoirs.reservoir import Reservoir, drive, random_reservoir
+from controller.networks.ridge import ridge
+
+
+class ConceptorRecipe(msgspec.Struct, forbid_unknown_fields=True, frozen=True, kw_only=True, tag="conceptor"):
+    """The parameters of a conceptor network (names as in Deliallisi 2017, table 4.3).
+
+    Attributes:
+        neurons: N.
+        spectral_radius: of W*.
+        input_scale, bias_scale: of W_in and b.
+        form: "affine" conceptors act about the mean state of their motion, "plain" ones about zero.
+        learns: "input" learns V only, "weights" all of W.
+        aperture: alpha, for every motion that has none of its own.
+        apertures: alpha of single motions.
+        choose_apertures: whether a motion that fails with it is tried with others (`training/aperture_choice.py`).
+        ridge: gamma of both regressions.
+        rank: k, how many directions of a conceptor are kept, or may be.
+        rank_tolerance_mm: how far off after a step, as a root mean square over the joints, a motion may be to get
+            fewer, mm (`training/rank_choice.py`).
+        washout: frames until the state has forgotten its start.
+        anchor_every: frames between the states that are stored for starting.
+    """
+
+    neurons: int = 1000
+    spectral_radius: float = 1.6
+    input_scale: float = 1.0
+    bias_scale: float = 0.8
+    form: Literal["affine", "plain"] = "affine"
+    learns: Literal["input", "weights"] = "input"
+    aperture: float = 10.0
+    apertures: dict[str, float] = msgspec.field(default_factory=dict)
+    choose_apertures: bool = False
+    ridge: float = 1.0
+    rank: int = 50
+    rank_tolerance_mm: float | None = None
+    washout: int = 100
+    anchor_every: int = 2
+
+
+@dataclass(frozen=True)
+class LoadedReservoir:
+    """A reservoir that goes on by itself as its motions drove it.
+
+    Attributes:
+        reservoir: as it was drawn, with W*, W_in and b.
+        weights: W, shape (N, N).
+        readout: W_out, shape (C, N).
+        before, states: of each motion, shape (T_j, N): the state before and after each frame.
+        estimate: V, shape (C, N), or None where all of W was learned.
+    """
+
+    reservoir: Reservoir
+    weights: Array
+    readout: Array
+    before: list[Array]
+    states: list[Array]
+    estimate: Array | None = None
+
+
+def draw_reservoir(recipe: ConceptorRecipe, channels: int, seed: int) -> Reservoir:
+    """W*, W_in and b of a seed."""
+    return random_reservoir(
+        recipe.neurons,
+        channels,
+        spectral_radius=recipe.spectral_radius,
+        input_scale=recipe.input_scale,
+        bias_scale=recipe.bias_scale,
+        rng=np.random.default_rng(seed),
+    )
+
+
+def load_reservoir(to_learn: list[TrainingMotion], recipe: ConceptorRecipe, seed: int) -> LoadedReservoir:
+    """Drives a random reservoir with all motions and learns W and W_out (eqs 3.8 and 3.11 - 3.13)."""
+    reservoir = draw_reservoir(recipe, to_learn[0].frames.shape[1], seed)
+    driven = drive(reservoir, [np.concatenate([motion.lead_in(recipe.washout), motion.frames]) for motion in to_learn])
+    states = [x[len(x) - len(motion.frames) :] for motion, x in zip(to_learn, driven, strict=True)]
+    before = [x[len(x) - len(motion.frames) - 1 : -1] for motion, x in zip(to_learn, driven, strict=True)]
+    was, inputs = np.concatenate(before), np.concatenate([motion.frames for motion in to_learn])
+    readout = ridge(np.concatenate(states), inputs, recipe.ridge)
+    if recipe.learns == "weights":
+        weights = ridge(was, what_drove(reservoir, was, inputs), recipe.ridge)
+        return LoadedReservoir(reservoir, weights, readout, before, states)
+    estimate = ridge(was, inputs, recipe.ridge)
+    weights = reservoir.weights + reservoir.input_weights @ estimate
+    return LoadedReservoir(reservoir, weights, readout, before, states, estimate)
+
+
+def what_drove(reservoir: Reservoir, before: Array, inputs: Array) -> Array:
+    """D = W* x(n-1) + W_in p(n), shape (T, N): what a new W has to say from the state alone (eq. 3.11)."""
+    return before @ reservoir.weights.T + inputs @ reservoir.input_weights.T
+
+
+def conceptor_network(
+    loaded: LoadedReservoir, to_learn: list[TrainingMotion], normalisation: Normalisation, recipe: ConceptorRecipe
+) -> ConceptorNetwork:
+    """The conceptors of all motions of a loaded reservoir, as a network that plays."""
+    motions = {
+        motion.name: conceptor_motion(
+            states, loaded, normalisation, recipe, recipe.apertures.get(motion.name, recipe.aperture)
+        )
+        for motion, states in zip(to_learn, loaded.states, strict=True)
+    }
+    if loaded.estimate is None:
+        return ConceptorNetwork(motions)
+    means = np.stack([mean_state(states, recipe) for states in loaded.states])
+    estimate, readout, means = (a.astype(np.float32) for a in (loaded.estimate, loaded.readout, means))
+    return ConceptorNetwork(motions, Memory(estimate, readout, means, normalisation))
+
+
+def mean_state(states: Array, recipe: ConceptorRecipe) -> Array:
+    """m of a motion's states (T, N): what its conceptor acts about."""
+    return states.mean(0) if recipe.form == "affine" else np.zeros(states.shape[1])
+
+
+def conceptor_motion(
+    states: Array, loaded: LoadedReservoir, normalisation: Normalisation, recipe: ConceptorRecipe, aperture: float
+) -> ConceptorMotion:
+    """The conceptor of one motion's states (T, N), cut to its first k directions (eqs 3.9, 3.10)."""
+    mean = mean_state(states, recipe)
+    centred = states - mean
+    values, directions = principal_directions(centred, recipe.rank)
+    singular = values / (values + aperture**-2)
+    project = singular[:, None] * directions.T
+    # Going back to the encoding's units is affine, so it can be part of the readout.
+    zero = normalisation.invert(np.zeros(len(loaded.readout)))
+    channels = (normalisation.invert((loaded.readout @ directions).T) - zero).T
+    return ConceptorMotion(
+        *(
+            np.ascontiguousarray(a, dtype=np.float32)
+            for a in (
+                loaded.weights @ directions,
+                loaded.weights @ mean + loaded.reservoir.bias,
+                project,
+                project @ mean,
+                channels,
+                normalisation.invert(loaded.readout @ mean),
+                (centred @ directions)[:: recipe.anchor_every],
+            )
+        )
+    )
+
+
+def principal_directions(centred: Array, rank: int) -> tuple[Array, Array]:
+    """The largest eigenvalues (k,) of R = X X' / N of states (T, N), and their directions U, shape (N, k)."""
+    frames, neurons = centred.shape
+    rank = min(rank, frames - 1, neurons)
+    values, vectors = eigh(centred @ centred.T / neurons, subset_by_index=(frames - rank, frames - 1))
+    values, vectors = np.maximum(values[::-1], 1e-12), vectors[:, ::-1]
+    return values, centred.T @ vectors / np.sqrt(neurons * values)

@@ -1,0 +1,55 @@
+"""The second half of the self-test: a motion started from noise, or disturbed while it plays, must return.
+
+Both disturbances are the thesis's (`measures/disturbance.py`). One-shots of a network that runs by itself are not
+tested: after a disturbance they may be anywhere along their course, and only a guard that knows the time can put them
+back. A center does know it.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from controller.learning.measures.disturbance import Kind, disturbed
+from controller.learning.measures.run_batch import batch_of
+from controller.learning.measures.self_test import Judge, MotionVerdict, after_disturbance
+from controller.library.network_arrays import Network, PhaseDriven
+from controller.networks.reservoirs.phase_driven import PhaseDrivenNetwork
+
+RUNS = 5
+FORGIVEN = 1
+
+_WORDS: dict[Kind, str] = {"robustness": "started from noise", "stability": "disturbed"}
+
+
+def stress_test(
+    network: Network | PhaseDriven, verdicts: dict[str, MotionVerdict], judge: Judge, seed: int
+) -> dict[str, MotionVerdict]:
+    """The verdicts of the free runs, made worse where a motion does not survive a disturbance.
+
+    Args:
+        network: what is tested.
+        verdicts: of `self_test`.
+        judge: of its motions.
+        seed: of the noise.
+    """
+    knows_phase = isinstance(network, PhaseDrivenNetwork)
+    return {
+        name: _stressed(network, name, verdict, judge, seed)
+        if verdict.passed and (judge.loops[name] or knows_phase)
+        else verdict
+        for name, verdict in verdicts.items()
+    }
+
+
+def _stressed(
+    network: Network | PhaseDriven, motion: str, verdict: MotionVerdict, judge: Judge, seed: int
+) -> MotionVerdict:
+    rng = np.random.default_rng([seed, network.motions.index(motion)])
+    for kind, words in _WORDS.items():
+        runs = disturbed(kind, batch_of(network, motion, RUNS), RUNS, rng)
+        failed = sum(not after_disturbance(network, judge, motion, run.astype(np.float64)).passed for run in runs)
+        if failed > FORGIVEN:
+            return replace(verdict, passed=False, reason=f"fails {failed} of {RUNS} times when {words}")
+    return verdict

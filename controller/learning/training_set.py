@@ -1,0 +1,280 @@
+"""What a trainer is given: a recipe's recordings read, carried to one body and rate, cut, closed or brought to rest."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+
+import numpy as np
+
+from controller.learning.preparation.cycles import in_step
+from controller.learning.preparation.loops import Seam, best_seam, close_loop, hold_end
+from controller.learning.preparation.people import in_the_manner_of
+from controller.learning.preparation.takes import read_takes
+from controller.learning.preparation.training_motion import TrainingMotion, Variant
+from controller.learning.recipe import CenterRecipe, LibraryRecipe, MotionRecipe, find_recording
+from controller.learning.reservoirs.phase_training import PhaseDrivenRecipe
+from controller.motion.canonical.canonical_body import carried, to_canonical
+from controller.motion.canonical.clip_edits import jumps, mirrored, resampled, span, spikes
+from controller.motion.clip import Clip
+from controller.motion.encodings.encoding import Encoding, encoding_of
+from controller.motion.encodings.joint_angles import JointBody
+from controller.motion.encodings.motion_matching import joint_features
+from controller.motion.encodings.normalisation import Normalisation
+from controller.motion.formats.reading import read_clip, skeleton_of
+from controller.motion.reading_options import ReadingOptions
+from controller.motion.rotations import Array, dot
+from controller.motion.skeleton import Skeleton
+from controller.networks.reservoirs.driving_input import DrivingInput
+from motiondeck_base.errors import FileFormatError
+
+SHORTEST_SECONDS = 0.4  # of a recording: two windows of the self-test
+# A channel of a network with a phase counts as varying by 1 (of a direction, m, m/s, rad) at least, so that a motion
+# that is added later may move what stands still in all others.
+LEAST_RANGE = 1.0
+COMMON_RATE = 120.0  # Hz, of a library whose recordings have different rates
+
+Progress = Callable[[str], None]
+Reader = Callable[[MotionRecipe], Clip]
+
+
+@dataclass(frozen=True)
+class LearnedPart:
+    """Which part of a recording a motion is learned from, and how well it closes.
+
+    Attributes:
+        first, end: where it begins and ends in the recording, s.
+        recorded: how long the recording is, s.
+        seam_mm, seam_degrees: how far joints are apart (on average) and bones are turned (at most) where a loop is
+            closed, before the mismatch is eased out; None of a one-shot.
+    """
+
+    first: float
+    end: float
+    recorded: float
+    seam_mm: float | None = None
+    seam_degrees: float | None = None
+
+
+@dataclass(frozen=True)
+class TrainingSet:
+    """The frames that a recipe wants learned.
+
+    Attributes:
+        encoding: of the channels.
+        rate: frames per second.
+        frames: what each motion is learned from, shape (T, channels), in the encoding's units.
+        loops: whether it is a loop.
+        before: what was recorded before those frames, of each motion, or nothing.
+        parts: which part of its recording each motion is learned from; not of recordings learned as they are.
+        least_range: of a channel, for its normalisation, in its unit.
+        variants: of motions with an input, the loop at each of its values, the first as in `frames`; and
+        inputs: what their inputs are called.
+    """
+
+    encoding: Encoding
+    rate: float
+    frames: dict[str, Array]
+    loops: dict[str, bool]
+    before: dict[str, Array] = field(default_factory=dict[str, Array])
+    parts: dict[str, LearnedPart] = field(default_factory=dict[str, LearnedPart])
+    least_range: float = 0.0
+    variants: dict[str, list[Variant]] = field(default_factory=dict[str, list[Variant]])
+    inputs: dict[str, str] = field(default_factory=dict[str, str])
+
+    def normalised(self) -> tuple[list[TrainingMotion], Normalisation]:
+        """What a trainer is given, and the normalisation of its channels."""
+        variants = [variant.frames for loops in self.variants.values() for variant in loops]
+        normalisation = Normalisation.fit([*self.frames.values(), *self.before.values(), *variants], self.least_range)
+        return [
+            TrainingMotion(
+                name,
+                normalisation.apply(frames),
+                self.loops[name],
+                normalisation.apply(self.before[name]) if name in self.before else None,
+                self._driving(name),
+                tuple(replace(one, frames=normalisation.apply(one.frames)) for one in self.variants.get(name, ())),
+            )
+            for name, frames in self.frames.items()
+        ], normalisation
+
+    def _driving(self, motion: str) -> DrivingInput | None:
+        """The input of a motion, if it has one."""
+        if motion not in self.variants:
+            return None
+        rising = sorted(self.variants[motion], key=lambda variant: variant.value)
+        usual = self.variants[motion][0].value
+        values, seconds = tuple(one.value for one in rising), tuple(one.seconds for one in rising)
+        return DrivingInput(self.inputs[motion], values, seconds, usual)
+
+
+def prepare(
+    recipe: LibraryRecipe, data: Path, progress: Progress = lambda _: None, read: Reader | None = None
+) -> TrainingSet:
+    """Reads a recipe's recordings, carries them to one body and rate, and closes their loops or holds their ends.
+
+    A recipe that wants them as recorded gets them so.
+
+    Args:
+        recipe: what to read.
+        data: the folder that its files lie in.
+        progress: called with each step in a few words.
+        read: gives the clip of a motion; None reads its file.
+
+    Raises:
+        FileFormatError: one line for each recording that is missing, damaged or lacks the frames that are wanted.
+    """
+    clips: dict[str, Clip] = {}
+    problems: list[str] = []
+    for motion in recipe.motions:
+        progress(f"reading {motion.name}")
+        try:
+            clips[motion.name] = read_motion(data, motion) if read is None else read(motion)
+            cut(clips[motion.name], motion)
+        except FileFormatError as error:
+            problems.append(str(error))
+    if problems:
+        raise FileFormatError("\n".join(dict.fromkeys(problems)))
+    rates = sorted({clip.rate for clip in clips.values()})
+    rate = recipe.rate or (rates[0] if len(rates) == 1 else COMMON_RATE)
+    if recipe.as_recorded and rates != [rate]:
+        raise FileFormatError(f"recipe '{recipe.name}' learns as recorded, but its recordings have {rates} Hz")
+    twist = recipe.encoding == "joint rotations"
+    encoding = encoding_of(_body(recipe, data, clips), twist=twist)
+    frames: dict[str, Array] = {}
+    before: dict[str, Array] = {}
+    parts: dict[str, LearnedPart] = {}
+    variants: dict[str, list[Variant]] = {}
+    for motion in recipe.motions:
+        clip = clips[motion.name]
+        if motion.input:
+            takes = [clip, *(read_clip(find_recording(data, take)) for take in motion.takes)]
+            alike = [carried(resampled(take, rate), encoding.skeleton) for take in takes]
+            variants[motion.name] = _of_one_person(motion, in_step(encoding, alike, motion.values, rate))
+            usual = variants[motion.name][0]
+            frames[motion.name] = usual.frames
+            parts[motion.name] = LearnedPart(0.0, usual.seconds, clip.duration)
+            continue
+        if recipe.as_recorded and not isinstance(recipe.network, CenterRecipe):
+            own = cut(clip, motion)
+            channels, washout = encoding_of(own.skeleton, twist=twist).encode(own), recipe.network.washout
+            if len(channels) < 2 * washout:
+                raise FileFormatError(f"motion '{motion.name}' is shorter than twice the washout of {washout} frames")
+            before[motion.name], frames[motion.name] = channels[:washout], channels[washout:]
+            continue
+        frames[motion.name], parts[motion.name] = to_learn(encoding, clip, motion, rate, recipe.loop_keeps)
+    loops = {motion.name: motion.plays == "loop" for motion in recipe.motions}
+    least = LEAST_RANGE if isinstance(recipe.network, PhaseDrivenRecipe) else 0.0
+    inputs = {motion.name: motion.input for motion in recipe.motions if motion.input}
+    return TrainingSet(encoding, rate, frames, loops, before, parts, least, variants, inputs)
+
+
+def _of_one_person(motion: MotionRecipe, recorded: list[Variant]) -> list[Variant]:
+    """A motion at each of its values as the first of its people does it; as recorded, where none are given."""
+    if not motion.people:
+        return recorded
+    values = list(dict.fromkeys(one.value for one in recorded))
+    return in_the_manner_of(motion.people[0], recorded, motion.people, values)
+
+
+def read_motion(data: Path, motion: MotionRecipe) -> Clip:
+    """The recording of a motion, all of its frames, or its takes joined; mirrored if it is to be."""
+    path = find_recording(data, motion.file)
+    takes = [path, *(find_recording(data, take) for take in motion.takes)]
+    clip = (
+        read_takes(takes)[0]
+        if motion.takes and not motion.input
+        else read_clip(path, reading_options(data, path, motion))
+    )
+    return mirrored(clip) if motion.mirrored else clip
+
+
+def reading_options(data: Path, path: Path, motion: MotionRecipe) -> ReadingOptions:
+    """How the recording of a motion is to be read."""
+    skeleton = skeleton_of(path, data) if motion.skeleton is None else find_recording(data, motion.skeleton)
+    return ReadingOptions(skeleton, motion.unit, motion.up, motion.rename)
+
+
+def _body(recipe: LibraryRecipe, data: Path, clips: dict[str, Clip]) -> Skeleton:
+    """The skeleton that a recipe's motions are carried to."""
+    if recipe.body:
+        path = find_recording(data, recipe.body)
+        motion = next((one for one in recipe.motions if one.file == recipe.body), MotionRecipe(name="", file=""))
+        return read_clip(path, reading_options(data, path, motion)).skeleton
+    first = clips[recipe.motions[0].name]
+    return first.skeleton if isinstance(first.skeleton, JointBody) else to_canonical(first).skeleton
+
+
+def to_learn(
+    encoding: Encoding, clip: Clip, motion: MotionRecipe, rate: float, loop_keeps: float
+) -> tuple[Array, LearnedPart]:
+    """The frames to learn of a recording: a closed loop, or a motion that holds its end.
+
+    Args:
+        encoding: of the channels; the clip is carried to its body.
+        clip: all frames of the recording, left and right exchanged already where that is wanted.
+        motion: which of them are wanted, and how they play.
+        rate: of the frames to learn, Hz.
+        loop_keeps: the least share of them that a loop keeps.
+
+    Returns:
+        Shape (T, C), and where in the recording they are.
+    """
+    channels = encoding.encode(carried(resampled(cut(clip, motion), rate), encoding.skeleton))
+    begin, recorded = (motion.frames or (0, 0))[0] / clip.rate, len(clip) / clip.rate
+    if motion.plays == "once":
+        part = LearnedPart(begin, begin + len(channels) / rate, recorded)
+        return hold_end(channels, encoding.velocities, rate), part
+    features = joint_features(encoding, channels)
+    seam = best_seam(features, rate, at_least=loop_keeps)
+    part = LearnedPart(
+        begin + seam.start / rate, begin + seam.end / rate, recorded, *apart_at(encoding, channels, features, seam)
+    )
+    return close_loop(channels, seam, encoding.velocities, rate), part
+
+
+def apart_at(encoding: Encoding, channels: Array, features: Array, seam: Seam) -> tuple[float, float]:
+    """How far joints are apart on average where a loop is closed, mm, and by how much the bone that is most, degrees.
+
+    Args:
+        encoding: of the channels.
+        channels: shape (T, C).
+        features: their joint positions, shape (T, F), mm.
+        seam: where the loop begins and ends.
+    """
+    ends = [seam.start, seam.end]
+    first, last = features[ends]
+    bones = encoding.directions(channels[ends])
+    turned = np.degrees(np.arccos(np.clip(dot(bones[0], bones[1]), -1.0, 1.0)))
+    return float(np.sqrt(np.square(last - first).sum() / (len(first) / 3.0))), float(turned.max())
+
+
+def cut(clip: Clip, motion: MotionRecipe) -> Clip:
+    """The frames of a clip that a recipe wants.
+
+    Raises:
+        FileFormatError: if they are not in it, too few, or the body or a limb jumps in them.
+    """
+    first, end = motion.frames or (0, len(clip))
+    if not 0 <= first < end <= len(clip):
+        raise FileFormatError(f"motion '{motion.name}': frames {first} to {end} are not in a clip of {len(clip)}")
+    shortest = int(np.ceil(SHORTEST_SECONDS * clip.rate))
+    if end - first < shortest:
+        raise FileFormatError(
+            f"motion '{motion.name}': {end - first} frames are too few; {shortest} are the least at {clip.rate:g} Hz"
+        )
+    wanted = span(clip, first, end)
+    for jump in jumps(wanted):
+        at = first + jump
+        far = float(np.linalg.norm(clip.root_position[at] - clip.root_position[at - 1]))
+        raise FileFormatError(
+            f"motion '{motion.name}': from frame {at - 1} to {at} the body jumps {far:.1f} m. "
+            "Give it frames before or after that in the recipe."
+        )
+    for frame, bone in spikes(wanted):
+        raise FileFormatError(
+            f"motion '{motion.name}': in frame {first + frame} the end of bone '{clip.skeleton.bones[bone]}' is "
+            "elsewhere for a moment. Give it frames before or after that in the recipe."
+        )
+    return wanted

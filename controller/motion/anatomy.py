@@ -1,0 +1,336 @@
+"""Anatomy: which bone of a skeleton is the thigh, by the usual names, and by its shape where names tell nothing.
+
+Names count where both legs bear them (`bone_names`); arms without such names are found by their shape, and a spine
+without them leads to the arms. A bone without a name of its own belongs to what it leads to: on the way to a thigh it
+is hip, on the way to an upper arm clavicle, on the way to the head trunk or neck. Fingers belong to the hand, toes to
+the foot.
+
+By shape: limbs come in twos of the same length. Two that branch off at the root are the legs, two that branch off
+further up the arms, and the spine is the way between them and on to the highest end near the middle. Where that is not
+clear, the body is taken to stand with its arms out: what branches off at the root and ends below it is a leg, what
+branches off further up is an arm; the longest on each side, for faces and twist bones branch off too. Along a leg the
+two neighbours that are longest together are thigh and shank; along an arm the longest bone is the upper arm.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from itertools import combinations
+from typing import Literal
+
+import numpy as np
+
+from controller.motion.bone_names import NamedPart, named_parts
+from controller.motion.rotations import Array
+from controller.motion.skeleton import ROOT, Skeleton
+
+SHORTEST_LIMB = 0.25  # of the longest way through the body: fingers and eyes come in twos as well
+SAME_LENGTH = 0.06  # the share by which a limb's length may differ from its counterpart's
+# Forearm and hand, as recorded mostly without the fingers, over the upper arm.
+BEYOND_ELBOW = 1.25
+
+Part = Literal[
+    "trunk", "neck", "head", "hip", "thigh", "shank", "foot", "clavicle", "upper arm", "forearm", "hand", "other"
+]
+Side = Literal["left", "right", "middle"]
+SIDES: tuple[Side, Side] = ("left", "right")
+
+
+@dataclass(frozen=True)
+class Anatomy:
+    """What each of the B bones of a skeleton is.
+
+    Attributes:
+        part: the body part each bone belongs to, length B.
+        side: the side each bone is on, length B.
+    """
+
+    part: tuple[Part, ...]
+    side: tuple[Side, ...]
+
+    def first(self, part: Part, side: Side = "middle") -> int | None:
+        """The first bone of a part on a side, or None."""
+        return next(iter(self.all(part, side)), None)
+
+    def all(self, part: Part, side: Side | None = None) -> list[int]:
+        """The bones of a part, from the root outwards; of both sides where no side is given."""
+        return [
+            bone
+            for bone, (p, s) in enumerate(zip(self.part, self.side, strict=True))
+            if p == part and side in (None, s)
+        ]
+
+
+def anatomy(skeleton: Skeleton) -> Anatomy:
+    """The parts of any skeleton, by names and else by shape; what resembles no part of a human is "other"."""
+    return named_anatomy(skeleton) or shaped_anatomy(skeleton)
+
+
+def named_anatomy(skeleton: Skeleton) -> Anatomy | None:
+    """The parts of a skeleton whose names say what both legs are; None for others."""
+    named = named_parts(skeleton.bones)
+    bones = {(of.part, of.side): bone for bone, of in reversed(list(enumerate(named))) if of is not None}
+
+    def first(part: Part, side: Side) -> int | None:
+        return bones.get((part, side))
+
+    part: list[Part] = ["other"] * len(skeleton)
+    side: list[Side] = ["middle"] * len(skeleton)
+    for which in SIDES:
+        if not _name_limb(skeleton, first, which, _LEG, part, side):
+            return None
+    shape: Anatomy | None = None
+    for which in SIDES:
+        if _name_limb(skeleton, first, which, _ARM, part, side):
+            continue
+        shape = shape or shaped_anatomy(skeleton)
+        for bone, (p, s) in enumerate(zip(shape.part, shape.side, strict=True)):
+            if p in _ARM and s == which and part[bone] == "other":
+                part[bone], side[bone] = p, s
+    heads = [b for b, of in enumerate(named) if of is not None and of.part in ("head", "neck")]
+    spine_end = heads or [b for b, of in enumerate(named) if of is not None and of.part == "trunk"]
+    spine = _path(skeleton, _main_end(skeleton, spine_end[-1], named)) if spine_end else _way_up(skeleton, part)
+    arms = [b for b in range(len(skeleton)) if part[b] in _ARM and _parent(skeleton, b) in spine]
+    level = max((_level(skeleton, spine, b) for b in arms), default=len(spine) - 1)
+    for place, bone in enumerate(spine):
+        of = named[bone]
+        if part[bone] != "other":
+            continue
+        # Blender's rigs call it spine up to the head.
+        above = place > level and not heads
+        if of is not None and of.part in ("trunk", "neck", "head") and not above:
+            part[bone] = of.part
+        else:
+            part[bone] = "trunk" if place <= level else "neck"
+    if "head" not in part and len(spine) > 1:
+        part[spine[-1]] = "head"
+    return Anatomy(tuple(part), tuple(side))
+
+
+def leg_without_name(skeleton: Skeleton) -> Side | None:
+    """The side whose leg names do not tell though they tell the other: by shape, some other limb would pass for it."""
+    named = set(named_parts(skeleton.bones))
+    has = {side: {("thigh", side), ("shank", side)} <= named for side in SIDES}
+    return next((side for side in SIDES if not has[side]), None) if any(has.values()) else None
+
+
+_LEG: tuple[Part, ...] = ("hip", "thigh", "shank", "foot")
+_ARM: tuple[Part, ...] = ("clavicle", "upper arm", "forearm", "hand")
+
+
+def _name_limb(
+    skeleton: Skeleton,
+    first: Callable[[Part, Side], int | None],
+    which: Side,
+    kinds: tuple[Part, ...],
+    part: list[Part],
+    side: list[Side],
+) -> bool:
+    """Names a leg or an arm from its two long bones; False if the names do not give them one after the other."""
+    upper, lower = first(kinds[1], which), first(kinds[2], which)
+    if upper is None or lower is None or not skeleton.chain[lower, upper] or upper == lower:
+        return False
+    end = first(kinds[3], which)
+    limb = _path(skeleton, lower)
+    sides = [b for b in limb if skeleton.chain[b, upper]]
+    begin = limb.index(upper)
+    while begin > 0 and _belongs(skeleton, limb[begin - 1], upper, first, which, kinds[0]):
+        begin -= 1
+    for bone in limb[begin : limb.index(upper)]:
+        part[bone], side[bone] = kinds[0], which
+    for bone in sides[:-1]:
+        part[bone], side[bone] = kinds[1], which
+    part[lower], side[lower] = kinds[2], which
+    for bone in range(len(skeleton)):
+        if bone != lower and skeleton.chain[bone, lower]:
+            before_end = end is not None and bone != end and skeleton.chain[end, bone]
+            part[bone] = kinds[2] if before_end else kinds[3]
+    for bone in range(len(skeleton)):
+        if skeleton.chain[bone, limb[begin]]:
+            side[bone] = which
+    return True
+
+
+def _level(skeleton: Skeleton, spine: list[int], arm: int) -> int:
+    """The place in the spine of the last bone of the trunk, by an arm that branches off.
+
+    Bones "A-B" and "A-C" begin in one joint (`joint_tree`): up to the neck it is trunk beside a collar bone.
+    """
+    place = spine.index(_parent(skeleton, arm))
+    start, way, _ = skeleton.bones[arm].partition("-")
+    beside = place + 1 < len(spine) and skeleton.bones[spine[place + 1]].partition("-")[0] == start
+    return place + (bool(way) and beside)
+
+
+def _belongs(
+    skeleton: Skeleton, bone: int, upper: int, first: Callable[[Part, Side], int | None], which: Side, kind: Part
+) -> bool:
+    """Whether a bone above a thigh or an upper arm leads to it alone: to no other limb and no head."""
+    others = [first("thigh", side) for side in SIDES] + [first("upper arm", side) for side in SIDES]
+    others += [first("head", "middle"), first("neck", "middle")]
+    return not any(o is not None and o != upper and skeleton.chain[o, bone] for o in others)
+
+
+def _main_end(skeleton: Skeleton, bone: int, named: list[NamedPart | None]) -> int:
+    """The end of the way up from a bone of the spine, as far as names go."""
+    while True:
+        up = [int(b) for b in skeleton.children(bone) if (of := named[b]) is not None and of.part in ("neck", "head")]
+        if not up:
+            return bone
+        bone = up[0]
+
+
+def _way_up(skeleton: Skeleton, part: list[Part]) -> list[int]:
+    """A spine that no name tells: the way to where the arms branch off, and on to the highest end beyond."""
+    arms = [bone for bone in range(len(skeleton)) if part[bone] in _ARM]
+    shared = [b for b in range(len(skeleton)) if part[b] == "other" and arms and skeleton.chain[arms, b].all()]
+    if not shared:
+        return []
+    fork = max(shared, key=lambda bone: len(_path(skeleton, bone)))
+    ends = skeleton.chain @ (skeleton.rest_direction * skeleton.length[:, None])
+    beyond = [b for b in range(len(skeleton)) if part[b] == "other" and skeleton.chain[b, fork]]
+    return _path(skeleton, max(beyond, key=lambda bone: ends[bone, 2] - abs(ends[bone, 1])))
+
+
+def shaped_anatomy(skeleton: Skeleton) -> Anatomy:
+    """The parts of a skeleton by its shape alone."""
+    ends = skeleton.chain @ (skeleton.rest_direction * skeleton.length[:, None])
+    part: list[Part] = ["other"] * len(skeleton)
+    side: list[Side] = ["middle"] * len(skeleton)
+
+    leaves = [bone for bone in range(len(skeleton)) if len(skeleton.children(bone)) == 0]
+    pairs = _limb_pairs(skeleton, leaves)
+    limbs = [branch for pair in pairs for branch in pair]
+    # With both arms known, the head is what else there is beyond them, wherever a hand is raised to.
+    beyond = [leaf for leaf in leaves if pairs and skeleton.chain[leaf, _parent(skeleton, limbs[-1])]]
+    beyond = [leaf for leaf in beyond if not skeleton.chain[leaf, limbs].any()]
+    top = max(beyond or leaves, key=lambda leaf: ends[leaf, 2] - abs(ends[leaf, 1]))
+    if pairs:
+        spine = _path(skeleton, top if beyond else _parent(skeleton, limbs[-1]))
+    else:
+        spine = _path(skeleton, top) if ends[top, 2] > 0.0 else []
+
+    branches = [
+        bone for bone in range(len(skeleton)) if bone not in spine and _parent(skeleton, bone) in (ROOT, *spine)
+    ]
+    ways = {branch: _main_path(skeleton, branch, leaves) for branch in branches}
+    on_left = {branch: bool(ends[ways[branch][-1], 1] > 0.0) for branch in branches}
+    for pair in pairs:
+        left = max(pair, key=lambda branch: _first_aside(ends, ways[pair[0]], ways[pair[1]], branch == pair[1]))
+        on_left |= {branch: branch == left for branch in pair}
+    arms: list[int] = []  # how far up the spine they branch off
+    for branch, way in ways.items():
+        which: Side = "left" if on_left[branch] else "right"
+        limb = np.flatnonzero(skeleton.chain[:, branch])
+        for bone in limb:
+            side[bone] = which
+        rivals = [
+            other
+            for other in branches
+            if on_left[other] == on_left[branch]
+            and (_parent(skeleton, other) == ROOT) == (_parent(skeleton, branch) == ROOT)
+        ]
+        # Breasts, faces and twist bones branch off too: a limb is the longest of its side.
+        if branch not in (limbs or [max(rivals, key=lambda other: skeleton.length[ways[other]].sum())]):
+            continue
+        if branch in limbs[2:] or (not limbs and _parent(skeleton, branch) != ROOT):
+            _name_arm(skeleton, way, limb, part)
+            # Some skeletons fork below the chest: what goes up beside the arms is then trunk too.
+            rises = float(skeleton.rest_direction[branch, 2]) > 0.7
+            arms.append(spine.index(_parent(skeleton, branch)) + rises)
+        elif limbs or ends[limb, 2].min() < 0.0:
+            _name_leg(skeleton, way, limb, part)
+
+    # The spine below the arms is trunk, above them neck, and its last bone the head.
+    for level, bone in enumerate(spine):
+        part[bone] = "trunk" if level <= max(arms, default=level) else "neck"
+    if len(spine) > 1:
+        part[spine[-1]] = "head"
+    return Anatomy(tuple(part), tuple(side))
+
+
+def _limb_pairs(skeleton: Skeleton, leaves: list[int]) -> list[tuple[int, int]]:
+    """The branches that are both legs, then those that are both arms; empty where two such pairs are not clear.
+
+    Limbs come in twos of the same length, whatever the pose. Legs fork off at the root, arms farther up.
+    """
+    length = {bone: skeleton.length[_main_path(skeleton, bone, leaves)] for bone in range(len(skeleton))}
+    least = SHORTEST_LIMB * max((float(way.sum()) for way in length.values()), default=0.0)
+    found: list[tuple[int, int]] = []
+    for fork in (ROOT, *range(len(skeleton))):
+        long = [int(bone) for bone in skeleton.children(fork) if len(length[bone]) > 1 and length[bone].sum() > least]
+        alike = [(a, b) for a, b in combinations(long, 2) if _unlike(length[a], length[b]) < SAME_LENGTH]
+        if alike:
+            found.append(min(alike, key=lambda pair: _unlike(length[pair[0]], length[pair[1]])))
+    legs = [pair for pair in found if _parent(skeleton, pair[0]) == ROOT]
+    in_legs = [leg for pair in legs for leg in pair]
+    arms = [pair for pair in found if pair not in legs and not skeleton.chain[pair[0], in_legs].any()]
+    return [legs[0], arms[0]] if legs and len(arms) == 1 else []
+
+
+def _unlike(one: Array, other: Array) -> float:
+    """By what share two limbs differ in their whole length and in their longest bones."""
+    sums = [abs(a - b) / max(a, b) for a, b in ((one.sum(), other.sum()), (one.max(), other.max()))]
+    return float(max(sums))
+
+
+def _first_aside(ends: Array, one: Sequence[int], other: Sequence[int], second: bool) -> float:
+    """How far left a limb of a pair is of its counterpart, where they first come apart: at the hips, the shoulders."""
+    apart = [float(ends[a, 1] - ends[b, 1]) for a, b in zip(one, other, strict=False)]
+    size = max(map(abs, apart), default=0.0)
+    first = next((way for way in apart if abs(way) > 0.1 * size), 0.0)
+    return -first if second else first
+
+
+def _parent(skeleton: Skeleton, bone: int) -> int:
+    return int(skeleton.parent[bone])
+
+
+def _path(skeleton: Skeleton, bone: int) -> list[int]:
+    """The bones from the root to this one."""
+    path = [bone]
+    while (parent := _parent(skeleton, path[0])) != ROOT:
+        path.insert(0, parent)
+    return path
+
+
+def _main_path(skeleton: Skeleton, branch: int, leaves: list[int]) -> list[int]:
+    """The longest way down a limb, from where it branches off."""
+    ways = [_path(skeleton, leaf) for leaf in leaves if skeleton.chain[leaf, branch]]
+    ways = [way[way.index(branch) :] for way in ways]
+    return max(ways, key=lambda way: skeleton.length[way].sum())
+
+
+def _name_leg(skeleton: Skeleton, main: Sequence[int], limb: np.ndarray, part: list[Part]) -> None:
+    length = skeleton.length[list(main)]
+    thigh = int(np.argmax(length[:-1] + length[1:])) if len(main) > 1 else 0
+    _name(skeleton, main, limb, thigh, part, ("hip", "thigh", "shank", "foot"))
+
+
+def _name_arm(skeleton: Skeleton, main: Sequence[int], limb: np.ndarray, part: list[Part]) -> None:
+    length = skeleton.length[list(main)]
+    upper = 0
+    if len(main) > 1:
+        # The longest bone; a collar bone or a forearm may be as long, but what lies beyond it tells them apart.
+        ratio = np.maximum(length.sum() - np.cumsum(length), 1e-9)[:-1] / np.maximum(length[:-1], 1e-9)
+        nearly_longest = length[:-1] >= 0.9 * length[:-1].max()
+        upper = int(np.argmin(np.where(nearly_longest, np.abs(np.log(ratio / BEYOND_ELBOW)), np.inf)))
+    _name(skeleton, main, limb, upper, part, ("clavicle", "upper arm", "forearm", "hand"))
+
+
+def _name(
+    skeleton: Skeleton,
+    main: Sequence[int],
+    limb: np.ndarray,
+    first: int,
+    part: list[Part],
+    names: tuple[Part, Part, Part, Part],
+) -> None:
+    """Names a limb: what comes before its first long bone, the two long bones, and all that follows them."""
+    for place, bone in enumerate(main):
+        part[bone] = names[min(max(place - first + 1, 0), 3)]
+    for bone in limb:
+        # Whatever fingers and toes begin at the wrist or beyond; what branches off before is no part of its own.
+        if bone not in main and any(part[above] in names[2:] for above in _path(skeleton, bone)[:-1]):
+            part[bone] = names[3]

@@ -1,0 +1,285 @@
+"""What the usual names of bones and joints mean: which part of the body, and which side.
+
+One table serves CMU and HDM05, LAFAN1, SOMA, Mixamo, MotionBuilder, 3ds Max Biped, Rokoko, Xsens, SMPL, Bandai-Namco,
+VRM, iClone and the names of OpenSim and OpenPose: prefixes and separators are dropped, the side is taken from words
+such as "Left", "L" or "lt", and what is left is looked up. A bone is called after the joint that it starts from
+("LeftLeg" is a shank) or after itself ("ltibia"); where a joint has several bones each bears both names
+("Hips-LeftUpLeg"). Some words depend on the others: a "leg" above a "shin" is a thigh, a "foot" below an "ankle" are
+the toes, a "shoulder" above an "elbow" is an upper arm. A word that most names share ("Robot_Hips") says nothing, nor
+do words without which most parts are found ("LeftLeg_bind" beside "hair_1"). Names in other languages are translated
+(`foreign_names`).
+"""
+
+from __future__ import annotations
+
+import re
+from collections import Counter
+from collections.abc import Iterable
+from functools import lru_cache
+from typing import Literal, NamedTuple
+
+from controller.motion import foreign_names
+from controller.motion.foreign_names import ENGLISH, without_accents
+
+Part = Literal[
+    "pelvis",
+    "trunk",
+    "neck",
+    "head",
+    "hip",
+    "thigh",
+    "shank",
+    "foot",
+    "toes",
+    "clavicle",
+    "upper arm",
+    "forearm",
+    "hand",
+]
+Side = Literal["left", "right", "middle"]
+
+
+class NamedPart(NamedTuple):
+    """A part of the body and its side."""
+
+    part: Part
+    side: Side
+
+
+_MIDDLE: dict[Part, str] = {
+    "pelvis": "hips hip pelvis midhip hipcenter",
+    "trunk": "spine chest upperchest chestupper lowerchest chestlower back lowerback upperback thorax torso lumbar "
+    "abdomen abdomenupper abdomenlower waist rib ribs ab l5 l3 t12 t8 spinenavel spinechest shouldercenter "
+    "lowerspine middlespine midspine upperspine spinelower spinemiddle spinemid spineupper spineshoulder",
+    "neck": "neck lowerneck upperneck necklower neckupper neckbase necktwist",
+    "head": "head skull",
+}
+_SIDED: dict[Part, str] = {
+    "hip": "hipjoint",
+    "thigh": "upleg upperleg legupper uleg thigh thighbend femur hip",
+    "shank": "lowerleg lowleg loleg leglower leg calf shin shank tibia knee",
+    "foot": "foot ankle footankle",
+    "toes": "toe toes toebase ball football bigtoe footindex",
+    "clavicle": "clavicle clav collar collarbone shoulder scapula thorax",
+    "upper arm": "upperarm uparm armupper arm uarm humerus shldr shldrbend",
+    "forearm": "forearm forearmbend lowerarm lowarm loarm armlower farm radius elbow",
+    "hand": "hand wrist handwrist palm",
+}
+_KEYS: dict[str, Part] = {
+    word: part for table in (_MIDDLE, _SIDED) for part, words in table.items() for word in words.split()
+}
+_KEYS |= {"hip": "pelvis", "thorax": "trunk"}  # with a side they are limbs, which `_Style.part` knows
+_PREFIXES = re.compile(
+    r"^(mixamorig\d*|character\d*|bip\d*|cc base|j bip|joint|jnt|def|org|mch|rl|b|[mf] avg|avg|bone|valvebiped)\b"
+)
+_RIGGED = re.compile(r"^(DEF|ORG|MCH)-")  # Blender's rigs
+_LEFT = foreign_names.LEFT | {"left", "l", "lt", "lf", "lft"}
+_RIGHT = foreign_names.RIGHT | {"right", "r", "rt", "rg", "rgt"}
+# Another part, or one at all, only where the side is said apart: "r_larm" is a lower arm, "LArm" a left one.
+_SIDED_ONLY: dict[str, Part] = {"hip": "thigh", "thorax": "clavicle", "larm": "forearm", "lleg": "shank"}
+# "LFArm" is a left forearm, though "lf" elsewhere means left.
+_WHOLE = {f"{letter}{key}" for letter in "lr" for key in ("farm", "uarm")}
+_KNOWN = frozenset(_KEYS) | frozenset(ENGLISH)
+_SILENT = ("c", "m", "x", "stretch")  # the middle; a bone of Auto-Rig Pro that deforms
+_SHARED = 0.6  # of the names bear a word that says nothing
+# What a bone may lead to: a bone "A-B" belongs to A only where B continues it.
+_FOLLOWS: dict[Part, tuple[Part, ...]] = {
+    "pelvis": ("trunk", "neck", "head", "pelvis"),
+    "trunk": ("trunk", "neck", "head"),
+    "neck": ("neck", "head"),
+    "hip": ("hip", "thigh"),
+    "thigh": ("thigh", "shank"),
+    "shank": ("shank", "foot"),
+    "foot": ("foot", "toes"),
+    "clavicle": ("clavicle", "upper arm"),
+    "upper arm": ("upper arm", "forearm"),
+    "forearm": ("forearm", "hand"),
+}
+
+_THESIS: dict[str, NamedPart] = {
+    "back": NamedPart("trunk", "middle"),
+    "neck": NamedPart("trunk", "middle"),
+    "head": NamedPart("head", "middle"),
+}
+LimbPart = Literal["hip", "thigh", "shank", "foot", "clavicle", "upper arm", "forearm", "hand"]
+# How the thesis's bones of either side end, and which parts they are.
+THESIS_LIMBS: tuple[tuple[str, LimbPart], ...] = (
+    ("hip", "hip"),
+    ("kne", "thigh"),
+    ("ank", "shank"),
+    ("foo", "foot"),
+    ("sho", "clavicle"),
+    ("elb", "upper arm"),
+    ("wri", "forearm"),
+    ("han", "hand"),
+)
+_SIDES: tuple[tuple[str, Side], ...] = (("l", "left"), ("r", "right"))
+for _letter, _side in _SIDES:
+    _THESIS |= {_letter + end: NamedPart(part, _side) for end, part in THESIS_LIMBS}
+
+
+# Sides as they are written together with a part, the longest first: "links" before "l".
+_SPELLED: tuple[tuple[frozenset[str], Side], ...] = ((_LEFT, "left"), (_RIGHT, "right"))
+_AFFIXES: list[tuple[str, Side]] = [
+    (word, side) for words, side in _SPELLED for word in sorted(words, key=len, reverse=True)
+]
+
+
+class _Style(NamedTuple):
+    """What the names of one skeleton have in common.
+
+    Attributes:
+        shared: words that say nothing, because most names bear them.
+        joints: a shoulder is the upper arm, because bones are called after joints, or collar bones have other names.
+        shins: a leg is a thigh, because what follows it is called shin or knee.
+        ankles: a foot is what follows the ankle: the toes.
+        thighs: a hip of a side is what carries the thigh, because thighs have names of their own.
+    """
+
+    shared: frozenset[str]
+    joints: bool
+    shins: bool
+    ankles: bool
+    thighs: bool
+
+    @classmethod
+    def of(cls, names: Iterable[str]) -> _Style:
+        """The style of some names, of joints or of bones between two ("A-B")."""
+        joints = {joint for name in names for joint in _RIGGED.sub("", name).split("-")}
+        said = [frozenset(_words(joint)) for joint in joints]
+        counts = Counter(word for words in said for word in words)
+        known = _LEFT | _RIGHT | _KNOWN
+        shared = frozenset(
+            word
+            for word, count in counts.items()
+            if len(said) > 3 and count > _SHARED * len(said) and word not in known
+        )
+        if len(said) > 3:
+            shared |= _besides_parts(map(_words, joints)) - known
+        keys = {key for joint in joints for key, _ in [_key(joint, shared)]}
+        thighs = bool(keys & {"upleg", "upperleg", "legupper", "uleg", "thigh", "thighbend", "femur"})
+        shins = bool(keys & {"shin", "calf", "shank", "lowerleg", "lowleg", "loleg", "leglower", "lleg", "knee"})
+        uppers = {"upperarm", "uparm", "armupper", "arm", "uarm", "humerus"}
+        others = {"elbow", "knee", "clavicle", "clav", "collar", "collarbone", "scapula"}
+        joints = bool(keys & others) and not keys & uppers
+        return cls(shared, joints, "leg" in keys and shins and not thighs, "ankle" in keys, thighs)
+
+    def part(self, name: str) -> NamedPart | None:
+        """What the name of a joint means."""
+        key, side = _key(name, self.shared)
+        if side == "middle":
+            part = _KEYS.get(key)
+            return NamedPart(part, side) if part in _MIDDLE else None
+        if key == "hip" and self.thighs:
+            return NamedPart("hip", side)
+        if key in _SIDED_ONLY:
+            return NamedPart(_SIDED_ONLY[key], side)
+        if key == "shoulder" and self.joints:
+            return NamedPart("upper arm", side)
+        if key == "leg" and self.shins:
+            return NamedPart("thigh", side)
+        if key == "foot" and self.ankles:
+            return NamedPart("toes", side)
+        part = _KEYS.get(key)
+        return None if part is None or part in _MIDDLE else NamedPart(part, side)
+
+
+def named_parts(names: Iterable[str]) -> list[NamedPart | None]:
+    """The part that each name of a skeleton means; None where it means none of a human's."""
+    return list(_named_parts(tuple(names)))
+
+
+@lru_cache(maxsize=64)  # while a recording is read, its body is looked at in many poses
+def _named_parts(names: tuple[str, ...]) -> tuple[NamedPart | None, ...]:
+    if set(_THESIS) <= set(names):
+        return tuple(_THESIS.get(name) for name in names)
+    style = _Style.of(names)
+    return tuple(_named(name, style) for name in names)
+
+
+def _named(name: str, style: _Style) -> NamedPart | None:
+    """The part of one bone: its own, or that of the way to the joint it leads to."""
+    start, *end = _RIGGED.sub("", name).split("-", 1)
+    own = style.part(start)
+    if not end:
+        return own
+    next_part = style.part(end[0])
+    if own is not None and own.part in ("hand", "foot"):
+        return own
+    if own is None or next_part is None:
+        return None
+    if own.side == "middle" and next_part.part in ("hip", "thigh"):
+        return NamedPart("hip", next_part.side)
+    if own.side == "middle" and next_part.part in ("clavicle", "upper arm"):
+        return NamedPart("clavicle", next_part.side)
+    follows = next_part.part in _FOLLOWS.get(own.part, ()) and next_part.side in (own.side, "middle")
+    return own if follows else None
+
+
+@lru_cache(maxsize=4096)
+def _words(name: str) -> tuple[str, ...]:
+    """The words of a name in small letters, without the prefixes of the usual exporters."""
+    name = without_accents(re.split("[:|/]", name)[-1])
+    name = re.sub(r"([a-z0-9])([A-Z])", r"\1 \2", name)
+    name = re.sub(r"([A-Z])([A-Z][a-z])", r"\1 \2", name)
+    spaced = " ".join(re.sub(r"[\W_]+", " ", name.lower()).split())
+    while (shorter := _PREFIXES.sub("", spaced).strip()) and shorter != spaced:
+        spaced = shorter
+    return tuple(spaced.split())
+
+
+@lru_cache(maxsize=4096)
+def _key(name: str, shared: frozenset[str]) -> tuple[str, Side]:
+    """A name in English without prefix, separators, numbers and side; and the side."""
+    return _english_key(tuple(word for word in _words(name) if word not in shared))
+
+
+def _english_key(words: tuple[str, ...]) -> tuple[str, Side]:
+    """As `_key`, of the words of a name."""
+    key, side = _sided_key(words)
+    return ENGLISH.get(key, key), side
+
+
+def _besides_parts(names: Iterable[tuple[str, ...]]) -> frozenset[str]:
+    """The words that the names of most parts bear besides the part: a prefix, or what an exporter adds."""
+    parts: dict[frozenset[str], set[tuple[str, Side]]] = {}
+    for words in names:
+        found = _besides_part(words)
+        if found is not None:
+            besides, part = found
+            parts.setdefault(besides, set()).add(part)
+    return max(parts, key=lambda words: (len(parts[words]), -len(words), sorted(words)), default=frozenset())
+
+
+@lru_cache(maxsize=4096)
+def _besides_part(words: tuple[str, ...]) -> tuple[frozenset[str], tuple[str, Side]] | None:
+    """The words of a name besides the most that together name a part, and that part; None if none do."""
+    for count in range(len(words), 0, -1):
+        for at in range(len(words) - count + 1):
+            key, side = _english_key(words[at : at + count])
+            if key in _KEYS:
+                return frozenset(words[:at] + words[at + count :]), (key, side)
+    return None
+
+
+def _sided_key(words: tuple[str, ...]) -> tuple[str, Side]:
+    """As `_key`, of the words of a name in its own language."""
+    side: Side = "middle"
+    kept: list[str] = []
+    whole = "".join(words)
+    if whole in _WHOLE:
+        return whole[1:], "left" if whole[0] == "l" else "right"
+    for word in words:
+        bare = word.rstrip("0123456789")
+        if bare in _LEFT | _RIGHT and side == "middle" and len(words) > 1 and not word[-1].isdigit():
+            side = "left" if bare in _LEFT else "right"
+        elif bare or len(words) == 1:
+            kept.append(bare if bare not in ("", "l", "t") else word)
+    key = "".join(word for word in kept if word not in _SILENT)
+    if side == "middle" and key not in _KNOWN:
+        for word, which in _AFFIXES:
+            if key.startswith(word) and key[len(word) :] in _KNOWN:
+                return key[len(word) :], which
+            if key.endswith(word) and key[: -len(word)] in _KNOWN:
+                return key[: -len(word)], which
+    return key, side

@@ -1,0 +1,170 @@
+"""What looks wrong about a recorded body: sizes, sides, height, angles, the up axis, and parts that were not found.
+
+Each doubt is one line that names the bone, the reason and the remedy. Judged over the whole recording.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from controller.motion.anatomy import SIDES, named_anatomy
+from controller.motion.bone_names import named_parts
+from controller.motion.canonical.canonical_body import CANONICAL_BONES, NO_LENGTH, Landmarks, landmarks_of, to_canonical
+from controller.motion.clip import Clip
+from controller.motion.rotations import Array, dot, normalise, rotate
+from controller.motion.skeleton import Skeleton
+from motiondeck_base.errors import FileFormatError
+
+SHORTEST_LEG, LONGEST_LEG = 0.35, 1.15  # m, thigh and shank: of a child of three, and of the tallest
+FLOATS = 0.3  # m: the lowest joint above the ground, nearly all the time
+DEEPEST = 0.3  # m: the lowest joint below the ground, in the middle of the recording
+NEARLY_NEVER = 5.0  # percent of the time
+LIES = 0.5  # sine: neck and ankles rise and fall by less than 30 degrees from the hips
+STEADY = 0.7  # length of the mean of directions that hardly change
+UPSIDE_DOWN = 0.4  # legs: a head this far below the feet; of somebody who lies it may be a little
+SIDES_DIFFER = 1.25  # a bone over its counterpart
+# Degrees: in radians no joint turns farther than that number says, in degrees those of a moving body do.
+WITHIN_A_TURN, MOVES = 6.3, 0.2
+PROPORTIONS = (("kne", "ank", 0.6, 1.7), ("elb", "wri", 0.6, 2.2))  # thigh over shank, upper arm over forearm
+
+
+def doubts(clip: Clip) -> list[str]:
+    """What looks wrong about the body of a clip."""
+    skeleton = clip.skeleton
+    found: list[str] = []
+    try:
+        marks = landmarks_of(skeleton)
+    except FileFormatError as error:
+        return [str(error)]
+    if named_anatomy(skeleton) is None:
+        found.append("no names of legs were understood: parts were found by shape. Check them, or use --rename.")
+    elif arms := _arms_by_shape(skeleton, marks):
+        found.append(f"no name of {arms} was understood: found by shape. Check it, or use --rename OLD=LeftForeArm.")
+    lacking = [_called(bone) for bone in marks.lacking]
+    if lacking:
+        what = "was found: its length and direction are" if len(lacking) == 1 else "were found: they are"
+        found.append(f"no {', '.join(lacking)} {what} assumed.")
+    own = to_canonical(clip)
+    found += _sizes(own, skeleton, marks)
+    joints = own.joints()
+    head, toes = (joints[:, 1 + CANONICAL_BONES.index(bone), 2] for bone in ("head", "lfoo"))
+    lowest = joints[..., 2].min(axis=1)
+    deep, floats = -float(np.median(lowest)), float(np.percentile(lowest, NEARLY_NEVER))
+    if deep > DEEPEST:
+        found.append(
+            f"the body is {deep:.2f} m below the ground: its height is not in the file, or the up axis (--up)."
+        )
+    if floats > FLOATS:
+        found.append(
+            f"the body floats {floats:.2f} m above the ground all the time: the up axis may be wrong (--up), or its "
+            "height in the file, which is kept. Lower it in the program that it comes from."
+        )
+    turns = _turns(clip)
+    if np.ptp(turns, axis=0).max(initial=0.0) > MOVES and turns.max() < WITHIN_A_TURN:
+        found.append(
+            f"no joint turns by more than {turns.max():.1f} degrees: the file's angles may be radians. Write them in "
+            "degrees (times 57.3)."
+        )
+    if np.median(head - toes) < -UPSIDE_DOWN * own.skeleton.leg_length:
+        found.append("the head is below the feet most of the time: the up axis may be wrong (--up).")
+    spans = joints[:, [1 + CANONICAL_BONES.index(bone) for bone in ("neck", "lank", "rank")]] - joints[:, :1]
+    if _lie(normalise(spans)):
+        found.append(
+            "the body lies all the time: if the person did not, another axis is up (--up; where it is x, turn the "
+            "recording in the program that it comes from)."
+        )
+    if "lfoo" in marks.joint and _toes_ahead(own) < -0.3:
+        found.append("the toes point backwards: names may have left and right exchanged (--rename).")
+    return found
+
+
+def _lie(lines: Array) -> bool:
+    """Whether lines (T, N, 3) lie: nearly all the time all of them, or on the whole, each for ever the same way.
+
+    The legs of somebody who walks with another axis up swing up and down.
+    """
+    steepest = np.abs(lines[..., 2]).max(axis=1)
+    whole = lines.mean(axis=0)
+    same_way = np.linalg.norm(whole, axis=-1).min() > STEADY and np.abs(whole[:, 2]).max() < LIES
+    return bool(np.percentile(steepest, 100.0 - NEARLY_NEVER) < LIES or same_way)
+
+
+def _arms_by_shape(skeleton: Skeleton, marks: Landmarks) -> str:
+    """The arms that were found though names do not tell their upper arm and forearm; empty for none."""
+    named = set(named_parts(skeleton.bones))
+    arms = [
+        f"the {side} arm"
+        for side in SIDES
+        if side[0] + "elb" in marks.joint and not {("upper arm", side), ("forearm", side)} <= named
+    ]
+    return " and ".join(arms)
+
+
+def _toes_ahead(own: Clip) -> float:
+    """How far the toes of a canonical clip point ahead of the body: cosine, median over time.
+
+    Only what points aside of the shank counts: the feet of somebody who crawls or kneels point behind him.
+    """
+    line = {
+        bone: rotate(
+            own.rotation[:, 1 + own.skeleton.index(bone)], own.skeleton.rest_direction[own.skeleton.index(bone)]
+        )
+        for bone in ("lank", "rank", "lfoo", "rfoo")
+    }
+    aside = [
+        foot - dot(foot, shank)[:, None] * shank
+        for foot, shank in ((line["lfoo"], line["lank"]), (line["rfoo"], line["rank"]))
+    ]
+    forward = rotate(own.rotation[:, 0], np.array([1.0, 0.0, 0.0]))
+    return float(np.median(dot(0.5 * (aside[0] + aside[1]), forward)))
+
+
+def _turns(clip: Clip) -> Array:
+    """How far each bone is turned from its rest pose against what it hangs from, shape (T, B), degrees."""
+    own, above = clip.rotation[:, 1:], clip.rotation[:, 1 + clip.skeleton.parent]
+    return np.degrees(2.0 * np.arccos(np.clip(np.abs(dot(own, above)), 0.0, 1.0)))
+
+
+def _sizes(own: Clip, recorded: Skeleton, marks: Landmarks) -> list[str]:
+    """Implausible lengths, on the canonical body, with the names of the recorded one."""
+    found: list[str] = []
+    length = dict(zip(CANONICAL_BONES, own.skeleton.length.tolist(), strict=True))
+    name = {bone: recorded.bones[marks.bone[bone]] for bone in marks.joint if marks.bone.get(bone, -1) >= 0}
+    for side in SIDES:
+        leg = length[side[0] + "kne"] + length[side[0] + "ank"]
+        if not SHORTEST_LEG < leg < LONGEST_LEG:
+            found.append(f"the {side} leg is {leg:.2f} m long: the unit may be wrong (--unit), or a bone (--rename).")
+        for upper, lower, least, most in ((side[0] + a, side[0] + b, *span) for a, b, *span in PROPORTIONS):
+            if upper in name and lower in name and not least < length[upper] / max(length[lower], NO_LENGTH) < most:
+                taken = f"bone '{name[upper]}', taken for the {_called(upper)}"
+                shorter = f"the {_called(lower).partition(' ')[2]} {length[lower]:.2f} m"
+                found.append(f"{taken}, is {length[upper]:.2f} m, {shorter} (--rename).")
+    for end in ("kne", "ank", "elb", "wri"):
+        if "l" + end in name and "r" + end in name:
+            one, other = length["l" + end], length["r" + end]
+            if max(one, other) > SIDES_DIFFER * min(one, other):
+                names = f"'{name['l' + end]}' and '{name['r' + end]}'"
+                found.append(
+                    f"bones {names}, taken for both {_NAMES[end]}s, are {one:.2f} and {other:.2f} m (--rename)."
+                )
+    return found
+
+
+_NAMES = {"hip": "hip", "kne": "thigh", "ank": "shank", "foo": "foot"}
+_NAMES |= {"sho": "shoulder", "elb": "upper arm", "wri": "forearm", "han": "hand"}
+
+
+def _called(bone: str) -> str:
+    """A canonical bone in words."""
+    side = {"l": "left ", "r": "right "}.get(bone[0], "")
+    return side + _NAMES[bone[1:]] if bone[1:] in _NAMES else {"neck": "chest"}.get(bone, bone)
+
+
+def taken_for(clip: Clip) -> dict[str, str]:
+    """The recorded bone that each part of the canonical body was found in, by the part's name."""
+    marks = landmarks_of(clip.skeleton)
+    return {
+        _called(bone): clip.skeleton.bones[marks.bone[bone]]
+        for bone in CANONICAL_BONES
+        if marks.bone.get(bone, -1) >= 0 and (bone in marks.joint or bone == "back")
+    }

@@ -1,0 +1,272 @@
+"""One body for all recordings, and how any recording is carried to it.
+
+Rest poses cannot be compared between files; where limbs point in the world can. So every recording is carried to a
+body of 20 landmarks: the middle between the hips (its root), waist, base of the neck, head, and on each side hip, knee,
+ankle, toe base, shoulder, elbow, wrist and knuckles. Its 19 bones are the lines between them, named and ordered as in
+the thesis (`formats/jaeger_patterns`): recordings of markers and Jaeger's patterns are on this body already. Spines of
+any number of bones, missing fingers and toes, and other names make no difference.
+
+Each bone of the carried clip points where the recorded landmarks lie, in every frame; its length is the median of their
+distance. Its twist is that of the recorded bone that it ends with, counted from the recording's rest pose.
+
+Landmarks that a file lacks (hands, feet) are put where the rest pose of the carrying bone would have them, those of a
+whole arm where it hangs, and named by `lacking`.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from controller.motion.anatomy import SIDES, Anatomy, Part, Side, anatomy, leg_without_name
+from controller.motion.bone_names import THESIS_LIMBS
+from controller.motion.clip import Clip
+from controller.motion.encodings.joint_angles import JointBody
+from controller.motion.rotations import Array, between, continuous, multiply, normalise, rotate, yaw
+from controller.motion.skeleton import Skeleton
+from controller.motion.thesis_body import JAEGER_BONES, JAEGER_PARENT, JAEGER_REST, thesis_skeleton
+from motiondeck_base.errors import FileFormatError
+from motiondeck_base.files import listed
+
+CANONICAL_BONES = JAEGER_BONES
+NO_LENGTH = 1e-6  # m
+# Lengths of what a file lacks, over its thigh and shank (Winter 2009, fig. 4.1).
+_ASSUMED = {"foo": 0.30, "neck": 0.58, "head": 0.35, "sho": 0.26, "elb": 0.38, "wri": 0.30, "han": 0.20}
+_HANGS = (0.0, 0.17, -0.985)  # where a left arm points of which the file has nothing
+
+
+@dataclass(frozen=True)
+class Landmarks:
+    """Which joints of a skeleton are the landmarks; a joint is 0 for the root or 1 + the bone that ends there.
+
+    Attributes:
+        joint: of each canonical bone, the joint in which it ends; absent where the skeleton lacks it.
+        bone: of each canonical bone, the recorded bone whose rotation it takes.
+        waist: the joint nearest to half way up the trunk, or None where the trunk is one bone.
+    """
+
+    joint: dict[str, int]
+    bone: dict[str, int]
+    waist: int | None
+
+    @property
+    def lacking(self) -> list[str]:
+        """The canonical bones that the skeleton lacks."""
+        return [bone for bone in CANONICAL_BONES if bone not in self.joint and bone != "back"]
+
+
+def is_canonical(skeleton: Skeleton) -> bool:
+    """Whether a skeleton is the canonical body, of whatever proportions."""
+    return (
+        skeleton.bones == CANONICAL_BONES
+        and tuple(skeleton.parent.tolist()) == JAEGER_PARENT
+        and np.allclose(skeleton.rest_direction, JAEGER_REST, atol=1e-6)
+    )
+
+
+def landmarks_of(skeleton: Skeleton) -> Landmarks:
+    """The landmarks of any skeleton of a human.
+
+    Raises:
+        FileFormatError: if it has no two legs; it names what was found and the remedy.
+    """
+    lacks = leg_without_name(skeleton)
+    if lacks is not None:
+        raise _no_leg(skeleton, lacks)
+    parts = anatomy(skeleton)
+    joint: dict[str, int] = {}
+    bone: dict[str, int] = {}
+    for side in SIDES:
+        for end, part in THESIS_LIMBS:
+            own = _main(skeleton, parts, part, side)
+            if not own:
+                continue
+            # Toes and fingers add to foot and hand: these end where their first bone does.
+            last = own[0] if part in ("foot", "hand") else own[-1]
+            joint[side[0] + end], bone[side[0] + end] = 1 + last, last
+        thigh = _main(skeleton, parts, "thigh", side)
+        if not thigh or side[0] + "ank" not in joint:
+            raise _no_leg(skeleton, side)
+        joint[side[0] + "hip"] = 1 + int(skeleton.parent[thigh[0]])
+        bone.setdefault(side[0] + "hip", -1)
+        arm = _main(skeleton, parts, "upper arm", side)
+        if arm:
+            joint[side[0] + "sho"] = 1 + int(skeleton.parent[arm[0]])
+            bone.setdefault(side[0] + "sho", int(skeleton.parent[arm[0]]))
+    trunk = _main(skeleton, parts, "trunk", "middle")
+    waist = None
+    if trunk:
+        joint["neck"], bone["neck"] = 1 + trunk[-1], trunk[-1]
+        length = np.cumsum(skeleton.length[trunk])
+        middle = int(np.argmin(np.abs(length[:-1] - 0.5 * length[-1]))) if len(trunk) > 1 else None
+        waist = None if middle is None else 1 + trunk[middle]
+        bone["back"] = trunk[0] if middle is None else trunk[middle]
+    top = _main(skeleton, parts, "head", "middle")[:1] or _main(skeleton, parts, "neck", "middle")
+    if top and "neck" in joint:
+        joint["head"], bone["head"] = 1 + top[-1], top[-1]
+    return Landmarks(joint, bone, waist)
+
+
+def _no_leg(skeleton: Skeleton, side: Side) -> FileFormatError:
+    return FileFormatError(
+        f"skeleton '{skeleton.name}': no {side} leg was found (bones: {listed(skeleton.bones)}). "
+        f"Name its joints with --rename OLD={side.capitalize()}UpLeg and so on."
+    )
+
+
+def _main(skeleton: Skeleton, parts: Anatomy, part: Part, side: Side) -> list[int]:
+    """The bones of a part along its longest way, from the root outwards."""
+    own = parts.all(part, side)
+    if not own:
+        return []
+    chain = skeleton.chain[np.ix_(own, own)]
+    reach = chain @ skeleton.length[own] + 1e-9 * chain.sum(axis=1)
+    end = own[int(np.argmax(reach))]
+    return [bone for bone in own if skeleton.chain[end, bone]]
+
+
+def to_canonical(clip: Clip) -> Clip:
+    """A recording on the canonical body, with the recording's own proportions; every bone points as recorded.
+
+    Raises:
+        FileFormatError: if the recording's skeleton has no two legs.
+    """
+    if is_canonical(clip.skeleton):
+        return clip
+    marks = landmarks_of(clip.skeleton)
+    rest, _ = _landmark_places(clip.skeleton, marks, np.zeros((1, 3)), _identity(1, len(clip.skeleton)))
+    place, turned = _landmark_places(clip.skeleton, marks, clip.root_position, clip.rotation)
+    line = place[:, 1:] - place[:, np.array(JAEGER_PARENT) + 1]
+    length = np.median(np.sqrt(np.square(line).sum(-1)), axis=0)
+    # Some skeletons hang their arms from the neck: a shoulder may have no length, and then goes along.
+    length[length < NO_LENGTH] = 0.0
+    skeleton = thesis_skeleton(length, clip.skeleton.name)
+    across = rest[0, 1 + CANONICAL_BONES.index("lhip")] - rest[0, 0]
+    # A rest pose may face a few degrees aside; the canonical root faces at right angles to its hips.
+    facing = yaw(np.arctan2(-across[0], across[1]))
+    start = normalise(rest[0, 1:] - rest[0, np.array(JAEGER_PARENT) + 1])
+    rotation = np.empty((len(clip), 1 + len(skeleton), 4))
+    rotation[:, 0] = multiply(turned[:, 0], facing)
+    rests = np.array(JAEGER_REST)
+    carried = multiply(turned[:, 1:], between(rests, np.where(length[:, None] > 0.0, start, rests)))
+    now = rotate(carried, rests)
+    apart = np.sqrt(np.square(line).sum(-1)) >= NO_LENGTH
+    goal = np.where(apart[..., None], normalise(line), now)
+    rotation[:, 1:] = multiply(between(now, goal), carried)
+    for bone in np.flatnonzero(length == 0.0):
+        rotation[:, 1 + bone] = rotation[:, 1 + JAEGER_PARENT[bone]]
+    return Clip(clip.name, skeleton, clip.rate, place[:, 0], continuous(rotation), clip.source)
+
+
+def carried(clip: Clip, skeleton: Skeleton) -> Clip:
+    """A recording on a given body: the canonical one with other proportions, or a library's own skeleton.
+
+    On the canonical body, and on any with other bones than the recording, limbs point as recorded. The path is scaled
+    by the ratio of leg lengths.
+
+    Raises:
+        FileFormatError: if either has no two legs.
+    """
+    joints = isinstance(skeleton, JointBody) or isinstance(clip.skeleton, JointBody)
+    same = set(clip.skeleton.bones) == set(skeleton.bones)
+    if joints and not same:
+        raise FileFormatError(
+            f"clip '{clip.name}': its joints are not those of '{skeleton.name}'. A taught clip fits its rig only."
+        )
+    if same and not is_canonical(skeleton):
+        return _with_same_bones(clip, skeleton)
+    canonical = to_canonical(clip)
+    if is_canonical(skeleton):
+        ratio = skeleton.leg_length / canonical.skeleton.leg_length
+        return replace(canonical, skeleton=skeleton, root_position=canonical.root_position * ratio)
+    return _from_canonical(canonical, skeleton)
+
+
+def _with_same_bones(clip: Clip, skeleton: Skeleton) -> Clip:
+    """The same bones in whatever order and rest pose: each points, and is twisted, as recorded."""
+    own = clip.skeleton
+    order = [own.bones.index(bone) for bone in skeleton.bones]
+    rotation = clip.rotation[:, [0, *(1 + bone for bone in order)]].copy()
+    for bone, rest in enumerate(skeleton.rest_direction):
+        turn = between(rest, own.rest_direction[order[bone]])
+        rotation[:, 1 + bone] = multiply(rotation[:, 1 + bone], turn)
+    ratio = skeleton.leg_length / own.leg_length
+    return replace(clip, skeleton=skeleton, root_position=clip.root_position * ratio, rotation=continuous(rotation))
+
+
+def _from_canonical(clip: Clip, skeleton: Skeleton) -> Clip:
+    """A canonical clip on another skeleton: each of its bones follows the canonical bone of its part.
+
+    Where a part has several bones there (a spine, a neck, toes) they move as one, and keep their shape at rest.
+    """
+    parts = anatomy(skeleton)
+    marks = landmarks_of(skeleton)
+    rest, _ = _landmark_places(skeleton, marks, np.zeros((1, 3)), _identity(1, len(skeleton)))
+    start = normalise(rest[0, 1:] - rest[0, np.array(JAEGER_PARENT) + 1])
+    trunk = _main(skeleton, parts, "trunk", "middle")
+    low = 1 + trunk.index(marks.waist - 1) if marks.waist is not None else 0
+    leads: dict[int, str] = dict.fromkeys(trunk[:low], "back") | dict.fromkeys(trunk[low:], "neck")
+    leads |= dict.fromkeys([*parts.all("neck"), *parts.all("head")], "head")
+    for side in SIDES:
+        for end, part in THESIS_LIMBS:
+            leads |= dict.fromkeys(parts.all(part, side), side[0] + end)
+    rotation = np.empty((len(clip), 1 + len(skeleton), 4))
+    rotation[:, 0] = clip.rotation[:, 0]
+    for bone, parent in enumerate(skeleton.parent):
+        name = leads.get(bone)
+        # What is no part of a human's (a tail, a twist bone), and what the hips' bones carry, goes along.
+        if name is None:
+            rotation[:, 1 + bone] = rotation[:, 1 + parent]
+            continue
+        of = CANONICAL_BONES.index(name)
+        turn = between(start[of], np.array(JAEGER_REST[of]))
+        rotation[:, 1 + bone] = multiply(clip.rotation[:, 1 + of], turn)
+        lone = name[1:] not in ("hip", "sho") and name not in ("back", "neck", "head")
+        if lone and parts.part[bone] not in ("foot", "hand"):
+            # The landmarks of a limb lie on its bone: it points as the canonical one does.
+            goal = rotate(clip.rotation[:, 1 + of], np.array(JAEGER_REST[of]))
+            now = rotate(rotation[:, 1 + bone], skeleton.rest_direction[bone])
+            rotation[:, 1 + bone] = multiply(between(now, goal), rotation[:, 1 + bone])
+    ratio = skeleton.leg_length / clip.skeleton.leg_length
+    middle = rotate(rotation[:, 0], rest[0, 0])
+    return replace(
+        clip, skeleton=skeleton, root_position=clip.root_position * ratio - middle, rotation=continuous(rotation)
+    )
+
+
+def _landmark_places(
+    skeleton: Skeleton, marks: Landmarks, root_position: Array, rotation: Array
+) -> tuple[Array, Array]:
+    """Where root and landmarks are, shape (T, 20, 3), and how the bones that end there are turned, (T, 20, 4)."""
+    joints = skeleton.joints(root_position, rotation)
+    index = {bone: 1 + number for number, bone in enumerate(CANONICAL_BONES)}
+    place = np.empty((len(joints), 20, 3))
+    turned = np.empty((len(joints), 20, 4))
+    place[:, 0] = 0.5 * (joints[:, marks.joint["lhip"]] + joints[:, marks.joint["rhip"]])
+    turned[:, 0] = rotation[:, 0]
+    leg = float(skeleton.length[marks.bone["lkne"]] + skeleton.length[marks.bone["lank"]])
+    for bone, parent, rest in zip(CANONICAL_BONES, JAEGER_PARENT, JAEGER_REST, strict=True):
+        at = index[bone]
+        turned[:, at] = rotation[:, 1 + marks.bone[bone]] if bone in marks.bone else turned[:, 1 + parent]
+        if bone == "back":
+            continue
+        if bone in marks.joint:
+            place[:, at] = joints[:, marks.joint[bone]]
+        else:
+            share = _ASSUMED.get(bone, _ASSUMED.get(bone[1:], 0.5))
+            if bone[1:] in ("elb", "wri", "han") and bone[0] + "elb" not in marks.joint:
+                rest = (_HANGS[0], _HANGS[1] if bone[0] == "l" else -_HANGS[1], _HANGS[2])
+            carrier = turned[:, 1 + parent]
+            start = place[:, 0] if bone == "neck" else place[:, 1 + parent]  # the waist halves the way to the neck
+            place[:, at] = start + rotate(carrier, np.array(rest) * share * leg)
+        if bone == "neck":
+            waist = 0.5 * (place[:, 0] + place[:, at]) if marks.waist is None else joints[:, marks.waist]
+            place[:, index["back"]] = waist
+    return place, turned
+
+
+def _identity(frames: int, bones: int) -> Array:
+    rotation = np.zeros((frames, 1 + bones, 4))
+    rotation[..., 0] = 1.0
+    return rotation

@@ -1,0 +1,188 @@
+"""Clips at another rate, without their still ends, between jumps, or with left and right exchanged."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from controller.motion.canonical.canonical_body import CANONICAL_BONES, to_canonical
+from controller.motion.clip import Clip
+from controller.motion.encodings.joint_angles import JointBody
+from controller.motion.rotations import (
+    Array,
+    conjugate,
+    continuous,
+    from_rotation_vector,
+    multiply,
+    normalise,
+    to_rotation_vector,
+)
+from motiondeck_base.errors import FileFormatError
+
+# Between the frames of a recording a body moves on; slower than this in every joint it stands still.
+STILL_SPEED = 0.05  # m/s
+STILL_KEPT = 0.1  # s of stillness left before and after the motion
+# A pose before the motion is told by the jump after it: within so many s of the beginning, at least so far (m), and so
+# many times as far as any joint moves in a frame of the s that follow.
+JUMP_WITHIN, JUMP, JUMP_TIMES, AFTER_JUMP = 0.1, 0.1, 5.0, 0.25
+FASTEST_BODY = 20.0  # m/s: no body gets farther in a frame; a recording that does was pasted, or lost its body
+SPIKE = 0.25  # m: how far a joint is aside of its way at least, and by which acceleration no limb gets there
+FASTEST_TURN = 600.0  # m/s^2
+SMOOTHED = 0.1  # s over which speeds are averaged: marker noise is fast
+
+
+def resampled(clip: Clip, rate: float) -> Clip:
+    """The same motion at another rate, Hz: cubics through four frames (Catmull-Rom), for rotations in tangent space.
+
+    The first frame stays the first; the last one is the last that lies within the recording. Beyond its ends a
+    recording goes on along the parabola of its outermost three frames.
+    """
+    if abs(rate - clip.rate) <= 1e-6 * rate:
+        return clip
+    count = int(np.floor((len(clip) - 1) * rate / clip.rate + 1e-6)) + 1
+    at = np.minimum(np.arange(count) * (clip.rate / rate), len(clip) - 1)
+    low = np.minimum(at.astype(np.int64), max(len(clip) - 2, 0))
+    near = [np.clip(low + step, 0, len(clip) - 1) for step in (-1, 0, 1, 2)]
+    share = at - low
+    ends = (low == 0, low == len(clip) - 2) if len(clip) > 2 else (low < 0, low < 0)
+    position = _cubic(_beyond([clip.root_position[index] for index in near], *ends), share[:, None])
+    start = clip.rotation[low]
+    turns = [to_rotation_vector(multiply(conjugate(start), clip.rotation[index])) for index in near]
+    rotation = normalise(multiply(start, from_rotation_vector(_cubic(_beyond(turns, *ends), share[:, None, None]))))
+    return replace(clip, rate=rate, root_position=position, rotation=continuous(rotation))
+
+
+def _beyond(points: list[Array], at_first: NDArray[np.bool_], at_last: NDArray[np.bool_]) -> list[Array]:
+    """Four points around each moment, of which the first or the last lies beyond an end of the recording."""
+    before, start, end, after = points
+    first, last = (mask.reshape(-1, *[1] * (start.ndim - 1)) for mask in (at_first, at_last))
+    return [
+        np.where(first, 3.0 * (start - end) + after, before),
+        start,
+        end,
+        np.where(last, 3.0 * (end - start) + before, after),
+    ]
+
+
+def _cubic(points: list[Array], share: Array) -> Array:
+    """Between the second and the third of four points, at a share of the way from 0 to 1."""
+    before, start, end, after = points
+    s = share
+    slope, slope_end = 0.5 * (end - before), 0.5 * (after - start)
+    return (
+        (1.0 + 2.0 * s) * (1.0 - s) ** 2 * start
+        + s * (1.0 - s) ** 2 * slope
+        + s**2 * (3.0 - 2.0 * s) * end
+        + s**2 * (s - 1.0) * slope_end
+    )
+
+
+def moving_part(clip: Clip) -> tuple[int, int]:
+    """First frame and the one after the last of what lies between the still ends; (0, 0) if nothing moves.
+
+    A pose for reference that stands before the motion (often a first frame with arms held out) is no part of it.
+    """
+    if len(clip) < 2:
+        return 0, 0
+    joints = clip.joints()
+    skipped = _reference_frames(joints, clip.rate)
+    first, end = _between_still_ends(joints[skipped:], clip.rate)
+    return (first + skipped, end + skipped) if end else (0, 0)
+
+
+def jumps(clip: Clip) -> list[int]:
+    """The frames before which the body is elsewhere, farther than anybody moves from one frame to the next."""
+    step = np.sqrt(np.square(np.diff(clip.root_position, axis=0)).sum(-1))
+    return [int(frame) + 1 for frame in np.flatnonzero(step * clip.rate > FASTEST_BODY)]
+
+
+def spikes(clip: Clip) -> list[tuple[int, int]]:
+    """The frames in which a joint is where it cannot have got to, and the bone that ends there.
+
+    By how far a joint is, seen from the root, from the middle between where it was before and comes after.
+    """
+    if len(clip) < 3:
+        return []
+    own = clip.joints()[:, 1:] - clip.root_position[:, None]
+    aside = np.sqrt(np.square(own[1:-1] - 0.5 * (own[2:] + own[:-2])).sum(-1))
+    bone = aside.argmax(axis=1)
+    at = np.flatnonzero(aside.max(axis=1) > max(SPIKE, 0.5 * FASTEST_TURN / clip.rate**2))
+    return [(int(frame) + 1, int(bone[frame])) for frame in at]
+
+
+def without_reference_pose(clip: Clip) -> tuple[Clip, int]:
+    """A clip without the pose for reference that may stand before its motion, and how many frames that was."""
+    skipped = _reference_frames(clip.joints(), clip.rate) if len(clip) > 2 else 0
+    return (span(clip, skipped, len(clip)) if skipped else clip), skipped
+
+
+def _reference_frames(joints: Array, rate: float) -> int:
+    """How many frames lie before a jump at the beginning that is no movement."""
+    step = np.sqrt(np.square(np.diff(joints, axis=0)).sum(-1)).max(1)
+    after = max(2, round(AFTER_JUMP * rate))
+    for frame in range(min(max(1, round(JUMP_WITHIN * rate)), len(step) - 2)):
+        following = step[frame + 1 : frame + 1 + after]
+        if step[frame] > max(JUMP, JUMP_TIMES * float(following.max())):
+            return frame + 1
+    return 0
+
+
+def _between_still_ends(joints: Array, rate: float) -> tuple[int, int]:
+    """First frame and the one after the last of joints (T, J, 3) that move; (0, 0) if none does."""
+    width = max(1, round(SMOOTHED * rate))
+    count = len(joints)
+    ahead = joints[width:] - joints[:-width] if count > width else joints[-1:] - joints[:1]
+    speed = np.sqrt(np.square(ahead).sum(-1)).max(axis=1) * rate / max(1, min(width, count - 1))
+    moving = np.flatnonzero(speed > STILL_SPEED)
+    if len(moving) == 0:
+        return 0, 0
+    kept = round(STILL_KEPT * rate)
+    first = max(0, int(moving[0]) + width // 2 - kept)
+    return (0 if first < kept else first), min(count, int(moving[-1]) + width + 1 + kept)
+
+
+def mirrored(clip: Clip) -> Clip:
+    """The motion on the canonical body with left and right exchanged.
+
+    Raises:
+        FileFormatError: if the clip's skeleton has no two legs, or is a rig's.
+    """
+    if isinstance(clip.skeleton, JointBody):
+        raise FileFormatError(f"clip '{clip.name}': a rig's joints have no left and right to exchange")
+    own = to_canonical(clip)
+    swap = {"l": "r", "r": "l"}
+    names = [swap.get(bone[0], "") + bone[1:] if bone[1:] in _SIDED else bone for bone in CANONICAL_BONES]
+    partner = np.array([CANONICAL_BONES.index(name) for name in names])
+    rotation = own.rotation[:, np.concatenate([[0], 1 + partner])] * np.array([1.0, -1.0, 1.0, -1.0])
+    return replace(
+        own,
+        skeleton=replace(own.skeleton, length=own.skeleton.length[partner]),
+        root_position=own.root_position * np.array([1.0, -1.0, 1.0]),
+        rotation=rotation,
+    )
+
+
+_SIDED = {bone[1:] for bone in CANONICAL_BONES if bone[0] == "l"}
+
+
+def span(clip: Clip, first: int, end: int) -> Clip:
+    """The frames of a clip from `first` up to `end`."""
+    return replace(clip, root_position=clip.root_position[first:end], rotation=clip.rotation[first:end])
+
+
+def seconds_of(clip: Clip, begin: float, end: float | None = None) -> Clip:
+    """The piece of a clip between two times, s; up to its end without the second.
+
+    Raises:
+        FileFormatError: if there is no frame of the clip between them.
+    """
+    frames = len(clip) if end is None else round(end * clip.rate)
+    first = round(begin * clip.rate)
+    if not 0 <= first < frames <= len(clip):
+        until = "its end" if end is None else f"{end:g} s"
+        raise FileFormatError(
+            f"{clip.source}: from {begin:g} s to {until} is no piece of {clip.duration:.2f} s. Give times within it."
+        )
+    return span(clip, first, frames)

@@ -1,0 +1,150 @@
+"""The encoding of Jaeger's patterns: bone directions seen from the body's heading (Deliallisi 2017, section 3.1).
+
+For a skeleton of B bones a frame has 4 + 3 B channels:
+
+    0            height of the root above the ground, m
+    1            turn rate of the heading, rad/s
+    2, 3         velocity of the root along the ground, forward and left, m/s
+    4 + 3 b ...  unit vector of bone b: x forward, y left, z up
+
+The heading is the line from the right hip to the left one, flat, turned by -90 degrees. Where the root lies on that
+line, the x components of the two hip bones are therefore zero by construction (channels 5 and 17 of the thesis, counted
+from 1): what a recording holds there is rounding.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+from typing import ClassVar, Literal, Self
+
+import numpy as np
+from numpy.typing import NDArray
+
+from controller.motion.anatomy import Side, anatomy
+from controller.motion.clip import Clip
+from controller.motion.orientation import orient
+from controller.motion.posture import Posture, walk_path
+from controller.motion.rotations import Array, conjugate, multiply, normalise, rotate, yaw
+from controller.motion.skeleton import ROOT, Skeleton
+from motiondeck_base.errors import FileFormatError
+
+HEIGHT, TURN_RATE, FORWARD, LEFT, FIRST_BONE = 0, 1, 2, 3, 4
+
+# What Jaeger's patterns and the CMU recordings call the bones that lead to the hips.
+HIPS = (("rhip", "lhip"), ("rhipjoint", "lhipjoint"))
+
+
+@dataclass(frozen=True)
+class BoneDirections:
+    """Clips of a skeleton to channels and back.
+
+    Attributes:
+        skeleton: whose bones are encoded.
+        right_hip, left_hip: the names of the bones that lead from the root to the hips.
+    """
+
+    skeleton: Skeleton
+    right_hip: str = "rhip"
+    left_hip: str = "lhip"
+
+    name: ClassVar[Literal["bone directions", "joint rotations"]] = "bone directions"
+
+    @classmethod
+    def of(cls, skeleton: Skeleton) -> Self:
+        """The encoding for a skeleton whose hips bear one of the usual names, or are found by its shape.
+
+        Raises:
+            FileFormatError: if no bones lead from its root to two hips.
+        """
+        for right, left in HIPS:
+            if right in skeleton.bones and left in skeleton.bones:
+                return cls(skeleton, right, left)
+        parts = anatomy(skeleton)
+        sides: tuple[Side, Side] = ("right", "left")
+        hips = [hip for side in sides for hip in parts.all("hip", side)[:1] if skeleton.parent[hip] == ROOT]
+        if len(hips) != len(sides):
+            raise FileFormatError(
+                f"skeleton '{skeleton.name}' has no bones that lead from its root to a right and a left hip, "
+                "which tell where it faces"
+            )
+        return cls(skeleton, *(skeleton.bones[hip] for hip in hips))
+
+    @property
+    def channels(self) -> int:
+        """How many channels a frame has."""
+        return FIRST_BONE + 3 * len(self.skeleton)
+
+    @property
+    def velocities(self) -> slice:
+        """The channels that are velocities: zero while a body rests."""
+        return slice(TURN_RATE, LEFT + 1)
+
+    @property
+    def leading(self) -> NDArray[np.int64]:
+        """The bones that the root's heading follows: the hips."""
+        return np.array([self.skeleton.index(self.right_hip), self.skeleton.index(self.left_hip)])
+
+    @cached_property
+    def silent(self) -> NDArray[np.int64]:
+        """The channels that are zero by construction: none where the root lies off the line between the hips."""
+        hips = self.leading
+        opposite = np.allclose(self.skeleton.rest_direction[hips].sum(axis=0), 0.0, atol=1e-6)
+        return FIRST_BONE + 3 * (hips if opposite else hips[:0])
+
+    def encode(self, clip: Clip) -> Array:
+        """The channels of a clip, shape (T, C); the first frame's velocities repeat the second's."""
+        heading = self.heading(clip.rotation)
+        in_heading = multiply(conjugate(yaw(heading))[:, None, :], clip.rotation)
+        out = np.empty((len(clip), self.channels))
+        out[:, HEIGHT] = clip.root_position[:, 2]
+        out[:, FIRST_BONE:] = self.spell(in_heading)
+        turn = np.diff(heading)
+        step = np.diff(clip.root_position[:, :2], axis=0)
+        cos, sin = np.cos(heading[1:]), np.sin(heading[1:])
+        out[1:, TURN_RATE] = (turn + np.pi) % (2.0 * np.pi) - np.pi
+        out[1:, FORWARD] = cos * step[:, 0] + sin * step[:, 1]
+        out[1:, LEFT] = cos * step[:, 1] - sin * step[:, 0]
+        out[0, TURN_RATE : LEFT + 1] = out[1, TURN_RATE : LEFT + 1] if len(clip) > 1 else 0.0
+        out[:, TURN_RATE : LEFT + 1] *= clip.rate
+        return out
+
+    def decode(self, channels: Array) -> Posture:
+        """The postures of channels (..., C); directions are brought back to unit length."""
+        return Posture(
+            height=self.height(channels),
+            velocity=channels[..., FORWARD : LEFT + 1],
+            turn_rate=channels[..., TURN_RATE],
+            rotation=self.rotations(channels),
+        )
+
+    def spell(self, rotation: Array) -> Array:
+        """The channels from FIRST_BONE on of rotations (T, 1 + B, 4) in the heading frame, shape (T, C - 4)."""
+        out = rotate(rotation[:, 1:], self.skeleton.rest_direction).reshape(len(rotation), -1)
+        out[:, self.silent - FIRST_BONE] = 0.0
+        return out
+
+    def rotations(self, channels: Array) -> Array:
+        """The rotations of channels (..., C), in the heading frame, shape (..., 1 + B, 4)."""
+        return orient(self.skeleton, self.directions(channels))
+
+    def directions(self, channels: Array) -> Array:
+        """Where the bones point, brought back to unit length, shape (..., B, 3)."""
+        return normalise(channels[..., FIRST_BONE:].reshape(*channels.shape[:-1], -1, 3))
+
+    def height(self, channels: Array) -> Array:
+        """Of the root above the ground, shape (...), m."""
+        return channels[..., HEIGHT]
+
+    def decode_clip(self, channels: Array, rate: float, name: str, source: str = "") -> Clip:
+        """The clip of channels (T, 4 + 3 B) at a rate in Hz, its path laid out from the origin."""
+        pose = walk_path(self.decode(channels), 1.0 / rate)
+        return Clip(name, self.skeleton, rate, pose.root_position, pose.rotation, source)
+
+    def heading(self, rotation: Array) -> Array:
+        """Which way bodies with these bone rotations (..., 1 + B, 4) face, shape (...), rad."""
+        right, left = self.skeleton.index(self.right_hip), self.skeleton.index(self.left_hip)
+        rest, length = self.skeleton.rest_direction, self.skeleton.length
+        line = rotate(rotation[..., left + 1, :], rest[left] * length[left])
+        line = line - rotate(rotation[..., right + 1, :], rest[right] * length[right])
+        return np.arctan2(-line[..., 0], line[..., 1])

@@ -1,0 +1,26 @@
+"""Encodings: what the channels of a network mean. Bone directions or joint rotations for bodies, joint angles for
+taught rigs."""
+
+from __future__ import annotations
+
+from controller.motion.encodings.bone_directions import BoneDirections
+from controller.motion.encodings.joint_angles import JointAngles, JointBody
+from controller.motion.encodings.joint_rotations import JointRotations
+from controller.motion.skeleton import Skeleton
+
+Encoding = BoneDirections | JointAngles
+
+
+def encoding_of(skeleton: Skeleton, *, twist: bool = False) -> Encoding:
+    """The encoding for clips of this skeleton.
+
+    Args:
+        skeleton: whose clips.
+        twist: whether the twist of bones is kept.
+
+    Raises:
+        FileFormatError: if it is a body whose hips bear unusual names.
+    """
+    if isinstance(skeleton, JointBody):
+        return JointAngles(skeleton)
+    return JointRotations.of(skeleton) if twist else BoneDirections.of(skeleton)

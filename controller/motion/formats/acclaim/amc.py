@@ -1,0 +1,217 @@
+"""Acclaim recordings (AMC): the angles of the bones of one ASF skeleton, frame by frame.
+
+A frame is a line with its number, then one line per bone: its name and the values of its channels, in the order the
+skeleton gives. The file holds no rate; CMU and HDM05 recorded at 120 Hz.
+"""
+
+from __future__ import annotations
+
+from itertools import pairwise
+from pathlib import Path
+from typing import TypeAlias
+
+import numpy as np
+
+from controller.motion.clip import Clip
+from controller.motion.formats.acclaim.axes import AcclaimSkeleton, from_acclaim, turned
+from controller.motion.rotations import Array, conjugate, continuous, multiply
+from motiondeck_base.errors import FileFormatError
+from motiondeck_base.files import Line, listed, read_lines, shortened
+
+Columns: TypeAlias = dict[str, slice]  # which of a frame's values belong to the root and to each bone
+Row: TypeAlias = list[float | None]  # one frame; None where no line has come yet
+A_BODY = 20  # angles: with so many, a body that moves turns one of them by more than 6.3 degrees
+_ANGLE_UNITS = {":degrees": np.pi / 180.0, ":radians": 1.0}
+
+
+def read_amc(path: str | Path, skeleton: AcclaimSkeleton, rate: float = 120.0) -> Clip:
+    """The motion in an AMC file.
+
+    Args:
+        path: of the file.
+        skeleton: the one it was recorded with.
+        rate: frames per second, Hz.
+
+    Raises:
+        FileFormatError: naming file and line, if it cannot be read, does not follow the format or does not fit the
+            skeleton.
+    """
+    names = ("root", *skeleton.skeleton.bones)
+    ends = np.cumsum([0, *(len(channels) for channels in skeleton.dof)]).tolist()
+    columns = {name: slice(*span) for name, span in zip(names, pairwise(ends), strict=True)}
+    values, told = _values(path, skeleton, columns)
+    angle_unit = skeleton.angle_unit if told is None else told
+    turning = [channel[0] == "r" for channels in skeleton.dof for channel in channels]
+    _check_angles(path, np.abs(values[:, turning]), angle_unit, told is not None)
+
+    place = np.zeros((len(values), 3))
+    for channel, value in zip(skeleton.dof[0], values[:, columns["root"]].T, strict=True):
+        if channel[0] == "t":
+            place[:, "xyz".index(channel[1])] = value * skeleton.length_unit
+
+    rotation = np.empty((len(values), len(names), 4))
+    parents = (None, *(skeleton.skeleton.parent + 1))
+    for bone, (name, parent) in enumerate(zip(names, parents, strict=True)):
+        turns = [
+            (channel[1], value * angle_unit)
+            for channel, value in zip(skeleton.dof[bone], values[:, columns[name]].T, strict=True)
+            if channel[0] == "r"
+        ]
+        axis = skeleton.axis[bone]
+        local = multiply(multiply(axis, turned(turns)), conjugate(axis))
+        rotation[:, bone] = local if parent is None else multiply(rotation[:, parent], local)
+
+    return Clip(
+        name=Path(path).stem,
+        skeleton=skeleton.skeleton,
+        rate=rate,
+        root_position=from_acclaim(place) + skeleton.root_position,
+        rotation=continuous(rotation),
+        source=Path(path).name,
+    )
+
+
+def _values(path: str | Path, skeleton: AcclaimSkeleton, columns: Columns) -> tuple[Array, float | None]:
+    """The values as they stand in the file, shape (frames, channels), and what it says that one angle is, rad."""
+    lines = read_lines(path)
+    told: float | None = None
+    for text in lines:
+        if ":" in text and text.lstrip().startswith(":"):
+            told = _ANGLE_UNITS.get(text.partition("#")[0].split()[0].lower(), told)
+    values = _all_at_once(lines, columns)
+    if values is None:
+        values = _line_by_line(path, lines, skeleton, columns)
+    if not np.isfinite(values).all():
+        _find_infinite(path, lines, columns)
+    return values, told
+
+
+def _all_at_once(lines: list[str], columns: Columns) -> Array | None:
+    """The values of a file as recorders write it, the same lines in every frame; None for any other, good or bad."""
+    first = next((number for number, text in enumerate(lines) if text.strip() and text.lstrip()[0] not in "#:"), 0)
+    lines = [text for text in lines[first:] if text]
+    per_frame = next((number for number, text in enumerate(lines) if number and text.isdecimal()), len(lines))
+    names = [text.partition(" ")[0] for text in lines[1:per_frame]]
+    if not (names and lines[0].isdecimal() and len(lines[0]) < 10 and columns.keys() >= set(names)):
+        return None
+    order = [channel for name in names for channel in range(columns[name].start, columns[name].stop)]
+    if sorted(order) != list(range(max(span.stop for span in columns.values()))):
+        return None
+    # The words of a frame: its number, then each bone with as many values as it has channels; no file has a \0.
+    row = ["", "\0"]
+    for name in names:
+        row += [name, *[""] * (columns[name].stop - columns[name].start), "\0"]
+    fixed = [place for place, word in enumerate(row) if word]
+    _, *free = (place for place, word in enumerate(row) if not word)
+    frames, start = -(-len(lines) // per_frame), int(lines[0])
+    values = np.empty((frames, len(order)))
+    for frame in range(0, frames, 1000):  # words take ten times the memory of numbers
+        block = values[frame : frame + 1000]
+        text = " \0 ".join(lines[frame * per_frame : (frame + len(block)) * per_frame]) + " \0"
+        words = np.array(text.split(), dtype=object)
+        if len(words) != len(block) * len(row):
+            return None
+        words = words.reshape(len(block), len(row))
+        numbers = [str(number) for number in range(start + frame, start + frame + len(block))]
+        if words[:, 0].tolist() != numbers or not (words[:, fixed] == np.array(row, dtype=object)[fixed]).all():
+            return None
+        try:
+            block[:, order] = words[:, free].astype(np.float64)
+        except ValueError:
+            return None
+        if text.count("_") != len(block) * "".join(names).count("_"):
+            return None
+    return values
+
+
+def _line_by_line(path: str | Path, lines: list[str], skeleton: AcclaimSkeleton, columns: Columns) -> Array:
+    """The values of any file that follows the format; `read_amc` says what is raised."""
+    width = sum(len(channels) for channels in skeleton.dof)
+    rows: list[Row] = []
+    row: Row | None = None
+    begin: Line | None = None  # the line with the frame's number
+    for number, text in enumerate(lines, 1):
+        words = text.partition("#")[0].split()
+        if not words or words[0].startswith(":"):
+            continue
+        name = words[0]
+        if len(words) == 1 and name.isdecimal() and len(name) < 10:
+            _check_frame(begin, row, skeleton, columns)
+            if begin is not None and int(name) != int(begin.words[0]) + 1:
+                raise Line(path, number, words).error(
+                    f"frame {name} follows frame {begin.words[0]}: frames are missing or out of order. "
+                    "Fetch the file again."
+                )
+            begin = Line(path, number, words)
+            rows.append([None] * width)
+            row = rows[-1]
+        else:
+            try:
+                span = columns[name]
+                if row is None or row[span] != [None] * (len(words) - 1) or "_" in "".join(words[1:]):
+                    raise ValueError(text)
+                row[span] = map(float, words[1:])
+            except (KeyError, ValueError):
+                raise _complaint(Line(path, number, words), row, skeleton, columns) from None
+    _check_frame(begin, row, skeleton, columns)
+    if not rows:
+        raise FileFormatError(f"{path}: there is no frame in this file. Give a complete AMC file.")
+    return np.array(rows, dtype=np.float64)
+
+
+def _check_angles(path: str | Path, size: Array, angle_unit: float, told: bool) -> None:
+    """Raises FileFormatError if angles of these sizes (T, n), in the file's numbers, cannot be of their unit.
+
+    A frame without any movement tells nothing, nor do a few angles.
+    """
+    turn = 2.0 * np.pi
+    if size.shape[1] < A_BODY or np.ptp(size, axis=0).max() == 0.0:
+        return
+    if angle_unit == 1.0 and np.percentile(size, 95.0) > turn:
+        raise FileFormatError(
+            f"{path}: angles up to {size.max():.0f} would be radians; they are degrees. Write ':DEGREES' on a line "
+            "before the first frame."
+        )
+    if angle_unit != 1.0 and not told and size.max() < turn:
+        raise FileFormatError(
+            f"{path}: no angle is larger than {size.max():.1f}, so they may be radians, but neither this file nor "
+            "its skeleton says so. Write ':RADIANS', or ':DEGREES', on a line before the first frame."
+        )
+
+
+def _check_frame(begin: Line | None, row: Row | None, skeleton: AcclaimSkeleton, columns: Columns) -> None:
+    """Raises FileFormatError if a bone is missing from the frame that just ended."""
+    if begin is not None and row is not None and None in row:
+        missing = [name for name, span in columns.items() if None in row[span]]
+        raise begin.error(
+            f"frame {begin.words[0]} has no line for {listed(missing)}. The recording is cut short here (then remove "
+            f"this frame) or belongs to another skeleton than {skeleton.source}."
+        )
+
+
+def _complaint(line: Line, row: Row | None, skeleton: AcclaimSkeleton, columns: Columns) -> FileFormatError:
+    """What is wrong with a bone's line that could not be taken."""
+    name = line.words[0]
+    if name not in columns:
+        return line.error(
+            f"bone '{shortened(name)}' is not in the skeleton {skeleton.source} (it has: {listed(columns)}). "
+            "Give the skeleton that belongs to this recording."
+        )
+    if row is None:
+        return line.error("the number of a frame is expected before its first bone. Fetch the file again.")
+    channels = skeleton.dof[list(columns).index(name)]
+    if len(line.words) - 1 != len(channels):
+        return line.error(
+            f"bone '{shortened(name)}' has {len(channels)} channels ({' '.join(channels) or 'it is rigid'}), "
+            f"but {len(line.words) - 1} values stand here. Fetch the file again, or give the skeleton it belongs to."
+        )
+    line.numbers(len(channels))
+    return line.error(f"bone '{shortened(name)}' has a second line in this frame. Remove one of them.")
+
+
+def _find_infinite(path: str | Path, lines: list[str], columns: Columns) -> None:
+    """Raises FileFormatError for the first line with a number that is not finite."""
+    for number, text in enumerate(lines, 1):
+        words = text.partition("#")[0].split()
+        if words and words[0] in columns:
+            Line(path, number, words).numbers(len(words) - 1)

@@ -1,0 +1,111 @@
+"""Figures about a clip: its body, its rate, where it goes, and how much of its markers was never seen."""
+
+from __future__ import annotations
+
+from typing import TypedDict
+
+import numpy as np
+
+from controller.motion.anatomy import SIDES, Part, Side, anatomy
+from controller.motion.canonical.body_doubts import doubts, taken_for
+from controller.motion.formats.markers.marker_doubts import misplaced
+from controller.motion.formats.markers.marker_fit import Fit
+from controller.motion.formats.reading import FittedClip
+
+LIMBS: tuple[Part, ...] = ("thigh", "shank", "foot", "upper arm", "forearm", "hand")
+
+
+class Gaps(TypedDict):
+    """How well markers were seen and a skeleton fitted to them: share and frames, mm."""
+
+    markers: int
+    seen: float
+    longest_gap: int
+    longest_gap_marker: str
+    residual_rms_mm: float
+    residual_p95_mm: float
+    residual_max_mm: float
+
+
+class Facts(TypedDict):
+    """A clip in figures: m, s, Hz, m/s; extents and heights are lowest and highest."""
+
+    name: str
+    source: str
+    skeleton: str
+    bones: int
+    lacks: list[str]
+    taken_for: dict[str, str]
+    doubts: list[str]
+    leg: float
+    frames: int
+    rate: float
+    duration: float
+    x: list[float]
+    y: list[float]
+    z: list[float]
+    root_height: list[float]
+    path: float
+    median_speed: float
+    fastest_joint: str
+    fastest_speed: float
+    gaps: Gaps | None
+
+
+def facts(recording: FittedClip) -> Facts:
+    """A recording in figures."""
+    clip = recording.clip
+    joints = clip.joints()
+    low, high = joints.min(axis=(0, 1)), joints.max(axis=(0, 1))
+    step = np.linalg.norm(np.diff(clip.root_position[:, :2], axis=0), axis=-1)
+    speed = np.linalg.norm(np.diff(joints, axis=0), axis=-1) * clip.rate
+    fastest = int(speed.max(axis=0).argmax()) if len(clip) > 1 else 0
+    parts = anatomy(clip.skeleton)
+    human = all(parts.first("thigh", side) is not None for side in SIDES)
+    sides: tuple[Side, ...] = ("left", "right")
+    missing = [f"{side} {part}" for part in LIMBS for side in sides if parts.first(part, side) is None]
+    return Facts(
+        name=clip.name,
+        source=clip.source,
+        skeleton=clip.skeleton.name,
+        bones=len(clip.skeleton),
+        lacks=missing + ([] if parts.first("head") is not None else ["head"]),
+        taken_for=taken_for(clip) if human else {},
+        doubts=[*doubts(clip), *([] if recording.fit is None else misplaced(recording.fit))],
+        leg=clip.skeleton.leg_length,
+        frames=len(clip),
+        rate=clip.rate,
+        duration=clip.duration,
+        x=[float(low[0]), float(high[0])],
+        y=[float(low[1]), float(high[1])],
+        z=[float(low[2]), float(high[2])],
+        root_height=[float(clip.root_position[:, 2].min()), float(clip.root_position[:, 2].max())],
+        path=float(step.sum()),
+        median_speed=float(np.median(step) * clip.rate) if len(step) else 0.0,
+        fastest_joint=("root", *clip.skeleton.bones)[fastest],
+        fastest_speed=float(speed.max()) if len(clip) > 1 else 0.0,
+        gaps=None if recording.fit is None else gaps(recording.fit),
+    )
+
+
+def gaps(fit: Fit) -> Gaps:
+    """What of its markers a fit had to go without, and how far off the others are."""
+    unseen = np.isnan(fit.residual)
+    longest = [_longest_run(unseen[:, marker]) for marker in range(len(fit.markers))]
+    worst = int(np.argmax(longest))
+    off = 1000.0 * fit.residual[~unseen]
+    return Gaps(
+        markers=len(fit.markers),
+        seen=float(1.0 - unseen.mean()),
+        longest_gap=longest[worst],
+        longest_gap_marker=fit.markers[worst] if longest[worst] else "",
+        residual_rms_mm=float(np.sqrt(np.mean(off**2))),
+        residual_p95_mm=float(np.percentile(off, 95.0)),
+        residual_max_mm=float(off.max()),
+    )
+
+
+def _longest_run(flags: np.ndarray) -> int:
+    """How many flags in a row are set at most."""
+    edges = np.flatnonzero(np.diff(np.concatenate([[0], flags.astype(int), [0]])))
+    return int((edges[1::2] - edges[::2]).max()) if len(edges) else 0

@@ -1,0 +1,244 @@
+"""C3D recordings: where the markers on a body were, frame by frame, whatever the machine that wrote the file.
+
+A file is blocks of 512 bytes: a header, parameters in groups (POINT, TRIAL, ...), then the frames, each with x, y, z
+and a residual for every point, and analog samples that are skipped. Numbers are Intel's, DEC's (VAX) or MIPS's; points
+are int16 times a scale, or float32 where that scale is negative. A point with a negative residual, or at the very
+origin, was not seen. (The format's user guide, c3d.org. Read here because of the two public readers one can end the
+whole process on a damaged file and the other refuses files with an analog rate but no analog data.)
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TypeAlias
+
+import numpy as np
+from numpy.typing import NDArray
+
+from controller.motion.formats.markers.tracks import FARTHEST, UNITS, Markers, unit_of_size
+from controller.motion.reading_options import AS_FOUND, ReadingOptions
+from controller.motion.rotations import Array
+from motiondeck_base.errors import FileFormatError
+from motiondeck_base.files import read_bytes, shortened
+
+BLOCK = 512
+INTEL, DEC, MIPS = 84, 85, 86
+TYPES = {-1: "S1", 1: "u1", 2: "i2", 4: "f4"}
+
+Parameters: TypeAlias = dict[str, NDArray[np.generic]]  # "POINT:RATE" to its values, the first axis counting entries
+
+
+@dataclass(frozen=True, eq=False)
+class C3dLayout:
+    """Where the numbers of a C3D file are, and what they mean.
+
+    Attributes:
+        processor: the kind of machine that wrote them.
+        parameters: of the file.
+        at: the first byte of the points.
+        frames, points, width: how many there are, and how many numbers a frame takes (4 a point, then analog ones).
+        scale: of whole numbers; negative where the points are floating-point numbers.
+        rate: frames per second.
+        unit: of the file, m; None where it does not say one that is known.
+    """
+
+    processor: int
+    parameters: Parameters
+    at: int
+    frames: int
+    points: int
+    width: int
+    scale: float
+    rate: float
+    unit: float | None
+
+    @property
+    def number(self) -> np.dtype[np.generic]:
+        """What a number is stored as; floating-point ones of a DEC need `_floats` besides."""
+        order = ">" if self.processor == MIPS else "<"
+        return np.dtype(order + ("f4" if self.scale < 0.0 else "i2"))
+
+    @property
+    def bytes(self) -> slice:
+        """Where in the file the points are."""
+        return slice(self.at, self.at + self.frames * self.width * self.number.itemsize)
+
+    @property
+    def step(self) -> float:
+        """What a stored number of 1 is, in the file's unit."""
+        return 1.0 if self.scale < 0.0 else self.scale
+
+
+def read_layout(path: str | Path, content: bytes) -> C3dLayout:
+    """How a C3D file is laid out.
+
+    Raises:
+        FileFormatError: naming the file, if it does not follow the format or holds no points.
+    """
+    if len(content) < 2 * BLOCK or content[1] != 0x50:
+        raise FileFormatError(f"{path}: this is no C3D file. Is it the right one?")
+    start = (content[0] - 1) * BLOCK
+    if not BLOCK <= start <= len(content) - 4:
+        raise FileFormatError(f"{path}: its parameters are not in the file. It is cut short: fetch it again.")
+    processor = content[start + 3]
+    if processor not in (INTEL, DEC, MIPS):
+        raise FileFormatError(f"{path}: it was written by an unknown kind of machine ({processor}). Fetch it again.")
+    order = ">" if processor == MIPS else "<"
+    parameters = _parameters(path, content, start + 4, processor)
+
+    header = np.frombuffer(content[:24], order + "u2")
+    points = _whole(parameters, "POINT:USED", int(header[1]))
+    analog = int(header[2])
+    scale, rate = _floats(content[12:16] + content[20:24], processor)
+    scale = _number(parameters, "POINT:SCALE", scale)
+    rate = _number(parameters, "POINT:RATE", rate)
+    at = (_whole(parameters, "POINT:DATA_START", int(header[8])) - 1) * BLOCK
+    if points == 0:
+        raise FileFormatError(f"{path}: there are no points in this file. Give one with markers.")
+    if not (np.isfinite(rate) and 0.0 < rate < 1e5):
+        raise FileFormatError(f"{path}: a rate of {rate:g} frames per second is not possible. Fetch it again.")
+    width = 4 * points + analog
+    size = width * (4 if scale < 0.0 else 2)
+    frames = _frames(parameters, int(header[3]), int(header[4]))
+    there = (len(content) - at) // size if at >= BLOCK else 0
+    if not 0 < frames <= there:
+        raise FileFormatError(
+            f"{path}: {frames} frames of {points} points are announced, but there are {max(there, 0)}. "
+            "The file is cut short: fetch it again."
+        )
+    unit = UNITS.get(_text(parameters, "POINT:UNITS").lower().rstrip("."))
+    return C3dLayout(processor, parameters, at, frames, points, width, scale, rate, unit)
+
+
+def read_c3d(path: str | Path, options: ReadingOptions = AS_FOUND) -> Markers:
+    """The points in a C3D file.
+
+    Raises:
+        FileFormatError: naming the file, if it cannot be read, does not follow the format or holds no points.
+    """
+    content = read_bytes(path)
+    form = read_layout(path, content)
+    position = seen_points(content, form)
+    with np.errstate(all="ignore"):
+        position *= options.unit or form.unit or unit_of_size(position)
+        position[~(np.abs(position).max(axis=-1) < FARTHEST)] = np.nan
+    if np.isnan(position).all():
+        raise FileFormatError(f"{path}: no point was ever seen in this file. Give another recording.")
+    up = _text(form.parameters, "POINT:Y_SCREEN").lower().lstrip("+")
+    labels = _labels(form.parameters, form.points)
+    return Markers(
+        options.renamed(labels, path) if options.rename else labels,
+        form.rate,
+        position,
+        options.up or (up if up in ("x", "y", "z") else None),
+        Path(path).name,
+    )
+
+
+def seen_points(content: bytes, form: C3dLayout) -> Array:
+    """Where points were, shape (T, M, 3), in the file's axes and unit; NaN where one was not seen."""
+    raw = content[form.bytes]
+    words = _floats(raw, form.processor) if form.scale < 0.0 else np.frombuffer(raw, form.number).astype(np.float64)
+    place = words.reshape(form.frames, form.width)[:, : 4 * form.points].reshape(form.frames, form.points, 4)
+    with np.errstate(all="ignore"):  # a broken number is a point not seen
+        position = place[..., :3] * form.step
+        position[~(place[..., 3] >= 0.0) | (position == 0.0).all(axis=-1)] = np.nan
+    return position
+
+
+def _parameters(path: str | Path, content: bytes, at: int, processor: int) -> Parameters:
+    """Every parameter by its group's name and its own."""
+    groups: dict[int, str] = {}
+    found: dict[tuple[int, str], NDArray[np.generic]] = {}
+    order = ">" if processor == MIPS else "<"
+    try:
+        while content[at] != 0:
+            length = abs(int.from_bytes(content[at : at + 1], signed=True))
+            group = int.from_bytes(content[at + 1 : at + 2], signed=True)
+            name = content[at + 2 : at + 2 + length].decode("latin-1").upper()
+            at += 2 + length
+            offset = int(np.frombuffer(content[at : at + 2], order + "u2")[0])
+            if group < 0:
+                groups[-group] = name
+            else:
+                found[group, name] = _values(content, at + 2, processor)
+            if offset == 0:
+                break
+            at += offset
+    except (IndexError, ValueError) as error:
+        raise FileFormatError(f"{path}: its parameters are damaged ({error}). Fetch the file again.") from error
+    return {f"{groups[group]}:{name}": values for (group, name), values in found.items() if group in groups}
+
+
+def _values(content: bytes, at: int, processor: int) -> NDArray[np.generic]:
+    """The values of the parameter whose type stands at a place."""
+    kind = int.from_bytes(content[at : at + 1], signed=True)
+    shape = list(content[at + 2 : at + 2 + content[at + 1]])
+    if kind not in TYPES or len(shape) != content[at + 1]:
+        raise ValueError(f"a parameter of kind {kind}")
+    if kind == -1:
+        # Characters come in rows: the first dimension is how long each text is.
+        width, shape = (shape[0], shape[1:]) if shape else (1, [])
+        element = np.dtype(f"S{max(width, 1)}")
+    else:
+        width, element = 1, np.dtype(TYPES[kind])
+    count = int(np.prod(shape, dtype=np.int64))
+    at += 2 + content[at + 1]
+    raw = content[at : at + count * element.itemsize if width else at]
+    if len(raw) < count * element.itemsize * (width > 0):
+        raise ValueError("a parameter ends after the file")
+    if width == 0:
+        return np.zeros(0, "S1")
+    if kind == 4:
+        return _floats(raw, processor)
+    return np.frombuffer(raw, element.newbyteorder(">" if processor == MIPS else "<"))
+
+
+def _floats(raw: bytes, processor: int) -> Array:
+    """Numbers of 32 bits as the machine wrote them, shape (n,)."""
+    if processor != DEC:
+        return np.frombuffer(raw, ">f4" if processor == MIPS else "<f4").astype(np.float64)
+    # DEC's have their halves exchanged, and an exponent that is two higher.
+    halves = np.frombuffer(raw, "<u2").reshape(-1, 2)[:, ::-1]
+    with np.errstate(all="ignore"):
+        return np.ascontiguousarray(halves).view("<f4").ravel().astype(np.float64) / 4.0
+
+
+def _number(parameters: Parameters, name: str, otherwise: float) -> float:
+    """A number from the parameters, or the given one where they lack it."""
+    values = parameters.get(name)
+    return otherwise if values is None or values.size == 0 or values.dtype.kind == "S" else float(values.ravel()[0])
+
+
+def _whole(parameters: Parameters, name: str, otherwise: int) -> int:
+    """A count; it may be stored as int16 though it is never negative."""
+    value = _number(parameters, name, otherwise)
+    return int(value) % 65536 if np.isfinite(value) else otherwise
+
+
+def _frames(parameters: Parameters, first: int, last: int) -> int:
+    """How many frames there are: the header counts to 65535, TRIAL further."""
+    ends = [parameters.get(f"TRIAL:ACTUAL_{end}_FIELD") for end in ("START", "END")]
+    if all(end is not None and end.dtype.kind == "i" and end.size == 2 for end in ends):
+        start, end = (int(e[0]) % 65536 + 65536 * (int(e[1]) % 65536) for e in ends if e is not None)
+        if end >= start and end > 65535:
+            return end - start + 1
+    return last - first + 1
+
+
+def _text(parameters: Parameters, name: str) -> str:
+    values = parameters.get(name)
+    if values is None or values.size == 0 or values.dtype.kind != "S":
+        return ""
+    return bytes(values.ravel()[0]).decode("latin-1").strip()
+
+
+def _labels(parameters: Parameters, points: int) -> tuple[str, ...]:
+    """One label a point; files with more than 255 points go on in LABELS2, and some label only the first 255."""
+    labels: list[str] = []
+    for name in ("POINT:LABELS", *(f"POINT:LABELS{number}" for number in range(2, 10))):
+        values = parameters.get(name)
+        if values is not None and values.dtype.kind == "S":
+            labels += [shortened(bytes(value).decode("latin-1").strip()) for value in values.ravel()]
+    return tuple([*labels, *(f"*{number}" for number in range(len(labels) + 1, points + 1))][:points])

@@ -1,0 +1,232 @@
+"""Joint centres under markers on the skin, of any marker set whose labels say which landmarks they mark.
+
+Each set has its own names for the landmarks of a body: the outside of the left knee is LKNE (Vicon), LLEK (Motek),
+L.Knee.Lat (OpenSim), L_FLE (Qualisys) or LKneeOut (OptiTrack). `_OF_A_SIDE` and `_MIDDLE` list them. A joint's centre
+lies between the markers on both sides of it, or half its width inwards of the one on the outside; a hip's by Bell's
+regression from the pelvis (`marker_fit`). Legs are needed, with a pelvis; trunk, head and arms are found where they
+have markers.
+"""
+
+from __future__ import annotations
+
+import re
+
+import numpy as np
+
+from controller.motion.formats.markers.marker_fit import ANKLE, ELBOW, HIP, KNEE, SHOULDER
+from controller.motion.formats.markers.tracks import Markers, bridged
+from controller.motion.rotations import Array, cross, normalise
+from motiondeck_base.errors import FileFormatError
+from motiondeck_base.files import listed
+
+# What sets call a landmark; in capitals, without side and separators.
+_OF_A_SIDE = {
+    "front of the pelvis": "ASI ASIS IAS FWT WAISTFRONT",
+    "back of the pelvis": "PSI PSIS IPS BWT WAISTBACK",
+    "hip": "HJC HIPJC HIPJOINTCENTER HIPJOINTCENTRE",
+    "outside of the knee": "KNE KNEE LEK LKE FLE LFE LFC LKNE LKNEE KNEELAT KNEELATERAL LATKNEE LATERALKNEE KNEEOUT",
+    "inside of the knee": "MEK MKE FME MFE MFC KNM KNEM MKNE MKNEE KNEEMED KNEEMEDIAL MEDKNEE MEDIALKNEE KNEEIN",
+    "knee": "KJC KNEEJC KNEEJOINTCENTER KNEEJOINTCENTRE",
+    "outside of the ankle": "ANK ANKLE LM FAL MAL LML LMAL LATMAL LANK LANKLE ANKLELAT ANKLELATERAL LATANKLE "
+    "LATERALANKLE ANKLEOUT",
+    "inside of the ankle": "MM TAM MML MMAL MEDMAL ANM ANKM MED MANK MANKLE ANKLEMED ANKLEMEDIAL MEDANKLE MEDIALANKLE "
+    "ANKLEIN",
+    "ankle": "AJC ANKLEJC ANKLEJOINTCENTER ANKLEJOINTCENTRE",
+    "heel": "HEE HEEL CAL CALC CALCANEUS FCC HEELBACK HEELTOP HEELBOTTOM",
+    "inside of the toes": "MT1 MTH1 MTP1 FM1 FMT1 META1 1META TOEIN TOEMED FOREFOOTIN BIGTOE",
+    "middle of the toes": "TOE MT2 MTH2 MTP2 FM2 FMT2 META2 2META MT3 MTH3 FM3",
+    "outside of the toes": "MT5 MTH5 MTP5 FM5 FMT5 META5 5META TOEOUT TOELAT FOREFOOTOUT SMALLTOE",
+    "tip of the toes": "TOETIP HLX",
+    "shoulder": "SHO SHOULDER ACR AC ACJ CAJ SAE ACROMION ACROMIUM SHOULDERTOP",
+    "outside of the elbow": "ELB ELBOW LEL LEE HLE LELB LELBOW ELBOWLAT ELBOWLATERAL LATELBOW LATERALELBOW ELBOWOUT",
+    "inside of the elbow": "MEL MEE HME ELBM MELB MELBOW ELBOWMED ELBOWMEDIAL MEDELBOW MEDIALELBOW ELBOWIN",
+    "one side of the wrist": "WRA RSP WRR LW LWRIST WRISTLAT WRISTIN RADIUS",
+    "other side of the wrist": "WRB USP WRU MW MWRIST WRISTMED WRISTOUT ULNA",
+    "wrist": "WRI WRIST WJC",
+    "hand": "FIN HM2 HM3 HMC2 HMC3 HANDOUT HAND",
+    "head": "FHD BHD HEAD HED TEMP TEMPLE EAR",
+}
+_MIDDLE = {
+    "back of the pelvis": "SACR SACRUM SAC SACRAL VSACRAL S1",
+    "back of the neck": "C7 CV7 T1 TV1 T2 TV2 SPINETOP BACKTOP",
+    "front of the neck": "CLAV CLAVICLE IJ SJN JN SUP STERNALNOTCH STERNUM CHEST CHESTTOP",
+    "back of the waist": "T8 TV8 T10 TV10 T12 TV12",
+    "front of the waist": "STRN XIPH XYPH XPRO XP PX SXS",
+    "head": "HEADTOP TOPHEAD THEAD HDTOP HEADFRONT FHEAD SGL GLAB FOREHEAD HEAD",
+}
+_PLACES = {name: place for place, names in _OF_A_SIDE.items() for name in names.split()}
+_MIDDLE_PLACES = {name: place for place, names in _MIDDLE.items() for name in names.split()}
+_SIDES = {"LEFT": "l", "RIGHT": "r", "L": "l", "R": "r"}
+_BETWEEN = re.compile(r"[^A-Z0-9]")
+_COMPUTED = re.compile(r"V_(?=[LR]\.)")  # V_R.Hip_JC
+_SIDE_WITHIN = re.compile(r"(WAIST)([LR])(FRONT|BACK)")  # OptiTrack and Qualisys: WaistLFront
+_SIDE_LAST = re.compile(r"(.*)[_.\- ](L|R|LEFT|RIGHT)")
+_FAR_ABOVE = 0.1  # m from the hips' middle to "pelvis"
+_WAIST = 2.0  # the trunk over the part of it below the waist's markers
+
+Landmarks = dict[tuple[str, str], Array]  # (place, "l", "r" or "") to where it was seen
+
+
+def joints_under_skin(markers: Markers) -> dict[str, Array]:
+    """The centres (T, 3) of the joints below markers, by canonical joint, in the file's axes; gaps are bridged.
+
+    "pelvis" is a point straight above the middle between the hips. Empty without two markers on the pelvis of which
+    a name is known.
+
+    Raises:
+        FileFormatError: if the pelvis has markers and a knee or an ankle has none; it names them.
+    """
+    seen = _landmarks(markers)
+    front, back = _pelvis(seen)
+    if front is None or back is None:
+        return {}
+    missing = [
+        f"the {side} {joint}"
+        for side, short in (("left", "l"), ("right", "r"))
+        for joint in ("knee", "ankle")
+        if not any((place, short) in seen for place in (joint, f"outside of the {joint}"))
+    ]
+    if missing:
+        raise FileFormatError(
+            f"{markers.source}: the pelvis has markers, but {listed(missing)} none that is known (there are: "
+            f"{listed(markers.labels)}). Name the marker on the outside of each with --rename OLD=LKNE, RKNE, LANK or "
+            "RANK."
+        )
+    across = seen["front of the pelvis", "l"] - seen["front of the pelvis", "r"]
+    width = np.median(np.linalg.norm(across, axis=-1))
+    left = normalise(across)
+    ahead = front - back
+    ahead = normalise(ahead - (ahead * left).sum(-1, keepdims=True) * left)
+    up = cross(ahead, left)
+    joints: dict[str, Array] = {}
+    for side, sign in (("l", 1.0), ("r", -1.0)):
+        bell = front + width * (HIP[0] * ahead + sign * HIP[1] * left + HIP[2] * up)
+        computed = seen.get(("hip", side))
+        joints[side + "hip"] = bell if computed is None else computed
+        joints |= _leg(seen, side, sign, ahead)
+    root = 0.5 * (joints["lhip"] + joints["rhip"])
+    joints["pelvis"] = root + _FAR_ABOVE * up
+    joints |= _trunk(seen, root)
+    if "neck" in joints:
+        for side, sign in (("l", 1.0), ("r", -1.0)):
+            joints |= _arm(seen, side, sign, left, normalise(joints["neck"] - root))
+    return joints
+
+
+def marks_pelvis(markers: Markers) -> bool:
+    """Whether some label is that of a marker on the skin of the pelvis."""
+    return any(place is not None and "pelvis" in place[0] for place in map(_place, markers.labels))
+
+
+def _landmarks(markers: Markers) -> Landmarks:
+    """Where the landmarks are, of the person who has most of them; gaps are bridged."""
+    people: dict[str, Landmarks] = {}
+    for index, label in enumerate(markers.labels):
+        person, _, name = label.rpartition(":")
+        place = _place(name)
+        if place is None:  # such as eva_LKNE
+            person, _, name = re.sub(r"[_.|/ -]", ":", label).rpartition(":")
+            place = _place(name)
+        track = markers.position[:, index]
+        if place is not None and not np.isnan(track).all():
+            place = ("head", name) if place[0] == "head" else place  # has several
+            people.setdefault(person, {}).setdefault(place, track)
+    found = max(people.values(), key=len, default={})
+    return {place: bridged(track) for place, track in found.items()}
+
+
+def _place(label: str) -> tuple[str, str] | None:
+    """The landmark that a label means, and its side."""
+    label = _COMPUTED.sub("", label.rpartition(":")[2].upper().removesuffix("_STUDY"))  # so OpenCap ends its own
+    bare = _BETWEEN.sub("", label)
+    if bare in _MIDDLE_PLACES:
+        return _MIDDLE_PLACES[bare], ""
+    if within := _SIDE_WITHIN.fullmatch(bare):
+        bare = within[2] + within[1] + within[3]
+    if last := _SIDE_LAST.fullmatch(label):
+        bare = last[2] + _BETWEEN.sub("", last[1])
+    for word, side in _SIDES.items():
+        if bare.startswith(word) and bare[len(word) :] in _PLACES:
+            return _PLACES[bare[len(word) :]], side
+    return None
+
+
+def _mean(seen: Landmarks, *places: tuple[str, str]) -> Array | None:
+    """The middle of those of the places that have markers; None if none has."""
+    there = [seen[place] for place in places if place in seen]
+    return np.mean(there, axis=0) if there else None
+
+
+def _between(seen: Landmarks, one: tuple[str, str], other: tuple[str, str]) -> Array | None:
+    """The middle of two places if both have markers."""
+    return 0.5 * (seen[one] + seen[other]) if one in seen and other in seen else None
+
+
+def _pelvis(seen: Landmarks) -> tuple[Array | None, Array | None]:
+    """The middle of its front, and of its back."""
+    front, back = "front of the pelvis", "back of the pelvis"
+    behind = _between(seen, (back, "l"), (back, "r"))
+    return _between(seen, (front, "l"), (front, "r")), seen.get((back, "")) if behind is None else behind
+
+
+def _leg(seen: Landmarks, side: str, sign: float, ahead: Array) -> dict[str, Array]:
+    """Knee, ankle and, where it has markers, toe base."""
+    toes = _between(seen, ("inside of the toes", side), ("outside of the toes", side))
+    for place in ("middle of the toes", "inside of the toes", "outside of the toes", "tip of the toes"):
+        toes = seen.get((place, side)) if toes is None else toes
+    knee, ankle = (seen.get((f"outside of the {of}", side), seen.get((of, side))) for of in ("knee", "ankle"))
+    assert knee is not None  # `joints_under_skin` has seen to it
+    assert ankle is not None
+    foot = ahead if toes is None else toes - seen.get(("heel", side), ankle)
+    # Down the shank cross along the foot points to the right.
+    inwards = sign * normalise(cross(ankle - knee, foot))
+    joints = {
+        side + "kne": _centre(seen, "knee", side, KNEE * inwards),
+        side + "ank": _centre(seen, "ankle", side, ANKLE * inwards),
+    }
+    return joints if toes is None else joints | {side + "foo": toes}
+
+
+def _centre(seen: Landmarks, joint: str, side: str, inwards: Array) -> Array:
+    """A joint's computed centre, the middle between its sides, or a way inwards from the outside."""
+    if (joint, side) in seen:
+        return seen[joint, side]
+    outside = f"outside of the {joint}", side
+    middle = _between(seen, outside, (f"inside of the {joint}", side))
+    return seen[outside] + inwards if middle is None else middle
+
+
+def _trunk(seen: Landmarks, root: Array) -> dict[str, Array]:
+    """Base of the neck and head, where they have markers."""
+    neck = _between(seen, ("back of the neck", ""), ("front of the neck", ""))
+    if neck is None:
+        neck = _between(seen, ("shoulder", "l"), ("shoulder", "r"))
+    waist = _between(seen, ("back of the waist", ""), ("front of the waist", ""))
+    if neck is None and waist is not None:
+        neck = root + _WAIST * (waist - root)
+    if neck is None:
+        neck = _mean(seen, ("back of the neck", ""), ("front of the neck", ""))
+    if neck is None:
+        return {}
+    head = _mean(seen, *(place for place in seen if place[0] == "head"))
+    return {"neck": neck} if head is None else {"neck": neck, "head": head}
+
+
+def _arm(seen: Landmarks, side: str, sign: float, left: Array, up: Array) -> dict[str, Array]:
+    """Shoulder, elbow, wrist and, where it has a marker, hand; nothing if one of the three is missing."""
+    one, other = ("one side of the wrist", side), ("other side of the wrist", side)
+    wrist = _mean(seen, one, other)
+    wrist = seen.get(("wrist", side)) if wrist is None else wrist
+    elbow = seen.get(("outside of the elbow", side))
+    if wrist is None or elbow is None or ("shoulder", side) not in seen:
+        return {}
+    shoulder = seen["shoulder", side] - SHOULDER * up
+    # A bent arm tells the axis of its elbow; for a straight one it is taken to lie across the chest.
+    axis = cross(normalise(elbow - shoulder), normalise(wrist - elbow)) - 0.2 * left
+    joints = {
+        side + "sho": shoulder,
+        side + "elb": _centre(seen, "elbow", side, sign * ELBOW * normalise(axis)),
+        side + "wri": wrist,
+    }
+    hand = seen.get(("hand", side))
+    return joints if hand is None else joints | {side + "han": hand}

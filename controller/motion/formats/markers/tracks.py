@@ -1,0 +1,55 @@
+"""Where markers were seen, whatever file they came from."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from controller.motion.rotations import Array
+
+UNITS = {"mm": 0.001, "cm": 0.01, "dm": 0.1, "m": 1.0, "in": 0.0254, "inch": 0.0254, "inches": 0.0254, "ft": 0.3048}
+"""What marker files call their unit, m."""
+TALL = 1.6  # m: the points on a person who stands, from the lowest to the highest
+FARTHEST = 1e4  # m: a point beyond is a broken number
+
+
+@dataclass(frozen=True, eq=False)
+class Markers:
+    """T frames of M points.
+
+    Attributes:
+        labels: of the points, as the file writes them.
+        rate: frames per second, Hz.
+        position: shape (T, M, 3), m, in the file's own axes; NaN where a point was not seen.
+        up: the axis that the file says is up, "x", "y" or "z"; None if it does not say.
+        source: the name of the file.
+    """
+
+    labels: tuple[str, ...]
+    rate: float
+    position: Array
+    up: str | None
+    source: str
+
+
+def unit_of_size(position: Array) -> float:
+    """The unit, m, in which points (T, M, 3), NaN where not seen, are as far apart as those on a person's body.
+
+    Of metres, centimetres and millimetres, by the median frame; millimetres where no two points were seen.
+    """
+    there = np.isfinite(position)
+    highest = np.where(there, position, -np.inf).max(axis=1)
+    lowest = np.where(there, position, np.inf).min(axis=1)
+    size = (highest - lowest).max(axis=-1)
+    size = size[np.isfinite(size) & (size > 0.0)]
+    if len(size) == 0:
+        return UNITS["mm"]
+    return min((UNITS[unit] for unit in ("mm", "cm", "m")), key=lambda unit: abs(np.log(np.median(size) * unit / TALL)))
+
+
+def bridged(track: Array) -> Array:
+    """A track (T, 3), seen at least once, with its gaps bridged by straight lines."""
+    there = np.flatnonzero(~np.isnan(track[:, 0]))
+    every = np.arange(len(track))
+    return np.stack([np.interp(every, there, track[there, axis]) for axis in range(3)], axis=-1)

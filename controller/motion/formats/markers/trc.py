@@ -1,0 +1,81 @@
+"""Marker files of OpenSim and Motion Analysis (.trc): a table, one line a frame.
+
+    PathFileType  4  (X/Y/Z)  walk.trc
+    DataRate  CameraRate  NumFrames  NumMarkers  Units  OrigDataRate  ...
+    100       100         2          2           mm     100
+    Frame#  Time  LKNE          RKNE
+                  X1  Y1  Z1    X2  Y2  Z2
+    1       0.00  12  480  3    ...
+
+Columns are parted by tabs; a marker that was not seen has empty ones (OpenSim documentation, "Marker (.trc) Files").
+"""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+
+import numpy as np
+
+from controller.motion.formats.markers.tracks import FARTHEST, UNITS, Markers
+from controller.motion.reading_options import AS_FOUND, ReadingOptions
+from motiondeck_base.errors import FileFormatError
+from motiondeck_base.files import Line, as_float, listed, no_number, read_lines, shortened
+
+MOST_NUMBERS = 30_000_000
+UNSEEN = {"", "nan", "-nan", "none"}
+
+
+def read_trc(path: str | Path, options: ReadingOptions = AS_FOUND) -> Markers:
+    """The markers in a TRC file.
+
+    Raises:
+        FileFormatError: naming file and line, if it cannot be read or does not follow the format.
+    """
+    texts = [(number, text) for number, text in enumerate(read_lines(path), 1) if text.strip()]
+    lines = [Line(path, number, text.rstrip().split("\t")) for number, text in texts[:5]]
+    if len(lines) < 5 or lines[0].words[0].strip().lower() != "pathfiletype":
+        raise FileFormatError(f"{path}: this is no .trc file, or it is cut short. Is it the right one?")
+    heads = [word.strip().lower() for word in lines[1].words]
+    fields = dict(zip(heads, (word.strip() for word in lines[2].words), strict=False))
+    rate = lines[2].number_from(fields.get("datarate", ""))
+    if not 0.1 <= rate <= 1e5:
+        raise lines[2].error(f"a rate of {rate:g} frames per second is not possible.")
+    unit = options.unit or UNITS.get(fields.get("units", "").lower())
+    if unit is None:
+        raise lines[2].error(f"the unit '{shortened(fields.get('units', ''))}' is unknown. Give it with --unit.")
+    names = tuple(word.strip() for word in lines[3].words[2:] if word.strip())
+    if not names or len(set(names)) < len(names):
+        raise lines[3].error("expected the names of markers, no two alike.")
+    axes = [word.strip().lower()[:1] for word in lines[4].words if word.strip()]
+    if axes[:3] != ["x", "y", "z"]:
+        raise lines[4].error("expected X1, Y1, Z1 and so on under the names of the markers.")
+    rows = texts[5:]
+    if len(rows) * len(names) * 3 > MOST_NUMBERS:
+        raise FileFormatError(f"{path}: {len(rows)} frames of {len(names)} markers do not fit into memory. Cut it.")
+    numbers = np.empty((len(rows), 3 * len(names)))
+    for frame, (number, text) in enumerate(rows):
+        numbers[frame] = _row(Line(path, number, text.rstrip().split("\t")), 3 * len(names))
+    position = numbers.reshape(-1, len(names), 3) * unit
+    announced = as_float(fields.get("numframes", "")) or 0.0
+    if len(rows) == 0 or len(rows) < announced:
+        raise FileFormatError(f"{path}: {announced:g} frames are announced, but {len(rows)} follow. Fetch it again.")
+    position[~(np.abs(position).max(axis=-1) < FARTHEST)] = np.nan
+    if np.isnan(position).all():
+        raise FileFormatError(f"{path}: no marker was ever seen ({listed(names)}). Give another recording.")
+    return Markers(options.renamed(names, path), rate, position, options.up, Path(path).name)
+
+
+def _row(line: Line, count: int) -> list[float]:
+    """The numbers of a frame after its number and time, NaN where there is none; lines may end before the last gaps."""
+    words = [word.strip() for word in line.words[2:]]
+    if len(words) > count:
+        raise line.error(f"{len(words)} numbers, but the markers have {count}.")
+    words += [""] * (count - len(words))
+    numbers: list[float] = []
+    for word in words:
+        value = math.nan if word.lower() in UNSEEN else as_float(word)
+        if value is None:
+            raise line.error(no_number(word))
+        numbers.append(value)
+    return numbers

@@ -1,0 +1,198 @@
+"""Motions of Xsens MVN (.mvnx): XML with a position and an orientation of every segment in every frame.
+
+Each segment starts in the joint to its parent. Orientations are quaternions (w, x, y, z) against the pose in which a
+person stands with the arms out sideways and faces x; z is up, y left, lengths are in m (MVN User Manual, "MVNX").
+Points such as `pTopOfHead` give where the segments end that carry no other. Of everything else that a file may hold
+(sensors, joint angles, contacts) nothing is used.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from pathlib import Path
+from xml.parsers import expat
+
+import numpy as np
+
+from controller.motion.clip import Clip
+from controller.motion.formats.tree_clip import clip_of
+from controller.motion.joint_tree import MOST_POSES, JointTree
+from controller.motion.reading_options import AS_FOUND, ReadingOptions
+from controller.motion.rotations import Array, normalise, rotate
+from motiondeck_base.errors import FileFormatError
+from motiondeck_base.files import shortened
+from motiondeck_base.mistaken_files import what_it_is
+
+MOST_SEGMENTS = 200
+FARTHEST = 1e5  # m
+_POSES = ("identity", "tpose", "npose", "tpose-isb")  # frames that are no part of the motion
+
+
+@dataclass
+class _Contents:
+    """What has been read of a file: segments with their points, joints, and the numbers of each frame."""
+
+    rate: str | None = None
+    points: dict[str, dict[str, list[float]]] = field(default_factory=dict[str, dict[str, list[float]]])
+    joints: list[tuple[str, str]] = field(default_factory=list[tuple[str, str]])
+    orientation: list[Array] = field(default_factory=list[Array])
+    position: list[Array] = field(default_factory=list[Array])
+
+
+def read_mvnx(path: str | Path, options: ReadingOptions = AS_FOUND) -> Clip:
+    """The motion in an MVNX file.
+
+    Raises:
+        FileFormatError: naming the file, and the line where there is one, if it cannot be read or is broken.
+    """
+    contents = _MvnxReader(path).contents()
+    names = list(contents.points)
+    try:
+        rate = float(contents.rate or "")
+    except ValueError:
+        rate = 0.0
+    if not 0.1 <= rate <= 1e5:
+        raise FileFormatError(
+            f"{path}: a frame rate of '{shortened(contents.rate or '')}' is not possible. Export it again."
+        )
+    if not contents.orientation:
+        raise FileFormatError(f"{path}: there are no frames with orientations in it. Export them too.")
+    if len(contents.position) != len(contents.orientation):
+        raise FileFormatError(f"{path}: frames without positions. Choose both orientation and position on export.")
+    turn, place = np.stack(contents.orientation), np.stack(contents.position)
+    length = np.linalg.norm(turn, axis=-1)
+    bad = ~((length > 0.5) & (length < 2.0)).all(axis=1) | ~(np.abs(place).max(axis=(1, 2)) < FARTHEST)
+    if bad.any():
+        raise FileFormatError(f"{path}: frame {int(np.argmax(bad))} holds what is no orientation or position.")
+    tree = _tree(path, contents, names, normalise(turn), place)
+    return clip_of(tree, rate, path, options, unit=1.0, up="z")
+
+
+def _tree(path: str | Path, contents: _Contents, names: list[str], turn: Array, place: Array) -> JointTree:
+    """The segments from the pelvis on, parents first, and the ends of those that carry no other."""
+    parent = {child: above for above, child in contents.joints}
+    children: dict[str, list[str]] = {name: [] for name in names}
+    for child, above in parent.items():
+        if above not in children or child not in children:
+            raise FileFormatError(
+                f"{path}: a joint leads from '{shortened(above)}' to '{shortened(child)}', no segments."
+            )
+        children[above].append(child)
+    if not parent:
+        raise FileFormatError(f"{path}: no <joints> say how its segments hang together. Export it again with them.")
+    tops = [name for name in names if name not in parent and children[name]]
+    order = tops[:1]
+    for name in order:  # grows as it goes: no segment can come twice, because each has one parent
+        order += children[name]
+    if len(tops) != 1 or not set(parent) <= set(order):
+        raise FileFormatError(f"{path}: its joints do not hang together from one segment. Export it again.")
+    index = [names.index(name) for name in order]
+    where, turned = [place[:, i] for i in index], [turn[:, i] for i in index]
+    above = [-1 if name == tops[0] else order.index(parent[name]) for name in order]
+    labels = list(order)
+    for joint, name in enumerate(order):
+        ends = [point for point in contents.points[name].values() if any(point)]
+        if not children[name] and ends:
+            labels.append(f"{name} end")
+            above.append(joint)
+            where.append(where[joint] + rotate(turned[joint], np.array(ends[0])))
+            turned.append(turned[joint])
+    turns = np.arange(len(labels)) < len(order)
+    return JointTree(tuple(labels), np.array(above), np.stack(where, axis=1), np.stack(turned, axis=1), turns)
+
+
+class _MvnxReader:
+    """Goes through the XML once and keeps what is needed; entities and document types are refused."""
+
+    def __init__(self, path: str | Path) -> None:
+        self._path = path
+        self._contents = _Contents()
+        self._text: list[str] | None = None
+        self._segment = self._point = self._connector = ""
+        self._frame_counts = False
+        self._parser = expat.ParserCreate(namespace_separator=" ")
+        self._parser.buffer_text = True
+        self._parser.StartElementHandler = self._start
+        self._parser.EndElementHandler = self._end
+        self._parser.CharacterDataHandler = self._characters
+        self._parser.StartDoctypeDeclHandler = self._refuse
+        self._parser.EntityDeclHandler = self._refuse
+
+    def contents(self) -> _Contents:
+        try:
+            with Path(self._path).open("rb") as file:
+                if found := what_it_is(self._path, file.read(1024)):
+                    raise FileFormatError(f"{self._path}: {found}")
+                file.seek(0)
+                self._parser.ParseFile(file)
+        except (OSError, ValueError, LookupError) as error:  # LookupError: an encoding that nobody knows
+            reason = getattr(error, "strerror", None) or str(error)
+            raise FileFormatError(f"{self._path}: cannot be read ({reason}). Check the name.") from None
+        except expat.ExpatError as error:
+            raise self._error(
+                f"this is no well-formed XML ({expat.ErrorString(error.code)}). Fetch it again."
+            ) from None
+        return self._contents
+
+    def _error(self, problem: str) -> FileFormatError:
+        return FileFormatError(f"{self._path} line {self._parser.CurrentLineNumber}: {problem}")
+
+    def _refuse(self, *_: object) -> None:
+        raise self._error("document types and entities are not read. Remove the DOCTYPE.")
+
+    def _start(self, tag: str, attributes: dict[str, str]) -> None:
+        contents = self._contents
+        match tag.rpartition(" ")[2]:
+            case "subject":
+                if contents.rate is not None:
+                    raise self._error("a second subject begins, but one is read. Export each alone.")
+                contents.rate = attributes.get("frameRate", "")
+            case "segment":
+                self._segment = attributes.get("label", "")
+                if not self._segment or self._segment in contents.points or len(contents.points) >= MOST_SEGMENTS:
+                    raise self._error(f"segment '{shortened(self._segment)}' has no name of its own. Export it again.")
+                contents.points[self._segment] = {}
+            case "point":
+                self._point = attributes.get("label", "")
+            case "frame":
+                self._frame_counts = attributes.get("type", "normal") not in _POSES
+            case "orientation" | "position" if self._frame_counts:
+                self._text = []
+            case "pos_b" | "pos_s" | "connector1" | "connector2":
+                self._text = []
+            case _:
+                pass
+
+    def _characters(self, text: str) -> None:
+        if self._text is not None:
+            self._text.append(text)
+
+    def _end(self, tag: str) -> None:
+        if self._text is None:
+            return
+        text, self._text = "".join(self._text), None
+        contents = self._contents
+        match tag.rpartition(" ")[2]:
+            case "pos_b" | "pos_s" if self._segment:
+                contents.points[self._segment][self._point] = self._numbers(text, 3).tolist()
+            case "connector1":
+                self._connector = text.strip().partition("/")[0]
+            case "connector2":
+                contents.joints.append((self._connector, text.strip().partition("/")[0]))
+            case "orientation":
+                contents.orientation.append(self._numbers(text, 4 * len(contents.points)).reshape(-1, 4))
+                if len(contents.orientation) * len(contents.points) > MOST_POSES:
+                    raise self._error("more frames than fit into memory. Export a part of it.")
+            case "position":
+                contents.position.append(self._numbers(text, 3 * len(contents.points)).reshape(-1, 3))
+            case _:
+                pass
+
+    def _numbers(self, text: str, count: int) -> Array:
+        try:
+            numbers = np.array([float(word) for word in text.split()])
+        except ValueError:
+            numbers = np.zeros(0)
+        if count == 0 or len(numbers) != count or not np.isfinite(numbers).all():
+            raise self._error(f"expected {count} numbers. Export the file again.")
+        return numbers

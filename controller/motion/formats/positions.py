@@ -1,0 +1,254 @@
+"""Our own CSV read back: time in s, then x, y, z of joints or of markers, m (`writing` writes them).
+
+    time_s,root.x,root.y,root.z,lhipjoint.x, ...
+    0.000000,0.1,0.2,0.9, ...
+
+Tables of others are read alike: with semicolons or tabs (then decimals may have a comma), quotes, lines that begin with
+#, `time` or `t` in place of `time_s`, `root_x`, `root x` or `rootX` in place of `root.x`, and a body in cm or mm.
+
+A table that begins with `root` is a body: each column is where a bone ends. Which bones there are, it does not say, so
+they are found: each joint hangs from that earlier one from which it keeps its distance best, and of those that keep it
+equally well, from the nearest. Bones called "A-B" and "A-C" start in one joint, as `joint_tree` names them. The file
+does not say how bones are twisted; `orientation` settles it. But where the points that are called hips or thighs lie in
+the hips, near the root, all are points in joints, as in tables without a root.
+
+Ours have z up. Others do not say which axis is up, or down as that of a camera: the body tells.
+"""
+
+from __future__ import annotations
+
+import math
+import re
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+
+from controller.motion.clip import Clip
+from controller.motion.formats.markers.joint_points import joint_points
+from controller.motion.formats.markers.jointed_body import ARMS, LEGS
+from controller.motion.formats.markers.tracks import FARTHEST, Markers, unit_of_size
+from controller.motion.orientation import orient
+from controller.motion.reading_options import AS_FOUND, ReadingOptions
+from controller.motion.rest_pose import RecordedBody, stand
+from controller.motion.rotations import Array, continuous, dot, normalise
+from controller.motion.skeleton import ROOT, Skeleton
+from motiondeck_base.errors import FileFormatError
+from motiondeck_base.files import Line, as_float, no_number, read_lines
+
+MOST_NUMBERS = 30_000_000
+MOST_COLUMNS = 3000
+COMPARED = 400  # frames in which distances are compared
+WRITTEN = 1e-5  # m: files have six digits, so a distance that varies by less is kept
+NO_LENGTH = 1e-5  # m
+LONGEST_GAP = 0.5  # s without a frame
+IN_HIP = 0.5  # thighs: a point this near to the root is no knee
+_LOOKED_AT = 1 << 16  # bytes of a file that may be another table
+_TIMES = ("time_s", "time", "time (s)", "time [s]", "timestamp", "seconds", "t")
+_COLUMN = re.compile(r"(.+?)[._ :]?([xyz])", re.IGNORECASE)
+
+
+@dataclass(frozen=True, eq=False)
+class _Positions:
+    names: tuple[str, ...]
+    rate: float
+    position: Array  # (T, N, 3), m; NaN where a place is empty
+    ours: bool  # whether the columns are called as `writing` calls them
+
+
+def read_positions(path: str | Path, options: ReadingOptions = AS_FOUND) -> Clip | Markers:
+    """The body, or the markers, whose positions are in a CSV.
+
+    Raises:
+        FileFormatError: naming file and line, if it cannot be read or is no such table.
+    """
+    table = _table(path)
+    is_body = table.names[0].lower() == "root"
+    unit = unit_of_size(table.position) if len(table.names) > 1 else 1.0
+    position = table.position * (options.unit or unit)
+    names = options.renamed(table.names, path)
+    up = options.up or ("z" if table.ours else None)
+    points = Markers(names, table.rate, position, up, Path(path).name)
+    if not is_body or _in_joints(points):
+        return points if up else _turned_over(points)
+    if len(names) < 2 or np.isnan(position).any():
+        raise FileFormatError(f"{path}: a body needs its root and all other joints in every frame. Fill the gaps.")
+    name = Path(path).stem
+    body = _body(names[1:], _hung(names, position), position)
+    skeleton, root, rotation = stand(name, body, 1.0, up)
+    return Clip(name, skeleton, table.rate, root, continuous(rotation), Path(path).name)
+
+
+def _in_joints(points: Markers) -> bool:
+    """Whether the points of a table with a root lie in the joints that they are called after, not at bones' ends."""
+    joints, root = joint_points(points), points.position[:, 0]
+
+    def apart(one: Array, other: Array) -> float:
+        return float(np.nanmedian(np.linalg.norm(one - other, axis=-1)))
+
+    return bool(joints) and all(
+        apart(joints[side + "hip"], root) < IN_HIP * apart(joints[side + "hip"], joints[side + "kne"]) for side in "lr"
+    )
+
+
+def _turned_over(points: Markers) -> Markers:
+    """The points of a camera, whose axis points down, turned by half a turn about x; others as they are.
+
+    Legs that point along the axis that is up may be those of somebody who stands on the hands: then the arms point away
+    from them.
+    """
+    joints = joint_points(points)
+    if not all(joint in joints for joint in (*LEGS, *ARMS)):
+        return points
+    legs, arms = (
+        np.mean([joints[side + end] - joints[side + start] for side in "lr"], axis=0)
+        for start, end in (("hip", "ank"), ("sho", "wri"))
+    )
+    y, z = legs.mean(axis=0)[1:]
+    down = (y if abs(y) > abs(z) else z) > 0.0
+    if not down or np.mean(dot(legs, arms)) < 0.0:
+        return points
+    return replace(points, position=points.position * np.array([1.0, -1.0, -1.0]))
+
+
+def is_table(path: Path) -> bool:
+    """Whether a .csv is one of positions: its first line says so."""
+    try:
+        with path.open("rb") as file:
+            texts = file.read(_LOOKED_AT).decode("utf-8-sig", errors="replace").splitlines()
+    except OSError:
+        return False
+    columns = next((_words(text, _separator(text)) for text in texts if _is_row(text)), [])
+    return len(columns) > 1 and columns[0].lower() in _TIMES and _COLUMN.fullmatch(columns[1]) is not None
+
+
+def _is_row(text: str) -> bool:
+    return bool(text.strip()) and not text.lstrip().startswith("#")
+
+
+def _separator(text: str) -> str:
+    return max(",;\t", key=text.count)
+
+
+def _words(text: str, separator: str) -> list[str]:
+    return [word.strip().strip("\"'").strip() for word in text.split(separator)]
+
+
+def _table(path: str | Path) -> _Positions:
+    """The names of the columns, the rate, and the numbers."""
+    texts = [(number, text) for number, text in enumerate(read_lines(path), 1) if _is_row(text)]
+    if not texts:
+        raise FileFormatError(f"{path}: there is nothing in it. Write it again.")
+    separator = _separator(texts[0][1])
+    head, rows = Line(path, texts[0][0], _words(texts[0][1], separator)), texts[1:]
+    columns = head.words
+    if columns[0].lower() not in _TIMES or len(columns) < 4 or len(columns) % 3 != 1 or len(columns) > MOST_COLUMNS:
+        raise head.error(
+            "expected 'time_s' and then x, y and z of each joint, such as 'root.x,root.y,root.z'. Write it so, or "
+            "export the recording as .bvh, .c3d or .trc."
+        )
+    found = [_COLUMN.fullmatch(column) for column in columns[1:]]
+    named = [(column[1], column[2].lower()) for column in found if column is not None]
+    names = tuple(name for name, _ in named[::3])
+    if named != [(name, axis) for name in names for axis in "xyz"] or len(set(names)) * 3 < len(found):
+        raise head.error("expected x, y and z of each joint side by side, no two joints alike.")
+    if len(rows) * len(columns) > MOST_NUMBERS:
+        raise FileFormatError(f"{path}: {len(rows)} frames do not fit into memory. Cut the recording into pieces.")
+    if not rows:
+        raise FileFormatError(f"{path}: there are no frames in it. Write it again.")
+    numbers = np.empty((len(rows), len(columns)))
+    for frame, (number, text) in enumerate(rows):
+        if separator != ",":
+            text = text.replace(",", ".")
+        words = _words(text, separator) if '"' in text or "'" in text else text.split(separator)
+        numbers[frame] = _row(Line(path, number, words), len(columns))
+    time, position = numbers[:, 0], numbers[:, 1:].reshape(len(rows), -1, 3)
+    rate, position = _even(time, position, [Line(path, number, []) for number, _ in rows])
+    position[np.isnan(position).any(axis=-1)] = np.nan
+    ours = columns[0] == "time_s" and columns[1::3] == [f"{name}.x" for name in names]
+    return _Positions(names, rate, position, ours)
+
+
+def _even(time: Array, position: Array, lines: list[Line]) -> tuple[float, Array]:
+    """The rate, Hz, and the positions at even times: between those of frames that came late, or not at all, by lines.
+
+    Raises:
+        FileFormatError: naming the line, if times do not rise, or far apart are no frames.
+    """
+    if len(time) == 1 and np.isfinite(time[0]):
+        return 120.0, position
+    steps = np.diff(time, prepend=time[0] - 1.0)  # one for the first frame too, which comes after anything
+    back = next(iter(np.flatnonzero(~(steps > 0.0))), None)
+    if back is not None:
+        raise lines[back].error(
+            f"the time {time[back]:g} does not come after {time[back - 1]:g}. Put the frames in order."
+        )
+    steps = steps[1:]
+    usual = float(np.median(steps))
+    if usual > LONGEST_GAP:
+        raise lines[1].error(
+            f"{usual:g} s from frame to frame are too long. Times are in seconds: divide them by 1000 if they are ms."
+        )
+    widest = int(np.argmax(steps))
+    if steps[widest] > LONGEST_GAP:
+        raise lines[widest + 1].error(
+            f"no frames from {time[widest]:g} to {time[widest + 1]:g} s. Cut the recording there."
+        )
+    if np.ptp(steps) < 0.1 * steps.mean() + 2e-6:
+        rate = len(steps) / float(time[-1] - time[0])
+        return (round(rate, 2) if abs(rate - round(rate, 2)) < 1e-4 * rate else rate), position
+    rate = 1.0 / float(steps[steps < 1.5 * usual].mean())
+    columns = position.reshape(len(time), -1).T
+    count = int((time[-1] - time[0]) * rate + 1e-6) + 1
+    if count * len(columns) > MOST_NUMBERS:
+        raise lines[0].error(f"{count} frames at even times do not fit into memory. Cut the recording into pieces.")
+    even = time[0] + np.arange(count) / rate
+    places = np.stack([np.interp(even, time, column) for column in columns], axis=1)
+    return rate, places.reshape(len(even), -1, 3)
+
+
+def _row(line: Line, count: int) -> list[float]:
+    if len(line.words) != count:
+        raise line.error(
+            f"{len(line.words)} values, but the first line names {count}. (Decimals are written with a dot.)"
+        )
+    numbers: list[float] = []
+    for column, word in enumerate(line.words):
+        value = math.nan if not word.strip() else as_float(word)
+        if value is None or math.isinf(value) or (column > 0 and abs(value) > FARTHEST):
+            raise line.error(no_number(word))
+        numbers.append(value)
+    return numbers
+
+
+def _hung(names: tuple[str, ...], position: Array) -> list[int]:
+    """The joint that each but the root (the first) hangs from."""
+    seen = position[:: max(1, len(position) // COMPARED)]
+    start = [name.partition("-")[0] if "-" in name else name for name in names]
+    parent: dict[int, int] = {}
+    for joint in range(1, len(names)):
+        if joint in parent:
+            continue
+        together = [other for other in range(joint, len(names)) if start[other] == start[joint]]
+        apart = np.sqrt(np.square(seen[:, None, :joint] - seen[:, together, None]).sum(-1))
+        varies = apart.std(axis=0).max(axis=0)
+        keeps = varies <= max(WRITTEN, 1.01 * float(varies.min()))
+        nearest = int(np.argmin(np.where(keeps, apart.mean(axis=(0, 1)), np.inf)))
+        parent |= dict.fromkeys(together, nearest)
+    return [parent[joint] for joint in range(1, len(names))]
+
+
+def _body(names: tuple[str, ...], parent: list[int], position: Array) -> RecordedBody:
+    """Bones between joints (T, 1 + B, 3) that hang as given; the zero pose is the one of the first frame."""
+    line = position[:, 1:] - position[:, parent]
+    length = np.median(np.sqrt(np.square(line).sum(-1)), axis=0)
+    direction = normalise(line)
+    for bone, above in enumerate(parent):
+        if length[bone] < NO_LENGTH:  # points nowhere: goes along with what carries it
+            length[bone] = 0.0
+            direction[:, bone] = direction[:, above - 1] if above > 0 else np.array([0.0, 0.0, 1.0])
+    hangs = np.array(parent) - 1
+    skeleton = Skeleton("", names, np.where(hangs < 0, ROOT, hangs), direction[0], length)
+    return RecordedBody(
+        names, skeleton.parent, direction[0] * length[:, None], position[:, 0], orient(skeleton, direction)
+    )

@@ -1,0 +1,118 @@
+"""Clips written for other programs: BVH with their rotations, CSV with the positions of joints or markers."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+
+from controller.motion.clip import Clip
+from controller.motion.formats.markers.tracks import Markers
+from controller.motion.rotations import Array, conjugate, multiply, rotate, to_matrix
+from controller.motion.skeleton import ROOT
+from controller.motion.up_axis import TO_OURS
+from motiondeck_base.errors import FileFormatError
+from motiondeck_base.files import write_file
+
+CENTIMETRES = 100.0  # what BVH is mostly written in
+FORMATS = (".bvh", ".csv")
+# The middle one of three angles must stay off 90 degrees: people turn about the vertical, y, and seldom twist a leg.
+ROOT_ORDER, ORDER = "YXZ", "ZYX"
+
+
+def write_clip(clip: Clip, path: Path) -> None:
+    """Writes a clip as the ending of the file says: .bvh or .csv.
+
+    Raises:
+        FileFormatError: for another ending, or if the file cannot be written.
+    """
+    if path.suffix.lower() not in FORMATS:
+        raise FileFormatError(f"{path}: clips are written as {' or '.join(FORMATS)}. Name the file so.")
+    text = bvh_text(clip) if path.suffix.lower() == ".bvh" else csv_text(clip)
+    write_file(path, text.encode())
+
+
+def bvh_text(clip: Clip) -> str:
+    """A clip as BVH: y up, x left, z forward, cm; one joint a bone, at its start and with its name.
+
+    Read again it is the same clip: same bones, joints off by less than a micrometre a bone.
+    """
+    skeleton = clip.skeleton
+    to_file = conjugate(TO_OURS["y"])
+    vector = rotate(to_file, skeleton.rest_direction * skeleton.length[:, None]) * CENTIMETRES
+    turn = multiply(multiply(np.broadcast_to(to_file, clip.rotation.shape), clip.rotation), conjugate(to_file))
+    local = turn.copy()
+    local[:, 1:] = multiply(conjugate(turn[:, skeleton.parent + 1]), turn[:, 1:])
+    angles = np.degrees(_angles(local, ORDER))  # (T, 1 + B, 3)
+    angles[:, 0] = np.degrees(_angles(local[:, :1], ROOT_ORDER))[:, 0]
+
+    lines: list[str] = ["HIERARCHY"]
+    order: list[int] = []  # of the joints in the file: 0 is the root, 1 + b a bone
+
+    def joint(bone: int, depth: int) -> None:
+        pad = "  " * depth
+        order.append(1 + bone)
+        above = skeleton.parent[bone] if bone != ROOT else ROOT
+        start = np.zeros(3) if above == ROOT else vector[above]
+        name = "root" if bone == ROOT else skeleton.bones[bone]
+        channels = "CHANNELS 3" if bone != ROOT else "CHANNELS 6 Xposition Yposition Zposition"
+        turns = " ".join(f"{axis}rotation" for axis in (ORDER if bone != ROOT else ROOT_ORDER))
+        lines.extend(
+            [
+                f"{pad}{'ROOT' if bone == ROOT else 'JOINT'} {'_'.join(name.split())}",
+                f"{pad}{{",
+                f"{pad}  OFFSET {_numbers(start)}",
+                f"{pad}  {channels} {turns}",
+            ]
+        )
+        children = skeleton.children(bone)
+        for child in children:
+            joint(int(child), depth + 1)
+        if len(children) == 0:
+            lines.extend([f"{pad}  End Site", f"{pad}  {{", f"{pad}    OFFSET {_numbers(vector[bone])}", f"{pad}  }}"])
+        lines.append(f"{pad}}}")
+
+    joint(ROOT, 0)
+    lines += ["MOTION", f"Frames: {len(clip)}", f"Frame Time: {1.0 / clip.rate:.8f}"]
+    place = rotate(to_file, clip.root_position) * CENTIMETRES
+    rows = np.concatenate([place, angles[:, order].reshape(len(clip), -1)], axis=1)
+    lines += [_numbers(row) for row in rows]
+    return "\n".join(lines) + "\n"
+
+
+def csv_text(clip: Clip) -> str:
+    """A clip as CSV: time in s, then x, y, z of the root and of the end of each bone in m (x forward, y left, z up)."""
+    return _table(("root", *clip.skeleton.bones), clip.joints(), clip.rate)
+
+
+def markers_csv(markers: Markers, position: Array) -> str:
+    """Markers at positions (T, M, 3), m, as CSV: time in s, then x, y, z of each, empty where they are NaN."""
+    return _table(markers.labels, position, markers.rate)
+
+
+def _table(names: Sequence[str], places: Array, rate: float) -> str:
+    plain = [name.replace(",", " ").replace('"', "") for name in names]
+    lines = [",".join(["time_s", *(f"{name}.{axis}" for name in plain for axis in "xyz")])]
+    for frame, row in enumerate(places.reshape(len(places), -1)):
+        lines.append(f"{frame / rate:.6f}," + ",".join("" if np.isnan(value) else f"{value:.6f}" for value in row))
+    return "\n".join(lines) + "\n"
+
+
+def _numbers(values: Array) -> str:
+    return " ".join(f"{value:.6f}" for value in values + 0.0)
+
+
+def _angles(q: Array, order: str) -> Array:
+    """Angles (T, N, 3), rad, unwrapped in time, of turns about three axes: q turns about the last one first."""
+    i, j, k = ("XYZ".index(axis) for axis in order)
+    sign = 1.0 if (j - i) % 3 == 1 else -1.0
+    m = to_matrix(q)
+    level = np.hypot(m[..., j, k], m[..., k, k])
+    middle = np.arctan2(sign * m[..., i, k], level)
+    # At 90 degrees the outer two turn about one axis: then the last is left at rest.
+    free = level > 1e-9
+    lone = np.arctan2(sign * m[..., k, j], m[..., j, j])
+    first = np.where(free, np.arctan2(-sign * m[..., j, k], m[..., k, k]), lone)
+    last = np.where(free, np.arctan2(-sign * m[..., i, j], m[..., i, i]), 0.0)
+    return np.unwrap(np.stack([first, middle, last], axis=-1), axis=0)

@@ -1,0 +1,58 @@
+"""What a person knows about a recording that its file does not say, or says wrongly."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+
+from controller.motion.up_axis import Up
+from motiondeck_base.errors import FileFormatError
+from motiondeck_base.files import listed
+
+
+@dataclass(frozen=True)
+class ReadingOptions:
+    """How to read a recording; what is None is found out from the file.
+
+    Attributes:
+        skeleton: the .asf file that an .amc recording belongs to, or the body model (.npz) of an .npz.
+        unit: what one length of the file is, m, such as 0.01 for a file in cm.
+        up: the file's axis that is up.
+        rename: other names for joints, bones or markers, by the names in the file.
+
+    Raises:
+        FileFormatError: if the unit is no length that a file could be in, or the axis is another.
+    """
+
+    skeleton: Path | None = None
+    unit: float | None = None
+    up: Up | None = None
+    rename: Mapping[str, str] = field(default_factory=dict[str, str])
+
+    def __post_init__(self) -> None:
+        if self.unit is not None and not (isinstance(self.unit, int | float) and 1e-6 < self.unit < 1e3):
+            raise FileFormatError(
+                f"a unit of {self.unit} m is not possible: give the length of one unit of the file in m, such as 0.01"
+            )
+        if self.up not in (None, "y", "z"):
+            raise FileFormatError(f"the axis '{self.up}' cannot be up: give y or z")
+
+    def renamed(self, names: tuple[str, ...], path: str | Path) -> tuple[str, ...]:
+        """Names with those replaced that have another.
+
+        Raises:
+            FileFormatError: if a name to be replaced is not among them, or two would be alike.
+        """
+        missing = [old for old in self.rename if old not in names]
+        if missing:
+            raise FileFormatError(f"{path}: nothing to rename is called '{missing[0]}' (there are: {listed(names)}).")
+        new = tuple(self.rename.get(name, name) for name in names)
+        twice = next((name for index, name in enumerate(new) if name in new[:index]), None)
+        if twice is not None:
+            raise FileFormatError(f"{path}: '{twice}' would be the name of two. Rename the other one too.")
+        return new
+
+
+AS_FOUND = ReadingOptions()
+"""Everything is found out from the file."""

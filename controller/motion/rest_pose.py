@@ -1,0 +1,270 @@
+"""The rest pose of a recorded body whose file gives only some zero pose: standing, arms out, facing x, in metres.
+
+A file's zero pose may serve (the usual T or A pose), or mean nothing (bones along their own axes, as iClone writes
+them). Then the most upright frame of the recording is taken and straightened: legs down, trunk up, arms out. Of a body
+that never stands (it lies, crawls, does a handstand) frames are first turned until the pelvis is upright, if names tell
+its limbs. Which way is up is read from how the body stands and touches the ground (`up_axis`), which way it faces from
+its feet, and what one unit is from its size.
+
+With K the turn of a bone from its zero pose to the rest pose, P the turn of the file's axes to ours and R the rotation
+recorded, the bone rests along K v and moves by P R K^-1, so that every joint stays where the file has it.
+"""
+
+from __future__ import annotations
+
+from collections import Counter
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from controller.motion.anatomy import SIDES, Anatomy, anatomy, named_anatomy
+from controller.motion.rotations import (
+    IDENTITY,
+    Array,
+    best_fit,
+    between,
+    conjugate,
+    cross,
+    multiply,
+    normalise,
+    rotate,
+    yaw,
+)
+from controller.motion.skeleton import ROOT, Skeleton
+from controller.motion.up_axis import AXES, TO_OURS, UPRIGHT, Up, up_in_recording
+
+# What one unit of length may be, m: metre, centimetre, millimetre; seldom inch, and the inch / 0.45 of CMU's skeletons.
+UNITS = (1.0, 0.01, 0.001, 0.0254, 0.0254 / 0.45)
+SELDOM = 1.8  # by this factor a seldom unit must come nearer to a person's size, or children in cm would be giants
+STATURE = 1.70  # m, of a person
+LEG_PER_STATURE = 0.245 + 0.246  # thigh and shank (Winter 2009, fig. 4.1)
+SPINE_PER_STATURE = 0.470  # from the hips to the top of the head; of a short-legged character it tells the size
+
+FRAMES_TRIED = 24
+FRAMES_JUDGED = 200  # at most, by which the up axis is told
+STANDING = 0.5  # of a frame that can be straightened into standing
+RAISED = -0.9  # the same where names tell the limbs and the pelvis is set upright: whatever bends can be straightened
+# A foot bone runs from the ankle down to the toes: this far below the horizontal when the sole is flat, rad.
+FOOT_SLOPE = 0.30
+KNEES_TELL = 0.3  # what a bent knee counts against a foot when it is asked which way is ahead
+NEARLY = np.radians(10.0)  # a body turned by less than this already faces ahead
+
+
+@dataclass(frozen=True, eq=False)
+class RecordedBody:
+    """B bones and T frames in the axes and the unit of a file.
+
+    Attributes:
+        bones: their names.
+        parent: shape (B,), parents first.
+        vector: of each bone in the zero pose, shape (B, 3).
+        position: of the root, shape (T, 3).
+        rotation: world rotation of the root and of each bone, shape (T, 1 + B, 4).
+    """
+
+    bones: tuple[str, ...]
+    parent: NDArray[np.int64]
+    vector: Array
+    position: Array
+    rotation: Array
+
+
+@dataclass(frozen=True, eq=False)
+class _Stance:
+    """One pose in which the body might rest: turns from the zero pose, (1 + B, 4), and how upright it then stands."""
+
+    up: Up
+    turn: Array
+    upright: float
+    parts: Anatomy | None
+
+
+def stand(
+    name: str, body: RecordedBody, unit: float | None = None, up: Up | None = None
+) -> tuple[Skeleton, Array, Array]:
+    """A skeleton, and its root positions (T, 3), m, and rotations (T, 1 + B, 4) that move as the body does.
+
+    Args:
+        name: of the skeleton.
+        body: with at least one bone.
+        unit: length of one of its units, m; None finds out.
+        up: the file's axis that is up; None finds out.
+    """
+    zero = np.tile(IDENTITY, (1 + len(body.bones), 1))
+    stances = [_stance(body, axis, zero) for axis in AXES]
+    best = max(stances, key=lambda stance: stance.upright)
+    stands = best.upright >= UPRIGHT
+    if not stands:
+        tried = np.unique(np.linspace(0, len(body.position) - 1, FRAMES_TRIED).astype(int))
+        frame = _agreed([_stance(body, axis, body.rotation[frame]) for axis in AXES for frame in tried])
+        if frame.upright <= STANDING:
+            frame = max((_raised(body, body.rotation[frame]) for frame in tried), key=lambda stance: stance.upright)
+        best = _straightened(body, frame) if frame.parts is not None and frame.upright > RAISED else stances[0]
+    vector = rotate(best.turn[1:], body.vector)
+    length = np.linalg.norm(vector, axis=1)
+    unit = _unit(body, vector, best.parts) if unit is None else unit
+    skeleton = Skeleton(name, body.bones, body.parent, normalise(vector), length * unit)
+    world = TO_OURS[up or _up_in_recording(body, best, stands, skeleton, unit)]
+    return (
+        skeleton,
+        rotate(world, body.position) * unit,
+        multiply(multiply(np.broadcast_to(world, body.rotation.shape), body.rotation), conjugate(best.turn)),
+    )
+
+
+def _stance(body: RecordedBody, up: Up, pose: Array) -> _Stance:
+    """How the body stands in a pose (1 + B, 4), turned about the vertical until it faces x."""
+    turn = multiply(TO_OURS[up], pose)
+    vector = rotate(turn[1:], body.vector)
+    facing = _facing(body, vector)
+    if facing is None:
+        return _Stance(up, turn, -1.0, None)
+    if abs(facing) > NEARLY:
+        turn = multiply(yaw(-facing), turn)
+        vector = rotate(turn[1:], body.vector)
+    parts = anatomy(_as_skeleton(body, vector))
+    direction = normalise(vector)
+    cosines: list[float] = []
+    for side in ("left", "right"):
+        for part in ("thigh", "shank"):
+            bone = parts.first(part, side)
+            cosines.append(-1.0 if bone is None else -float(direction[bone, 2]))
+    spine = [bone for part in ("trunk", "neck") for bone in parts.all(part)] or parts.all("head")
+    if spine:
+        cosines.append(float(normalise(vector[spine].sum(axis=0))[2]))
+    elif named_anatomy(_as_skeleton(body, vector)) is None:  # without names, arms could be taken for legs
+        cosines.append(-1.0)
+    return _Stance(up, turn, min(cosines), parts)
+
+
+def _raised(body: RecordedBody, pose: Array) -> _Stance:
+    """How the body stands in a pose (1 + B, 4) that is turned until its pelvis is upright; by names alone."""
+    vector = rotate(pose[1:], body.vector)
+    skeleton = _as_skeleton(body, vector)
+    parts = named_anatomy(skeleton)
+    if parts is None:
+        return _Stance("y", pose, -1.0, None)
+    start = skeleton.chain @ vector - vector
+    left, right = (start[bone] for side in SIDES if (bone := parts.first("thigh", side)) is not None)
+    trunk = parts.all("trunk") or parts.all("neck")
+    up = normalise(vector[trunk[:1]].sum(axis=0) - 1e-3 * vector[parts.all("thigh")].sum(axis=0))
+    across = normalise(left - right)
+    ahead = normalise(cross(across, up))
+    turn = best_fit(np.stack([ahead, across, cross(ahead, across)]))
+    return replace(_stance(body, "z", multiply(np.broadcast_to(turn, pose.shape), pose)), up="y")
+
+
+def _agreed(stances: list[_Stance]) -> _Stance:
+    """The most upright stance among those with the anatomy that most of the upright frames show."""
+    upright = [stance for stance in stances if stance.upright > STANDING and stance.parts is not None]
+    votes = Counter(stance.parts for stance in upright)
+    if not votes:
+        return max(stances, key=lambda stance: stance.upright)
+    most = max(votes.values())
+    return max((s for s in upright if votes[s.parts] == most), key=lambda stance: stance.upright)
+
+
+def _as_skeleton(body: RecordedBody, vector: Array) -> Skeleton:
+    return Skeleton("", body.bones, body.parent, normalise(vector), np.linalg.norm(vector, axis=1))
+
+
+def _facing(body: RecordedBody, vector: Array) -> float | None:
+    """Which way a body faces whose bones are (B, 3), about z from x, rad; None if it has no two legs to tell by."""
+    skeleton = _as_skeleton(body, vector)
+    sided = _named_across(skeleton, vector)
+    if sided is not None:
+        return float(np.arctan2(-sided[0], sided[1]))
+    legs: list[tuple[float, Array, Array]] = []  # how long it is, where its thigh begins, what points ahead
+    for branch in skeleton.children(ROOT):
+        limb = np.flatnonzero(skeleton.chain[:, branch])
+        way = np.flatnonzero(skeleton.chain[max(limb, key=lambda bone: skeleton.chain[bone] @ skeleton.length)])
+        if vector[way].sum(axis=0)[2] < 0.0 and len(way) > 1:
+            thigh = int(np.argmax(skeleton.length[way][:-1] + skeleton.length[way][1:]))
+            long = skeleton.length[way].sum()
+            # Feet point ahead, and knees bend so that they do.
+            knee = skeleton.rest_direction[way[thigh]] - skeleton.rest_direction[way[thigh + 1]]
+            ahead = vector[way[thigh + 2 :]].sum(axis=0) + KNEES_TELL * long * knee
+            legs.append((long, vector[way[:thigh]].sum(axis=0), ahead))
+    if len(legs) < 2:
+        return None
+    (length, one, one_points), (_, other, other_points) = sorted(legs, key=lambda leg: -leg[0])[:2]
+    across = (one - other)[:2]
+    if np.linalg.norm(across) < 1e-3 * length:
+        return None
+    ahead = np.array([across[1], -across[0]])
+    points = (one_points + other_points)[:2]
+    pointed = np.linalg.norm(points) > 0.02 * length
+    if ahead @ (points if pointed else np.array([1.0, 0.0])) < 0.0:
+        ahead = -ahead
+    return float(np.arctan2(ahead[1], ahead[0]))
+
+
+def _named_across(skeleton: Skeleton, vector: Array) -> Array | None:
+    """The way from the right thigh to the left one, flat, shape (2,), where names tell the sides."""
+    parts = named_anatomy(skeleton)
+    if parts is None:
+        return None
+    start = (skeleton.chain @ vector) - vector
+    left, right = (start[bone] for side in SIDES if (bone := parts.first("thigh", side)) is not None)
+    across = (left - right)[:2]
+    apart = float(np.linalg.norm(across)) > 1e-3 * float(skeleton.length.sum())
+    return across if apart else None
+
+
+def _straightened(body: RecordedBody, stance: _Stance) -> _Stance:
+    """The stance with legs down, trunk up and arms out; what hangs from these goes along."""
+    parts = stance.parts
+    assert parts is not None
+    vector = rotate(stance.turn[1:], body.vector)
+    more = np.tile(IDENTITY, (1 + len(vector), 1))  # what each bone is turned by on top of the stance
+    trunk = parts.all("trunk")
+    spine = vector[trunk].sum(axis=0) if trunk else np.zeros(3)
+    down, up = np.array([0.0, 0.0, -1.0]), np.array([0.0, 0.0, 1.0])
+    flat = np.array([np.cos(FOOT_SLOPE), 0.0, -np.sin(FOOT_SLOPE)])
+    for bone, (part, side) in enumerate(zip(parts.part, parts.side, strict=True)):
+        carried = more[body.parent[bone] + 1]
+        out = np.array([0.0, 1.0 if side == "left" else -1.0, 0.0])
+        goal = {"thigh": down, "shank": down, "trunk": up, "foot": flat, "upper arm": out, "forearm": out}.get(part)
+        start = vector[bone]
+        if part in ("trunk", "foot"):
+            # A back keeps its curve and a foot its toes: they turn as one, where they begin.
+            first = parts.all(part, side)[0]
+            start = spine if part == "trunk" else vector[first]
+            goal = goal if body.parent[bone] == body.parent[first] else None
+        if goal is not None:
+            carried = multiply(between(normalise(rotate(carried, start)), goal), carried)
+        more[bone + 1] = carried
+    return _Stance(stance.up, multiply(more, stance.turn), 1.0, parts)
+
+
+def _up_in_recording(body: RecordedBody, rest: _Stance, stands: bool, skeleton: Skeleton, unit: float) -> Up:
+    """The axis that is up while the body moves."""
+    spine = [] if rest.parts is None else rest.parts.all("trunk")
+    if rest.parts is None or not spine:
+        return rest.up
+    along = rotate(body.rotation[:, np.array(spine) + 1], body.vector[spine]).sum(axis=1)
+    some = slice(None, None, 1 + len(along) // FRAMES_JUDGED)
+    turned = multiply(body.rotation[some], conjugate(rest.turn))
+    joints = skeleton.joints(body.position[some] * unit, turned)
+    limbs = [1 + bone for bone, part in enumerate(rest.parts.part) if part != "other"]
+    return up_in_recording(rest.up, stands, along, body.position * unit, joints[:, limbs], skeleton.leg_length)
+
+
+def _unit(body: RecordedBody, vector: Array, parts: Anatomy | None) -> float:
+    """The unit in which the body, by its legs or by its trunk and head, comes closest to a person's size."""
+    skeleton = _as_skeleton(body, vector)
+    legs = [] if parts is None else [*parts.all("thigh"), *parts.all("shank")]
+    spine = [] if parts is None else [bone for part in ("trunk", "neck", "head") for bone in parts.all(part)]
+    stature = float(skeleton.length[legs].sum()) / 2.0 / LEG_PER_STATURE
+    if stature > 0.0 and spine:
+        up_to = skeleton.chain[np.ix_(spine, spine)] @ skeleton.length[spine]
+        stature = max(stature, float(up_to.max()) / SPINE_PER_STATURE)
+    if stature == 0.0:
+        ends = skeleton.chain @ vector
+        stature = float(np.ptp(np.vstack([ends, np.zeros(3)]), axis=0).max())
+
+    def off(unit: float) -> float:
+        return abs(np.log(max(stature, 1e-12) * unit / STATURE)) + (np.log(SELDOM) if unit in UNITS[3:] else 0.0)
+
+    return min(UNITS, key=off)

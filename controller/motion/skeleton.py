@@ -1,0 +1,118 @@
+"""A skeleton: a tree of rigid bones that hangs from one root joint."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+
+from controller.motion.rotations import Array, FixedVectors
+from motiondeck_base.errors import FileFormatError
+
+ROOT = -1
+
+
+@dataclass(frozen=True, eq=False)
+class Skeleton:
+    """B bones in an order in which a parent always precedes its children.
+
+    A bone starts where its parent ends (or at the root) and ends in the joint that bears its name.
+
+    Attributes:
+        name: what the skeleton is called.
+        bones: the names of the bones, length B.
+        parent: the index of each bone's parent, shape (B,); ROOT for those that hang from the root.
+        rest_direction: each bone's unit vector in the rest pose, arms out sideways, shape (B, 3); x forward, y left,
+            z up.
+        length: each bone's length, shape (B,), m.
+
+    Raises:
+        FileFormatError: if the shapes disagree, a parent follows its child, a name is used twice, or a number is not
+            finite.
+    """
+
+    name: str
+    bones: tuple[str, ...]
+    parent: NDArray[np.int64]
+    rest_direction: Array
+    length: Array
+
+    def __post_init__(self) -> None:
+        count = len(self.bones)
+        if count == 0:
+            raise FileFormatError(f"skeleton '{self.name}' has no bones")
+        shapes = (self.parent.shape, self.rest_direction.shape, self.length.shape)
+        if shapes != ((count,), (count, 3), (count,)):
+            raise FileFormatError(f"skeleton '{self.name}': {count} bones, but arrays of shape {shapes}")
+        if not (np.isfinite(self.rest_direction).all() and np.isfinite(self.length).all()):
+            raise FileFormatError(f"skeleton '{self.name}' holds a number that is not finite")
+        if np.any(np.abs(np.linalg.norm(self.rest_direction, axis=1) - 1.0) > 1e-6) or np.any(self.length < 0):
+            raise FileFormatError(
+                f"skeleton '{self.name}' has a rest direction that is no unit vector or a negative length"
+            )
+        for index, (bone, parent) in enumerate(zip(self.bones, self.parent, strict=True)):
+            if not ROOT <= parent < index:
+                raise FileFormatError(f"skeleton '{self.name}': bone '{bone}' does not follow its parent")
+            if bone in self.bones[:index]:
+                raise FileFormatError(f"skeleton '{self.name}': two bones are called '{bone}'")
+
+    def __len__(self) -> int:
+        return len(self.bones)
+
+    def index(self, bone: str) -> int:
+        """The index of a bone by name (KeyError if there is none)."""
+        try:
+            return self.bones.index(bone)
+        except ValueError:
+            raise KeyError(bone) from None
+
+    def children(self, bone: int) -> NDArray[np.int64]:
+        """The indices of the bones that hang from a bone (or from ROOT)."""
+        return np.flatnonzero(self.parent == bone)
+
+    @cached_property
+    def first(self) -> NDArray[np.int64]:
+        """The bones that hang from the root."""
+        return self.children(ROOT)
+
+    @cached_property
+    def walk(self) -> tuple[tuple[int, list[float], list[int]], ...]:
+        """Parent, rest direction and children of each bone as plain numbers, for code that goes bone by bone."""
+        return tuple(
+            (int(parent), rest.tolist(), self.children(bone).tolist())
+            for bone, (parent, rest) in enumerate(zip(self.parent, self.rest_direction, strict=True))
+        )
+
+    @cached_property
+    def chain(self) -> Array:
+        """Which bones lead from the root to the end of each bone: 1 where column is row or above it, shape (B, B)."""
+        chain = np.eye(len(self))
+        for bone, parent in enumerate(self.parent):
+            if parent != ROOT:
+                chain[bone] += chain[parent]
+        return chain
+
+    @cached_property
+    def _vectors(self) -> FixedVectors:
+        """From the beginning of each bone to its end in the rest pose, m."""
+        return FixedVectors(self.rest_direction * self.length[:, None])
+
+    @cached_property
+    def leg_length(self) -> float:
+        """How far the skeleton reaches below its root in the rest pose, m."""
+        return float(-np.min((self.chain @ self._vectors.vectors)[:, 2]))
+
+    def joints(self, root_position: Array, rotation: Array) -> Array:
+        """Forward kinematics: where the root and the end of each bone are.
+
+        Args:
+            root_position: shape (..., 3), m.
+            rotation: world rotation of the root and of each bone, shape (..., 1 + B, 4).
+
+        Returns:
+            Joint positions, the root first, shape (..., 1 + B, 3), m.
+        """
+        ends = root_position[..., None, :] + self.chain @ self._vectors.turned(rotation[..., 1:, :])
+        return np.concatenate([root_position[..., None, :], ends], axis=-2)

@@ -1,0 +1,68 @@
+"""Which axis of a file is up: along which the body stands while it moves, and along which it touches the ground."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Literal
+
+import numpy as np
+
+from controller.motion.clip import Clip
+from controller.motion.rotations import IDENTITY, Array, conjugate, multiply, normalise, rotate
+
+Up = Literal["y", "z"]
+AXES: tuple[Up, ...] = ("y", "z")
+# The turns that bring a file's axes to ours (z up): (x, y, z) becomes (z, x, y), or stays.
+TO_OURS = {"y": np.array([0.5, 0.5, 0.5, 0.5]), "z": IDENTITY}
+
+UPRIGHT = 0.8  # cosine: a trunk within 37 degrees of the vertical stands
+ERECT = 0.5  # cosine: one that is farther from it lies, crawls or hangs head down
+HIPS = (0.6, 1.3)  # how high the root of somebody who stands is, in legs
+# A body is on the ground where its lowest joint is mostly this near to the origin's height, in legs.
+GROUND = 0.2
+MOSTLY = (10.0, 50.0, 90.0)  # percentiles of time
+IN_PLACE = 0.05  # legs: a root that stays this close to the origin has lost its place, and tells no ground
+
+
+def turned_up(clip: Clip, was: Up, up: Up) -> Clip:
+    """A clip that was read with one axis of its file taken for up, as if with another."""
+    turn = multiply(TO_OURS[up], conjugate(TO_OURS[was]))
+    rotation = multiply(np.broadcast_to(turn, clip.rotation.shape), clip.rotation)
+    return replace(clip, root_position=rotate(turn, clip.root_position), rotation=rotation)
+
+
+def up_in_recording(rest: Up, certain: bool, trunk: Array, root: Array, joints: Array, leg: float) -> Up:
+    """The axis that is up while the body moves: that of its rest pose, unless the recording clearly says the other.
+
+    A body that stands along an axis may as well lie along it, if that is not up: then it touches the ground along the
+    other one.
+
+    Args:
+        rest: the axis that is up in the rest pose.
+        certain: whether the file itself has a pose that stands along that axis.
+        trunk: the line along the trunk, shape (T, 3), in the file's axes.
+        root: where the root is, shape (T, 3), m.
+        joints: where the joints of limbs and head are, shape (T, J, 3), m.
+        leg: length of a leg, m.
+    """
+    other: Up = "z" if rest == "y" else "y"
+    trunk = normalise(trunk)
+    height = float(np.median(rotate(TO_OURS[other], root)[:, 2])) / leg
+    lies = _grounded(rest, joints, leg) and not _grounded(other, joints, leg)
+    if _uprightness(other, trunk) > UPRIGHT and HIPS[0] < height < HIPS[1] and not lies:
+        return other
+    in_place = float(np.median(np.linalg.norm(root, axis=-1))) < IN_PLACE * leg
+    if in_place or (certain and _uprightness(rest, trunk) > ERECT):
+        return rest
+    return other if _grounded(other, joints, leg) and not _grounded(rest, joints, leg) else rest
+
+
+def _uprightness(up: Up, trunk: Array) -> float:
+    """The cosine between the trunk, on average, and an axis."""
+    return float(rotate(TO_OURS[up], trunk.mean(axis=0))[2])
+
+
+def _grounded(up: Up, joints: Array, leg: float) -> bool:
+    """Whether the body touches the ground most of the time, with one axis up."""
+    lowest = np.percentile(rotate(TO_OURS[up], joints)[..., 2].min(axis=1), MOSTLY)
+    return bool(np.abs(lowest).max() < GROUND * leg)

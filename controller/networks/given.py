@@ -1,0 +1,112 @@
+"""Time series, matrices and numbers as callers of the public API give them: in one form, or refused in words."""
+
+from __future__ import annotations
+
+from numbers import Integral, Real
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from controller.motion.rotations import Array
+from motiondeck_base.errors import MotiondeckError
+
+
+def time_series(given: ArrayLike, what: str, channels: int | None = None) -> Array:
+    """A time series as an array (T, D) of float64 in C order; lists and any other numbers and orders will do.
+
+    Args:
+        given: frames by channels.
+        what: what errors call it.
+        channels: D, if it has to be that.
+
+    Raises:
+        MotiondeckError: if it has another shape, no frame or no channel, or holds anything but finite real numbers; it
+            names the first frame and channel that do not.
+    """
+    try:
+        found = np.asarray(given)
+    except ValueError:  # rows of different lengths
+        raise MotiondeckError(f"{what} has rows of different lengths; give as many channels in every frame") from None
+    if found.dtype.kind not in "biuf":
+        raise MotiondeckError(f"{what} holds {found.dtype.name} values; give real numbers")
+    if found.ndim != 2 or 0 in found.shape:
+        remedy = ". For one channel give it as column: x[:, None]" if found.ndim == 1 and len(found) else ""
+        raise MotiondeckError(f"{what} is of shape {found.shape}; (frames, channels) is needed, one at least{remedy}")
+    if channels is not None and found.shape[1] != channels:
+        raise MotiondeckError(f"{what} has {found.shape[1]} channels, but {channels} are needed")
+    numbers = np.ascontiguousarray(found, dtype=np.float64)
+    bad = np.argwhere(~np.isfinite(numbers))
+    if len(bad):
+        frame, channel = bad[0]
+        raise MotiondeckError(
+            f"{what}: frame {frame} of channel {channel} is {numbers[frame, channel]}. Cut the frame out or fill it."
+        )
+    return numbers
+
+
+def points(given: ArrayLike, what: str, least: float = -np.inf, most: float = np.inf) -> Array:
+    """Numbers in a row, float64; one alone will do.
+
+    Raises:
+        MotiondeckError: if they are anything else, or one is not from `least` to `most`.
+    """
+    try:
+        found = np.atleast_1d(np.asarray(given, dtype=np.float64))
+    except (TypeError, ValueError):
+        raise MotiondeckError(f"{what} is {given!r}; give numbers in a row") from None
+    if found.ndim != 1:
+        raise MotiondeckError(f"{what} is of shape {found.shape}; give numbers in a row")
+    bad = found[~((found >= least) & (found <= most) & np.isfinite(found))]
+    if len(bad):
+        limits = f"; it lies between {least:g} and {most:g}" if np.isfinite(most) else "; give finite numbers"
+        raise MotiondeckError(f"{what} is {bad[0]:g}{limits}")
+    return found
+
+
+def square(given: ArrayLike, what: str, size: int | None = None) -> Array:
+    """A matrix (N, N) of float64.
+
+    Args:
+        given: rows.
+        what: what errors call it.
+        size: N, if it has to be that.
+
+    Raises:
+        MotiondeckError: if it has another shape.
+    """
+    matrix = np.asarray(given, dtype=np.float64)
+    expected = "(N, N)" if size is None else f"({size}, {size})"
+    if matrix.ndim != 2 or matrix.shape[0] != matrix.shape[1] or (size is not None and len(matrix) != size):
+        raise MotiondeckError(f"{what} is of shape {matrix.shape}; {expected} is needed")
+    return matrix
+
+
+def whole_number(given: object, what: str, least: int = 0) -> int:
+    """A whole number of at least `least`.
+
+    Raises:
+        MotiondeckError: if it is none.
+    """
+    if not isinstance(given, Integral) or int(given) < least:
+        raise MotiondeckError(f"{what} is {given!r}; give a whole number, {least} or more")
+    return int(given)
+
+
+def sampling_rate(given: object) -> float:
+    """The rate of a time series, Hz.
+
+    Raises:
+        MotiondeckError: if it is no number above 0, or one that nothing was ever sampled at.
+    """
+    return number_within(given, "the rate, Hz,", 1e-9, 1e12)
+
+
+def number_within(given: object, what: str, least: float, most: float) -> float:
+    """A number from `least` to `most`.
+
+    Raises:
+        MotiondeckError: if it is none.
+    """
+    if not isinstance(given, Real) or not least <= float(given) <= most:
+        raise MotiondeckError(f"{what} is {given!r}; it lies between {least:g} and {most:g}")
+    return float(given)

@@ -1,0 +1,92 @@
+"""What a library holds: a table for people, and plain values for scripts."""
+
+from __future__ import annotations
+
+from dataclasses import asdict
+from typing import TYPE_CHECKING, Any
+
+from controller.deck.joins.join_limits import FASTEST, HARDEST
+from controller.library.motion_library import MotionLibrary
+
+if TYPE_CHECKING:
+    from controller.deck.worst_join import Join
+    from controller.learning.training_set import LearnedPart
+
+
+def report(library: MotionLibrary) -> dict[str, object]:
+    """What a library holds, for scripts."""
+    import msgspec
+
+    info = library.info
+    return {
+        "name": info.name,
+        "network": info.network,
+        "neurons": library.network.neurons,
+        "rate_hz": info.rate,
+        "seed": info.seed,
+        "skeleton": info.skeleton.name,
+        "bones": len(info.skeleton.bones),
+        "motions": [msgspec.to_builtins(motion) for motion in info.motions],
+        "licence": info.licence,
+        "acknowledgement": info.acknowledgement,
+    }
+
+
+def print_table(library: MotionLibrary) -> None:
+    """One row a motion: what it was learned from and how its free run went."""
+    from motiondeck.cli.common.tables import show_table
+
+    info = library.info
+    error = "free run, mrad" if info.encoding == "joint angles" else "free run, mm"
+    rows = [
+        (
+            motion.name,
+            motion.plays,
+            f"{motion.frames / info.rate:.2f}",
+            f"{motion.nrmse:.4f}",
+            f"{motion.error_mm:.1f}",
+            "[green]passed[/]" if motion.passed else f"[red]failed[/]: {motion.reason}",
+        )
+        for motion in info.motions
+    ]
+    show_table(
+        ("motion", "plays", "seconds", "NRMSE", error, "self-test"),
+        rows,
+        title=f"{info.name}: {info.network}, {library.network.neurons} neurons, {info.rate:g} Hz",
+        left=("plays", "self-test"),
+    )
+
+
+def join_fields(join: Join | None) -> dict[str, Any] | None:
+    """The worst join that was found, for scripts; null where nothing can be joined."""
+    return join and asdict(join) | {"passes": join.passes}
+
+
+def join_line(join: Join) -> str:
+    """The worst join that was found, in words."""
+    verdict = "" if join.passes else ": too fast, so a robot may lag there"
+    return (
+        f"worst join found: {join.source} to {join.target} at phase {join.phase:.2f}, {join.speed:.2f} x speed and "
+        f"{join.acceleration:.2f} x acceleration of the motions (limits {FASTEST:g} and {HARDEST:g}){verdict}"
+    )
+
+
+def part_fields(part: LearnedPart | None) -> dict[str, float | None]:
+    """Which part of a recording was learned and how well it closes, for scripts; null where that is not known."""
+    return {
+        "from_s": part and part.first,
+        "to_s": part and part.end,
+        "recorded_s": part and part.recorded,
+        "seam_mm": part and part.seam_mm,
+        "seam_degrees": part and part.seam_degrees,
+    }
+
+
+def part_of(part: LearnedPart) -> str:
+    """Which part of its recording a motion was learned from."""
+    return f"{part.first:.2f} to {part.end:.2f} of {part.recorded:.2f} s"
+
+
+def seam_of(part: LearnedPart) -> str:
+    """How well a loop closes, or how well a one-shot would at best."""
+    return "" if part.seam_mm is None else f"{part.seam_mm:.0f} mm, {part.seam_degrees:.0f}°"

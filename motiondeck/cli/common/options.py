@@ -1,0 +1,127 @@
+"""Options that several commands share, and the check of files that are to be written."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Literal
+
+import typer
+
+from motiondeck_base.errors import MotiondeckError
+
+if TYPE_CHECKING:
+    from controller.motion.reading_options import ReadingOptions
+
+PAGE_PORT = 8040
+SHOW_PAGE_PORT = 8050
+
+SkeletonOption = Annotated[
+    Path | None,
+    typer.Option(
+        "--skeleton", metavar="FILE", help="The .asf of an .amc (default: the one nearby); the body model of an .npz."
+    ),
+]
+UnitOption = Annotated[
+    float | None,
+    typer.Option("--unit", metavar="METRES", help="Length of one unit of the file, m; default: detected."),
+]
+UpOption = Annotated[
+    Literal["y", "z"] | None, typer.Option("--up", help="The axis of the file that is up; default: detected.")
+]
+RenameOption = Annotated[
+    list[str] | None,
+    typer.Option("--rename", metavar="OLD=NEW", help="Another name for a joint, such as bone12=LeftUpLeg; repeatable."),
+]
+SizeOption = Annotated[
+    str | None,
+    typer.Option(
+        "--size",
+        rich_help_panel="Film",
+        metavar="WIDTHxHEIGHT",
+        help="Size of the film in pixels; default: 1920x1080, gif 400x300.",
+    ),
+]
+FpsOption = Annotated[
+    float | None,
+    typer.Option(
+        "--fps", rich_help_panel="Film", metavar="FPS", help="Frames per second of the film; default: 30, gif 20."
+    ),
+]
+CameraOption = Annotated[
+    Literal["follow", "front", "side", "three"],
+    typer.Option("--camera", rich_help_panel="Film", help="Camera of the film; three: all side by side."),
+]
+SolverOption = Annotated[
+    Literal["angles", "ik"] | None,
+    typer.Option(
+        "--solver",
+        rich_help_panel="Simulation",
+        help="How to carry motions onto the robot; without it, as its file says.",
+    ),
+]
+JobsOption = Annotated[
+    str,
+    typer.Option(
+        "--jobs",
+        metavar="N|dask://HOST:PORT",
+        help="Parallel processes, -1 for one per core; or the scheduler of a Dask cluster.",
+    ),
+]
+RootOption = Annotated[
+    Literal["gantry", "fixed", "free"],
+    typer.Option(
+        "--root",
+        rich_help_panel="Simulation",
+        help="The simulated robot's root: carried by a gantry, fixed, or free to fall.",
+    ),
+]
+JsonOption = Annotated[bool, typer.Option("--json", help="Print one JSON object instead of a table.")]
+PagePortOption = Annotated[int, typer.Option("--port", metavar="PORT", help="The page's port; 0 for any free one.")]
+
+
+def reading_options(
+    skeleton: Path | None, unit: float | None, up: Literal["y", "z"] | None, rename: list[str] | None
+) -> ReadingOptions:
+    """What the options of a command say about how to read its recordings.
+
+    Raises:
+        MotiondeckError: if a new name is not given as OLD=NEW, or the unit is impossible.
+    """
+    from controller.motion.reading_options import ReadingOptions
+
+    names = dict(pair.split("=", 1) for pair in rename or [] if "=" in pair)
+    if len(names) < len(rename or []):
+        raise MotiondeckError("--rename takes OLD=NEW, once for each joint")
+    return ReadingOptions(skeleton, unit, up, names)
+
+
+def check_new(*files: Path, force: bool, hint: str = "") -> None:
+    """Checks, before anything is computed, that files do not exist yet or may be replaced; a hint ends the message.
+
+    Raises:
+        MotiondeckError: if one does, without `force`.
+    """
+    for file in files:
+        if file.exists() and not force:
+            raise MotiondeckError(f"{file} is there already; give another --out, or --force to replace it{hint}")
+
+
+def check_ending(file: Path, what: str, ending: str = ".safetensors") -> None:
+    """Refuses, before anything is computed, a name that says something else: a recording of that name could be lost.
+
+    Raises:
+        MotiondeckError: if the name of the file does not end so.
+    """
+    if file.suffix.lower() != ending:
+        raise MotiondeckError(f"{file}: {what} ends in {ending}. Name the file so.")
+
+
+def check_other(recording: Path, out: Path) -> None:
+    """Refuses to write over the recording that is read.
+
+    Raises:
+        MotiondeckError: if both are one file.
+    """
+    linked = recording.exists() and out.exists() and recording.samefile(out)
+    if linked or recording.resolve() == out.resolve():
+        raise MotiondeckError(f"{out}: this is the recording itself. Give what is written another name.")

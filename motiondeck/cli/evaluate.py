@@ -1,0 +1,140 @@
+"""`motiondeck evaluate`: how well a library's or a recipe's networks learn, survive disturbances, and switch."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from motiondeck.cli.common.options import JobsOption, JsonOption
+from motiondeck_base.files import check_folder
+from motiondeck_base.progress import progress
+
+if TYPE_CHECKING:
+    from controller.learning.evaluation.evaluation import Evaluation
+    from controller.learning.evaluation.tables import Table
+    from controller.learning.measures.disturbance import Kind
+    from motiondeck_base.jobs import Jobs
+
+MEASURES = ("accuracy", "robustness", "stability", "transitions")
+
+
+def evaluate(
+    subject: Annotated[str, typer.Argument(metavar="LIBRARY|RECIPE", help="A library, or a recipe (.toml).")],
+    measure: Annotated[str, typer.Argument(metavar="MEASURE", help="accuracy, robustness, stability or transitions.")],
+    data: Annotated[Path, typer.Option("--data", metavar="DIR", help="The folder with the recordings.")],
+    seeds: Annotated[
+        int, typer.Option("--seeds", metavar="N", min=1, max=1000, help="Number of networks to train from a recipe.")
+    ] = 3,
+    first_seed: Annotated[int, typer.Option("--first-seed", metavar="N", min=0, help="Seed of the first network.")] = 0,
+    runs: Annotated[
+        int, typer.Option("--runs", metavar="N", min=1, max=100_000, help="Runs per motion and network.")
+    ] = 100,
+    jobs: JobsOption = "-1",
+    as_json: JsonOption = False,
+    table: Annotated[Path | None, typer.Option("--csv", metavar="FILE", help="Write the table as CSV.")] = None,
+    plot: Annotated[Path | None, typer.Option("--plot", metavar="FILE", help="Draw a plot (.png, .svg, .pdf).")] = None,
+) -> None:
+    """Measure how well networks learn, whether they survive disturbances, and how they switch, beside a clip player.
+
+    accuracy: training errors and self-tests of a recipe's networks. robustness: failures after a start from a
+    disturbed state. stability: failures under noise in every step. transitions: switches between all pairs of
+    motions, joined in four ways, and the recordings joined by the deck.
+
+    A recipe is trained with consecutive seeds; a library is measured as it is. Runs are judged by the criterion of
+    the self-test (docs/evaluation.md).
+
+    [bold]Example[/]
+
+      motiondeck evaluate configs/libraries/thesis15.toml robustness --data recordings --seeds 3 --runs 100
+    """
+    from controller.learning.evaluation.evaluation import read_evaluation
+    from motiondeck_base.errors import UnknownNameError
+    from motiondeck_base.jobs import Jobs
+
+    if measure not in MEASURES:
+        raise UnknownNameError.among("measure", measure, MEASURES)
+    where = Jobs.parse(jobs)
+    check_folder(table)
+    if plot is not None:
+        from motiondeck.pictures.figures import check_picture
+
+        check_picture(plot)
+    from motiondeck.cli.common.tables import deliver
+    from motiondeck.pictures.table_plots import draw_bars, draw_spread
+
+    evaluation = read_evaluation(subject, data)
+    chosen = range(first_seed, first_seed + seeds)
+    draw = draw_bars
+    if measure == "accuracy":
+        result = accuracy(evaluation, chosen)
+    elif measure == "transitions":
+        result, draw = transitions(evaluation, first_seed, where), draw_spread
+    else:
+        result = failures(evaluation, "stability" if measure == "stability" else "robustness", chosen, runs, where)
+    deliver(result, csv_file=table, plot=plot, draw=draw, as_json=as_json)
+
+
+def accuracy(evaluation: Evaluation, seeds: range) -> Table:
+    """Training errors and self-tests of a recipe's networks."""
+    from controller.learning.evaluation.tables import training_table, with_clip_verdicts
+    from controller.learning.measures.self_test import self_test
+
+    with progress("training and testing", len(seeds)) as tick:
+        errors, verdicts = evaluation.training_errors(seeds, tick)
+    notes = ["NRMSE as Jaeger's nrmse.m computes it, not eq. 3.3 as printed (docs/evaluation.md)"]
+    table = training_table(f"{evaluation.name}: training", errors, verdicts, notes)
+    return with_clip_verdicts(table, self_test(evaluation.clips, evaluation.judge))
+
+
+def failures(evaluation: Evaluation, kind: Kind, seeds: range, runs: int, jobs: Jobs) -> Table:
+    """How often motions fail after a disturbance, without and with a guard."""
+    from controller.learning.evaluation.failure_rates import sweep
+    from controller.learning.evaluation.tables import failure_table, with_undisturbed_clips
+    from controller.learning.reservoirs.conceptor_training import ConceptorRecipe
+
+    with progress("training", len(seeds)) as tick:
+        networks = evaluation.networks(seeds, jobs, tick)
+    with progress(kind, len(networks) * len(evaluation.syllabus.frames)) as tick:
+        counts = sweep(kind, networks, evaluation.syllabus, runs, holds=evaluation.holds, jobs=jobs, tick=tick)
+    notes = [
+        "low, high: 95 % intervals over motions and networks, whose runs are not independent. A one-shot fails where "
+        "it is not gone through once more.",
+        "clip player: has no state that noise could reach, so nothing was measured.",
+    ]
+    if evaluation.centralized:
+        notes.append("Both coordinates of every center are disturbed; the satellites follow from them.")
+    elif evaluation.library is not None and isinstance(evaluation.recipe.network, ConceptorRecipe):
+        notes.append("A library keeps only the directions of its conceptors; only noise along them has an effect.")
+    table = failure_table(f"{evaluation.name}: {kind}, {len(networks)} x {runs} runs", counts, notes)
+    return with_undisturbed_clips(table)
+
+
+def transitions(evaluation: Evaluation, seed: int, jobs: Jobs) -> Table:
+    """All ordered pairs of motions: the thesis's morphing and the deck's switching side by side."""
+    from controller.learning.evaluation.tables import crossing_table
+    from controller.learning.evaluation.transitions import all_crossings
+    from controller.learning.fit import assemble
+    from controller.learning.measures.self_test import self_test
+    from controller.library.motion_library import load_library
+    from motiondeck_base.jobs import ALONE
+
+    syllabus = evaluation.syllabus
+    if evaluation.library is not None:
+        library = load_library(evaluation.library)
+    else:
+        with progress("training", 1) as tick:
+            (subject,) = evaluation.networks([seed], ALONE, tick)
+        verdicts = self_test(subject.network, evaluation.judge)
+        library = assemble(evaluation.recipe, syllabus, subject.network, subject.drawn, verdicts)
+    with progress("transitions", len(syllabus.frames)) as tick:
+        crossings = all_crossings(library, syllabus, holds=evaluation.holds, jobs=jobs, tick=tick)
+    notes = [
+        "median / 95th percentile / maximum; velocity, acceleration, jerk: peaks over the larger of both motions' own",
+        "clip player: the recordings themselves, joined as the deck joins motions",
+        "bone_error: the largest change of a bone's length during the transition, as a share",
+    ]
+    if evaluation.library is None and library.info.seed != seed:
+        notes.append(f"Networks with earlier seeds, from {seed} on, failed the self-test.")
+    return crossing_table(f"{evaluation.name}: transitions, seed {library.info.seed}", crossings, syllabus.loops, notes)

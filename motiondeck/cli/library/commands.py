@@ -1,0 +1,200 @@
+"""`motiondeck library`: shows and draws what a motion library holds, and adds a motion to it."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+
+from motiondeck.cli.common.options import (
+    JsonOption,
+    RenameOption,
+    SkeletonOption,
+    UnitOption,
+    UpOption,
+    check_ending,
+    reading_options,
+)
+from motiondeck_base.files import check_folder
+
+app = typer.Typer(help="Show, search and extend motion libraries.", no_args_is_help=True)
+
+LibraryArgument = Annotated[
+    str, typer.Argument(metavar="LIBRARY", help="A library file (.safetensors), or a shipped one by its name.")
+]
+
+
+@app.command("list")
+def list_libraries(
+    as_json: JsonOption = False,
+) -> None:
+    """List the libraries that are included and those in this folder, with their motions.
+
+    Example:  motiondeck library list
+    """
+    from controller.library.motion_library import load_library
+    from motiondeck.cli.common.tables import show_table
+    from motiondeck_base.errors import FileFormatError
+    from motiondeck_base.shipped import shipped_configs
+
+    rows: list[dict[str, Any]] = []
+    shipped = sorted((shipped_configs() / "libraries").glob("*.safetensors"))
+    for file in [*shipped, *sorted(Path().glob("*.safetensors"))]:
+        given = file.stem if file in shipped else file.name
+        try:
+            loaded = load_library(file)
+        except FileFormatError as error:
+            rows.append({"library": given, "network": "", "motions": [], "reason": str(error)})
+            continue
+        motions = list(loaded.network.motions)
+        rows.append({"library": given, "network": loaded.info.network, "motions": motions, "reason": ""})
+    if as_json:
+        print(json.dumps({"libraries": rows}))
+        return
+    show_table(
+        ("library", "network", "motions", "names"),
+        [
+            (r["library"], r["network"], str(len(r["motions"]) or ""), r["reason"] or ", ".join(r["motions"]))
+            for r in rows
+        ],
+        left=("network", "names"),
+    )
+
+
+@app.command("show")
+def show(
+    library: LibraryArgument,
+    as_json: JsonOption = False,
+) -> None:
+    """Show the motions, the network, and the origin of a library.
+
+    Example:  motiondeck library show thesis15
+    """
+    from controller.library.motion_library import load_library
+    from motiondeck.cli.common.library_report import print_table, report
+    from motiondeck_base.shipped import find_library
+
+    loaded = load_library(find_library(library))
+    if as_json:
+        print(json.dumps(report(loaded)))
+        return
+    print_table(loaded)
+    print(f"skeleton  {loaded.info.skeleton.name}, {len(loaded.skeleton)} bones")
+    print(f"seed      {loaded.info.seed}")
+    print(f"licence   {loaded.info.licence}")
+    print(f"thanks    {loaded.info.acknowledgement}")
+
+
+@app.command("add")
+def add(
+    library: LibraryArgument,
+    clip: Annotated[
+        Path, typer.Argument(metavar="RECORDING", help="The recording to learn, of any format, skeleton and rate.")
+    ],
+    name: Annotated[
+        str, typer.Option("--name", metavar="NAME", help="Name of the motion; default: the recording's.")
+    ] = "",
+    once: Annotated[
+        bool, typer.Option("--once", help="A one-shot, which holds its last pose; default: a loop.")
+    ] = False,
+    frames: Annotated[
+        tuple[int, int] | None,
+        typer.Option("--frames", metavar="FIRST END", help="Only these frames of the recording."),
+    ] = None,
+    skeleton: SkeletonOption = None,
+    unit: UnitOption = None,
+    up: UpOption = None,
+    rename: RenameOption = None,
+    out: Annotated[
+        Path | None,
+        typer.Option("--out", metavar="FILE", help="The library to write; default: LIBRARY itself."),
+    ] = None,
+    allow_failing: Annotated[
+        bool, typer.Option("--allow-failing", help="Write the library even if the motion fails its self-test.")
+    ] = False,
+    as_json: JsonOption = False,
+) -> None:
+    """Add a motion to a library without training the others again: their weights do not change.
+
+    An autonomous conceptor network loads the motion into the free part of its reservoir, whose size is printed; other
+    networks get one more readout or one more motion. The new motion has to pass the self-test.
+
+    Example:  motiondeck library add my.safetensors skip.bvh --name skip
+    """
+    from controller.learning.adding import add_motion
+    from controller.learning.recipe import MotionRecipe, typeable
+    from controller.library.motion_library import load_library, save_library
+    from controller.motion.formats.reading import read_clip
+    from motiondeck.cli.common.library_report import part_fields, part_of, print_table, report, seam_of
+    from motiondeck_base.errors import MotiondeckError
+    from motiondeck_base.shipped import find_library
+
+    path = find_library(library)
+    if out is None and not Path(library).is_file():
+        raise MotiondeckError(f"'{library}' is a shipped library, which stays as it is; say with --out where to write")
+    target = out or path
+    check_ending(target, "a library")
+    check_folder(target)
+    options = reading_options(skeleton, unit, up, rename)
+    name = name or typeable(clip.stem)
+    plan = MotionRecipe(
+        name=name,
+        file=str(clip),
+        plays="once" if once else "loop",
+        frames=frames,
+        skeleton=None if skeleton is None else str(skeleton),
+        unit=unit,
+        up=up,
+        rename=dict(options.rename),
+    )
+    found = add_motion(load_library(path), path, read_clip(clip, options), plan)
+    passed = found.verdict.passed
+    if passed or allow_failing:
+        save_library(found.library, target)
+    if as_json:
+        written = str(target) if passed or allow_failing else None
+        told = {"written": written, "quota": found.quota, "learned_from": part_fields(found.part)}
+        print(json.dumps(report(found.library) | told))
+    else:
+        print_table(found.library)
+        seam = f", seam {seam_of(found.part)}" if found.part.seam_mm is not None else ""
+        print(f"{name}: {part_of(found.part)}{seam}")
+        if found.quota is not None and found.quota_before is not None:
+            share = found.quota - found.quota_before
+            print(
+                f"reservoir {found.quota:.1%} claimed, {share:.1%} of it by '{name}': {1.0 - found.quota:.1%} are left"
+            )
+    if not passed and not allow_failing:
+        raise MotiondeckError(
+            f"'{name}' failed the self-test ({found.verdict.reason}), so {target} was not written. "
+            "Train all motions together with fit, or write it all the same with --allow-failing."
+        )
+    if not as_json:
+        print(f"wrote {target} ({target.stat().st_size / 1e6:.1f} MB)")
+
+
+@app.command("sheet")
+def sheet(
+    library: LibraryArgument,
+    out: Annotated[Path, typer.Option("--out", metavar="FILE", help="The picture to write (.png).")],
+    robot: Annotated[str, typer.Option("--robot", metavar="ROBOT", help="The robot that is drawn.")] = "mannequin",
+    blends: Annotated[
+        list[str] | None,
+        typer.Option("--blend", metavar="'A B WEIGHT ...'", help="Draw this blend instead of the motions; repeatable."),
+    ] = None,
+) -> None:
+    """Draw a contact sheet: one row per motion, eight moments each, as the network plays it.
+
+    [bold]Examples[/]
+
+      motiondeck library sheet thesis15 --out sheet.png
+      motiondeck library sheet thesis15 --blend "walk jog 0.5" --blend "walk waltz 0.5" --out blends.png
+    """
+    from controller.wire.messages.command_table import parse_command
+    from controller.wire.messages.commands import Blend
+    from motiondeck.pictures.library_pictures import draw_sheet
+
+    parsed = (parse_command(["blend", *text.split()]) for text in blends or ())
+    draw_sheet(library, robot, out, [blend for blend in parsed if isinstance(blend, Blend)])

@@ -1,0 +1,183 @@
+"""The `motiondeck` command: its subcommands, and how errors reach the user."""
+
+from __future__ import annotations
+
+import errno
+import io
+import os
+import signal
+import sys
+import termios
+from collections.abc import Sequence
+from importlib import import_module
+from typing import Annotated, Any
+
+from motiondeck_base.early_end import take_signals
+
+# While modules are still being imported Ctrl-C ends the program silently.
+signal.signal(signal.SIGINT, signal.SIG_DFL)
+
+
+take_signals()
+
+# Two BLAS threads cost a loop eight milliseconds at p99; this must be set before numpy is imported.
+for _library in ("OPENBLAS", "OMP", "MKL"):
+    os.environ.setdefault(f"{_library}_NUM_THREADS", "1")
+
+import typer  # noqa: E402
+
+from motiondeck.cli.common.help_text import set_help_texts  # noqa: E402
+from motiondeck_base.errors import MotiondeckError  # noqa: E402
+from motiondeck_base.printable import printable  # noqa: E402
+
+_WELCOME = """Plays learned human motions live on simulated humanoids and servo rigs, and switches them on command.
+
+Three things to try:
+
+  motiondeck play                a humanoid, with a button for each motion
+  motiondeck learn walk.bvh      learn a recording of your own, to play it
+  motiondeck play --robot servo20 --rig emulated
+                                 the same on twenty emulated servos
+
+`motiondeck COMMAND --help` explains a command and has examples.
+"""
+
+# Typer comes with a Click of its own or imports the other one; this is the base class of its usage errors in both.
+_UsageError: type[Exception] = typer.BadParameter.__bases__[0]
+
+# Where each subcommand is; a group of commands is an app of its own.
+_COMMANDS = {
+    "play": "play",
+    "send": "remote.send",
+    "events": "remote.send",
+    "gamepad": "remote.gamepad",
+    "stage": "remote.stage",
+    "conduct": "show.conduct",
+    "fleet": "show.fleet",
+    "replay": "replay",
+    "plot": "plot",
+    "learn": "learn",
+    "fit": "fit",
+    "evaluate": "evaluate",
+    "preflight": "preflight",
+    "retarget": "robot.retarget",
+    "library": "library.motions",
+    "clip": "clip.fill",
+    "rig": "rig.commands",
+    "robot": "robot.commands",
+    "recognize": "recognition.recognize",
+    "segment": "recognition.segment",
+}
+_GROUPS = ("library", "clip", "rig", "robot", "recognize", "fleet")
+
+
+def command_line(words: Sequence[str] = ()) -> typer.Typer:
+    """The command line; of words that begin with a subcommand only that one is imported, so that it starts sooner."""
+    app = typer.Typer(
+        name="motiondeck",
+        help=_WELCOME,
+        no_args_is_help=True,
+        context_settings={"help_option_names": ["-h", "--help"]},
+        rich_markup_mode="rich",
+        pretty_exceptions_enable=False,
+    )
+    app.callback()(options)
+    first = next((word for word in words if word != "--debug"), "")
+    for name in [first] if first in _COMMANDS else _COMMANDS:
+        module = import_module(f"motiondeck.cli.{_COMMANDS[name]}")
+        if name in _GROUPS:
+            app.add_typer(module.app, name=name)
+        else:
+            # A number below zero is no option: `send tempo -1`.
+            settings = {"ignore_unknown_options": True} if name == "send" else None
+            app.command(name, context_settings=settings)(getattr(module, name))
+    set_help_texts(app)
+    return app
+
+
+def __getattr__(name: str) -> typer.Typer:
+    if name == "app":  # the whole command line, made when somebody asks for it
+        return command_line()
+    raise AttributeError(name)
+
+
+def _print_version(asked: bool) -> None:
+    if asked:
+        from importlib.metadata import version  # slow to import
+
+        print(f"motiondeck {version('motiondeck')}")
+        raise typer.Exit
+
+
+def options(
+    debug: Annotated[bool, typer.Option("--debug", help="Show the traceback of an error.")] = False,
+    version: Annotated[
+        bool, typer.Option("--version", callback=_print_version, is_eager=True, help="Show the version and exit.")
+    ] = False,
+) -> None:
+    """Sets what holds for every subcommand."""
+    if debug:
+        os.environ["MOTIONDECK_DEBUG"] = "1"
+
+
+def _refuse(error: Any) -> None:
+    """Ends the program where its words are wrong, in one line and with exit code 2."""
+    problem = printable(error.format_message()).replace("Value error, ", "")
+    if problem:  # else the help has been printed
+        command = error.ctx.command_path if error.ctx is not None else "motiondeck"
+        end = "" if problem.endswith(("?", ".")) else "."
+        print(f"motiondeck: {problem}{end} `{command} --help` explains.", file=sys.stderr)
+    sys.exit(error.exit_code)
+
+
+def _terminal_is_closed() -> bool:
+    """Whether standard output was a terminal whose window is gone."""
+    try:
+        termios.tcgetattr(1)
+    except termios.error as error:
+        return error.args[0] == errno.EIO
+    return False
+
+
+def _run() -> Any:
+    """Runs the command; what cannot be written fails here, and not unseen when Python ends."""
+    try:
+        return command_line(sys.argv[1:])(standalone_mode=False)
+    finally:
+        if sys.stdout is not None:
+            sys.stdout.flush()
+
+
+def main() -> None:
+    """Runs the command line; a user's mistake ends in one clear line and exit code 1."""
+    signal.signal(signal.SIGINT, signal.default_int_handler)
+    if isinstance(sys.stdout, io.TextIOWrapper):
+        sys.stdout.reconfigure(errors="replace")  # a terminal without a letter shows a question mark
+    try:
+        sys.exit(_run())
+    except (KeyboardInterrupt, typer.Abort):
+        sys.exit(130)
+    except BrokenPipeError:
+        # The reader of our output has gone (`| head`).
+        sys.stdout = None
+        sys.exit(141)
+    except OSError as error:
+        if _terminal_is_closed():
+            sys.stdout = None
+            sys.exit(128 + signal.SIGHUP)
+        if "MOTIONDECK_DEBUG" in os.environ or error.errno != errno.ENOSPC:
+            raise
+        print("motiondeck: no space is left where the output goes", file=sys.stderr)
+        sys.stdout = None
+        sys.exit(1)
+    except _UsageError as error:
+        _refuse(error)
+    except Exception as error:
+        if "MOTIONDECK_DEBUG" in os.environ or not isinstance(error, MotiondeckError):
+            raise
+        print(f"motiondeck: {printable(str(error))}", file=sys.stderr)
+        sys.exit(1)
+
+
+if __name__ == "__main__":
+    main()

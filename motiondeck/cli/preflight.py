@@ -1,0 +1,166 @@
+"""`motiondeck preflight`: whether a robot can play the motions and switches of a library, and at which tempo."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import asdict
+from itertools import pairwise
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from motiondeck.cli.common.options import RootOption
+from motiondeck_base.progress import progress
+
+if TYPE_CHECKING:
+    from sim.physics.preflight.findings import PreflightVerdict
+
+SLOWEST = 0.1
+"""The least tempo to judge at."""
+
+
+def preflight(
+    library: Annotated[
+        str, typer.Argument(metavar="LIBRARY", help="A library file, or a shipped one by its name.")
+    ] = "thesis15",
+    robot: Annotated[
+        str, typer.Option("--robot", metavar="ROBOT", help="A robot file, or: mannequin, servo20.")
+    ] = "servo20",
+    rig: Annotated[
+        str | None,
+        typer.Option(
+            "--rig", metavar="RIG", help="A rig file, whose limits of position, velocity and current apply too."
+        ),
+    ] = None,
+    root: RootOption = "gantry",
+    balance: Annotated[
+        bool, typer.Option("--balance", help="A free robot keeps its feet in place and its centre of mass above them.")
+    ] = False,
+    walk: Annotated[bool, typer.Option("--walk", help="A free robot walks where the motion goes.")] = False,
+    tempo: Annotated[float, typer.Option("--tempo", metavar="TEMPO", help="The tempo to judge at, 0.1 to 3.")] = 1.0,
+    jobs: Annotated[
+        str | None,
+        typer.Option(
+            "--jobs",
+            metavar="N|dask://HOST:PORT",
+            help="Parallel processes, -1 for one per core, or a Dask scheduler; without: as many as pay.",
+        ),
+    ] = None,
+    motions_only: Annotated[bool, typer.Option("--motions-only", help="Check no switches.")] = False,
+    as_json: Annotated[bool, typer.Option("--json", help="Print one JSON object instead of tables.")] = False,
+    plot: Annotated[Path | None, typer.Option("--plot", metavar="FILE", help="Draw it (.png, .svg, .pdf).")] = None,
+) -> None:
+    """Check what would go wrong if a robot played a library, and at which tempo it would not.
+
+    Every motion and every switch is checked against limits of position and speed, torque, heat and collisions with
+    itself; motions are also played in physics. With `--root free` the robot must stand; with `--walk` the table also
+    shows how far it goes and how near it is to a fall. The exit code is 1 if a check fails.
+
+    [bold]Examples[/]
+
+      motiondeck preflight thesis15 --robot servo20
+      motiondeck preflight thesis15 --robot servo20 --tempo 0.46 --motions-only
+      motiondeck preflight cmu86 --robot mannequin --root free --balance --json
+      motiondeck preflight thesis15 --robot servo20 --root free --walk --motions-only
+    """
+    from controller.wire.messages.arguments import TEMPO
+    from motiondeck.cli.preflight_run import PreflightRun, loaded
+    from motiondeck.cli.preflight_words import print_motion, print_summary, print_switch
+    from motiondeck_base.errors import MotiondeckError
+    from motiondeck_base.jobs import Jobs
+    from sim.physics.physics_model import check_root
+    from sim.physics.played_motions import count_switches, switches_by_way_of
+
+    if not SLOWEST <= tempo <= TEMPO.highest:
+        raise MotiondeckError(f"--tempo {tempo:g} is not between {SLOWEST:g} and {TEMPO.highest:g}")
+    check_root(root, balance=balance, walk=walk)
+    if plot is not None:
+        from motiondeck.pictures.figures import check_picture
+
+        check_picture(plot)
+    where = Jobs.parse(jobs) if jobs is not None else None
+    run = PreflightRun(library, robot, rig, root, balance, walk, tempo)
+    played, judge = loaded(run)
+    names = list(played.network.motions)
+    verdicts: list[PreflightVerdict] = []
+    with progress("motions", len(names)) as tick:
+        for verdict in run.motions(names, where):
+            verdicts.append(verdict)
+            if not as_json:
+                print_motion(verdict, tempo)
+            tick()
+    motions = len(verdicts)
+    if not motions_only:
+        with progress("switches", count_switches(played)) as tick:
+            for verdict in run.switches(names, where):
+                verdicts.append(verdict)
+                if not as_json:
+                    print_switch(verdict, tempo)
+                tick()
+        verdicts += _by_their_parts({v.name: v for v in verdicts}, switches_by_way_of(played))
+    report = _report(
+        verdicts, motions, played.info.name, judge.robot.name, root, {"balance": balance, "walk": walk}, tempo
+    )
+    if as_json:
+        print(json.dumps(report, allow_nan=False))
+    else:
+        print_summary(verdicts, motions, report, judge.robot)
+    if plot is not None:
+        from motiondeck.pictures.preflight_plot import draw
+
+        draw(verdicts[:motions], plot)
+    if not report["ok"]:
+        raise typer.Exit(1)
+
+
+def _by_their_parts(
+    judged: dict[str, PreflightVerdict], ways: dict[tuple[str, str], tuple[str, ...]]
+) -> list[PreflightVerdict]:
+    """Switches that go by way of other motions: all that is found on the way, and the slowest of its speeds."""
+    from sim.physics.preflight.findings import PreflightVerdict
+
+    found = []
+    for (source, target), via in ways.items():
+        stops = (source, *via, target)
+        names = [f"{a} > {b}" for a, b in pairwise(stops)] + list(via)
+        parts = [judged[name] for name in names if name in judged]
+        tempos = [part.passes_at for part in parts]
+        passes = None if None in tempos else min(tempo for tempo in tempos if tempo is not None)
+        findings = tuple(finding for part in parts for finding in part.findings)
+        found.append(PreflightVerdict(f"{source} > {target}", findings, passes, via))
+    return found
+
+
+def _report(
+    verdicts: list[PreflightVerdict],
+    motions: int,
+    library: str,
+    robot: str,
+    root: str,
+    legs: dict[str, bool],
+    tempo: float,
+) -> dict[str, Any]:
+    def said(verdict: PreflightVerdict) -> dict[str, Any]:
+        # Of a switch by way of others its parts say the numbers.
+        findings = [] if verdict.by_way_of else [asdict(finding) for finding in verdict.findings]
+        return {
+            "name": verdict.name,
+            "ok": verdict.ok,
+            "passes_at": verdict.passes_at,
+            "by_way_of": list(verdict.by_way_of),
+            "troubles": sorted({finding.check for finding in verdict.troubles}),
+            "findings": findings,
+            "obstacles": [asdict(finding) for finding in verdict.obstacles],
+        }
+
+    return {
+        "library": library,
+        "robot": robot,
+        "root": root,
+        **legs,
+        "tempo": tempo,
+        "ok": all(verdict.ok for verdict in verdicts),
+        "motions": [said(verdict) for verdict in verdicts[:motions]],
+        "switches": [said(verdict) for verdict in verdicts[motions:]],
+    }

@@ -1,0 +1,212 @@
+"""`motiondeck recognize`: trains recognizers and recognizes recordings with them."""
+
+from __future__ import annotations
+
+import json
+import sys
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from motiondeck.cli.common.options import (
+    RenameOption,
+    SkeletonOption,
+    UnitOption,
+    UpOption,
+    check_ending,
+    reading_options,
+)
+from motiondeck.cli.recognition.recognition_data import SKIPPED_EXIT, AsJson, DataArgument, leave, read
+from motiondeck_base.counted import counted
+from motiondeck_base.files import check_folder
+
+if TYPE_CHECKING:
+    from controller.learning.recognition.recognizer import Recognizer
+
+app = typer.Typer(help="Train a recognizer, and name the motion of a recording.", no_args_is_help=True)
+
+
+@app.command("train")
+def train(
+    data: DataArgument,
+    out: Annotated[Path, typer.Option("--out", metavar="FILE", help="The recognizer to write (.safetensors).")],
+    neurons: Annotated[
+        int, typer.Option("--neurons", metavar="N", help="Neurons of the reservoir.", min=1, max=2000)
+    ] = 200,
+    groups: Annotated[
+        int,
+        typer.Option(
+            "--groups",
+            metavar="N",
+            help="Groups of neurons that judge joint by joint; 1 judges all joints together.",
+            min=1,
+            max=100,
+        ),
+    ] = 8,
+    rate: Annotated[
+        float, typer.Option("--rate", metavar="HZ", help="Frame rate at which motions are compared, Hz.")
+    ] = 30.0,
+    joints: Annotated[
+        str,
+        typer.Option(
+            "--joints", metavar="NAMES", help="Names of the joints to compare, separated by commas; default: 14 joints."
+        ),
+    ] = "",
+    seed: Annotated[int, typer.Option("--seed", metavar="N", help="Seed of the reservoir.", min=0)] = 1,
+    stretch: Annotated[
+        list[float] | None,
+        typer.Option(
+            "--stretch",
+            metavar="FACTOR",
+            help="Learn each recording as if it took this many times as long; repeatable. "
+            "Default: 0.5, 0.7, 1, 1.4 and 2.",
+        ),
+    ] = None,
+    licence: Annotated[
+        str, typer.Option("--licence", metavar="TEXT", help="Licence of the recordings, kept in the file.")
+    ] = "",
+    as_json: AsJson = False,
+) -> None:
+    """Train a recognizer from labelled recordings.
+
+    The folder has one folder per motion, with recordings of any format. Skeletons (.asf) lie beside the recordings or
+    above them; the name of a recording begins with the name of its skeleton. A file that cannot be used is named and
+    skipped; the exit code is then 3. Every recording is also learned faster and slower, so that motions are recognized
+    at half and at twice their tempo; --stretch 1 leaves that out.
+
+    Example:  motiondeck recognize train hdm05 --out hdm05.safetensors
+    """
+    from controller.learning.recognition.experts import STRETCHES, committee_recipe
+    from controller.learning.recognition.features import FeatureRecipe
+    from controller.learning.recognition.recognizer import train_recognizer
+    from controller.learning.recognition.recognizer_file import save_recognizer
+
+    check_ending(out, "a recognizer")
+    check_folder(out)
+    look = FeatureRecipe(rate=rate, joints=tuple(name.strip() for name in joints.split(",") if name.strip()))
+    dataset = read(data)
+    stretches = tuple(dict.fromkeys(stretch or STRETCHES))
+    experts = committee_recipe(stretches, neurons=neurons, groups=groups, seed=seed)
+    recognizer = train_recognizer(dataset, look, experts, stretches)
+    save_recognizer(recognizer, out, licence)
+    said = describe(recognizer) | {"written": str(out), "skipped": dataset.skipped}
+    if as_json:
+        print(json.dumps(said))
+    else:
+        of = counted(len(recognizer.bank.classes), "motion")
+        print(f"{counted(recognizer.clips, 'clip')} of {of}: {', '.join(said['motions'])}")
+        print(f"a motion is called unknown below a confidence of {recognizer.threshold:.3f}")
+        print(f"wrote {out} ({out.stat().st_size / 1e6:.1f} MB)")
+    leave(dataset)
+
+
+@app.command("run")
+def run(
+    recognizer: Annotated[Path, typer.Argument(metavar="RECOGNIZER", help="A recognizer file (.safetensors).")],
+    clips: Annotated[
+        list[Path], typer.Argument(metavar="FILE_OR_FOLDER...", help="Recordings of any format, and folders of them.")
+    ],
+    skeleton: SkeletonOption = None,
+    unit: UnitOption = None,
+    up: UpOption = None,
+    rename: RenameOption = None,
+    stream: Annotated[
+        bool,
+        typer.Option("--stream", help="Recognize frame by frame, as on a robot, and print when each motion was seen."),
+    ] = False,
+    as_json: AsJson = False,
+) -> None:
+    """Name the motion of each recording, with its margin over the next best and whether it is known at all.
+
+    [bold]Example[/]
+
+      motiondeck recognize run hdm05.safetensors squat.amc --skeleton HDM_bd.asf
+    """
+    from controller.learning.recognition.recognizer_file import load_recognizer
+    from controller.motion.formats.reading import read_clip, recordings_below
+    from motiondeck_base.errors import MotiondeckError
+
+    options = reading_options(skeleton, unit, up, rename)
+    loaded = load_recognizer(recognizer)
+    folders = clips
+    clips = [clip for path in clips for clip in (recordings_below(path) if path.is_dir() else [path])]
+    if not clips:
+        where = ", ".join(map(str, folders))
+        raise MotiondeckError(f"{where}: no recording found. Give a folder with recordings, or a recording.")
+    out: list[dict[str, Any]] = []
+    failed: list[str] = []
+    for path in clips:
+        try:
+            if not path.is_file():
+                raise MotiondeckError.missing(path)
+            clip = read_clip(path, options)
+            if stream:
+                out.append({"file": str(path)} | _streamed(loaded, clip))
+            else:
+                verdict = loaded.recognize(clip)
+                out.append(
+                    {
+                        "file": str(path),
+                        "motion": verdict.motion,
+                        "known": verdict.known,
+                        "margin": verdict.margin,
+                        "costs": verdict.costs,
+                    }
+                )
+        except MotiondeckError as error:
+            if len(clips) == 1:
+                raise
+            failed.append(str(error))
+            print(f"skipped: {error}", file=sys.stderr)
+    if as_json:
+        print(json.dumps({"results": out, "skipped": failed}))
+    else:
+        for one in out:
+            if stream:
+                print(f"{one['file']}: {one['frames']} frames, {one['frame_us_median']:.0f} us each (median)")
+                for span in one["spans"]:
+                    print(f"  {span['from_s']:7.2f} to {span['to_s']:7.2f} s  {span['motion'] or '(nothing sure)'}")
+            else:
+                doubt = "" if one["known"] else " (unknown: too close to the next best)"
+                print(f"{one['file']}: {one['motion']}, margin {one['margin']:.2f}{doubt}")
+    if failed:
+        raise typer.Exit(SKIPPED_EXIT)
+
+
+def _streamed(recognizer: Recognizer, clip: Any) -> dict[str, Any]:
+    """What the online recognizer sees in a clip, as spans of the same verdict."""
+    import time
+
+    import numpy as np
+
+    from controller.learning.recognition.online_recognizer import OnlineRecognizer
+
+    online = OnlineRecognizer(recognizer.bank, recognizer.threshold, recognizer.recipe.rate)
+    spans: list[dict[str, Any]] = []
+    took: list[float] = []
+    for number, frame in enumerate(recognizer.look(clip)):
+        start = time.perf_counter()
+        online.update(frame)
+        seen = online.motion if online.known else None
+        took.append(time.perf_counter() - start)
+        at = number / recognizer.recipe.rate
+        if not spans or spans[-1]["motion"] != seen:
+            spans.append({"from_s": at, "to_s": at, "motion": seen})
+        spans[-1]["to_s"] = at + 1.0 / recognizer.recipe.rate
+    return {"frames": online.frames, "frame_us_median": float(np.median(took)) * 1e6, "spans": spans}
+
+
+def describe(recognizer: Recognizer) -> dict[str, Any]:
+    """What a recognizer is, for scripts."""
+    return {
+        "motions": list(recognizer.bank.classes),
+        "clips": recognizer.clips,
+        "neurons": recognizer.bank.recipe.neurons,
+        "groups": recognizer.bank.recipe.groups,
+        "leak": recognizer.bank.recipe.leak,
+        "channels": recognizer.bank.readouts.shape[2],
+        "joints": list(recognizer.recipe.joints),
+        "rate_hz": recognizer.recipe.rate,
+        "threshold": recognizer.threshold,
+    }

@@ -1,0 +1,180 @@
+"""`motiondeck send` and `motiondeck events`: a running deck commanded and followed from elsewhere."""
+
+from __future__ import annotations
+
+import json
+import sys
+import time
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from controller.wire.command_socket import DEFAULT_PORT
+from controller.wire.messages.command_table import COMMANDS
+
+if TYPE_CHECKING:
+    from controller.wire.command_socket import CommandClient
+
+_LONGEST_WAIT = 120.0  # s for --wait: a switch by way of other motions takes that long
+_STARTING = 5.0  # s that a deck may take from opening its socket to its first tick
+_AGAIN = 15.0  # s after which a subscription is renewed
+
+CommandPort = Annotated[int, typer.Option("--command-port", metavar="PORT", help="The deck's command port.")]
+Host = Annotated[
+    str | None, typer.Option("--host", metavar="ADDRESS", help="A deck on another machine; needs --token-file.")
+]
+TokenFile = Annotated[
+    Path | None, typer.Option("--token-file", metavar="FILE", help="The token that deck was started with.")
+]
+
+
+def send(
+    words: Annotated[
+        list[str],
+        typer.Argument(
+            metavar="COMMAND",
+            help=f"One of: {', '.join(command.word for command in COMMANDS)}; `motiondeck send help` explains them.",
+        ),
+    ],
+    wait: Annotated[
+        bool, typer.Option("--wait", help="Wait until a switch, a queued motion or a blend has settled.")
+    ] = False,
+    command_port: CommandPort = DEFAULT_PORT,
+    host: Host = None,
+    token_file: TokenFile = None,
+    as_json: Annotated[bool, typer.Option("--json", help="Print the deck's reply as one JSON object.")] = False,
+) -> None:
+    """Send a command to the running deck and print its reply; the exit code is 1 if it was refused.
+
+    The commands are those of the prompt of `play`. MOTION alone switches to it, and `status` lists the motions.
+
+    [bold]Examples[/]
+
+      motiondeck send switch waltz
+      motiondeck send tempo 0.5
+      motiondeck send status --json
+    """
+    import msgspec
+
+    from controller.wire.messages.command_table import parse_command
+    from controller.wire.messages.commands import Blend, Queue, ReadRegisters, ScanPorts, Switch, WriteRegister
+    from controller.wire.messages.replies import Accepted, Refused, Settled
+    from motiondeck.run.terminal import describe, help_on
+    from motiondeck_base.errors import MotiondeckError
+
+    for word in words:
+        if word.startswith("-") and not _is_number(word):
+            raise typer.BadParameter(f"there is no option {word}")
+    if words[0] == "help":
+        print(help_on(words[1:]))
+        return
+    request = parse_command(words)
+    client = client_of(command_port, host, token_file)
+    try:
+        answer = client.request(request, _STARTING)
+        if wait and isinstance(request, Switch | Queue | Blend) and isinstance(answer, Accepted):
+            if answer.after or answer.via:
+                print(describe(answer), file=sys.stderr)
+            answer = client.wait_settled(answer.id, _LONGEST_WAIT)
+            if answer is None:
+                raise MotiondeckError(f"it has not settled after {_LONGEST_WAIT:g} s; is the deck paused?")
+        elif isinstance(request, ReadRegisters | WriteRegister | ScanPorts) and isinstance(answer, Accepted):
+            answer = client.wait_settled(answer.id, _LONGEST_WAIT)
+            if answer is None:
+                raise MotiondeckError("the rig does not answer. Is it connected? See: motiondeck send status")
+    finally:
+        client.close()
+    if as_json:
+        print(json.dumps(msgspec.to_builtins(answer)))
+    else:
+        print(describe(answer))
+        if isinstance(request, Blend) and isinstance(answer, Settled):
+            print("the blend is checked as it plays: motiondeck events tells if it is given up", file=sys.stderr)
+    if isinstance(answer, Refused):
+        raise typer.Exit(1)
+
+
+def _is_number(word: str) -> bool:
+    try:
+        float(word)
+    except ValueError:
+        return False
+    return True
+
+
+def events(
+    command_port: CommandPort = DEFAULT_PORT,
+    host: Host = None,
+    token_file: TokenFile = None,
+    heartbeat: Annotated[
+        float | None,
+        typer.Option(
+            "--heartbeat",
+            metavar="SECONDS",
+            help="Pause the deck when it has not heard from this program for so long, s.",
+        ),
+    ] = None,
+    as_json: Annotated[bool, typer.Option("--json", help="One JSON object a line.")] = False,
+) -> None:
+    """Print the events of the running deck until it ends or Ctrl-C.
+
+    With --heartbeat the deck comes to a standstill when this program ends or the network between them fails.
+
+    [bold]Examples[/]
+
+      motiondeck events
+      motiondeck events --json
+      motiondeck events --heartbeat 1 --host robot ...
+    """
+    import msgspec
+
+    from controller.wire.messages.command_table import checked
+    from controller.wire.messages.commands import Heartbeat, Subscribe
+    from controller.wire.messages.events import Event
+    from controller.wire.messages.replies import Refused
+    from motiondeck.run.terminal import describe
+    from motiondeck_base.errors import MotiondeckError
+
+    every = min(_AGAIN, heartbeat / 4.0) if heartbeat else _AGAIN
+    client = client_of(command_port, host, token_file)
+    try:
+        if isinstance(refused := client.request(Subscribe(), _STARTING), Refused):
+            raise MotiondeckError(f"the deck refuses to tell: {refused.reason}")
+        if heartbeat is not None:
+            client.post(checked(Heartbeat(heartbeat)))
+        last, due = 0, time.monotonic() + every
+        heard = due
+        while True:
+            reply = client.receive(due - time.monotonic())
+            if reply is not None:
+                heard = time.monotonic()
+            elif time.monotonic() > heard + 2.0 * every + 1.0:
+                raise MotiondeckError(
+                    "the deck does not reply any more. Is it still running? See: motiondeck send status"
+                )
+            if isinstance(reply, Event):
+                if last and reply.number > last + 1:
+                    print(f"{reply.number - last - 1} events were lost on the way", file=sys.stderr)
+                last = reply.number
+                told = json.dumps(msgspec.to_builtins(reply)) if as_json else f"{reply.at:.2f} {describe(reply)}"
+                print(told, flush=True)
+                if reply.kind == "ended":
+                    return
+            if time.monotonic() >= due:
+                due += every
+                client.post(Subscribe())
+    finally:
+        client.close()
+
+
+def client_of(command_port: int, host: str | None, token_file: Path | None) -> CommandClient:
+    """A client of the deck that the options name."""
+    from controller.wire.authentication import read_token
+    from controller.wire.command_socket import CommandClient
+    from motiondeck_base.errors import MotiondeckError
+
+    if (host is None) != (token_file is None):
+        raise MotiondeckError("a deck on another machine needs both --host ADDRESS and --token-file FILE")
+    token = read_token(token_file) if token_file is not None else None
+    return CommandClient(command_port, host, token)

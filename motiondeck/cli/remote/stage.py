@@ -1,0 +1,156 @@
+"""`motiondeck stage`: commands a running deck by OSC and MIDI."""
+
+from __future__ import annotations
+
+import logging
+import sys
+import time
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from controller.wire.command_socket import DEFAULT_PORT
+from motiondeck.cli.remote.send import CommandPort, Host, TokenFile, client_of
+from motiondeck_base.counted import counted
+from motiondeck_base.printable import printable
+
+if TYPE_CHECKING:
+    from controller.wire.command_socket import CommandClient
+    from controller.wire.messages.commands import DeckCommand
+    from controller.wire.messages.replies import Reply
+    from motiondeck.stage.signals import Input
+    from motiondeck.stage.stage_file import StageMap
+
+_STARTING = 5.0  # s that a deck may take from opening its socket to its first tick
+
+
+class Sparing:
+    """Says a text on standard error, but the same one at most once a second."""
+
+    def __init__(self) -> None:
+        self._said, self._at = "", 0.0
+
+    def __call__(self, text: str) -> None:
+        """Says a text."""
+        now = time.monotonic()
+        if text != self._said or now > self._at + 1.0:
+            self._said, self._at = text, now
+            print(printable(text), file=sys.stderr, flush=True)
+
+
+def stage(
+    file: Annotated[
+        str, typer.Argument(metavar="FILE", help="The stage file, or the name of a shipped one: osc, midi.")
+    ],
+    command_port: CommandPort = DEFAULT_PORT,
+    host: Host = None,
+    token_file: TokenFile = None,
+) -> None:
+    """Command the running deck by OSC and MIDI, as a stage file maps them, until it ends or Ctrl-C.
+
+    OSC is taken from programs of this user on this machine only. For a deck on another machine run this where the
+    sound desk is, with --host and --token-file. Needs the extra `stage`: pip install "motiondeck\\[stage]".
+
+    Examples:  motiondeck stage osc      motiondeck stage show.toml
+    """
+    from controller.wire.messages.commands import Pause
+    from motiondeck.stage.bridge import Bridge
+    from motiondeck.stage.midi_port import MidiGoneError
+    from motiondeck.stage.osc import OscOutput
+    from motiondeck.stage.stage_file import read_stage
+    from motiondeck_base.errors import MotiondeckError
+    from motiondeck_base.shipped import find_stage
+
+    path = find_stage(file)
+    mapped = read_stage(path)
+    client = client_of(command_port, host, token_file)
+    logging.disable(logging.WARNING)  # python-osc logs what it cannot read, and so do we, but not as often
+    tell = Sparing()
+    inputs: list[Input] = []
+    output = None
+    try:
+        _check_motions(mapped, path, client)
+        inputs = _open(mapped, tell)
+        output = OscOutput(*mapped.osc.target) if mapped.osc.target is not None else None
+        print(f"{path.name}: {_summary(mapped)}", flush=True)
+        Bridge(client, inputs, output, _print_reply, tell).run()
+    except MidiGoneError as error:
+        client.request(Pause())
+        raise MotiondeckError(f"{error}, so the deck was paused") from None
+    except KeyboardInterrupt:
+        sys.exit(130)
+    finally:
+        logging.disable(logging.NOTSET)
+        for opened in (*inputs, output, client):
+            if opened is not None:
+                opened.close()
+
+
+def _check_motions(mapped: StageMap, path: Path, client: CommandClient) -> None:
+    """Raises a FileFormatError where commands name motions that the deck does not have."""
+    from controller.wire.messages.commands import GetStatus
+    from controller.wire.messages.replies import State
+    from motiondeck.run.terminal import describe
+    from motiondeck_base.errors import FileFormatError, MotiondeckError, UnknownNameError
+
+    state = client.request(GetStatus(), _STARTING)
+    if not isinstance(state, State):
+        raise MotiondeckError(f"the deck did not report what it plays: {describe(state)}")
+    named = {motion: pattern for pattern in mapped.patterns for motion in pattern.motions}
+    problems = [
+        f"'{pattern.text}': {UnknownNameError.among('motion', motion, state.motions)}"
+        for motion, pattern in named.items()
+        if motion not in state.motions
+    ]
+    if problems:
+        raise FileFormatError.listing(str(path), problems)
+
+
+def _open(mapped: StageMap, tell: Sparing) -> list[Input]:
+    """The inputs that a stage file names, opened."""
+    from motiondeck.stage.midi import MidiInput
+    from motiondeck.stage.midi_port import open_midi_port
+    from motiondeck.stage.osc import OscInput
+
+    inputs: list[Input] = []
+    try:
+        if mapped.osc.port is not None:
+            inputs.append(OscInput(mapped.osc.port, mapped.osc.commands, tell))
+        if mapped.midi is not None:
+            inputs.append(MidiInput(open_midi_port(mapped.midi.input), mapped.midi))
+    except BaseException:
+        for opened in inputs:
+            opened.close()
+        raise
+    return inputs
+
+
+def _summary(mapped: StageMap) -> str:
+    """What is listened to, in a few words."""
+    osc, midi = mapped.osc, mapped.midi
+    parts = (
+        [f"OSC on port {osc.port} of loopback ({counted(len(osc.commands), 'address')})"]
+        if osc.port is not None
+        else []
+    )
+    if osc.target is not None:
+        parts.append(f"OSC to {osc.target[0]}:{osc.target[1]}")
+    if midi is not None:
+        clock = ", clock" if midi.clock else ""
+        parts.append(
+            f"MIDI from {midi.input} ({counted(len(midi.notes), 'note')}, {counted(len(midi.cues), 'cue')}{clock})"
+        )
+    return ", ".join(parts)
+
+
+def _print_reply(source: str, command: DeckCommand, reply: Reply) -> None:
+    """Prints a command and its reply; of those that come again and again only what is refused."""
+    from controller.wire.messages.command_table import row_of
+    from controller.wire.messages.commands import GiveBeat, SetInput, SetTempo
+    from controller.wire.messages.replies import Refused
+    from motiondeck.run.terminal import describe
+
+    if isinstance(reply, Refused) or not isinstance(command, GiveBeat | SetTempo | SetInput):
+        line = f"{source}: {row_of(command).word}: {describe(reply)}"
+        print(printable(line).replace("\n", r"\n"), flush=True)

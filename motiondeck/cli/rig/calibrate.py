@@ -1,0 +1,201 @@
+"""`motiondeck rig calibrate`: every joint moved by hand, all at once, while the ranges fill in a table."""
+
+from __future__ import annotations
+
+import shutil
+import sys
+import time
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from motiondeck.cli.rig.rig_port import PortOption, RigArgument, ended_by_sigterm, load, open_buses
+from motiondeck.cli.rig.typed_lines import TypedLines
+from motiondeck_base.errors import MotiondeckError
+
+if TYPE_CHECKING:
+    from hardware.bus.servo_bus import Bus
+    from hardware.rig.rig_file import RigConfig
+    from hardware.tools.calibration import Sweep
+
+_LOOKS = 0.02  # s between two readings
+_DRAWN, _KEPT = 0.1, 0.5  # s between two pictures, and between two savings
+_HOW = (
+    "Move every joint to both ends, in any order. Enter ends. Or type: zero JOINT (its angle is 0 here), "
+    "reverse JOINT (its angle grows the other way), again JOINT (its range anew)"
+)
+
+
+def calibrate(
+    rig: RigArgument,
+    out: Annotated[Path, typer.Option("--out", metavar="FILE", help="The rig file to write.")],
+    port: PortOption = None,
+) -> None:
+    """Find every joint's zero, direction and range by moving them by hand, torque off, and write a new rig file.
+
+    Measurements are kept in FILE.part; after an error or Ctrl-C the same command continues from there. A homing offset
+    and drive mode of another program in the servos are set to 0.
+
+    Example:  motiondeck rig calibrate servo20 --out my-rig.toml
+    """
+    from hardware.errors import SerialPortError, ServoError
+    from hardware.tools.calibration import Sweep, load_progress
+    from hardware.tools.rig_writing import save_rig
+
+    config = load(rig)
+    if not out.parent.is_dir():
+        raise MotiondeckError(f"{out.parent}: there is no such folder to write the rig file to")
+    part = out.with_name(f"{out.name}.part")
+    typed = TypedLines()
+    sweep = load_progress(config, part) if part.exists() else Sweep(config)
+    if part.exists():
+        done = sum(not sweep.lacking(name) for name in config.names)
+        print(f"going on from {part}: {done} of {len(config.joints)} joints are measured. Remove it to begin anew.")
+    try:
+        with ended_by_sigterm(), open_buses(config, port) as parts:
+            _measure(sweep, parts, part, typed)
+    except KeyboardInterrupt:
+        print(f"\nmotiondeck: {_goes_on(part)}", file=sys.stderr)
+        raise typer.Exit(130) from None
+    except (SerialPortError, ServoError) as error:
+        raise type(error)(f"{error} {_goes_on(part)}") from error
+    found, notes = sweep.result()
+    save_rig(found, out)
+    part.unlink(missing_ok=True)
+    for note in notes:
+        print(f"note: {note}.")
+    print(f"wrote {out}")
+
+
+def _goes_on(part: Path) -> str:
+    return f"What was measured is in {part}: the same command goes on from there." if part.exists() else ""
+
+
+def _measure(sweep: Sweep, parts: list[tuple[RigConfig, Bus]], part: Path, typed: TypedLines) -> None:
+    """Takes the torque off and watches the joints until every range is known and Enter is pressed."""
+    from hardware.errors import RigError
+    from hardware.tools.calibration import clear_offsets, save_progress
+    from hardware.tools.loose_joints import loosen
+
+    names = sweep.config.names
+    typed.ask("The torque goes off: hold what would fall, then press Enter ")
+    for own, bus in parts:
+        loosen(own, bus)
+        for line in clear_offsets(own, bus):
+            print(line)
+    if all(sweep.measured[name].zero is None for name in names):
+        typed.ask("Put every joint where its angle is 0, then press Enter ")
+        _look(sweep, parts)
+        for name in names:
+            sweep.forget(name)
+            sweep.zero_here(name)
+    table = _Table(names)
+    print(_HOW)
+    drawn = kept = 0.0
+    while True:
+        silent = _look(sweep, parts)
+        now = time.monotonic()
+        if now - kept > _KEPT:
+            save_progress(sweep, part)
+            kept = now
+        if now - drawn > _DRAWN:
+            table.draw(sweep, silent)
+            drawn = now
+        line = typed.take(_LOOKS)
+        if line is None:
+            continue
+        lacking = [f"{name} {lack}" for name in names if (lack := sweep.lacking(name))]
+        said = ""
+        if line:
+            try:
+                said = _obey(line, sweep)
+            except RigError as error:
+                said = str(error)
+        elif not lacking:
+            save_progress(sweep, part)
+            table.close(sweep, silent)
+            return
+        else:
+            said = f"{'; '.join(lacking)}. Type `keep` to leave {'it' if len(lacking) == 1 else 'them'} as before."
+        if line == "keep":
+            table.close(sweep, silent)
+            return
+        table.begin_anew(said)
+
+
+def _look(sweep: Sweep, parts: list[tuple[RigConfig, Bus]]) -> set[str]:
+    """Reads every joint; the names of those that did not answer."""
+    from hardware.tools.loose_joints import positions
+
+    silent = set(sweep.config.names)
+    for own, bus in parts:
+        for joint, pulses in positions(own, bus):
+            sweep.see(joint.name, pulses)
+            silent.discard(joint.name)
+    return silent
+
+
+def _obey(line: str, sweep: Sweep) -> str:
+    """Does what was typed; what to say about it.
+
+    Raises:
+        RigError: if that joint has not been heard yet.
+    """
+    word, _, name = line.partition(" ")
+    name = name.strip()
+    actions = {"zero": sweep.zero_here, "reverse": sweep.reverse, "again": sweep.forget}
+    if line == "keep":
+        return ""
+    if word not in actions:
+        return f"'{line}' is not understood: Enter, zero JOINT, reverse JOINT, again JOINT or keep."
+    if name not in sweep.config.names:
+        return f"there is no joint '{name}': {', '.join(sweep.config.names)}."
+    actions[word](name)
+    return {"zero": f"{name} is at 0 here.", "reverse": f"{name} is reversed.", "again": f"{name} begins anew."}[word]
+
+
+class _Table:
+    """A row a joint, redrawn in place on a terminal while a line is being typed below it; printed once elsewhere."""
+
+    def __init__(self, names: tuple[str, ...]) -> None:
+        self._names = names
+        self._width = max(len(name) for name in names)
+        self._live = sys.stdout.isatty()
+        self._fresh = True
+
+    def draw(self, sweep: Sweep, silent: set[str]) -> None:
+        """Shows the ranges as they are now."""
+        if not self._live:
+            return
+        rows = self._rows(sweep, silent)
+        if self._fresh:
+            print("\n".join(rows), end="\n> ", flush=True)
+            self._fresh = False
+        else:
+            # The cursor goes back to the line that is being typed below the table.
+            print(f"\x1b7\x1b[{len(rows)}A\r" + "\x1b[K\r\n".join(rows) + "\x1b[K\x1b8", end="", flush=True)
+
+    def begin_anew(self, said: str) -> None:
+        """Says something below the table; the next picture stands below that."""
+        print(said, flush=True)
+        self._fresh = True
+
+    def close(self, sweep: Sweep, silent: set[str]) -> None:
+        """Shows the last state where it was not shown as it came."""
+        if not self._live:
+            print("\n".join(self._rows(sweep, silent)))
+
+    def _rows(self, sweep: Sweep, silent: set[str]) -> list[str]:
+        rows = [f"{'joint':<{self._width}}  {'lowest':>7}  {'now':>7}  {'highest':>7}  rad"]
+        for name in self._names:
+            one = sweep.range_of(name)
+            state = "does not answer" if name in silent else sweep.lacking(name) or "ok"
+            rows.append(f"{name:<{self._width}}  {one.lowest:>+7.2f}  {one.now:>+7.2f}  {one.highest:>+7.2f}  {state}")
+        room = max(3, shutil.get_terminal_size().lines - 2) if self._live else len(rows)
+        return rows if len(rows) <= room else [rows[0], *self._most_wanted(rows[1:], room - 1)]
+
+    @staticmethod
+    def _most_wanted(rows: list[str], room: int) -> list[str]:
+        """Where not all rows have room on the screen, those that are not done come first."""
+        return sorted(rows, key=lambda row: row.endswith("  ok"))[:room]

@@ -1,0 +1,178 @@
+"""`motiondeck rig`: the tools of a servo rig, on real hardware or on the emulator."""
+
+from __future__ import annotations
+
+import json
+import sys
+import time
+from typing import Annotated
+
+import typer
+
+from motiondeck.cli.common.options import JsonOption
+from motiondeck.cli.rig import calibrate, emulate, play, servos, settings, teach
+from motiondeck.cli.rig.rig_port import PortOption, RigArgument, ended_by_sigterm, load, open_buses
+
+app = typer.Typer(
+    help="Find, check, set up, watch, teach and play the servos of a rig; or emulate one.", no_args_is_help=True
+)
+
+app.command("scan")(servos.scan)
+app.command("setup")(servos.setup)
+app.command("import")(servos.import_calibration)
+app.command("calibrate")(calibrate.calibrate)
+app.command("teach")(teach.teach)
+app.command("play")(play.play)
+app.command("backup")(settings.backup)
+app.command("restore")(settings.restore)
+app.command("emulate")(emulate.emulate)
+
+
+@app.command("doctor")
+def doctor(
+    rig: RigArgument,
+    port: PortOption = None,
+    fix: Annotated[
+        bool,
+        typer.Option("--fix", help="Set every register that differs, and the USB adapter's latency timer to 1 ms."),
+    ] = False,
+    as_json: JsonOption = False,
+) -> None:
+    """Check a rig without moving it; exit code 1 on a problem.
+
+    Shown are servos that are missing or of another model, registers that differ from what the rig needs, heat and
+    voltage, and how fast the wire can be.
+
+    Example:  motiondeck rig doctor configs/rigs/servo20.toml --port /dev/ttyUSB0
+    """
+    import msgspec
+
+    from hardware.bus.servo_bus import Bus
+    from hardware.tools.doctor import examine, fix_settings, look_elsewhere
+    from hardware.tools.latency_timer import shorten_latency
+
+    config = load(rig)
+    reports, done, refused = [], [], []
+    with open_buses(config, port) as parts:
+        for part, bus in parts:
+            if fix:
+                fixed = fix_settings(part, bus)
+                done, refused = done + fixed.done, refused + fixed.refused
+                print(shorten_latency(bus.port.name), file=sys.stderr)
+            reports.append(examine(part, bus))
+    for (part, _), report in zip(parts, reports, strict=True):
+        report.problems.extend(look_elsewhere(part, report, lambda baud, port=report.port: Bus.open(port, baud)))
+    if as_json:
+        print(msgspec.json.encode(reports[0] if len(reports) == 1 else {"ports": reports}).decode())
+    for line in done if not as_json else []:
+        print(f"set: {line}")
+    for report in reports if not as_json else []:
+        latency = "unknown" if report.latency_ms is None else f"{report.latency_ms} ms"
+        print(f"{report.port} at {report.baud} baud, USB latency {latency}")
+        for servo in report.servos:
+            print(
+                f"id {servo.id:>3}  {servo.name:<18} {servo.model:<12} fw {servo.firmware}  {servo.position:+.2f} rad  "
+                f"{servo.temperature:.0f} degC  {servo.voltage:.1f} V  torque {'on' if servo.torque else 'off'}"
+            )
+        print(f"the wire allows {report.possible_hz:.0f} Hz; the rig file wants {report.rate_hz:g} Hz")
+        for problem in report.problems:
+            print(f"problem: {problem}")
+        for note in report.notes:
+            print(f"note: {note}")
+    problems = sum(len(report.problems) for report in reports)
+    if not as_json:
+        if refused:
+            print("\n".join(f"not set: {line}" for line in refused))
+        print("no problem found" if not problems else f"{problems} problem{'s' * (problems > 1)}")
+        if not fix and any("--fix sets" in problem for report in reports for problem in report.problems):
+            ports = "".join(f" --port {name}" for name in port or ())
+            print(f"to set what differs: motiondeck rig doctor {rig}{ports} --fix")
+    if problems:
+        raise typer.Exit(1)
+
+
+@app.command("monitor")
+def monitor(
+    rig: RigArgument,
+    port: PortOption = None,
+    seconds: Annotated[
+        float, typer.Option("--seconds", metavar="SECONDS", help="Stop after this many seconds; 0 runs until Ctrl-C.")
+    ] = 0.0,
+    as_json: Annotated[bool, typer.Option("--json", help="Print one JSON object a second.")] = False,
+) -> None:
+    """Watch position, load, temperature, voltage and errors of every servo, live; moves nothing.
+
+    Example:  motiondeck rig monitor servo20 --port /dev/pts/3
+    """
+    from hardware.tools.monitor import observe
+
+    config = load(rig)
+    end = time.monotonic() + seconds if seconds else float("inf")
+    with ended_by_sigterm(), open_buses(config, port) as parts:
+        try:
+            for seen in zip(*(observe(part, bus, 1.0 / len(parts)) for part, bus in parts), strict=True):
+                rows, hz = [row for part, _ in seen for row in part], min(hz for _, hz in seen)
+                if as_json:
+                    print(json.dumps({"hz": round(hz, 1), "joints": rows}), flush=True)
+                else:
+                    _draw(rows, hz)
+                if time.monotonic() >= end:
+                    return
+        except KeyboardInterrupt:
+            return
+
+
+@app.command("stop")
+def stop(rig: RigArgument, port: PortOption = None, as_json: JsonOption = False) -> None:
+    """Switch the torque of every servo of a rig off, now; exit code 1 if one did not confirm it.
+
+    Only while no other program has the port. A rig that plays is stopped by Ctrl-C there, or from another
+    terminal by `motiondeck send stop` (as Ctrl-C) or `motiondeck send estop` (brake and hold).
+
+    After a program was killed, the servos' watchdogs stop them but leave the torque on: this switches it off.
+
+    Example:  motiondeck rig stop servo20
+    """
+    from hardware.errors import SerialPortError
+    from hardware.rig.supervision.joined_rig import on_ports
+    from hardware.rig.switching.torque import switch_off
+
+    config = load(rig)
+    unconfirmed: list[str] = []
+    remedy = "Cut the power."
+    for part in on_ports(config, port or ()):
+        # One port that is gone must not keep the others from being switched off.
+        try:
+            with open_buses(part, None) as buses:
+                unconfirmed += [name for own, bus in buses for name in switch_off(own, bus)]
+        except SerialPortError as error:
+            print(f"motiondeck: {error}", file=sys.stderr)
+            unconfirmed += part.names
+            if "another program" in str(error):
+                remedy = (
+                    "If a rig is playing there: Ctrl-C, `motiondeck send estop` or `send stop`; else cut the power."
+                )
+    if as_json:
+        print(
+            json.dumps({"off": [name for name in config.names if name not in unconfirmed], "unconfirmed": unconfirmed})
+        )
+    else:
+        print(f"torque off: {len(config.names) - len(unconfirmed)} of {len(config.names)} servos")
+    if unconfirmed:
+        print(f"motiondeck: not confirmed by {', '.join(unconfirmed)}. {remedy}", file=sys.stderr)
+        raise typer.Exit(1)
+
+
+def _draw(rows: list[dict[str, object]], hz: float) -> None:
+    """Prints the table; on a terminal it replaces the previous one."""
+    if sys.stdout.isatty():
+        print("\x1b[H\x1b[2J", end="")
+    print(f"{hz:.0f} Hz")
+    for row in rows:
+        print(
+            f"id {row['id']:>3}  {row['name']:<18} {row['position']:+7.3f} rad  {row['velocity']:+6.2f} rad/s  "
+            f"{row['current']:+6.2f} A  {row['temperature']:>4} degC  {row['voltage']:>5} V  {row['errors']}"
+            if row["heard"]
+            else f"id {row['id']:>3}  {row['name']:<18} does not answer"
+        )
+    sys.stdout.flush()

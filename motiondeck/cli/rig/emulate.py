@@ -1,0 +1,133 @@
+"""`motiondeck rig emulate`: servos without hardware, for any client; with hands to move them."""
+
+from __future__ import annotations
+
+import sys
+import time
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Literal
+
+import typer
+
+from motiondeck.cli.rig.rig_port import RigArgument, ended_by_sigterm, load
+from motiondeck.cli.rig.typed_lines import TypedLines, in_foreground
+from motiondeck_base.counted import counted
+from motiondeck_base.errors import MotiondeckError
+
+if TYPE_CHECKING:
+    from hardware.emulator.bus import EmulatedBus
+    from hardware.emulator.plant import JointPlant
+    from hardware.rig.rig_file import RigConfig
+
+
+def emulate(
+    rig: RigArgument,
+    fault: Annotated[
+        list[str] | None,
+        typer.Option("--fault", metavar="FAULT", help="KIND[:key=value,...]; `--fault help` lists them."),
+    ] = None,
+    seed: Annotated[int, typer.Option("--seed", metavar="N", help="Seed of the random faults.")] = 0,
+    unpaced: Annotated[bool, typer.Option("--unpaced", help="Bytes take no time on the wire.")] = False,
+    lenient: Annotated[
+        bool, typer.Option("--lenient", help="In a sync read, servos behind a silent one answer anyway.")
+    ] = False,
+    link: Annotated[
+        Path | None,
+        typer.Option("--link", metavar="FILE", help="A link to the port; it stays when the adapter is replugged."),
+    ] = None,
+    robot: Annotated[
+        str | None,
+        typer.Option("--robot", metavar="ROBOT", help="The body that the servos turn: a robot file, or a shipped one."),
+    ] = None,
+    root: Annotated[
+        Literal["fixed", "free"] | None,
+        typer.Option("--root", help="With --robot: fixed in the air (default), or free to fall."),
+    ] = None,
+    fresh: Annotated[bool, typer.Option("--fresh", help="Only the first servo, as new: id 1, 57600 baud.")] = False,
+) -> None:
+    """Emulate a rig: print the port to open, and serve any client until Ctrl-C or SIGTERM.
+
+    It goes on in the background (&) when the shell that started it ends, and with nohup when the terminal closes.
+
+    What you type moves joints that have no torque, as hands would: `swing pan 0.5 every 2`, `move pan 1 tilt 0 in 1.5`
+    (rad and s), `rest`; `where` prints their angles. `pull pan` takes a servo's cable out, `plug pan` puts it back,
+    `warm pan 70` heats it up (degC).
+
+    With --robot the servos turn a simulated body with masses, so load, stall and falls show as current, heat and sag.
+
+    [bold]Examples[/]
+
+      motiondeck rig emulate servo20 --fault dead:id=3,at=5,for=1
+      motiondeck rig emulate servo20 --robot servo20 --root free
+    """
+    from hardware.emulator.faults import KINDS, parse_fault
+    from hardware.emulator.pty_server import serve
+
+    if fault and "help" in fault:
+        for kind, meaning in KINDS.items():
+            print(f"{kind:<10} {meaning}")
+        print("keys: id, at (s), for (s), chance (0 to 1), value")
+        return
+    if root is not None and robot is None:
+        raise MotiondeckError(f"--root {root} is about a body: name it with --robot")
+    config = load(rig)
+    if fresh:
+        import msgspec
+
+        one = msgspec.structs.replace(config.joints[0], id=1)
+        config = msgspec.structs.replace(config, joints=(one,), baud=57600)
+    plant = _plant(config, robot, root or "fixed") if robot is not None else None
+    faults = [parse_fault(text) for text in fault or []]
+    servos = counted(len(config.joints), "servo")
+    print(f"{servos} at {config.baud} baud; clients of another speed get no answer", file=sys.stderr, flush=True)
+    with ended_by_sigterm():
+        serve(
+            config,
+            lambda port: print(port, flush=True),
+            faults,
+            not unpaced,
+            not lenient,
+            link,
+            seed,
+            plant,
+            _hands(config),
+        )
+
+
+def _hands(config: RigConfig) -> Callable[[Sequence[EmulatedBus]], None]:
+    """Hands that obey what is typed here, for as long as something can be."""
+    from hardware.emulator.hands import HELP, Hands, HandsError
+
+    hands = Hands(config)
+    typed: TypedLines | None = TypedLines()
+    if sys.stdin.isatty():
+        print(HELP, file=sys.stderr)
+
+    def between(buses: Sequence[EmulatedBus]) -> None:
+        nonlocal typed
+        try:
+            # A process in the background that reads the terminal is stopped by it.
+            if typed is not None and in_foreground() and (words := typed.take()):
+                if words == "where":
+                    print(hands.where(buses), flush=True)
+                else:
+                    hands.tell(words)
+        except HandsError as error:
+            print(error, file=sys.stderr, flush=True)
+        except MotiondeckError:
+            typed = None
+        hands.move(buses, time.monotonic())
+
+    return between
+
+
+def _plant(config: RigConfig, robot: str, root: str) -> JointPlant:
+    """A robot's body for the joints of a rig."""
+    from controller.motion.encodings.joint_angles import JointBody
+    from motiondeck_base.shipped import find_robot
+    from sim.physics.rig_plant import RigPlant
+    from sim.robots.robot import load_robot
+
+    body = load_robot(find_robot(robot), JointBody.of(config.names))
+    return RigPlant(body, config.names, root)

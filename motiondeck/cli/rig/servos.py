@@ -1,0 +1,174 @@
+"""`motiondeck rig scan`, `setup` and `import`: find servos, set them up one by one, and write a first rig file."""
+
+from __future__ import annotations
+
+import json
+import sys
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from motiondeck.cli.common.options import JsonOption
+from motiondeck_base.errors import MotiondeckError
+
+if TYPE_CHECKING:
+    from hardware.tools.scan import Found
+
+
+def scan(
+    port: Annotated[str, typer.Argument(metavar="PORT", help="The serial port.")] = "/dev/ttyUSB0",
+    baud: Annotated[list[int] | None, typer.Option("--baud", metavar="BAUD", help="Only these baud rates.")] = None,
+    out: Annotated[
+        Path | None, typer.Option("--out", metavar="FILE", help="Write a rig file of them: joint_1, joint_2 ...")
+    ] = None,
+    as_json: JsonOption = False,
+) -> None:
+    """List every servo that answers on a port, at any baud rate and protocol; with --out, write a rig file of them.
+
+    The rig file has the adapter's permanent name, each servo's whole turn as its range, and 2 rad/s as its speed: name
+    the joints in an editor, then calibrate. Servos that Motiondeck cannot drive are left out, and a note says why.
+
+    [bold]Examples[/]
+
+      motiondeck rig scan /dev/ttyUSB0
+      motiondeck rig scan /dev/ttyUSB0 --out my-rig.toml
+    """
+    from hardware.bus.port import lasting_name
+    from hardware.tools.rig_writing import rig_of, save_rig
+
+    if out is not None:
+        _refuse_existing(out)
+    found = _answering(port, baud)
+    widest = max((len(one.identity.model) for one in found), default=0)
+    if as_json:
+        rows = [
+            {"baud": one.baud, "id": i.id, "model": i.model, "firmware": i.firmware, "alert": i.alert, "protocol": p}
+            for one in found
+            for i, p in ((one.identity, one.identity.protocol),)
+        ]
+        print(json.dumps({"port": port, "servos": rows}))
+    for one in found if not as_json else []:
+        who = one.identity
+        alert = "  reports a hardware problem" if who.alert else ""
+        old = "  Protocol 1.0" if who.protocol == 1 else ""
+        print(f"id {who.id:>3}  {who.model:<{widest}}  firmware {who.firmware:<3} {one.baud} baud{old}{alert}")
+    if not found and out is None:
+        raise MotiondeckError(f"no servo answers on {port}. Check power, cable and adapter.")
+    if out is not None:
+        rig, left_out = rig_of(found, lasting_name(port))
+        save_rig(rig, out)
+        for reason in left_out:
+            print(f"note: left out: {reason}", file=sys.stderr)
+        if not as_json:
+            print(f"wrote {out}")
+
+
+def setup(
+    port: Annotated[str, typer.Argument(metavar="PORT", help="The serial port with one servo on it.")],
+    id: Annotated[int, typer.Option("--id", metavar="N", min=0, max=252, help="The ID it gets.")],
+    baud: Annotated[int, typer.Option("--baud", metavar="BAUD", help="The baud rate it gets.")] = 1_000_000,
+    rig: Annotated[
+        Path | None,
+        typer.Option(
+            "--rig", metavar="FILE", help="Write the adapter's permanent name into this rig file as its port."
+        ),
+    ] = None,
+    as_json: JsonOption = False,
+) -> None:
+    """Give the only servo on a port its ID and baud rate.
+
+    The permanent name of an adapter (/dev/serial/by-id/...) has its serial number, and stays the same when the system
+    calls it ttyUSB1 the next time.
+
+    [bold]Example[/]
+
+      motiondeck rig setup /dev/ttyUSB0 --id 7 --baud 4000000 --rig my-rig.toml
+    """
+    from hardware.bus.port import lasting_name
+    from hardware.bus.servo_bus import Bus
+    from hardware.rig.rig_file import BAUD_RATES, load_rig
+    from hardware.tools.rig_writing import set_port
+    from hardware.tools.set_up import set_up
+
+    lasting = lasting_name(port)
+    if rig is not None:
+        load_rig(rig)  # what is wrong with it is said before a servo is changed
+    if baud not in BAUD_RATES:
+        raise MotiondeckError(f"baud {baud} is not one of {', '.join(map(str, BAUD_RATES))}")
+    before, after = set_up(lambda rate: Bus.open(port, rate), id, baud)
+    before_port = set_port(rig, lasting) if rig is not None else None
+    if as_json:
+        was = [before.identity.id, before.baud]
+        print(json.dumps({"model": after.model, "id": after.id, "baud": baud, "was": was, "port": lasting}))
+        return
+    was = f"id {before.identity.id} at {before.baud} baud"
+    print(f"{after.model}: {was} is now id {after.id} at {baud} baud, return delay 0")
+    if before_port is not None:
+        print(f"{rig}: its port is {lasting}" + (f" (was {before_port})" if before_port != lasting else ""))
+    elif lasting != port:
+        print(f'write port = "{lasting}" into the rig file: the adapter keeps this name when it is plugged in again')
+
+
+def import_calibration(
+    calibration: Annotated[Path, typer.Argument(metavar="FILE", help="What LeRobot wrote (.json).")],
+    port: Annotated[str, typer.Option("--port", metavar="PORT", help="The serial port with its servos.")],
+    out: Annotated[Path, typer.Option("--out", metavar="FILE", help="The rig file to write.")],
+    as_json: JsonOption = False,
+) -> None:
+    """Write a rig file from a calibration of LeRobot and the servos on a port; changes nothing in them.
+
+    Names, directions and ranges are LeRobot's, models and baud rate are read from the servos. A reversed motor stays
+    reversed: its angle grows as LeRobot's does. Angle 0 is in the middle of the range. LeRobot's homing offsets and
+    drive modes are still in the servos: `motiondeck rig doctor RIG --fix` sets them as the rig file needs them.
+
+    [bold]Example[/]
+
+      motiondeck rig import koch_follower.json --port /dev/ttyUSB0 --out arm.toml
+    """
+    from hardware.bus.port import lasting_name
+    from hardware.tools.lerobot import imported, read_calibration
+    from hardware.tools.rig_writing import save_rig
+
+    _refuse_existing(out)
+    motors = read_calibration(calibration)
+    config, notes = imported(motors, _answering(port), lasting_name(port))
+    save_rig(config, out)
+    if as_json:
+        print(json.dumps({"written": str(out), "joints": list(config.names), "notes": notes}))
+        return
+    for joint in config.joints:
+        turned = " reversed" if joint.direction < 0 else ""
+        print(
+            f"id {joint.id:>3}  {joint.name:<18} {joint.model:<12} {joint.lower:+.2f} to {joint.upper:+.2f} rad{turned}"
+        )
+    for note in notes:
+        print(f"note: {note}.")
+    print(f"wrote {out}. Next: motiondeck rig doctor {out} --fix")
+
+
+def _answering(port: str, bauds: list[int] | None = None) -> list[Found]:
+    """Who answers on a port, at the likely baud rates or at these."""
+    from hardware.bus.servo_bus import Bus
+    from hardware.rig.rig_file import BAUD_RATES
+    from hardware.tools.scan import scan as scan_port
+
+    wrong = [rate for rate in bauds or [] if rate not in BAUD_RATES]
+    if wrong:
+        raise MotiondeckError(f"baud {wrong[0]} is not one of {', '.join(map(str, BAUD_RATES))}")
+    return scan_port(lambda rate: Bus.open(port, rate), *([bauds] if bauds else []), on_garbled=_warn_of_garbled)
+
+
+def _warn_of_garbled(baud: int) -> None:
+    print(
+        f"note: garbled answers at {baud} baud: two servos may have the same id. Connect them one at a time, and give "
+        "each its own with motiondeck rig setup.",
+        file=sys.stderr,
+    )
+
+
+def _refuse_existing(out: Path) -> None:
+    if out.exists():
+        raise MotiondeckError(f"{out} is there already: remove it, or give another name")
+    if not out.parent.is_dir():
+        raise MotiondeckError(f"{out.parent}: there is no such folder to write the rig file to")

@@ -1,0 +1,326 @@
+"""`motiondeck rig teach`: joints moved by hand become clips, which can be named and recorded again."""
+
+from __future__ import annotations
+
+import json
+import sys
+import time
+from contextlib import ExitStack
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from motiondeck.cli.common.options import JsonOption
+from motiondeck.cli.rig.rig_port import PortOption, RigArgument, ended_by_sigterm, load, open_buses
+from motiondeck.cli.rig.typed_lines import TypedLines
+from motiondeck_base.errors import MotiondeckError
+
+if TYPE_CHECKING:
+    from controller.motion.encodings.joint_angles import Plays
+    from controller.motion.rotations import Array
+    from hardware.bus.servo_bus import Bus
+    from hardware.rig.rig_file import RigConfig
+    from hardware.tools.teaching import Taught
+
+_CHOICES = "Enter saves it. Or: again, take (save it and record another take), whole, trim, once, loop, drop"
+
+
+def teach(
+    rig: RigArgument,
+    out: Annotated[
+        Path, typer.Option("--out", metavar="FILE|DIR", help="The clip (.clip), or a folder for several motions.")
+    ],
+    port: PortOption = None,
+    seconds: Annotated[
+        float | None,
+        typer.Option("--seconds", metavar="SECONDS", help="Begin at once and record for this long, without asking."),
+    ] = None,
+    once: Annotated[
+        bool | None,
+        typer.Option(
+            "--once/--loop",
+            help="Whether it is learned as a one-shot or as a loop; default: a loop if it ends where it began.",
+            show_default=False,
+        ),
+    ] = None,
+    trim: Annotated[
+        bool, typer.Option("--trim/--no-trim", help="Leave out the time before the first and after the last movement.")
+    ] = True,
+    as_json: JsonOption = False,
+) -> None:
+    """Teach a rig by hand: with torque off you move the joints, and the movement becomes a clip.
+
+    Hold what would fall before the torque goes off. After each recording you may save it, record it again, undo the
+    trim, or record another take: takes of one motion (wave.clip, wave.2.clip ...) are averaged when they are learned.
+    With a folder as --out, motions are named and recorded one after the other.
+
+    The clip can be played as it is, or learned, so that it loops and switches like any other motion.
+
+    [bold]Examples[/]
+
+      motiondeck rig teach my-rig.toml --out wave.clip
+      motiondeck rig teach my-rig.toml --out gestures/
+      motiondeck rig play my-rig.toml wave.clip
+      motiondeck fit wave.clip nod.clip --out gestures.safetensors
+    """
+    # These take a while to import: better now than with a joint in somebody's hand.
+    import controller.learning.recipe  # noqa: F401
+    import hardware.tools.teaching  # noqa: F401
+
+    session = _Session(
+        load(rig), rig, None if once is None else "once" if once else "loop", trim, as_json, TypedLines()
+    )
+    folder = out.is_dir()
+    if out.suffix != ".clip" and not folder:
+        raise MotiondeckError(f"{out}: give the clip a name that ends in .clip, or an existing folder for several")
+    if not out.parent.is_dir():
+        raise MotiondeckError(f"{out.parent}: there is no such folder to write the clip to")
+    if seconds is not None and folder:
+        raise MotiondeckError(f"--seconds records one motion: give it a file, not the folder {out}")
+    if seconds is not None and not 0.0 < seconds < 3600.0:
+        raise MotiondeckError(f"--seconds {seconds:g} is not between 0 and 3600")
+    with ExitStack() as opened:
+        opened.enter_context(ended_by_sigterm())
+        parts = opened.enter_context(open_buses(session.config, port))
+        session.loosen(parts, asking=seconds is None)
+        if seconds is not None:
+            session.record_once(parts, out, seconds)
+        elif folder:
+            session.record_motions(parts, out)
+        else:
+            session.record_takes(parts, out, out)
+    session.report()
+
+
+@dataclass
+class _Recording:
+    """What was recorded and how it is to be saved.
+
+    Attributes:
+        taught: the motion.
+        plays: learned as a loop or once.
+        trim: whether still ends are left out.
+        cut_short: why it broke off; "" if it did not.
+    """
+
+    taught: Taught
+    plays: Plays
+    trim: bool
+    cut_short: str
+
+    @property
+    def angles(self) -> Array:
+        """What is saved, shape (T, J), rad."""
+        return self.taught.moving if self.trim else self.taught.whole
+
+    def describe(self, rate: float) -> str:
+        """Length, what was left out, and how it plays, in words."""
+        whole, first, end = len(self.taught.whole) / rate, self.taught.first / rate, self.taught.end / rate
+        left = ", ".join(
+            f"{seconds:.1f} s {where}"
+            for seconds, where in ((first, "before the first movement"), (whole - end, "after the last"))
+            if seconds >= 0.05
+        )
+        trimmed = f" (left out: {left}; `whole` or --no-trim keeps it)" if self.trim and left else ""
+        return f"{len(self.angles) / rate:.1f} s of {whole:.1f} s{trimmed}, {self.plays}"
+
+
+@dataclass
+class _Session:
+    """Recordings of one rig, one after the other."""
+
+    config: RigConfig
+    source: str
+    plays: Plays | None
+    trim: bool
+    as_json: bool
+    typed: TypedLines
+    written: list[dict[str, object]] = field(default_factory=list)
+    cut_short: str = ""
+
+    def loosen(self, parts: list[tuple[RigConfig, Bus]], asking: bool) -> None:
+        """Takes the torque off."""
+        from hardware.tools.loose_joints import loosen
+
+        if asking:
+            self.typed.ask("The torque goes off: hold what would fall, then press Enter ")
+        for part, bus in parts:
+            loosen(part, bus)
+
+    def record_once(self, parts: list[tuple[RigConfig, Bus]], out: Path, seconds: float) -> None:
+        """Records for some seconds and saves it, whatever cuts it short."""
+        self._save(self._recorded(parts, seconds), out, asked=False)
+
+    def record_motions(self, parts: list[tuple[RigConfig, Bus]], folder: Path) -> None:
+        """Asks for names and records a motion for each, until there is none; one that is there gets another take."""
+        from controller.learning.recipe import check_name
+        from motiondeck_base.errors import FileFormatError
+
+        while not self.cut_short and (name := self.typed.ask("Name of the next motion (Enter ends) ")):
+            try:
+                check_name(name, folder)
+            except FileFormatError as error:
+                self._say(str(error).removeprefix(f"{folder}: "))
+                continue
+            out = folder / f"{name}.clip"
+            if out.exists():
+                self._say(f"{out.name} is there already: this will be another take of it, {_next_take(out).name}")
+            self.record_takes(parts, out, _next_take(out) if out.exists() else out)
+
+    def record_takes(self, parts: list[tuple[RigConfig, Bus]], out: Path, file: Path) -> None:
+        """Records takes of the motion `out`, the first into `file`, until one is saved that is to be the last."""
+        from controller.motion.encodings.joint_angles import how_taught
+        from hardware.errors import RigError
+
+        while True:
+            self.typed.ask(f"{file.stem}: torque is off. Press Enter to begin ")
+            try:
+                recording = self._recorded(parts, None)
+            except RigError as error:
+                if self.cut_short:
+                    raise
+                self._say(f"{error} Once more.")
+                continue
+            if file != out and self.plays is None:
+                recording.plays = how_taught(out)  # the takes of a motion are learned as one
+            choice = "" if recording.cut_short else self._choose(recording, file)
+            if choice == "drop":
+                return
+            if choice == "again":
+                continue
+            self._save(recording, file, asked=not recording.cut_short)
+            if choice != "take":
+                return
+            file = _next_take(out)
+
+    def report(self) -> None:
+        """Says what was written, and ends with exit code 1 if the last recording was cut short."""
+        if self.as_json:
+            last = self.written[-1] if self.written else {"written": None}
+            print(json.dumps(last if len(self.written) < 2 else {"clips": self.written}))
+        if self.cut_short:
+            print(f"motiondeck: {self.cut_short} What was recorded before is saved.", file=sys.stderr)
+            raise typer.Exit(1)
+
+    def _choose(self, recording: _Recording, file: Path) -> str:
+        """Shows a recording and asks what to do with it: "" (save), "take", "again" or "drop"."""
+        rate = self.config.rate_hz
+        while True:
+            self._say(f"{file.stem}: {recording.describe(rate)}")
+            for line in self._doubts(recording, file):
+                self._say(f"note: {line}")
+            choice = self.typed.ask(f"{_CHOICES}: ")
+            match choice:
+                case "" | "take" | "again" | "drop":
+                    return choice
+                case "whole" | "trim":
+                    recording.trim = choice == "trim"
+                case "once" | "loop":
+                    recording.plays = choice
+                case _:
+                    self._say(f"'{choice}' is none of them.")
+
+    def _doubts(self, recording: _Recording, file: Path) -> list[str]:
+        """What may be wrong with a recording: beyond limits, or unlike the takes before it."""
+        from controller.learning.preparation.takes import join_takes
+        from controller.motion.encodings.joint_angles import angles_of, read_taught_clip
+        from hardware.tools.teaching import beyond_limits
+        from motiondeck_base.errors import FileFormatError
+
+        rate = self.config.rate_hz
+        doubts = [
+            f"{line}; played, it will be held back" for line in beyond_limits(self.config, recording.angles, rate)
+        ]
+        takes = self._written_takes(file)
+        if takes:
+            angles = [angles_of(read_taught_clip(take).rotation[:, 1:]) for take in takes]
+            names = [*(take.name for take in takes), "this take"]
+            try:
+                joined = join_takes([*angles, recording.angles], names, rate, loop=recording.plays == "loop")
+                doubts.append(f"it is {joined.apart[-1]:.2f} rad from the average of {len(names)} takes")
+            except FileFormatError as error:
+                doubts.append(str(error))
+        return doubts
+
+    def _written_takes(self, file: Path) -> list[Path]:
+        """The takes of the same motion that were saved before."""
+        from controller.learning.preparation.takes import motion_of
+
+        written = [Path(str(one["written"])) for one in self.written]
+        return [one for one in written if motion_of(one) == motion_of(file) and one != file]
+
+    def _recorded(self, parts: list[tuple[RigConfig, Bus]], seconds: float | None) -> _Recording:
+        """Watches the joints until Enter, or for some seconds.
+
+        Raises:
+            RigError: if nothing can be made of what was recorded.
+        """
+        from controller.learning.preparation.takes import returns
+        from hardware.errors import RigError, SerialPortError
+        from hardware.tools.teaching import taught, watch_hands
+
+        moments = []
+        if seconds is None:
+            self._say("Recording. Press Enter to end ")
+        try:
+            for moment in watch_hands(self.config, parts, time.sleep):
+                moments.append(moment)
+                if moment.time >= seconds if seconds is not None else self.typed.take() is not None:
+                    break
+        except KeyboardInterrupt:
+            self._say("")
+        except (RigError, SerialPortError) as error:
+            self.cut_short = str(error)
+        except SystemExit:
+            self.cut_short = "the recording was ended by SIGTERM."
+        rate = self.config.rate_hz
+        try:
+            found = taught(moments, rate)
+        except RigError as error:
+            if not self.cut_short:
+                raise
+            raise RigError(f"{self.cut_short} Nothing is saved: {error}") from error
+        plays = self.plays or ("loop" if returns(found.moving, rate, at_least=0.5) else "once")
+        return _Recording(found, plays, self.trim, self.cut_short)
+
+    def _save(self, recording: _Recording, out: Path, asked: bool) -> None:
+        """Writes a recording, and takes note of it for the report; its limits are told if nobody was asked before."""
+        from controller.motion.encodings.joint_angles import save_taught_clip, taught_clip
+        from hardware.tools.teaching import beyond_limits
+
+        config, rate = self.config, self.config.rate_hz
+        clip = taught_clip(out.stem, config.names, rate, recording.angles, self.source)
+        save_taught_clip(clip, out, recording.plays)
+        warnings = beyond_limits(config, recording.angles, rate)
+        self.written.append(
+            {
+                "written": str(out),
+                "joints": list(config.names),
+                "frames": len(clip),
+                "seconds": clip.duration,
+                "recorded_seconds": len(recording.taught.whole) / rate,
+                "plays": recording.plays,
+                "beyond_limits": warnings,
+                "cut_short": recording.cut_short or None,
+            }
+        )
+        if self.as_json:
+            return
+        for warning in [] if asked else warnings:
+            print(f"note: {warning}; played, it will be held back")
+        print(f"wrote {out}: {recording.describe(rate)}, {len(config.names)} joints at {rate:g} Hz", flush=True)
+
+    @staticmethod
+    def _say(what: str) -> None:
+        """Talks to whoever teaches: on stderr, because stdout carries the result."""
+        print(what, file=sys.stderr, flush=True)
+
+
+def _next_take(out: Path) -> Path:
+    """The name of the next take of a motion: wave.2.clip, wave.3.clip and so on."""
+    number = 2
+    while (file := out.with_name(f"{out.stem}.{number}.clip")).exists():
+        number += 1
+    return file

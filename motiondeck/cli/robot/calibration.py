@@ -1,0 +1,195 @@
+"""What `motiondeck robot calibrate` writes, measures and prints."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from controller.library.motion_library import load_library
+from motiondeck.cli.common.options import check_new
+from motiondeck.cli.common.tables import show_table
+from motiondeck.cli.robot.check import WHY
+from motiondeck_base.counted import counted
+from motiondeck_base.files import write_file
+from motiondeck_base.shipped import find_library
+from sim.models.robot_file import read_robot_file
+from sim.physics.played_motions import as_clip
+from sim.robots.calibrate import Calibration
+from sim.robots.fidelity import carry
+from sim.robots.limb_causes import Cause, limb_causes
+from sim.robots.limb_directions import MEAN_LIMIT, WORST_LIMIT, LimbDirections, beyond_limits
+from sim.robots.robot import load_robot
+
+Directions = Mapping[str, tuple[float, float]]
+
+# What a calibrated robot is tried on: motions of the shipped library thesis15, so many seconds of each.
+LIBRARY, MOTIONS, SECONDS, RATE = "thesis15", ("walk", "box1"), 1.5, 30.0
+LOST = 60.0  # degrees on average
+WORDS = ("body (left)", "hinge (left)", "axis")  # the columns of the table that are no numbers
+
+
+def write_robot_file(found: Calibration, file: Path, force: bool) -> None:
+    """Writes the robot file; MotiondeckError if it is there already and not to be replaced, or cannot be written."""
+    check_new(file, force=force)
+    write_file(file, found.to_toml(file.parent).encode())
+
+
+@dataclass(frozen=True)
+class CalibrationTrial:
+    """How a calibrated robot walked and boxed.
+
+    Attributes:
+        off: how far each segment ("l_forearm") points from the human's: mean and worst, degrees.
+        causes: why those do that are further off than `robot check` lets pass in one of the motions.
+    """
+
+    off: Directions
+    causes: Mapping[str, Cause]
+
+    @property
+    def wrong(self) -> list[str]:
+        """The segments that point elsewhere though the robot's joints could turn there."""
+        return [name for name, cause in self.causes.items() if cause == "carried wrongly"]
+
+    @property
+    def lost(self) -> list[str]:
+        """The segments that point so far elsewhere that they are hardly those of a human, whatever the cause."""
+        return [name for name, (mean, _) in self.off.items() if mean > LOST]
+
+
+def tried(file: Path) -> CalibrationTrial:
+    """Lets the robot of a robot file walk and box."""
+    robot_file, library = read_robot_file(file), load_library(find_library(LIBRARY))
+    off: dict[str, tuple[float, float]] = {}
+    causes: dict[str, Cause] = {}
+    for motion in MOTIONS:
+        clip = as_clip(library, motion, SECONDS, RATE)
+        robot = load_robot(file, clip.skeleton, dt=1.0 / clip.rate)
+        carried = carry(clip, robot)
+        directions = LimbDirections(robot.model, robot_file.parts, np.array(robot_file.root_rotation))
+        for name, (mean, worst) in directions.errors(carried.qpos, carried.limbs).items():
+            before = off.get(name, (0.0, 0.0))
+            off[name] = (before[0] + mean / len(MOTIONS), max(before[1], worst))
+        for limb in limb_causes(robot, directions, carried.wanted, carried.played, carried.limbs, clip.rate):
+            causes |= {name: limb.cause for name in limb.best if causes.get(name) != "carried wrongly"}
+    return CalibrationTrial(off, causes)
+
+
+def report_of(found: Calibration, file: Path, trial: CalibrationTrial) -> dict[str, Any]:
+    """The report as one JSON object."""
+    return {
+        "file": str(file),
+        "model": str(found.model),
+        "sound": found.sound,
+        "within_limits": not beyond_limits(trial.off),
+        "joints": len(found.joints),
+        "root_height_m": found.root_height,
+        "parts": found.parts,
+        "segments": [
+            {
+                "part": segment.part,
+                "body": dict(zip("rl", segment.body, strict=True)),
+                "hinge": dict(zip("rl", segment.hinge, strict=True)),
+                "axis": dict(zip("rl", segment.axis.round(4).tolist(), strict=True)),
+                "length_m": dict(zip("rl", segment.length.round(4).tolist(), strict=True)),
+                "human_m": round(segment.human, 4),
+            }
+            for segment in found.segments
+        ],
+        "doubts": [
+            {"part": doubt.part, "line": _line(file, doubt.part), "words": doubt.words, "fatal": doubt.fatal}
+            for doubt in found.doubts
+        ],
+        "limbs_deg": {name: {"mean": mean, "worst": worst} for name, (mean, worst) in trial.off.items()},
+        "limbs_why": dict(trial.causes),
+        "solvers": ["ik", "angles"] if found.angles else ["ik"],
+        "joints_without_range": list(found.unlimited),
+        "joints_without_speed": [joint for joint in found.joints if joint not in found.speeds],
+        "joints_not_played": list(found.unplayed),
+        "joints_not_driven": list(found.undriven),
+        "inertias_balanced": found.mended,
+        "open_chains": found.open_chains,
+        "off_when_standing_rad": found.missed,
+    }
+
+
+def print_report(found: Calibration, file: Path, trial: CalibrationTrial) -> None:
+    """The report as tables and sentences."""
+    print(f"wrote {file}: {len(found.joints)} joints, root {found.root_height:.3f} m above the floor when it stands")
+    trunk = ", ".join(f"{part} is '{found.parts[part]}'" for part in ("pelvis", "chest", "head") if part in found.parts)
+    print(trunk)
+    rows = []
+    for segment in found.segments:
+        both = f"r_{segment.part}", f"l_{segment.part}"
+        angles = [trial.off[name] for name in both if name in trial.off]
+        rows.append(
+            (
+                segment.part.replace("_", " "),
+                segment.body[1],
+                segment.hinge[1],
+                " ".join(f"{component:+.2f}" for component in segment.axis[1] + 0.0),
+                *(f"{length:.3f}" for length in segment.length[::-1]),
+                f"{segment.human:.3f}",
+                f"{max(mean for mean, _ in angles):.0f}" if angles else "",
+                f"{max(worst for _, worst in angles):.0f}" if angles else "",
+            )
+        )
+    headings = ("segment", *WORDS, "left m", "right m", "human m", "off deg", "worst")
+    show_table(headings, rows, left=WORDS)
+    print("human: a human of the robot's height. off: the angle to the human's limb, walking and boxing.")
+    for doubt in found.doubts:
+        line = _line(file, doubt.part)
+        where = f" (line {line} of {file}: {_text(file, line)})" if line else ""
+        part = f"{doubt.part}: " if doubt.part else ""
+        print(f"{'error' if doubt.fatal else 'warning'}: {part}{doubt.words}{where}")
+    for cause in dict.fromkeys(trial.causes.values()):
+        names = [name for name, why in trial.causes.items() if why == cause]
+        kind = "error" if cause == "carried wrongly" else "warning"
+        print(f"{kind}: limbs point elsewhere than the human's {WHY[cause]}: {', '.join(names)}")
+    if trial.causes:
+        print(
+            f"in one motion more than {MEAN_LIMIT:.0f} degrees on average or {WORST_LIMIT:.0f} at worst; "
+            "`robot check` fails there too, except for what its joints cannot reach"
+        )
+    if trial.lost:
+        print(
+            f"error: more than {LOST:.0f} degrees from the human's on average, so hardly its limbs: "
+            f"{', '.join(trial.lost)}; if other bodies are, name them under [parts] of {file}"
+        )
+    if found.mended:
+        print("some masses or inertias of the model are zero or cannot be: they are balanced (MuJoCo's balanceinertia)")
+    if found.unlimited:
+        have = f"{counted(len(found.unlimited), 'joint')} {'has' if len(found.unlimited) == 1 else 'have'}"
+        print(f"{have} no range in the model: half a turn either way is a guess; edit it")
+    unknown = len(found.joints) - len(found.speeds)
+    if unknown:
+        print(
+            f"the model does not say how fast {counted(unknown, 'joint')} may turn: the robot file has a guess; edit it"
+        )
+    if found.unplayed:
+        names = ", ".join(name or "a joint without a name" for name in found.unplayed)
+        print(f"not played, because only hinges and ball joints with actuators are: {names}")
+    if found.undriven:
+        print(f"not played, because no actuator of the model drives them: {', '.join(found.undriven)}")
+    if found.open_chains:
+        print(
+            f"closed chains of bodies ({counted(found.open_chains, 'connect or weld constraint')}) hold in physics "
+            "(`play` without --kinematic), and are drawn open elsewhere"
+        )
+    print(
+        "solvers: ik, angles" if found.angles else "solvers: ik (its joints are others than those of the angle solver)"
+    )
+
+
+def _line(file: Path, part: str) -> int:
+    """The line of a robot file that names the body of a part, from 1; 0 if there is none."""
+    lines = file.read_text(encoding="utf-8").splitlines()
+    return next((k for k, line in enumerate(lines, 1) if part and line.startswith(f"{part} = ")), 0)
+
+
+def _text(file: Path, line: int) -> str:
+    return file.read_text(encoding="utf-8").splitlines()[line - 1]

@@ -1,0 +1,177 @@
+"""Recordings carried onto a robot, one row each: what must be zero, and how well the robot does them."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Iterator, Sequence
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from controller.motion.canonical.clip_edits import without_reference_pose
+from controller.motion.clip import Clip
+from controller.motion.formats.reading import RECORDINGS, read_clip, recordings_below
+from motiondeck_base.counted import counted
+from motiondeck_base.errors import MotiondeckError
+from sim.models.robot_file import Solver
+from sim.retargeting.robot_limbs import RobotLimbs
+from sim.retargeting.robot_parts import SIDES
+from sim.robots.fidelity import carry, floor_measures, joint_measures, limb_errors, shortfall
+from sim.robots.limb_causes import Cause, limb_causes
+from sim.robots.limb_directions import LimbDirections, beyond_limits
+from sim.robots.robot import RobotLoader
+
+MUST_BE_ZERO = {
+    "bad": "targets that are NaN or infinite",
+    "beyond": "targets beyond a joint's range",
+    "too_fast": "steps faster than a joint may go",
+    "jumps": "a joint jumps where the human does not",
+}
+OUT_OF_REACH: Cause = "out of reach"
+WHY: dict[str, str] = {
+    OUT_OF_REACH: "because the joints cannot reach",
+    "held back": "because limits of speed hold joints back",
+    "carried wrongly": "though joints could turn there ([parts] of the robot file may be wrong)",
+}
+REMEDY: dict[str, str] = {
+    OUT_OF_REACH: "nothing to mend, unless [limits.joints.NAME] of the robot file has narrower ranges than the joints",
+    "held back": "give joints that are faster their speeds under [limits] of the robot file, or play these more slowly",
+    "carried wrongly": "a wrong body under [parts] is off in every recording, by far: see `robot calibrate --picture`. "
+    "In some recordings only, it is what holding soles where they stand or turning arms round costs: leave these out",
+}
+NAMED = 3  # recordings, in the verdict
+
+
+def recordings(paths: Sequence[Path]) -> list[Path]:
+    """The recordings among some files and in some folders, sorted; MotiondeckError if there are none."""
+    found: list[Path] = []
+    for path in paths:
+        if not path.exists():
+            raise MotiondeckError.missing(path, "file or folder")
+        found += recordings_below(path) if path.is_dir() else [path]
+    if not found:
+        raise MotiondeckError(f"{', '.join(map(str, paths))}: no recordings ({', '.join(sorted(RECORDINGS))}) there")
+    return found
+
+
+def check(robot: Path, files: Sequence[Path], solver: Solver | None, seconds: float | None) -> Iterator[dict[str, Any]]:
+    """One row a recording: `clip`, and `unread`, or its `frames` and `error` or the measures of `sim.robots.fidelity`.
+
+    A pose for reference before the motion is left out; `left_out` says how many frames that was.
+
+    Args:
+        robot: the robot file.
+        files: the recordings.
+        solver: in place of the robot file's.
+        seconds: of each recording, from its beginning; None for all of it.
+    """
+    load = RobotLoader(robot)
+    for file in files:
+        try:
+            clip, left_out = without_reference_pose(read_clip(file))
+            clip = _shortened(clip, seconds)
+        except MotiondeckError as error:
+            yield {"clip": str(file), "unread": str(error)}
+            continue
+        try:
+            row = {"clip": str(file), "frames": len(clip), "rate": clip.rate, "left_out": left_out}
+            yield row | _measured(robot, load, clip, left_out, solver)
+        except Exception as error:  # a row that says so is what the table is for
+            yield {"clip": str(file), "frames": len(clip), "error": f"{type(error).__name__}: {error}"}
+
+
+def faults(row: dict[str, Any]) -> list[str]:
+    """Why a recording fails the check, in words; nothing if it passes.
+
+    It was read, all is zero that must be zero, and no limb points further off than it may and must.
+    """
+    if "unread" in row:
+        return ["cannot be read"]
+    if "error" in row:
+        return ["cannot be carried onto the robot"]
+    found = [words for name, words in MUST_BE_ZERO.items() if row[name]]
+    return found + [f"limbs point elsewhere {WHY[cause]}" for cause in off_limits(row) if cause != OUT_OF_REACH]
+
+
+def verdict(rows: Sequence[dict[str, Any]]) -> str:
+    """One line: PASSED, or FAILED with the number of recordings for each reason."""
+    found = [faults(row) for row in rows]
+    failed = [words for words in found if words]
+    if not failed:
+        short = sum(OUT_OF_REACH in off_limits(row) for row in rows)
+        beside = f"; in {short}, limbs point elsewhere {WHY[OUT_OF_REACH]}" if short else ""
+        return f"PASSED: {len(rows)} of {counted(len(rows), 'recording')}{beside}"
+    reasons = Counter(reason for words in failed for reason in words)
+    said = "; ".join(f"{reason}: {count}" for reason, count in reasons.most_common())
+    names = [Path(row["clip"]).name for row, words in zip(rows, found, strict=True) if words]
+    more = f" and {len(names) - NAMED} more" if len(names) > NAMED else ""
+    return f"FAILED: {len(failed)} of {counted(len(rows), 'recording')} ({', '.join(names[:NAMED])}{more}). {said}"
+
+
+def off_limits(row: dict[str, Any]) -> dict[str, list[str]]:
+    """The segments of a row that point further off than they may, by why they do, a phrase each."""
+    found: dict[str, list[str]] = {}
+    for name, off in row.get("limbs_deg", {}).items():
+        for phrase in beyond_limits({name: (off["mean"], off["worst"])}):
+            best = f"in reach: {off['best_mean']:.0f} and {off['best_worst']:.0f}"
+            found.setdefault(off["cause"], []).append(f"{phrase} at {off['worst_at_s']:.2f} s ({best})")
+    return found
+
+
+def remarks(rows: Sequence[dict[str, Any]]) -> list[str]:
+    """What is to be said of single recordings and what to do, a line each."""
+    found, causes = [], set[str]()
+    for row in rows:
+        clip = row["clip"]
+        if "unread" in row or "error" in row:
+            found.append(
+                f"{'not read' if 'unread' in row else 'failed'}: {clip}: {row.get('unread', row.get('error'))}"
+            )
+            continue
+        if row["left_out"]:
+            found.append(f"a pose before the motion is left out: {clip}, frames: {row['left_out']}")
+        found += [f"fails: {clip}: {row[name]:.0f} x {words}" for name, words in MUST_BE_ZERO.items() if row[name]]
+        for cause, phrases in off_limits(row).items():
+            causes.add(cause)
+            kind = "passes" if cause == OUT_OF_REACH else "fails"
+            found.append(f"{kind}: {clip}: limbs point elsewhere, {cause}: {'; '.join(phrases)}")
+    return found + [f"{cause}: {what}" for cause, what in REMEDY.items() if cause in causes]
+
+
+def _measured(robot: Path, load: RobotLoader, clip: Clip, left_out: int, solver: Solver | None) -> dict[str, Any]:
+    file = load.file
+    loaded = load(clip.skeleton, None if file.kind == "mannequin" else solver, 1.0 / clip.rate)
+    carried = carry(clip, loaded)
+    measures: dict[str, Any] = joint_measures(clip, loaded, carried) | shortfall(loaded)
+    if file.parts:
+        limbs = RobotLimbs(robot, loaded.model, file.parts, np.array(file.root_rotation), loaded.joints)
+        measures |= limb_errors(limbs, carried)
+        directions = LimbDirections(loaded.model, file.parts, np.array(file.root_rotation))
+        degrees = directions.degrees(carried.qpos, carried.limbs)
+        said: dict[str, dict[str, Any]] = {
+            segment.name: {
+                "mean": float(off.mean()),
+                "worst": float(off.max()),
+                "worst_at_s": (left_out + int(off.argmax())) / clip.rate,
+            }
+            for segment, off in zip(directions.segments, degrees.T, strict=True)
+        }
+        for limb in limb_causes(loaded, directions, carried.wanted, carried.played, carried.limbs, clip.rate):
+            for name, (mean, worst) in limb.best.items():
+                said[name] |= {"cause": limb.cause, "best_mean": mean, "best_worst": worst}
+        trunk = directions.trunk_errors(carried.qpos, carried.limbs)
+        measures |= {"limbs_deg": said, "trunk_deg": {"mean": float(trunk.mean()), "worst": float(trunk.max())}}
+        feet = {
+            side: loaded.model.body(file.parts[f"{side}_foot"]).id for side in SIDES if f"{side}_foot" in file.parts
+        }
+        measures |= floor_measures(clip, loaded, carried.qpos, feet)
+    return measures
+
+
+def _shortened(clip: Clip, seconds: float | None) -> Clip:
+    if seconds is None:
+        return clip
+    frames = max(2, int(min(seconds * clip.rate, len(clip))))
+    return replace(clip, root_position=clip.root_position[:frames], rotation=clip.rotation[:frames])

@@ -1,0 +1,387 @@
+"""`motiondeck robot`: which robots there are, what one is made of, and a first robot file for any other."""
+
+from __future__ import annotations
+
+import json
+import sys
+from importlib import import_module
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+
+from motiondeck.cli.common.options import PAGE_PORT, JobsOption, JsonOption, PagePortOption, SolverOption
+from motiondeck_base.counted import counted
+from motiondeck_base.errors import MotiondeckError, UnknownNameError
+from motiondeck_base.jobs import Jobs
+
+app = typer.Typer(help="List and show robots, and write a robot file for any MJCF or URDF.", no_args_is_help=True)
+
+RobotArgument = Annotated[str, typer.Argument(metavar="ROBOT", help="A robot file (.toml), or: mannequin, servo20.")]
+
+CATALOGUE_KINDS = ("humanoid", "biped")
+PICTURE_SECONDS, VIEW_SECONDS = 2.0, 8.0
+
+
+@app.command("list")
+def list_robots(
+    catalogue: Annotated[
+        bool, typer.Option("--catalogue", help="Also list the two-legged robots of MuJoCo Menagerie.")
+    ] = False,
+    as_json: JsonOption = False,
+) -> None:
+    """List the robots that are included, and with --catalogue those that can be downloaded.
+
+    `motiondeck robot calibrate NAME` downloads a robot of the catalogue, which needs the extra `menagerie`, and writes
+    its robot file.
+
+    Example:  motiondeck robot list --catalogue
+    """
+    from motiondeck_base.shipped import shipped_configs
+    from sim.models.robot_file import read_robot_file
+
+    rows: list[dict[str, Any]] = []
+    for path in sorted((shipped_configs() / "robots").glob("*.toml")):
+        file = read_robot_file(path)
+        rows.append({"name": file.name, "kind": file.kind, "solver": file.solver, "from": "motiondeck"})
+    if catalogue:
+        rows += [
+            {"name": robot.name, "kind": robot.category, "solver": "", "from": f"menagerie ({robot.license})"}
+            for robot in _catalogue().robots()
+            if robot.category in CATALOGUE_KINDS
+        ]
+    if as_json:
+        print(json.dumps({"robots": rows}))
+        return
+    for row in rows:
+        print(f"{row['name']:<22} {row['kind']:<10} {row['solver']:<8} {row['from']}")
+
+
+@app.command("show")
+def show(robot: RobotArgument, as_json: JsonOption = False) -> None:
+    """Show a robot's joints, their limits and rest positions, its parts and its solver.
+
+    Example:  motiondeck robot show servo20
+    """
+    from motiondeck.cli.common.tables import show_table
+    from motiondeck_base.shipped import find_robot
+    from sim.models.mannequin.average_body import reference_body
+    from sim.models.robot_file import read_robot_file
+    from sim.robots.robot import load_robot
+
+    path = find_robot(robot)
+    file = read_robot_file(path)
+    loaded = load_robot(path, reference_body())
+    limits = loaded.limits
+    columns = zip(
+        loaded.joints,
+        limits.lower.tolist(),
+        limits.upper.tolist(),
+        limits.velocity.tolist(),
+        loaded.rest.tolist(),
+        strict=True,
+    )
+    joints = [dict(zip(("name", "lower", "upper", "velocity", "rest"), column, strict=True)) for column in columns]
+    said = {
+        "name": file.name,
+        "kind": file.kind,
+        "solver": file.solver,
+        "model": file.model,
+        "mass_kg": float(loaded.model.body_mass.sum()),
+        "root_height_m": file.root_height,
+        "parts": file.parts,
+        "joints": joints,
+    }
+    if as_json:
+        print(json.dumps(said))
+        return
+    how = "exactly" if file.kind == "mannequin" else {"ik": "inverse kinematics", "angles": "angles"}[file.solver]
+    print(f"{file.name}: {file.kind}, {counted(len(joints), 'joint')}, {said['mass_kg']:.1f} kg, posed by {how}")
+    if file.kind == "mannequin":
+        print("built from the skeleton of the motions; shown is that of an average body")
+    rows = [
+        (joint["name"], *(f"{joint[key]:.2f}" for key in ("lower", "upper", "velocity", "rest"))) for joint in joints
+    ]
+    show_table(("joint", "lower rad", "upper rad", "speed rad/s", "rest rad"), rows)
+    for part, body in file.parts.items():
+        print(f"{part:<12} {body}")
+
+
+@app.command("calibrate")
+def calibrate(
+    model: Annotated[str, typer.Argument(metavar="MODEL", help="An MJCF or URDF file, or a name of the catalogue.")],
+    out: Annotated[
+        Path | None, typer.Option("--out", metavar="FILE", help="The robot file; by default NAME.toml.")
+    ] = None,
+    package: Annotated[
+        list[str] | None,
+        typer.Option(
+            "--package", metavar="NAME=DIR", help="The folder of a package that a URDF's meshes are named by."
+        ),
+    ] = None,
+    force: Annotated[bool, typer.Option("--force", help="Replace an existing robot file.")] = False,
+    picture: Annotated[
+        Path | None, typer.Option("--picture", metavar="FILE", help="Draw robot and human side by side (.png).")
+    ] = None,
+    view: Annotated[bool, typer.Option("--view", help="Show robot and human side by side in the browser.")] = False,
+    port: PagePortOption = PAGE_PORT,
+    motion: Annotated[
+        str, typer.Option("--motion", metavar="MOTION", help="The motion that picture and view show.")
+    ] = "walk",
+    library: Annotated[
+        str, typer.Option("--library", metavar="LIBRARY", help="The library of that motion.")
+    ] = "thesis15",
+    as_json: JsonOption = False,
+) -> None:
+    r"""Write a first robot file for any humanoid: find its limbs, its rest pose, its size, and which way it faces.
+
+    The table shows each segment of its limbs beside what a human of the same height measures; what does not fit is a
+    warning with the line of the robot file to edit. Then it walks and boxes: the angles between its limbs and the
+    human's are shown in degrees. The exit code is 1 if a limb is missing or implausible, points elsewhere though the
+    joints could turn there, or never points as the human's does.
+
+    Look at the result with --view or --picture, edit the file where it is wrong (a wrong body under \[parts], real
+    servo speeds under \[limits]), and check it: motiondeck robot check FILE RECORDINGS.
+
+    [bold]Examples[/]
+
+      motiondeck robot calibrate op3.xml --picture op3.png
+      motiondeck play walk --robot op3.toml
+    """
+    from motiondeck.cli.robot.calibration import (
+        print_report,
+        report_of,
+        tried,
+        write_robot_file,
+    )
+    from sim.robots.calibrate import calibrate as find_out
+
+    found = find_out(_model_file(model), _packages(package or []))
+    file = out or Path(f"{found.name}.toml")
+    write_robot_file(found, file, force)
+    trial = tried(file)
+    if as_json:
+        print(json.dumps(report_of(found, file, trial)))
+    else:
+        print_report(found, file, trial)
+    if picture is not None or view:
+        from motiondeck.pictures.robot_pictures import draw_beside, played
+
+        if picture is not None:
+            draw_beside(played(library, motion, PICTURE_SECONDS), file, picture)
+            print(f"wrote {picture}", file=sys.stderr)
+        if view:
+            from motiondeck.pictures.clip_scene import act_of
+            from motiondeck.run.page.page import show_act
+
+            show_act(act_of(played(library, motion, VIEW_SECONDS), file), port)
+    if not found.sound or trial.wrong or trial.lost:
+        raise typer.Exit(1)
+
+
+@app.command("tune-walk")
+def tune_walk(
+    robot: RobotArgument,
+    motion: Annotated[
+        list[str] | None,
+        typer.Option("--motion", metavar="MOTION", help="A motion to walk; repeatable. Default: walk."),
+    ] = None,
+    library: Annotated[
+        str, typer.Option("--library", metavar="LIBRARY", help="The library of the motions.")
+    ] = "thesis15",
+    seconds: Annotated[float, typer.Option("--seconds", metavar="SECONDS", help="Length of each trial, s.")] = 60.0,
+    rounds: Annotated[int, typer.Option("--rounds", metavar="N", help="Number of settings to try.")] = 40,
+    seed: Annotated[int, typer.Option("--seed", metavar="N", help="Seed of the search.")] = 0,
+    jobs: JobsOption = "-1",
+    as_json: JsonOption = False,
+) -> None:
+    """Find the settings with which a robot walks on its own feet, under pushes, and write them into its file.
+
+    Longer and longer steps are tried until it falls; the kept ones stay 15 % below that. `play --root free --walk`
+    uses them.
+
+    [bold]Example[/]
+
+      motiondeck robot tune-walk my-robot.toml --motion walk --motion waltz
+    """
+    from motiondeck.cli.robot.tune_walk import tune, words
+    from motiondeck.run.setup import check_seconds
+    from motiondeck_base.shipped import find_robot
+
+    check_seconds(seconds)
+    file = find_robot(robot)
+    if rounds < 0:
+        raise MotiondeckError(f"--rounds {rounds} is not a number of trials")
+    report = tune(file, library, motion or ["walk"], seconds, rounds, seed, Jobs.parse(jobs))
+    print(json.dumps(report) if as_json else words(report))
+    if not report["stood"]:
+        raise typer.Exit(1)
+
+
+@app.command("rehearse")
+def rehearse(
+    robot: RobotArgument,
+    motion: Annotated[str, typer.Argument(metavar="MOTION", help="A motion of the library.")],
+    out: Annotated[Path, typer.Option("--out", metavar="FILE", help="The joint targets (.clip or .csv).")],
+    library: Annotated[
+        str, typer.Option("--library", metavar="LIBRARY", help="The library of the motion.")
+    ] = "thesis15",
+    tempo: Annotated[float, typer.Option("--tempo", metavar="TEMPO", help="Tempo of the motion.")] = 1.0,
+    rounds: Annotated[int, typer.Option("--rounds", metavar="N", help="How often a loop goes round.")] = 3,
+    generations: Annotated[int, typer.Option("--generations", metavar="N", help="How long to search.")] = 70,
+    tries: Annotated[
+        int, typer.Option("--tries", metavar="N", help="How often to try the result, with other errors.")
+    ] = 20,
+    seed: Annotated[int, typer.Option("--seed", metavar="N", help="Seed of the search.", min=0)] = 0,
+    as_json: JsonOption = False,
+) -> None:
+    """Find joint targets with which a robot does a motion on a free root, in many short simulations.
+
+    For motions that no step controller can do: getting down to the floor, crawling, getting up. Six robots rehearse
+    at once, five of them weaker, on a more slippery floor and a little out of place, and all are told the same; nothing
+    watches them. Then the result is tried with other errors of that size, beside the targets as they are played. The
+    exit code is 1 if the motion is kept to its end less often than 9 times in 10: such a motion stays on the gantry.
+
+    A .clip can be learned: motiondeck fit getdown.clip
+
+    [bold]Example[/]
+
+      motiondeck robot rehearse servo20 getdown --out getdown.clip
+    """
+    from controller.wire.messages.arguments import TEMPO
+    from motiondeck.cli.robot.rehearse import OFTEN, rehearsed, words
+
+    if not 0.1 <= tempo <= TEMPO.highest:
+        raise MotiondeckError(f"--tempo {tempo:g} is not between 0.1 and {TEMPO.highest:g}")
+    for name, count in (("rounds", rounds), ("generations", generations), ("tries", tries)):
+        if count < 1:
+            raise MotiondeckError(f"--{name} {count}: at least 1")
+    report = rehearsed(robot, motion, library, out, tempo, rounds, generations, tries, seed)
+    print(json.dumps(report) if as_json else words(report))
+    if report["rehearsed"]["kept"] < OFTEN * tries:
+        raise typer.Exit(1)
+
+
+@app.command("check")
+def check(
+    robot: RobotArgument,
+    files: Annotated[list[Path], typer.Argument(metavar="RECORDINGS", help="Recordings, or folders full of them.")],
+    solver: SolverOption = None,
+    seconds: Annotated[
+        float | None,
+        typer.Option("--seconds", metavar="SECONDS", help="Check only this many first seconds of each recording."),
+    ] = None,
+    as_json: JsonOption = False,
+) -> None:
+    """Retarget recordings onto a robot and measure how well it follows: one row each.
+
+    The last line says PASSED, or FAILED and why; lines above it name recording, limb, degrees and what to do. A
+    recording fails if it cannot be read, if one of these counts is not zero, or if a limb points further off than 15
+    degrees on average or 45 at worst though its joints' ranges would let it come closer: bad (NaN or infinite), beyond
+    (targets outside a joint's range), fast (steps faster than a joint may go), jumps (a joint goes far in one frame
+    though the human does not). The exit code is 1 if one fails.
+
+    changed is the share of targets that the safety envelope had to slow down. short and worst are how far inverse
+    kinematics missed the ends of the limbs (rms and worst, mm); past is how many goals of the angle solver lay outside
+    a joint's range. The angles between the robot's limbs and the human's follow, mean and worst in degrees, of the
+    worse side, and the trunk's, for which there is no limit; then how fast standing soles slide (mm/s) and how deep
+    anything sinks into the floor (mm).
+
+    [bold]Examples[/]
+
+      motiondeck robot check servo20 recordings/ --solver ik
+      motiondeck robot check op3.toml walk.bvh jog.amc --json
+    """
+    from motiondeck.cli.robot.check import check as rows_of
+    from motiondeck.cli.robot.check import faults, recordings, verdict
+    from motiondeck_base.progress import progress
+    from motiondeck_base.shipped import find_robot
+    from sim.models.robot_file import solver_named
+
+    if seconds is not None and not seconds > 0.0:
+        raise MotiondeckError(f"--seconds {seconds:g} is not a length of time above 0")
+    named = solver_named(solver)
+    found = recordings(files)
+    rows = []
+    with progress("carrying", len(found)) as tick:
+        for row in rows_of(find_robot(robot), found, named, seconds):
+            rows.append(row)
+            tick()
+    if as_json:
+        judged = [row | {"faults": faults(row)} for row in rows]
+        print(json.dumps({"robot": robot, "solver": solver, "verdict": verdict(rows), "recordings": judged}))
+    else:
+        _print_rows(rows)
+        print(verdict(rows))
+    if any(faults(row) for row in rows):
+        raise typer.Exit(1)
+
+
+def _print_rows(rows: list[dict[str, Any]]) -> None:
+    """The table, its sums, and what went wrong."""
+    from motiondeck.cli.common.tables import show_table
+    from motiondeck.cli.robot.check import remarks
+
+    counts, segments = ("bad", "beyond", "too_fast", "jumps"), ("thigh", "shank", "upper_arm", "forearm")
+    reach = {"past_range": "past"} if any("past_range" in row for row in rows) else {}
+    if any("short_worst" in row for row in rows):
+        reach = {"short_rms": "short", "short_worst": "worst"}
+    degrees = [f"{name.replace('_', ' ')} deg" for name in (*segments, "trunk")]
+    headings = ("recording", "frames", "bad", "beyond", "fast", "jumps", "changed", *reach.values(), *degrees)
+    lines = []
+    for row in rows:
+        if "altered" in row:
+            cells = [str(row["frames"]), *(f"{row[name]:.0f}" for name in counts), f"{100.0 * row['altered']:.1f} %"]
+            cells += [f"{row[name]:.0f}" if name == "past_range" else f"{1000.0 * row[name]:.1f}" for name in reach]
+            cells += [_degrees(row.get("limbs_deg", {}), name) for name in segments]
+            cells += [f"{row['trunk_deg']['mean']:.0f}/{row['trunk_deg']['worst']:.0f}" if "trunk_deg" in row else ""]
+            cells += [f"{1000.0 * row[name]:.1f}" if name in row else "" for name in ("slide", "sunk")]
+            lines.append((Path(row["clip"]).name, *cells))
+        elif "error" in row:
+            lines.append((Path(row["clip"]).name, str(row["frames"]), "ERROR"))
+    show_table((*headings, "slide", "sunk"), lines)
+    carried = [row for row in rows if "altered" in row]
+    sums = ", ".join(f"{name.replace('_', ' ')} {sum(row[name] for row in carried):.0f}" for name in counts)
+    frames = sum(row["frames"] for row in carried)
+    print(f"{counted(len(carried), 'recording')}, {frames} frames: {sums}")
+    for line in remarks(rows):
+        print(line)
+
+
+def _degrees(limbs: dict[str, dict[str, float]], segment: str) -> str:
+    """Mean and worst angle of a segment, of the side where it is worse: "4/12"."""
+    both = [limbs[name] for name in (f"r_{segment}", f"l_{segment}") if name in limbs]
+    return f"{max(one['mean'] for one in both):.0f}/{max(one['worst'] for one in both):.0f}" if both else ""
+
+
+def _packages(pairs: list[str]) -> dict[str, Path]:
+    """The folders of packages given as NAME=DIR."""
+    found: dict[str, Path] = {}
+    for pair in pairs:
+        name, _, folder = pair.partition("=")
+        if not name or not Path(folder).is_dir() or not folder:
+            raise MotiondeckError(f"--package {pair}: it must be NAME=DIR, and DIR a folder that exists")
+        found[name] = Path(folder)
+    return found
+
+
+def _model_file(model: str) -> Path:
+    """The file of a model: a path, or one of the catalogue, which is fetched."""
+    if Path(model).exists() or "/" in model or Path(model).suffix:
+        return Path(model)
+    menagerie = _catalogue()
+    names = [robot.name for robot in menagerie.robots()]
+    if model not in names:
+        raise UnknownNameError(f"there is no file {model}, and {UnknownNameError.among('robot', model, names)}")
+    entry = menagerie.get(model)
+    try:
+        return Path(entry.xml(entry.default_model))
+    except (menagerie.MenagerieError, OSError) as error:
+        raise MotiondeckError(f"{model}: cannot be fetched ({error})") from None
+
+
+def _catalogue() -> Any:
+    try:
+        return import_module("mujoco_menagerie")
+    except ImportError:
+        raise MotiondeckError('the catalogue of robots is an extra: pip install "motiondeck[menagerie]"') from None

@@ -1,0 +1,122 @@
+"""`motiondeck retarget`: recordings as motions of a robot, in files for training tracking policies."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Literal
+
+import typer
+
+from motiondeck.cli.common.options import JobsOption, JsonOption, SolverOption
+from motiondeck_base.counted import counted
+
+if TYPE_CHECKING:
+    from sim.robots.retarget_files import RetargetedFile
+
+SEGMENTS = ("thigh", "shank", "upper_arm", "forearm")
+
+
+def retarget(
+    recordings: Annotated[
+        list[Path],
+        typer.Argument(metavar="FILE_OR_FOLDER...", help="Recordings in any format, and folders that hold some."),
+    ],
+    robot: Annotated[
+        str, typer.Option("--robot", metavar="ROBOT", help="A robot file (.toml), or: mannequin, servo20.")
+    ],
+    out: Annotated[Path, typer.Option("--out", metavar="DIR", help="The folder for the files; made if need be.")],
+    format: Annotated[
+        Literal["npz", "csv", "mjlab", "qpos"], typer.Option("--format", help="The files' format.")
+    ] = "npz",
+    solver: SolverOption = None,
+    jobs: JobsOption = "-1",
+    as_json: JsonOption = False,
+) -> None:
+    """Carry recordings onto a robot and write each as a motion file for training.
+
+    npz: fps, joint_names, root_pos, root_quat (w x y z) and joint_pos. csv: at 30 Hz, a row per frame: root x y z,
+    quaternion x y z w, joints, as Unitree's retargeted LAFAN1 set. mjlab: the npz of its tracking task, at 50 Hz.
+    qpos: fps, qpos and qvel of MuJoCo. npz and qpos keep the recording's rate. Joints are in the order of the robot's
+    model.
+
+    All cores work, or with --jobs dask://HOST:PORT a cluster whose workers see the same folders. The run can be
+    stopped at any time: the same command continues, and repeats a recording only if it has changed. motions.jsonl
+    beside the files has the result of each.
+
+    The table shows the angles between the robot's limbs and the human's (mean/worst, of the worse side, degrees), steps
+    faster than a joint may go (fast), how deep anything sinks into the floor (mm) and how fast standing soles slide
+    (mm/s). What the robot cannot do is written as NAME.infeasible.npz, with the reason below the table: a limb further
+    off than 15 degrees on average or 45 at worst, steps too fast, jumps, anything 5 mm in the floor. The exit code is 1
+    if a recording could not be carried at all.
+
+    [bold]Examples[/]
+
+      motiondeck retarget recordings/ --robot g1.toml --out motions --format mjlab
+      motiondeck retarget walk.bvh dance.c3d --robot g1.toml --out motions --format csv
+    """
+    from controller.learning.learn import recordings_in
+    from motiondeck_base.jobs import Jobs
+    from motiondeck_base.progress import progress
+    from motiondeck_base.shipped import find_robot
+    from sim.models.robot_file import solver_named
+    from sim.robots.retarget_files import retarget_files
+    from sim.robots.training_files import format_named
+
+    named, how, where = format_named(format), solver_named(solver), Jobs.parse(jobs)
+    rows: list[RetargetedFile] = []
+    with progress("retargeting", len(recordings_in(recordings))) as tick:
+        for row in retarget_files(find_robot(robot), recordings, out, named, how, where):
+            rows.append(row)
+            tick()
+    rows.sort(key=lambda row: row.recording)
+    if as_json:
+        import msgspec
+
+        print(json.dumps({"robot": robot, "format": named, "recordings": msgspec.to_builtins(rows)}))
+    else:
+        print_rows(rows, out)
+    if any(row.error for row in rows):
+        raise typer.Exit(1)
+
+
+def print_rows(rows: list[RetargetedFile], out: Path) -> None:
+    """The table, what is infeasible and what failed, and the sums."""
+    from motiondeck.cli.common.tables import show_table
+
+    headings = (
+        "recording",
+        "frames",
+        "fps",
+        *(name.replace("_", " ") for name in SEGMENTS),
+        "fast",
+        "sunk",
+        "slide",
+        "",
+    )
+    lines = []
+    for row in rows:
+        if row.error is None:
+            cells = [str(row.frames), f"{row.fps:g}", *(_worse(row.limbs_deg, name) for name in SEGMENTS)]
+            cells += [str(row.too_fast), f"{1000.0 * row.sunk_m:.1f}", f"{1000.0 * row.slide_m_s:.0f}"]
+            lines.append((Path(row.recording).name, *cells, "infeasible" if row.infeasible else ""))
+    show_table(headings, lines)
+    for row in rows:
+        for note in row.notes:
+            print(f"{row.recording}: {note}")
+    for row in rows:
+        if row.infeasible:
+            print(f"infeasible: {row.recording}: {'; '.join(row.infeasible)}")
+    for row in rows:
+        if row.error is not None:
+            print(f"failed: {row.error}")
+    written = [row for row in rows if row.error is None]
+    seconds = sum(row.frames / row.fps for row in written)
+    refused = sum(bool(row.infeasible) for row in written)
+    failed = len(rows) - len(written)
+    print(f"{counted(len(written), 'motion')}, {seconds:.0f} s, in {out}; {refused} infeasible, {failed} failed")
+
+
+def _worse(limbs: dict[str, tuple[float, float]], segment: str) -> str:
+    both = [limbs[name] for name in (f"r_{segment}", f"l_{segment}") if name in limbs]
+    return f"{max(mean for mean, _ in both):.0f}/{max(worst for _, worst in both):.0f}" if both else ""

@@ -1,0 +1,95 @@
+"""`motiondeck robot tune-walk`: finds the settings with which a robot walks, and writes them into its file."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from functools import lru_cache
+from pathlib import Path
+from typing import Any
+
+import msgspec
+from joblib import delayed
+
+from controller.deck.deck import Deck
+from controller.library.motion_library import load_library
+from motiondeck_base.errors import UnknownNameError
+from motiondeck_base.files import write_file
+from motiondeck_base.jobs import Jobs, spread
+from motiondeck_base.progress import progress
+from motiondeck_base.shipped import find_library
+from sim.models.walk_settings import WalkSettings, with_walk_table
+from sim.physics.pushes import usual_push
+from sim.physics.walk_trial import Course, Trial, play_course, pushes, walk_trial
+from sim.physics.walk_tuning import EDGE, steps, tune_walk
+from sim.robots.robot import Robot, load_robot
+
+
+def tune(
+    file: Path, library: str, motions: list[str], seconds: float, rounds: int, seed: int, jobs: Jobs
+) -> dict[str, Any]:
+    """Tunes the robot of a file on motions of a library, and writes the settings that are kept into the file.
+
+    Raises:
+        MotiondeckError: if a file or a motion does not exist, the robot has no two feet, or the file cannot be written.
+    """
+    loaded = load_library(find_library(library))
+    for motion in motions:
+        if motion not in loaded.network.motions:
+            raise UnknownNameError.among("motion", motion, loaded.network.motions)
+    robot = load_robot(file, loaded.skeleton)
+    impulse = usual_push(robot.model)
+    with progress(f"playing {', '.join(motions)}", len(motions)) as tick:
+        courses = []
+        for motion in motions:
+            courses.append(play_course(robot, Deck(loaded, robot.retarget, motion).update, seconds))
+            tick()
+
+    def walks(tried: Sequence[WalkSettings], first: int) -> list[list[Trial]]:
+        tasks = [
+            delayed(_walk)(file, library, course, impulse, first + number, settings)
+            for settings in tried
+            for number, course in enumerate(courses)
+        ]
+        trials = list(spread(tasks, jobs, ordered=True))
+        return [trials[at : at + len(courses)] for at in range(0, len(trials), len(courses))]
+
+    with progress("tuning", steps(rounds)) as tick:
+        tuned = tune_walk(robot.walk, walks, seconds * len(courses), rounds, tick, seed)
+    write_file(file, with_walk_table(file.read_text(encoding="utf-8"), tuned.settings).encode())
+    return {
+        "robot": robot.name,
+        "file": str(file),
+        "motions": motions,
+        "seconds": seconds,
+        "push_ns": impulse,
+        "walk": msgspec.structs.asdict(tuned.settings),
+        "edge": tuned.edge,
+        "margin": 1.0 - EDGE if tuned.edge > 0.0 else 0.0,
+        "walked_m": list(tuned.walked),
+        "stood": tuned.stood,
+    }
+
+
+@lru_cache(maxsize=1)
+def _loaded(file: Path, library: str) -> Robot:
+    return load_robot(file, load_library(find_library(library)).skeleton)
+
+
+def _walk(file: Path, library: str, course: Course, impulse: float, seed: int, settings: WalkSettings) -> Trial:
+    """One trial, in whatever process."""
+    return walk_trial(_loaded(file, library), course, pushes(impulse, seed), settings)
+
+
+def words(report: dict[str, Any]) -> str:
+    """The report in a few lines."""
+    walked = ", ".join(
+        f"{motion} {metres:.1f} m" for motion, metres in zip(report["motions"], report["walked_m"], strict=True)
+    )
+    ends = "stood" if report["stood"] else "fell"
+    pushes = f"pushes of {report['push_ns']:.2g} N s every 5 s that it was not tuned under"
+    lines = [f"{report['robot']} {ends} under {pushes}; in {report['seconds']:g} s it went: {walked}"]
+    if report["margin"]:
+        lines.append(f"its steps are {report['margin']:.0%} shorter than the longest at which it stood")
+    else:
+        lines.append("it fell at every pace: more --rounds, or an easier --motion")
+    return "\n".join([*lines, f"wrote {report['file']}"])

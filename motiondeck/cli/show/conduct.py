@@ -1,0 +1,271 @@
+"""`motiondeck conduct`: conducts a show of many decks; `--stop` stops all of them."""
+
+from __future__ import annotations
+
+import json
+import os
+import select
+import sys
+import time
+from contextlib import ExitStack, closing
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from motiondeck.cli.common.options import SHOW_PAGE_PORT
+from motiondeck_base.counted import counted
+from motiondeck_base.printable import printable
+
+if TYPE_CHECKING:
+    from motiondeck.cli.show.show_page import ShowPage
+    from motiondeck.shows.conductor import Conductor, Told
+    from motiondeck.shows.link import Link
+    from motiondeck.shows.membership import Membership
+    from motiondeck.shows.seen_decks import SeenDeck
+
+_HELP = "go | hold | stop (emergency stop of all) | status | DECK or GROUP COMMAND, such as: all pause | quit"
+_WITHOUT = {"go on": "play on", "hold": "pause until one is there", "stop": "make an emergency stop"}
+_STOP_WITHIN = 3.0  # s for decks to be found and to say that they have stopped
+_STOP_AT_LEAST = 1.0  # s for those that are found later than the first
+_PAGE_EVERY = 0.2  # s between two states for the page
+
+
+def conduct(
+    file: Annotated[Path, typer.Argument(metavar="SHOW.toml", help="The show file.")],
+    certificates: Annotated[
+        Path | None,
+        typer.Option(
+            "--certificates",
+            metavar="FOLDER",
+            help="The conductor's folder of `motiondeck fleet certificates`, for decks on other machines.",
+        ),
+    ] = None,
+    begin_at: Annotated[
+        str | None, typer.Option("--from", metavar="CUE", help="Begin at this cue, by its name or number.")
+    ] = None,
+    stop: Annotated[
+        bool, typer.Option("--stop", help="Emergency stop of all decks, beside a running conductor or without one.")
+    ] = False,
+    page_port: Annotated[
+        int, typer.Option("--port", metavar="PORT", help="The page's port on 127.0.0.1; 0 for any free one.")
+    ] = SHOW_PAGE_PORT,
+    headless: Annotated[bool, typer.Option("--headless", help="No page.")] = False,
+    as_json: Annotated[bool, typer.Option("--json", help="Print what happens as JSON objects, one a line.")] = False,
+) -> None:
+    """Conduct a show: decks that were started with `play --show` take its cues at the same time.
+
+    The page shows the cue list and every deck, with buttons for `go`, `hold` and the emergency stop of all decks.
+    Or type `go` at hold points, `stop` for that emergency stop, `status`, or a deck or group and a command.
+    Decks on this machine are found by themselves. Needs the extra `fleet`: pip install "motiondeck\\[fleet]".
+
+    [bold]Examples[/]
+
+      motiondeck conduct gala.toml
+      motiondeck conduct gala.toml --stop
+    """
+    from motiondeck.cli.show.show_page import show_page
+    from motiondeck.shows.conductor import Conductor
+    from motiondeck.shows.cue_list import cue_named
+    from motiondeck.shows.link import Link
+    from motiondeck.shows.show_file import read_show
+
+    show = read_show(file)
+    first = cue_named(show.cues, begin_at) if begin_at is not None else 0
+    member = _member(show.show, file, certificates, listens=not stop)
+    if stop:
+        _stop_all(Link(member))
+        return
+    began = time.monotonic()
+
+    def tell(text: str) -> None:
+        at = time.monotonic() - began
+        line = json.dumps({"at": round(at, 3), "text": text}) if as_json else f"{at:7.2f} {printable(text)}"
+        print(line, flush=True)
+
+    with ExitStack() as opening:
+        page = opening.enter_context(show_page(page_port)) if not headless else None
+        conductor = opening.enter_context(closing(Conductor(show, Link(member), tell, first)))
+        tell(f"{show.show}: {counted(len(show.cues), 'cue')}; {_HELP}")
+        try:
+            _converse(conductor, tell, page, as_json=as_json)
+            return
+        except KeyboardInterrupt:
+            pass
+    sys.exit(130)
+
+
+def _member(show: str, file: Path, certificates: Path | None, *, listens: bool) -> Membership:
+    from motiondeck.shows.membership import CONDUCTOR, on_this_machine, with_certificates
+    from motiondeck_base.errors import FileFormatError, MotiondeckError
+
+    if certificates is None:
+        return on_this_machine(show, CONDUCTOR if listens else f"stop-{os.getpid()}", listens=listens)
+    member = with_certificates(certificates, listens=listens)
+    if member.show != show:
+        raise FileFormatError(
+            f"{file}: show = '{show}', but the certificates in {certificates} are for '{member.show}'"
+        )
+    if member.name != CONDUCTOR:
+        raise MotiondeckError(f"{certificates}: these are the certificates of '{member.name}', not of the conductor")
+    return member
+
+
+def _converse(conductor: Conductor, tell: Told, page: ShowPage | None, *, as_json: bool) -> None:
+    """Runs the show, and does what is typed and what the page says, until `quit`; it goes on when either ends."""
+    from motiondeck.shows.show_state import show_state
+
+    keyboard = sys.stdin.fileno() if sys.stdin is not None else None
+    typed, wait, page_at = b"", 0.0, 0.0
+    while True:
+        inputs = [conductor, *(source for source in (keyboard, page) if source is not None)]
+        ready, _, _ = select.select(inputs, [], [], wait)
+        if page is not None and page in ready and not _hear_page(conductor, page, tell):
+            page = None
+        if keyboard is not None and keyboard in ready:
+            data = os.read(keyboard, 4096)
+            if not data:
+                keyboard = None
+            *lines, typed = (typed + data).split(b"\n")
+            for line in lines:
+                if not _do(conductor, line.decode(errors="replace").strip(), tell, as_json=as_json):
+                    return
+        wait = conductor.step()
+        if page is not None and time.monotonic() >= page_at:
+            page_at = time.monotonic() + _PAGE_EVERY
+            page.tell(show_state(conductor))
+
+
+def _hear_page(conductor: Conductor, page: ShowPage, tell: Told) -> bool:
+    """Does what was pressed on the page, as if it had been typed, and tells what came of it; False if it has ended."""
+    from motiondeck.shows.show_state import ShowNotice
+
+    def tell_both(text: str) -> None:
+        tell(text)
+        page.tell(ShowNotice(text))
+
+    try:
+        for word in page.words():
+            _do(conductor, word, tell_both, as_json=False)
+    except EOFError:
+        tell("the page has ended; the show goes on")
+        return False
+    return True
+
+
+def _do(conductor: Conductor, line: str, tell: Told, *, as_json: bool) -> bool:
+    """Does what was typed; False to end."""
+    from controller.wire.messages.command_table import BY_WORD
+    from motiondeck_base.errors import MotiondeckError
+
+    words = line.split()
+    match words:
+        case []:
+            pass
+        case ["quit"]:
+            show = conductor.show
+            tell(f"ended; after {show.lost_after:g} s without a conductor decks {_WITHOUT[show.if_lost]} (if_lost)")
+            return False
+        case ["go"]:
+            tell(conductor.go())
+        case ["hold"]:
+            tell(conductor.hold())
+        case ["stop"] | ["estop"]:
+            conductor.stop()
+        case ["status"]:
+            _show_status(conductor, as_json=as_json)
+        case ["help"]:
+            tell(_HELP)
+        case [word, *_] if word in BY_WORD and not _are_decks(conductor, word):
+            tell(f"for which decks? For example: all {line}")
+        case [names] if _are_decks(conductor, names):
+            tell(f"what is {names} to do? For example: {names} pause")
+        case [names, *command] if command:
+            try:
+                tell(conductor.command(names.split(","), " ".join(command)))
+            except MotiondeckError as error:
+                tell(str(error))
+        case _:
+            tell(f"'{line}' is nothing to do here: {_HELP}")
+    return True
+
+
+def _are_decks(conductor: Conductor, names: str) -> bool:
+    """Whether these are names of decks and groups, separated by commas."""
+    show = conductor.show
+    return {*names.split(",")} <= {"all", *conductor.decks, *show.decks, *show.groups}
+
+
+def _show_status(conductor: Conductor, *, as_json: bool) -> None:
+    import msgspec
+
+    from motiondeck.page.show.show_text import show_line
+    from motiondeck.shows.show_state import show_state
+
+    state = show_state(conductor)
+    if as_json:
+        present, upcoming = (
+            None if number is None else conductor.cue_name(number) for number in (state.present, state.upcoming)
+        )
+        told = {
+            "present": present,
+            "upcoming": upcoming,
+            "seconds": state.seconds,
+            "waits": state.waits,
+            "stopped_by": state.stopped_by,
+            "decks": {deck.name: {"here": deck.here, "health": deck.health} for deck in conductor.decks.values()},
+        }
+        print(msgspec.json.encode(told).decode(), flush=True)
+        return
+    shown = show_line(state)
+    print(f"        {'; '.join(filter(None, (f'{shown.word} {shown.played}', shown.upcoming)))}", flush=True)
+    for deck in sorted(conductor.decks.values(), key=lambda deck: deck.name):
+        print(f"        {deck.name:12} {_describe(deck)}", flush=True)
+
+
+def _describe(deck: SeenDeck) -> str:
+    health = deck.health
+    if not deck.here:
+        return "gone" if deck.losses else "not here yet"
+    if health is None:
+        return "says nothing yet"
+    doing = f"{'switching to' if health.switching else 'paused in' if health.paused else 'plays'} {health.motion}"
+    mode = "" if health.mode == "playing" else f"{health.mode}; "
+    lock = f", {health.lock}" if health.lock else ""
+    clock = "clock unknown"
+    if health.clock is not None:
+        clock = f"clock ±{health.clock.uncertainty_ms:.2f} ms, drift {health.clock.drift_ppm:+.0f} ppm"
+    return f"{mode}{doing}{lock}; {clock}" + (f"; {health.problem}" if health.problem else "")
+
+
+def _stop_all(link: Link) -> None:
+    """Says the emergency stop until every deck that is there reports it."""
+    from motiondeck.shows.member import STOP_AGAIN
+    from motiondeck.shows.messages import DeckHealth, EmergencyStopAll, encode, read
+    from motiondeck_base.errors import MotiondeckError
+
+    modes: dict[str, str] = {}
+
+    def heard(key: str, data: bytes) -> None:
+        health = read(data, DeckHealth)
+        if health is not None:
+            modes[key.removeprefix("health/")] = health.mode
+
+    link.hear("health/*", heard)
+    data = encode(EmergencyStopAll("conduct --stop", os.urandom(8).hex()))
+    began = time.monotonic()
+    try:
+        while time.monotonic() < began + _STOP_WITHIN:
+            link.say("stop", data)
+            time.sleep(STOP_AGAIN)
+            stopped = bool(modes) and all(mode == "emergency stop" for mode in modes.values())
+            if stopped and time.monotonic() > began + _STOP_AT_LEAST:
+                break
+    finally:
+        link.close()
+    reported = sorted(name for name, mode in modes.items() if mode == "emergency stop")
+    if moving := sorted(set(modes) - set(reported)):
+        raise MotiondeckError(f"no emergency stop is reported by: {', '.join(moving)}")
+    if not reported:
+        raise MotiondeckError("no deck of the show is reached")
+    print(f"emergency stop: {', '.join(reported)}")

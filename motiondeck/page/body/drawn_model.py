@@ -1,0 +1,109 @@
+"""A drawn model: the solids of one robot or human on a page, with their shadow on the floor."""
+
+# pyright: reportAttributeAccessIssue=false
+# (MuJoCo's names come from compiled modules, which have no type stubs.)
+
+from __future__ import annotations
+
+import mujoco
+import numpy as np
+import viser
+from numpy.typing import NDArray
+
+from controller.motion.rotations import Array
+from motiondeck.page.body.solids import batches, poses
+from motiondeck.page.web.private_page import PrivatePage
+
+SHADOW = (58, 66, 78)
+BRIGHTEST = 215  # of 255: pure white has no shading in the light of the scene
+
+
+class DrawnModel:
+    """One robot or one human on a page.
+
+    Attributes:
+        data: MuJoCo's state of what was shown last.
+    """
+
+    def __init__(self, page: PrivatePage, model: mujoco.MjModel, height: float, name: str = "") -> None:
+        """Puts it on the page in its initial pose.
+
+        Args:
+            page: where it is drawn.
+            model: of it.
+            height: of the robot that the scene is made for, m.
+            name: tells it from others.
+        """
+        self._page, self._model, self._visible = page, model, True
+        self.data = mujoco.MjData(model)
+        found = batches(model)
+        # Where all copies are is found at once; of each shape it is a part of that.
+        self._geom = np.array([geom for batch in found.values() for geom in batch.geom], dtype=np.int64)
+        self._offset = np.array([offset for batch in found.values() for offset in batch.offset]).reshape(-1, 3)
+        ends = np.cumsum([len(batch.geom) for batch in found.values()])
+        self._parts = [slice(end - len(batch.geom), end) for end, batch in zip(ends, found.values(), strict=True)]
+        self._handles: list[tuple[viser.BatchedMeshHandle, viser.BatchedMeshHandle]] = []  # each with its shadow
+        mujoco.mj_kinematics(model, self.data)
+        self._placed = poses(model, self.data, self._geom, self._offset)
+        for (shape, batch), part in zip(found.items(), self._parts, strict=True):
+            position, orientation = (of_all[part] for of_all in self._placed)
+            # The same solids, flattened, are their own shadow: there is no shadow map for a slow computer to filter.
+            looks = (
+                ("robot", batch.mesh, linear(np.minimum(batch.colour, BRIGHTEST)), 1.0, 0.0, 1.0),
+                ("shadow", batch.shadow, SHADOW, 1e-3, 0.002 * height, 0.5),
+            )
+            solid, shadow = (
+                page.scene.add_batched_meshes_simple(
+                    f"/{look}{name}/{shape}",
+                    *mesh,
+                    batched_wxyzs=orientation,
+                    batched_positions=position,
+                    batched_scales=batch.scale,
+                    batched_colors=colour,
+                    # A shadow of smooth sides would have dark edges, where they are upright.
+                    flat_shading=look == "shadow" or not batch.smooth,
+                    lod="off",
+                    cast_shadow=False,
+                    receive_shadow=False,
+                    scale=(1.0, 1.0, thickness),
+                    position=(0.0, 0.0, lift),
+                    opacity=None if batch.opacity == 1.0 else share * batch.opacity,
+                )
+                for look, mesh, colour, thickness, lift, share in looks
+            )
+            self._handles.append((solid, shadow))
+
+    @property
+    def solids(self) -> list[viser.BatchedMeshHandle]:
+        """Its solids on the page, without their shadows."""
+        return [solid for solid, _ in self._handles]
+
+    def show(self, qpos: Array, centre: Array) -> None:
+        """Draws it at qpos (nq,), as seen by someone at the centre (2,), m."""
+        self.data.qpos[:] = qpos
+        mujoco.mj_kinematics(self._model, self.data)
+        self._set_visible(True)
+        position, orientation = poses(self._model, self.data, self._geom, self._offset)
+        position[:, :2] -= centre
+        position, orientation = position.astype(np.float32), orientation.astype(np.float32)
+        if all(map(np.array_equal, (position, orientation), self._placed)):
+            return
+        self._placed = position, orientation
+        for part, handles in zip(self._parts, self._handles, strict=True):
+            for handle in handles:
+                self._page.move_copies(handle, position[part], orientation[part])
+
+    def hide(self) -> None:
+        """Hides it until it is shown again."""
+        self._set_visible(False)
+
+    def _set_visible(self, visible: bool) -> None:
+        if visible != self._visible:
+            self._visible = visible
+            for handle in (handle for handles in self._handles for handle in handles):
+                handle.visible = visible
+
+
+def linear(colour: NDArray[np.uint8]) -> NDArray[np.uint8]:
+    """Screen colours (sRGB) as linear ones, which the page expects for copies."""
+    return np.round(255.0 * (colour / 255.0) ** 2.2).astype(np.uint8)

@@ -1,0 +1,187 @@
+"""The solids of a MuJoCo model as a few meshes that are drawn many times each, ready for a 3-D page.
+
+A capsule is a mantle between two caps, because stretching a capsule would flatten its ends; so a humanoid of a hundred
+primitives is a few batches: caps, mantles, spheres and boxes. A browser without a graphics card spends its time on
+vertices, so nothing is drawn that the next solid hides, and shadows are coarser than what casts them.
+"""
+
+# pyright: reportAttributeAccessIssue=false
+# (MuJoCo's names come from compiled modules, which have no type stubs.)
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import mujoco
+import numpy as np
+from numpy.typing import NDArray
+
+from controller.motion.rotations import Array, multiply, rotate
+from motiondeck.page.body.meshes import Triangles, creased, thinned
+
+LAST_VISIBLE_GROUP = 2
+MOST_TRIANGLES, MOST_IN_SHADOW = 2500, 200
+"""Of a mesh: some files have a hundred thousand."""
+
+
+@dataclass(frozen=True)
+class SolidBatch:
+    """N copies of one mesh.
+
+    Attributes:
+        mesh: vertices (V, 3) and triangles (F, 3).
+        shadow: the same solid with fewer triangles.
+        smooth: whether its surface is shaded across edges, where triangles share corners.
+        geom: the geom each copy belongs to, shape (N,).
+        offset: where each copy is in the frame of its geom, shape (N, 3), m.
+        scale: the size of each copy along the axes of its geom, shape (N, 3).
+        colour: red, green, blue of each copy, shape (N, 3), 0 to 255.
+        opacity: of all copies, 0 to 1.
+    """
+
+    mesh: Triangles
+    shadow: Triangles
+    smooth: bool
+    geom: NDArray[np.int64]
+    offset: Array
+    scale: Array
+    colour: NDArray[np.uint8]
+    opacity: float
+
+
+def batches(model: mujoco.MjModel) -> dict[str, SolidBatch]:
+    """What is to be drawn of a model, by shape and opacity; floors and other planes are left out."""
+    copies: dict[tuple[str, float], list[tuple[int, list[float], list[float]]]] = {}
+    # Each with the mesh of its shadow.
+    meshes: dict[str, tuple[Triangles, Triangles]] = {
+        "sphere": (sphere(10, 18), sphere(4, 8)),
+        "cap up": (cap(1.0, 3, 16), cap(1.0, 2, 8)),
+        "cap down": (cap(-1.0, 3, 16), cap(-1.0, 2, 8)),
+        "mantle": (mantle(16), mantle(8)),
+        "cylinder": (cylinder(16), cylinder(8)),
+        "box": (box(), box()),
+    }
+
+    def add(shape: str, geom: int, scale: list[float], up: float = 0.0) -> None:
+        opacity = round(float(_colour(model, geom)[3]), 2)
+        copies.setdefault((shape, opacity), []).append((geom, [0.0, 0.0, up], scale))
+
+    for geom in range(model.ngeom):
+        if model.geom_group[geom] > LAST_VISIBLE_GROUP or _colour(model, geom)[3] == 0.0:
+            continue
+        a, b, c = (float(size) for size in model.geom_size[geom])
+        match model.geom_type[geom]:
+            case mujoco.mjtGeom.mjGEOM_SPHERE:
+                add("sphere", geom, [a, a, a])
+            case mujoco.mjtGeom.mjGEOM_ELLIPSOID:
+                add("sphere", geom, [a, b, c])
+            case mujoco.mjtGeom.mjGEOM_CAPSULE:
+                add("cap up", geom, [a, a, a], up=b)
+                add("cap down", geom, [a, a, a], up=-b)
+                add("mantle", geom, [a, a, b])
+            case mujoco.mjtGeom.mjGEOM_CYLINDER:
+                add("cylinder", geom, [a, a, b])
+            case mujoco.mjtGeom.mjGEOM_BOX:
+                add("box", geom, [a, b, c])
+            case mujoco.mjtGeom.mjGEOM_MESH:
+                mesh = int(model.geom_dataid[geom])
+                first, count = model.mesh_vertadr[mesh], model.mesh_vertnum[mesh]
+                face, faces = model.mesh_faceadr[mesh], model.mesh_facenum[mesh]
+                name = f"mesh{mesh}"
+                drawn = (
+                    model.mesh_vert[first : first + count].astype(np.float32),
+                    model.mesh_face[face : face + faces].astype(np.uint32),
+                )
+                meshes[name] = (creased(thinned(drawn, MOST_TRIANGLES)), thinned(drawn, MOST_IN_SHADOW))
+                add(name, geom, [1.0, 1.0, 1.0])
+    return {
+        shape if opacity == 1.0 else f"{shape} {opacity:g}": SolidBatch(
+            mesh=meshes[shape][0],
+            shadow=meshes[shape][1],
+            smooth=shape != "box",
+            geom=np.array([geom for geom, _, _ in found]),
+            offset=np.array([offset for _, offset, _ in found]),
+            scale=np.array([scale for _, _, scale in found]),
+            colour=np.array([np.round(255.0 * _colour(model, geom)[:3]) for geom, _, _ in found], dtype=np.uint8),
+            opacity=opacity,
+        )
+        for (shape, opacity), found in copies.items()
+    }
+
+
+def poses(model: mujoco.MjModel, data: mujoco.MjData, geom: NDArray[np.int64], offset: Array) -> tuple[Array, Array]:
+    """Where copies are that belong to geoms (N,), at offsets (N, 3), m: positions (N, 3), m, and quaternions (N, 4)."""
+    orientation = multiply(data.xquat[model.geom_bodyid[geom]], model.geom_quat[geom])
+    return data.geom_xpos[geom] + rotate(orientation, offset), orientation
+
+
+def sphere(rings: int, segments: int) -> Triangles:
+    """A sphere of radius 1."""
+    polar = np.linspace(0.0, np.pi, rings + 1)
+    return _surface(np.sin(polar), np.cos(polar), segments)
+
+
+def cap(up: float, rings: int, segments: int) -> Triangles:
+    """The upper (up = 1) or lower (-1) half of a sphere of radius 1, and one ring more.
+
+    That ring lies within the mantle that the cap closes, and makes its shading go on smoothly there.
+    """
+    polar = np.append(np.linspace(0.0, 0.5 * np.pi, rings + 1), 2.0 / 3.0 * np.pi)
+    if up < 0.0:
+        polar = np.pi - polar[::-1]
+    return _surface(np.sin(polar), np.cos(polar), segments)
+
+
+def mantle(segments: int) -> Triangles:
+    """The mantle of a cylinder of radius 1 from z = -1 to 1, without lids."""
+    return _surface(np.array([1.0, 1.0]), np.array([1.0, -1.0]), segments)
+
+
+def cylinder(segments: int) -> Triangles:
+    """The mantle of a cylinder of radius 1 from z = -1 to 1, with lids."""
+    vertices, faces = mantle(segments)
+    lid, lid_faces = _surface(np.array([0.0, 1.0]), np.array([1.0, 1.0]), segments)
+    floor, floor_faces = _surface(np.array([1.0, 0.0]), np.array([-1.0, -1.0]), segments)
+    count = len(vertices)
+    return (
+        np.concatenate([vertices, lid, floor]),
+        np.concatenate([faces, lid_faces + count, floor_faces + count + len(lid)]),
+    )
+
+
+def box() -> Triangles:
+    """A cube from -1 to 1; each side has its own corners, so that its edges stay sharp."""
+    vertices, faces = [], []
+    for axis in range(3):
+        for sign in (-1.0, 1.0):
+            u, v, w = np.roll(np.eye(3), axis, axis=0)
+            corners = [sign * u + a * v + b * w for a, b in ((-1, -1), (1, -1), (1, 1), (-1, 1))]
+            order = [(0, 1, 2), (0, 2, 3)] if sign > 0 else [(0, 2, 1), (0, 3, 2)]
+            faces += [[len(vertices) + i for i in triangle] for triangle in order]
+            vertices += corners
+    return np.array(vertices, dtype=np.float32), np.array(faces, dtype=np.uint32)
+
+
+def _surface(radius: Array, height: Array, segments: int) -> Triangles:
+    """The surface that a line of (radius, height) points sweeps about z, seen from outside when it runs downwards."""
+    turn = np.linspace(0.0, 2.0 * np.pi, segments, endpoint=False)
+    ring = np.stack([np.cos(turn), np.sin(turn)], axis=-1)
+    vertices = np.concatenate(
+        [np.column_stack([r * ring, np.full(segments, z)]) for r, z in zip(radius, height, strict=True)]
+    )
+    faces = []
+    for level in range(len(radius) - 1):
+        for here in range(segments):
+            there = (here + 1) % segments
+            a, b = level * segments + here, level * segments + there
+            # At a pole all corners of a ring are one point.
+            if radius[level + 1] > 1e-9:
+                faces.append([a, a + segments, b + segments])
+            if radius[level] > 1e-9:
+                faces.append([a, b + segments, b])
+    return vertices.astype(np.float32), np.array(faces, dtype=np.uint32)
+
+
+def _colour(model: mujoco.MjModel, geom: int) -> NDArray[np.float32]:
+    material = int(model.geom_matid[geom])
+    return model.mat_rgba[material] if material >= 0 else model.geom_rgba[geom]

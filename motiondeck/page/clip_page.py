@@ -1,0 +1,181 @@
+"""A clip in the browser: the human and its bones, a robot beside it, footprints, and a bar to drag through time."""
+
+# pyright: reportAttributeAccessIssue=false
+# (MuJoCo's names come from compiled modules, which have no type stubs.)
+
+from __future__ import annotations
+
+import contextlib
+import os
+import time
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import mujoco
+import numpy as np
+import viser
+from numpy.typing import NDArray
+
+from controller.motion.rotations import Array
+from motiondeck.page.body.footprints import Print
+from motiondeck.page.playhead import Playhead
+from motiondeck.page.scene import Follower, Scene
+from motiondeck.page.web.private_page import PrivatePage
+
+PICTURES_PER_SECOND = 30.0
+PRINT = (70, 110, 190)
+STANDS = (235, 120, 40)
+BONE = (40, 46, 56)
+SLOWEST, FASTEST = 0.05, 3.0
+
+
+@dataclass(frozen=True)
+class Act:
+    """What is shown.
+
+    Attributes:
+        title: heads the page.
+        model: all bodies on one floor.
+        qpos: a frame of them each, shape (T, nq).
+        rate: frames per second, Hz.
+        bones: start and end of the human's bones, shape (T, B, 2, 3), m; B may be 0.
+        prints: what the feet leave on the floor.
+        stands: which feet stand, shape (T, F).
+        soles: where their corners are, shape (T, F, 4, 3), m.
+    """
+
+    title: str
+    model: mujoco.MjModel
+    qpos: Array
+    rate: float
+    bones: Array
+    prints: Sequence[Print] = ()
+    stands: NDArray[np.bool_] = field(default_factory=lambda: np.zeros((0, 0), dtype=bool))
+    soles: Array = field(default_factory=lambda: np.zeros((0, 0, 4, 3)))
+
+
+def show(act: Act, port: int, ends: Callable[[], bool] = lambda: False) -> None:
+    """Shows a clip on a page of this machine until it is ended.
+
+    Raises:
+        PortError: if the port is taken.
+    """
+    # viser announces itself on standard output, where it belongs to nobody.
+    with Path(os.devnull).open("w") as nowhere, contextlib.redirect_stdout(nowhere):
+        page = PrivatePage(port, label=act.title)
+    try:
+        stage = _Stage(page, act)
+        last = time.monotonic()
+        while not ends():
+            now = time.monotonic()
+            stage.show(min(now - last, 0.25))
+            last = now
+            time.sleep(max(0.0, now + 1.0 / PICTURES_PER_SECOND - time.monotonic()))
+    finally:
+        page.stop()
+
+
+class _Stage:
+    """The page: its scene and its controls."""
+
+    def __init__(self, page: PrivatePage, act: Act) -> None:
+        self._page, self._act = page, act
+        self._head = Playhead(len(act.qpos), act.rate)
+        self._scene, self._follower = Scene(page, act.model), Follower()
+        self._shown = -1
+        self._dragged = 0.0
+        gui, head = page.gui, self._head
+        gui.configure_theme(show_share_button=False, show_logo=False, brand_color=(38, 110, 200))
+        self._where = gui.add_html("")
+        longest = max((head.frames - 1) / head.rate, 1.0 / head.rate)
+        self._bar = gui.add_slider("time", min=0.0, max=longest, step=1.0 / head.rate, initial_value=0.0)
+        self._bar.on_update(self._drag)
+        self._play = gui.add_button("Pause", icon=viser.Icon.PLAYER_PAUSE)
+        self._play.on_click(lambda _: setattr(head, "playing", not head.playing))
+        steps = gui.add_button_group("step", ("-10", "-1", "+1", "+10"))
+        steps.on_click(lambda _: head.step(int(steps.value)))
+        tempo = gui.add_slider("tempo", min=SLOWEST, max=FASTEST, step=0.05, initial_value=1.0)
+        tempo.on_update(lambda _: setattr(head, "tempo", float(tempo.value)))
+        self._follow = gui.add_checkbox("camera follows", True)
+        self._prints_on = gui.add_checkbox("footprints and contacts", True)
+        self._bones_on = gui.add_checkbox("bones", True)
+        scene = page.scene
+        self._ground = scene.add_frame("/act", show_axes=False)
+        self._bones = None
+        thick = 0.007 * self._scene.height
+        if act.bones.shape[1]:
+            self._bones = scene.add_line_segments("/act/bones", act.bones[0].astype(np.float32), BONE, thickness=thick)
+        faces = np.array([[0, 1, 2], [0, 2, 3], [2, 1, 0], [3, 2, 0]], dtype=np.uint32)
+        self._prints = [
+            scene.add_mesh_simple(
+                f"/act/print{number}",
+                mark.corners.astype(np.float32),
+                faces,
+                color=PRINT,
+                opacity=0.55,
+                flat_shading=True,
+                visible=False,
+            )
+            for number, mark in enumerate(act.prints)
+        ]
+        self._marks = [
+            scene.add_icosphere(
+                f"/act/contact{foot}", radius=0.04 * self._scene.height, color=STANDS, opacity=0.6, visible=False
+            )
+            for foot in range(act.stands.shape[1])
+        ]
+
+    def show(self, dt: float) -> None:
+        """Lets time pass and draws the present frame."""
+        act, head = self._act, self._head
+        head.advance(dt)
+        frame = head.frame
+        centre = np.zeros(2)
+        if self._follow.value:
+            centre = self._follower.follow(act.qpos[frame, :2], dt)
+        self._scene.show(act.qpos[frame], centre)
+        with self._page.atomic():
+            self._ground.position = (-float(centre[0]), -float(centre[1]), 0.0)
+            if self._bones is not None:
+                self._bones.visible = bool(self._bones_on.value)
+                self._bones.points = act.bones[frame].astype(np.float32)
+            if frame != self._shown:
+                self._mark(frame)
+            self._controls(frame)
+        self._shown = frame
+
+    def _mark(self, frame: int) -> None:
+        """Prints stay once a foot has stood; a ball under a foot says that it stands now."""
+        wanted = bool(self._prints_on.value)
+        for handle, mark in zip(self._prints, self._act.prints, strict=True):
+            visible = wanted and mark.first <= frame
+            if handle.visible != visible:
+                handle.visible = visible
+        for foot, handle in enumerate(self._marks):
+            stands = wanted and bool(self._act.stands[frame, foot])
+            if handle.visible != stands:
+                handle.visible = stands
+            if stands:
+                handle.position = tuple(self._act.soles[frame, foot].mean(axis=0))
+
+    def _controls(self, frame: int) -> None:
+        head = self._head
+        label = "Pause" if head.playing else "Play"
+        if self._play.label != label:
+            self._play.label = label
+            self._play.icon = viser.Icon.PLAYER_PAUSE if head.playing else viser.Icon.PLAYER_PLAY
+        if frame != self._shown:
+            self._where.content = (
+                f'<div id="where" style="padding:2px 14px 6px;font-size:13px;font-variant-numeric:tabular-nums">'
+                f"frame {frame + 1} of {head.frames} · {head.seconds:.2f} s</div>"
+            )
+            if time.monotonic() - self._dragged > 0.5:
+                self._bar.value = round(frame / head.rate, 4)
+
+    def _drag(self, event: viser.GuiEvent) -> None:
+        # A slider that is set by this program reports no client.
+        if event.client is not None:
+            self._dragged = time.monotonic()
+            self._head.playing = False
+            self._head.seek(float(self._bar.value))

@@ -1,0 +1,127 @@
+"""Record the rig by hand: torque off, move the joints, stop; what was seen becomes a recording to trim and learn."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from pathlib import Path
+from threading import Thread
+from typing import Any
+
+import msgspec
+import numpy as np
+import viser
+
+from controller.motion.rotations import Array
+from controller.wire.messages.commands import DeckCommand, Pause, ServoTorque
+from motiondeck.page.learning.learning_process import HAND, HandRecording
+from motiondeck.page.web.parts import Ask, PageParts
+from motiondeck.page.web.private_page import PrivatePage
+
+LONGEST = 120.0  # s
+LOOSENS = (
+    "The deck pauses, and the torque of all servos goes off: hold what would fall. To record some joints only, switch "
+    "those off on their cards instead."
+)
+TIGHTENS = "Each servo is checked and switched on where it stands; then it comes slowly to where it should be."
+
+
+class HandRecorder:
+    """The widgets for it, where the page's widgets are being added.
+
+    The joints that are switched off are recorded, as often as the deck publishes where they are.
+
+    Attributes:
+        recording: whether it records now.
+
+    Args:
+        page: where they stand.
+        parts: of that page.
+        rig: the rig's part of the description of a run.
+        folder: where recordings are kept.
+        ask: asks the one who clicked (event, title, text, yes) and then does it.
+        send: sends a command.
+        take: called with a finished recording.
+    """
+
+    def __init__(
+        self,
+        page: PrivatePage,
+        parts: PageParts,
+        rig: Mapping[str, Any],
+        folder: Path,
+        ask: Ask,
+        send: Callable[[DeckCommand], None],
+        take: Callable[[Path], None],
+    ) -> None:
+        self._joints: Sequence[str] = [str(servo["joint"]) for servo in rig["servos"]]
+        self._rate, self._off = float(rig["rate_hz"]), [*rig["conditions"]].index("is off on command")
+        self._folder, self._ask, self._send, self._take = folder, ask, send, take
+        self._loose = np.zeros(len(self._joints), dtype=np.bool_)
+        self._recorded = self._loose  # whose joints
+        self._seen: list[tuple[float, list[float]]] = []  # time, s, and angles
+        self.recording = False
+        self._count = 0
+        self._deeds = parts.add("button-row", "hand-deeds", heard=self._do)
+        self._text = page.gui.add_html("")
+
+    def see(self, state: Mapping[str, Array]) -> None:
+        """Takes the latest published state."""
+        self._loose = state["servo condition"] == self._off
+
+    def record(self, state: Mapping[str, Array]) -> None:
+        """Takes a published state while it records; each one once, in order."""
+        self._seen.append((float(state["run_s"][0]), state["servo position"][self._recorded].tolist()))
+        if self.recording and self._seen[-1][0] - self._seen[0][0] > LONGEST:
+            self.recording = False
+            Thread(target=self._finish, daemon=True).start()
+
+    def show(self) -> None:
+        """Brings the buttons up to date."""
+        if self.recording:
+            self._deeds.show([["stop", "Stop recording"]])
+            seconds = self._seen[-1][0] - self._seen[0][0] if self._seen else 0.0
+            self._say(f"Recording {self._recorded.sum()} joints: {seconds:.0f} s")
+        elif self._loose.any():
+            self._deeds.show([["record", "Start recording"], ["hold", "Torque on"]])
+            self._say(f"{self._loose.sum()} of {len(self._joints)} joints are loose: move them by hand.")
+        else:
+            self._deeds.show([["loosen", "Record the rig by hand"]])
+            self._say("Or record the rig: torque off, move its joints, stop.")
+
+    def _do(self, said: Any, event: viser.GuiEvent) -> None:
+        if said == "loosen":
+            self._ask(event, "Record the rig by hand?", LOOSENS, "Torque off", self._loosen)
+        elif said == "hold":
+            self._ask(event, "Switch all servos on?", TIGHTENS, "Torque on", self._tighten)
+        elif said == "record" and not self.recording and self._loose.any():
+            self._recorded, self._seen = self._loose.copy(), []
+            self.recording = True
+        elif said == "stop" and self.recording:
+            self._finish()
+
+    def _say(self, text: str) -> None:
+        content = f'<div class="part" id="hand-recording">{text}</div>'
+        if self._text.content != content:
+            self._text.content = content
+
+    def _loosen(self) -> None:
+        self._send(Pause())
+        for joint in self._joints:
+            self._send(ServoTorque(joint, "off"))
+
+    def _tighten(self) -> None:
+        for joint, off in zip(self._joints, self._loose.tolist(), strict=True):
+            if off:
+                self._send(ServoTorque(joint, "on"))
+
+    def _finish(self) -> None:
+        """Writes what was seen, and hands it over."""
+        self.recording = False
+        self._count += 1
+        self._folder.mkdir(mode=0o700, exist_ok=True)
+        file = self._folder / f"by-hand-{self._count}{HAND}"
+        joints = [name for name, wanted in zip(self._joints, self._recorded.tolist(), strict=True) if wanted]
+        seen = [*self._seen]
+        times = [at - seen[0][0] for at, _ in seen]
+        file.write_bytes(msgspec.json.encode(HandRecording(joints, self._rate, times, [angles for _, angles in seen])))
+        self._take(file)

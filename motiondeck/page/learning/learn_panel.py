@@ -1,0 +1,139 @@
+"""Learn a recording on the page: drop it or record the rig, trim it between two handles, name it, learn it, play it.
+
+The learning is a process of its own. The deck plays on meanwhile, and comes to rest only to start again with the
+library that has the new motion.
+"""
+
+from __future__ import annotations
+
+import html
+import re
+from pathlib import Path
+
+import numpy as np
+import viser
+
+from controller.wire.messages.commands import LoadLibrary
+from motiondeck.page.learning.learning_process import Learned, LearningStep, LearnRequest, News, NotLearned, Seen, work
+from motiondeck.page.web.parts import Ask, PageParts
+from motiondeck.page.web.private_page import PrivatePage
+from motiondeck.page.web.stick_figure import curves_svg, figure_svg
+
+LONGEST_NAME = 40
+STARTS_AGAIN = "The robot comes to rest, the deck starts again with the new library, and this page comes back."
+NEEDS_SKELETON = "Its skeleton is a file of its own: drop the .asf too (both at once will do)."
+
+
+class LearnPanel:
+    """The widgets of learning, where the page's widgets are being added.
+
+    Args:
+        page: where they stand.
+        parts: of that page.
+        command: starts the learning process, without its request.
+        library: the file that a motion is added to.
+        folder: where dropped files are kept.
+        ask: asks the one who clicked (event, title, text, yes) and then sends a message.
+    """
+
+    def __init__(
+        self, page: PrivatePage, parts: PageParts, command: list[str], library: Path, folder: Path, ask: Ask
+    ) -> None:
+        self._command, self._library, self._folder = command, library, folder
+        self._file: Path | None = None
+        self._learned: Learned | None = None
+        gui = page.gui
+        parts.add("drop-zone", "drop-zone").show("Drop a recording anywhere on the page: BVH, C3D, AMC with ASF, …")
+        upload = gui.add_upload_button("Choose a recording", icon=viser.Icon.UPLOAD, color="gray")
+        upload.on_upload(lambda event: self._take(event.target.value))
+        self._said = gui.add_html("")
+        self._strip = gui.add_html("", visible=False)
+        self._part = gui.add_multi_slider(
+            "part, s", min=0.0, max=1.0, step=0.01, initial_value=(0.0, 1.0), visible=False
+        )
+        self._name = gui.add_text("name", "", visible=False)
+        self._learn = gui.add_button("Learn it", icon=viser.Icon.SCHOOL, visible=False)
+        self._progress = gui.add_progress_bar(0.0, animated=True, visible=False)
+        self._play = gui.add_button("Play it", icon=viser.Icon.PLAYER_PLAY, color="green", visible=False)
+        self._learn.on_click(lambda _: self._start())
+
+        @self._play.on_click
+        def _(event: viser.GuiEvent) -> None:
+            if (new := self._learned) is not None:
+                load = LoadLibrary(new.library, new.motion)
+                ask(event, f"Play {new.motion}?", STARTS_AGAIN, "Start again with it", load)
+
+    def _take(self, dropped: viser.UploadedFile) -> None:
+        """Keeps a file under its own name and looks at it."""
+        name = re.sub(r"[^\w.\- ]", "_", Path(dropped.name).name)[-80:]
+        self._folder.mkdir(mode=0o700, exist_ok=True)
+        file = self._folder / (name.lstrip(".") or "recording")
+        file.write_bytes(dropped.content)
+        if file.suffix.lower() == ".asf":
+            self._say(f"{name} is kept. Now drop the recording (.amc).")
+            return
+        if file.suffix.lower() == ".amc" and not [*self._folder.glob("*.asf")]:
+            self._say(NEEDS_SKELETON, wrong=True)
+            return
+        self.look_at(file)
+
+    def look_at(self, file: Path) -> None:
+        """Reads a recording, and offers to learn it."""
+        self._file, self._learned = file, None
+        self._show_choices(visible=False)
+        self._say(f"reading {file.name}")
+        self._work(LearnRequest(str(file)))
+
+    def _start(self) -> None:
+        """Learns the part between the handles."""
+        if self._file is None:
+            return
+        low, high = (float(value) for value in self._part.value)
+        name = str(self._name.value).strip()
+        self._learn.disabled = True
+        try:
+            self._work(LearnRequest(str(self._file), name, (low, high), str(self._library)))
+        finally:
+            self._learn.disabled = False
+
+    def _work(self, request: LearnRequest) -> None:
+        """Has the process do it, and shows what it says."""
+        self._play.visible = False
+        self._progress.value, self._progress.visible = 15.0, True
+        for news in work(self._command, request):
+            self._show(news)
+        self._progress.visible = False
+
+    def _show(self, news: News) -> None:
+        match news:
+            case LearningStep(text=text):
+                self._say(text)
+                self._progress.value = min(90.0, float(self._progress.value) + 30.0)
+            case Seen(seconds=seconds, moving=moving):
+                self._show_recording(news, seconds, moving)
+            case Learned(text=text):
+                self._learned = news
+                self._library = Path(news.library)  # the next motion comes beside this one
+                self._say(text)
+                self._play.visible = True
+            case NotLearned(reason=reason):
+                self._say(reason, wrong=True)
+
+    def _show_recording(self, seen: Seen, seconds: float, moving: tuple[float, float]) -> None:
+        self._file = Path(seen.file)
+        pictures = [figure_svg(np.array([pose]), seen.parents) for pose in seen.figures]
+        pictures += [curves_svg(np.array(seen.angles))] if seen.angles else []
+        self._strip.content = f'<div class="film-strip">{"".join(pictures)}</div>'
+        self._part.min, self._part.max = 0.0, round(seconds, 2)
+        self._part.value = (round(moving[0], 2), round(moving[1], 2))
+        self._name.value = re.sub(r"[^a-z0-9-]+", "-", self._file.stem.lower()).strip("-")[:LONGEST_NAME]
+        self._say(f"{self._file.stem}: {seconds:.1f} s. Choose the part, give it a name, and learn it.")
+        self._show_choices(visible=True)
+
+    def _show_choices(self, *, visible: bool) -> None:
+        for widget in (self._strip, self._part, self._name, self._learn):
+            widget.visible = visible
+
+    def _say(self, text: str, *, wrong: bool = False) -> None:
+        colour = "color:#c92a2a;font-weight:600" if wrong else ""
+        self._said.content = f'<div class="part" id="learning" style="{colour}">{html.escape(text)}</div>'

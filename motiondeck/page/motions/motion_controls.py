@@ -1,0 +1,110 @@
+"""The motions on the page: a grid with pictures, the queue, the phase as a ring, and blends on a pad in it."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Mapping
+from contextlib import suppress
+from pathlib import Path
+from typing import Any
+
+import msgspec
+import viser
+
+from controller.motion.rotations import Array
+from controller.wire.messages.arguments import WEIGHT
+from controller.wire.messages.command_table import BY_WORD
+from controller.wire.messages.commands import Blend, DeckCommand, Jump, Queue, Switch
+from motiondeck.page.motions.library_glance import LibraryGlance, Partners
+from motiondeck.page.web.parts import PageParts
+from motiondeck.page.web.state_line import RunState, button_labels, number_in
+
+SEARCHED = 12  # motions from which on one can be searched for
+NONE = Partners()
+HAND_ON = 1.0  # s that a hand on the ring or pad is believed before the deck's own value
+
+
+class MotionControls:
+    """The widgets of the motions, where the page's widgets are being added.
+
+    Args:
+        parts: of the page.
+        motions: of the library.
+        library: its file; without one there are neither pictures nor blends.
+        has_phase: whether the motions can be sent to a phase.
+        direct: whether the deck plays no motions in between.
+        send: sends a command.
+    """
+
+    def __init__(
+        self,
+        parts: PageParts,
+        motions: list[str],
+        library: Path | None,
+        *,
+        has_phase: bool,
+        direct: bool = False,
+        send: Callable[[DeckCommand], None],
+    ) -> None:
+        self._motions, self._has_phase, self._send = motions, has_phase, send
+        self._state = RunState()
+        self._touched = 0.0
+        self._glance = LibraryGlance(library, direct=direct) if library is not None else None
+        self._grid = parts.add("motion-grid", "motions", {"motions": motions, "searched": SEARCHED}, self._pressed)
+        self._pictures = parts.add("motion-pictures", "motion-pictures")
+        self._dial = parts.add("motion-dial", "motion-dial", heard=self._turned)
+
+    def show(self, now: RunState, state: Mapping[str, Array]) -> None:
+        """Brings everything up to date."""
+        self._state = now
+        looks = ["playing" if name == now.playing else "next" if name == now.motion else "" for name in self._motions]
+        enabled = now.mode in BY_WORD["switch"].modes
+        self._grid.show(
+            {
+                "labels": button_labels(now, self._motions),
+                "looks": looks,
+                "enabled": enabled,
+                "queue": list(now.queue),
+                "orders": now.settled,
+            }
+        )
+        if self._glance is not None and self._glance.pictures:
+            self._pictures.show({"grid": "motions", "pictures": self._glance.pictures})
+        if time.monotonic() - self._touched > HAND_ON:
+            phase = round(number_in(state, "phase", 0.0), 2) if self._has_phase else None
+            partners = self._glance.blends.get(now.playing, NONE) if self._glance is not None else NONE
+            blend = [[name, round(weight, 2)] for name, weight in now.blend]
+            weights = [WEIGHT.lowest, WEIGHT.highest]
+            pad = {"playing": now.playing, **msgspec.to_builtins(partners), "blend": blend, "weights": weights}
+            self._dial.show({"phase": phase, **pad, "enabled": enabled})
+
+    def end(self) -> None:
+        """Shows that nothing can be commanded any more."""
+        self._grid.show({"labels": self._motions, "looks": [""] * len(self._motions), "enabled": False, "queue": []})
+
+    def _pressed(self, said: Any, event: viser.GuiEvent) -> None:
+        match said:
+            case {"play": str(name)} if name in self._motions:
+                self._send(Switch(name))
+            case {"queue": str(name)} if name in self._motions:
+                self._send(Queue(name))
+            case {"order": [*names]} if all(name in self._motions for name in names):
+                self._order([str(name) for name in names])
+
+    def _order(self, names: list[str]) -> None:
+        """Queues these motions in place of those that wait: the motion that plays, commanded anew, clears the queue."""
+        if self._state.motion:
+            self._send(Switch(self._state.motion))
+            for name in names:
+                self._send(Queue(name))
+
+    def _turned(self, said: Any, event: viser.GuiEvent) -> None:
+        match said:
+            case {"phase": float(phase) | int(phase)}:
+                self._touched = 0.0
+                self._send(Jump(phase=min(max(float(phase), 0.0), 1.0)))
+            case {"blend": [*parts]} if parts and self._state.playing:
+                with suppress(msgspec.ValidationError):  # whatever else a browser may say
+                    (other, weight), *also = msgspec.convert(parts, list[tuple[str, float]])
+                    self._touched = time.monotonic()
+                    self._send(Blend(self._state.playing, other, weight, also=tuple(also)))

@@ -1,0 +1,63 @@
+"""What a page can show of a network: the orbits of its neurons, and the phases of the centers that drive it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from controller.library.motion_library import load_library
+from controller.motion.rotations import Array
+from controller.networks.base import NeuronNetwork
+from controller.networks.centralized.centralized_frames import CentralizedNetwork
+from controller.networks.orbits import Orbits, orbits
+from controller.networks.reservoirs.phase_driven import PhaseDrivenNetwork, PhaseMotion
+
+TURN = 2.0 * np.pi
+
+
+@dataclass(frozen=True)
+class InnerLife:
+    """What was found in a network.
+
+    Attributes:
+        orbits: of its neurons; None if it has none.
+        courses: of each motion with centers, their phases at its beginning and its end, shape (2, n), rad.
+    """
+
+    orbits: Orbits | None
+    courses: dict[str, Array]
+
+    @classmethod
+    def of(cls, library: Path) -> InnerLife:
+        """Plays each motion of a library's file once to find it.
+
+        Raises:
+            MotiondeckError: if the file is no library any more.
+        """
+        loaded = load_library(library)
+        network = loaded.network
+        frames = {motion.name: motion.frames for motion in loaded.info.motions}
+        found = orbits(network, frames) if isinstance(network, NeuronNetwork) else None
+        courses = {name: course for name in frames if (course := _course(network, name)) is not None}
+        return cls(found, courses)
+
+    def centers(self, motion: str, phase: float) -> list[float]:
+        """The phases of the centers at the phase of a motion, in turns from 0 to 1; empty if it has none."""
+        course = self.courses.get(motion)
+        if course is None or not np.isfinite(phase):
+            return []
+        first, last = course
+        return [float(turns) for turns in np.round((first + phase * (last - first)) / TURN % 1.0, 3)]
+
+
+def _course(network: object, motion: str) -> Array | None:
+    """From where to where the phases of a motion's centers go, shape (2, n), rad; None if it has none."""
+    if isinstance(network, PhaseDrivenNetwork):
+        driven: PhaseMotion = network[motion]
+        return np.array([[0.0], [driven.course.whole]])
+    if isinstance(network, CentralizedNetwork):
+        parts = network[motion]
+        return parts.phase + np.array([[0.0], [parts.seconds]]) * parts.frequency
+    return None

@@ -1,0 +1,280 @@
+"""The panel of the page: buttons for motions and commands, and the state of the loop."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from threading import Lock
+from typing import cast
+
+import viser
+
+from controller.motion.rotations import Array
+from controller.wire.command_socket import CommandClient
+from controller.wire.messages.arguments import TEMPO
+from controller.wire.messages.command_table import BY_WORD
+from controller.wire.messages.commands import (
+    SIDES,
+    DeckCommand,
+    EmergencyStop,
+    GiveBeat,
+    Home,
+    Pause,
+    Push,
+    Reset,
+    Resume,
+    SetTempo,
+    Side,
+    StepOn,
+    Stop,
+    Switch,
+    Unlock,
+)
+from controller.wire.messages.events import Event
+from controller.wire.messages.replies import Refused
+from motiondeck.page.loop_figures import loop_figures
+from motiondeck.page.motions.motion_controls import MotionControls
+from motiondeck.page.notices import FAULT, Notices
+from motiondeck.page.recognition_text import what_is_seen
+from motiondeck.page.view_choices import ViewChoices
+from motiondeck.page.web.page_style import CURRENT, STOPS, STYLE, buttons_in_line
+from motiondeck.page.web.parts import PageParts
+from motiondeck.page.web.private_page import PrivatePage
+from motiondeck.page.web.state_line import RunState, ended_line, number_in, state_line
+from motiondeck_base.errors import MotiondeckError
+
+ANSWER_WITHIN = 1.0
+# A hand on a slider keeps it for so long before the deck's own value is shown again, s.
+HAND_ON = 1.0
+
+# The titles of notices, by the kind of the event.
+_TITLES = {
+    "via": "On the way",
+    "gave up": "Blend given up",
+    "fault": FAULT,
+    "fell": "Fallen",
+    "stands": "Stands again",
+    "push": "Push",
+    "lost": "Contact lost",
+    "replayed": "Command refused",
+}
+_ALARMING = ("fault", "fell", "lost", "replayed")
+PANEL_WIDTH = 332  # pixels
+
+STEP = 1.0 / 30.0  # s, of a step; a tick alone is hardly to be seen
+STEPS = "The motion goes on for 1/30 s."
+
+# Keys for the first motions.
+DIGITS = ("1", "2", "3", "4", "5", "6", "7", "8", "9")
+
+
+class Panel:
+    """Buttons and figures beside the scene; with `has_human` the human whose motion is played can be shown, too.
+
+    With `has_phase` motions can be played backwards and sent to a phase; with `has_network` one can look inside it. A
+    body in physics can be pushed; a good push is `push_ns`, N s, and 0 means that there is none. With `has_forces` the
+    forces of the floor on it are known, with `has_target` the pose that its servos are to reach. A `direct` deck
+    switches and blends without motions in between.
+    """
+
+    def __init__(
+        self,
+        page: PrivatePage,
+        motions: list[str],
+        joints: list[str],
+        commands: CommandClient,
+        *,
+        look_from: Callable[[viser.ClientHandle, str], None],
+        has_human: bool = False,
+        has_phase: bool = False,
+        has_network: bool = False,
+        push_ns: float = 0.0,
+        has_forces: bool = False,
+        has_target: bool = False,
+        library: Path | None = None,
+        direct: bool = False,
+        recognizable: Sequence[str] = (),
+    ) -> None:
+        self._page, self._commands = page, commands
+        self._motions, self._joints, self._recognizable = motions, joints, recognizable
+        self._lock = Lock()
+        self._state = RunState()
+        self._moved = 0.0  # when a hand was on the tempo, s
+        self._notices = Notices(page)
+        gui = page.gui
+        gui.configure_theme(show_share_button=False, show_logo=False, brand_color=CURRENT)
+        gui.main_panel.dock_right()  # the scene has what is left, and nothing covers the robot
+        gui.main_panel.set_width(PANEL_WIDTH)
+        gui.add_html(STYLE + buttons_in_line(3))
+        self.parts = PageParts(page)
+        # What happens and how to stop it stand first, so that they are visible in a small window too.
+        self._line = gui.add_html("")
+        self._estop = gui.add_button(
+            "Emergency stop", icon=viser.Icon.ALERT_OCTAGON, color=STOPS, hint=BY_WORD["estop"].help + " Key: Esc."
+        )
+        self._estop.on_click(self._stop_or_ask)
+        self._pause = gui.add_button(
+            "Pause", icon=viser.Icon.PLAYER_PAUSE, color="gray", hint=BY_WORD["pause"].help + " Key: space."
+        )
+        self._pause.on_click(lambda _: self._pause_or_resume())
+        self._home = gui.add_button("Home", icon=viser.Icon.HOME, color="gray", hint=BY_WORD["home"].help)
+        self._home.on_click(lambda _: self.send(Home()))
+        self._end = gui.add_button("End run", icon=viser.Icon.PLAYER_STOP, color="gray", hint=BY_WORD["stop"].help)
+        self._end.on_click(self._ask_to_end)
+        self._step = gui.add_button(
+            "Step", icon=viser.Icon.PLAYER_SKIP_FORWARD, color="gray", visible=False, hint=STEPS + " Key: S."
+        )
+        self._step.on_click(lambda _: self.send(StepOn(seconds=STEP)))
+        self._controls_of_motions = MotionControls(
+            self.parts, motions, library, has_phase=has_phase, direct=direct, send=self.send
+        )
+        self._tempo = gui.add_slider(
+            "tempo", min=TEMPO.lowest if has_phase else 0.0, max=TEMPO.highest, step=0.05, initial_value=1.0
+        )
+        self._tempo.on_update(self._tempo_moved)
+        self._tap = self._add_tap() if has_phase else None
+        self.view = ViewChoices(
+            page, look_from, human=has_human, target=has_target, network=has_network, forces=has_forces
+        )
+        if push_ns:
+            self._add_pushes(push_ns)
+        with gui.add_folder("loop", expand_by_default=False):
+            self._health = gui.add_html("")
+        self._seen = gui.add_html("")
+        self._add_keys()
+        self._controls = [
+            (self._tempo, BY_WORD["tempo"]),
+            (self._pause, BY_WORD["pause"]),
+            (self._home, BY_WORD["home"]),
+        ]
+        if self._tap is not None:
+            self._controls.append((self._tap, BY_WORD["beat"]))
+
+    def _add_pushes(self, usual: float) -> None:
+        """A button for each side to push the body from, and how hard, N s."""
+        gui = self._page.gui
+        with gui.add_folder("push", expand_by_default=False):
+            step = usual / 20.0
+            impulse = gui.add_slider("N s", min=step, max=3.0 * usual, step=step, initial_value=usual)
+            sides = gui.add_button_group("from the", SIDES, hint=BY_WORD["push"].help)
+        sides.on_click(lambda _: self.send(Push(cast(Side, sides.value), float(impulse.value))))
+
+    def _add_keys(self) -> None:
+        """Esc, space and the digits, also found in the page's command palette."""
+        gui = self._page.gui
+        gui.add_command("Emergency stop", hotkey="escape").on_trigger(lambda _: self.send(EmergencyStop()))
+        gui.add_command("Pause or resume", hotkey="space").on_trigger(lambda _: self._pause_or_resume())
+        gui.add_command("Step", hotkey="S").on_trigger(lambda _: self.send(StepOn(seconds=STEP)))
+        for digit, motion in zip(DIGITS, self._motions, strict=False):
+            gui.add_command(motion, hotkey=digit).on_trigger(lambda _, motion=motion: self.send(Switch(motion)))
+
+    def _add_tap(self) -> viser.GuiButtonHandle:
+        """A button to tap a beat, and one to end the lock."""
+        gui = self._page.gui
+        with gui.add_folder("beat", expand_by_default=False):
+            tap = gui.add_button("Tap", color="gray", hint=BY_WORD["beat"].help)
+            unlock = gui.add_button("Unlock", color="gray", hint=BY_WORD["unlock"].help)
+        tap.on_click(lambda _: self.send(GiveBeat()))
+        unlock.on_click(lambda _: self.send(Unlock()))
+        return tap
+
+    @property
+    def _stopped(self) -> bool:
+        return self._state.mode == "emergency stop"
+
+    def show(self, state: dict[str, Array]) -> None:
+        """Brings buttons, slider and figures up to date."""
+        now, before = RunState.of(state, self._motions), self._state
+        self._state = now
+        self._line.content = state_line(now).as_html()
+        self._controls_of_motions.show(now, state)
+        if now.paused != before.paused:
+            self._pause.label = "Resume" if now.paused else "Pause"
+            self._pause.icon = viser.Icon.PLAYER_PLAY if now.paused else viser.Icon.PLAYER_PAUSE
+        if (now.paused, now.mode) != (before.paused, before.mode):
+            self._step.visible = now.paused and now.mode == "playing"
+        if now.mode != before.mode:
+            self._estop.label = "Reset" if self._stopped else "Emergency stop"
+            for control, command in self._controls:
+                control.disabled = now.mode not in command.modes
+        tempo = round(number_in(state, "tempo", 1.0), 2)
+        if abs(tempo - self._tempo.value) > 0.024 and time.monotonic() - self._moved > HAND_ON:
+            self._tempo.value = min(max(tempo, self._tempo.min), self._tempo.max)
+        self._health.content = loop_figures(state)
+        if "seen" in state:
+            self._seen.content = what_is_seen(state, self._recognizable, self._joints)
+
+    def tell(self, event: Event) -> None:
+        """Shows an event that nothing else on the page shows."""
+        if event.kind in _TITLES:
+            self._notices.show(_TITLES[event.kind], event.text, alarming=event.kind in _ALARMING)
+
+    def refuse(self, reason: str) -> None:
+        """Shows why something was not done."""
+        self._notices.show("Refused", reason)
+
+    def _stop_or_ask(self, event: viser.GuiEvent) -> None:
+        """Stops at once; a reset is asked about first."""
+        if not self._stopped:
+            self.send(EmergencyStop())
+            return
+        text = "See that nobody is near. Nothing moves yet; Resume, Home or a motion then starts slowly."
+        self.ask(event, "Release the emergency stop?", text, "Release", Reset())
+
+    def end(self, reason: str) -> None:
+        """Shows that the run has ended, and why; nothing can be commanded any more."""
+        self._line.content = ended_line(reason).as_html()
+        self._controls_of_motions.end()
+        for control, _ in self._controls:
+            control.disabled = True
+        self._estop.disabled = self._end.disabled = True
+
+    def _pause_or_resume(self) -> None:
+        self.send(Resume() if self._state.paused else Pause())
+
+    def _ask_to_end(self, event: viser.GuiEvent) -> None:
+        text = "The robot comes to rest, and the deck ends. This page then keeps its last picture."
+        self.ask(event, "End the run?", text, "End the run", Stop(), no="Play on")
+
+    def ask(
+        self,
+        event: viser.GuiEvent,
+        title: str,
+        text: str,
+        yes: str,
+        then: DeckCommand | Callable[[], None],
+        *,
+        no: str = "Cancel",
+    ) -> None:
+        """Asks the one who clicked; the first answer sends a message, or does something; the second does nothing."""
+        gui = event.client.gui if event.client is not None else self._page.gui
+        with gui.add_modal(title) as question:
+            gui.add_markdown(text)
+            agree = gui.add_button(yes, color=STOPS)
+            gui.add_button(no, color="gray").on_click(lambda _: question.close())
+
+        @agree.on_click
+        def _(_: viser.GuiEvent) -> None:
+            question.close()
+            if callable(then):
+                then()
+            else:
+                self.send(then)
+
+    def _tempo_moved(self, event: viser.GuiEvent) -> None:
+        # A slider set by this program, not by a hand, reports no client.
+        if event.client is not None:
+            self._moved = time.monotonic()
+            self.send(SetTempo(factor=float(self._tempo.value)))
+
+    def send(self, message: DeckCommand) -> None:
+        """Sends a command and shows a refusal on the page; page callbacks come from many threads, the socket is one."""
+        try:
+            with self._lock:
+                reply = self._commands.request(message, timeout_s=ANSWER_WITHIN)
+            refusal = reply.reason if isinstance(reply, Refused) else ""
+        except MotiondeckError as error:
+            refusal = str(error)
+        if refusal:
+            self.refuse(refusal)

@@ -1,0 +1,108 @@
+"""The rig on the page: a card for each servo, the last minute of one, its registers, and what can be done with it."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+import viser
+
+from controller.motion.rotations import Array
+from controller.wire.messages.commands import RestartServo, ServoTorque
+from motiondeck.page.rig.servo_look import ServoLook, ServoLooks
+from motiondeck.page.rig.servo_plot import ServoPlot
+from motiondeck.page.rig.servo_tables import Look, ServoTables
+from motiondeck.page.web.parts import Ask, PageParts
+from motiondeck.page.web.private_page import PrivatePage
+
+FALLS = "The joint goes limp: hold what would fall. The others play on."
+SETS_UP = "The servo is checked and switched on where it stands; then it comes slowly to where it should be."
+RESTARTS = "All servos hold for half a second; this one is limp for as long, then it is set up again."
+
+
+class RigPanel:
+    """The widgets of the rig, where the page's widgets are being added.
+
+    Args:
+        page: where it stands.
+        parts: of that page.
+        rig: the rig's part of the description of a run.
+        ask: asks the one who clicked (event, title, text, yes) and then sends a message.
+        look: looks at registers and ports.
+    """
+
+    def __init__(self, page: PrivatePage, parts: PageParts, rig: Mapping[str, Any], ask: Ask, look: Look) -> None:
+        self._servos: Sequence[Mapping[str, Any]] = rig["servos"]
+        self._looks = ServoLooks(rig)
+        self._chosen = 0
+        gui = page.gui
+        self._summary = gui.add_html("")
+        self._cards = parts.add("servo-cards", "servos", {"servos": [*self._servos]}, self._choose)
+        self._title = gui.add_html("")
+        self._deeds = parts.add("button-row", "servo-deeds", heard=self._do)
+        self._plot = ServoPlot(page)
+        self._ask = ask
+        self._tables = ServoTables(page, look, ask)
+        self._off = False  # whether the chosen servo was switched off
+
+    @property
+    def joint(self) -> str:
+        """The joint of the chosen servo."""
+        return str(self._servos[self._chosen]["joint"])
+
+    def show(self, state: Mapping[str, Array], now: float) -> list[ServoLook]:
+        """Brings everything up to date; how the servos look."""
+        looks = self._looks.of(state, now)
+        if not looks:
+            return looks
+        self._plot.remember(state, now)
+        self._plot.show(self._chosen, now)
+        names = ("goal", "position", "current", "temperature", "voltage", "torque")
+        columns = [state[f"servo {name}"] for name in names]
+        rows = [
+            [*(_number(column[place], 3) for column in columns), look.level, look.words]
+            for place, look in enumerate(looks)
+        ]
+        self._cards.show({"servos": rows, "chosen": self._chosen})
+        self._off = looks[self._chosen].level == "off"
+        limp = self._off or not columns[-1][self._chosen]
+        deeds = [["on", "Torque on"] if limp else ["off", "Torque off"], ["restart", "Restart"]]
+        self._deeds.show([*deeds, ["registers", "Registers"], ["scan", "Scan ports"]])
+        _write(self._title, f'<div class="part"><b>{self.joint}</b>, the last minute</div>')
+        _write(self._summary, f'<div class="part" id="rig-summary">{_summary(self._servos, looks)}</div>')
+        return looks
+
+    def _do(self, said: Any, event: viser.GuiEvent) -> None:
+        joint = self.joint
+        if said == "off":
+            self._ask(event, f"Take the torque off {joint}?", FALLS, "Torque off", ServoTorque(joint, "off"))
+        elif said == "on":
+            self._ask(event, f"Switch {joint} on?", SETS_UP, "Torque on", ServoTorque(joint, "on"))
+        elif said == "restart":
+            self._ask(event, f"Restart {joint}?", RESTARTS, "Restart", RestartServo(joint))
+        elif said == "registers":
+            self._tables.show_registers(joint, event, off=self._off)
+        elif said == "scan":
+            self._tables.scan(event)
+
+    def _choose(self, said: Any, event: viser.GuiEvent) -> None:
+        choice = said.get("choose") if isinstance(said, dict) else None
+        if isinstance(choice, int) and 0 <= choice < len(self._servos):
+            self._chosen = choice
+
+
+def _number(value: float, digits: int) -> float | None:
+    return round(float(value), digits) if np.isfinite(value) else None
+
+
+def _write(handle: viser.GuiHtmlHandle, content: str) -> None:
+    if handle.content != content:
+        handle.content = content
+
+
+def _summary(servos: Sequence[Mapping[str, Any]], looks: Sequence[ServoLook]) -> str:
+    """One line: all well, or who is not."""
+    wrong = [f"{servo['joint']} {look.words}" for servo, look in zip(servos, looks, strict=True) if look.level != "ok"]
+    more = f" and {len(wrong) - 3} more" if len(wrong) > 3 else ""
+    return f"<b>{'; '.join(wrong[:3])}{more}</b>" if wrong else f"all {len(servos)} servos are well"

@@ -1,0 +1,65 @@
+"""How a servo looks on the page: a level (ok, warn, bad, off) and words, from what its rig publishes of it."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from controller.motion.rotations import Array
+
+LATE, LATE_FOR = 0.15, 0.5
+"""rad that a joint may be behind its goal, and for how long, s, before it counts as late."""
+
+_LEVELS = {
+    "well": "ok",
+    "was cut off": "warn",
+    "has a low supply voltage": "warn",
+    "is getting hot": "warn",
+    "gives way": "warn",
+    "does not follow": "warn",
+    "is off on command": "off",
+}
+COLOURS = {"ok": (43, 138, 62), "warn": (247, 103, 7), "bad": (224, 49, 49), "off": (134, 142, 150)}
+
+
+@dataclass(frozen=True)
+class ServoLook:
+    """How one servo looks.
+
+    Attributes:
+        level: ok, warn, bad or off.
+        words: what is the matter.
+    """
+
+    level: str
+    words: str
+
+
+class ServoLooks:
+    """Judges the servos of a rig.
+
+    Args:
+        rig: the rig's part of the description of a run.
+    """
+
+    def __init__(self, rig: Mapping[str, Sequence[object]]) -> None:
+        self._words = [str(word) for word in rig["conditions"]]
+        self._on_time = np.full(len(rig["servos"]), -np.inf)  # when each was last near its goal, s
+
+    def of(self, state: Mapping[str, Array], now: float) -> list[ServoLook]:
+        """The look of each servo in a state published at a time, s; none before the rig has said anything."""
+        conditions = state["servo condition"]
+        if not np.isfinite(conditions).all():
+            return []
+        near = np.abs(state["servo goal"] - state["servo position"]) < LATE
+        self._on_time[near | np.isinf(self._on_time)] = now
+        late = now - self._on_time > LATE_FOR
+        return [self._look(int(place), bool(lags)) for place, lags in zip(conditions, late, strict=True)]
+
+    def _look(self, place: int, late: bool) -> ServoLook:
+        words = self._words[place]
+        if place == 0:
+            return ServoLook("warn", "is late") if late else ServoLook("ok", "ok")
+        return ServoLook(_LEVELS.get(words, "bad"), words)

@@ -1,0 +1,120 @@
+"""Tables of the rig in a window: the registers of a servo, one of which may be written, and who is on the ports."""
+
+from __future__ import annotations
+
+import html
+from collections.abc import Callable
+from threading import Lock
+
+import viser
+from viser._gui_handles import GuiModalHandle
+
+from controller.wire.command_socket import CommandClient
+from controller.wire.messages.commands import DeckCommand, ReadRegisters, ScanPorts, WriteRegister
+from controller.wire.messages.replies import OnPorts, Refused, Registers
+from motiondeck.page.web.parts import Ask
+from motiondeck.page.web.private_page import PrivatePage
+from motiondeck_base.errors import MotiondeckError
+
+Look = Callable[[DeckCommand], Registers | OnPorts | None]
+"""Asks the deck and waits for what it finds; None where that was refused, which is shown."""
+
+FIRST_WITHIN, LAST_WITHIN = 2.0, 20.0  # s
+SCAN = (
+    "All servos hold for less than a second (with servos of Protocol 1.0: five), and then come slowly to where they "
+    "should be. Whoever answers at the rig's baud rate is listed."
+)
+WRITES = "The rig does not rely on this register; whether the value is a good one, nothing checks. It was {before}."
+TORQUE_FIRST = "To write a register, switch the torque of this servo off first."
+
+
+def looks_through(client: CommandClient, refuse: Callable[[str], None]) -> Look:
+    """Looks by way of a client of its own, so that no other command of the page has to wait meanwhile."""
+    lock = Lock()
+
+    def look(message: DeckCommand) -> Registers | OnPorts | None:
+        try:
+            with lock:
+                reply = client.request(message, FIRST_WITHIN)
+                last = reply if isinstance(reply, Refused) else client.wait_settled(reply.id, LAST_WITHIN)
+        except MotiondeckError as error:
+            last = Refused(str(error))
+        if isinstance(last, Registers | OnPorts):
+            return last
+        refuse(last.reason if isinstance(last, Refused) else "the rig does not answer")
+        return None
+
+    return look
+
+
+class ServoTables:
+    """Windows with tables, in the browser of whoever asked for them."""
+
+    def __init__(self, page: PrivatePage, look: Look, ask: Ask) -> None:
+        self._page, self._look, self._ask = page, look, ask
+
+    def show_registers(self, joint: str, event: viser.GuiEvent, *, off: bool) -> None:
+        """Shows the registers of a servo; with its torque off some can be written."""
+        self._show(self._look(ReadRegisters(joint)), event, off=off)
+
+    def scan(self, event: viser.GuiEvent) -> None:
+        """Asks first; then shows who is on the ports."""
+        self._ask(event, "Scan the rig's ports?", SCAN, "Scan", lambda: self._show_ports(event))
+
+    def _show(self, found: Registers | OnPorts | None, event: viser.GuiEvent, *, off: bool) -> None:
+        if not isinstance(found, Registers):
+            return
+        gui = self._gui(event)
+        rows = [(str(row.address), row.name, str(row.count), row.meaning) for row in found.registers]
+        with gui.add_modal(f"{found.joint}: {found.model}") as window:
+            gui.add_html(_table(("address", "register", "count", "meaning"), rows))
+            if off:
+                self._add_writing(found, event, window)
+            else:
+                gui.add_html(f'<div class="part">{TORQUE_FIRST}</div>')
+            gui.add_button("Close", color="gray").on_click(lambda _: window.close())
+
+    def _add_writing(self, found: Registers, event: viser.GuiEvent, window: GuiModalHandle) -> None:
+        """A register and a count to choose, and a button that asks before it writes."""
+        gui = self._gui(event)
+        held = {row.name: row.count for row in found.registers if row.writable}
+        register = gui.add_dropdown("register", [*held])
+        count = gui.add_number("count", held[register.value], step=1)
+
+        @register.on_update
+        def _(_: viser.GuiEvent) -> None:
+            count.value = held[register.value]
+
+        @gui.add_button("Write ...", color="gray").on_click
+        def _(click: viser.GuiEvent) -> None:
+            window.close()
+            name, value = register.value, int(count.value)
+            text = WRITES.format(before=held[name])
+            write = WriteRegister(found.joint, name, value)
+            title = f"Write {value} into {name} of {found.joint}?"
+            self._ask(click, title, text, "Write", lambda: self._show(self._look(write), click, off=True))
+
+    def _show_ports(self, event: viser.GuiEvent) -> None:
+        found = self._look(ScanPorts())
+        if not isinstance(found, OnPorts):
+            return
+        rows = [
+            (str(one.servo), one.joint or "not in the rig file", one.model, str(one.firmware)) for one in found.servos
+        ]
+        rows += [("", joint, "does not answer", "") for joint in found.missing]
+        gui = self._gui(event)
+        with gui.add_modal("On the rig's ports") as window:
+            gui.add_html(_table(("id", "joint", "model", "firmware"), rows))
+            gui.add_button("Close", color="gray").on_click(lambda _: window.close())
+
+    def _gui(self, event: viser.GuiEvent) -> viser.GuiApi:
+        return event.client.gui if event.client is not None else self._page.gui
+
+
+def _table(heads: tuple[str, ...], rows: list[tuple[str, ...]]) -> str:
+    """A table that scrolls."""
+    head = "".join(f"<th>{one}</th>" for one in heads)
+    body = "".join("<tr>" + "".join(f"<td>{html.escape(cell)}</td>" for cell in row) + "</tr>" for row in rows)
+    # The window gives its focus to the table: a list that has it would stand open.
+    opened = '<div class="servo-table" tabindex="0" data-autofocus>'
+    return f"{opened}<table><thead><tr>{head}</tr></thead><tbody>{body}</tbody></table></div>"

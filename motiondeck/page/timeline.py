@@ -1,0 +1,86 @@
+"""The last minutes on the page: what was played and what happened; and looking back, while the deck plays on."""
+
+from __future__ import annotations
+
+import bisect
+from collections import deque
+from collections.abc import Mapping
+from itertools import pairwise
+from typing import Any
+
+import viser
+
+from controller.motion.rotations import Array
+from controller.wire.messages.events import Event
+from motiondeck.page.web.parts import PageParts
+
+SECONDS = 180.0
+PICTURE_EVERY, DRAWN_EVERY = 0.1, 1.0  # s
+BAD = ("fault", "fell", "gave up", "lost", "replayed")
+MARKED = (*BAD, "mode", "paused", "resumed", "servo", "push", "stands")
+
+
+class Timeline:
+    """Keeps what was shown, and gives it back for a moment of the past; every browser of the page sees the same.
+
+    Args:
+        parts: of the page, where its widgets are being added.
+    """
+
+    def __init__(self, parts: PageParts) -> None:
+        self._part = parts.add("timeline", "timeline", heard=self._asked)
+        self._times: deque[float] = deque()
+        self._pictures: deque[Mapping[str, Array]] = deque()
+        self._runs: deque[tuple[float, str]] = deque()  # when each began
+        self._marks: deque[tuple[float, str, str]] = deque()
+        self._moment: float | None = None
+        self._now = 0.0
+        self._drawn = -DRAWN_EVERY
+
+    def keep(self, state: Mapping[str, Array], shown: str, now: float) -> None:
+        """Keeps a published state at a time, s, and the name of what is shown in it."""
+        self._now = now
+        if not self._runs or self._runs[-1][1] != shown:
+            self._runs.append((now, shown))
+        if not self._times or now - self._times[-1] >= PICTURE_EVERY:
+            self._times.append(now)
+            self._pictures.append(state)
+        while now - self._times[0] > SECONDS:
+            self._times.popleft()
+            self._pictures.popleft()
+        while len(self._runs) > 1 and now - self._runs[1][0] > SECONDS:
+            self._runs.popleft()
+        while self._marks and now - self._marks[0][0] > SECONDS:
+            self._marks.popleft()
+
+    def tell(self, event: Event) -> None:
+        """Marks an event that is worth it."""
+        if event.kind in MARKED:
+            self._marks.append((self._now, "bad" if event.kind in BAD else "", f"{event.kind}: {event.text}"))
+
+    def seen(self, state: Mapping[str, Array]) -> Mapping[str, Array]:
+        """What is to be drawn: the state itself, or the one of the moment that is looked back at."""
+        if self._moment is None or not self._times:
+            return state
+        place = min(bisect.bisect_left(self._times, self._moment), len(self._times) - 1)
+        return self._pictures[place]
+
+    def show(self) -> None:
+        """Draws the strip, at most once in DRAWN_EVERY seconds."""
+        if self._now - self._drawn < DRAWN_EVERY:
+            return
+        self._drawn = now = self._now
+        starts = [*self._runs, (now, "")]
+        runs = [
+            [round(max(begins - now, -SECONDS), 1), round(ends - now, 1), name]
+            for (begins, name), (ends, _) in pairwise(starts)
+        ]
+        marks = [[round(at - now, 1), kind, text] for at, kind, text in self._marks]
+        back = 0.0 if self._moment is None else round(min(now - self._moment, SECONDS), 1)
+        self._part.show({"seconds": SECONDS, "runs": runs, "marks": marks, "back": back})
+
+    def _asked(self, said: Any, event: viser.GuiEvent) -> None:
+        match said:
+            case {"back": float(back) | int(back)}:
+                self._moment = self._now - min(float(back), SECONDS) if back > 0.0 else None
+                self._drawn = -DRAWN_EVERY

@@ -1,0 +1,126 @@
+"""The view in the browser: the robot as it moves, a button for each motion, and how the loop is doing.
+
+Runs as a process of its own (`python -m motiondeck.page.viewer`), reads the latest state from shared memory and sends
+commands over a socket, so that nothing it does can hold up the loop.
+"""
+
+from __future__ import annotations
+
+import argparse
+import contextlib
+import os
+import shutil
+import sys
+import time
+from pathlib import Path
+
+# The page draws; this process needs no OpenGL, and starts sooner without.
+os.environ.setdefault("MUJOCO_GL", "disable")
+
+import numpy as np
+
+from controller.wire.command_socket import CommandClient
+from controller.wire.messages.commands import Subscribe
+from controller.wire.messages.events import Event
+from controller.wire.run_folder import REASON_FILE
+from controller.wire.telemetry import StateReader, named
+from motiondeck.page.deck_view import DeckView
+from motiondeck.page.web.private_page import PrivatePage
+from motiondeck_base.errors import MotiondeckError
+
+PICTURES_PER_SECOND = 25.0  # of 50, 100 or 200 ticks: as many between any two pictures
+LAST_WORD = 1.2  # s for a browser to get the reason of the end
+LONGEST_WAIT = 60.0  # s for a deck that is starting
+
+
+def view(state: Path, command_port: int | None, port: int) -> None:
+    """Shows a deck until it ends or the process that started this one is gone; waits for its state file to appear.
+
+    Prints the address of the page on standard error as soon as that answers. Without a command port, the state file
+    says it.
+
+    Raises:
+        MotiondeckError: if there is no such deck, or the port is taken.
+    """
+    parent = os.getppid()
+    # The deck starts this process first and loads its robot meanwhile, so that the page is there sooner.
+    latest_start = time.monotonic() + LONGEST_WAIT
+    while not state.exists() and os.getppid() == parent and time.monotonic() < latest_start:
+        time.sleep(0.01)
+    reader = StateReader.open(state)
+    description = reader.description
+    if command_port is None:
+        command_port = int(description["command_port"])
+    page = PrivatePage(port, label=f"Motiondeck · {description['robot']}")
+    print(f"page: {page.address}", file=sys.stderr, flush=True)
+    commands, looks = CommandClient(command_port), CommandClient(command_port)
+    shown = DeckView(page, description, commands, looks, state.parent / "dropped")
+    events = CommandClient(command_port)
+    with contextlib.suppress(MotiondeckError):
+        events.post(Subscribe())
+    last_tick, last_state = -1.0, 0
+    try:
+        while not reader.ended and os.getppid() == parent:
+            now = time.monotonic()
+            latest = reader.read()
+            if latest is not None and latest["tick"][0] != last_tick and np.isfinite(latest["qpos"]).all():
+                last_tick = latest["tick"][0]
+                shown.show(latest, now)
+            if shown.recording:
+                # More states are published than pictures drawn.
+                last_state, values = reader.since(last_state or reader.latest - 1)
+                for each in values:
+                    shown.record(named(each, reader.fields))
+            else:
+                last_state = 0
+            tell_news(events, shown)
+            time.sleep(max(0.0, now + 1.0 / PICTURES_PER_SECOND - time.monotonic()))
+        shown.end(_reason(state))
+        page.flush()
+        time.sleep(LAST_WORD if page.get_clients() else 0.0)
+    finally:
+        page.stop()
+        if os.getppid() != parent and state.parent.name.startswith("motiondeck-"):
+            # A deck that was killed could not tidy up after itself.
+            shutil.rmtree(state.parent, ignore_errors=True)
+
+
+def tell_news(events: CommandClient, shown: DeckView) -> None:
+    """Shows the events that have arrived; a deck that has ended has none."""
+    with contextlib.suppress(MotiondeckError):
+        while (reply := events.receive(0.0)) is not None:
+            if isinstance(reply, Event):
+                shown.tell(reply)
+
+
+def _reason(state: Path) -> str:
+    """Why the run has ended; empty where the deck could not say it any more."""
+    try:
+        return state.with_name(REASON_FILE).read_text(encoding="utf-8")
+    except (OSError, UnicodeDecodeError):
+        return ""
+
+
+def main(arguments: list[str] | None = None) -> int:
+    """The command line of the view's process; returns its exit code."""
+    parser = argparse.ArgumentParser(
+        prog="python -m motiondeck.page.viewer", description="Shows a running deck in the browser."
+    )
+    parser.add_argument("--state", type=Path, required=True, help="the deck's shared state file")
+    parser.add_argument("--command-port", type=int, help="where the deck takes commands")
+    parser.add_argument("--port", type=int, required=True, help="where to serve the page, on loopback")
+    options = parser.parse_args(arguments)
+    try:
+        # viser announces itself on standard output, which belongs to the deck that started this process.
+        with Path(os.devnull).open("w") as nowhere, contextlib.redirect_stdout(nowhere):
+            view(options.state, options.command_port, options.port)
+    except MotiondeckError as error:
+        print(f"motiondeck: {error}", file=sys.stderr)
+        return 1
+    except KeyboardInterrupt:
+        return 0
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,90 @@
+"""The page's own parts: each is drawn by a script in the browser from a little JSON, and sends back what is done.
+
+viser carries both ways: a state is in an attribute of a hidden element, an event is the value of a hidden text field.
+So parts need no connection of their own, and a page that is reloaded has the latest state at once.
+"""
+
+from __future__ import annotations
+
+import html
+import json
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import viser
+
+from controller.wire.messages.commands import DeckCommand
+from motiondeck.page.web.private_page import PrivatePage
+
+Ask = Callable[[viser.GuiEvent, str, str, str, DeckCommand | Callable[[], None]], None]
+"""Asks the one who clicked (event, title, text, yes), and then sends a message or does something else."""
+
+SCRIPTS = Path(__file__).parent / "scripts"
+MOST_CHARACTERS = 2000  # of an event; what is longer no part has sent
+_EVENTS = "part-events"
+
+Heard = Callable[[Any, viser.GuiEvent], None]
+
+
+class Part:
+    """One part on the page; `show` brings its state up to date."""
+
+    def __init__(self, name: str, state: viser.GuiHtmlHandle) -> None:
+        self._name, self._state = name, state
+        self._text = ""
+
+    def show(self, state: Any) -> None:
+        """Shows a state of any JSON values; the same one twice costs nothing."""
+        text = json.dumps(state, separators=(",", ":"))
+        if text != self._text:
+            self._text = text
+            self._state.content = f'<div hidden data-state-of="{self._name}" data-state="{html.escape(text)}"></div>'
+
+
+class PageParts:
+    """The scripts of the parts on a page, and the way back from them."""
+
+    def __init__(self, page: PrivatePage) -> None:
+        """Puts the scripts on the page; call it where a hidden line of the panel does not matter."""
+        self._gui = page.gui
+        self._heard: dict[str, Heard] = {}
+        scripts = [(SCRIPTS / "parts.js").read_text("utf-8")]
+        scripts += [file.read_text("utf-8") for file in sorted(SCRIPTS.glob("*.js")) if file.name != "parts.js"]
+        styles = "".join(file.read_text("utf-8") for file in sorted(SCRIPTS.glob("*.css")))
+        # A script in HTML that is inserted does not run; a picture that cannot be loaded runs what it is told to.
+        start = "const s=document.createElement('script');s.textContent=this.nextElementSibling.textContent;"
+        self._gui.add_html(
+            f'<style>{styles}</style><div id="{_EVENTS}" hidden><img src="data:," onerror="{start}'
+            f'document.head.append(s)"><pre>{html.escape(chr(10).join(scripts), quote=False)}</pre></div>'
+        )
+        self._events = self._gui.add_text("events of own parts", "")
+        self._events.on_update(self._hear)
+
+    def add(self, kind: str, name: str, fixed: dict[str, Any] | None = None, heard: Heard | None = None) -> Part:
+        """Adds a part where the page's widgets are being added.
+
+        Args:
+            kind: which script draws it.
+            name: its own, also of the element.
+            fixed: what does not change, any JSON values; the script finds it in the element's `data-fixed`.
+            heard: called with what it sends and viser's event, which knows the browser; from a thread of viser's.
+        """
+        about = html.escape(json.dumps(fixed or {}, separators=(",", ":")))
+        self._gui.add_html(f'<div id="{name}" class="part" data-part="{kind}" data-fixed="{about}"></div>')
+        if heard is not None:
+            self._heard[name] = heard
+        return Part(name, self._gui.add_html(""))
+
+    def _hear(self, event: viser.GuiEvent) -> None:
+        # What this program sets reports no client.
+        text = str(self._events.value)
+        if event.client is None or len(text) > MOST_CHARACTERS:
+            return
+        try:
+            name, value, _ = json.loads(text)
+            heard = self._heard.get(name)
+        except (ValueError, TypeError):
+            return  # not from a part of ours
+        if heard is not None:
+            heard(value, event)

@@ -1,0 +1,117 @@
+"""A clip as one picture: stick figures through the motion, then its heights, its speed and its gaps over time."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from controller.motion.anatomy import Side, anatomy
+from controller.motion.rotations import Array
+from motiondeck.pictures.figures import new_figure, save
+
+if TYPE_CHECKING:
+    from controller.motion.clip import Clip
+    from controller.motion.formats.reading import FittedClip
+
+FIGURES = 10
+COLOUR = {"left": "#e0803c", "right": "#3f7fb5", "middle": "#39414d"}
+
+
+def plot_clip(recording: FittedClip, out: Path) -> None:
+    """Draws a recording into a picture.
+
+    Raises:
+        MotiondeckError: if matplotlib is missing or the picture cannot be written.
+    """
+    clip = recording.clip
+    figure = new_figure(12.0, 8.0)
+    heights = [2.2, 1.0, 1.0] + ([0.8] if recording.fit is not None else [])
+    rows = figure.subplots(len(heights), 1, height_ratios=heights)
+    _figures(rows[0], clip)
+    _curves(rows[1], rows[2], clip)
+    if recording.fit is not None:
+        _gaps(rows[3], recording)
+    for lower in rows[2:]:
+        lower.sharex(rows[1])
+    rows[-1].set_xlabel("s")
+    save(figure, out)
+
+
+def plot_sheet(clips: Sequence[Clip], out: Path) -> None:
+    """Draws one row a clip: its mannequin at moments spread over it."""
+    from motiondeck.pictures.clip_scene import act_of
+    from motiondeck.pictures.video import FRAMES_A_ROW, bodies_sheet
+
+    rows = []
+    for clip in clips:
+        act = act_of(clip, None, ghost=False)
+        moments = np.linspace(0, len(clip) - 1, FRAMES_A_ROW).astype(int)
+        rows.append((clip.name.replace("_", " "), act.model, list(act.qpos[moments])))
+    bodies_sheet(rows, out)
+
+
+def _figures(axes: Any, clip: Clip) -> None:
+    """Stick figures side by side, each seen from the left and ahead of where the pelvis faces."""
+    parts = anatomy(clip.skeleton)
+    joints = clip.joints()
+    frames = np.linspace(0, len(clip) - 1, FIGURES).astype(int)
+    apart = 1.15 * max(float(np.ptp(joints[..., 2])), 0.5)
+    for place, frame in enumerate(frames):
+        across, up = _seen(joints[frame] - joints[frame, 0] * [1.0, 1.0, 0.0], clip.rotation[frame, 0])
+        for bone, parent in enumerate(clip.skeleton.parent + 1):
+            ends = [parent, 1 + bone]
+            axes.plot(across[ends] + place * apart, up[ends], color=COLOUR[parts.side[bone]], linewidth=2.0)
+        axes.text(place * apart, -0.08 * apart, f"{frame / clip.rate:.2f} s", ha="center", va="top", fontsize=8)
+    axes.axhline(0.0, color="0.8", linewidth=0.8)
+    axes.set_title(f"{clip.name} ({clip.source}): left orange, right blue")
+    axes.set_aspect("equal")
+    axes.set_axis_off()
+
+
+def _seen(joints: Array, pelvis: Array) -> tuple[Array, Array]:
+    """Joints (N, 3) as someone 50 degrees to the side of where the pelvis faces sees them: across and up, m."""
+    from controller.motion.rotations import rotate
+
+    ahead = rotate(pelvis, np.array([1.0, 0.0, 0.0]))
+    angle = np.arctan2(ahead[1], ahead[0]) + np.radians(50.0)
+    return joints[:, 0] * -np.sin(angle) + joints[:, 1] * np.cos(angle), joints[:, 2]
+
+
+def _curves(heights: Any, speeds: Any, clip: Clip) -> None:
+    parts = anatomy(clip.skeleton)
+    joints = clip.joints()
+    time = np.arange(len(clip)) / clip.rate
+    head = parts.first("head")
+    heights.plot(time, joints[:, 0, 2], color=COLOUR["middle"], label="root")
+    if head is not None:
+        heights.plot(time, joints[:, 1 + head, 2], color="0.6", label="head")
+    sides: tuple[Side, ...] = ("left", "right")
+    for side in sides:
+        for bones, part, style in ((parts.all("foot", side), "foot", "-"), (parts.all("hand", side), "hand", ":")):
+            if bones:
+                lowest = joints[:, 1 + np.array(bones), 2].min(axis=1)
+                heights.plot(time, lowest, style, color=COLOUR[side], label=f"{side} {part}")
+    heights.set(ylabel="height, m")
+    heights.legend(loc="upper right", ncols=6, fontsize=8)
+    if len(clip) > 1:
+        speed = np.linalg.norm(np.diff(joints, axis=0), axis=-1) * clip.rate
+        speeds.plot(time[1:], speed[:, 0], color=COLOUR["middle"], label="root")
+        speeds.plot(time[1:], speed.max(axis=1), color="0.6", label="fastest joint")
+        speeds.legend(loc="upper right", fontsize=8)
+    speeds.set(ylabel="speed, m/s")
+
+
+def _gaps(axes: Any, recording: FittedClip) -> None:
+    """How far markers are from where the fitted body has them, and when some were not seen."""
+    fit = recording.fit
+    assert fit is not None
+    time = np.arange(len(fit.residual)) / fit.clip.rate
+    off = 1000.0 * fit.residual
+    seen = ~np.isnan(off)
+    mean = np.sqrt(np.where(seen, off, 0.0) ** 2 @ np.ones(off.shape[1]) / np.maximum(seen.sum(axis=1), 1))
+    axes.plot(time, mean, color=COLOUR["middle"], label="markers off, mm rms")
+    axes.plot(time, (~seen).sum(axis=1), color="#c0392b", label="markers not seen")
+    axes.legend(loc="upper right", fontsize=8)

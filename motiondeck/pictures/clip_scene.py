@@ -1,0 +1,137 @@
+"""A recording as something to look at: its body, its bones, its steps, and a robot that does the same beside it."""
+
+# pyright: reportAttributeAccessIssue=false
+# (MuJoCo's names come from compiled modules, which have no type stubs.)
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from controller.motion.clip import Clip
+from controller.motion.posture import Pose
+from controller.motion.rotations import Array
+from controller.wire.run_recording import RunRecording
+from motiondeck_base.errors import MotiondeckError
+
+if TYPE_CHECKING:
+    import mujoco
+
+    from motiondeck.page.clip_page import Act
+    from sim.models.feet import Foot
+    from sim.robots.robot import Robot
+
+PICTURES = 60.0  # frames a second that are kept of a recorded run
+GHOST = 0.45  # opacity of the human where a robot or its bones are to be seen
+
+
+def act_of(clip: Clip, robot: Path | None, ghost: bool = True) -> Act:
+    """What is to be shown of a clip.
+
+    Args:
+        clip: of a body.
+        robot: the file of a robot that does the same beside the human; None for the human alone.
+        ghost: whether the human is translucent.
+
+    Raises:
+        MotiondeckError: if the robot cannot be loaded, or cannot be fitted to this body.
+    """
+    from motiondeck.page.body.footprints import footprints, soles, standing
+    from motiondeck.page.clip_page import Act
+    from sim.models.scenery import body_height
+
+    model, qpos, joints, feet = _alone(clip) if robot is None else _beside(clip, robot)
+    if ghost:
+        _fade(model)
+    for light in range(model.nlight):
+        # One lamp is enough for two bodies.
+        model.light_active[light] = "/" not in model.light(light).name
+    corners = soles(model, qpos, feet)
+    stands = standing(corners, clip.rate, body_height(model))
+    parent = clip.skeleton.parent + 1
+    bones = np.stack([joints[:, parent], joints[:, 1:]], axis=2)
+    title = f"Motiondeck · {clip.name}" + ("" if robot is None else f" · {robot.stem}")
+    return Act(title, model, qpos, clip.rate, bones, footprints(model, corners, stands), stands, corners)
+
+
+def act_of_recording(recording: RunRecording, robot: Robot) -> Act:
+    """What is to be shown of a recorded run: the robot where it was told to be, with its steps if they are known.
+
+    Raises:
+        MotiondeckError: if nothing was recorded, or it was another robot's.
+    """
+    from motiondeck.page.body.footprints import footprints, soles, standing
+    from motiondeck.page.clip_page import Act
+    from sim.models.scenery import body_height
+    from sim.physics.physics_model import feet_of
+
+    fields = recording.fields
+    if recording.ticks == 0 or fields["targets"].shape[1] < len(robot.joints):
+        raise MotiondeckError(f"the recording holds no targets for the {len(robot.joints)} joints of {robot.name}")
+    rate = float(recording.description["rate"])
+    thin = max(1, round(rate / PICTURES))
+    model = robot.model
+    placed = fields.get("robot_root") if robot.name == recording.description["robot"] else None
+    qpos = np.empty((len(range(0, recording.ticks, thin)), model.nq))
+    for row, tick in enumerate(range(0, recording.ticks, thin)):
+        pose = Pose(fields["root_position"][tick], fields["heading"][tick, 0], fields["root_rotation"][tick][None])
+        robot.place(fields["targets"][tick, : len(robot.joints)], pose, qpos[row])
+        if placed is not None:
+            qpos[row, :7] = placed[tick]
+    title = f"Motiondeck · {robot.name} · replay"
+    no_bones = np.zeros((len(qpos), 0, 2, 3))
+    if placed is None and robot.footing is not None:
+        # Where its feet stood tells the whole pose, of which version 1 recorded the human's root alone.
+        return Act(title, model, qpos, rate / thin, no_bones)
+    corners = soles(model, qpos, feet_of(robot))
+    stands = standing(corners, rate / thin, body_height(model))
+    return Act(title, model, qpos, rate / thin, no_bones, footprints(model, corners, stands), stands, corners)
+
+
+def _poses(clip: Clip) -> list[Pose]:
+    """The frames of a clip one by one; where a body faces is its root's business here."""
+    heading = np.zeros(())
+    return [Pose(place, heading, turn) for place, turn in zip(clip.root_position, clip.rotation, strict=True)]
+
+
+def _alone(clip: Clip) -> tuple[mujoco.MjModel, Array, Array, list[Foot]]:
+    """The mannequin of a clip, its qpos (T, nq), the human's joints and the feet."""
+    from sim.models.feet import find_feet
+    from sim.models.joint_layout import JointLayout
+    from sim.models.mannequin.mannequin import build_mannequin
+    from sim.retargeting.retarget import MannequinRetargeter
+
+    model = build_mannequin(clip.skeleton).compile()
+    layout, retarget = JointLayout.of(model), MannequinRetargeter(clip.skeleton)
+    qpos = np.empty((len(clip), model.nq))
+    for frame, pose in enumerate(_poses(clip)):
+        qpos[frame, :3], qpos[frame, 3:7] = pose.root_position, pose.rotation[0]
+        layout.place(retarget(pose), qpos[frame])
+    return model, qpos, clip.joints(), list(find_feet(model, model.qpos0))
+
+
+def _beside(clip: Clip, robot: Path) -> tuple[mujoco.MjModel, Array, Array, list[Foot]]:
+    """A human of the robot's size and the robot, their qpos (T, nq), the human's joints and the feet of both."""
+    from motiondeck.pictures.side_by_side import PREFIX, SideBySide
+    from motiondeck_base.shipped import find_robot
+    from sim.models.feet import find_feet
+    from sim.physics.physics_model import feet_of
+
+    both = SideBySide(clip.skeleton, find_robot("mannequin"), robot, 1.0 / clip.rate)
+    qpos = np.array([both.qpos(pose, own_path=True).copy() for pose in _poses(clip)])
+    feet = list(find_feet(both.human.model, both.human.model.qpos0))
+    feet += [replace(foot, body=PREFIX + foot.body) for foot in feet_of(both.robot)]
+    return both.model, qpos, clip.joints() * both.scale, feet
+
+
+def _fade(model: mujoco.MjModel) -> None:
+    """Makes the human translucent; the materials of a robot beside it have a name of two parts."""
+    from sim.models.scenery import FLOOR
+
+    for index in range(model.nmat):
+        name = model.material(index).name
+        if name != FLOOR and "/" not in name:
+            model.mat_rgba[index, 3] = GHOST

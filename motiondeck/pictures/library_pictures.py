@@ -1,0 +1,233 @@
+"""Pictures of what a library plays: contact sheets and films, drawn off screen and as fast as the machine can."""
+
+from __future__ import annotations
+
+import re
+import sys
+from collections import deque
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from controller.deck.deck import Deck
+from controller.library.motion_library import MotionLibrary, load_library
+from controller.loop.commands.command_desk import CommandDesk
+from controller.loop.commands.commanded_run import CommandedRun
+from controller.loop.stop_requests import StopRequest
+from controller.motion.rotations import Array
+from controller.wire.messages.commands import Blend
+from controller.wire.messages.replies import Refused
+from motiondeck.run.script import Timed
+from motiondeck_base.errors import MotiondeckError, UnknownNameError
+from motiondeck_base.shipped import find_library, find_robot
+
+if TYPE_CHECKING:
+    from motiondeck.pictures.offscreen import Camera
+    from motiondeck.pictures.screens import Shot
+    from sim.physics.kinematic_playback import KinematicPlayback
+    from sim.robots.robot import Robot
+
+# Pictures a second, and their size: a GIF has to be small to be shown on a page.
+FILM = {".mp4": (30.0, (1920, 1080)), ".gif": (20.0, (400, 300))}
+STEPS_A_SECOND = 200
+PRINTS = 24  # of the latest footprints are shown
+MOMENTS = 8
+SHEET_SECONDS = {"loop": 1.0, "once": 0.6}
+
+
+def draw_sheet(library: str, robot: str, out: Path, blends: Sequence[Blend] = ()) -> None:
+    """One row a motion, MOMENTS pictures each, spread over one period of a loop or the moving part of a single act.
+
+    With blends, one row each of them instead, over one period of the longest of its motions.
+
+    Raises:
+        MotiondeckError: if there is no such motion, or some cannot be blended.
+    """
+    from motiondeck.pictures.video import contact_sheet
+    from sim.physics.kinematic_playback import KinematicPlayback
+    from sim.robots.robot import load_robot
+
+    loaded = load_library(find_library(library))
+    body = load_robot(find_robot(robot), loaded.skeleton)
+    lasts = {motion.name: motion.frames / loaded.info.rate for motion in loaded.info.motions}
+    rows: list[tuple[str, list[Array]]] = []
+
+    def draw(label: str, deck: Deck, seconds: float) -> None:
+        stage = KinematicPlayback(body)
+        moments: list[Array] = []
+        for _ in range(MOMENTS):
+            _play_on(deck, stage, body, seconds / MOMENTS)
+            moments.append(stage.qpos.copy())
+        rows.append((label, moments))
+
+    for blend in blends:
+        deck = _blended(loaded, body, blend)
+        parts = [f"{weight:g} {name}" for name, weight in ((blend.second, blend.weight), *blend.also)]
+        label = " + ".join((blend.first, *parts))
+        draw(
+            f"{label}: {deck.fell_back}" if deck.fell_back else label,
+            deck,
+            max(lasts[name] for name in blend.motions),
+        )
+    for motion in () if blends else loaded.info.motions:
+        # A third of what a single act was learned from is the pose that it holds in the end.
+        seconds = lasts[motion.name] * SHEET_SECONDS[motion.plays]
+        draw(motion.name, Deck(loaded, body.retarget, motion.name), seconds)
+    contact_sheet(body.drawn, rows, out)
+    print(f"wrote {out} ({len(rows)} {'blends' if blends else 'motions'})", file=sys.stderr)
+
+
+def _blended(library: MotionLibrary, body: Robot, blend: Blend) -> Deck:
+    """A deck that plays a blend, or what it has fallen back to."""
+    if blend.first not in library.network.motions:
+        raise UnknownNameError.among("motion", blend.first, library.network.motions)
+    deck = Deck(library, body.retarget, blend.first)
+    switch = deck.blend_in(blend.first, blend.second, blend.weight, blend.also)
+    while switch.settled_s is None and not deck.fell_back:
+        deck.update(1.0 / STEPS_A_SECOND)
+    return deck
+
+
+@dataclass(frozen=True)
+class FilmLook:
+    """How a film looks: width and height, pixels; pictures a second; where it is seen from; what is drawn besides."""
+
+    size: tuple[int, int]
+    fps: float
+    camera: Camera
+    ghost: bool = False
+    footprints: bool = False
+
+
+def film_look(
+    out: Path, size: str | None, fps: float | None, camera: str, ghost: bool = False, footprints: bool = False
+) -> FilmLook:
+    """The look that options ask for; what they leave open follows from the ending of the file.
+
+    Raises:
+        MotiondeckError: for a size that is not WIDTHxHEIGHT, or another rate than 1 to 240 Hz.
+        UnknownNameError: for a camera that does not exist.
+    """
+    from motiondeck.pictures.offscreen import camera_named
+
+    usual_fps, usual_size = FILM.get(out.suffix.lower(), FILM[".mp4"])
+    numbers = re.fullmatch(r"(\d{1,5})x(\d{1,5})", size or f"{usual_size[0]}x{usual_size[1]}")
+    if numbers is None:
+        raise MotiondeckError(f"--size '{size}' is not WIDTHxHEIGHT, such as 1920x1080")
+    if fps is not None and not 1.0 <= fps <= 240.0:
+        raise MotiondeckError(f"--fps {fps:g} is not between 1 and 240 pictures a second")
+    asked = (int(numbers[1]), int(numbers[2]))
+    return FilmLook(asked, fps or usual_fps, camera_named(camera), ghost, footprints)
+
+
+@dataclass(frozen=True)
+class Staging:
+    """What carries the robot of a film: as the options of `play` say."""
+
+    physics: bool = True
+    root: str = "gantry"
+    balance: bool = False
+    walk: bool = False
+    solver: str | None = None
+
+
+def film(
+    library: MotionLibrary,
+    robot: str,
+    deck_for: Callable[[Callable[..., Any]], Deck],
+    timeline: Sequence[Timed],
+    seconds: float,
+    out: Path,
+    look: FilmLook,
+    staging: Staging,
+) -> dict[str, object]:
+    """Films a run and returns what `play --video --json` says.
+
+    Args:
+        library: what is played.
+        robot: whose body plays it.
+        deck_for: the deck of that body's retargeting.
+        timeline: what is commanded when.
+        seconds: how long.
+        out: the film, .mp4 or .gif.
+        look: how it looks.
+        staging: whether in physics, and what holds the robot.
+
+    Raises:
+        MotiondeckError: if a command is refused; it says when.
+    """
+    from sim.models.robot_file import solver_named
+    from sim.robots.robot import load_robot
+
+    body = load_robot(find_robot(robot), library.skeleton, solver_named(staging.solver), 1.0 / STEPS_A_SECOND)
+    total = max(1, round(seconds * look.fps))
+    deck = deck_for(body.retarget)
+    report = film_frames(body.drawn, _shots(deck, body, timeline, total, look, staging), total, out, look)
+    return report | {"fell_back": deck.fell_back}
+
+
+def film_frames(model: Any, frames: Iterable[Array | Shot], total: int, out: Path, look: FilmLook) -> dict[str, object]:
+    """Films so many pictures of a MuJoCo model."""
+    from motiondeck.pictures.video import render
+    from motiondeck_base.progress import progress
+
+    with progress("filming", total) as tick:
+        count = render(model, frames, out, look.fps, look.size, True, lambda _: tick(), look.camera)
+    return {"video": str(out), "frames": count, "fps": look.fps, "size": look.size, "bytes": out.stat().st_size}
+
+
+def _shots(
+    deck: Deck, body: Robot, timeline: Sequence[Timed], total: int, look: FilmLook, staging: Staging
+) -> Iterator[Shot]:
+    """The pictures; between them the deck plays on in ticks, as `play` does."""
+    from controller.loop.safety.safety_envelope import SafetyEnvelope
+    from motiondeck.page.body.footprints import StepWatch
+    from motiondeck.pictures.screens import Shot
+    from sim.models.scenery import body_height
+    from sim.physics.kinematic_playback import KinematicPlayback
+    from sim.physics.physics_model import feet_of
+    from sim.physics.playback import PhysicsPlayback
+
+    dt = 1.0 / STEPS_A_SECOND
+    desk, envelope = CommandDesk(CommandedRun(deck), ()), SafetyEnvelope(body.limits, dt)
+    stage = KinematicPlayback(body)
+    if staging.physics:
+        stage = PhysicsPlayback(body, dt, staging.root, staging.balance, staging.walk)
+    watch = StepWatch(body.model, feet_of(body), body_height(body.model)) if look.footprints else None
+    waiting, prints, ghost = deque(timeline), deque[Array](maxlen=PRINTS), body.model.qpos0.copy()
+    started, done = False, 0
+    for picture in range(total):
+        ticks = round((picture + 1) * STEPS_A_SECOND / look.fps)
+        while done < ticks:
+            while waiting and waiting[0].at <= deck.time:
+                timed = waiting.popleft()
+                reply = desk.carry_out(timed.message, StopRequest())
+                if isinstance(reply, Refused):
+                    raise MotiondeckError(f"the command at {timed.at:g} s was refused: {reply.reason}")
+            targets, pose = deck.update(dt)
+            targets = np.clip(targets, body.limits.lower, body.limits.upper)
+            if not started:
+                envelope.start(targets)
+                started = True
+            stage.write(envelope(targets), pose)
+            done += 1
+            if look.ghost and done == ticks:
+                body.layout.place(targets, ghost)
+                ghost[:7] = stage.placed
+                if isinstance(stage, PhysicsPlayback):
+                    ghost[:] = stage.wanted
+            if watch is not None:
+                prints += watch(stage.data, dt)
+        yield Shot(stage.qpos, ghost if look.ghost else None, prints)
+
+
+def _play_on(deck: Deck, stage: KinematicPlayback, body: Robot, seconds: float) -> None:
+    """Lets the deck play for so long, in steps of about a tick, and shows where that ends."""
+    steps = max(1, round(seconds * STEPS_A_SECOND))
+    for _ in range(steps - 1):
+        deck.update(seconds / steps)
+    targets, pose = deck.update(seconds / steps)
+    stage.write(np.clip(targets, body.limits.lower, body.limits.upper), pose)

@@ -1,0 +1,75 @@
+"""Side by side: a robot beside the human whose motion it plays, as one model to be drawn."""
+
+# pyright: reportAttributeAccessIssue=false
+# (MuJoCo's names come from compiled modules, which have no type stubs.)
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import mujoco
+import numpy as np
+
+from controller.motion.posture import Pose
+from controller.motion.rotations import Array
+from controller.motion.skeleton import Skeleton
+from sim.models.formats.urdf_visuals import dressed
+from sim.robots.robot import load_robot
+
+PREFIX = "robot/"
+APART = 0.9  # heights of the human's root
+
+# What a model may reserve: MuJoCo finds out by itself what is needed.
+_USERS = ("actuator", "body", "cam", "geom", "jnt", "sensor", "site", "tendon")
+_SIZES = ("memory", "nconmax", "njmax", "nstack", "nkey", "nuserdata", *(f"nuser_{thing}" for thing in _USERS))
+
+
+class SideBySide:
+    """A mannequin of the robot's size on the left, the robot on the right, on one floor.
+
+    Attributes:
+        model: both of them.
+        human, robot: each for itself; in `model` the robot's names begin with PREFIX.
+        scale: the size of the human shown over that of the skeleton.
+    """
+
+    def __init__(self, skeleton: Skeleton, human: Path, robot: Path, dt: float) -> None:
+        """Loads both.
+
+        Args:
+            skeleton: whose poses will come.
+            human, robot: the robot files of the mannequin and of the robot.
+            dt: seconds from one pose to the next.
+        """
+        self.robot = load_robot(robot, skeleton, dt=dt)
+        self.scale = self.robot.path_scale
+        self.human = load_robot(human, replace(skeleton, length=skeleton.length * self.scale))
+        spec, other = self.human.spec.copy(), dressed(self.robot.spec).copy()
+        for thing in [*other.worldbody.geoms, *other.worldbody.lights, *other.equalities]:
+            other.delete(thing)
+        for texture in [*other.textures]:
+            if texture.type == mujoco.mjtTexture.mjTEXTURE_SKYBOX:
+                other.delete(texture)
+        self._apart = np.array([0.0, -APART * self.scale * skeleton.leg_length])
+        # Nothing moves by physics here, it is drawn as the human is, and MuJoCo would warn of each difference.
+        other.option, other.visual = spec.option, spec.visual
+        for size in _SIZES:
+            setattr(other, size, getattr(spec, size))
+        spec.attach(other, prefix=PREFIX, frame=spec.worldbody.add_frame())
+        self.model = spec.compile()
+        self._qpos = np.zeros(self.model.nq)
+
+    def qpos(self, pose: Pose, own_path: bool = False) -> Array:
+        """Both as they are in a pose, shape (nq,); overwritten by the next call.
+
+        The robot is kept beside the human, or goes as far as its own steps carry it: then its feet do not slide.
+        """
+        split = self.human.model.nq
+        small = replace(pose, root_position=pose.root_position * self.scale)
+        self.human.place(self.human.retarget(small), small, self._qpos[:split])
+        limits = self.robot.limits
+        targets = np.clip(self.robot.retarget(pose), limits.lower, limits.upper)
+        self.robot.place(targets, pose, self._qpos[split:])
+        self._qpos[split : split + 2] = self._apart + self._qpos[slice(split, split + 2) if own_path else slice(2)]
+        return self._qpos

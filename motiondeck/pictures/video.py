@@ -1,0 +1,207 @@
+"""Films and contact sheets: a motion as an mp4, a GIF, or a row of pictures."""
+
+# pyright: reportAttributeAccessIssue=false
+# (MuJoCo's names come from compiled modules, which have no type stubs.)
+
+from __future__ import annotations
+
+import errno
+import itertools
+import os
+import shutil
+import textwrap
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+import mujoco
+from PIL import Image, ImageDraw, ImageFont
+
+from controller.motion.rotations import Array
+from motiondeck.pictures.offscreen import Camera, OffScreen, PictureError
+from motiondeck.pictures.screens import Screens, Shot
+
+GIF_COLOURS = 64
+FRAMES_A_ROW = 8
+
+
+def render(
+    model: mujoco.MjModel,
+    frames: Iterable[Array | Shot],
+    path: Path,
+    fps: float = 30.0,
+    size: tuple[int, int] = (640, 480),
+    shadows: bool = False,
+    progress: Callable[[int], None] | None = None,
+    camera: Camera = "follow",
+) -> int:
+    """Films a robot and returns the number of frames; nothing is left behind if it does not come to its end.
+
+    Args:
+        model: the robot on its stage.
+        frames: one qpos (nq,), or more to be drawn, a picture.
+        path: where to; the name ends in .mp4 or .gif.
+        fps: pictures a second.
+        size: width and height, pixels; even numbers for mp4.
+        shadows: prettier and about twice as slow.
+        progress: told the number of frames done.
+        camera: where it is seen from.
+
+    Raises:
+        PictureError: for another ending, for no frames, and where OpenGL or ffmpeg is missing.
+    """
+    writers = {".mp4": _write_mp4, ".gif": _write_gif}
+    if path.suffix.lower() not in writers:
+        raise PictureError(f"{path}: a film ends in {' or '.join(writers)}")
+    count = 0
+
+    def pictures() -> Iterator[bytes]:
+        nonlocal count
+        for picture in screens(frame if isinstance(frame, Shot) else Shot(frame) for frame in frames):
+            yield picture.tobytes()
+            count += 1
+            if progress:
+                progress(count)
+
+    with _written_whole(path) as unfinished, Screens(model, size, shadows, camera) as screens:
+        writers[path.suffix.lower()](pictures(), unfinished, fps, size)
+        if count == 0:
+            raise PictureError(f"{path}: there are no frames to film")
+    return count
+
+
+def contact_sheet(
+    model: mujoco.MjModel,
+    rows: Sequence[tuple[str, Sequence[Array]]],
+    path: Path,
+    tile: tuple[int, int] = (200, 220),
+) -> None:
+    """Draws one row a motion, its label on the left, into one picture.
+
+    Args:
+        model: the robot on its stage.
+        rows: a label and up to 8 qpos (nq,) each.
+        path: where to; a name that pillow knows how to write, such as .png.
+        tile: width and height of one picture, pixels.
+
+    Raises:
+        PictureError: for no rows, for another file type, and where OpenGL is missing.
+    """
+    bodies_sheet([(label, model, poses) for label, poses in rows], path, tile)
+
+
+def bodies_sheet(
+    rows: Sequence[tuple[str, mujoco.MjModel, Sequence[Array]]], path: Path, tile: tuple[int, int] = (200, 220)
+) -> None:
+    """As `contact_sheet`, with a body of its own in each row."""
+    if not rows:
+        raise PictureError(f"{path}: there are no motions to show")
+    if path.suffix.lower() not in Image.registered_extensions():
+        raise PictureError(f"{path}: a contact sheet ends in .png, .jpg or .webp")
+    kind = Image.registered_extensions()[path.suffix.lower()]
+    width, height = tile
+    margin = 120
+    across = min(FRAMES_A_ROW, max(len(poses) for _, _, poses in rows))
+    sheet = Image.new("RGB", (margin + across * width, len(rows) * height), "white")
+    pen = ImageDraw.Draw(sheet)
+    font = ImageFont.load_default(15)
+    with _written_whole(path) as unfinished:
+        for model, numbered in itertools.groupby(enumerate(rows), key=lambda row: row[1][1]):
+            with OffScreen(model, tile) as screen:
+                for row, (label, _, poses) in numbered:
+                    text = textwrap.fill(label, 11)
+                    pen.text((12, (row + 0.5) * height), text, fill=(40, 46, 56), font=font, anchor="lm")
+                    for column, qpos in enumerate(poses[:FRAMES_A_ROW]):
+                        picture = Image.fromarray(screen.draw(qpos, cut=True))
+                        sheet.paste(picture, (margin + column * width, row * height))
+        # A palette of 256 colours makes a quarter of the file, and nobody sees it.
+        small = sheet.quantize(256, dither=Image.Dither.NONE) if path.suffix.lower() == ".png" else sheet
+        # As an open file: pillow before 11 looks for the name of a path, and this one may have none.
+        with unfinished.open("wb") as file:
+            small.save(file, kind)
+
+
+@contextmanager
+def _written_whole(path: Path) -> Iterator[Path]:
+    """A name to write to that becomes the file only if all went well; a process that is killed leaves nothing."""
+    if not path.parent.is_dir():
+        raise PictureError(f"{path}: there is no folder {path.parent}")
+    unfinished = path.with_name(f".{path.stem}.unfinished{path.suffix}")
+    try:
+        nameless = _nameless(path.parent)
+        # Better to learn now that nothing can be written here than after minutes of drawing.
+        unfinished.touch()
+        if nameless is not None:
+            unfinished.unlink()
+    except OSError as error:
+        raise PictureError.unwritable(path, error) from error
+    try:
+        yield unfinished if nameless is None else Path(f"/proc/{os.getpid()}/fd/{nameless}")
+        if nameless is not None:
+            folder = os.open(path.parent, os.O_RDONLY)  # with a folder given, Python follows the link
+            try:
+                os.link(f"/proc/self/fd/{nameless}", unfinished, src_dir_fd=folder, follow_symlinks=True)
+            finally:
+                os.close(folder)
+        unfinished.replace(path)
+    except OSError as error:
+        raise PictureError.unwritable(path, error) from error
+    finally:
+        unfinished.unlink(missing_ok=True)
+        if nameless is not None:
+            os.close(nameless)
+
+
+def _nameless(folder: Path) -> int | None:
+    """A file in a folder that has no name yet and goes with its process; None where the system has none."""
+    flag = getattr(os, "O_TMPFILE", None)
+    if flag is None:
+        return None
+    try:
+        return os.open(folder, flag | os.O_RDWR, 0o644)
+    except OSError:
+        return None
+
+
+def _write_mp4(pictures: Iterator[bytes], path: Path, fps: float, size: tuple[int, int]) -> None:
+    try:
+        import imageio_ffmpeg
+    except ImportError as error:
+        raise PictureError('a film needs ffmpeg: pip install "motiondeck[video]"') from error
+    if size[0] % 2 or size[1] % 2:
+        raise PictureError(f"{path}: an mp4 needs an even width and height, not {size[0]} x {size[1]}")
+    rate: Any = fps  # ffmpeg takes any number, whatever the annotation says
+    writer = imageio_ffmpeg.write_frames(
+        str(path),
+        size,
+        fps=rate,
+        quality=8,
+        macro_block_size=2,
+        ffmpeg_log_level="fatal",  # what else it says is in the error below
+        output_params=["-preset", "veryfast", "-f", "mp4"],
+    )
+    writer.send(None)
+    try:
+        for picture in pictures:
+            writer.send(picture)
+    except OSError:  # several lines of ffmpeg's
+        full = shutil.disk_usage(path).free < size[0] * size[1]
+        raise OSError(errno.ENOSPC, "No space left on device") if full else OSError("ffmpeg has ended") from None
+    finally:
+        writer.close()
+
+
+def _write_gif(pictures: Iterator[bytes], path: Path, fps: float, size: tuple[int, int]) -> None:
+    # One palette for all frames and no dithering keep the floor from flickering and the file small; it covers the range
+    # of colours rather than their areas, or the floor would take them all.
+    images = (Image.frombytes("RGB", size, picture) for picture in pictures)
+    first = next(images, None)
+    if first is None:
+        return
+    palette = first.quantize(GIF_COLOURS, Image.Quantize.MAXCOVERAGE, dither=Image.Dither.NONE)
+    rest = (image.quantize(palette=palette, dither=Image.Dither.NONE) for image in images)
+    pace = round(1000.0 / fps)
+    # As an open file: pillow before 11 looks for the name of a path, and this one may have none.
+    with path.open("wb") as file:
+        palette.save(file, "GIF", save_all=True, append_images=rest, duration=pace, loop=0, optimize=True)

@@ -1,0 +1,85 @@
+"""A deck's part in a show: starts the process that takes part, and lets the deck keep step with it."""
+
+from __future__ import annotations
+
+import socket
+import subprocess
+import time
+from collections.abc import Iterator
+from contextlib import ExitStack, contextmanager
+from importlib.util import find_spec
+
+import msgspec
+
+from controller.deck.lockable import Lockable
+from controller.library.motion_library import MotionLibrary
+from controller.wire.command_socket import CommandClient, CommandServer, SocketError
+from controller.wire.leader_link import LeaderLink
+from controller.wire.messages.commands import GetPhase
+from motiondeck.run.beside.child_process import child_process
+from motiondeck.shows.membership import deck_in
+from motiondeck.shows.messages import About
+from motiondeck_base.errors import MotiondeckError
+
+_OPENS_WITHIN = 10.0  # s
+
+
+class ShowMember:
+    """The process through which a deck takes part in a show.
+
+    Attributes:
+        process: itself.
+    """
+
+    def __init__(self, process: subprocess.Popen[bytes], leader_port: int) -> None:
+        self.process, self._port = process, leader_port
+
+    def lead(self, opening: ExitStack, deck: Lockable) -> None:
+        """Waits until it takes part; the deck can then be locked to the phase of the show.
+
+        Raises:
+            MotiondeckError: if it cannot; the process has said why.
+        """
+        client = CommandClient(self._port)
+        until = time.monotonic() + _OPENS_WITHIN
+        while True:
+            try:
+                client.post(GetPhase())
+                break
+            except SocketError:
+                if self.process.poll() is not None or time.monotonic() > until:
+                    raise MotiondeckError("the deck cannot take part in the show: see above") from None
+                time.sleep(0.02)
+        client.close()
+        link = LeaderLink.to(str(self._port))
+        opening.callback(link.close)
+        deck.leader = link
+
+
+@contextmanager
+def show_member(show: str, command_port: int, library: MotionLibrary, robot: str, rate: float) -> Iterator[ShowMember]:
+    """Takes part in a show while the block runs, as a deck of that command port.
+
+    Args:
+        show: SHOW/DECK, or a folder of certificates.
+        command_port: of the deck.
+        library: what it plays.
+        robot: on which robot.
+        rate: ticks a second.
+
+    Raises:
+        MotiondeckError: if there is no such show, or zenoh is not installed.
+    """
+    deck_in(show)
+    if find_spec("zenoh") is None:
+        raise MotiondeckError("a show needs Eclipse zenoh: pip install 'motiondeck[fleet]'")
+    free = CommandServer(0)
+    port = free.port
+    free.close()
+    frames = library.info.rate
+    rounds = {motion.name: motion.frames / frames if motion.plays == "loop" else 0.0 for motion in library.info.motions}
+    about = msgspec.json.encode(About(robot, library.info.name, rate, rounds, socket.gethostname())).decode()
+    ports = ("--command-port", str(command_port), "--leader-port", str(port))
+    arguments = ("--show", show, *ports, "--about", about)
+    with child_process("motiondeck.shows.member_process", *arguments, own_session=True) as process:
+        yield ShowMember(process, port)

@@ -1,0 +1,208 @@
+"""`play --record FILE`: what the loop hands to the recorder's process, once a tick."""
+
+from __future__ import annotations
+
+import contextlib
+import math
+import subprocess
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from controller.loop.loop import LoopState
+from controller.loop.stop_requests import StopRequest
+from controller.motion.rotations import Array
+from controller.wire.messages.blends import MOST_BLENDED
+from controller.wire.messages.commands import (
+    AlignTicks,
+    AtTime,
+    Blend,
+    DeckCommand,
+    GetPhase,
+    GetStatus,
+    GiveBeat,
+    Heartbeat,
+    Jump,
+    LockPhase,
+    Push,
+    Queue,
+    ReadRegisters,
+    SetInput,
+    SetTempo,
+    Subscribe,
+    Switch,
+)
+from controller.wire.messages.replies import Refused, Reply
+from controller.wire.recorder import reason_file
+from controller.wire.run_folder import run_folder
+from controller.wire.run_recording import COMMANDS, MODES, check_replaceable
+from controller.wire.telemetry import StateWriter
+from motiondeck.run.beside.child_process import child_process
+from motiondeck_base.errors import FileFormatError
+
+ASKS = (GetStatus, GetPhase, Heartbeat, AlignTicks, AtTime, Subscribe, ReadRegisters)
+"""Messages that command nothing now; they are not recorded."""
+
+KEPT_SECONDS = 8.0
+"""How far the recorder may fall behind before ticks are lost, s."""
+
+_PATIENCE = 10.0  # s for the recorder to write the last ticks
+
+_NUMBERS = (
+    *("tick", "time_s", "clock_s", "late_us", "work_us", "overruns"),
+    *("motion", "tempo", "phase", "switching", "mode"),
+    *("command", "argument", "refused"),
+    *("lock_source", "lock_stage", "lock_error_ms"),
+    *("seen", "confidence"),
+)
+
+
+class TickRecorder:
+    """Writes each tick into shared memory; the last command of a tick goes with it.
+
+    Args:
+        writer: with the fields that `recording` makes.
+        motions: the names that commands use.
+        process: the recorder.
+        state: what it reads.
+        file: the recording.
+
+    Attributes:
+        process: the recorder; the deck plays on without it.
+    """
+
+    def __init__(
+        self, writer: StateWriter, motions: Sequence[str], process: subprocess.Popen[bytes], state: Path, file: Path
+    ) -> None:
+        self._writer, self._motions = writer, motions
+        self.process, self._state, self._file = process, state, file
+        self._forget()
+
+    def finish(self) -> dict[str, object]:
+        """Has the recorder write the last ticks and end.
+
+        Returns:
+            The recording's `file`, whether it is `complete`, and the `reason` where it is not and that is known.
+        """
+        self._writer.close()
+        try:
+            complete = self.process.wait(_PATIENCE) == 0
+        except subprocess.TimeoutExpired:
+            complete = False
+        found: dict[str, object] = {"file": str(self._file), "complete": complete}
+        with contextlib.suppress(OSError):
+            found["reason"] = reason_file(self._state).read_text()
+        return found
+
+    def note(self, message: DeckCommand, reply: Reply) -> None:
+        """Remembers a command and whether it was refused."""
+        if isinstance(message, ASKS):
+            return
+        fields = self._writer.fields
+        fields["command"][0] = COMMANDS.index(message.__struct_config__.tag) + 1  # a tag is a command's name
+        fields["refused"][0] = isinstance(reply, Refused)
+        match message:
+            case Switch(to=to) | Queue(to=to):
+                argument = self._motions.index(to) if to in self._motions else math.nan
+            case SetTempo(factor=factor):
+                argument = factor
+            case Blend(weight=weight):
+                argument = weight  # of the second; what is blended then is recorded with every tick
+            case GiveBeat(ago=ago):
+                argument = ago
+            case Jump(phase=phase) | LockPhase(phase=phase):
+                argument = phase
+            case SetInput(value=value):
+                argument = value
+            case Push(impulse=impulse):
+                argument = impulse
+            case _:
+                argument = math.nan
+        fields["argument"][0] = argument
+
+    def record(
+        self,
+        state: LoopState,
+        stop: StopRequest,
+        measured: Array | None,
+        placed: Array,
+        blend: Sequence[tuple[str, float]] = (),
+        **numbers: float,
+    ) -> None:
+        """Hands one tick over.
+
+        Args:
+            state: of the loop.
+            stop: knows in which mode it is.
+            measured: joint positions (J,), rad, if any.
+            placed: where the robot's root was meant to be, position and quaternion, shape (7,), m.
+            blend: the motions that are blended into the one that plays, each with its weight.
+            numbers: motion (its index), tempo, phase (NaN if there is none), switching and time_s; those of
+                `lock_numbers`; seen (an index too) and confidence.
+        """
+        fields = self._writer.fields
+        fields["targets"][:] = state.targets[: len(fields["targets"])]  # of the first robot
+        fields["measured"][:] = math.nan if measured is None else measured
+        fields["root_position"][:] = state.pose.root_position
+        fields["heading"][0] = state.pose.heading
+        fields["root_rotation"][:] = state.pose.rotation[0]
+        fields["robot_root"][:] = placed
+        set_blend(fields, blend, self._motions)
+        self._writer.publish(
+            tick=state.tick,
+            clock_s=1e-9 * state.began_ns,
+            late_us=1e-3 * state.late_ns,
+            work_us=1e-3 * state.work_ns,
+            overruns=state.overruns,
+            mode=MODES.index(stop.mode),
+            **numbers,
+        )
+        self._forget()
+
+    def _forget(self) -> None:
+        fields = self._writer.fields
+        fields["command"][0], fields["argument"][0], fields["refused"][0] = 0.0, math.nan, 0.0
+
+
+def set_blend(fields: Mapping[str, Array], blend: Sequence[tuple[str, float]], motions: Sequence[str]) -> None:
+    """Writes the numbers and weights of blended motions into the fields `blend` and `blend_weight`; -1 is none."""
+    numbers, weights = fields["blend"], fields["blend_weight"]
+    numbers[:], weights[:] = -1.0, 0.0
+    for place, (name, weight) in enumerate(blend):
+        numbers[place], weights[place] = motions.index(name), weight
+
+
+@contextmanager
+def recording(out: Path, description: Mapping[str, Any], joints: int, rate: float) -> Iterator[TickRecorder]:
+    """Records into a file from a process of its own while the block runs.
+
+    Args:
+        out: the recording; an older one is replaced.
+        description: what is recorded, with `motions` (names).
+        joints: how many there are.
+        rate: ticks a second.
+
+    Raises:
+        FileFormatError: if the file cannot be written, or is there and no recording of a run.
+        MotiondeckError: if there is no room for what the processes share.
+    """
+    check_replaceable(out)
+    try:
+        out.open("ab").close()
+    except OSError as error:
+        raise FileFormatError.unwritable(out, error) from None
+    fields = dict.fromkeys(_NUMBERS, 1) | {"targets": joints, "measured": joints}
+    fields |= dict.fromkeys(("blend", "blend_weight"), MOST_BLENDED - 1)
+    fields |= {"root_position": 3, "heading": 1, "root_rotation": 4, "robot_root": 7}
+    with run_folder() as folder:
+        state = folder / "ticks"
+        writer = StateWriter.create(state, description, fields, slots=max(2, int(np.ceil(KEPT_SECONDS * rate))))
+        arguments = ("--state", str(state), "--out", str(out))
+        with child_process("controller.wire.recorder", *arguments, patience=_PATIENCE) as process:
+            try:
+                yield TickRecorder(writer, description["motions"], process, state, out)
+            finally:
+                writer.close()

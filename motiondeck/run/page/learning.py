@@ -1,0 +1,177 @@
+"""Looks at a recording, or learns it, for the page: a process of its own, so that neither page nor deck waits for it.
+
+The request is one JSON object on the command line; the answers are JSON lines on standard output: any number of steps,
+then what was seen or learned, or why not and what to do.
+"""
+
+from __future__ import annotations
+
+import os
+import sys
+from pathlib import Path
+
+import msgspec
+import numpy as np
+from numpy.typing import NDArray
+
+from motiondeck.page.learning.learning_process import (
+    HAND,
+    HandRecording,
+    Learned,
+    LearningStep,
+    LearnRequest,
+    News,
+    NotLearned,
+    Seen,
+)
+from motiondeck_base.errors import MotiondeckError
+
+FIGURES, POINTS = 8, 120  # poses, or angles of each joint, of a recording that are shown
+MARKERS = (".c3d", ".trc")
+LOOP_KEEPS = 0.5  # as `rig teach`
+_OFTEN = "Give a part without pauses or whole cycles of it, and learn it again."
+
+
+def look(request: LearnRequest) -> Seen:
+    """Reads a recording.
+
+    Raises:
+        MotiondeckError: if it cannot be read.
+    """
+    from controller.learning.examine import examine
+    from controller.motion.encodings.joint_angles import JointBody, angles_of
+    from controller.motion.formats.writing import bvh_text
+
+    file = Path(request.file)
+    if file.suffix == HAND:
+        return _look_at_hands(file)
+    if file.suffix.lower() in MARKERS:
+        tell(LearningStep(f"reading {file.name}: a body is fitted to its markers, which takes some seconds"))
+    recording = examine(file, "recording")
+    motion, clip = recording.motion, recording.clip
+    if file.suffix.lower() in MARKERS:
+        # What took so long is not done again: read from BVH it is the same clip.
+        file = file.with_suffix(".bvh")
+        file.write_text(bvh_text(clip), encoding="utf-8")
+    first, end = motion.frames or (0, len(clip))
+    moving = first / clip.rate, end / clip.rate
+    if isinstance(clip.skeleton, JointBody):
+        return Seen(clip.duration, moving, str(file), angles=_curves(angles_of(clip.rotation[:, 1:])))
+    joints = clip.joints()[_places(len(clip), FIGURES)]
+    figures = (joints - joints[:, :1]).round(3).tolist()
+    return Seen(clip.duration, moving, str(file), figures, clip.skeleton.parent.tolist())
+
+
+def _look_at_hands(file: Path) -> Seen:
+    """Makes a taught clip of what the page has seen of a rig in somebody's hands."""
+    from controller.motion.encodings.joint_angles import save_taught_clip, taught_clip
+    from hardware.tools.teaching import Moment, taught
+
+    hands = msgspec.json.decode(file.read_bytes(), type=HandRecording)
+    moments = [Moment(at, np.array(angles)) for at, angles in zip(hands.times, hands.angles, strict=True)]
+    found, clip_file = taught(moments, hands.rate), file.with_suffix(".clip")
+    save_taught_clip(taught_clip(file.stem, hands.joints, hands.rate, found.whole, "the page"), clip_file)
+    moving = found.first / hands.rate, found.end / hands.rate
+    return Seen(len(found.whole) / hands.rate, moving, str(clip_file), angles=_curves(found.whole))
+
+
+def _places(count: int, wanted: int) -> NDArray[np.int64]:
+    """So many of `count` frames, from the first to the last."""
+    return np.linspace(0, count - 1, wanted).round().astype(np.int64)
+
+
+def _curves(angles: NDArray[np.float64]) -> list[list[float]]:
+    """The angles (T, J) of the joints, thinned out, a row a joint."""
+    return angles[_places(len(angles), POINTS)].T.round(3).tolist()
+
+
+def learn(request: LearnRequest) -> Learned | NotLearned:
+    """Learns a recording as one more motion of a library, or of a library of its own where that takes no more.
+
+    Raises:
+        MotiondeckError: if it cannot be learned.
+    """
+    from controller.learning.adding import add_motion
+    from controller.learning.examine import examine
+    from controller.learning.learn import learn as learn_library
+    from controller.library.motion_library import load_library, save_library
+    from controller.motion.encodings.joint_angles import JointBody
+
+    library, file, within = Path(request.library), Path(request.file), request.within
+    tell(LearningStep(f"reading {file.name}"))
+    if file.suffix == ".clip" and within is not None:
+        file, within = _cut(file, request.name, within), None
+    recording = examine(file, request.name, within=within)
+    motion, clip = recording.motion, recording.clip
+    deck = load_library(library)
+    out = _free_name(f"{library.stem}-{request.name}")
+    tell(LearningStep(f"learning {request.name} beside the {len(deck.network.motions)} motions of {deck.info.name}"))
+    note = ""
+    try:
+        if isinstance(clip.skeleton, JointBody) != isinstance(deck.skeleton, JointBody):
+            raise MotiondeckError("joints taught to a rig and bodies do not share one.")
+        added = add_motion(deck, library, clip, motion)
+        grown, verdict = added.library, added.verdict
+        passed, reason = verdict.passed, verdict.reason
+    except MotiondeckError as error:
+        if request.name in deck.network.motions:
+            raise
+        note = f" It has a library of its own, because {error}"
+        tell(LearningStep("learning it as a library of its own"))
+        out = _free_name(request.name)
+        alone = learn_library([file], request.name, within=within)
+        grown, passed, reason = alone.library, not alone.failed, alone.motions[0].remedy
+        motion = msgspec.structs.replace(motion, name=alone.motions[0].name)
+    if not passed:
+        return NotLearned(f"{request.name} did not pass its self-test: {reason}. {_OFTEN}")
+    save_library(grown, out)
+    plays = "a loop" if motion.plays == "loop" else "a one-shot"
+    return Learned(str(out.absolute()), motion.name, f"{motion.name} is {plays}, written to {out.name}.{note}")
+
+
+def _cut(file: Path, name: str, within: tuple[float, float]) -> Path:
+    """A part of a taught clip as a clip of this name; a loop if it ends where it began."""
+    from controller.learning.preparation.takes import returns
+    from controller.motion.canonical.clip_edits import span
+    from controller.motion.encodings.joint_angles import angles_of, read_taught_clip, save_taught_clip
+
+    clip = read_taught_clip(file)
+    first, end = (round(at * clip.rate) for at in within)
+    part = span(clip, first, min(end, len(clip)))
+    loop = returns(angles_of(part.rotation[:, 1:]), part.rate, at_least=LOOP_KEEPS)
+    out = file.with_name(f"{name}.clip")
+    save_taught_clip(part, out, "loop" if loop else "once")
+    return out
+
+
+def _free_name(stem: str) -> Path:
+    """A file in this folder that does not exist yet."""
+    number, out = 2, Path(f"{stem}.safetensors")
+    while out.exists():
+        number, out = number + 1, Path(f"{stem}-{number}.safetensors")
+    return out
+
+
+def tell(news: News) -> None:
+    """Writes one line."""
+    sys.stdout.buffer.write(msgspec.json.encode(news) + b"\n")
+    sys.stdout.buffer.flush()
+
+
+def main() -> int:
+    """Carries out the request on the command line."""
+    os.nice(3)  # the deck comes first
+    try:
+        request = msgspec.json.decode(sys.argv[1], type=LearnRequest)
+        tell(learn(request) if request.name else look(request))
+    except MotiondeckError as error:
+        tell(NotLearned(str(error)))
+    except Exception as error:  # whatever a recording brings about is told on the page
+        tell(NotLearned(f"{type(error).__name__}: {error}"))
+    return 0
+
+
+if __name__ == "__main__":
+    for _library in ("OPENBLAS", "OMP", "MKL"):
+        os.environ.setdefault(f"{_library}_NUM_THREADS", "1")
+    sys.exit(main())

@@ -1,0 +1,160 @@
+"""`motiondeck play --recognize`: compares the motion that the measured joints show with the commanded one."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Sequence
+from copy import deepcopy
+from dataclasses import asdict, dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from controller.deck.interfaces import JointLimits, Retargeter
+from controller.library.motion_library import MotionLibrary
+from controller.loop.loop import LoopState
+from controller.loop.output_channel import Channel
+from controller.loop.stop_requests import StopRequest
+from controller.motion.rotations import Array
+from motiondeck.run.recognition.watch import STANDING_STILL, WatchedDeck
+from motiondeck.run.robots.robot_on_deck import RobotOnDeck
+
+MOST_PRINTED = 20  # alarms on the terminal; the report has more
+
+
+@dataclass(frozen=True)
+class MismatchPolicy:
+    """What happens when the joints do something else than was commanded.
+
+    Attributes:
+        patience: how long the joints may look like another motion before there is an alarm, s.
+        stop: whether an alarm ends the run.
+    """
+
+    patience: float
+    stop: bool
+
+
+class RecognitionWatch:
+    """Feeds a `DeckWatch` from the loop and shows what it finds on the terminal, on the page and in the report."""
+
+    @classmethod
+    def over(
+        cls, player: RobotOnDeck, channel: Channel, library: MotionLibrary, rate: float, policy: MismatchPolicy
+    ) -> RecognitionWatch:
+        """A watch over the joints of a simulated robot that one of its channels measures."""
+        assert player.simulation is not None, "a watch over a rig alone"
+        robot = player.simulation.robot
+        retarget = deepcopy(robot.retarget)  # one that remembers a pose must not remember the last one learned
+        return cls(policy, library, retarget, robot.joints, robot.layout.ball, player.limits, channel, rate)
+
+    def __init__(
+        self,
+        policy: MismatchPolicy,
+        library: MotionLibrary,
+        retarget: Retargeter,
+        joints: Sequence[str],
+        balls: NDArray[np.int64],
+        limits: JointLimits,
+        channel: Channel,
+        rate: float,
+    ) -> None:
+        """Teaches the experts.
+
+        Args:
+            policy: what to do about a mismatch.
+            library: the motions.
+            retarget: from its skeleton to the robot's joints.
+            joints: the robot's joints; other robots' come after them in the targets.
+            balls: which of them are rotation vectors, shape (N, 3).
+            limits: what the joints may do.
+            channel: the output whose measurements are looked at; joints that it does not measure are left out.
+            rate: ticks a second, Hz.
+        """
+        # What recognizes takes longer to import than all that plays, and few runs recognize.
+        from controller.learning.recognition.deck_recognizer import joint_motions, teach_joints, unwind
+        from controller.learning.recognition.deck_watch import DeckWatch
+
+        self._unwind = unwind
+        measured = channel.output.measured()
+        known = np.ones(len(joints), dtype=np.bool_) if measured is None else np.isfinite(measured[: len(joints)])
+        self._order = np.flatnonzero(known)
+        self._balls = np.searchsorted(self._order, balls[known[balls].all(1)])
+        self._policy, self._channel, self._names = policy, channel, library.network.motions
+        motions = joint_motions(library, retarget)
+        for name, targets in motions.items():
+            motions[name] = np.clip(targets, limits.lower, limits.upper)[:, self._order]
+            unwind(motions[name], self._balls)
+        self.watch = DeckWatch(teach_joints(motions), [joints[j] for j in self._order.tolist()], rate, policy.patience)
+        self._targets, self._measured = np.zeros(len(self._order)), np.zeros(len(self._order))
+        self._time = -1.0
+        self._printed = 0
+        self._stopped = False
+
+    @property
+    def names(self) -> Sequence[str]:
+        """The library's motions."""
+        return self._names
+
+    @property
+    def seen(self) -> tuple[str, float] | None:
+        """The motion that the joints look like and how surely, in [0, 1); None while they stand still."""
+        return (self.watch.seen, self.watch.confidence) if self.watch.seen is not None else None
+
+    def look(self, state: LoopState, deck: WatchedDeck, stop: StopRequest) -> None:
+        """Takes in one tick; an alarm is printed once, and ends the run if that is the policy."""
+        played = stop.mode == "playing" and deck.time != self._time
+        self._time = deck.time
+        if self._channel.measured is None:
+            return
+        np.take(state.targets, self._order, out=self._targets)
+        np.take(self._channel.measured, self._order, out=self._measured)
+        self._unwind(self._targets, self._balls)
+        self._unwind(self._measured, self._balls)
+        settled = played and deck.settled
+        for alarm in self.watch.update(self._targets, self._measured, deck.playing, settled=settled, at=deck.time):
+            if self._policy.stop and not stop:
+                stop.ask(alarm.text)
+                self._stopped = True
+            if self._printed < MOST_PRINTED:
+                self._printed += 1
+                print(f"motiondeck: at {alarm.at:.1f} s {alarm.text}", file=sys.stderr)
+
+    def show(self, fields: dict[str, Array]) -> None:
+        """Writes NUMBERS."""
+        watch = self.watch
+        fields["seen"][0] = self.names.index(watch.seen) if watch.seen is not None else STANDING_STILL
+        fields["confidence"][0] = watch.confidence
+        fields["mismatch_s"][0] = watch.mismatch
+        stuck = watch.stuck
+        fields["stuck"][0] = self._order[int(stuck.argmax())] if stuck.any() else -1
+
+    def report(self) -> dict[str, Any]:
+        """Its part of the report of the run."""
+        watch = self.watch
+        return {
+            "right_share": watch.right,
+            "seen_after_s": float(np.median(watch.seen_after)) if watch.seen_after else None,
+            "switches_seen": len(watch.seen_after),
+            "last": {"seen": watch.seen, "confidence": watch.confidence},
+            "alarms": [asdict(alarm) for alarm in watch.alarms],
+            "raised": watch.raised,
+            "stopped": self._stopped,
+        }
+
+
+def summary_lines(report: dict[str, Any]) -> list[str]:
+    """The same as lines of a run's summary, or what a `BodyWatch` has seen."""
+    if "shares" in report:
+        return [f"while {played} was played, {_most(shares)} was seen" for played, shares in report["shares"].items()]
+    share, after = report["right_share"], report["seen_after_s"]
+    seen = f"the commanded motion was seen in {100.0 * share:.1f} % of the ticks" if share is not None else "nothing"
+    when = f", {after:.2f} s after a switch had begun (median)" if after is not None else ""
+    return [f"recognized from the joints: {seen}{when}; {report['raised']} alarms"]
+
+
+def _most(shares: dict[str, float]) -> str:
+    """What was seen longest, and in which share of the ticks."""
+    seen, share = max(shares.items(), key=lambda item: item[1])
+    return f"{seen} ({100.0 * share:.0f} %)"

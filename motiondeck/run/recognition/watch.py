@@ -1,0 +1,57 @@
+"""What a session, its page and its report know of whatever recognizes motions while it runs."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any, Protocol
+
+from controller.loop.loop import LoopState
+from controller.loop.stop_requests import StopRequest
+from controller.motion.rotations import Array
+
+# What the page shows of it, one number each: places among the names of the watch (-1 while standing still, -2 while
+# nothing is sure) and among the robot's joints (-1 for none).
+NUMBERS = ("seen", "confidence", "mismatch_s", "stuck")
+STANDING_STILL, NOTHING_SURE = -1.0, -2.0
+
+
+class WatchedDeck(Protocol):
+    """A deck as a watch sees it."""
+
+    time: float
+
+    @property
+    def playing(self) -> str:
+        """What is played now."""
+        ...
+
+    @property
+    def settled(self) -> bool:
+        """Whether no switch is under way."""
+        ...
+
+
+class Watch(Protocol):
+    """Recognizes motions while they are played."""
+
+    @property
+    def names(self) -> Sequence[str]:
+        """What it can see."""
+        ...
+
+    @property
+    def seen(self) -> tuple[str, float] | None:
+        """The motion that is seen and how surely, in [0, 1); None while there is none."""
+        ...
+
+    def look(self, state: LoopState, deck: WatchedDeck, stop: StopRequest) -> None:
+        """Takes in one tick; it may end the run."""
+        ...
+
+    def show(self, fields: dict[str, Array]) -> None:
+        """Writes NUMBERS."""
+        ...
+
+    def report(self) -> dict[str, Any]:
+        """Its part of the report of the run."""
+        ...

@@ -1,0 +1,186 @@
+"""What a run prints: news while it goes on, and at the end its report, as JSON or in a few lines."""
+
+from __future__ import annotations
+
+import sys
+from collections import Counter
+from collections.abc import Callable, Iterable, Sequence
+from typing import Any
+
+import msgspec
+import numpy as np
+
+from controller.deck.switch import CommandedSwitch
+from controller.loop.clock import Clock
+from controller.loop.commands.command_desk import CommandDesk
+from controller.loop.loop import LoopReport
+from controller.loop.output_channel import Channel
+from controller.loop.permissions import Permission
+from controller.wire.command_socket import CommandServer
+from motiondeck.run.recognition.recognition_watch import summary_lines
+from motiondeck_base.counted import counted
+
+_AT_ONCE = 0.05  # s before which a fall is told as one at once
+_FEET = "; with --walk or --balance it can keep on its feet"
+_INCIDENTS_SHOWN = 10  # the latest
+_OVERRUNS_EVERY = 1.0  # s from one event on overruns to the next, which has all since
+_FAULTS_EVERY = 0.25  # s from one look at faults to the next
+
+
+class RunNews:
+    """Notices overruns, faults, replayed commands and recognized motions, and tells them as events.
+
+    Args:
+        desk: tells them.
+        clock: of the loop.
+        channels: the outputs.
+        servers: where commands arrive.
+        seen: the motion that is recognized and the confidence, or None.
+    """
+
+    def __init__(
+        self,
+        desk: CommandDesk,
+        clock: Clock,
+        channels: Sequence[Channel],
+        servers: Sequence[CommandServer],
+        seen: Callable[[], tuple[str, float] | None] | None = None,
+    ) -> None:
+        self._desk, self._clock, self._channels, self._servers, self._seen = desk, clock, channels, servers, seen
+        self._overruns = self._replayed = 0
+        self._faults = [0] * len(channels)
+        self._incidents: list[Counter[str]] = [Counter() for _ in channels]
+        self._motion = ""
+        self._ticks = 0
+        self._overruns_every = max(1, round(_OVERRUNS_EVERY / clock.period))
+        self._faults_every = max(1, round(_FAULTS_EVERY / clock.period))
+
+    def look(self) -> None:
+        """Tells what is new; once a tick."""
+        self._ticks += 1
+        if self._ticks % self._faults_every:
+            return
+        if self._clock.overruns != self._overruns and self._ticks % self._overruns_every < self._faults_every:
+            new, self._overruns = self._clock.overruns - self._overruns, self._clock.overruns
+            self._desk.tell("overrun", f"{counted(new, 'tick')} came more than a period late")
+        self._tell_faults()
+        replayed = sum(server.traffic.replayed for server in self._servers)
+        if replayed != self._replayed:
+            new, self._replayed = replayed - self._replayed, replayed
+            text = f"{new} recorded datagrams that were sent again were refused"
+            self._desk.tell("replayed", text)
+            print(f"motiondeck: {text}", file=sys.stderr)
+        seen = self._seen() if self._seen is not None else None
+        if seen is not None and seen[0] != self._motion:
+            self._motion = seen[0]
+            self._desk.tell("recognized", f"it looks like {seen[0]} (confidence {seen[1]:.2f})", seen[0])
+
+    def _tell_faults(self) -> None:
+        for index, channel in enumerate(self._channels):
+            if channel.faults != self._faults[index]:
+                self._faults[index] = channel.faults
+                fault = f"{channel.output.name}: {channel.fault}"
+                parked = f"{fault.removesuffix('.')}. Nothing more is sent to it"
+                self._desk.tell("fault", parked if channel.parked else fault)
+            incidents = getattr(channel.output, "incidents", ())
+            if not incidents:
+                continue
+            # Only the latest are kept, so those that are new are told by how often each is there.
+            now = Counter(incidents)
+            before, self._incidents[index] = self._incidents[index], now
+            news = getattr(channel.output, "news", ())
+            for incident in (now - before).elements():
+                self._desk.tell("servo" if incident in news else "fault", f"{channel.output.name}: {incident}")
+
+
+def run_report(
+    report: LoopReport,
+    joints: Sequence[str],
+    switches: Iterable[CommandedSwitch],
+    permissions: Iterable[Permission],
+) -> dict[str, Any]:
+    """How the loop went, with joints by their names and the switches that were commanded; see docs/commands.md."""
+    full: dict[str, Any] = msgspec.to_builtins(report)
+    changed = full.pop("changed")
+    full["limited"] = {joint: count for joint, count in zip(joints, changed, strict=True) if count}
+    full["switches"] = [
+        {
+            "to": switch.to,
+            "commanded_s": switch.commanded_s,
+            "first_change_s": switch.first_change_s,
+            "settled_s": switch.settled_s,
+            "after": switch.after,
+            "via": list(switch.via),
+            **({"blend": [list(part) for part in switch.blend]} if switch.blend else {}),
+            **({"fell_back": switch.fell_back} if switch.fell_back else {}),
+        }
+        for switch in switches
+    ]
+    full["permissions"] = {permission.name: permission.granted for permission in permissions}
+    for output in full["outputs"]:
+        if output["name"] == "rig":
+            full["rig"] = output
+    return full
+
+
+def summary(report: dict[str, Any]) -> str:
+    """A report in a few lines: what happened, then the figures."""
+    seconds = report["ticks"] / report["rate_hz"] if report["ticks"] else 0.0
+    ended = f"ended after {seconds:.1f} s" if report["ticks"] else "ended before anything moved"
+    return "\n".join([f"{ended}: {report['reason']}", *_happened(report), *_figures(report)])
+
+
+def _happened(report: dict[str, Any]) -> list[str]:
+    lines: list[str] = []
+    if report["switches"]:
+        times = [s["settled_s"] - s["commanded_s"] for s in report["switches"] if s["settled_s"] is not None]
+        median = " (median)" if len(times) > 1 else ""
+        settled = f", settled after {np.median(times):.2f} s{median}" if times else ""
+        lines.append(f"{counted(len(report['switches']), 'switch')}{settled}")
+    lines += [f"went to {s['to']} by way of {', '.join(s['via'])}" for s in report["switches"] if s["via"]]
+    if report["restarts"]:
+        lines.append(f"the network lost its motion and was restarted {report['restarts']} times")
+    lines += [f"at {refused['at']:g} s refused: {refused['reason']}" for refused in report["refused"]]
+    if "rig" in report:
+        lines += [f"rig: {incident}" for incident in report["rig"]["incidents"][-_INCIDENTS_SHOWN:]]
+    for output in report["outputs"]:
+        if output.get("fell_s") is not None:
+            when = f"after {output['fell_s']:.1f} s" if output["fell_s"] >= _AT_ONCE else "at once"
+            up = f"; it got up {counted(output['got_up'], 'time')}" if output.get("got_up") else ""
+            has_legs = "near_falls_s" in output
+            lines.append(f"the robot fell {when}{up if has_legs else _FEET}")
+    for output in report["outputs"]:
+        if travel := output.get("travel"):
+            lines.append(f"walked {travel['walked_m']:.1f} m; the motion went {travel['asked_m']:.1f} m")
+    if kept := report.get("kept_apart"):
+        most = sorted(kept.items(), key=lambda item: -item[1])[:3]
+        lines.append("kept apart: " + ", ".join(f"{pair} ({counted(count, 'tick')})" for pair, count in most))
+    if not report.get("recording", {"complete": True})["complete"]:
+        file, reason = report["recording"]["file"], report["recording"].get("reason", "")
+        lines.append(
+            f"the recording {file} is not complete" + (f": {reason.removeprefix(f'{file}: ')}" if reason else "")
+        )
+    lines += summary_lines(report["recognition"]) if "recognition" in report else []
+    lines += [f"output {o['name']} was parked: {o['fault']}" for o in report["outputs"] if o["parked"]]
+    return lines
+
+
+def _figures(report: dict[str, Any]) -> list[str]:
+    late, work = report["lateness_us"], report["work_us"]
+    lines: list[str] = []
+    if "rig" in report:
+        rig = report["rig"]
+        error = rig["tracking_rmse_rad"]
+        lines.append(
+            f"rig: {counted(rig['joints'], 'joint')} at {rig['hz']:g} Hz, {counted(rig['faults'], 'fault')}"
+            + (f", tracking error {np.degrees(error):.2f} deg (rms)" if error is not None else "")
+        )
+    lines.append(
+        f"loop: {report['ticks']} ticks at {report['rate_hz']:.2f} Hz; {report['overruns']} began more than a period "
+        f"late, {report['skipped']} were skipped"
+    )
+    lines.append(
+        f"tick: {late['p50']:.0f} us late in the median, {late['p999']:.0f} us at p99.9; "
+        f"{work['p50']:.0f} us of work in the median"
+    )
+    return lines

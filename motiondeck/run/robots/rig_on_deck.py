@@ -1,0 +1,121 @@
+"""A rig on the deck without a simulated robot: it plays what it was taught, or human motions as a robot would."""
+
+from __future__ import annotations
+
+from contextlib import ExitStack
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from controller.deck.interfaces import JointLimits, Retargeter
+from controller.deck.recorded_deck import RecordedDeck
+from controller.library.motion_library import MotionLibrary
+from controller.loop.output_channel import Channel
+from controller.motion.clip import Clip
+from controller.motion.encodings.joint_angles import JointBody, JointRetargeter
+from controller.motion.posture import Pose
+from controller.motion.rotations import Array
+from controller.wire.run_recording import RunRecording
+from motiondeck.run.robots.rig_output import RigOutput, close_rig, narrowed
+from motiondeck.run.robots.robot_on_deck import RobotOnDeck
+from motiondeck_base.errors import MotiondeckError, UnknownNameError
+
+if TYPE_CHECKING:
+    from hardware.rig.rig_file import RigConfig
+
+# What a joint may do whose acceleration the rig file leaves open, rad/s^2; the jerk brings it there in 20 ms.
+_ACCELERATION = 80.0
+_RISE = 0.02  # s
+
+
+def open_rig_alone(
+    opening: ExitStack, config: RigConfig, ports: list[str], source: Clip | MotionLibrary, robot: str
+) -> RobotOnDeck:
+    """Connects a rig whose joints follow a taught clip or a library; `opening` closes it.
+
+    Args:
+        opening: what closes the rig.
+        config: the rig file.
+        ports: in place of the rig file's own.
+        source: what is played. Taught joints are driven by their names; the others stay where they are.
+        robot: for human motions, the robot file whose joints the rig has.
+
+    Raises:
+        MotiondeckError: if the source does not fit the rig (before anything is switched on), or it cannot be connected.
+    """
+    if isinstance(source.skeleton, JointBody):
+        return _open_taught(opening, config, ports, source)
+    if isinstance(source, Clip):
+        raise MotiondeckError(f"clip '{source.name}' shows a human body. Learn it first: motiondeck fit")
+    from motiondeck_base.shipped import find_robot
+    from sim.robots.robot import load_robot
+
+    try:
+        file = find_robot(robot)
+    except UnknownNameError as error:
+        raise MotiondeckError(
+            f"{error} Motions of people are carried to the rig by a robot with its joints: name it with --robot."
+        ) from None
+    loaded = load_robot(file, source.skeleton)
+    limits = narrowed(loaded.limits, loaded, config)
+    output = _connect(opening, config, ports, loaded.joints)[1]
+    return RobotOnDeck(loaded.name, loaded.joints, limits, loaded.rest, loaded.retarget, Channel(output))
+
+
+def _open_taught(opening: ExitStack, config: RigConfig, ports: list[str], source: Clip | MotionLibrary) -> RobotOnDeck:
+    """The rig's own joints, for what they were taught."""
+    body, names = source.skeleton, config.names
+    assert isinstance(body, JointBody)
+    JointRetargeter(body, names, np.zeros(len(names)))  # what does not fit is refused before anything is switched on
+    limits = _limits_of(config)
+    present, output = _connect(opening, config, ports, names)
+    retarget = JointRetargeter(body, names, present)
+    # A clip that limits have held back still comes to its last frame; a library ends where it stops.
+    rest = np.clip(_targets(source, retarget)[-1], limits.lower, limits.upper) if isinstance(source, Clip) else None
+    return RobotOnDeck("rig", names, limits, rest, retarget, Channel(output))
+
+
+def _connect(
+    opening: ExitStack, config: RigConfig, ports: list[str], joints: tuple[str, ...]
+) -> tuple[Array, RigOutput]:
+    """Where the rig's joints are, rad, and the rig as an output for a robot's joints."""
+    from hardware.rig.supervision.joined_rig import connect_rig
+
+    rig = connect_rig(config, ports)
+    opening.callback(close_rig, rig)
+    output = RigOutput(rig, joints, config.rate_hz)
+    opening.callback(output.close)
+    return rig.positions.copy(), output
+
+
+def recorded_deck(clip: Clip, retarget: Retargeter) -> RecordedDeck:
+    """A deck that plays a taught clip once, as it is."""
+    count = len(clip)
+    fields = {
+        "targets": _targets(clip, retarget),
+        "motion": np.zeros((count, 1)),
+        "root_position": clip.root_position,
+        "heading": np.zeros((count, 1)),
+        "root_rotation": clip.rotation[:, 0],
+    }
+    return RecordedDeck(RunRecording({"motions": [clip.name], "rate": clip.rate}, fields, complete=True))
+
+
+def _targets(clip: Clip, retarget: Retargeter) -> Array:
+    """The joint targets of a clip, shape (T, J), rad."""
+    still = np.array(0.0)
+    poses = zip(clip.root_position, clip.rotation, strict=True)
+    return np.array([retarget(Pose(place, still, rotation)).copy() for place, rotation in poses])
+
+
+def _limits_of(config: RigConfig) -> JointLimits:
+    """What the rig file allows its joints."""
+    joints = config.joints
+    acceleration = np.array([joint.acceleration or _ACCELERATION for joint in joints])
+    return JointLimits(
+        np.array([joint.lower for joint in joints]),
+        np.array([joint.upper for joint in joints]),
+        np.array([joint.velocity for joint in joints]),
+        acceleration,
+        acceleration / _RISE,
+    )

@@ -1,0 +1,256 @@
+"""A servo rig as one of the deck's outputs: joints by name, states read a tick late, tracking measured on the way."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Mapping
+from contextlib import ExitStack
+from dataclasses import replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from controller.deck.interfaces import JointLimits
+from controller.loop.output_channel import Channel
+from controller.motion.posture import Pose
+from controller.motion.rotations import Array
+from motiondeck.run.robots.rig_looks import PortsLook, RegistersLook
+from motiondeck_base.errors import MotiondeckError, UnknownNameError
+from motiondeck_base.files import listed
+
+if TYPE_CHECKING:
+    from hardware.rig.rig_file import RigConfig
+    from hardware.rig.supervision.joined_rig import JoinedRig
+    from hardware.rig.supervision.servo_states import ServoStates
+    from hardware.rig.supervision.supervised_rig import SupervisedRig
+    from sim.robots.robot import Robot
+
+
+class RigOutput:
+    """Streams targets to a connected rig and measures how well its joints follow; fits `deck.interfaces.Output`.
+
+    Args:
+        rig: connected, torque on.
+        joints: the robot's joints in the order of the targets.
+        hz: how often it is written to.
+
+    Raises:
+        MotiondeckError: if the rig has a joint that the robot has not.
+    """
+
+    def __init__(self, rig: SupervisedRig | JoinedRig, joints: tuple[str, ...], hz: float) -> None:
+        missing = [name for name in rig.names if name not in joints]
+        if missing:
+            raise MotiondeckError(
+                f"the rig's joints {listed(missing)} are not joints of this robot (it has: {listed(joints)}). Give the "
+                "robot that has them with --robot, or name the joints in the rig file as the robot does."
+            )
+        self.name = "rig"
+        self._rig = rig
+        self._hz = hz
+        self._order = np.array([joints.index(name) for name in rig.names])
+        self._written = rig.positions.copy()
+        self._measured = np.full(len(joints), np.nan)
+        self._measured[self._order] = rig.positions
+        self._squares, self._samples = 0.0, 0
+        self._lost = ""
+
+    def write(self, targets: Array, pose: Pose) -> None:
+        """Takes the state asked for a tick ago, sends the targets, and asks for the next; never waits for the wire.
+
+        Raises:
+            MotiondeckError: if the rig has stopped for good, at this and every later write.
+        """
+        if self._lost:
+            raise MotiondeckError(self._lost)
+        try:
+            self._exchange(targets)
+        except Exception as error:
+            self._lost = str(error)
+            raise
+
+    def _exchange(self, targets: Array) -> None:
+        rig = self._rig
+        if rig.collect_state():
+            # The state was taken right after the last write: its targets are what the joints were following.
+            error = rig.positions - self._written
+            self._squares += float(error @ error)
+            self._samples += len(error)
+            self._measured[self._order] = rig.positions
+        self._written[:] = targets[self._order]
+        rig.write(self._written)
+
+    def measured(self) -> Array | None:
+        """The latest measured positions (J,), rad; NaN for joints that the rig lacks."""
+        return self._measured
+
+    @property
+    def positions(self) -> Array:
+        """The latest measured positions in the order of the rig file, rad."""
+        return self._rig.positions
+
+    @property
+    def states(self) -> ServoStates:
+        """What each servo does now, in the order of the rig file."""
+        return self._rig.states
+
+    @property
+    def description(self) -> dict[str, Any]:
+        """What the page has to know of the servos that does not change."""
+        from hardware.rig.supervision.servo_states import CONDITIONS
+
+        joints = self._rig.config.joints
+        return {
+            "conditions": list(CONDITIONS),
+            "rate_hz": self._hz,
+            "servos": [
+                {
+                    "joint": one.name,
+                    "id": one.id,
+                    "model": one.model,
+                    "lower": one.lower,
+                    "upper": one.upper,
+                    "hottest": one.hottest,
+                }
+                for one in joints
+            ],
+        }
+
+    def switch(self, joint: str, *, on: bool) -> None:
+        """Takes the torque off a joint, or has it set up again and switched on where it stands.
+
+        Raises:
+            UnknownNameError: if the rig has no such joint; it names the nearest.
+        """
+        place = self._place(joint)
+        if on:
+            self._rig.set_up_again(place)
+        else:
+            self._rig.switch_off(place)
+
+    def restart(self, joint: str) -> None:
+        """Has the servo of a joint restarted, and set up again.
+
+        Raises:
+            MotiondeckError: if the rig has no such joint, or its servo cannot be restarted.
+        """
+        self._rig.restart(self._place(joint))
+
+    def registers(self, joint: str, write: tuple[str, int] | None = None) -> RegistersLook:
+        """Has all registers of a joint's servo read, and before that a count written into one of them.
+
+        Raises:
+            MotiondeckError: if the rig has no such joint, or the register cannot be written.
+        """
+        place = self._place(joint)
+        return RegistersLook(self._rig.config.joints[place], self._rig.registers(place, write))
+
+    def scan(self) -> PortsLook:
+        """Has everybody asked who is on the rig's ports.
+
+        Raises:
+            MotiondeckError: if that would end the run now.
+        """
+        return PortsLook(self._rig.scan())
+
+    def _place(self, joint: str) -> int:
+        names = self._rig.names
+        if joint not in names:
+            raise UnknownNameError.among("joint", joint, names)
+        return names.index(joint)
+
+    @property
+    def incidents(self) -> list[str]:
+        """What has happened to its servos lately, in words, in order of time."""
+        return [f"{incident.who} {incident.what}" for incident in self._rig.incidents]
+
+    @property
+    def news(self) -> list[str]:
+        """Those of them that are no faults."""
+        return [f"{incident.who} {incident.what}" for incident in self._rig.incidents if not incident.fault]
+
+    def report(self) -> Mapping[str, object]:
+        """The rig's part of the report of the run."""
+        rig = self._rig
+        return {
+            "kind": "dynamixel",
+            "joints": len(rig.names),
+            "hz": self._hz,
+            "write_us": _percentiles(rig.write_us.microseconds),
+            "read_us": _percentiles(rig.read_us.microseconds),
+            "tracking_rmse_rad": (self._squares / self._samples) ** 0.5 if self._samples else None,
+            "recoveries": rig.recoveries,
+            "incidents": self.incidents,
+            "hottest_degc": _hottest(rig.temperatures),
+            "faults": rig.faults.total,
+            "faults_by_joint": rig.faults.by_joint(rig.names),
+        }
+
+    def close(self) -> None:
+        """Ends the rig as its file says, and names the joints that did not confirm it."""
+        close_rig(self._rig)
+
+
+def close_rig(rig: SupervisedRig | JoinedRig) -> None:
+    """Closes a rig and names on stderr the joints that did not confirm it; may be called twice."""
+    from hardware.errors import still_on
+
+    unconfirmed = rig.close()
+    if unconfirmed:
+        print(f"motiondeck: {still_on(unconfirmed)}", file=sys.stderr)
+
+
+def _hottest(temperatures: Array) -> float | None:
+    known = temperatures[np.isfinite(temperatures)]
+    return float(known.max()) if len(known) else None
+
+
+def _percentiles(microseconds: Array) -> dict[str, float] | None:
+    if not len(microseconds):
+        return None
+    p50, p99, p999 = np.percentile(microseconds, (50.0, 99.0, 99.9))
+    return {"p50": float(p50), "p99": float(p99), "p999": float(p999), "max": float(microseconds.max())}
+
+
+def open_rig(
+    opening: ExitStack, file: Path, robot: Robot, rate: float, *, emulated: bool
+) -> tuple[Channel, JointLimits]:
+    """Connects a rig for a loop of some rate (Hz); it as an output, and the robot's limits narrowed to the rig's.
+
+    Raises:
+        MotiondeckError: if the rig does not fit the robot or the rate, or cannot be connected.
+    """
+    from hardware.emulator.process import start_emulator
+    from hardware.rig.rig_file import load_rig
+    from hardware.rig.supervision.joined_rig import connect_rig
+
+    config = load_rig(file)
+    every = rate / config.rate_hz
+    if every < 1.0 or abs(every - round(every)) > 1e-6:
+        raise MotiondeckError(
+            f"{file}: rate_hz = {config.rate_hz:g} does not divide the loop's {rate:g} Hz; give another --rate"
+        )
+    limits = narrowed(robot.limits, robot, config)
+    ports = opening.enter_context(start_emulator(file)).ports if emulated else ()
+    rig = connect_rig(config, ports)
+    opening.callback(close_rig, rig)
+    return Channel(RigOutput(rig, robot.joints, config.rate_hz), round(every)), limits
+
+
+def narrowed(limits: JointLimits, robot: Robot, config: RigConfig) -> JointLimits:
+    """The limits that robot and rig both allow, so that no servo gets a target that it would clip."""
+    lower, upper, velocity = limits.lower.copy(), limits.upper.copy(), limits.velocity.copy()
+    for joint in config.joints:
+        if joint.name in robot.joints:
+            index = robot.joints.index(joint.name)
+            lower[index], upper[index] = max(lower[index], joint.lower), min(upper[index], joint.upper)
+            velocity[index] = min(velocity[index], joint.velocity)
+    outside = (robot.rest < lower) | (robot.rest > upper)
+    if outside.any():
+        index = int(np.argmax(outside))
+        raise MotiondeckError(
+            f"the rest pose of {robot.name} has {robot.joints[index]} at {robot.rest[index]:.2f} rad, "
+            f"but with this rig it may go from {lower[index]:.2f} to {upper[index]:.2f} rad only"
+        )
+    return replace(limits, lower=lower, upper=upper, velocity=velocity)

@@ -1,0 +1,295 @@
+"""The conductor of a show: finds decks, tells them its time, and sends cues ahead of their times."""
+
+from __future__ import annotations
+
+import math
+import os
+import time
+from collections.abc import Callable
+
+from controller.wire.messages.commands import CommandError, DeckCommand
+from motiondeck.shows.cue_list import CueList
+from motiondeck.shows.link import Link
+from motiondeck.shows.mailbox import Mailbox
+from motiondeck.shows.member import STOP_AGAIN, STOP_SAID
+from motiondeck.shows.membership import CONDUCTOR
+from motiondeck.shows.messages import About, CommonRound, DeckHealth, EmergencyStopAll, Time, TimedCue, encode, read
+from motiondeck.shows.seen_decks import SeenDeck, SeenDecks
+from motiondeck.shows.show_file import Condition, Show, ShowCue, motions_of, show_command
+from motiondeck_base.errors import MotiondeckError
+
+GRID = 0.02
+"""Cues fall on multiples of this, s: then they fall on ticks of decks at 50, 100, 200, 250, 500 and 1000 Hz, which the
+show's clock keeps aligned, and all decks carry them out in the same one."""
+
+JOINS_EVERY = 1.0
+"""A deck that has missed a cue is given what stands so often, until it has it, s."""
+
+TOLD_AFTER = 3.0
+"""A cue that waits for decks for so long says so, s."""
+
+_NO_CUES = "all cues have been given: type commands to go on"
+_SAID = 0.5  # s within which a deck that was told to stop says so
+_HISTORY = 16  # emergency stops that were seen
+
+Told = Callable[[str], None]
+
+
+class Conductor:
+    """Runs a show.
+
+    Args:
+        show: what is said when.
+        link: to the decks.
+        tell: is told what happens.
+        first: the number of the first cue, from 0.
+        now: a steady clock, s; the clock of the show.
+
+    Attributes:
+        decks: those that were seen, by name.
+        stopped_by: who gave the emergency stop; "" without one. `go` goes on.
+        show, now: as given.
+        cues: the cue list.
+        given: the time of each cue that was sent, s, by its number from 0.
+    """
+
+    def __init__(
+        self, show: Show, link: Link, tell: Told, first: int = 0, now: Callable[[], float] = time.monotonic
+    ) -> None:
+        self.show, self.now = show, now
+        self._link, self._tell = link, tell
+        self._run = os.urandom(6).hex()
+        self._arrived = Mailbox[tuple[str, bytes]]()
+        self.cues = CueList(show.cues, show.lead, now(), first)
+        self._number = 0
+        self._stopped_at = 0.0
+        self._stops: list[str] = []
+        self._to_say: list[tuple[float, bytes]] = []
+        self._told_waiting: ShowCue | None = None
+        self._lacks: list[str] = []
+        self._told_lacks: list[str] = []
+        self._lacking_since = 0.0
+        self._seen = SeenDecks(show, self._run, tell, now)
+        self.decks = self._seen.by_name
+        self.given: dict[int, float] = {}
+        self.stopped_by = ""
+        link.answer("clock", self._time)
+        link.hear("health/*", self._hear)
+        link.hear("stop", self._hear)
+        link.watch("deck/*", lambda key, here: self._arrived.put((f"here/{key}", b"1" if here else b"")))
+        link.announce(CONDUCTOR)
+
+    def fileno(self) -> int:
+        """Readable when there is something to do, for `select`."""
+        return self._arrived.fileno()
+
+    @property
+    def over(self) -> bool:
+        """Whether all cues were sent."""
+        return self.cues.next is None
+
+    def step(self) -> float:
+        """Does what there is to do; returns after how long to call again at the latest, s."""
+        for key, data in self._arrived.take():
+            self._take(key, data)
+        now = self.now()
+        for due in [due for due in self._to_say if due[0] <= now]:
+            self._to_say.remove(due)
+            self._link.say("stop", due[1])
+        if not self.stopped_by:
+            self._bring_in(now)  # first: who carries out a later cue counts as one who has had those before
+            while (due := self.cues.due(now, self._holds)) is not None:
+                number, cue, at = due
+                self._send_show_cue(number, cue, at)
+        self._tell_waiting()
+        self._tell_lacking(now)
+        return 0.01
+
+    def close(self) -> None:
+        """Ends the show; what decks do then the show file says."""
+        self._link.close()
+        self._arrived.close()
+
+    # What a person says.
+
+    def go(self) -> str:
+        """Passes a hold point, or goes on after an emergency stop; what came of it."""
+        if self.stopped_by:
+            still = [deck.name for deck in self._seen.present if self._is_stopped(deck)]
+            if still:
+                return f"first reset the emergency stop at: {', '.join(still)}"
+            self.stopped_by = ""
+            self._seen.forget_sent()
+            self.cues.hold()
+            then = "go again for the next cue" if not self.over else f"{_NO_CUES}, but for example: all resume"
+            return f"the emergency stop is over; {then}"
+        if self.over:
+            return _NO_CUES
+        if self.cues.go(self.now()):
+            return "goes on"
+        return f"the show does not wait for go; to give {self._next_name} at once: hold, then go"
+
+    def hold(self) -> str:
+        """Sends no more cues until `go`; what came of it."""
+        if self.over:
+            return _NO_CUES
+        if not self.cues.waits:
+            self.cues.hold()
+            self._told_waiting = self.cues.next
+        return f"waits for go: {self._next_name}"
+
+    def command(self, names: list[str], line: str) -> str:
+        """Has decks and groups carry out a command together; those that are not here get it when they join.
+
+        Returns:
+            What was done.
+
+        Raises:
+            MotiondeckError: if there is no such deck, or no such command, or an emergency stop is on.
+        """
+        decks = self._seen.named(names)
+        if self.stopped_by:
+            raise MotiondeckError("the emergency stop is on; reset it at each deck, then: go")
+        command = show_command(line)
+        for deck in decks:
+            for motion in motions_of([command]):
+                self._seen.check_plays(deck, motion)
+        self._send(line, _on_grid(self.now() + self.show.lead), names, decks, [command])
+        return f"{_told(decks, self._seen.present_names)}: {line}"
+
+    def stop(self) -> None:
+        """Stops all decks at once."""
+        stop = EmergencyStopAll(CONDUCTOR, os.urandom(8).hex())
+        self._stops.append(stop.id)
+        now = self.now()
+        self._to_say = [(now + STOP_AGAIN * again, encode(stop)) for again in range(1, STOP_SAID)]
+        self._link.say("stop", encode(stop))
+        self._stopped_by(CONDUCTOR)
+
+    # What decks say.
+
+    def _hear(self, key: str, data: bytes) -> None:
+        self._arrived.put((key, data))
+
+    def _time(self) -> bytes:
+        return encode(Time(self._run, self.now(), self.show.if_lost, self.show.lost_after))
+
+    def _take(self, key: str, data: bytes) -> None:
+        kind, _, name = key.partition("/")
+        if kind == "here":
+            name = name.removeprefix("deck/")
+            self._seen.see(name, here=bool(data))
+            if data:
+                self._link.ask(f"deck/{name}", self._hear)
+        elif kind == "deck" and (about := read(data, About)) is not None:
+            self._seen.introduce(name, about)
+        elif kind == "health" and (health := read(data, DeckHealth)) is not None:
+            self._seen.note_health(name, health)
+        elif kind == "stop" and (stop := read(data, EmergencyStopAll)) is not None and stop.id not in self._stops:
+            self._stops = [*self._stops[-_HISTORY:], stop.id]
+            self._link.say("stop", data)
+            self._stopped_by(stop.by)
+
+    def _is_stopped(self, deck: SeenDeck) -> bool:
+        """Whether a deck is in the emergency stop, or has not said that it is not."""
+        return deck.health is None or deck.heard < self._stopped_at + _SAID or deck.health.mode == "emergency stop"
+
+    def _stopped_by(self, name: str) -> None:
+        self.stopped_by, self._stopped_at = name or "a deck without a name", self.now()
+        who = "the conductor" if name == CONDUCTOR else self.stopped_by
+        self._tell(f"emergency stop by {who}; reset each deck where it is, then: go")
+
+    # Cues.
+
+    def _send_show_cue(self, number: int, cue: ShowCue, at: float) -> None:
+        at = self.given[number] = _on_grid(at)
+        name = self.cue_name(number)
+        present = self._seen.present_names
+        decks = self.show.members(cue.receivers, present)
+        try:
+            say = cue.commands
+        except CommandError as error:  # the file was checked when it was read
+            self._tell(f"{name}: {error}")
+            return
+        self._send(name, at, cue.receivers, decks, say, self._step_of(cue, decks, at))
+        self._tell(f"{name}: {_told(decks, present)}")
+
+    def _step_of(self, cue: ShowCue, decks: list[str], at: float) -> CommonRound | None:
+        if cue.in_step is False:
+            return None
+        if cue.in_step is not True:
+            return CommonRound(at, cue.in_step)
+        seconds = self._seen.round_of(list(motions_of(cue.commands)), decks)
+        if seconds is not None:
+            return CommonRound(at, seconds)
+        self._tell(f"{cue.name or 'the cue'}: no deck knows how long a round takes, so none are in step")
+        return None
+
+    def _send(
+        self,
+        name: str,
+        at: float,
+        to: list[str],
+        decks: list[str],
+        say: list[DeckCommand],
+        step: CommonRound | None = None,
+    ) -> None:
+        self._number += 1
+        cue = TimedCue(self._run, self._number, name, at, decks, say, step)
+        self._seen.note_sent(cue, to)
+        self._link.say("cue", encode(cue))
+
+    def _bring_in(self, now: float) -> None:
+        """Gives decks that have missed cues, or are new, what stands."""
+        for deck in self._seen.present:
+            health, standing = deck.health, deck.standing
+            if health is None or health.clock is None or health.mode == "emergency stop" or not standing.number:
+                continue
+            done = health.cue if health.run == self._run else 0
+            since = now - max(standing.at, deck.joined)
+            if done < standing.number and since > JOINS_EVERY and deck.heard > standing.at:
+                deck.joined = _on_grid(now + self.show.lead)
+                self._link.say("cue", encode(standing.cue(self._run, deck.name, deck.joined)))
+                self._tell(f"{deck.name} joins")
+
+    def _holds(self, condition: Condition, cue: ShowCue) -> bool:
+        return not self._seen.lacking(condition, cue.receivers)
+
+    def _tell_waiting(self) -> None:
+        cue = self.cues.next if self.cues.waits else None
+        if cue is not self._told_waiting:
+            self._told_waiting = cue
+            if cue is not None:
+                self._tell(f"waits for go: {self._next_name}")
+
+    def _tell_lacking(self, now: float) -> None:
+        """Tells what the next cue waits for, when it takes long, and again when that has changed."""
+        cue = self.cues.next
+        if cue is None or cue.when is None or self.cues.waits or self.stopped_by:
+            return
+        lacking = self._seen.lacking(cue.when, cue.receivers)
+        if lacking != self._lacks:
+            self._lacks, self._lacking_since = lacking, now
+        elif lacking and lacking != self._told_lacks and now - self._lacking_since > TOLD_AFTER:
+            self._told_lacks = lacking
+            self._tell(f"{self._next_name} waits: {', '.join(lacking)}")
+
+    @property
+    def _next_name(self) -> str:
+        """What the next cue is called."""
+        return self.cue_name(self.cues.number)
+
+    def cue_name(self, number: int) -> str:
+        """What a cue is called, by its number from 0."""
+        return self.show.cues[number].name or f"cue {number + 1}"
+
+
+def _told(decks: list[str], present: list[str]) -> str:
+    """Which of some decks something is for, and which of them are not here."""
+    here = ", ".join(deck for deck in decks if deck in present) or "no deck is here"
+    absent = [deck for deck in decks if deck not in present]
+    return here + (f" (not here: {', '.join(absent)})" if absent else "")
+
+
+def _on_grid(at: float) -> float:
+    return math.ceil(at / GRID) * GRID

@@ -1,0 +1,167 @@
+"""A member's link to a show over Eclipse zenoh: tokens, publications, questions; the only file that knows zenoh.
+
+Every member is connected to every other one directly, so that an emergency stop needs nobody in between. Nothing is
+searched for on the network: scouting is off. A link that says nothing for LEASE counts as lost; it is dialled again and
+again.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+from collections.abc import Callable
+from typing import TYPE_CHECKING, Any
+
+from motiondeck.shows.membership import AUTHORITY, CERTIFICATE, KEY, Membership
+from motiondeck_base.errors import MotiondeckError
+
+if TYPE_CHECKING:
+    import zenoh
+
+LEASE = 2.0
+"""After this silence a link is lost, s; a live one says something four times as often."""
+
+_RECEIVING_THREADS = 64
+
+Heard = Callable[[str, bytes], None]
+"""Is told a key within the show and what was said; in a thread of zenoh's."""
+
+
+class Link:
+    """Connected to a show; keys are below `motiondeck/SHOW/`."""
+
+    def __init__(self, member: Membership) -> None:
+        """Opens it; others that are not there yet are dialled until they are.
+
+        Raises:
+            MotiondeckError: if zenoh is not installed, the address cannot be had, or the certificates are no good.
+        """
+        # Zenoh blocks a thread that receives for up to 10 s while it closes a lost link; with its usual two, one cut
+        # link can keep all others from being heard.
+        os.environ.setdefault("ZENOH_RUNTIME", f"(rx: (worker_threads: {_RECEIVING_THREADS}))")
+        try:
+            import zenoh
+        except ImportError:
+            raise MotiondeckError("a show needs Eclipse zenoh: pip install 'motiondeck[fleet]'") from None
+        zenoh.init_log_from_env_or("off")
+        self._zenoh = zenoh
+        self._root = f"motiondeck/{member.show}/"
+        try:
+            self._session = zenoh.open(_config(member))
+        except zenoh.ZError as error:
+            raise MotiondeckError(f"{member}: no link to the show can be opened ({_reason(error, member)})") from None
+        self._kept: list[Any] = []
+
+    @property
+    def neighbours(self) -> int:
+        """How many members it is connected to."""
+        return len(self._session.info.peers_zid())
+
+    def announce(self, key: str) -> None:
+        """Lets others know that it is there, until the link is closed or lost."""
+        self._kept.append(self._session.liveliness().declare_token(self._root + key))
+
+    def watch(self, keys: str, seen: Callable[[str, bool], None]) -> None:
+        """Is told of the announced keys, those of now too, and of those that are gone."""
+        here = self._zenoh.SampleKind.PUT
+
+        def told(sample: zenoh.Sample) -> None:
+            seen(self._within(sample.key_expr), sample.kind == here)
+
+        self._kept.append(self._session.liveliness().declare_subscriber(self._root + keys, told, history=True))
+
+    def hear(self, keys: str, heard: Heard) -> None:
+        """Is told what others publish."""
+
+        def told(sample: zenoh.Sample) -> None:
+            heard(self._within(sample.key_expr), sample.payload.to_bytes())
+
+        self._kept.append(self._session.declare_subscriber(self._root + keys, told))
+
+    def say(self, key: str, data: bytes) -> None:
+        """Publishes, ahead of everything that waits; what cannot be sent at once is dropped."""
+        self._session.put(
+            self._root + key,
+            data,
+            congestion_control=self._zenoh.CongestionControl.DROP,
+            priority=self._zenoh.Priority.REAL_TIME,
+            express=True,
+        )
+
+    def answer(self, key: str, answer: Callable[[], bytes]) -> None:
+        """Answers questions, in a thread of zenoh's."""
+
+        def asked(query: zenoh.Query) -> None:
+            with query:
+                query.reply(self._root + key, answer())
+
+        self._kept.append(self._session.declare_queryable(self._root + key, asked, complete=True))
+
+    def ask(self, keys: str, heard: Heard, patience: float = 1.0) -> None:
+        """Asks whoever answers, and does not wait; answers that take longer than `patience`, s, are lost."""
+
+        def replied(reply: zenoh.Reply) -> None:
+            if reply.ok is not None:
+                heard(self._within(reply.ok.key_expr), reply.ok.payload.to_bytes())
+
+        # Without consolidation an answer comes when it arrives, not when all have answered.
+        self._session.get(
+            self._root + keys,
+            replied,
+            consolidation=self._zenoh.ConsolidationMode.NONE,
+            target=self._zenoh.QueryTarget.ALL,
+            timeout=patience,
+            priority=self._zenoh.Priority.REAL_TIME,
+            express=True,
+        )
+
+    def close(self) -> None:
+        """Ends the link; may be called twice."""
+        if not self._session.is_closed():
+            self._session.close()
+
+    def _within(self, key: zenoh.KeyExpr) -> str:
+        return str(key).removeprefix(self._root)
+
+
+def _config(member: Membership) -> zenoh.Config:
+    import zenoh
+
+    settings: dict[str, Any] = {
+        "mode": "peer",
+        "listen/endpoints": member.listen,
+        "connect/endpoints": member.connect,
+        "connect/timeout_ms": -1,  # tries for ever, in the background
+        "connect/exit_on_failure": False,
+        "connect/retry": {"period_init_ms": 200, "period_max_ms": 1000, "period_increase_factor": 1.5},
+        "scouting/multicast/enabled": False,
+        "scouting/gossip/enabled": False,
+        "transport/link/tx/lease": round(1e3 * LEASE),
+        "transport/unicast/open_timeout": round(1e3 * LEASE),
+        "transport/link/protocols": ["unixsock-stream" if member.certificates is None else "tls"],
+        "transport/shared_memory/enabled": False,
+    }
+    if member.certificates is not None:
+        folder = member.certificates.resolve()
+        settings |= {
+            "transport/link/tls": {
+                "root_ca_certificate": str(folder / AUTHORITY),
+                "enable_mtls": True,
+                "verify_name_on_connect": True,
+                "close_link_on_expiration": True,
+                **{f"{side}_certificate": str(folder / CERTIFICATE) for side in ("listen", "connect")},
+                **{f"{side}_private_key": str(folder / KEY) for side in ("listen", "connect")},
+            }
+        }
+    config = zenoh.Config()
+    for key, value in settings.items():
+        config.insert_json5(key, json.dumps(value))
+    return config
+
+
+def _reason(error: Exception, member: Membership) -> str:
+    """What zenoh says, without its source files; the usual reason in our words."""
+    text = str(error).split(" at /", 1)[0]
+    if "acquire lock" in text or "already in use" in text:
+        return f"another {member.name} is running there, or something else has that port"
+    return text if len(text) < 300 else f"{text[:300]} ..."

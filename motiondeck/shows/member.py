@@ -1,0 +1,355 @@
+"""A deck's part in a show: it tells how the deck is, keeps the conductor's time, and carries out cues at their times.
+
+It is a client of the deck like the prompt, in a process of its own: the deck's loop never waits for a network. Phases
+are kept in step by the deck's own lock to another deck (`controller/deck/locks`): the member answers its questions with
+the phase of the show.
+"""
+
+from __future__ import annotations
+
+import os
+import random
+import select
+import time
+from collections import deque
+from collections.abc import Callable
+
+import msgspec
+
+from controller.wire.command_socket import CommandClient, CommandServer
+from controller.wire.messages import commands
+from controller.wire.messages.events import Event
+from controller.wire.messages.replies import PhaseNow, Refused, State
+from motiondeck.shows.clock_estimate import ClockEstimate, RoundTrip
+from motiondeck.shows.link import Link
+from motiondeck.shows.mailbox import Mailbox
+from motiondeck.shows.membership import CONDUCTOR
+from motiondeck.shows.messages import (
+    About,
+    ClockHealth,
+    CommonRound,
+    DeckHealth,
+    EmergencyStopAll,
+    Lost,
+    Time,
+    TimedCue,
+    encode,
+    is_allowed,
+    read,
+)
+
+ASKS_EVERY = 0.25
+"""So often, on average, the conductor is asked for its time and the deck for its state, s; at first more often."""
+
+LATEST = 0.25
+"""A cue that comes later than this after its time is not carried out, s; the conductor then gives what stands."""
+
+ALONE_AFTER = 10.0
+"""A deck that no conductor has answered for so long says so, s."""
+
+STOP_SAID, STOP_AGAIN = 5, 0.02
+"""An emergency stop is said so many times, so far apart, s."""
+
+_ASKS_FIRST, _FIRST = 0.05, 40  # so often, s, for the first questions; after them the time counts as known
+_IRREGULAR = 0.6, 1.4
+_PATIENCE = 1.0  # s for an answer
+_OWN_DOING = 1.0  # s within which the deck reports an emergency stop that came from here
+_REMEMBERED = 64  # emergency stops that were passed on
+
+_THEN: dict[Lost, str] = {
+    "go on": "the deck plays on",
+    "hold": "the deck pauses until it is back",
+    "stop": "emergency stop of this deck",
+}
+
+Told = Callable[[str], None]
+
+
+class Member:
+    """Serves one deck.
+
+    Args:
+        name: of the deck.
+        about: what it is.
+        link: to the show.
+        deck: its commands.
+        leader: where the deck asks for the phase of the show.
+        tell: is told what a person at the deck should know.
+        now: a steady clock, s.
+    """
+
+    def __init__(
+        self,
+        name: str,
+        about: About,
+        link: Link,
+        deck: CommandClient,
+        leader: CommandServer,
+        tell: Told,
+        now: Callable[[], float] = time.monotonic,
+    ) -> None:
+        self._early = 0.5 / about.rate  # s before its time at which the deck may carry out a cue, in its nearest tick
+        self._name, self._link, self._deck, self._leader = name, link, deck, leader
+        self._tell, self._now = tell, now
+        self._arrived = Mailbox[tuple[str, bytes]]()
+        self._answers = Mailbox[tuple[float, float, bytes]]()
+        self._clock, self._time = ClockEstimate(), Time("", 0.0, "go on", 0.0)
+        self._asked, self._ask_at, self._answered_at = 0, now(), now()
+        self._lost = self._holds = self._told_alone = False
+        self._cues: list[TimedCue] = []
+        self._done = ("", 0)
+        self._step: CommonRound | None = None
+        self._state: State | None = None
+        self._problem, self._problems = "", 0
+        self._stopped_at = -_OWN_DOING
+        self._stops: deque[str] = deque(maxlen=_REMEMBERED)
+        self._to_say: list[tuple[float, bytes]] = []
+        self._commands: dict[int, str] = {}
+        deck.post(commands.Subscribe())
+        link.hear("cue", self._hear)
+        link.hear("stop", self._hear)
+        link.answer(f"deck/{name}", lambda: encode(about))
+        link.announce(f"deck/{name}")
+
+    def _hear(self, key: str, data: bytes) -> None:
+        self._arrived.put((key, data))
+
+    def step(self, longest: float) -> bool:
+        """Waits at most so many seconds for something to do and does it; False when the deck has ended.
+
+        Raises:
+            SocketError: if the deck is gone without a word.
+        """
+        due = [self._ask_at, *(self._due(cue) for cue in self._cues), *(at for at, _ in self._to_say)]
+        wait = min(max(min(due) - self._now(), 0.0), longest)
+        select.select([self._arrived, self._answers, self._leader, self._deck], [], [], wait)
+        self._carry_out()
+        for sent, received, data in self._answers.take():
+            self._take_time(sent, received, data)
+        for key, data in self._arrived.take():
+            self._take(key, data)
+        self._carry_out()
+        for message, sender in self._leader.poll():
+            self._leader.reply(
+                sender, self._phase(message.id) if isinstance(message, commands.GetPhase) else _refusal(message)
+            )
+        running = self._hear_deck()
+        now = self._now()
+        self._say_stops(now)
+        if now >= self._ask_at:
+            self._ask(now)
+        self._look_for_conductor(now)
+        return running
+
+    def close(self) -> None:
+        """Leaves the show; the deck plays on."""
+        self._link.close()
+        self._arrived.close()
+        self._answers.close()
+
+    # The conductor's time.
+
+    def _ask(self, now: float) -> None:
+        """Asks the conductor for its time and the deck for its state, and tells how it is."""
+        self._asked += 1
+        # Ticks of decks keep cores busy at the same times of every period. Questions at regular times could meet them
+        # again and again on the way there and never on the way back, which looks like another clock.
+        self._ask_at = now + (_ASKS_FIRST if self._asked < _FIRST else ASKS_EVERY) * random.uniform(*_IRREGULAR)
+        sent = self._now()
+        self._link.ask("clock", lambda _, data: self._answers.put((sent, self._now(), data)), _PATIENCE)
+        if self._asked % 5 == 0 or self._asked >= _FIRST:
+            self._deck.post(commands.GetStatus())
+            if self._clock.known:
+                self._deck.post(commands.AlignTicks(now, self._clock.remote(now)))
+
+    def _take_time(self, sent: float, received: float, data: bytes) -> None:
+        answer = read(data, Time)
+        if answer is None:
+            return
+        if answer.run != self._time.run:
+            self._tell(f"the show has {'another' if self._time.run else 'a'} conductor")
+            self._clock, self._cues, self._asked = ClockEstimate(), [], 0
+            self._deck.post(commands.Heartbeat(answer.after if answer.lost != "go on" else 0.0))
+        self._time = answer
+        self._clock.take(RoundTrip(sent, answer.seconds, received))
+        self._answered_at = received
+        if self._lost:
+            self._lost = False
+            self._tell("the conductor is back")
+            if self._holds:
+                self._holds = False
+                self._deck.post(commands.Resume())
+
+    def _look_for_conductor(self, now: float) -> None:
+        """Does what the show says when the conductor has not answered for too long."""
+        time_now = self._time
+        if not time_now.run and not self._told_alone and now - self._answered_at > ALONE_AFTER:
+            self._told_alone = True
+            self._tell(
+                f"no conductor has answered for {ALONE_AFTER:g} s: is it running, for the same show, with certificates "
+                "of one authority?"
+            )
+        if self._lost or not time_now.run or now - self._answered_at <= time_now.after:
+            return
+        self._lost = True
+        self._tell(f"the conductor has not answered for {time_now.after:g} s; {_THEN[time_now.lost]}")
+        plays = self._state is not None and self._state.mode == "playing" and not self._state.paused
+        if time_now.lost == "hold" and plays:
+            self._holds = True
+            self._deck.post(commands.Pause())
+        elif time_now.lost == "stop":
+            self._stop_deck(now)
+
+    # Cues.
+
+    def _take(self, key: str, data: bytes) -> None:
+        """Takes what another member has said."""
+        if key == "stop" and (stop := read(data, EmergencyStopAll)) is not None:
+            self._take_stop(stop, data)
+        cue = read(data, TimedCue) if key == "cue" else None
+        if cue is not None and self._name in cue.decks and cue.run == self._time.run:
+            self._take_cue(cue)
+
+    def _take_cue(self, cue: TimedCue) -> None:
+        """Gives the deck a cue ahead of its time: its loop is punctual, and this process may not get a core then."""
+        late = self._now() - self._due(cue)
+        if late > LATEST:
+            self._note_problem(f"{cue.name} came {late:.1f} s late")
+            return
+        if refused := [command for command in cue.say if not is_allowed(command)]:
+            self._note_problem(f"{cue.name} asks for what a show may not: {type(refused[0]).__name__}")
+            cue = msgspec.structs.replace(cue, say=[], step=None)
+        else:
+            self._give(cue)
+        self._cues.append(cue)
+
+    def _carry_out(self) -> None:
+        """Notes the cues whose time has come: what is answered for the phase changes with them."""
+        now = self._now()
+        for cue in [cue for cue in self._cues if self._due(cue) <= now]:
+            self._cues.remove(cue)
+            self._step = _step_after(self._step, cue)
+            self._done = max(self._done, (cue.run, cue.number)) if self._done[0] == cue.run else (cue.run, cue.number)
+
+    def _due(self, cue: TimedCue) -> float:
+        """When a cue is carried out at the earliest, local time, s: half a tick before its time."""
+        return self._clock.local(cue.at) - self._early
+
+    def _give(self, cue: TimedCue) -> None:
+        step = self._step
+        for earlier in self._cues:
+            step = _step_after(step, earlier)
+        if step is not None and cue.step is None and _plays(cue):
+            self._post(commands.Unlock(), cue)
+        for command in cue.say:
+            self._post(command, cue)
+        if cue.step is not None:
+            self._post(commands.LockPhase("deck"), cue)
+
+    def _post(self, command: msgspec.Struct, cue: TimedCue) -> None:
+        timed = commands.AtTime(self._clock.local(cue.at), command)  # pyright: ignore[reportArgumentType]
+        self._commands[self._deck.post(timed)] = cue.name
+        if len(self._commands) > _REMEMBERED:
+            del self._commands[next(iter(self._commands))]
+
+    def _phase(self, number: int) -> PhaseNow:
+        """The phase of the show now, for the deck's lock."""
+        if self._step is None or not self._clock.known:
+            return PhaseNow("", None, None, number)
+        now = self._now()
+        return PhaseNow("", self._step.phase(self._clock.remote(now)), 1.0 / self._step.seconds, number, now)
+
+    # The deck.
+
+    def _hear_deck(self) -> bool:
+        """Takes what the deck says; False when it has ended."""
+        happened = False
+        while (reply := self._deck.receive(0.0)) is not None:
+            if isinstance(reply, State):
+                self._state = reply
+                self._tell_health(reply)
+            elif isinstance(reply, Refused):
+                whose = self._commands.pop(reply.id, "")
+                self._note_problem(f"{whose}: {reply.reason}" if whose else reply.reason)
+            elif isinstance(reply, Event):
+                if reply.kind == "ended":
+                    return False
+                if reply.kind == "mode" and reply.text == "emergency stop":
+                    self._pass_on_stop()
+                happened = True
+        if happened:
+            self._deck.post(commands.GetStatus())
+        return True
+
+    def _tell_health(self, state: State) -> None:
+        now, clock, known = self._now(), self._clock, None
+        if clock.known and self._asked >= _FIRST and not self._lost:
+            uncertain, shortest = 1e3 * clock.uncertainty(now), 1e3 * clock.shortest
+            known = ClockHealth(uncertain, shortest, 1e6 * clock.drift, clock.offset(now))
+        health = DeckHealth(
+            run=self._done[0],
+            cue=self._done[1],
+            motion=state.motion,
+            mode=state.mode,
+            phase=state.phase,
+            paused=state.paused,
+            switching=state.switching,
+            lock=str(state.lock) if state.lock is not None else "",
+            clock=known,
+            problem=self._problem,
+            problems=self._problems,
+        )
+        self._link.say(f"health/{self._name}", encode(health))
+
+    def _note_problem(self, problem: str) -> None:
+        """Notes what went wrong, for the people here and at the conductor."""
+        self._problem, self._problems = problem, self._problems + 1
+        self._tell(problem)
+
+    # Emergency stops.
+
+    def _take_stop(self, stop: EmergencyStopAll, data: bytes) -> None:
+        """Stops the deck, and passes it on once: others may have no link to who said it."""
+        if stop.id in self._stops:
+            return
+        self._stops.append(stop.id)
+        self._stop_deck(self._now())
+        self._tell(f"emergency stop by {'the conductor' if stop.by == CONDUCTOR else stop.by}")
+        self._link.say("stop", data)
+
+    def _pass_on_stop(self) -> None:
+        """Has everybody stop because this deck did, unless that came from here."""
+        now = self._now()
+        if now - self._stopped_at < _OWN_DOING:
+            return
+        stop = EmergencyStopAll(self._name, os.urandom(8).hex())
+        self._stops.append(stop.id)
+        self._to_say = [(now + STOP_AGAIN * again, encode(stop)) for again in range(STOP_SAID)]
+
+    def _stop_deck(self, now: float) -> None:
+        self._stopped_at = now
+        self._holds = False
+        self._cues.clear()
+        self._deck.post(commands.EmergencyStop())
+
+    def _say_stops(self, now: float) -> None:
+        for due in [due for due in self._to_say if due[0] <= now]:
+            self._to_say.remove(due)
+            self._link.say("stop", due[1])
+
+
+def _plays(cue: TimedCue) -> bool:
+    """Whether a cue plays another motion."""
+    return any(isinstance(command, commands.Switch | commands.Queue | commands.Blend) for command in cue.say)
+
+
+def _step_after(step: CommonRound | None, cue: TimedCue) -> CommonRound | None:
+    """What loops keep step with after a cue; a tempo and an unlocking end the deck's lock."""
+    if cue.step is not None:
+        return cue.step
+    ends = _plays(cue) or any(isinstance(command, commands.SetTempo | commands.Unlock) for command in cue.say)
+    return None if ends else step
+
+
+def _refusal(message: msgspec.Struct) -> Refused:
+    return Refused("this is a show, not a deck", getattr(message, "id", 0))

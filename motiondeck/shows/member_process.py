@@ -1,0 +1,58 @@
+"""The process in which a deck takes part in a show; `motiondeck play --show` starts it.
+
+python -m motiondeck.shows.member_process --show SHOW/DECK --command-port N --leader-port N --about JSON
+"""
+
+from __future__ import annotations
+
+import argparse
+import signal
+import sys
+
+from controller.wire.command_socket import CommandClient, CommandServer, SocketError
+from motiondeck.shows.link import Link
+from motiondeck.shows.member import Member
+from motiondeck.shows.membership import deck_in
+from motiondeck.shows.messages import About, read
+from motiondeck_base.errors import MotiondeckError
+from motiondeck_base.printable import printable
+
+_LOOK = 1.0  # s
+
+
+def main(arguments: list[str] | None = None) -> int:
+    """Takes part until the deck has ended; the exit code."""
+    parser = argparse.ArgumentParser(prog="python -m motiondeck.shows.member_process")
+    parser.add_argument("--show", required=True, help="SHOW/DECK, or a folder with certificates")
+    parser.add_argument("--command-port", type=int, required=True, help="of the deck")
+    parser.add_argument("--leader-port", type=int, required=True, help="where the deck asks for the show's phase")
+    parser.add_argument("--about", required=True, help="what the deck is, JSON")
+    options = parser.parse_args(arguments)
+    signal.signal(signal.SIGINT, signal.SIG_IGN)  # it ends the deck, and its end ends this
+    about = read(options.about.encode(), About)
+    assert about is not None, "written by the deck"
+    try:
+        membership = deck_in(options.show)
+        deck, leader = CommandClient(options.command_port), CommandServer(options.leader_port)
+        member = Member(membership.name, about, Link(membership), deck, leader, _tell)
+    except MotiondeckError as error:
+        _tell(str(error))
+        return 1
+    try:
+        while member.step(_LOOK):
+            pass
+    except SocketError:
+        pass  # the deck is gone
+    finally:
+        member.close()
+        leader.close()
+        deck.close()
+    return 0
+
+
+def _tell(text: str) -> None:
+    print(f"motiondeck: show: {printable(text)}", file=sys.stderr, flush=True)
+
+
+if __name__ == "__main__":
+    sys.exit(main())

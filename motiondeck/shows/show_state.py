@@ -1,0 +1,91 @@
+"""What the page of a show is told: how the show stands, its cues and its decks, as the conductor knows them."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import msgspec
+
+from motiondeck.shows.messages import DeckHealth
+from motiondeck.shows.show_file import ShowCue
+
+if TYPE_CHECKING:
+    from motiondeck.shows.conductor import Conductor
+    from motiondeck.shows.seen_decks import SeenDeck
+
+
+class DeckRow(msgspec.Struct, frozen=True):
+    """A deck.
+
+    Attributes:
+        name, robot, library, host: what it is; all but the name are "" until it has said so.
+        here: whether it is connected.
+        losses: how often its connection was lost.
+        heard_ago: how long ago it has said how it is, s.
+        health: what it said; None without a connection, and before that.
+    """
+
+    name: str
+    robot: str
+    library: str
+    host: str
+    here: bool
+    losses: int
+    heard_ago: float
+    health: DeckHealth | None
+
+
+class ShowState(msgspec.Struct, frozen=True, tag="state"):
+    """A show at a moment.
+
+    Attributes:
+        show: its name.
+        cues: all of them, in order.
+        present: the number, from 0, of the cue that was last carried out; None before the first.
+        upcoming: of the one that comes next; None after the last.
+        seconds: how long until then; None where nobody knows.
+        waits: whether only `go` brings it.
+        stopped_by: who gave the emergency stop; "" without one.
+        decks: those that were seen, by name.
+    """
+
+    show: str
+    cues: list[ShowCue]
+    present: int | None = None
+    upcoming: int | None = None
+    seconds: float | None = None
+    waits: bool = False
+    stopped_by: str = ""
+    decks: list[DeckRow] = []
+
+
+class ShowNotice(msgspec.Struct, frozen=True, tag="notice"):
+    """What a button has brought about, or why it has not."""
+
+    text: str
+
+
+def show_state(conductor: Conductor) -> ShowState:
+    """How a show stands now."""
+    now, cues = conductor.now(), conductor.cues
+    present = max((number for number, at in conductor.given.items() if at <= now), default=None)
+    # A cue is sent ahead of its time; until then it is still to come.
+    sent = min((number for number, at in conductor.given.items() if at > now), default=None)
+    upcoming = sent if sent is not None else cues.number if cues.next is not None else None
+    at = conductor.given[sent] if sent is not None else cues.next_at
+    return ShowState(
+        show=conductor.show.show,
+        cues=conductor.show.cues,
+        present=present,
+        upcoming=upcoming,
+        seconds=max(at - now, 0.0) if at is not None else None,
+        waits=sent is None and cues.waits,
+        stopped_by=conductor.stopped_by,
+        decks=[_row(deck, now) for _, deck in sorted(conductor.decks.items())],
+    )
+
+
+def _row(deck: SeenDeck, now: float) -> DeckRow:
+    about, health = deck.about, deck.health
+    robot, library, host = (about.robot, about.library, about.host) if about is not None else ("", "", "")
+    return DeckRow(deck.name, robot, library, host, deck.here, deck.losses, now - deck.heard, health)

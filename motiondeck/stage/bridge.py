@@ -1,0 +1,161 @@
+"""The bridge: gives a deck the commands of a stage's signals when they are due, and sends out what the deck says."""
+
+from __future__ import annotations
+
+import heapq
+import itertools
+import select
+import time
+from collections.abc import Callable, Sequence
+
+import msgspec
+
+from controller.wire.command_socket import CommandClient
+from controller.wire.local_transport import PeerGoneError, SocketError
+from controller.wire.messages.arguments import AGO
+from controller.wire.messages.commands import DeckCommand, EmergencyStop, GetStatus, GiveBeat, Subscribe
+from controller.wire.messages.events import Event
+from controller.wire.messages.replies import Reply, State
+from motiondeck.stage.osc import OscOutput
+from motiondeck.stage.signals import Input, Signal, Tell
+
+STATE_EVERY = 0.1
+"""So often the deck is asked for its state, s."""
+
+_SUBSCRIBED_FOR = 15.0  # s after which a subscription is renewed
+_LOOK = 0.01  # s between looks at what the deck says
+_MOST_WAITING = 256  # signals that are due later
+_MOST_AT_ONCE = 32  # signals given before replies are read; a deck takes bursts of 40
+
+Answered = Callable[[str, DeckCommand, Reply], None]
+"""Is told what a command came from, the command, and a reply to it."""
+
+
+class Bridge:
+    """Commands a deck by signals until that has ended.
+
+    Args:
+        client: connected to the deck.
+        inputs: where signals come from.
+        output: is told events and states; None for nobody.
+        answered: is told the replies to commands.
+        tell: is told what is refused here, and what the motion is locked to when that changes.
+        now: a steady clock, s.
+
+    Raises:
+        SocketError: if no deck is running.
+    """
+
+    def __init__(
+        self,
+        client: CommandClient,
+        inputs: Sequence[Input],
+        output: OscOutput | None,
+        answered: Answered,
+        tell: Tell,
+        now: Callable[[], float] = time.monotonic,
+    ) -> None:
+        self._client, self._inputs, self._output = client, inputs, output
+        self._answered, self._tell, self._now = answered, tell, now
+        self._waiting: list[tuple[float, int, Signal]] = []
+        self._order = itertools.count()
+        self._asked: dict[int, Signal] = {}
+        self._ask_at, self._subscribe_at = now(), now() + _SUBSCRIBED_FOR
+        self._lock = "none"
+        client.post(Subscribe())
+
+    def run(self) -> None:
+        """Goes on until the deck has ended.
+
+        Raises:
+            SocketError: if the deck is gone without a word.
+            MidiGoneError: if a MIDI device is unplugged.
+        """
+        while self.step(_LOOK):
+            pass
+
+    def step(self, longest: float) -> bool:
+        """Waits at most so many seconds for a signal and passes on what there is; False when the deck has ended."""
+        due = self._waiting[0][0] - self._now() if self._waiting else longest
+        ready, _, _ = select.select(self._inputs, [], [], min(max(due, 0.0), longest))
+        for signals in ready:
+            for signal in signals.read(self._now()):
+                self._take(signal)
+        now = self._now()
+        for _ in range(_MOST_AT_ONCE):
+            if not (self._waiting and self._waiting[0][0] <= now):
+                break
+            self._give(heapq.heappop(self._waiting)[2], now)
+        running = self._hear()
+        if running:
+            self._ask(now)
+        return running
+
+    def _take(self, signal: Signal) -> None:
+        if isinstance(signal.command, EmergencyStop):
+            self._give(signal, signal.due)
+        elif len(self._waiting) < _MOST_WAITING:
+            heapq.heappush(self._waiting, (signal.due, next(self._order), signal))
+        else:
+            self._tell(f"{signal.source}: too many commands at once, so it was left out")
+
+    def _give(self, signal: Signal, now: float) -> None:
+        command = signal.command
+        if isinstance(command, GiveBeat):
+            late = command.ago + now - signal.due
+            if late > AGO.highest:
+                return
+            command = msgspec.structs.replace(command, ago=late)
+        number = self._post(command)
+        if number is None:
+            return
+        self._asked[number] = signal
+        if len(self._asked) > _MOST_WAITING:
+            del self._asked[next(iter(self._asked))]  # its reply was lost
+
+    def _post(self, message: DeckCommand) -> int | None:
+        """Sends a message; None, and what waits is left out, where the deck is held up.
+
+        Raises:
+            PeerGoneError: if it is gone.
+        """
+        try:
+            return self._client.post(message)
+        except PeerGoneError:
+            raise
+        except SocketError as error:
+            self._tell(f"{error}, so what came meanwhile was left out")
+            self._waiting.clear()
+            return None
+
+    def _ask(self, now: float) -> None:
+        """Asks for events and, now and then, for the state."""
+        if now >= self._subscribe_at:
+            self._subscribe_at = now + _SUBSCRIBED_FOR
+            self._post(Subscribe())
+        if now >= self._ask_at:
+            self._ask_at = now + STATE_EVERY
+            self._post(GetStatus())
+
+    def _hear(self) -> bool:
+        """Passes on what the deck has said; False when it has ended."""
+        while (reply := self._client.receive(0.0)) is not None:
+            signal = self._asked.pop(reply.id, None)
+            if signal is not None:
+                self._answered(signal.source, signal.command, reply)
+            elif isinstance(reply, State):
+                self._show(reply)
+            elif isinstance(reply, Event):
+                if self._output is not None:
+                    self._output.event(reply)
+                if reply.kind == "ended":
+                    return False
+        return True
+
+    def _show(self, state: State) -> None:
+        lock = state.lock.state if state.lock is not None else "none"
+        if lock != self._lock:
+            self._lock = lock
+            self._tell(str(state.lock) if state.lock is not None else "locked to nothing")
+        if self._output is not None:
+            self._output.state(state)

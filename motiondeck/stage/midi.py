@@ -1,0 +1,75 @@
+"""MIDI: notes, the beats of a clock and the times of a timecode are commands."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator
+from typing import Any
+
+from controller.wire.messages.commands import GiveBeat
+from motiondeck.stage.command_pattern import CommandPattern
+from motiondeck.stage.midi_clock import MidiClock
+from motiondeck.stage.midi_port import MidiPort
+from motiondeck.stage.signals import Signal
+from motiondeck.stage.stage_file import MidiMap
+from motiondeck.stage.timecode import TimecodeReader
+
+_FULL_FRAME = (0x7F, 0x01, 0x01)  # universal real time, timecode, full message; the second byte is a device
+
+
+class MidiInput:
+    """Commands from the messages of a MIDI port.
+
+    Args:
+        port: where they come from.
+        stage: what they mean.
+    """
+
+    def __init__(self, port: MidiPort, stage: MidiMap) -> None:
+        self._port, self._stage = port, stage
+        self._clock, self._timecode = MidiClock(), TimecodeReader()
+
+    def fileno(self) -> int:
+        """What can be read when messages have come."""
+        return self._port.fileno()
+
+    def read(self, now: float) -> Iterator[Signal]:
+        """The commands of the messages that have come.
+
+        Raises:
+            MidiGoneError: if the port is gone.
+        """
+        for at, message in self._port.messages(now):
+            yield from self._signals(at, message)
+
+    def _signals(self, at: float, message: Any) -> Iterable[Signal]:
+        # mido's messages have attributes by their type.
+        stage = self._stage
+        match message.type:
+            case "note_on" if message.velocity and stage.channel in (None, message.channel):
+                if message.note in stage.notes:
+                    return self._given(at, f"note {message.note}", stage.notes[message.note])
+            case "quarter_frame":
+                return self._cues(at, message.frame_type, message.frame_value)
+            case "sysex" if len(message.data) > 3 and (message.data[0], *message.data[2:4]) == _FULL_FRAME:
+                self._timecode.locate()
+            case "clock" | "start" | "stop" | "continue" | "songpos" if stage.clock:
+                position = message.pos if message.type == "songpos" else 0
+                if self._clock.take(message.type, position):
+                    return [Signal(at, "clock", GiveBeat())]
+        return []
+
+    def _cues(self, at: float, piece: int, nibble: int) -> Iterator[Signal]:
+        passed = self._timecode.quarter_frame(piece, nibble)
+        if passed is not None:
+            for cue, pattern in self._stage.cues.items():
+                if passed.contains(cue):
+                    yield from self._given(at, "{:02}:{:02}:{:02}:{:02}".format(*cue), pattern)
+
+    def _given(self, at: float, source: str, pattern: CommandPattern) -> Iterator[Signal]:
+        command = pattern.command()
+        if command is not None:
+            yield Signal(at, source, command)
+
+    def close(self) -> None:
+        """Lets go of the port; may be called twice."""
+        self._port.close()

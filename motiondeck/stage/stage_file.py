@@ -1,0 +1,144 @@
+"""The stage file: which OSC addresses, MIDI notes and times of a timecode give which commands."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Annotated, TypeVar
+
+import msgspec
+
+from controller.wire.messages.commands import CommandError
+from motiondeck.stage.command_pattern import CommandPattern
+from motiondeck.stage.timecode import Timecode
+from motiondeck_base.errors import FileFormatError
+from motiondeck_base.toml_file import read_toml
+
+Port = Annotated[int, msgspec.Meta(ge=1, le=65535)]
+Key = TypeVar("Key")
+
+
+class _Osc(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
+    listen: Port | None = None
+    send_to: str | None = None
+    commands: dict[str, str] = {}
+
+
+class _Midi(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
+    input: str
+    channel: Annotated[int, msgspec.Meta(ge=1, le=16)] | None = None
+    clock: bool = False
+    notes: dict[str, str] = {}
+    timecode: dict[str, str] = {}
+
+
+class _StageFile(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
+    osc: _Osc = _Osc()
+    midi: _Midi | None = None
+
+
+@dataclass(frozen=True)
+class OscMap:
+    """What OSC does.
+
+    Attributes:
+        port: the UDP port on loopback at which messages arrive; None for none.
+        target: where events and states are sent to, host and port; None for nowhere.
+        commands: of each address.
+    """
+
+    port: int | None
+    target: tuple[str, int] | None
+    commands: Mapping[str, CommandPattern]
+
+
+@dataclass(frozen=True)
+class MidiMap:
+    """What MIDI does.
+
+    Attributes:
+        input: the name of a port, or the path of a raw MIDI device.
+        channel: the only one whose notes count, from 0; None for all.
+        clock: whether the quarter notes of its clock are beats.
+        notes: the command of each note, 0 to 127.
+        cues: the command at each time of its timecode.
+    """
+
+    input: str
+    channel: int | None
+    clock: bool
+    notes: Mapping[int, CommandPattern]
+    cues: Mapping[Timecode, CommandPattern]
+
+
+@dataclass(frozen=True)
+class StageMap:
+    """A stage file that was read."""
+
+    osc: OscMap
+    midi: MidiMap | None
+
+    @property
+    def patterns(self) -> list[CommandPattern]:
+        """All commands in it."""
+        midi = [*self.midi.notes.values(), *self.midi.cues.values()] if self.midi is not None else []
+        return [*self.osc.commands.values(), *midi]
+
+
+def read_stage(path: Path) -> StageMap:
+    """Reads a stage file.
+
+    Raises:
+        FileFormatError: one line per problem, with the file, the place, and what is allowed there.
+    """
+    raw = read_toml(path, _StageFile)
+    problems: list[str] = []
+
+    def patterns(place: str, table: Mapping[str, str], key: Callable[[str], Key]) -> dict[Key, CommandPattern]:
+        found: dict[Key, CommandPattern] = {}
+        for name, text in table.items():
+            try:
+                pattern = found[key(name)] = CommandPattern(text)
+                if not pattern.complete and key is not _address:
+                    raise ValueError(f"'{text}': only OSC messages have arguments")
+            except (CommandError, ValueError) as error:
+                problems.append(f"'{name}' in [{place}]: {error}")
+        return found
+
+    target = None
+    if raw.osc.send_to is not None:
+        host, _, port = raw.osc.send_to.rpartition(":")
+        if host and port.isdecimal() and 0 < int(port) < 65536:
+            target = host, int(port)
+        else:
+            problems.append(f"send_to in [osc] is HOST:PORT, such as 127.0.0.1:9001, not '{raw.osc.send_to}'")
+    osc = OscMap(raw.osc.listen, target, patterns("osc.commands", raw.osc.commands, _address))
+    if osc.commands and osc.port is None:
+        problems.append("commands in [osc] need a port on which they arrive, such as: listen = 9000")
+    midi = None
+    if raw.midi is not None:
+        midi = MidiMap(
+            raw.midi.input,
+            raw.midi.channel - 1 if raw.midi.channel is not None else None,
+            raw.midi.clock,
+            patterns("midi.notes", raw.midi.notes, _note),
+            patterns("midi.timecode", raw.midi.timecode, Timecode.parse),
+        )
+    if midi is None and raw.osc == _Osc():
+        problems.append("nothing is mapped: give listen or send_to in [osc], or [midi]")
+    if problems:
+        raise FileFormatError.listing(str(path), problems)
+    return StageMap(osc, midi)
+
+
+def _address(name: str) -> str:
+    if not name.startswith("/"):
+        raise ValueError("an OSC address begins with /")
+    return name
+
+
+def _note(name: str) -> int:
+    if not (name.isdecimal() and int(name) < 128):
+        raise ValueError("a note is a number from 0 to 127 (60 is the middle C)")
+    return int(name)

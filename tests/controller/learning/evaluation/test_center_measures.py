@@ -1,0 +1,80 @@
+"""Networks with centers are measured as reservoirs are: training errors and disturbances."""
+
+import msgspec
+import numpy as np
+import pytest
+
+import synthetic
+from controller.learning.centralized.centralized_training import CentralizedRecipe
+from controller.learning.evaluation.failure_rates import sweep, train_subjects
+from controller.learning.evaluation.training_error import training_error
+from controller.learning.measures.run_batch import batch_of
+from controller.learning.recipe import LibraryRecipe, MotionRecipe
+from controller.learning.reservoirs.phase_conceptor_training import PhaseRecipe
+from controller.learning.reservoirs.phase_echo_state_training import PhaseEchoStateRecipe
+from controller.learning.training_set import TrainingSet
+
+LOOPS = {name: name != "bow" for name in synthetic.MOTIONS}
+RECIPE = LibraryRecipe(
+    name="small",
+    network=CentralizedRecipe(satellites=16, iterations=15),
+    motions=[MotionRecipe(name=name, file="") for name in synthetic.MOTIONS],
+    body="",
+    licence="",
+)
+
+
+@pytest.fixture(scope="module")
+def syllabus():
+    return TrainingSet(synthetic.small_encoding(), synthetic.RATE, synthetic.references(), LOOPS, {})
+
+
+@pytest.fixture(scope="module")
+def subject(syllabus):
+    return train_subjects(RECIPE, syllabus, [0])[0]
+
+
+@pytest.mark.parametrize("motion", list(synthetic.MOTIONS))
+def test_a_batch_plays_what_the_network_plays(subject, motion):
+    network = subject.network
+    network.cue(motion, 0)
+    frame = np.empty(network.channels)
+    batch, frames = batch_of(network, motion, 3), np.empty(0)
+    for _ in range(250):
+        network.advance(frame)
+        frames = batch.advance()
+    assert np.allclose(frames, frame, atol=1e-5)
+
+
+def test_the_player_and_the_batch_recover_alike(subject):
+    """A push on the centers: the amplitude is back in the next step, the phases at the end of the round."""
+    network = subject.network
+    push = np.array([3.0, -1.0, 0.5, 2.0], dtype=np.float32)
+    batch = batch_of(network, "march", 1)
+    batch.displace(push[None])
+    network.cue("march", 0)
+    network._voice.centers += push[::2] + 1j * push[1::2]
+    frame, calm = np.empty(network.channels), []
+    for _ in range(2 * round(network["march"].seconds * network.rate) + 1):
+        network.advance(frame)
+        played = batch.advance()[0]
+        assert np.allclose(played, frame, atol=1e-5)
+        calm.append(played)
+    assert not np.allclose(calm[0], network["march"].at(np.array([1 / network.rate]))[0], atol=0.05)
+    assert np.allclose(calm[-1], network["march"].at(np.array([1 / network.rate]))[0], atol=1e-5)
+
+
+@pytest.mark.thorough
+@pytest.mark.parametrize("kind", ["robustness", "stability"])
+def test_loops_come_back_from_every_disturbance(subject, syllabus, kind):
+    counts = sweep(kind, [subject], syllabus, 5)
+    assert [(one.motion, one.intrinsic) for one in counts if one.loop] == [("march", 0), ("wave", 0)]
+    assert all(one.guarded is None for one in counts), "the deck plays it without a guard"
+
+
+@pytest.mark.parametrize("network", [RECIPE.network, PhaseRecipe(neurons=100, rank=20), PhaseEchoStateRecipe()])
+def test_training_errors(syllabus, network):
+    found = training_error(msgspec.structs.replace(RECIPE, network=network), syllabus, 0)
+    assert 0.0 < found.nrmse_readout < 0.1
+    assert 0.0 < found.mabs_readout < 10.0
+    assert found.mabs_weights is None

@@ -1,0 +1,100 @@
+import numpy as np
+import pytest
+
+import synthetic
+from controller.learning.evaluation.training_error import training_error
+from controller.learning.fit import TrainedNetwork, first_to_pass
+from controller.learning.measures.self_test import Judge, MotionVerdict
+from controller.learning.measures.trials import FREE_RUN, failures, with_trials
+from controller.learning.recipe import LibraryRecipe, MotionRecipe
+from controller.learning.reservoirs import noise_choice
+from controller.learning.reservoirs.echo_state_training import EchoStateRecipe, train_echo_state
+from controller.learning.reservoirs.noise_choice import FACTORS, settled_echo_state
+from controller.learning.training_set import TrainingSet
+
+RECIPE = EchoStateRecipe(neurons=120, washout=60, choose_noise=True)
+
+
+@pytest.fixture(scope="module")
+def judge():
+    references = synthetic.references()
+    return Judge(synthetic.small_encoding(), references, {name: name != "bow" for name in references}, synthetic.RATE)
+
+
+@pytest.fixture(scope="module")
+def plain():
+    return train_echo_state(*synthetic.lessons(), RECIPE, 0)
+
+
+def settled(judge):
+    return settled_echo_state(*synthetic.lessons(), RECIPE, judge, 0)[0]
+
+
+def test_accuracy_is_of_the_network_that_fit_would_settle_on(plain, monkeypatch):
+    left = iter([3, 0])
+    monkeypatch.setattr(noise_choice, "failures", lambda network, motion, *_: next(left) if motion == "wave" else 0)
+    frames = synthetic.references()
+    syllabus = TrainingSet(
+        synthetic.small_encoding(), synthetic.RATE, frames, {name: name != "bow" for name in frames}, {}
+    )
+    motions = [MotionRecipe(name=name, file="x.bvh") for name in frames]
+    recipe = LibraryRecipe(name="small", network=RECIPE, motions=motions, body="x.bvh", licence="")
+    network = training_error(recipe, syllabus, 0).network
+    assert list(left) == []
+    assert np.array_equal(network["march"].readout, plain["march"].readout)
+    assert not np.array_equal(network["wave"].readout, plain["wave"].readout)
+
+
+def test_only_a_motion_that_fails_is_taught_again(plain, judge, monkeypatch):
+    left = iter([3, 5, 1, 2, 1])  # wave as it was taught, and with each of FACTORS
+
+    def said(network, motion, kinds, judge, seed):
+        return next(left) if motion == "wave" else 0
+
+    monkeypatch.setattr(noise_choice, "failures", said)
+    network = settled(judge)
+    assert list(left) == []
+    for motion in ("march", "bow"):
+        assert np.array_equal(network[motion].readout, plain[motion].readout)
+    assert not np.array_equal(network["wave"].readout, plain["wave"].readout)
+    # What failed least was the second attempt, with more noise.
+    seen = []
+    learn = noise_choice.learn_readouts
+    monkeypatch.setattr(
+        noise_choice, "learn_readouts", lambda *a: seen.append((a[2].state_noise, learn(*a))) or seen[-1][1]
+    )
+    left = iter([3, 5, 1, 2, 1])
+    kept = settled(judge)["wave"].readout
+    assert [noise for noise, _ in seen] == pytest.approx([factor * RECIPE.state_noise for factor in FACTORS])
+    assert np.array_equal(kept, seen[1][1]["wave"].readout)
+
+
+def test_what_fails_too_often_does_not_pass():
+    verdicts = {name: MotionVerdict(True, 1.0, 1.0, "") for name in ("a", "b")} | {
+        "c": MotionVerdict(False, 1.0, 1.0, "frozen")
+    }
+    tested = with_trials(verdicts, {"a": 1, "b": 2, "c": FREE_RUN})
+    assert tested["a"].passed
+    assert tested["b"].reason == "fails 2 times when disturbed"
+    assert tested["c"] == verdicts["c"]
+
+
+def test_a_motion_that_does_not_run_free_is_not_disturbed(plain, judge, monkeypatch):
+    monkeypatch.setattr("controller.learning.measures.trials.disturbed", lambda *_: pytest.fail("disturbed"))
+    mute = plain.with_motions({"wave": _silent(plain["wave"])})
+    assert failures(mute, "wave", ("stability",), judge, 0) == FREE_RUN
+
+
+def _silent(part):
+    return type(part)(np.zeros_like(part.readout), part.states, part.outputs)
+
+
+def test_the_next_seed_is_tried_until_all_pass_and_else_the_best_is_kept(plain):
+    def attempt(seed):
+        verdicts = {str(i): MotionVerdict(i < passing[seed], 1.0, 1.0, "") for i in range(3)}
+        return TrainedNetwork(seed, plain, verdicts)
+
+    passing = {0: 1, 1: 3, 2: 3}
+    assert first_to_pass([0, 1, 2], attempt).seed == 1
+    passing = {0: 1, 1: 2, 2: 2}
+    assert first_to_pass([0, 1, 2], attempt).seed == 1

@@ -1,0 +1,49 @@
+"""The smallest phase-driven network that keeps to a tolerance."""
+
+import numpy as np
+import pytest
+
+import synthetic
+from controller.learning.measures.self_test import Judge, self_test
+from controller.learning.reservoirs.phase_conceptor_training import PhaseRecipe
+from controller.learning.reservoirs.phase_echo_state_training import PhaseEchoStateRecipe
+from controller.learning.reservoirs.phase_training import train_phase_driven
+from controller.learning.reservoirs.size_choice import smallest_within
+
+
+class Conceptors(PhaseRecipe, frozen=True, kw_only=True):
+    sizes = ({"neurons": 20, "rank": 4}, {"neurons": 60, "rank": 12}, {"neurons": 120, "rank": 25})
+
+
+class EchoState(PhaseEchoStateRecipe, frozen=True, kw_only=True):
+    sizes = ({"neurons": 10}, {"neurons": 40}, {"neurons": 120})
+
+
+def chosen(tolerance, recipe):
+    motions, normalisation = synthetic.lessons()
+    loops = {name: name != "bow" for name in synthetic.MOTIONS}
+    judge = Judge(synthetic.small_encoding(), synthetic.references(), loops, synthetic.RATE)
+    recipe = smallest_within(tolerance, motions, normalisation, recipe, synthetic.RATE, 0, judge)
+    verdicts = self_test(train_phase_driven(motions, normalisation, recipe, synthetic.RATE, 0), judge)
+    return recipe, max(verdict.error_mm for verdict in verdicts.values())
+
+
+def sized(recipe):
+    return {name: getattr(recipe, name) for name in recipe.sizes[0]}
+
+
+@pytest.mark.parametrize("recipe", [Conceptors(piece_seconds=2.0), EchoState(piece_seconds=2.0)])
+def test_a_network_is_as_large_as_the_tolerance_asks_for(recipe):
+    loose, loose_error = chosen(20.0, recipe)
+    tight, tight_error = chosen(0.5 * loose_error, recipe)
+    assert loose.piece_seconds == 2.0
+    assert loose_error <= 20.0
+    assert tight_error <= 0.5 * loose_error
+    assert sized(loose) in recipe.sizes[:2]
+    assert tight.neurons > loose.neurons
+
+
+def test_the_largest_is_taken_where_none_will_do():
+    recipe, error = chosen(1e-9, Conceptors())
+    assert sized(recipe) == Conceptors.sizes[-1]
+    assert np.isfinite(error)

@@ -1,0 +1,245 @@
+"""One motion more: what was stored stays as it is, and the new one plays."""
+
+from dataclasses import replace
+from pathlib import Path
+
+import msgspec
+import numpy as np
+import pytest
+
+import synthetic
+from bodies import waving
+from controller.learning.adding import add_motion
+from controller.learning.centralized.centralized_training import CentralizedRecipe, train_centralized_network
+from controller.learning.fit import fit_prepared
+from controller.learning.measures.self_test import run_free
+from controller.learning.preparation.training_motion import TrainingMotion
+from controller.learning.recipe import LibraryRecipe, MotionRecipe
+from controller.learning.reservoirs.conceptor_training import conceptor_network, load_reservoir
+from controller.learning.reservoirs.echo_state_training import EchoStateRecipe, train_echo_state
+from controller.learning.reservoirs.incremental_loading import load_one_more, quota
+from controller.learning.reservoirs.phase_conceptor_training import PhaseRecipe
+from controller.learning.reservoirs.phase_echo_state_training import PhaseEchoStateRecipe
+from controller.learning.training_set import prepare
+from controller.library.motion_library import MotionLibrary, load_library, save_library
+from controller.library.network_arrays import arrays_of
+from controller.motion.canonical.clip_edits import mirrored
+from controller.motion.clip import Clip
+from controller.motion.rotations import multiply
+from controller.networks.reservoirs.conceptor import ConceptorNetwork
+from motiondeck_base.errors import MotiondeckError
+
+FILE = Path("small.safetensors")
+LENGTHS = {name: len(frames) for name, frames in synthetic.references().items()}
+
+
+def skip(period=108):
+    """A third loop: one leg leads, the arms swing up together."""
+    t = 2 * np.pi * np.arange(period) / period
+    legs = synthetic.swing(0.5 * np.sin(t), 0), synthetic.swing(0.3 * np.cos(t), 0)
+    arms = synthetic.swing(0.8 * np.sin(t), 0), synthetic.swing(0.8 * np.sin(t) - 0.2, 0)
+    return synthetic.frames_of(0.78 + 0.04 * np.cos(t), 0.9 + 0.1 * np.cos(t), 0.1 * np.sin(t), legs, arms)
+
+
+def clip_of(channels, rate=synthetic.RATE):
+    """A recording of channels (T, C) that begins at the origin."""
+    encoding = synthetic.small_encoding()
+    heading, at = 0.0, np.zeros(2)
+    positions, rotations = [], []
+    for frame in channels:
+        posture = encoding.decode(frame)
+        heading += float(posture.turn_rate) / rate
+        cos, sin = np.cos(heading), np.sin(heading)
+        forward, left = posture.velocity / rate
+        at = at + np.array([cos * forward - sin * left, sin * forward + cos * left])
+        positions.append((*at, float(posture.height)))
+        turn = np.array([np.cos(heading / 2), 0.0, 0.0, np.sin(heading / 2)])
+        rotations.append(multiply(turn, posture.rotation))
+    return Clip("skip", encoding.skeleton, rate, np.array(positions), np.array(rotations))
+
+
+def described(network_recipe, network):
+    """A library of the synthetic motions with the recipe that it came from."""
+    library = synthetic.small_library()
+    kind = {
+        "ConceptorRecipe": "conceptor",
+        "EchoStateRecipe": "echo-state",
+        "CentralizedRecipe": "centralized",
+        "PhaseRecipe": "phase-conceptor",
+        "PhaseEchoStateRecipe": "phase-echo-state",
+    }
+    motions = [
+        MotionRecipe(name=name, file=f"{name}.bvh", plays="once" if name == "bow" else "loop") for name in LENGTHS
+    ]
+    recipe = LibraryRecipe(
+        name="small", network=network_recipe, motions=motions, body="march.bvh", licence="none needed"
+    )
+    info = msgspec.structs.replace(
+        library.info,
+        network=kind[type(network_recipe).__name__],
+        recipe=msgspec.json.decode(msgspec.json.encode(recipe)),
+        leak=getattr(network_recipe, "leak", 1.0),
+    )
+    return MotionLibrary(info, network, library.encoding)
+
+
+def conceptor_library(**changes):
+    plan = msgspec.structs.replace(synthetic.SMALL_RECIPE, **changes)
+    return described(plan, synthetic.small_network(recipe=plan))
+
+
+def echo_state_library():
+    plan = EchoStateRecipe(neurons=300, drives=2, washout=60, wrong_starts=2)
+    return described(plan, train_echo_state(*synthetic.lessons(), plan, 0))
+
+
+def centralized_library():
+    plan = CentralizedRecipe(satellites=30, iterations=10)
+    return described(plan, train_centralized_network(*synthetic.lessons(), plan, synthetic.RATE, 0))
+
+
+def phase_library():
+    plan = PhaseRecipe(**synthetic.SMALL_PHASE)
+    network = synthetic.small_phase_network()
+    library = described(plan, network)
+    return replace(library, info=msgspec.structs.replace(library.info, scales=network.scales))
+
+
+def phase_echo_state_library():
+    network = synthetic.small_phase_echo_state()
+    library = described(PhaseEchoStateRecipe(), network)
+    return replace(library, info=msgspec.structs.replace(library.info, scales=network.scales))
+
+
+@pytest.fixture(scope="module")
+def library():
+    return conceptor_library()
+
+
+NEW = MotionRecipe(name="skip", file="skip.bvh")
+
+
+def library_of_waving(network):
+    """A library of one motion in which trunk, head and left arm stand still, but for rounding."""
+    clip = waving(60.0, 3.0)
+    recipe = LibraryRecipe(name="wave", network=network, motions=[MotionRecipe(name="wave", file="")], seeds=[0])
+    return fit_prepared(recipe, prepare(recipe, Path(), read=lambda _: clip))
+
+
+def waving_left():
+    """The same with the other arm."""
+    return replace(mirrored(waving(60.0, 3.0)), name="left")
+
+
+@pytest.mark.parametrize("network", [PhaseRecipe(neurons=100, rank=20), PhaseEchoStateRecipe()])
+def test_a_motion_may_move_what_stands_still_in_all_others(network):
+    library = library_of_waving(network)
+    added = add_motion(library, FILE, waving_left(), MotionRecipe(name="left", file=""))
+    assert added.verdict.passed
+
+
+def test_a_network_without_a_scale_for_it_refuses_the_motion():
+    library = library_of_waving(EchoStateRecipe(neurons=60, washout=60, drives=1))
+    with pytest.raises(MotiondeckError, match="moves parts that stand still in all motions of the library 'wave'"):
+        add_motion(library, FILE, waving_left(), MotionRecipe(name="left", file=""))
+
+
+@pytest.mark.thorough
+@pytest.mark.parametrize(
+    "make", [conceptor_library, phase_library, phase_echo_state_library, echo_state_library, centralized_library]
+)
+def test_a_motion_is_added_and_nothing_else_changes(make, tmp_path):
+    save_library(make(), tmp_path / "small.safetensors")
+    before = load_library(tmp_path / "small.safetensors")
+    added = add_motion(before, FILE, clip_of(np.tile(skip(), (2, 1))), NEW)
+    assert added.verdict.passed, added.verdict.reason
+    save_library(added.library, tmp_path / "longer.safetensors")
+    after = load_library(tmp_path / "longer.safetensors")
+    assert after.network.motions == (*before.network.motions, "skip")
+    assert after.info.motions[:3] == before.info.motions
+    stored = arrays_of(after.network)
+    for name, array in arrays_of(before.network).items():
+        assert np.array_equal(array, stored[name]) or not name.startswith("motion/"), name
+    for name in before.network.motions:
+        first, second = (run_free(library.network.twin(), name, 300) for library in (before, after))
+        assert np.array_equal(first, second)
+    assert "'skip' was added from skip.bvh" in after.info.acknowledgement
+
+
+def test_a_second_addition_builds_on_the_first(library):
+    once = add_motion(library, FILE, clip_of(np.tile(skip(), (2, 1))), NEW).library
+    twice = add_motion(once, FILE, clip_of(np.tile(skip(90), (2, 1))), msgspec.structs.replace(NEW, name="quick-skip"))
+    assert twice.library.network.motions[-2:] == ("skip", "quick-skip")
+    assert twice.quota_before is not None
+    assert twice.quota is not None
+    assert 0.0 < twice.quota_before < twice.quota < 1.0
+
+
+def test_loading_one_more_is_as_good_as_learning_all_together():
+    lessons, normalisation = synthetic.lessons()
+    new = TrainingMotion("skip", normalisation.apply(skip()), True)
+    plan = synthetic.SMALL_RECIPE
+    grown = load_one_more(synthetic.small_network(), LENGTHS, new, plan, 0)
+    together = conceptor_network(load_reservoir([*lessons, new], plan, 0), [*lessons, new], normalisation, plan)
+    # The weights of one and the other differ only in directions that no motion uses.
+    assert grown.memory is not None
+    assert together.memory is not None
+    for name in grown.motions:
+        project, expected = together[name].project.T, together.memory.readout @ together[name].project.T
+        assert np.abs(grown.memory.readout @ project - expected).max() < 0.02 * np.abs(expected).max()
+    assert quota(grown, LENGTHS | {"skip": 108}, plan) == pytest.approx(
+        quota(together, LENGTHS | {"skip": 108}, plan), rel=1e-3
+    )
+
+
+def test_the_quota_goes_by_the_aperture_that_each_motion_was_given():
+    given = msgspec.structs.replace(synthetic.SMALL_RECIPE, apertures={"march": 7.0, "bow": 50.0})
+    network = synthetic.small_network(recipe=given)
+    chosen = msgspec.structs.replace(given, apertures={}, choose_apertures=True)
+    assert quota(network, LENGTHS, chosen) == quota(network, LENGTHS, given)
+
+
+@pytest.mark.filterwarnings("error")
+def test_a_motion_that_stands_still_claims_its_mean_only():
+    network = synthetic.small_network()
+    still = replace(network["bow"], project=np.zeros_like(network["bow"].project))
+    motions = {name: network[name] for name in network.motions} | {"bow": still}
+    chosen = msgspec.structs.replace(synthetic.SMALL_RECIPE, choose_apertures=True)
+    assert 0.0 < quota(ConceptorNetwork(motions, network.memory), LENGTHS, chosen) < quota(network, LENGTHS, chosen)
+
+
+@pytest.mark.parametrize(
+    ("change", "said"),
+    [
+        ({"name": "march"}, "there is a motion 'march' in it already"),
+        ({"name": "a b"}, "cannot be typed"),
+        ({"frames": (0, 30)}, "too few"),
+    ],
+)
+def test_what_cannot_be_added_is_refused(library, change, said):
+    with pytest.raises(MotiondeckError, match=said):
+        add_motion(library, FILE, clip_of(skip()), msgspec.structs.replace(NEW, **change))
+
+
+def test_another_rate_is_resampled(library):
+    every_other = skip()[::2]
+    found = add_motion(library, FILE, replace(clip_of(every_other), rate=60.0), NEW)
+    at_once = add_motion(library, FILE, clip_of(skip()), NEW)
+    assert found.verdict.passed
+    assert found.library.info.motions[-1].frames == pytest.approx(at_once.library.info.motions[-1].frames, abs=2)
+
+
+def test_networks_that_cannot_be_added_to_say_so(library):
+    clip = clip_of(skip())
+    lesson = TrainingMotion("skip", np.zeros((60, 28)), True)
+    plan = msgspec.structs.replace(synthetic.SMALL_RECIPE, learns="weights")
+    with pytest.raises(MotiondeckError, match="learned all of W"):
+        load_one_more(library.network, LENGTHS, lesson, plan, 0)
+    forgetful = replace(
+        library, network=type(library.network)({n: library.network[n] for n in library.network.motions})
+    )
+    with pytest.raises(MotiondeckError, match="train it again with fit"):
+        add_motion(forgetful, FILE, clip, NEW)
+    other_seed = replace(library, info=msgspec.structs.replace(library.info, seed=7))
+    with pytest.raises(MotiondeckError, match="cannot be drawn again"):
+        add_motion(other_seed, FILE, clip, NEW)

@@ -1,0 +1,175 @@
+"""Carried to the canonical body every bone points as recorded, by an independent reading of the file."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from benchmarks.recordings.independent_readings import (
+    ACCLAIM,
+    BANDAI,
+    ENDS,
+    ICLONE,
+    MAX,
+    MOTIONBUILDER,
+    amc_joints,
+    bvh_joints,
+    landmarks,
+)
+from bodies import random_body, random_clip, small_body
+from controller.motion.canonical.canonical_body import (
+    CANONICAL_BONES,
+    carried,
+    is_canonical,
+    landmarks_of,
+    to_canonical,
+)
+from controller.motion.formats.reading import read_clip, skeleton_of
+from controller.motion.reading_options import ReadingOptions
+from controller.motion.rotations import conjugate, multiply, normalise, rotate
+from controller.motion.skeleton import Skeleton
+from motiondeck_base.errors import FileFormatError
+from simulated_bodies import human, smooth_poses
+
+BVH_FILES = {
+    "bvh/cgspeed-motionbuilder_cmu_12_01.bvh": MOTIONBUILDER,
+    "bvh/cgspeed-3dsmax_cmu_131_01.bvh": MAX,
+    "bvh/iclone_cmu_02_03.bvh": ICLONE,
+}
+EVERY = slice(None, None, 7)
+
+
+def worst_degrees(clip, seen):
+    """The largest angle between a carried bone and the line between recorded landmarks, over bones and frames."""
+    worst = 0.0
+    for bone, parent in zip(CANONICAL_BONES, clip.skeleton.parent, strict=True):
+        start = "root" if parent < 0 else CANONICAL_BONES[parent]
+        if bone not in seen or start not in seen:
+            continue
+        line = normalise((seen[bone] - seen[start])[:, [2, 0, 1]])
+        index = clip.skeleton.index(bone)
+        ours = rotate(clip.rotation[EVERY, 1 + index], clip.skeleton.rest_direction[index])
+        worst = max(worst, float(np.degrees(np.arccos(np.clip((line * ours).sum(-1), -1.0, 1.0))).max()))
+    return worst
+
+
+def bvh_check(path, table):
+    joints = bvh_joints(path.read_text(), EVERY)
+    return read_clip(path), joints, landmarks(joints, table)
+
+
+@pytest.mark.parametrize("file", BVH_FILES)
+def test_bones_of_exporters_files_point_as_recorded(mocap_data, file):
+    recorded, _, seen = bvh_check(mocap_data / file, BVH_FILES[file])
+    assert worst_degrees(to_canonical(recorded), seen) < 1.0
+    assert landmarks_of(recorded.skeleton).lacking == []
+
+
+@pytest.mark.thorough
+def test_bones_of_bandai_files_point_as_recorded_and_stay_on_their_path(mocap_data):
+    files = sorted((mocap_data / "bvh" / "bandai").glob("*.bvh"))
+    assert len(files) == 12
+    for path in files:
+        recorded, joints, seen = bvh_check(path, BANDAI)
+        assert worst_degrees(to_canonical(recorded), seen) < 1.0, path.name
+        assert landmarks_of(recorded.skeleton).lacking == [], path.name
+        assert np.allclose(recorded.root_position[EVERY], 0.01 * joints["Hips"][:, [2, 0, 1]], atol=1e-9), path.name
+        assert 0.8 < np.median(recorded.root_position[:, 2]) < 1.1, path.name
+
+
+@pytest.mark.parametrize("file", ["cmu/02/02_03.amc", "cmu/86/86_01.amc", "cmu/35/35_01.amc", "hdm05"])
+def test_bones_of_acclaim_files_point_as_recorded(mocap_data, file):
+    path = mocap_data / file
+    path = path if path.is_file() else sorted(path.rglob("*.[aA][mM][cC]"))[40]
+    skeleton = skeleton_of(path, mocap_data)
+    seen = landmarks(amc_joints(skeleton.read_text("latin-1"), path.read_text("latin-1"), EVERY), ACCLAIM)
+    assert worst_degrees(to_canonical(read_clip(path, ReadingOptions(skeleton))), seen) < 1.0
+
+
+def moving(skeleton, frames=20):
+    poses = smooth_poses(skeleton, np.random.default_rng(3), frames, reach=0.6)
+    clip = random_clip(np.random.default_rng(3), skeleton, frames)
+    return replace(clip, rotation=np.array([pose.rotation for pose in poses]))
+
+
+NAMES = {
+    "usual": ("LHipJoint", "LeftUpLeg", "LeftLeg", "LeftFoot", "LeftShoulder", "LeftArm", "LeftForeArm", "LeftHand"),
+    "after joints": ("l_hipjoint", "l_hip", "l_knee", "l_ankle", "l_collar", "l_shoulder", "l_elbow", "l_wrist"),
+}
+
+
+def renamed(clip, style, seed):
+    """The same movement of a body with other names whose limbs rest otherwise."""
+    names = {}
+    for end, left in zip(ENDS, NAMES[style], strict=True):
+        names |= {"l" + end: left, "r" + end: left.replace("Left", "Right").replace("LHip", "RHip").replace("l_", "r_")}
+    names |= {"back": "Spine", "neck": "Chest", "head": "Head"}
+    turn = normalise(np.random.default_rng(seed).normal(size=(len(clip.skeleton), 4)))
+    turn[[clip.skeleton.index(bone) for bone in ("lhip", "rhip")]] = [1.0, 0.0, 0.0, 0.0]
+    rotation = clip.rotation.copy()
+    rotation[:, 1:] = multiply(rotation[:, 1:], conjugate(turn))
+    rest = rotate(turn, clip.skeleton.rest_direction)
+    bones = tuple(names[bone] for bone in clip.skeleton.bones)
+    return replace(clip, skeleton=replace(clip.skeleton, bones=bones, rest_direction=rest), rotation=rotation)
+
+
+def test_the_same_body_under_other_names_and_rest_poses_is_carried_to_the_same_clip():
+    clip = moving(human())
+    one, two = (to_canonical(renamed(clip, style, seed)) for seed, style in enumerate(NAMES))
+    assert np.allclose(one.joints(), two.joints(), atol=1e-9)
+    assert is_canonical(two.skeleton)
+
+
+def test_carried_to_a_given_body_limbs_point_as_recorded_and_the_path_grows_with_the_legs():
+    clip = to_canonical(moving(human()))
+    twice = replace(clip.skeleton, length=2.0 * clip.skeleton.length)
+    other = carried(clip, twice)
+    assert np.allclose(other.joints(), 2.0 * clip.joints())
+
+
+def test_a_library_with_bones_of_its_own_gets_limbs_that_point_as_recorded(mocap_data):
+    run = read_clip(mocap_data / "bvh" / "bandai" / "run_normal_001.bvh")
+    skeleton = read_clip(mocap_data / "cmu" / "86" / "86_01.amc").skeleton
+    clip, canonical = carried(run, skeleton), to_canonical(run)
+    for own, bone in {"lfemur": "lkne", "ltibia": "lank", "rhumerus": "relb", "rradius": "rwri"}.items():
+        ours = rotate(clip.rotation[:, 1 + skeleton.index(own)], skeleton.rest_direction[skeleton.index(own)])
+        index = CANONICAL_BONES.index(bone)
+        theirs = rotate(canonical.rotation[:, 1 + index], canonical.skeleton.rest_direction[index])
+        assert np.degrees(np.arccos(np.clip((ours * theirs).sum(-1), -1.0, 1.0))).max() < 1.0
+
+
+def test_a_body_twice_the_size_with_the_same_bones_moves_twice_as_far():
+    one = random_clip(np.random.default_rng(0), small_body(), 6)
+    other = carried(one, small_body(scale=2.0))
+    assert np.allclose(other.joints(), 2.0 * one.joints())
+
+
+def test_the_same_bones_with_another_rest_pose_point_as_recorded():
+    """A motion carried between two files with the same joints used to have limbs off by up to 178 degrees."""
+    one = random_clip(np.random.default_rng(0), small_body(), 6)
+    rest = normalise(np.random.default_rng(1).normal(size=(9, 3)))
+    skeleton = Skeleton("other", one.skeleton.bones, one.skeleton.parent, rest, one.skeleton.length)
+    ours = carried(one, skeleton)
+    ratio = skeleton.leg_length / one.skeleton.leg_length
+    shift = (ratio - 1.0) * one.root_position[:, None]
+    assert np.allclose(ours.joints() - shift, one.joints())
+
+
+def test_a_body_without_legs_is_refused_with_the_remedy():
+    clip = random_clip(np.random.default_rng(1), random_body(np.random.default_rng(1), 9), 3)
+    with pytest.raises(FileFormatError, match=r"no (left|right) leg was found .* Name its joints with --rename"):
+        to_canonical(clip)
+
+
+def test_arms_that_hang_from_the_neck_point_as_recorded():
+    """The shoulder then has no length."""
+    body = human()
+    length = body.length.copy()
+    length[[body.index(bone) for bone in ("lsho", "rsho")]] = 0.0
+    clip = renamed(moving(replace(body, length=length)), "usual", 0)
+    own = to_canonical(clip)
+    assert own.skeleton.length[own.skeleton.index("lsho")] == 0.0
+    bones = [clip.skeleton.index(bone) for bone in ("LeftArm", "RightForeArm")]
+    theirs = rotate(clip.rotation[:, 1:][:, bones], clip.skeleton.rest_direction[bones])
+    ours = [own.skeleton.index(bone) for bone in ("lelb", "rwri")]
+    assert np.allclose(rotate(own.rotation[:, 1:][:, ours], own.skeleton.rest_direction[ours]), theirs, atol=1e-9)

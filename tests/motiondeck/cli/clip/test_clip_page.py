@@ -1,0 +1,63 @@
+"""The page of a recording, pressed by a real browser."""
+
+import re
+import subprocess
+import sys
+
+import pytest
+from playwright.sync_api import Error
+
+from recordings import BVH
+from web_pages import coarse
+
+
+@pytest.fixture
+def address(tmp_path):
+    """The page of a bow of a second, once up and down."""
+    head, _, rows = BVH.partition("Frames: 2\n")
+    time, first, second, _ = rows.split("\n", 3)
+    frames = "\n".join([first, second] * 60)
+    (tmp_path / "bow.bvh").write_text(f"{head}Frames: 120\n{time}\n{frames}\n")
+    command = [sys.executable, "-m", "motiondeck.cli.main", "clip", "view", str(tmp_path / "bow.bvh"), "--port", "0"]
+    view = subprocess.Popen(command, stdout=subprocess.PIPE, text=True)
+    assert view.stdout is not None
+    try:
+        first = view.stdout.readline()
+        assert first.startswith("page: http://127.0.0.1:"), first
+        yield first.split()[1]
+    finally:
+        view.terminate()
+        view.wait(timeout=20)
+
+
+@pytest.mark.thorough
+def test_the_bar_the_steps_and_the_button(browser, address):
+    page = browser.new_page(viewport={"width": 800, "height": 600})
+    for _ in range(100):
+        try:
+            page.goto(coarse(address))
+            break
+        except Error:
+            page.wait_for_timeout(100)
+
+    def frame():
+        found = re.match(r"frame (\d+) of 120", page.locator("#where").inner_text())
+        assert found is not None
+        return int(found.group(1))
+
+    page.get_by_role("button", name="Pause").click(timeout=30_000)
+    page.get_by_role("button", name="Play").wait_for()
+    page.wait_for_timeout(500)
+    here = frame()
+    page.wait_for_timeout(500)
+    assert frame() == here
+    step, after = ("+1", here + 1) if here < 120 else ("-1", here - 1)
+    page.get_by_role("button", name=step, exact=True).click()
+    page.get_by_text(f"frame {after} of 120").wait_for()
+    bar = page.get_by_role("textbox").first
+    bar.fill("0.5")
+    bar.press("Enter")
+    page.get_by_text("frame 61 of 120").wait_for()
+    page.get_by_role("button", name="Play").click()
+    page.get_by_role("button", name="Pause").wait_for()
+    page.close()

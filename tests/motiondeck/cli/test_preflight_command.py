@@ -1,0 +1,168 @@
+"""`motiondeck preflight` as its users run it."""
+
+import json
+from dataclasses import replace
+
+import pytest
+
+import synthetic
+from command_line import invoked
+from controller.library.motion_library import save_library
+from simulated_bodies import human
+
+
+@pytest.fixture(scope="module")
+def library(tmp_path_factory):
+    path = tmp_path_factory.mktemp("library") / "small.safetensors"
+    save_library(synthetic.small_library(), path)
+    return path
+
+
+def preflight(*arguments):
+    return invoked("preflight", *arguments, env={"COLUMNS": "220"})
+
+
+@pytest.mark.thorough
+def test_every_motion_and_every_switch_is_judged_and_the_exit_code_says_so(library, tmp_path):
+    picture = tmp_path / "preflight.png"
+    run = preflight(library, "--robot", "mannequin", "--json", "--plot", picture)
+    said = json.loads(run.stdout)
+    assert run.exit_code == (0 if said["ok"] else 1)
+    assert [motion["name"] for motion in said["motions"]] == ["march", "wave", "bow"]
+    pairs = {f"{a} > {b}" for a in ("march", "wave", "bow") for b in ("march", "wave", "bow") if a != b}
+    assert {switch["name"] for switch in said["switches"]} == pairs
+    checks = {finding["check"] for finding in said["motions"][0]["findings"]}
+    assert {"speed", "held back", "torque", "self-collision", "foot slide", "into the ground"} <= checks
+    assert "physics: off target" in checks
+    assert picture.stat().st_size > 5_000
+
+
+@pytest.mark.thorough
+def test_the_table_names_what_is_wrong_and_the_tempo_that_passes(library):
+    run = preflight(library, "--robot", "mannequin", "--motions-only", "--root", "free")
+    assert run.exit_code == 1
+    assert "passes at" in run.stdout
+    assert "off balance" in run.stdout
+    line = next(line for line in run.stdout.splitlines() if line.startswith("march: "))
+    assert "physics: stands" in line
+    assert "self-collision: `play --check-collisions` keeps" in run.stdout
+    assert "Torque is not judged for any joint: the files of mannequin give no limit" in run.stdout
+    limited, informing = run.stdout.split("for information")
+    assert "self-collision" in limited
+    assert "foot slide" in informing
+
+
+def test_what_no_tempo_mends_is_said_with_joint_number_cause_and_remedy(capsys):
+    from motiondeck.cli.preflight_words import REMEDIES, print_motion, print_summary
+    from motiondeck_base.shipped import find_robot
+    from sim.physics.preflight.findings import Finding, PreflightVerdict
+    from sim.robots.robot import load_robot
+
+    body = load_robot(find_robot("servo20"), human())
+    weak = Finding("torque", 340.0, 100.0, "%", "l_knee", ok=False, cause="it needs 17 N m to carry its limb and has 5")
+    verdict = PreflightVerdict("squat", (weak,), None, obstacles=(weak,))
+    print_motion(verdict, 1.0)
+    said = {"library": "lib", "robot": "bot", "root": "gantry", "balance": False, "walk": False, "tempo": 1.0}
+    print_summary([verdict], 1, {**said, "ok": False}, body)
+    line, rest = capsys.readouterr().out.split("\n", 1)
+    assert line == "squat: passes at no tempo; at 1 beyond its limit: torque (l_knee)"
+    assert "it needs 17 N m to carry its limb and has 5" in rest
+    assert "`effort` in a URDF" in rest
+    assert "[servo] in the robot file" in rest
+    assert "slower: `tempo" not in rest
+    assert all("\n" not in words for words in REMEDIES.values())
+
+
+def test_every_check_that_can_fail_has_a_remedy():
+    from pathlib import Path
+
+    from motiondeck.cli.preflight_words import REMEDIES
+    from sim.physics import preflight as room
+
+    source = "".join(file.read_text() for file in Path(room.__file__).parent.glob("*.py"))
+    import re
+
+    found = re.findall(r'limited\("([^"]+)"|of_joints\("([^"]+)", [^,]+, (?!None)', source)
+    checks = {one or other for one, other in found}
+    assert len(checks) > 8
+    assert checks <= set(REMEDIES)
+
+
+def test_what_was_judged_before_an_interruption_has_been_printed(library, monkeypatch):
+    from sim.physics.preflight.preflight import Preflight
+
+    judged, judge = [], Preflight.judge
+
+    def judge_two(self, played, **how):
+        if len(judged) == 2:
+            raise KeyboardInterrupt
+        judged.append(judge(self, played, **how))
+        return judged[-1]
+
+    monkeypatch.setattr(Preflight, "judge", judge_two)
+    run = preflight(library, "--robot", "mannequin")
+    assert run.exit_code != 0
+    assert "march: passes at" in run.stdout
+    assert "wave: " in run.stdout
+    assert "bow" not in run.stdout
+
+
+@pytest.mark.parametrize(
+    ("arguments", "complaint"),
+    [
+        (("--tempo", "9"), "--tempo 9 is not between"),
+        (("--balance",), "give --root free with --balance"),
+        (("--walk",), "give --root free"),
+        (("--plot", "/nowhere/at/all.png"), "no such folder"),
+        (("--plot", "picture.xyz"), "pictures end in .png"),
+    ],
+)
+def test_what_cannot_be_is_refused_in_one_line(library, arguments, complaint):
+    run = preflight(library, *arguments, "--robot", "mannequin")
+    assert run.exit_code == 1
+    assert complaint in str(run.exception)
+
+
+def test_what_has_no_feet_has_no_margin():
+    import numpy as np
+
+    from motiondeck_base.shipped import find_robot
+    from sim.physics.loads import loads_of
+    from sim.physics.played_motions import PlayedMotion
+    from sim.physics.preflight.preflight import Preflight
+    from sim.robots.robot import load_robot
+    from sim.robots.self_collision import SelfCollision
+    from simulated_bodies import bent_pose
+
+    body = load_robot(find_robot("servo20"), human())
+    motion = PlayedMotion("still", True, np.tile(body.rest, (3, 1)), (bent_pose(human()),) * 3)
+    loads = loads_of(body, motion, free=False, collisions=SelfCollision(body), feet=())
+    loads = replace(loads, support=(np.zeros((0, 2)),) * 3)
+    found = Preflight(body, body.limits).numbers.standing(loads, 1.0)
+    assert np.isfinite([finding.value for finding in found]).all()
+    assert "balance margin" not in {finding.check for finding in found}
+
+
+def test_currents_that_cannot_be_judged_are_mentioned(tmp_path, capsys):
+    from motiondeck.cli.preflight_run import on_rig
+    from motiondeck_base.shipped import find_rig, find_robot
+    from sim.robots.robot import load_robot
+
+    body = load_robot(find_robot("servo20"), human())
+    rig = tmp_path / "rig.toml"
+    rig.write_text(find_rig("servo20").read_text().replace("id = 1, ", "id = 1, current = 1.0,"))
+    on_rig(replace(body, servo=None), str(rig))
+    assert "current limits" in capsys.readouterr().err
+
+
+def test_a_rig_narrows_what_is_allowed():
+    from motiondeck.cli.preflight_run import on_rig
+    from motiondeck_base.shipped import find_robot
+    from sim.robots.robot import load_robot
+
+    body = load_robot(find_robot("servo20"), human())
+    on_rig, limits = on_rig(body, "servo20")
+    assert (limits.velocity <= body.limits.velocity).all()
+    assert limits.velocity.max() == 4.7
+    assert on_rig.servo is not None
+    assert on_rig.servo.hottest == 80.0

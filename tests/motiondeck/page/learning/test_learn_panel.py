@@ -1,0 +1,149 @@
+"""Learning a recording on the page, in a browser; the process that learns is the real one."""
+
+import sys
+from contextlib import chdir
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+import pytest
+from playwright.sync_api import Page
+
+from bodies import waving
+from controller.library.motion_library import load_library
+from controller.motion.formats.writing import bvh_text
+from controller.wire.messages.commands import LoadLibrary, Pause, ServoTorque
+from motiondeck.page.learning.hand_recorder import HandRecorder
+from motiondeck.page.learning.learn_panel import LearnPanel
+from motiondeck.page.learning.learning_process import LearnRequest, NotLearned, work
+from motiondeck.page.web.parts import PageParts
+from motiondeck.page.web.private_page import PrivatePage
+from motiondeck_base.shipped import find_library
+from waiting import free_port, until
+from web_pages import coarse, drop
+
+pytestmark = pytest.mark.thorough
+
+LEARNS = [sys.executable, "-P", "-m", "motiondeck.run.page.learning"]
+
+
+RIG = {
+    "conditions": ["well", "is off on command"],
+    "rate_hz": 100.0,
+    "servos": [{"joint": name} for name in ("neck", "l_elbow", "l_wrist")],
+}
+
+
+@dataclass
+class Learning:
+    """A page where one can learn: its tab in a browser, what was asked for and sent, its folder, and its recorder."""
+
+    tab: Page
+    folder: Path
+    hands: HandRecorder
+    asked: list
+    sent: list
+
+
+@pytest.fixture(scope="module")
+def learning(tmp_path_factory, browser):
+    folder = tmp_path_factory.mktemp("learning")
+    page, asked, sent = PrivatePage(free_port(), "test"), [], []
+    parts = PageParts(page)
+
+    def ask(event, title, text, yes, then):
+        asked.append(then)
+
+    with chdir(folder):
+        panel = LearnPanel(page, parts, LEARNS, find_library("thesis15"), folder / "dropped", ask)
+        hands = HandRecorder(page, parts, RIG, folder / "dropped", ask, sent.append, panel.look_at)
+        hands.show()
+        tab = browser.new_page(viewport={"width": 900, "height": 600})
+        tab.set_default_timeout(60_000)
+        tab.goto(coarse(page.address))
+        tab.get_by_text("Drop a recording").wait_for()
+        yield Learning(tab, folder, hands, asked, sent)
+        tab.close()
+        page.stop()
+
+
+def test_a_dropped_recording_is_trimmed_named_learned_and_played(learning):
+    tab, asked, folder = learning.tab, learning.asked, learning.folder
+    (folder / "broken.bvh").write_text("HIERARCHY\n")
+    (folder / "swing.bvh").write_text(bvh_text(waving(30.0, 4.0, still=1.0)))
+
+    drop(tab, folder / "broken.bvh")
+    tab.locator("#learning").get_by_text("no MOTION section").wait_for()
+    assert not tab.get_by_role("button", name="Learn it").is_visible()
+
+    drop(tab, folder / "swing.bvh")
+    tab.get_by_role("button", name="Learn it").wait_for()
+    assert tab.locator(".film-strip svg").count() == 8
+    tab.get_by_text("6.0 s").wait_for()
+    tab.get_by_role("button", name="Learn it").click()
+    tab.get_by_role("button", name="Play it").click()
+    until(lambda: asked, "the command")
+    written = folder / "thesis15-swing.safetensors"
+    assert asked.pop() == LoadLibrary(str(written), "swing")
+    assert written.is_file()
+
+
+def rig(loose, angles, seconds=0.0):
+    """A published state of the rig."""
+    return {
+        "servo condition": np.array(loose, dtype=float),
+        "servo position": np.array(angles),
+        "run_s": np.array([seconds]),
+    }
+
+
+def test_the_rig_is_recorded_by_hand_and_the_part_that_was_chosen_is_played(learning):
+    tab, hands, asked = learning.tab, learning.hands, learning.asked
+    tab.get_by_role("button", name="Record the rig by hand").click()
+    until(lambda: asked, "the question")
+    asked.pop()()
+    assert learning.sent == [Pause(), *(ServoTorque(servo["joint"], "off") for servo in RIG["servos"])]
+    hands.see(rig([0, 1, 1], [0.1, 0.0, 0.0]))
+    hands.show()
+    tab.get_by_text("2 of 3 joints are loose").wait_for()
+    tab.get_by_role("button", name="Start recording").click()
+    until(lambda: hands.recording, "the recording")
+    for frame in range(8 * 30):
+        swing = np.sin(np.pi * frame / 30.0) * (frame > 60)  # rounds of 2 s, after 2 s of rest
+        hands.record(rig([0, 1, 1], [0.1, 0.5 * swing, 0.8 * swing], 10.0 + frame / 30.0))
+    hands.show()
+    tab.get_by_role("button", name="Stop recording").click()
+    tab.get_by_text("by-hand-1: 8.0 s").wait_for()
+    name = tab.locator('input[value="by-hand-1"]').element_handle()
+    name.fill("wave")
+    name.press("Enter")
+    tab.get_by_role("button", name="Learn it").click()
+    tab.get_by_text("It has a library of its own").wait_for()
+    tab.get_by_role("button", name="Play it").click()
+    until(lambda: asked, "the command")
+    load = asked.pop()
+    assert (Path(load.library).name, load.to) == ("wave.safetensors", "wave")
+    library = load_library(Path(load.library))
+    assert library.skeleton.bones == ("l_elbow", "l_wrist")
+    (motion,) = library.info.motions
+    rounds = motion.frames / library.info.rate / 2.0
+    assert (motion.plays, rounds) == ("loop", pytest.approx(round(rounds), abs=0.05))
+    played = library.network.twin()
+    played.cue("wave", 0)
+    angles = np.empty((motion.frames, 2))
+    for frame in angles:
+        played.advance(frame)
+    assert np.ptp(angles, axis=0) == pytest.approx([1.0, 1.6], rel=0.15)
+
+
+def test_a_recording_without_its_skeleton_says_what_to_drop(learning):
+    tab, folder = learning.tab, learning.folder
+    (folder / "walk.amc").write_text(":FULLY-SPECIFIED\n")
+    drop(tab, folder / "walk.amc")
+    tab.get_by_text("drop the .asf too").wait_for()
+
+
+def test_a_learning_process_that_dies_is_told():
+    (said,) = work([sys.executable, "-c", "raise SystemExit(3)"], LearnRequest(str(Path("no.bvh"))))
+    assert isinstance(said, NotLearned)
+    assert "ended without an answer" in said.reason

@@ -1,0 +1,167 @@
+"""The panel in two browsers: the state line in fourteen situations, a reload, and a lost link."""
+
+import threading
+import time
+from contextlib import closing
+
+import numpy as np
+import pytest
+
+from controller.wire.command_socket import CommandClient, CommandServer
+from controller.wire.messages.commands import EmergencyStop, Push, StepOn, Switch
+from controller.wire.messages.events import Event
+from controller.wire.messages.replies import Accepted
+from controller.wire.run_recording import MODES
+from motiondeck.page.panel import Panel
+from motiondeck.page.web.private_page import PrivatePage
+from waiting import free_port, until
+
+MOTIONS = ["walk", "jog", "crawl", "standup", "waltz"]
+
+
+def state(mode="playing", playing="walk", motion="", way=(), queue=(), blend=(), **others):
+    def places(names):
+        return np.array([MOTIONS.index(name) for name in names] + [-1] * (8 - len(names)), dtype=float)
+
+    numbers = {
+        "mode": MODES.index(mode),
+        "settled": 1.0,
+        "phase": 0.4,
+        "tempo": 1.0,
+        **others,
+    }
+    numbers |= {"playing": MOTIONS.index(playing), "motion": MOTIONS.index(motion or playing)}
+    arrays = {name: np.array([float(value)]) for name, value in numbers.items()}
+    arrays |= {"blend": places(blend)[:3], "blend_weight": np.array([0.4, 0.25, 0.0])}
+    return arrays | {"way": places(way), "queue": places(queue)}
+
+
+SITUATIONS = [
+    (state(), ["PLAYING", "walk"]),
+    (state(queue=["jog", "waltz"]), ["PLAYING", "walk", "next: jog, waltz"]),
+    (state(motion="jog", settled=0.0), ["ON ITS WAY", "to jog"]),
+    (
+        state(playing="crawl", motion="waltz", way=["standup", "waltz"], settled=0.0),
+        ["ON ITS WAY", "crawl → standup → waltz"],
+    ),
+    (state(motion="jog", way=["jog"], queue=["waltz"], settled=0.0), ["ON ITS WAY", "walk → jog", "next: waltz"]),
+    (state(blend=["jog"]), ["BLEND", "walk + 40 % jog"]),
+    (state(blend=["jog", "waltz"]), ["BLEND", "walk + 40 % jog + 25 % waltz"]),
+    (state(paused=1.0), ["PAUSED", "walk"]),
+    (state(paused=1.0, queue=["jog"]), ["PAUSED", "walk", "next: jog"]),
+    (state(fallen=1.0), ["FALLEN", "playing walk", "if it stays down: End run, and start it again"]),
+    (state(approaching=1.0), ["ON ITS WAY", "slowly to walk"]),
+    (state(mode="home"), ["HOME", "at rest, or on the way there", "choose a motion to play on"]),
+    (state(mode="held"), ["HELD", "nothing moves", "choose a motion, or Home"]),
+    (state(mode="emergency stop"), ["EMERGENCY STOP", "every joint is held", "Reset releases it"]),
+]
+
+
+@pytest.mark.thorough
+def test_two_browsers_see_what_happens_and_both_command(browser):
+    page, heard, over = PrivatePage(free_port(), "test"), [], threading.Event()
+    with closing(CommandServer(0)) as server, closing(CommandClient(server.port)) as client:
+
+        def answer():
+            while not over.wait(0.01):
+                for message, sender in server.poll():
+                    what = f"{message.side} {message.impulse:g}" if isinstance(message, Push) else ""
+                    heard.append((type(message), getattr(message, "to", what)))
+                    server.reply(sender, Accepted(message.id))
+
+        deck = threading.Thread(target=answer)
+        deck.start()
+        looks = []
+        panel = Panel(
+            page, MOTIONS, [], client, has_phase=True, push_ns=0.25, look_from=lambda _, way: looks.append(way)
+        )
+        panel.show(state())
+        tabs = [browser.new_page(viewport={"width": width, "height": 700}) for width in (900, 390)]
+        try:
+            for tab in tabs:
+                tab.set_default_timeout(60_000)
+                tab.goto(page.address)
+                tab.locator("#state-line").wait_for()
+
+            def lines(tab):
+                return [line for line in tab.locator("#state-line").inner_text().split("\n") if line.strip("\xa0 ")]
+
+            for shown, said in SITUATIONS:
+                panel.show(shown)
+                for tab in tabs:
+                    until(lambda tab=tab, said=said: lines(tab) == said, said)
+            wide, phone = tabs
+            jog = wide.get_by_role("button", name="jog", exact=True)
+            until(lambda: not jog.is_enabled(), "no motion to choose in an emergency stop")
+            panel.show(state())
+            for name in ("Pause", "Home"):
+                wide.get_by_role("button", name=name, exact=True).click(trial=True)  # neither covers the other
+            assert not wide.get_by_role("button", name="Step", exact=True).is_visible()
+            panel.show(state(paused=1.0))
+            wide.get_by_role("button", name="Step", exact=True).click()
+            until(lambda: (StepOn, "") in heard, "the step")
+            panel.show(state())
+            jog.click()
+            until(lambda: (Switch, "jog") in heard, "the first browser's command")
+            phone.keyboard.press("Escape")
+            until(lambda: (EmergencyStop, "") in heard, "the second browser's emergency stop")
+
+            wide.get_by_text("view", exact=True).click()
+            front = wide.get_by_role("button", name="front", exact=True)
+            # While a folder opens, a click may fall beside the button.
+            until(lambda: front.click() or looks[-1:] == ["front"], "the camera in front")
+            wide.get_by_text("push", exact=True).click()
+            left = wide.get_by_role("button", name="left", exact=True)
+            until(lambda: left.click() or (Push, "left 0.25") in heard, "the push")
+            panel.tell(Event("via", "crawl, on the way to standup", "crawl", 0.5, 0))
+            wide.get_by_text("On the way", exact=True).wait_for()
+            for _ in range(2):
+                panel.tell(Event("fault", "id 3 is hot", "walk", 1.0, 1))
+            panel.tell(Event("fault", "id 4 is hot", "walk", 1.0, 2))
+            wide.get_by_text("id 4 is hot").wait_for()
+            assert wide.get_by_text("id 3 is hot").count() == 1
+            for id in range(5, 10):
+                panel.tell(Event("fault", f"id {id} is hot", "walk", 1.0, id))
+            wide.get_by_text("More faults").wait_for()
+            assert wide.get_by_text("is hot").count() <= 3
+
+            card = panel.parts.add("network-card", "network-card")
+            near = {"motion": "walk", "names": ["walk", "jog"], "overlap": [[1, 0.7], [0.7, 1]], "centers": [0.25, 0.5]}
+            card.show(near)
+            wide.get_by_text("walk: most with jog 70 %").wait_for()
+            assert wide.locator(".network-card .dials svg").count() == 2
+            card.show(None)
+            wide.locator(".network-card").wait_for(state="hidden")
+
+            phone.reload()
+            phone.locator("#state-line").get_by_text("PLAYING").wait_for()
+
+            panel.end("the rig is lost: id 3")
+            for tab in tabs:
+                until(lambda tab=tab: lines(tab)[:2] == ["ENDED", "the rig is lost: id 3"], "the end")
+        finally:
+            over.set()
+            deck.join()
+            for tab in tabs:
+                tab.close()
+            page.stop()
+
+
+@pytest.mark.thorough
+@pytest.mark.parametrize(("ended", "said"), [(False, '"NO CONNECTION"'), (True, "none")])
+def test_a_page_says_that_it_lost_a_deck_but_not_after_the_end(browser, ended, said):
+    page = PrivatePage(free_port(), "test")
+    with closing(CommandClient(free_port())) as client, closing(browser.new_page()) as tab:
+        panel = Panel(page, MOTIONS, [], client, look_from=lambda *_: None)
+        panel.show(state())
+        tab.goto(page.address)
+        tab.locator("#state-line").get_by_text("PLAYING").wait_for()
+        if ended:
+            panel.end("")
+            tab.locator("#state-line").get_by_text("ENDED").wait_for()
+        page.flush()
+        time.sleep(0.2)
+        page.stop()
+        # viser fades its controls when the link is lost, whatever we write on them.
+        until(tab.locator("div[style*='pointer-events: none'] #state-line").count, "the lost link")
+        assert tab.locator("#state-line").evaluate("e => getComputedStyle(e, '::before').content") == said

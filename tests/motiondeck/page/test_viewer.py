@@ -1,0 +1,347 @@
+import io
+import os
+import re
+import socket
+import subprocess
+import sys
+import threading
+from pathlib import Path
+
+import msgspec
+import numpy as np
+import pytest
+from PIL import Image
+
+from controller.motion.rotations import multiply
+from controller.wire.command_socket import CommandServer
+from controller.wire.messages.commands import (
+    EmergencyStop,
+    GiveBeat,
+    Jump,
+    Pause,
+    Push,
+    Reset,
+    SetTempo,
+    Stop,
+    Subscribe,
+    Switch,
+)
+from controller.wire.messages.events import Event
+from controller.wire.messages.replies import Accepted, Refused
+from controller.wire.run_recording import MODES
+from controller.wire.telemetry import StateWriter
+from motiondeck.page.scene import Follower, facing
+from motiondeck.page.viewer import main
+from sim.models.mannequin.mannequin import build_mannequin
+from simulated_bodies import human
+from waiting import free_port, until
+from web_pages import coarse
+
+MOTIONS = ["walk", "jog", "waltz"]
+NUMBERS = ["tick", "time_s", "motion", "mode", "tempo", "phase", "paused", "rate_hz", "overruns"]
+NUMBERS += ["lock_source", "lock_stage", "lock_error_ms", "beats_per_minute"]
+NUMBERS += ["lateness_p50_us", "lateness_p999_us", "work_p50_us"]
+PATIENCE = 60.0  # s: a browser without a graphics card on a busy machine
+
+
+class FakeDeck:
+    """Publishes a mannequin that a test has walk, and takes commands as a deck would."""
+
+    def __init__(self, folder):
+        spec = build_mannequin(human())
+        model = spec.compile()
+        spec.to_file(str(folder / "robot.xml"))
+        self.state = folder / "state"
+        self.writer = StateWriter.create(
+            self.state,
+            {
+                "model_file": str(folder / "robot.xml"),
+                "motions": MOTIONS,
+                "robot": "mannequin",
+                "has_phase": True,
+                "push_ns": 16.0,
+            },
+            {"qpos": model.nq, "root_xy": 2} | dict.fromkeys(NUMBERS, 1),
+        )
+        self.server = CommandServer(0)
+        self.received, self.subscribers, self.news = [], [], []
+        self.stride = 0.0  # m a tick
+        self._qpos = model.qpos0.copy()
+        self._over = threading.Event()
+        self._thread = threading.Thread(target=self._play)
+        self._thread.start()
+
+    def _play(self):
+        motion, tick, mode = 0, 0, "playing"
+        # Seldom enough for a browser that draws in software to have time for the buttons between two pictures.
+        while not self._over.wait(0.1):
+            tick += 1
+            self._qpos[0] += self.stride
+            numbers = {
+                "tick": tick,
+                "motion": motion,
+                "mode": MODES.index(mode),
+                "tempo": 1.0,
+                "phase": 0.4,
+                "lock_source": 0.0,
+                "lock_stage": 1.0,
+                "lock_error_ms": 3.6,
+                "beats_per_minute": 117.0,
+                "rate_hz": 199.98,
+                "work_p50_us": 412.0,
+            }
+            self.writer.publish(qpos=self._qpos, root_xy=self._qpos[:2], **numbers)
+            for message, sender in self.server.poll():
+                self.received.append(message)
+                if isinstance(message, Subscribe):
+                    self.subscribers.append(sender)
+                if isinstance(message, Switch):
+                    motion = MOTIONS.index(message.to)
+                if isinstance(message, EmergencyStop):
+                    mode = "emergency stop"
+                elif isinstance(message, Reset):
+                    mode = "playing"
+                refused = isinstance(message, Stop)
+                reply = Refused("not while someone is watching", message.id) if refused else Accepted(message.id)
+                self.server.reply(sender, reply)
+
+            while self.news:
+                event = self.news.pop(0)
+                for subscriber in self.subscribers:
+                    self.server.reply(subscriber, event)
+
+    def got(self, kind):
+        """Whether such a message has arrived."""
+        return any(isinstance(message, kind) for message in self.received)
+
+    @property
+    def motions(self):
+        """The motions that were switched to."""
+        return [message.to for message in self.received if isinstance(message, Switch)]
+
+    def end(self):
+        self._over.set()
+        self._thread.join()
+        self.writer.close()
+        self.server.close()
+
+
+@pytest.fixture
+def deck(tmp_path):
+    fake = FakeDeck(tmp_path)
+    yield fake
+    fake.end()
+
+
+def start(deck, port):
+    arguments = ["--state", str(deck.state), "--command-port", str(deck.server.port), "--port", str(port)]
+    return subprocess.Popen([sys.executable, "-m", "motiondeck.page.viewer", *arguments], stdout=subprocess.PIPE)
+
+
+# The figure covers about 0.02 of the scene; a scene without it, nothing.
+IN_VIEW = 0.01
+
+
+def figure_share(page):
+    """How much of the middle of the scene is neither sky nor floor: strongly coloured, or dark."""
+    picture = page.screenshot(clip={"x": 150, "y": 40, "width": 300, "height": 420})
+    pixels = np.asarray(Image.open(io.BytesIO(picture)).convert("RGB"), dtype=int)
+    return float(((np.ptp(pixels, axis=2) > 50) | (pixels.max(axis=2) < 90)).mean())
+
+
+def pushes(page, deck):
+    """Whether a push has arrived, of a drag from the figure's hips to the right; what misses them turns the view."""
+    page.mouse.move(300, 222)
+    page.mouse.down()
+    page.mouse.move(340, 223, steps=4)
+    page.mouse.move(390, 224, steps=4)
+    page.wait_for_timeout(300)
+    page.mouse.up()
+    page.wait_for_timeout(300)
+    if not deck.got(Push):
+        page.reload()
+        until(lambda: figure_share(page) > IN_VIEW, "the figure")
+    return deck.got(Push)
+
+
+def test_the_page_shows_the_figure_and_its_buttons_command_the_deck(deck, browser):
+    port = free_port()
+    viewer = start(deck, port)
+    page = browser.new_page(viewport={"width": 940, "height": 500})
+    asked = []
+    page.on("request", lambda request: asked.append(request.url))
+    page.set_default_timeout(1000.0 * PATIENCE)
+    try:
+        until(lambda: reachable(port), "the page")
+        page.goto(coarse(f"http://127.0.0.1:{port}"))
+        until(lambda: figure_share(page) > IN_VIEW, "the figure")
+        # The mouse pushes the body; on the screen to the right is 0.98 rad from x, where the camera stands at first.
+        until(lambda: pushes(page, deck), "the push")
+        push = next(message for message in deck.received if isinstance(message, Push))
+        assert push.towards == pytest.approx(0.98, abs=0.3)
+        assert 1.6 <= push.impulse <= 48.0
+        deck.stride = 0.1
+        # The loop's figures are in a folder that is closed at first.
+        assert not page.get_by_text("200.0 Hz").is_visible()
+        page.get_by_text("loop", exact=True).click()
+        page.get_by_text("200.0 Hz").wait_for()
+        page.get_by_text("412 µs").wait_for()
+        page.get_by_text("On time").wait_for()
+        page.get_by_text("locked to the beat of 117.0 a minute (+4 ms)").wait_for()
+
+        # Button and highlight: the colour that "walk" had goes to "jog".
+        walk, jog = (page.get_by_role("button", name=re.compile(f"^{name}")) for name in ("walk", "jog"))
+        page.get_by_role("button", name="walk · playing", exact=True).wait_for()
+        colour = "button => getComputedStyle(button).backgroundColor"
+        until(lambda: walk.evaluate(colour) != jog.evaluate(colour), "the highlight")
+        current = walk.evaluate(colour)
+        jog.click()
+        page.mouse.move(20, 20)  # a button under the pointer has a colour of its own
+        until(lambda: deck.motions == ["jog"], "the command")
+        until(lambda: jog.evaluate(colour) == current, "the new highlight")
+        until(lambda: page.locator("#state-line").inner_text().split("\n")[:2] == ["PLAYING", "jog"], "the state line")
+
+        # Keys: the third motion, pause, and the emergency stop.
+        page.keyboard.press("3")
+        until(lambda: deck.motions == ["jog", "waltz"], "the key 3")
+        page.keyboard.press("Space")
+        until(lambda: deck.got(Pause), "the space bar")
+        page.keyboard.press("Escape")
+        page.get_by_text("EMERGENCY STOP", exact=True).wait_for()
+        until(jog.is_disabled, "buttons that cannot be pressed now")
+        # A reset is asked about first.
+        page.get_by_role("button", name="Reset", exact=True).click()
+        page.get_by_role("button", name="Cancel", exact=True).click()
+        assert not deck.got(Reset)
+        page.get_by_role("button", name="Reset", exact=True).click()
+        page.get_by_role("button", name="Release", exact=True).click()
+        until(lambda: deck.got(Reset), "the reset")
+        until(jog.is_enabled, "buttons that can be pressed again")
+
+        # State line and emergency stop stay in sight where the panel is longer than the window.
+        page.mouse.move(850, 400)
+        page.mouse.wheel(0, 3000)
+        page.get_by_role("button", name="End run").click(trial=True)
+        for seen in (page.locator("#state-line"), page.get_by_role("button", name="Emergency stop")):
+            box = seen.bounding_box()
+            assert box is not None
+            assert 0.0 < box["y"] < 250.0
+
+        # The phase is shown; tempo by keyboard, a step up, and a jump.
+        phase_slider = page.get_by_role("slider", name="phase")
+        tempo_slider = page.locator('[role="slider"][aria-label=""]').first
+        until(lambda: phase_slider.get_attribute("aria-valuenow") == "0.4", "the phase")
+        phase_slider.focus()
+        page.keyboard.press("ArrowRight")
+        jumps = until(lambda: [m.phase for m in deck.received if isinstance(m, Jump)], "the jump")
+        assert jumps[-1] == pytest.approx(0.41)
+        tempo_slider.focus()
+        page.keyboard.press("ArrowRight")
+        tempo = until(lambda: [m.factor for m in deck.received if isinstance(m, SetTempo)], "the tempo")
+        assert tempo[-1] == pytest.approx(1.05)
+
+        page.get_by_text("beat", exact=True).click()
+        page.get_by_role("button", name="Tap", exact=True).click()
+        until(lambda: GiveBeat() in [msgspec.structs.replace(m, id=0) for m in deck.received], "the beat")
+
+        # Events that nothing else on the page shows are notices; a switch that settles is no news.
+        until(lambda: deck.subscribers, "the page's wish for events")
+        deck.news += [
+            Event("settled", "jog after 0.40 s", "jog", 1.0, 1),
+            Event("gave up", "walk with 0.50 of jog turns over, fell back to walk", "walk", 2.0, 2),
+            Event("fault", "the recorder has ended", "walk", 3.0, 3),
+        ]
+        page.get_by_text("walk with 0.50 of jog turns over, fell back to walk").wait_for()
+        page.get_by_text("the recorder has ended").wait_for()
+        assert not page.get_by_text("jog after 0.40 s").count()
+
+        # A refusal is shown in the deck's words.
+        page.get_by_role("button", name="End run", exact=True).click()
+        page.get_by_role("button", name="Play on", exact=True).click()
+        assert not any(isinstance(message, Stop) for message in deck.received)
+        page.get_by_role("button", name="End run", exact=True).click()
+        page.get_by_role("button", name="End the run", exact=True).click()
+        page.get_by_text("not while someone is watching").wait_for()
+
+        # By now it has walked several metres: the view has gone along.
+        until(lambda: figure_share(page) > IN_VIEW, "the figure that has walked on")
+        assert not page.get_by_role("button", name="Share").count()
+        elsewhere = [url for url in asked if not url.startswith((f"http://127.0.0.1:{port}", "data:", "blob:"))]
+        assert elsewhere == []
+
+        deck.state.with_name("ended").write_text("the rig is lost: id 3")
+        deck.writer.close()
+        assert viewer.wait(PATIENCE) == 0
+        ended = ["ENDED", "the rig is lost: id 3"]
+        until(lambda: page.locator("#state-line").inner_text().split("\n")[:2] == ended, "the reason of the end")
+        # Standard output belongs to the deck.
+        assert viewer.stdout.read() == b""
+    finally:
+        page.close()
+        viewer.kill()
+        viewer.wait()
+        viewer.stdout.close()
+
+
+def reachable(port):
+    with socket.socket() as probe:
+        return probe.connect_ex(("127.0.0.1", port)) == 0
+
+
+def test_the_view_ends_with_the_process_that_started_it(deck, tmp_path):
+    port = free_port()
+    arguments = ["--state", str(deck.state), "--command-port", str(deck.server.port), "--port", str(port)]
+    starter = "import subprocess, sys; "
+    starter += f"print(subprocess.Popen([sys.executable, '-m', 'motiondeck.page.viewer', *{arguments!r}]).pid)"
+    starter += "; sys.stdout.flush(); sys.stdin.read()"
+    parent = subprocess.Popen([sys.executable, "-c", starter], stdin=subprocess.PIPE, stdout=subprocess.PIPE)
+    viewer = int(parent.stdout.readline())
+    try:
+        until(lambda: reachable(port), "the page")
+        parent.communicate()
+        until(lambda: not reachable(port), "the end of the view")
+    finally:
+        if Path(f"/proc/{viewer}").exists() and reachable(port):
+            os.kill(viewer, 9)
+
+
+def test_without_a_deck_there_is_one_clear_line(tmp_path, capsys, monkeypatch):
+    monkeypatch.setattr("motiondeck.page.viewer.LONGEST_WAIT", 0.1)
+    assert main(["--state", str(tmp_path / "none"), "--command-port", "1", "--port", str(free_port())]) == 1
+    said = capsys.readouterr().err
+    assert said.startswith("motiondeck: ")
+    assert "none" in said
+    assert said.count("\n") == 1
+
+
+def test_a_taken_port_is_one_clear_line(deck, capsys):
+    with socket.socket() as holder:
+        holder.bind(("127.0.0.1", 0))
+        holder.listen()
+        port = holder.getsockname()[1]
+        assert main(["--state", str(deck.state), "--command-port", "1", "--port", str(port)]) == 1
+    assert f"port {port}" in capsys.readouterr().err
+
+
+def test_the_view_goes_along_with_a_walk_and_leaves_out_its_sway():
+    follower = Follower()
+    behind, sideways = [], []
+    for step in range(600):
+        t = 0.02 * step
+        centre = follower.follow(np.array([1.5 * t, 0.1 * np.sin(7.0 * t)]), 0.02)
+        behind.append(1.5 * t - centre[0])
+        sideways.append(centre[1])
+    assert max(np.abs(behind[300:])) < 0.02
+    assert max(np.abs(sideways[300:])) < 0.09
+    jump = np.array([50.0, 0.0])
+    assert np.array_equal(follower.follow(jump, 0.02), jump)
+
+
+@pytest.mark.parametrize(
+    ("axis", "angle", "heading"),
+    [((0, 0, 1), 0.0, 0.0), ((0, 0, 1), 2.0, 2.0), ((0, 1, 0), np.pi / 2, 0.0), ((0, 1, 0), 0.5, 0.0)],
+)
+def test_the_camera_knows_where_a_body_faces(axis, angle, heading):
+    turned = np.array([np.cos(angle / 2), *(np.sin(angle / 2) * np.array(axis))])
+    rest = np.array([np.sqrt(0.5), 0.0, 0.0, np.sqrt(0.5)])  # of a model that stands along y
+    assert facing(multiply(turned, rest), rest) == pytest.approx(heading, abs=1e-9)

@@ -1,0 +1,176 @@
+"""The page of a running deck, pressed by a real browser."""
+
+import io
+import re
+import socket
+import subprocess
+import sys
+import time
+from contextlib import closing
+
+import msgspec
+import numpy as np
+import pytest
+from PIL import Image
+from playwright.sync_api import Error
+
+from bodies import waving
+from controller.motion.formats.writing import bvh_text
+from controller.wire.command_socket import CommandClient
+from controller.wire.messages.commands import GetStatus, Subscribe
+from controller.wire.messages.events import Event
+from controller.wire.messages.replies import Accepted
+from motiondeck_base.shipped import find_rig
+from web_pages import coarse, drop
+
+pytestmark = pytest.mark.thorough
+
+
+def free_port():
+    """A port that nobody listens on; two runs of these tests side by side must not command each other's deck."""
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
+        probe.bind(("127.0.0.1", 0))
+        return str(probe.getsockname()[1])
+
+
+COMMAND_PORT = free_port()
+
+
+COMMAND = [sys.executable, "-m", "motiondeck.cli.main"]
+
+
+@pytest.fixture(scope="module")
+def emulator(tmp_path_factory):
+    """Emulated servos that obey hands, and the rig file for them."""
+    servos = subprocess.Popen(
+        [*COMMAND, "rig", "emulate", "servo20"], stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True
+    )
+    assert servos.stdout is not None
+    rig = tmp_path_factory.mktemp("rig") / "servo20.toml"
+    text = find_rig("servo20").read_text().replace("/dev/ttyUSB0", servos.stdout.readline().strip())
+    text = re.sub(r"^rate_hz = .*$", "rate_hz = 25", text, flags=re.M)
+    rig.write_text(f'on_loss = "go on"\n{text}')
+    yield servos, rig
+    servos.kill()
+    servos.communicate()
+
+
+@pytest.fixture(scope="module")
+def address(emulator):
+    """A deck that plays walk on a robot with servos, and its page; it ticks rarely, as nobody looks at the motion."""
+    _, rig = emulator
+    robot = ["--robot", "servo20", "--rig", str(rig), "--rate", "50"]
+    deck = subprocess.Popen(
+        [*COMMAND, "play", "walk", *robot, "--port", "0", "--command-port", COMMAND_PORT],
+        cwd=rig.parent,
+        stdin=subprocess.DEVNULL,
+        stderr=subprocess.PIPE,
+        text=True,
+    )
+    assert deck.stderr is not None
+    try:
+        first = deck.stderr.readline()
+        assert first.startswith("page: http://127.0.0.1:"), first
+        yield first.split()[1]
+    finally:
+        deck.terminate()
+        deck.communicate(timeout=30)
+
+
+@pytest.fixture(scope="module")
+def page(browser, address):
+    page = browser.new_page(viewport={"width": 1130, "height": 600})
+    for _ in range(100):
+        try:
+            page.goto(coarse(address))
+            break
+        except Error:
+            page.wait_for_timeout(100)
+    page.get_by_role("button", name=re.compile("^jog")).wait_for(timeout=30_000)
+    return page
+
+
+def picture(page):
+    """What the page shows left of the panel, as grey values."""
+    png = page.screenshot(clip={"x": 430, "y": 50, "width": 350, "height": 500})
+    return np.asarray(Image.open(io.BytesIO(png)).convert("L"), dtype=float)
+
+
+def state():
+    """What the deck says of itself."""
+    with closing(CommandClient(int(COMMAND_PORT))) as client:
+        return msgspec.to_builtins(client.request(GetStatus(), timeout_s=30.0))
+
+
+def until(page, condition):
+    for _ in range(100):
+        if condition():
+            return True
+        page.wait_for_timeout(100)
+    return False
+
+
+def test_a_body_is_in_view_and_moves(page):
+    assert until(page, lambda: picture(page).std() > 10.0)
+    first = picture(page)
+    assert until(page, lambda: np.abs(picture(page) - first).mean() > 1.0)
+
+
+def test_a_button_switches_the_motion(page):
+    assert state()["motion"] == "walk"
+    before = picture(page)
+    page.get_by_role("button", name=re.compile("^crawl")).click()
+    assert until(page, lambda: state()["motion"] == "crawl" and not state()["switching"])
+    # Who crawls leaves the upper half of the picture.
+    upper = slice(0, 180)
+    assert until(page, lambda: picture(page)[upper].std() < 0.8 * before[upper].std())
+
+
+def test_there_is_a_button_for_each_motion_and_one_to_pause(page):
+    for motion in state()["motions"]:
+        assert page.get_by_role("button", name=re.compile(f"^{motion}( ·|$)")).count() == 1
+    page.get_by_role("button", name="Pause").click()
+    assert until(page, lambda: state()["paused"])
+
+
+def test_the_page_says_how_the_loop_is_doing(page):
+    page.get_by_text("loop", exact=True).click()
+    for word in ("Hz", "p50", "p99.9", "tick"):
+        page.get_by_text(word).first.wait_for()
+
+
+def test_nobody_can_publish_the_page(page):
+    assert page.get_by_role("button", name="Share").count() == 0
+
+
+def test_a_dropped_recording_is_played_within_a_minute(page, emulator):
+    """The deck starts again with its rig and on its ports; the page comes back by itself."""
+    _, rig = emulator
+    swing = rig.parent / "swing.bvh"
+    swing.write_text(bvh_text(waving(30.0, 4.0, still=1.0)))
+    began = time.monotonic()
+    drop(page, swing)  # its tab opens by itself
+    page.get_by_role("button", name="Learn it").click()
+    page.get_by_role("button", name="Play it").click()
+    page.get_by_role("button", name="Start again with it").click()
+    page.locator("#state-line").get_by_text("swing", exact=True).wait_for()
+    assert time.monotonic() - began < 60.0
+    assert state()["motion"] == "swing"
+    assert len(state()["motions"]) == 16
+    page.get_by_role("tab", name="Rig").click()
+
+
+def test_a_servo_that_is_pulled_is_told_within_two_seconds_and_red(page, emulator):
+    """Two seconds until the deck says so; how long this browser takes to show anything depends on the machine."""
+    servos, _ = emulator
+    card = page.get_by_role("button", name=re.compile("^l_knee:"))
+    card.wait_for()
+    assert "bad" not in card.get_attribute("class")
+    with closing(CommandClient(int(COMMAND_PORT))) as client:
+        assert isinstance(client.request(Subscribe(), timeout_s=30.0), Accepted)
+        began = time.monotonic()
+        servos.stdin.write("pull l_knee\n")
+        servos.stdin.flush()
+        while not (isinstance(event := client.receive(0.1), Event) and "l_knee" in event.text):
+            assert time.monotonic() - began < 2.0
+    page.locator('.servo-card.bad[aria-label^="l_knee"]').wait_for(timeout=30_000)

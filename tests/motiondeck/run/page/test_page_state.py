@@ -1,0 +1,39 @@
+"""What a run hands to its page: every picture is of one moment."""
+
+from contextlib import closing
+from types import SimpleNamespace
+
+import numpy as np
+
+import synthetic
+from controller.deck.deck import Deck
+from controller.loop.loop import LoopState
+from controller.loop.stop_requests import StopRequest
+from controller.wire.telemetry import StateWriter
+from motiondeck.page.web.state_line import RunState
+from motiondeck.run.page.contents import PageContents
+from motiondeck.run.page.page import Page
+
+DT = 0.01
+
+
+def test_a_motion_that_has_begun_is_not_shown_as_the_next_one(tmp_path):
+    deck = Deck(synthetic.small_library(), lambda pose: pose.rotation.ravel(), "march")
+    body = SimpleNamespace(model=SimpleNamespace(nq=7))
+    stage = SimpleNamespace(qpos=np.zeros(7), behind_s=0.0)
+    simulation = SimpleNamespace(stage=stage, robot=body, root="gantry")
+    robot = SimpleNamespace(simulation=simulation, pushable=None, guard=None)
+    contents = PageContents(deck, [robot], None, None, 0, None, None, learns=False)
+    stop, loop = StopRequest(), LoopState(np.zeros(1), deck.pose)
+    deck.enqueue("wave")
+    deck.enqueue("march")
+    seen = set()
+    with closing(StateWriter.create(tmp_path / "state", {}, contents.numbers())) as writer:
+        page = Page(writer, tmp_path / "reason", contents)
+        for tick in range(500):
+            deck.update(DT)
+            page.show(loop, stop, deck, health=tick % 12 == 0)
+            shown = RunState.of(writer.fields, list(deck.motions))
+            assert (shown.motion, shown.queue) == (deck.motion, tuple(deck.queue))
+            seen.add((shown.motion, shown.queue))
+    assert seen == {("march", ("wave", "march")), ("wave", ("march",)), ("march", ())}

@@ -1,0 +1,31 @@
+"""A robot as it is opened for the deck."""
+
+from contextlib import ExitStack
+from dataclasses import replace
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+
+from motiondeck.run.robots import robot_on_deck
+from motiondeck_base.shipped import find_rig, find_robot
+from simulated_bodies import bent_pose, human
+
+
+def test_limbs_are_kept_apart_within_the_limits_of_the_rig(monkeypatch):
+    def open_rig(opening, file, robot, rate, *, emulated):
+        upper, velocity = robot.rest + 0.2, np.full(len(robot.rest), 0.5)
+        rig = SimpleNamespace(output=SimpleNamespace(close=lambda: None))
+        return rig, replace(robot.limits, lower=robot.rest - 0.2, upper=upper, velocity=velocity)
+
+    monkeypatch.setattr(robot_on_deck, "open_rig", open_rig)
+    skeleton, rate = human(), 100.0
+    setup = robot_on_deck.RobotSetup(find_robot("servo20"), find_rig("servo20"), physics=False, keep_apart=True)
+    library: Any = SimpleNamespace(skeleton=skeleton)
+    with ExitStack() as opening:
+        opened = robot_on_deck.open_robot(opening, setup, library, rate)
+        bent = bent_pose(skeleton, rkne=(0.0, -1.0, 0.0), relb=(0.0, 0.0, 1.0))
+        targets = [opened.retarget(pose).copy() for pose in (bent_pose(skeleton), *[bent] * 20)]
+    assert np.ptp(targets, axis=0).max() > 0.02
+    assert (np.abs(np.diff(targets, axis=0)) <= 0.5 / rate + 1e-9).all()
+    assert (np.abs(targets - opened.rest) <= 0.2 + 1e-9).all()

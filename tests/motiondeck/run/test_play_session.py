@@ -1,0 +1,79 @@
+"""A whole session in this process: two robots from one run, and signals that come while it is still opening."""
+
+import os
+import signal
+
+import pytest
+
+import synthetic
+from controller.deck.deck import Deck
+from controller.loop.clock import VirtualClock
+from controller.loop.stop_requests import SIGNALS
+from motiondeck.run.robots.robot_on_deck import RobotSetup, open_robots
+from motiondeck.run.run_settings import RunSettings
+from motiondeck.run.session import Session
+from motiondeck_base.shipped import find_robot
+
+
+@pytest.fixture(scope="module")
+def library():
+    return synthetic.small_library()
+
+
+def session(library, deck, robots=1, **changes):
+    """A run of mannequins at 100 Hz on a virtual clock."""
+    setups = [RobotSetup(find_robot("mannequin"), physics=False)] * robots
+    return Session(
+        library,
+        lambda opening: open_robots(opening, setups, library, 100.0),
+        deck,
+        RunSettings(rate=100.0, **{"seconds": 0.5} | changes),
+        clock=VirtualClock(100.0),
+    )
+
+
+def test_a_second_robot_mirrors_the_first(library):
+    with session(library, lambda retarget: Deck(library, retarget, "march"), robots=2) as run:
+        first, second = (robot.simulation.stage for robot in run.robots)
+        report = run.run()
+    assert [output["name"] for output in report["outputs"]] == ["kinematics", "follower kinematics"]
+    assert report["outputs"][0]["writes"] == report["outputs"][1]["writes"] == report["ticks"]
+    assert first.qpos.tolist() == second.qpos.tolist()
+
+
+@pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGINT])
+def test_a_signal_while_the_run_is_opening_ends_it_before_anything_moves(library, number):
+    def deck(retarget):
+        os.kill(os.getpid(), number)
+        return Deck(library, retarget, "march")
+
+    before = signal.getsignal(number)
+    with session(library, deck) as run:
+        report = run.run()
+    assert (report["reason"], report["ticks"]) == (SIGNALS[number], 0)
+    assert report["outputs"][0]["writes"] == 0
+    assert signal.getsignal(number) is before
+
+
+def test_a_second_signal_while_opening_ends_it_at_once(library):
+    def deck(retarget):
+        os.kill(os.getpid(), signal.SIGTERM)
+        os.kill(os.getpid(), signal.SIGTERM)
+        raise AssertionError("never reached")
+
+    with pytest.raises(KeyboardInterrupt), session(library, deck):
+        pass
+
+
+def test_the_loop_gets_its_core_and_what_it_started_the_others(library):
+    before = os.sched_getaffinity(0)
+    core = min(before)
+
+    def deck(retarget):
+        assert os.sched_getaffinity(0) == (before - {core} or before)
+        return Deck(library, retarget, "march")
+
+    with session(library, deck, core=core, seconds=0.1) as run:
+        report = run.run()
+    assert report["permissions"] == {f"core {core} (CPU affinity)": True}
+    assert os.sched_getaffinity(0) == before

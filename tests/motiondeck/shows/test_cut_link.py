@@ -1,0 +1,64 @@
+"""A link that is cut keeps no other from being heard: members that stand still, over TLS on this machine."""
+
+import os
+import signal
+import subprocess
+import sys
+import time
+from contextlib import ExitStack, closing
+
+import pytest
+
+from motiondeck.shows import link
+from motiondeck.shows.certificates import make_certificates
+from motiondeck.shows.link import Link
+from motiondeck.shows.membership import with_certificates
+from waiting import free_ports, until
+
+pytest.importorskip("zenoh")
+pytest.importorskip("cryptography")
+
+SILENT = [f"silent-{number}" for number in range(8)]
+LEASE = 0.4
+UNREAD = 20 * [bytes(60_000)]  # more than a receiver that stands still has room for, less than a sender has
+SITTING = f"""
+import sys, time
+from pathlib import Path
+from motiondeck.shows import link
+from motiondeck.shows.membership import with_certificates
+link.LEASE = {LEASE}
+links = [link.Link(with_certificates(Path(folder))) for folder in sys.argv[1:]]
+for each in links:
+    each.hear("cue", lambda *_: None)
+    each.announce("deck/here")
+time.sleep(60)
+"""
+
+
+def test_lost_links_do_not_silence_the_one_that_is_left(tmp_path, monkeypatch):
+    monkeypatch.setattr(link, "LEASE", LEASE)
+    names = ["conductor", "talker", *SILENT]
+    ports = free_ports(len(names))
+    make_certificates(tmp_path, "gala", {name: f"127.0.0.1:{port}" for name, port in zip(names, ports, strict=True)})
+    folders = [str(tmp_path / name) for name in SILENT]
+    heard, here = [], []
+    with ExitStack() as opened:
+        conductor = opened.enter_context(closing(Link(with_certificates(tmp_path / "conductor"))))
+        conductor.hear("health/*", lambda *_: heard.append(time.monotonic()))
+        conductor.watch("deck/*", lambda *seen: here.append(seen))
+        talker = opened.enter_context(closing(Link(with_certificates(tmp_path / "talker"))))
+        silent = subprocess.Popen([sys.executable, "-c", SITTING, *folders])
+        opened.callback(silent.wait)
+        opened.callback(silent.kill)
+        until(lambda: conductor.neighbours == talker.neighbours == len(names) - 1 and here, "all links", 20.0)
+        time.sleep(0.2)  # what the last one wants to hear is known too
+        os.kill(silent.pid, signal.SIGSTOP)
+        for data in UNREAD:
+            conductor.say("cue", data)
+            time.sleep(0.005)  # too much at once is dropped
+        end = time.monotonic() + LEASE + 1.5
+        while time.monotonic() < end:
+            talker.say("health/talker", b"well")
+            time.sleep(0.02)
+        assert conductor.neighbours == 1, "the others count as lost"
+        assert max(after - before for before, after in zip(heard, [*heard[1:], end], strict=True)) < 1.0

@@ -1,0 +1,46 @@
+"""Tasks in processes of this machine: they end with the program that started them."""
+
+import os
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import pytest
+
+PROGRAM = """
+import pathlib, sys, time, os
+from joblib import delayed
+from motiondeck_base.jobs import Jobs, spread
+pathlib.Path(sys.argv[1], str(os.getpid())).touch()
+list(spread((delayed(os.system)(f"echo > {sys.argv[1]}/$PPID; sleep 60") for _ in range(2)), Jobs(2)))
+"""
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="a process does not see there that its parent has ended")
+def test_processes_end_when_their_parent_is_killed(tmp_path):
+    parent = subprocess.Popen([sys.executable, "-c", PROGRAM, str(tmp_path)], start_new_session=True)
+    try:
+        assert _comes_true(lambda: len(list(tmp_path.iterdir())) == 3, 60.0)
+        workers = [int(file.name) for file in tmp_path.iterdir() if int(file.name) != parent.pid]
+        parent.kill()
+        parent.wait()
+        assert _comes_true(lambda: not any(map(_runs, workers)), 20.0)
+    finally:
+        os.killpg(parent.pid, signal.SIGKILL)
+
+
+def _comes_true(condition, seconds):
+    end = time.monotonic() + seconds
+    while not condition() and time.monotonic() < end:
+        time.sleep(0.05)
+    return condition()
+
+
+def _runs(process):
+    """Whether a process is there and has not ended; one that nobody has waited for yet is a zombie."""
+    try:
+        return Path(f"/proc/{process}/stat").read_text().rpartition(")")[2].split()[0] != "Z"
+    except FileNotFoundError:
+        return False
