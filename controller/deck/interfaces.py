@@ -8,6 +8,9 @@ from typing import Protocol
 
 from controller.motion.posture import Pose
 from controller.motion.rotations import Array
+from controller.wire.messages.commands import Side
+
+__all__ = ["JointLimits", "Output", "PlacedPose", "Retargeter", "Side"]
 
 
 @dataclass(frozen=True)
