@@ -218,50 +218,6 @@ def tune_walk(
         raise typer.Exit(1)
 
 
-@app.command("rehearse")
-def rehearse(
-    robot: RobotArgument,
-    motion: Annotated[str, typer.Argument(metavar="MOTION", help="A motion of the library.")],
-    out: Annotated[Path, typer.Option("--out", metavar="FILE", help="The joint targets (.clip or .csv).")],
-    library: Annotated[
-        str, typer.Option("--library", metavar="LIBRARY", help="The library of the motion.")
-    ] = "thesis15",
-    tempo: Annotated[float, typer.Option("--tempo", metavar="TEMPO", help="Tempo of the motion.")] = 1.0,
-    rounds: Annotated[int, typer.Option("--rounds", metavar="N", help="How often a loop goes round.")] = 3,
-    generations: Annotated[int, typer.Option("--generations", metavar="N", help="How long to search.")] = 70,
-    tries: Annotated[
-        int, typer.Option("--tries", metavar="N", help="How often to try the result, with other errors.")
-    ] = 20,
-    seed: Annotated[int, typer.Option("--seed", metavar="N", help="Seed of the search.", min=0)] = 0,
-    as_json: JsonOption = False,
-) -> None:
-    """Find joint targets with which a robot does a motion on a free root, in many short simulations.
-
-    For motions that no step controller can do: getting down to the floor, crawling, getting up. Six robots rehearse
-    at once, five of them weaker, on a more slippery floor and a little out of place, and all are told the same; nothing
-    watches them. Then the result is tried with other errors of that size, beside the targets as they are played. The
-    exit code is 1 if the motion is kept to its end less often than 9 times in 10: such a motion stays on the gantry.
-
-    A .clip can be learned: motiondeck fit getdown.clip
-
-    [bold]Example[/]
-
-      motiondeck robot rehearse servo20 getdown --out getdown.clip
-    """
-    from controller.wire.messages.arguments import TEMPO
-    from motiondeck.cli.robot.rehearse import OFTEN, rehearsed, words
-
-    if not 0.1 <= tempo <= TEMPO.highest:
-        raise MotiondeckError(f"--tempo {tempo:g} is not between 0.1 and {TEMPO.highest:g}")
-    for name, count in (("rounds", rounds), ("generations", generations), ("tries", tries)):
-        if count < 1:
-            raise MotiondeckError(f"--{name} {count}: at least 1")
-    report = rehearsed(robot, motion, library, out, tempo, rounds, generations, tries, seed)
-    print(json.dumps(report) if as_json else words(report))
-    if report["rehearsed"]["kept"] < OFTEN * tries:
-        raise typer.Exit(1)
-
-
 @app.command("check")
 def check(
     robot: RobotArgument,

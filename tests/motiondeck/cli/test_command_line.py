@@ -221,7 +221,7 @@ def test_help_is_wrapped_where_the_terminal_ends(monkeypatch):
 
 def test_help_names_what_is_given_and_no_types(monkeypatch):
     monkeypatch.setenv("COLUMNS", "200")
-    for words in (("send",), ("rig", "scan"), ("conduct",), ("robot", "rehearse"), ("robot", "tune-walk")):
+    for words in (("send",), ("rig", "scan"), ("conduct",), ("robot", "tune-walk")):
         assert re.findall(r"<(?:str|path|int|float).*?>", motiondeck(*words, "--help").stdout) == []
 
 
