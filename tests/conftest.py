@@ -5,6 +5,7 @@ import os
 import re
 import shutil
 import sys
+import tempfile
 from functools import cache
 from pathlib import Path
 from types import SimpleNamespace
@@ -96,6 +97,17 @@ def pytest_xdist_make_scheduler(config, log):
 
     config.option.loadscopereorder = False
     return OneOfEach(config, log)
+
+
+@pytest.fixture(scope="module", autouse=True)
+def runtime_folder():
+    """A folder for the command sockets of each file's decks, so that no other deck of this user is met.
+
+    The path is short, since that of a Unix socket has 108 bytes at most.
+    """
+    with tempfile.TemporaryDirectory(prefix="run-") as folder, pytest.MonkeyPatch.context() as patch:
+        patch.setenv("XDG_RUNTIME_DIR", folder)
+        yield Path(folder)
 
 
 RECORDINGS = Path(os.environ.get("MOTIONDECK_DATA") or Path(__file__).parents[2] / "shared" / "data")

@@ -1,7 +1,7 @@
 """Adds one motion to a library that has been trained, and leaves what is stored as it is.
 
 The new motion is learned from its clip alone: a conceptor network loads it into what is left of its reservoir
-(`training/incremental.py`), an echo-state network gets one more readout, a centralized one one more motion. It then
+(`incremental_loading.py`), an echo-state network gets one more readout, a centralized one one more motion. It then
 has to pass the self-test beside the stored ones, which are known by what they play.
 """
 

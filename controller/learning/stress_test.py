@@ -1,6 +1,6 @@
 """The second half of the self-test: a motion started from noise, or disturbed while it plays, must return.
 
-Both disturbances are the thesis's (`measures/disturbance.py`). One-shots of a network that runs by itself are not
+Both disturbances are the thesis's (`disturbance.py`). One-shots of a network that runs by itself are not
 tested: after a disturbance they may be anywhere along their course, and only a guard that knows the time can put them
 back. A center does know it.
 """

@@ -1,7 +1,7 @@
 """Transitions between all ordered pairs of motions: the thesis's morphing and the deck's switching side by side.
 
 The thesis ramps mu from 0 to 1 over RAMP frames inside the network (eqs 3.7, 3.16); the deck starts the target where it
-resembles the body most and turns the bones there (`realtime/transition.py`). For each pair the joints' peak velocity,
+resembles the body most and turns the bones there (`deck/joins/transition.py`). For each pair the joints' peak velocity,
 acceleration and jerk during the transition are divided by the larger of both motions' own peaks: 1 means no brisker
 than what was recorded. Joints are seen relative to the root, with its height, from a place in the world that does not
 turn: where one motion turns and the other does not, a body that goes on smoothly jerks as seen from its own heading.

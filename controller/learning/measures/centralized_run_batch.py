@@ -1,7 +1,7 @@
 """Many runs of one motion of a centralized network side by side; fits `run_batch.RunBatch`.
 
 What can be disturbed are the two coordinates (q, p / omega) of each center: satellites follow from them at once. As in
-`generators/centralized.py` amplitudes are restored in every step and phases at the end of each round.
+`networks/centralized/centralized.py` amplitudes are restored in every step and phases at the end of each round.
 """
 
 from __future__ import annotations

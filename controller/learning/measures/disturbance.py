@@ -4,7 +4,7 @@
 - Stability: noise from N(0, 1) on each neuron in each of the first 250 steps (eqs 4.2, 4.4), then undisturbed.
 
 Every run takes 1000 steps; whether it ended on the motion that was meant is judged by the criterion of
-`training/self_test.py`. Intrinsic runs are the network alone, guarded ones have a `generators/guard.py` that looks on.
+`self_test.py`. Intrinsic runs are the network alone, guarded ones have a `guard.py` that looks on.
 """
 
 from __future__ import annotations

@@ -1,6 +1,6 @@
 """Many runs of one motion side by side: a step of all of them is one product of matrices, not many of vectors.
 
-The same equations as in the networks themselves (`generators/conceptor.py` and its neighbours), with places
+The same equations as in the networks themselves (`networks/reservoirs/conceptor.py` and its neighbours), with places
 for the thesis's two disturbances: of the first state (eq. 4.1) and of every state (eqs 4.2, 4.4).
 """
 

@@ -1,6 +1,6 @@
 """Trials of one motion, by which a trainer chooses: does it survive a free run, a start from noise, and disturbance?
 
-The disturbances are the thesis's (`evaluation/disturbance.py`). Choosing needs more runs than a verdict does: a motion
+The disturbances are the thesis's (`disturbance.py`). Choosing needs more runs than a verdict does: a motion
 that fails in one run of ten passes five runs more often than not.
 """
 

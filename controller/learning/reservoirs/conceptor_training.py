@@ -35,11 +35,11 @@ class ConceptorRecipe(msgspec.Struct, forbid_unknown_fields=True, frozen=True, k
         learns: "input" learns V only, "weights" all of W.
         aperture: alpha, for every motion that has none of its own.
         apertures: alpha of single motions.
-        choose_apertures: whether a motion that fails with it is tried with others (`training/aperture_choice.py`).
+        choose_apertures: whether a motion that fails with it is tried with others (`aperture_choice.py`).
         ridge: gamma of both regressions.
         rank: k, how many directions of a conceptor are kept, or may be.
         rank_tolerance_mm: how far off after a step, as a root mean square over the joints, a motion may be to get
-            fewer, mm (`training/rank_choice.py`).
+            fewer, mm (`learning/reservoirs/rank_choice.py`).
         washout: frames until the state has forgotten its start.
         anchor_every: frames between the states that are stored for starting.
     """

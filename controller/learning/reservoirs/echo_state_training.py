@@ -31,7 +31,7 @@ class EchoStateRecipe(msgspec.Struct, forbid_unknown_fields=True, frozen=True, k
         ridge: gamma.
         washout: frames until the state has forgotten its start.
         state_noise, teacher_noise: standard deviations, in units of the state and of the normalised output.
-        choose_noise: whether a motion that fails with it is taught with others (`training/noise_choice.py`).
+        choose_noise: whether a motion that fails with it is taught with others (`learning/reservoirs/noise_choice.py`).
         drives: how many noisy runs are learned from.
         wrong_starts: how many further runs of one-shots begin at their first frame in a random
             state.

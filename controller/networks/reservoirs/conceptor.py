@@ -62,7 +62,7 @@ class ConceptorMotion:
 class Memory:
     """What a reservoir of N neurons learned for all of its P motions together.
 
-    Playing does not need it, adding a motion does (`training/incremental.py`).
+    Playing does not need it, adding a motion does (`learning/reservoirs/incremental_loading.py`).
 
     Attributes:
         estimate: V, shape (C, N): which input the network expects by its state.
