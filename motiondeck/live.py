@@ -6,7 +6,7 @@ from __future__ import annotations
 import contextlib
 import threading
 import time
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from types import TracebackType
 from typing import Any, Literal
@@ -19,6 +19,7 @@ from controller.wire.messages.events import Event as DeckEvent
 from controller.wire.messages.lock_state import LockState
 from controller.wire.messages.replies import Accepted, Refused, Settled
 from controller.wire.messages.replies import State as DeckStatus
+from motiondeck.deck_commands import DeckCommands
 from motiondeck.deck_process import DeckProcess
 from motiondeck.run.live_deck import with_right_types
 from motiondeck_base.errors import MotiondeckError
@@ -56,7 +57,7 @@ class CommandedMotion:
         return self._wait(timeout)
 
 
-class LiveDeck:
+class LiveDeck(DeckCommands[CommandedMotion]):
     """A deck that is playing; made by `play`. Use it as a context manager, or `close` it; any thread may use it.
 
     Attributes:
@@ -103,105 +104,6 @@ class LiveDeck:
         assert isinstance(reply, DeckStatus), "a status is answered by a state"
         return reply
 
-    def switch(self, motion: str, *, direct: bool = False) -> CommandedMotion:
-        """Plays another motion now, or when the present one-shot has ended; the queue is cleared.
-
-        Args:
-            motion: its name.
-            direct: switch at once, without motions in between.
-
-        Raises:
-            CommandError: if it cannot be done now, or there is no such motion; it names the nearest.
-            MotiondeckError: if the deck has ended.
-        """
-        return self._commanded(motion, commands.Switch(motion, direct=direct))
-
-    def queue(self, motion: str) -> CommandedMotion:
-        """Plays a motion after what is played and queued; raises as `switch`."""
-        return self._commanded(motion, commands.Queue(motion))
-
-    def blend(self, first: str, second: str, weight: float, also: Mapping[str, float] | None = None) -> CommandedMotion:
-        """Plays a blend of loops: `deck.blend("walk", "jog", 0.3)`, `deck.blend("walk", "jog", 0.3, {"waltz": 0.2})`.
-
-        Args:
-            first: the motion that has the rest of the weights, which sum to 1.
-            second: a motion that is blended into it.
-            weight: of the second, in [-0.3, 1.3].
-            also: one or two further motions with their weights; then no weight is below 0 or above 1.
-
-        Raises:
-            CommandError: if they cannot be blended, and why; or as `switch`.
-            MotiondeckError: if the deck has ended.
-        """
-        message = commands.Blend(first, second, weight, also=tuple((also or {}).items()))
-        return self._commanded(" + ".join(message.motions), message)
-
-    @property
-    def tempo(self) -> float:
-        """The present tempo: 1 is as fast as recorded, 0 stands still, negative plays backwards.
-
-        Setting it plays at another one, from -3 to 3, reached as quickly as is smooth. A library whose network has no
-        phase refuses a negative one with a CommandError.
-        """
-        return self.status().tempo
-
-    @tempo.setter
-    def tempo(self, factor: float) -> None:
-        self.set_tempo(factor)
-
-    def set_tempo(self, factor: float, over: float = 0.0) -> None:
-        """Plays at another tempo; the change takes `over` seconds, or as few as are smooth."""
-        self._request(commands.SetTempo(factor, over=over))
-
-    @property
-    def phase(self) -> float | None:
-        """The phase of the motion: [0, 1) in a loop, 0 to 1 in a one-shot; None if the network has none."""
-        return self.status().phase
-
-    def jump(self, phase: float) -> None:
-        """Goes to a phase, from 0 to 1, of the present motion, by a transition.
-
-        Raises:
-            CommandError: if the network has no phase, or motions are blended.
-        """
-        self._request(commands.Jump(phase))
-
-    @property
-    def inputs(self) -> dict[str, float]:
-        """The present values of the inputs that motions have besides the phase, such as speed."""
-        return self.status().inputs
-
-    def set_input(self, name: str, value: float) -> None:
-        """Changes an input; the new value is reached within a second.
-
-        Raises:
-            CommandError: if no motion has such an input, or the value is outside the learned range.
-        """
-        self._request(commands.SetInput(name, value))
-
-    def lock(self, source: Literal["beat", "deck", "body"], phase: float = 0.0, steps: int = 0) -> None:
-        """Locks the phase of loops to beats, another deck or the body ([how](docs/deck.md#locks)).
-
-        Args:
-            source: "beat" for the times that `beat` is given, "body" for the measured joints, "deck" for the deck
-                that `play` was given to lock to.
-            phase: the phase that falls on a beat, or how far to be ahead of the other deck, from 0 to 1.
-            steps: how many beats a round has, up to 16; 0 takes 1, 2, 4, 8 or 16, whichever tempo is nearest to 1.
-
-        Raises:
-            CommandError: if the network runs by itself, or there is nothing of that kind to lock to.
-        """
-        self._request(commands.LockPhase(source, phase=phase, steps=steps))
-
-    def unlock(self) -> None:
-        """Plays at the commanded tempo again."""
-        self._request(commands.Unlock())
-
-    @property
-    def locked_to(self) -> LockState | None:
-        """What the phase is locked to: `source`, `state`, `error_ms` and `per_minute`; None without a lock."""
-        return self.status().lock
-
     def beat(self, at: float | None = None) -> None:
         """Gives the deck one beat, and locks it to beats if it is not.
 
@@ -221,10 +123,6 @@ class LiveDeck:
         """
         self._request(commands.Push(side, impulse))
 
-    def pause(self) -> None:
-        """Comes to a standstill."""
-        self._request(commands.Pause())
-
     def step(self, seconds: float = 0.0) -> None:
         """Goes on in a pause for one tick, or for so many seconds, up to 1.
 
@@ -232,22 +130,6 @@ class LiveDeck:
             CommandError: if the deck is not paused.
         """
         self._request(commands.StepOn(seconds=seconds))
-
-    def resume(self) -> None:
-        """Goes on after a pause, from home, or after the emergency stop was reset."""
-        self._request(commands.Resume())
-
-    def home(self) -> None:
-        """Goes slowly to the rest pose and stays there until `resume` or a motion."""
-        self._request(commands.Home())
-
-    def emergency_stop(self) -> None:
-        """Brakes every joint as hard as its limits allow and holds until `reset`."""
-        self._request(commands.EmergencyStop())
-
-    def reset(self) -> None:
-        """Releases the emergency stop; nothing moves before `resume`, `switch` or `home`."""
-        self._request(commands.Reset())
 
     def events(self) -> Iterator[DeckEvent]:
         """The events of the deck from this call on, as they happen, until it has ended.
