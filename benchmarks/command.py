@@ -7,8 +7,12 @@ from collections.abc import Callable
 import typer
 
 
-def run(name: str, main: Callable[..., object], about: str | None = None) -> None:
-    """Reads the command line by the parameters of `main` and calls it; the help is `about` or else its docstring."""
+def run(name: str, main: Callable[..., object], about: str | None = None, *others: Callable[..., object]) -> None:
+    """Reads the command line by the parameters of `main` and calls it; the help is `about` or else its docstring.
+
+    With `others`, the first argument chooses a function by its name.
+    """
     app = typer.Typer(add_completion=False, rich_markup_mode=None, pretty_exceptions_enable=False)
-    app.command(help=about)(main)
+    for function in (main, *others):
+        app.command(help=about)(function)
     app(prog_name=f"python -m benchmarks {name}")

@@ -1,7 +1,7 @@
 """Retrieval by frequency vectors: the class of the clip whose centers turn most alike (Vakulenko 2017, section 4).
 
 The centralized network of a motion knows it by the frequencies of its centers, so that motions can be looked up by
-them. Here legs, arms and trunk have one center each, as in `motiondeck library similar`.
+them. Here legs, arms and trunk have one center each, as in `benchmarks frequencies similar`.
 """
 
 from __future__ import annotations

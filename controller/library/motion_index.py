@@ -20,7 +20,7 @@ from motiondeck_base.arrays_file import Kind, read_arrays, write_arrays
 from motiondeck_base.errors import MotiondeckError
 from motiondeck_base.toml_file import shaped
 
-KIND = Kind("motion index", "motiondeck-index", 1, "`motiondeck library index`")
+KIND = Kind("motion index", "motiondeck-index", 1, "`python -m benchmarks frequencies index`")
 
 
 class IndexHeader(msgspec.Struct, forbid_unknown_fields=True, frozen=True):

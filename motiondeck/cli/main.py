@@ -61,7 +61,7 @@ _COMMANDS = {
     "evaluate": "evaluate",
     "preflight": "preflight",
     "retarget": "robot.retarget",
-    "library": "library.motions",
+    "library": "library.commands",
     "clip": "clip.fill",
     "rig": "rig.commands",
     "robot": "robot.commands",

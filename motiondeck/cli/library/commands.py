@@ -173,28 +173,3 @@ def add(
         )
     if not as_json:
         print(f"wrote {target} ({target.stat().st_size / 1e6:.1f} MB)")
-
-
-@app.command("sheet")
-def sheet(
-    library: LibraryArgument,
-    out: Annotated[Path, typer.Option("--out", metavar="FILE", help="The picture to write (.png).")],
-    robot: Annotated[str, typer.Option("--robot", metavar="ROBOT", help="The robot that is drawn.")] = "mannequin",
-    blends: Annotated[
-        list[str] | None,
-        typer.Option("--blend", metavar="'A B WEIGHT ...'", help="Draw this blend instead of the motions; repeatable."),
-    ] = None,
-) -> None:
-    """Draw a contact sheet: one row per motion, eight moments each, as the network plays it.
-
-    [bold]Examples[/]
-
-      motiondeck library sheet thesis15 --out sheet.png
-      motiondeck library sheet thesis15 --blend "walk jog 0.5" --blend "walk waltz 0.5" --out blends.png
-    """
-    from controller.wire.messages.command_table import parse_command
-    from controller.wire.messages.commands import Blend
-    from motiondeck.pictures.library_pictures import draw_sheet
-
-    parsed = (parse_command(["blend", *text.split()]) for text in blends or ())
-    draw_sheet(library, robot, out, [blend for blend in parsed if isinstance(blend, Blend)])

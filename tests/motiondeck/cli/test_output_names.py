@@ -14,7 +14,6 @@ from motiondeck_base.shipped import find_library
         (("fit", str(find_library("thesis15").with_suffix(".toml")), "--data", "."), "a library"),
         (("learn", "walk.bvh", "--force"), "a library"),
         (("library", "add", "thesis15", "walk.bvh"), "a library"),
-        (("library", "restyle", "cmu86", "walk", "--like", "run"), "a library"),
         (("recognize", "train", "."), "a recognizer"),
     ],
     ids=lambda words: " ".join(words[:2]) if isinstance(words, tuple) else None,
