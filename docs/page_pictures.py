@@ -30,8 +30,8 @@ from playwright.sync_api import sync_playwright
 from controller.library.motion_library import load_library
 from controller.wire.command_socket import CommandClient
 from controller.wire.messages.commands import Blend, EmergencyStop, Reset, Resume, SetTempo, Stop, Switch
+from motiondeck.run.sampled_motions import as_clip
 from motiondeck_base.shipped import find_library, find_rig
-from sim.physics.played_motions import as_clip
 
 GRAPHICS = ["--no-sandbox", "--disable-gpu", "--enable-unsafe-swiftshader"]
 PATIENCE_MS = 180_000

@@ -22,6 +22,7 @@ from joblib import delayed
 
 from controller.deck.deck import Deck
 from controller.library.motion_library import load_library
+from controller.loop.safety.safety_envelope import SafetyEnvelope
 from controller.motion.rotations import Array
 from motiondeck_base.jobs import Jobs, spread
 from motiondeck_base.shipped import find_library, find_robot
@@ -133,7 +134,7 @@ def measure(name: str, motion: str, seed: int, seconds: float) -> tuple[bool, li
     random = np.random.default_rng(seed)
     impulse = usual_push(robot.model) * random.uniform(WEAKEST, HARDEST)
     towards, at = random.uniform(0.0, 2.0 * np.pi), random.uniform(FIRST, LAST)
-    course = play_course(robot, Deck(library, robot.retarget, motion).update, at + seconds)
+    course = play_course(robot, Deck(library, robot.retarget, motion).update, at + seconds, SafetyEnvelope)
     short = round((at + WATCHED) / DT)
     brief = Course(course.targets[:short], course.roots[:short], course.headings[:short])
     fell, plain = fall(robot, brief, impulse, towards, at, guard=False)

@@ -16,6 +16,7 @@ from joblib import delayed
 
 from controller.deck.deck import Deck
 from controller.library.motion_library import load_library
+from controller.loop.safety.safety_envelope import SafetyEnvelope
 from controller.wire.messages.commands import Side
 from motiondeck_base.jobs import Jobs, spread
 from motiondeck_base.progress import progress
@@ -44,7 +45,7 @@ def largest(name: str, motion: str, side: Side, seed: int) -> tuple[str, Side, f
     library = load_library(find_library("thesis15"))
     robot = load_robot(find_robot(name), library.skeleton)
     at = float(np.random.default_rng(seed).uniform(FIRST, LAST))
-    course = play_course(robot, Deck(library, robot.retarget, motion).update, at + WATCHED)
+    course = play_course(robot, Deck(library, robot.retarget, motion).update, at + WATCHED, SafetyEnvelope)
     usual = usual_push(robot.model)
     towards = PUSHES_TOWARDS[side] + float(course.headings[round((at - AHEAD) / DT)])
 

@@ -12,10 +12,12 @@ import json
 import sys
 
 from controller.library.motion_library import load_library
+from controller.loop.safety.safety_envelope import SafetyEnvelope
+from motiondeck.run.sampled_motions import play_motions
 from motiondeck_base.shipped import find_library, find_robot
 from sim.physics.loads import loads_of
 from sim.physics.physics_model import feet_of
-from sim.physics.played_motions import load_sampled_robot, play_motions
+from sim.physics.played_motions import load_sampled_robot
 from sim.physics.preflight.preflight import Preflight
 from sim.robots.self_collision import SelfCollision
 
@@ -33,12 +35,12 @@ def main() -> None:
     rows = []
     for name in ROBOTS:
         robot = load_sampled_robot(find_robot(name), library.skeleton)
-        free = Preflight(robot, robot.limits, "free")
+        free = Preflight(robot, robot.limits, SafetyEnvelope, "free")
         collisions, feet = SelfCollision(robot), feet_of(robot)
         for played in play_motions(library, robot):
             hanging = loads_of(free.robot, played, free=False, collisions=collisions, feet=feet)
             for tempo in TEMPOS:
-                gantry = Preflight(robot, robot.limits, "gantry")
+                gantry = Preflight(robot, robot.limits, SafetyEnvelope, "gantry")
                 said = {f.check: f.ok for f in gantry.numbers.findings(played, hanging, tempo)}
                 said |= {f.check: f.ok for f in free.numbers.standing(hanging, tempo)}
                 done = {f.check: f.ok for f in free.trials.findings(played, tempo)}

@@ -31,13 +31,14 @@ import typer
 
 from benchmarks import command
 from controller.library.motion_library import load_library
+from controller.loop.safety.safety_envelope import SafetyEnvelope
 from controller.motion.clip import Clip
 from controller.motion.posture import Pose
 from controller.motion.rotations import Array
 from controller.motion.skeleton import ROOT, Skeleton
+from motiondeck.run.sampled_motions import as_clip
 from motiondeck_base.shipped import find_library, find_robot
 from sim.models.robot_file import read_robot_file
-from sim.physics.played_motions import as_clip
 from sim.retargeting.robot_limbs import RobotLimbs
 from sim.retargeting.robot_parts import SIDES
 from sim.robots.fidelity import carry, floor_measures, joint_measures, limb_errors
@@ -87,7 +88,7 @@ def measured(path: Path, clips: list[Clip], solver) -> dict[str, object]:
     for clip in clips:
         robot = load_robot(path, clip.skeleton, solver, 1.0 / clip.rate)
         joints = len(robot.joints)
-        carried = carry(clip, robot)
+        carried = carry(clip, robot, SafetyEnvelope)
         limbs = RobotLimbs(path, robot.model, file.parts, np.array(file.root_rotation), robot.joints)
         errors.append(limb_errors(limbs, carried))
         counts = joint_measures(clip, robot, carried)

@@ -39,10 +39,10 @@ from controller.motion.clip import Clip
 from controller.motion.formats.reading import read_clip
 from controller.motion.posture import Pose
 from controller.motion.rotations import Array
+from motiondeck.run.sampled_motions import as_clip
 from motiondeck_base.errors import MotiondeckError
 from motiondeck_base.shipped import find_library
 from sim.models.surface import LowestPoint
-from sim.physics.played_motions import as_clip
 from sim.retargeting.human_limbs import LimbView
 from sim.retargeting.robot_limbs import RobotLimbs
 from sim.retargeting.robot_parts import SIDES

@@ -26,6 +26,7 @@ from joblib import delayed
 
 from controller.deck.deck import Deck
 from controller.library.motion_library import MotionLibrary, load_library
+from controller.loop.safety.safety_envelope import SafetyEnvelope
 from controller.motion.posture import Pose
 from controller.motion.rotations import Array
 from motiondeck_base.jobs import Jobs, spread
@@ -72,7 +73,7 @@ def played(robot: Robot, library: MotionLibrary, motion: str, tempo: float, seco
                 deck.switch(name)
         return deck.update(dt)
 
-    return play_course(robot, play, seconds)
+    return play_course(robot, play, seconds, SafetyEnvelope)
 
 
 @dataclass(frozen=True)

@@ -67,10 +67,10 @@ def preflight(
     from controller.wire.messages.arguments import TEMPO
     from motiondeck.cli.preflight_run import PreflightRun, loaded
     from motiondeck.cli.preflight_words import print_motion, print_summary, print_switch
+    from motiondeck.run.sampled_motions import count_switches, switches_by_way_of
     from motiondeck_base.errors import MotiondeckError
     from motiondeck_base.jobs import Jobs
     from sim.physics.physics_model import check_root
-    from sim.physics.played_motions import count_switches, switches_by_way_of
 
     if not SLOWEST <= tempo <= TEMPO.highest:
         raise MotiondeckError(f"--tempo {tempo:g} is not between {SLOWEST:g} and {TEMPO.highest:g}")

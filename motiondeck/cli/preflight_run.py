@@ -52,14 +52,14 @@ class PreflightRun:
 
 
 def _motion(run: PreflightRun, name: str) -> list[PreflightVerdict]:
-    from sim.physics.played_motions import play_motions
+    from motiondeck.run.sampled_motions import play_motions
 
     library, judge = loaded(run)
     return [judge.judge(one, simulate=True, tempo=run.tempo) for one in play_motions(library, judge.robot, [name])]
 
 
 def _switches(run: PreflightRun, source: str) -> list[PreflightVerdict]:
-    from sim.physics.played_motions import play_switches
+    from motiondeck.run.sampled_motions import play_switches
 
     library, judge = loaded(run)
     return [judge.judge(one, simulate=False, tempo=run.tempo) for one in play_switches(library, judge.robot, [source])]
@@ -73,13 +73,14 @@ def loaded(run: PreflightRun) -> tuple[MotionLibrary, Preflight]:
         MotiondeckError: if a file cannot be used.
     """
     from controller.library.motion_library import load_library
+    from controller.loop.safety.safety_envelope import SafetyEnvelope
     from motiondeck_base.shipped import find_library, find_robot
     from sim.physics.played_motions import load_sampled_robot
     from sim.physics.preflight.preflight import Preflight
 
     library = load_library(find_library(run.library))
     body, limits = on_rig(load_sampled_robot(find_robot(run.robot), library.skeleton), run.rig)
-    return library, Preflight(body, limits, run.root, run.balance, run.walk)
+    return library, Preflight(body, limits, SafetyEnvelope, run.root, run.balance, run.walk)
 
 
 def on_rig(body: Robot, rig: str | None) -> tuple[Robot, JointLimits]:

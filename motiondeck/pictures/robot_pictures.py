@@ -27,7 +27,7 @@ def played(library: str, motion: str, seconds: float) -> Clip:
     loaded = load_library(find_library(library))
     if motion not in loaded.network.motions:
         raise UnknownNameError.among("motion", motion, loaded.network.motions)
-    from sim.physics.played_motions import as_clip
+    from motiondeck.run.sampled_motions import as_clip
 
     return as_clip(loaded, motion, seconds, RATE)
 

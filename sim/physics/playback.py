@@ -12,9 +12,9 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
+from controller.deck.interfaces import Side
 from controller.motion.posture import Pose
 from controller.motion.rotations import Array
-from controller.wire.messages.commands import Side
 from motiondeck_base.errors import MotiondeckError
 from sim.models.surface import LowestPoint
 from sim.physics.balance import Balance

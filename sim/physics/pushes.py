@@ -11,8 +11,8 @@ from collections.abc import Callable
 import mujoco
 import numpy as np
 
+from controller.deck.interfaces import Side
 from controller.motion.rotations import Array
-from controller.wire.messages.commands import Side
 from sim.models.gravity import GRAVITY
 
 # How long a push lasts, s, and where one on command drives the body, rad to the left of its own heading.

@@ -13,7 +13,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from controller.deck.interfaces import PlacedPose
-from controller.loop.safety.safety_envelope import SafetyEnvelope
 from controller.motion.posture import Pose
 from controller.motion.rotations import Array
 from sim.models.kinematic_tree import path_to
@@ -24,6 +23,7 @@ from sim.physics.pushes import PUSH_LASTS, push_force
 from sim.physics.walk_conditions import AS_MODELLED, CONDITIONS, Condition
 from sim.physics.walking.preview import AHEAD
 from sim.robots.robot import DT, Robot
+from sim.robots.target_limiter import Limiter
 
 PERIOD = 5.0  # s from one push to the next
 # Of a push from behind, the right, the front and the left each comes in turn.
@@ -70,17 +70,17 @@ class Trial:
     tick_us: float
 
 
-def play_course(robot: Robot, play: Callable[[float], tuple[Array, Pose]], seconds: float) -> Course:
+def play_course(robot: Robot, play: Callable[[float], tuple[Array, Pose]], seconds: float, limiter: Limiter) -> Course:
     """Plays a motion for a robot without simulating it; `play` gives targets and pose of the next dt seconds."""
-    limits, envelope = robot.limits, SafetyEnvelope(robot.limits, DT)
+    limits, limited = robot.limits, limiter(robot.limits, DT)
     qpos = robot.model.qpos0.copy()
     rows: list[tuple[Array, Array, float]] = []
     for _ in range(round(seconds / DT)):
         targets, pose = play(DT)
         targets = np.clip(targets, limits.lower, limits.upper)
         if not rows:
-            envelope.start(targets)
-        safe = envelope(targets).copy()
+            limited.start(targets)
+        safe = limited(targets).copy()
         robot.place(safe, pose, qpos)
         rows.append((safe, qpos[:7].copy(), float(pose.heading)))
     targets, roots, headings = zip(*rows, strict=True)

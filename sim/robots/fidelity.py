@@ -15,7 +15,6 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
-from controller.loop.safety.safety_envelope import SafetyEnvelope
 from controller.motion.anatomy import Side, anatomy
 from controller.motion.clip import Clip
 from controller.motion.posture import Pose
@@ -27,6 +26,7 @@ from sim.retargeting.inverse_kinematics import InverseKinematics
 from sim.retargeting.retarget import ServoHumanoidRetargeter
 from sim.retargeting.robot_limbs import RobotLimbs
 from sim.robots.robot import Robot
+from sim.robots.target_limiter import Limiter
 
 ENDS = {"leg": ("thigh", "shank"), "arm": ("upper_arm", "forearm")}
 # Something is on the floor if it is this close to it, in lengths of the leg; a human's foot stands if its ball is
@@ -56,11 +56,11 @@ class Carried:
     altered: float
 
 
-def carry(clip: Clip, robot: Robot) -> Carried:
-    """Carries a clip onto a robot frame by frame, as `play` does: retargeter, safety envelope, footing."""
+def carry(clip: Clip, robot: Robot, limiter: Limiter) -> Carried:
+    """Carries a clip onto a robot frame by frame, as `play` does: retargeter, target limiter, footing."""
     view = LimbView(clip.skeleton)
     limits = robot.limits
-    envelope = SafetyEnvelope(limits, 1.0 / clip.rate)
+    limited = limiter(limits, 1.0 / clip.rate)
     wanted, played, qpos, limbs = [], [], [], []
     state = np.zeros(robot.model.nq)
     if robot.footing is not None:
@@ -69,14 +69,14 @@ def carry(clip: Clip, robot: Robot) -> Carried:
         pose = Pose(clip.root_position[frame], np.zeros(()), clip.rotation[frame])
         targets = np.clip(robot.retarget(pose), limits.lower, limits.upper)
         if frame == 0:
-            envelope.start(targets)
-        safe = envelope(targets)
+            limited.start(targets)
+        safe = limited(targets)
         robot.place(safe, pose, state)
         wanted.append(targets.copy())
         played.append(safe.copy())
         qpos.append(state.copy())
         limbs.append(view(pose))
-    altered = sum(envelope.changed) / max(len(clip) * len(robot.joints), 1)
+    altered = sum(limited.changed) / max(len(clip) * len(robot.joints), 1)
     return Carried(np.array(wanted), np.array(played), np.array(qpos), np.array(limbs), altered)
 
 

@@ -10,14 +10,15 @@ from typing import Any
 import numpy as np
 
 from controller.library.motion_library import load_library
+from controller.loop.safety.safety_envelope import SafetyEnvelope
 from motiondeck.cli.common.options import check_new
 from motiondeck.cli.common.tables import show_table
 from motiondeck.cli.robot.check import WHY
+from motiondeck.run.sampled_motions import as_clip
 from motiondeck_base.counted import counted
 from motiondeck_base.files import write_file
 from motiondeck_base.shipped import find_library
 from sim.models.robot_file import read_robot_file
-from sim.physics.played_motions import as_clip
 from sim.robots.calibrate import Calibration
 from sim.robots.fidelity import carry
 from sim.robots.limb_causes import Cause, limb_causes
@@ -69,7 +70,7 @@ def tried(file: Path) -> CalibrationTrial:
     for motion in MOTIONS:
         clip = as_clip(library, motion, SECONDS, RATE)
         robot = load_robot(file, clip.skeleton, dt=1.0 / clip.rate)
-        carried = carry(clip, robot)
+        carried = carry(clip, robot, SafetyEnvelope)
         directions = LimbDirections(robot.model, robot_file.parts, np.array(robot_file.root_rotation))
         for name, (mean, worst) in directions.errors(carried.qpos, carried.limbs).items():
             before = off.get(name, (0.0, 0.0))

@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 
+from controller.loop.safety.safety_envelope import SafetyEnvelope
 from controller.motion.canonical.clip_edits import without_reference_pose
 from controller.motion.clip import Clip
 from controller.motion.formats.reading import RECORDINGS, read_clip, recordings_below
@@ -143,7 +144,7 @@ def remarks(rows: Sequence[dict[str, Any]]) -> list[str]:
 def _measured(robot: Path, load: RobotLoader, clip: Clip, left_out: int, solver: Solver | None) -> dict[str, Any]:
     file = load.file
     loaded = load(clip.skeleton, None if file.kind == "mannequin" else solver, 1.0 / clip.rate)
-    carried = carry(clip, loaded)
+    carried = carry(clip, loaded, SafetyEnvelope)
     measures: dict[str, Any] = joint_measures(clip, loaded, carried) | shortfall(loaded)
     if file.parts:
         limbs = RobotLimbs(robot, loaded.model, file.parts, np.array(file.root_rotation), loaded.joints)

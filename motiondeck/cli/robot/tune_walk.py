@@ -12,6 +12,7 @@ from joblib import delayed
 
 from controller.deck.deck import Deck
 from controller.library.motion_library import load_library
+from controller.loop.safety.safety_envelope import SafetyEnvelope
 from motiondeck_base.errors import UnknownNameError
 from motiondeck_base.files import write_file
 from motiondeck_base.jobs import Jobs, spread
@@ -41,7 +42,7 @@ def tune(
     with progress(f"playing {', '.join(motions)}", len(motions)) as tick:
         courses = []
         for motion in motions:
-            courses.append(play_course(robot, Deck(loaded, robot.retarget, motion).update, seconds))
+            courses.append(play_course(robot, Deck(loaded, robot.retarget, motion).update, seconds, SafetyEnvelope))
             tick()
 
     def walks(tried: Sequence[WalkSettings], first: int) -> list[list[Trial]]:

@@ -5,7 +5,6 @@ from __future__ import annotations
 import numpy as np
 
 from controller.deck.interfaces import JointLimits
-from controller.loop.safety.safety_envelope import SafetyEnvelope
 from controller.motion.rotations import Array
 from sim.models.overlaps import OVERLAP
 from sim.models.servo_motor import ROOM, strength
@@ -14,6 +13,7 @@ from sim.physics.played_motions import DT, PlayedMotion, targets_at
 from sim.physics.preflight.findings import Finding, limited, of_joints
 from sim.physics.preflight.lasting import TICK, lasting, lasting_until, longest
 from sim.robots.robot import Robot
+from sim.robots.target_limiter import Limiter
 
 TEN_MINUTES = 600.0
 # A motion is not played any more if a joint is farther than this from its target, rad, for longer than BRIEFLY;
@@ -33,11 +33,12 @@ class Numbers:
     Args:
         robot: which robot.
         limits: of its joints.
+        limiter: bounds its targets.
         falls: whether nothing but its feet keeps it from falling.
     """
 
-    def __init__(self, robot: Robot, limits: JointLimits, *, falls: bool) -> None:
-        self._robot, self._limits, self._falls = robot, limits, falls
+    def __init__(self, robot: Robot, limits: JointLimits, limiter: Limiter, *, falls: bool) -> None:
+        self._robot, self._limits, self._limiter, self._falls = robot, limits, limiter, falls
 
     def findings(self, played: PlayedMotion, loads: Loads, tempo: float) -> list[Finding]:
         """All of them."""
@@ -72,13 +73,13 @@ class Numbers:
         """
         targets = targets_at(played, tempo, TICK)
         inside = np.clip(targets, self._limits.lower, self._limits.upper)
-        envelope = SafetyEnvelope(self._limits, TICK)
-        envelope.start(inside[0])
+        limited = self._limiter(self._limits, TICK)
+        limited.start(inside[0])
         # The envelope starts at rest, and so lags at first.
         first = min(len(targets) - 1, round(STARTING / TICK))
         for target in targets[:first]:
-            envelope(target)
-        off = (np.abs(envelope(target) - goal) for target, goal in zip(targets[first:], inside[first:], strict=True))
+            limited(target)
+        off = (np.abs(limited(target) - goal) for target, goal in zip(targets[first:], inside[first:], strict=True))
         return lasting_until(off, until)
 
     def _servos(self, loads: Loads, tempo: float) -> list[Finding]:

@@ -26,6 +26,7 @@ from sim.physics.preflight.findings import Finding, PreflightVerdict
 from sim.physics.preflight.trials import Trials
 from sim.robots.robot import Robot
 from sim.robots.self_collision import SelfCollision
+from sim.robots.target_limiter import Limiter
 
 SLOWEST = 0.1
 _AT_ANY_TEMPO = ("out of reach", "self-collision")
@@ -40,6 +41,7 @@ class Preflight:
     Attributes:
         robot: which robot.
         limits: of its joints, narrowed to those of a rig if there is one.
+        limiter: bounds the joint targets that are played.
         root: "gantry", "fixed" or "free": what holds the robot.
         balance: whether a free robot keeps its balance.
         walk: whether a free robot goes where the motion goes, on its own feet.
@@ -49,6 +51,7 @@ class Preflight:
 
     robot: Robot
     limits: JointLimits
+    limiter: Limiter
     root: str = "gantry"
     balance: bool = False
     walk: bool = False
@@ -58,8 +61,8 @@ class Preflight:
         self.robot = replace(self.robot, footing=deepcopy(self.robot.footing, {id(self.robot.model): self.robot.model}))
         self._collisions, self._feet = SelfCollision(self.robot), feet_of(self.robot)
         falls = self.root == "free" and not (self.balance or self.walk)
-        self.numbers = Numbers(self.robot, self.limits, falls=falls)
-        self.trials = Trials(self.robot, self.limits, self.root, self.balance, self.walk)
+        self.numbers = Numbers(self.robot, self.limits, self.limiter, falls=falls)
+        self.trials = Trials(self.robot, self.limits, self.limiter, self.root, self.balance, self.walk)
 
     def judge(self, played: PlayedMotion, *, simulate: bool, tempo: float = 1.0) -> PreflightVerdict:
         """Judges what playing a motion does to the robot.

@@ -14,7 +14,6 @@ import mujoco
 import numpy as np
 
 from controller.deck.interfaces import JointLimits
-from controller.loop.safety.safety_envelope import SafetyEnvelope
 from controller.motion.rotations import Array
 from sim.models.servo_motor import ROOM
 from sim.physics.physics_model import physics_model
@@ -24,6 +23,7 @@ from sim.physics.preflight.by_numbers import ASTRAY, TEN_MINUTES
 from sim.physics.preflight.findings import Finding, limited
 from sim.physics.preflight.lasting import TICK, lasting_until
 from sim.robots.robot import Robot
+from sim.robots.target_limiter import Limiter
 
 # After so long on a free root, s, a robot that falls has fallen.
 FALL_SECONDS = 10.0
@@ -35,12 +35,16 @@ class Trials:
     Args:
         robot: which robot.
         limits: of its joints.
+        limiter: bounds its targets.
         root: "gantry", "fixed" or "free": what holds the robot.
         balance: whether a free robot keeps its balance.
         walk: whether a free robot goes where the motion goes, on its own feet.
     """
 
-    def __init__(self, robot: Robot, limits: JointLimits, root: str, balance: bool, walk: bool) -> None:
+    def __init__(
+        self, robot: Robot, limits: JointLimits, limiter: Limiter, root: str, balance: bool, walk: bool
+    ) -> None:
+        self._limiter = limiter
         self.robot, self.limits, self.root, self.balance, self.walk = robot, limits, root, balance, walk
         self._models: dict[str, mujoco.MjModel] = {}
 
@@ -123,15 +127,15 @@ class Trials:
         """Plays a motion on a stage until the robot falls: how far joints are from their targets in each tick (J,)."""
         targets, poses = targets_at(played, tempo, TICK), poses_at(played, tempo, TICK)
         inside = np.clip(targets, self.limits.lower, self.limits.upper)
-        envelope = SafetyEnvelope(self.limits, TICK)
-        envelope.start(inside[0])
+        limited = self._limiter(self.limits, TICK)
+        limited.start(inside[0])
         if self.robot.footing is not None:
             self.robot.footing.reset(TICK)
         # A one-shot holds its end, a loop goes round.
         rounds = onward(poses) if played.loop else chain(poses, repeat(poses[-1]))
         for k, pose in zip(range(len(targets) if seconds is None else round(seconds / TICK)), rounds, strict=False):
             at = k % len(targets) if played.loop else min(k, len(targets) - 1)
-            stage.write(envelope(targets[at]), pose)
+            stage.write(limited(targets[at]), pose)
             yield np.abs(stage.measured() - inside[at])
             if stage.fell_s is not None:
                 break

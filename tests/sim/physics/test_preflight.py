@@ -8,6 +8,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from controller.loop.safety.safety_envelope import SafetyEnvelope
 from controller.motion.posture import Pose
 from controller.motion.rotations import multiply, yaw
 from motiondeck_base.errors import MotiondeckError
@@ -26,6 +27,10 @@ MANNEQUIN = load_robot(ROBOTS / "mannequin.toml", human())
 COLLISIONS = SelfCollision(SERVO20)
 
 
+def preflight(robot, root="gantry", **options):
+    return Preflight(robot, robot.limits, SafetyEnvelope, root, **options)
+
+
 def swinging(rate, reach=0.6, robot=SERVO20, seconds=1.5, joint="l_shoulder_pitch"):
     """An arm that swings at `rate` rad/s of phase."""
     at = np.arange(0.0, seconds, DT)
@@ -40,7 +45,7 @@ def checks(verdict):
 
 
 def test_a_gentle_swing_passes_and_physics_agrees():
-    verdict = Preflight(SERVO20, SERVO20.limits).judge(swinging(2.0), simulate=True)
+    verdict = preflight(SERVO20).judge(swinging(2.0), simulate=True)
     assert verdict.ok
     assert verdict.passes_at == 1.0
     assert {f.check: f.value for f in verdict.findings}["physics: off target"] < ASTRAY
@@ -48,7 +53,7 @@ def test_a_gentle_swing_passes_and_physics_agrees():
 
 @pytest.mark.thorough
 def test_a_swing_that_is_too_fast_fails_and_passes_at_the_speed_offered():
-    judge = Preflight(SERVO20, SERVO20.limits)
+    judge = preflight(SERVO20)
     played = swinging(25.0, seconds=0.4)
     verdict = judge.judge(played, simulate=True)
     assert {"held back", "physics: off target"} <= checks(verdict)
@@ -63,14 +68,14 @@ def test_no_tempo_mends_a_collision():
     for name, angle in (("l_hip_roll", -0.8), ("r_hip_roll", 0.8)):
         targets[:, SERVO20.joints.index(name)] = angle
     played = PlayedMotion("crossed", True, targets, (bent_pose(human()),) * 20)
-    verdict = Preflight(SERVO20, SERVO20.limits).judge(played, simulate=False)
+    verdict = preflight(SERVO20).judge(played, simulate=False)
     assert "self-collision" in checks(verdict)
     assert verdict.passes_at is None
 
 
 def test_a_weak_servo_is_found_out_by_its_torque_and_its_heat():
     weak = replace(SERVO20, servo=type(SERVO20.servo)(torque=0.05, speed=4.8, current=2.3, hottest=30.0))
-    verdict = Preflight(weak, weak.limits).judge(swinging(2.0), simulate=False)
+    verdict = preflight(weak).judge(swinging(2.0), simulate=False)
     assert {"torque", "heat in 10 min"} <= checks(verdict)
 
 
@@ -83,7 +88,7 @@ def test_a_torque_limit_of_the_model_file_is_judged_and_the_joint_named():
     targets = np.tile(weak.rest, (40, 1))
     targets[:, shoulder] += 1.2  # an arm held out
     played = PlayedMotion("hold", True, targets, (bent_pose(human()),) * 40)
-    verdict = Preflight(weak, weak.limits).judge(played, simulate=False)
+    verdict = preflight(weak).judge(played, simulate=False)
     assert verdict.passes_at is None
     (obstacle,) = verdict.obstacles
     assert (obstacle.check, obstacle.where) == ("torque", "l_shoulder_roll")
@@ -101,7 +106,7 @@ def test_a_soft_servo_is_named_as_the_cause():
     targets = np.tile(soft.rest, (40, 1))
     targets[:, soft.joints.index("l_shoulder_roll")] += 1.2
     played = PlayedMotion("hold", True, targets, (bent_pose(human()),) * 40)
-    (obstacle,) = Preflight(soft, soft.limits).judge(played, simulate=True).obstacles
+    (obstacle,) = preflight(soft).judge(played, simulate=True).obstacles
     assert (obstacle.check, obstacle.where) == ("physics: off target", "l_shoulder_roll")
     assert "soft" in obstacle.cause
     assert "0.1 N m/rad" in obstacle.cause
@@ -109,7 +114,7 @@ def test_a_soft_servo_is_named_as_the_cause():
 
 def test_joints_that_a_rig_does_not_let_so_far_are_out_of_reach():
     narrow = replace(SERVO20.limits, upper=np.minimum(SERVO20.limits.upper, 0.3))
-    verdict = Preflight(SERVO20, narrow).judge(swinging(1.0, seconds=3.0), simulate=False)
+    verdict = Preflight(SERVO20, narrow, SafetyEnvelope).judge(swinging(1.0, seconds=3.0), simulate=False)
     assert "out of reach" in checks(verdict)
 
 
@@ -120,7 +125,7 @@ def test_what_is_out_of_reach_for_an_instant_only_is_let_pass():
     limits = replace(SERVO20.limits, upper=upper)
     for samples in (4, 6):
         played.targets[20 : 20 + samples, 3] = upper[3] + 0.3
-        found[samples] = Preflight(SERVO20, limits).judge(played, simulate=False).findings[1]
+        found[samples] = Preflight(SERVO20, limits, SafetyEnvelope).judge(played, simulate=False).findings[1]
     assert found[4].ok
     assert found[6].value == pytest.approx(0.3)
 
@@ -160,7 +165,7 @@ def test_a_robot_that_leans_too_far_falls_in_both_ways():
     pose = bent_pose(human(), rkne=(0.0, -0.5, 0.0), lkne=(0.0, -0.5, 0.0))
     targets = np.clip(SERVO20.retarget(pose), SERVO20.limits.lower, SERVO20.limits.upper)
     played = PlayedMotion("lean", True, np.tile(targets, (60, 1)), (pose,) * 60)
-    verdict = Preflight(SERVO20, SERVO20.limits, "free").judge(played, simulate=True)
+    verdict = preflight(SERVO20, "free").judge(played, simulate=True)
     assert {"off balance", "physics: stands"} <= checks(verdict)
     assert verdict.passes_at is None
 
@@ -173,7 +178,7 @@ def test_who_stands_still_or_is_down_already_cannot_fall(rotation):
     upright = bent_pose(human())
     pose = Pose(upright.root_position, upright.heading, multiply(np.array(rotation), upright.rotation))
     played = PlayedMotion("still", True, np.tile(SERVO20.rest, (40, 1)), (pose,) * 40)
-    judge = Preflight(SERVO20, SERVO20.limits, "free")
+    judge = preflight(SERVO20, "free")
     loads = loads_of(SERVO20, played, free=False, collisions=COLLISIONS, feet=feet_of(SERVO20))
     assert {f.check: f.ok for f in judge.numbers.standing(loads, 1.0)}["off balance"]
     assert {f.check: f.ok for f in judge.trials.findings(played, 1.0)}["physics: stands"]
@@ -183,20 +188,20 @@ def test_a_robot_that_walks_is_judged_by_how_it_stands_and_how_far_it_goes(monke
     monkeypatch.setattr(trials, "FALL_SECONDS", 1.0)
     pose = bent_pose(human())
     played = PlayedMotion("still", True, np.tile(SERVO20.rest, (40, 1)), (pose,) * 40)
-    found = {f.check: f for f in Preflight(SERVO20, SERVO20.limits, "free", walk=True).trials.findings(played, 1.0)}
+    found = {f.check: f for f in preflight(SERVO20, "free", walk=True).trials.findings(played, 1.0)}
     assert found["physics: stands"].value == 1.0
     assert 0.0 < found["capture point off"].value < 20.0
     assert found["robot goes"].value < 0.02
     weak = replace(SERVO20, servo=msgspec.structs.replace(SERVO20.servo, torque=0.1))
     with pytest.raises(MotiondeckError, match="cannot stand on one leg"):
-        Preflight(weak, weak.limits, "free", walk=True).trials.findings(played, 1.0)
+        preflight(weak, "free", walk=True).trials.findings(played, 1.0)
 
 
 def test_a_robot_that_falls_while_it_is_to_walk_is_told_so_with_the_time(monkeypatch):
     monkeypatch.setattr(trials, "FALL_SECONDS", 4.0)
     played = PlayedMotion("still", True, np.tile(SERVO20.rest, (40, 1)), (bent_pose(human()),) * 40)
     late = replace(SERVO20, servo=msgspec.structs.replace(SERVO20.servo, latency=0.3))
-    found = {f.check: f for f in Preflight(late, late.limits, "free", walk=True).trials.findings(played, 1.0)}
+    found = {f.check: f for f in preflight(late, "free", walk=True).trials.findings(played, 1.0)}
     assert not found["physics: stands"].ok
     assert 0.5 < found["physics: stands"].value < found["physics: stands"].limit
     assert not found["capture point off"].ok
@@ -249,7 +254,7 @@ def test_where_nothing_passes_none_is_offered():
 
 
 def test_a_play_that_is_astray_ends_early_and_with_the_same_verdict():
-    judge = Preflight(SERVO20, SERVO20.limits)
+    judge = preflight(SERVO20)
     for rate in (2.0, 25.0):
         played = swinging(rate, seconds=0.8)
         whole, _, _ = judge.trials.play(played, 1.0, "gantry")
@@ -278,7 +283,7 @@ def test_what_was_judged_before_changes_neither_verdicts_nor_how_motions_are_sam
 
     def judged(first):
         robot = load_robot(ROBOTS / "servo20.toml", human())
-        judge = Preflight(robot, robot.limits)
+        judge = preflight(robot)
         for played in first:
             judge.judge(played, simulate=False)
         retarget = deepcopy(robot.retarget, {id(robot.model): robot.model})

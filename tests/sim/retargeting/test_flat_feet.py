@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from controller.loop.safety.safety_envelope import SafetyEnvelope
 from controller.motion.clip import Clip
 from controller.motion.rest_pose import FOOT_SLOPE
 from motiondeck_base.shipped import find_robot
@@ -68,6 +69,6 @@ def test_feet_that_never_stand_tell_nothing():
 def test_the_robots_soles_are_flat_where_the_humans_are():
     clip = standing_clip(0.69)
     robot = load_robot(find_robot("servo20"), clip.skeleton, dt=DT)
-    played = carry(clip, robot).played[-1]
+    played = carry(clip, robot, SafetyEnvelope).played[-1]
     pitch = {name: played[robot.joints.index(name)] for name in ("r_hip_pitch", "r_knee", "r_ankle_pitch")}
     assert sum(pitch.values()) == pytest.approx(0.0, abs=0.05)
