@@ -1,1 +1,1 @@
-"""What every package stands on: the errors a user can mend, TOML files, and the files that are shipped."""
+"""Shared by all packages: errors, files, TOML, parallel jobs."""

@@ -1,6 +1,6 @@
 """Named arrays with a JSON header in one safetensors file: written whole or not at all, checked when read.
 
-Reading executes nothing. What the arrays mean is the business of whoever writes them: a motion library, a recognizer.
+Reading executes nothing. The caller defines what the arrays mean: a motion library, a recognizer.
 """
 
 from __future__ import annotations

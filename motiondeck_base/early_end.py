@@ -9,7 +9,7 @@ _asked = 0
 
 
 def take_signals() -> None:
-    """From now on SIGTERM and SIGHUP end the program with a word, unless somebody takes or ignores them already."""
+    """Makes SIGTERM and SIGHUP end the program with one line, unless they are handled or ignored already."""
     for number in (signal.SIGTERM, signal.SIGHUP):
         if signal.getsignal(number) == signal.SIG_DFL:
             signal.signal(number, _end)

@@ -1,4 +1,4 @@
-"""What msgspec says of a value that does not fit, in the words of somebody who writes a file."""
+"""Translates msgspec errors into the terms of TOML and JSON files."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Files that are not what their name says: what stands in their place, by how they begin, and what to do."""
+"""Recognizes files whose content is of another kind than their name says, by their first bytes."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The names that a mistyped one may have meant; a name that is far from all of them is offered none."""
+"""Suggests known names that are similar to a mistyped one."""
 
 from __future__ import annotations
 

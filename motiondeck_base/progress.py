@@ -18,7 +18,7 @@ class Tick(Protocol):
 
 @contextmanager
 def progress(words: str, total: int | None) -> Iterator[Tick]:
-    """A bar of so many steps (None: unknown) on standard error; the context gives the function that moves it on."""
+    """A bar of `total` steps (None: unknown) on standard error; the context value is the function that advances it."""
     from rich.console import Console
     from rich.progress import (
         BarColumn,

@@ -1,4 +1,4 @@
-"""Whose programs are at the other end of sockets on this machine: the system's tables of sockets say it."""
+"""The users that own sockets on this machine, from the tables of /proc/net."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ End = tuple[str, int]
 
 
 def owner_of_connection(here: End, there: End) -> int | None:
-    """The user whose program on this machine has a TCP connection over IPv4 between two addresses; None if nobody."""
+    """The user that has a TCP connection over IPv4 between two addresses on this machine; None if none has."""
     plain = (_as_listed(here), _as_listed(there))
     mapped = (_MAPPED + plain[0], _MAPPED + plain[1])
     for table, ends in (("tcp", plain), ("tcp6", mapped)):

@@ -3,6 +3,7 @@
 import os
 import stat
 import threading
+from pathlib import Path
 
 import pytest
 
@@ -33,3 +34,23 @@ def test_a_link_stays_a_link_to_what_was_written(tmp_path):
     write_file(link, b"walk")
     assert link.is_symlink()
     assert (tmp_path / "monday.bvh").read_bytes() == b"walk"
+
+
+@pytest.mark.parametrize("mask", [0o022, 0o077, 0o002])
+def test_the_umask_decides_who_may_read_a_file(tmp_path, mask):
+    before = os.umask(mask)
+    try:
+        write_file(tmp_path / "walk.bvh", b"walk")
+    finally:
+        os.umask(before)
+    assert stat.S_IMODE((tmp_path / "walk.bvh").stat().st_mode) == 0o666 & ~mask
+
+
+def test_a_file_is_on_the_disk_before_it_takes_the_place_of_another(tmp_path, monkeypatch):
+    done = []
+    sync, replace = os.fsync, Path.replace
+    monkeypatch.setattr(os, "fsync", lambda number: done.append("synced") or sync(number))
+    monkeypatch.setattr(Path, "replace", lambda path, to: done.append("renamed") or replace(path, to))
+    write_file(tmp_path / "walk.bvh", b"walk")
+    assert done == ["synced", "renamed"]
+    assert [file.name for file in tmp_path.iterdir()] == ["walk.bvh"]
