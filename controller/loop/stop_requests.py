@@ -8,7 +8,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
 
-from controller.wire.messages.replies import Mode
+from controller.wire.messages.deck_snapshot import Mode
 from motiondeck_base.early_end import end_if_asked
 from motiondeck_base.errors import MotiondeckError
 

@@ -38,6 +38,7 @@ from controller.motion.clip import Clip
 from controller.motion.encodings.joint_angles import JointBody
 from controller.motion.rotations import Array
 from controller.motion.skeleton import Skeleton
+from controller.wire.messages.deck_snapshot import SnapshotSource
 from controller.wire.messages.lock_state import lock_numbers
 from controller.wire.messages.replies import Refused
 from motiondeck.run.beside.child_process import Children, child_process, kept_tty, page_process
@@ -161,7 +162,16 @@ class Session:
         self._recorder = self._open_recorder(opening)
         seen = (lambda watch=self._watch: watch.seen) if self._watch else None
         ticks = self._clock if isinstance(self._clock, Ticker) else None
-        commanded = CommandedRun(self._deck, seen, servos, self._first.pushable, settings.restarts, ticks)
+        guards = [robot.guard for robot in self.robots if robot.guard is not None]
+        self._snapshots = SnapshotSource(
+            self._deck,
+            self._first.pushable,
+            self._watch,
+            (lambda: sum(guard.kept_apart.total() for guard in guards)) if guards else None,
+        )
+        commanded = CommandedRun(
+            self._deck, servos, self._first.pushable, settings.restarts, ticks, snapshots=self._snapshots
+        )
         self._desk = CommandDesk(commanded, servers, self._recorder.note if self._recorder else None)
         self._wired_stop = WiredStopWatch(settings.stop_input, self._desk) if settings.stop_input is not None else None
         self._news = RunNews(self._desk, self._clock, self._channels, servers, seen)
@@ -248,7 +258,7 @@ class Session:
                 seconds=settings.seconds if settings.seconds is not None else float("inf"),
                 rest=np.concatenate(rests) if len(rests) == len(self.robots) else None,
                 commands=self._carry_out_commands,
-                publish=self._publish if self._page or self._recorder or self._watch else None,
+                publish=self._publish,
                 publish_every=1 if self._recorder or self._watch else self._ticks_a_picture,
                 stop=self._stop,
             )
@@ -303,6 +313,7 @@ class Session:
 
     def _publish(self, state: LoopState) -> None:
         """Hands the state to the watch, to the recorder and, now and then, to the page."""
+        self._snapshots.loop = state
         if self._watch is not None:
             self._watch.look(state, self._deck, self._stop)
         if self._recorder is not None:

@@ -32,7 +32,7 @@ from controller.wire.messages.commands import (
     Switch,
     Unlock,
 )
-from controller.wire.messages.replies import Mode
+from controller.wire.messages.deck_snapshot import Mode
 
 CUE_COMMANDS = (Switch, Queue, Blend, SetTempo, SetInput, Jump, Unlock, Pause, Resume, Home, Push, Stop)
 """What a show may command: nothing that releases an emergency stop, switches torque or loads files."""

@@ -12,8 +12,9 @@ from controller.loop.commands.second_replies import SecondReplies
 from controller.loop.stop_requests import StopRequest
 from controller.wire.command_socket import CommandServer
 from controller.wire.messages.commands import AtTime, DeckCommand
+from controller.wire.messages.deck_snapshot import Mode
 from controller.wire.messages.events import EventKind
-from controller.wire.messages.replies import Accepted, Mode, Refused, Reply
+from controller.wire.messages.replies import Accepted, Refused, Reply
 
 
 class CommandDesk:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 import random
-from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 from typing import NamedTuple
@@ -15,6 +14,7 @@ from controller.loop.stop_requests import EmergencyStopError, StopRequest
 from controller.wire.messages import commands
 from controller.wire.messages.command_table import row_of
 from controller.wire.messages.commands import DeckCommand
+from controller.wire.messages.deck_snapshot import SnapshotSource
 from controller.wire.messages.events import Event
 from controller.wire.messages.replies import Accepted, PhaseNow, Refused, Reply, State
 from motiondeck_base.errors import MotiondeckError
@@ -34,22 +34,23 @@ class CommandedRun:
 
     Attributes:
         deck: the deck that is commanded.
-        seen: the motion that is recognized and the confidence, or None.
         servos: of the rig, if there is one.
         body: what is simulated, if it can be pushed.
         restarts: whether the run can be started again with another library.
         ticks: the clock of the loop, in real time.
+        snapshots: of the run, for status replies; by default of the deck and the body.
         timed: the commands whose time is still to come.
     """
 
     deck: Commandable
-    seen: Callable[[], tuple[str, float] | None] | None = None
     servos: RigServos | None = None
     body: Pushable | None = None
     restarts: bool = False
     ticks: RealTime | None = None
+    snapshots: SnapshotSource | None = None
 
     def __post_init__(self) -> None:
+        self._snapshots = self.snapshots or SnapshotSource(self.deck, self.body)
         self.timed = TimedCommands(self.ticks)
         self._code = 0.0  # that confirms the reset of the present emergency stop from another machine
 
@@ -66,7 +67,7 @@ class CommandedRun:
         deck, done = self.deck, Outcome(Accepted(message.id))
         match message:
             case commands.GetStatus():
-                return Outcome(self._state(message, stop))
+                return Outcome(State.of(self._snapshots.take(stop), deck.motions, message.id))
             case commands.GetPhase():
                 return Outcome(PhaseNow(deck.motion, deck.phase, deck.phase_rate, message.id, deck.phase_at))
             case commands.ReadRegisters(joint=joint):
@@ -186,25 +187,3 @@ class CommandedRun:
         if self.servos is None:
             raise MotiondeckError("no servos are driven here; play with --rig")
         return self.servos
-
-    def _state(self, message: DeckCommand, stop: StopRequest) -> State:
-        deck = self.deck
-        return State(
-            motion=deck.motion,
-            motions=list(deck.motions),
-            tempo=deck.tempo,
-            paused=deck.paused,
-            switching=not deck.settled,
-            id=message.id,
-            queue=deck.queue,
-            mode=stop.mode,
-            blend=deck.blend,
-            fell_back=deck.fell_back,
-            seen=self.seen() if self.seen is not None else None,
-            phase=deck.phase,
-            inputs=deck.inputs,
-            lock=deck.lock_state,
-            at=deck.time,
-            fallen=self.body is not None and self.body.fallen,
-            approaching=stop.approaching,
-        )

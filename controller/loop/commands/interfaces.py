@@ -7,8 +7,9 @@ from collections.abc import Callable, Sequence
 from typing import Protocol, runtime_checkable
 
 from controller.wire.messages.commands import Side
+from controller.wire.messages.deck_snapshot import DeckState
 from controller.wire.messages.events import Event
-from controller.wire.messages.lock_state import LockSource, LockState
+from controller.wire.messages.lock_state import LockSource
 from controller.wire.messages.replies import SecondReply
 
 
@@ -23,56 +24,6 @@ class Progress(Protocol):
     fell_back: str
 
 
-class DeckState(Protocol):
-    """What there is to see of a deck.
-
-    Attributes:
-        time: s since the start.
-    """
-
-    time: float
-
-    @property
-    def motions(self) -> Sequence[str]:
-        """The names of its motions."""
-        ...
-
-    @property
-    def motion(self) -> str:
-        """The motion that is played or being switched to."""
-        ...
-
-    @property
-    def settled(self) -> bool:
-        """Whether no switch is under way."""
-        ...
-
-    @property
-    def paused(self) -> bool:
-        """Whether it is paused."""
-        ...
-
-    @property
-    def queue(self) -> list[str]:
-        """The motions that are played next."""
-        ...
-
-    @property
-    def blend(self) -> tuple[tuple[str, float], ...]:
-        """The motions that are blended in, each with its weight."""
-        ...
-
-    @property
-    def phase(self) -> float | None:
-        """How far the motion is, from 0 to 1; None if that is not known."""
-        ...
-
-    @property
-    def lock_state(self) -> LockState | None:
-        """What the phase is locked to, if it is."""
-        ...
-
-
 class Commandable(DeckState, Protocol):
     """The part of a deck that commands need; it raises a MotiondeckError for a command that it cannot carry out.
 
@@ -84,22 +35,12 @@ class Commandable(DeckState, Protocol):
     events: deque[Event]
     phase_at: float | None
 
-    @property
-    def tempo(self) -> float:
-        """The tempo."""
-        ...
-
     def switch(self, to: str, *, direct: bool = False) -> Progress:
         """Starts a switch."""
         ...
 
     def enqueue(self, to: str) -> Progress:
         """Plays a motion after the present and the queued ones."""
-        ...
-
-    @property
-    def fell_back(self) -> str:
-        """Why the last blend was given up and what was played instead, or ""."""
         ...
 
     def blend_in(self, first: str, second: str, weight: float, also: Sequence[tuple[str, float]] = ()) -> Progress:
@@ -113,11 +54,6 @@ class Commandable(DeckState, Protocol):
 
     def set_tempo(self, factor: float, over: float = 0.0) -> None:
         """Plays at another tempo."""
-        ...
-
-    @property
-    def inputs(self) -> dict[str, float]:
-        """The present values of inputs besides the phase."""
         ...
 
     def set_input(self, name: str, value: float) -> None:

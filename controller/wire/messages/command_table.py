@@ -34,8 +34,8 @@ from controller.wire.messages.arguments import (
 )
 from controller.wire.messages.blends import MOST_BLENDED, blend_weights
 from controller.wire.messages.commands import MOST_BYTES, SIDES, AnyCommand, CommandError, DeckCommand, Timeable
+from controller.wire.messages.deck_snapshot import Mode
 from controller.wire.messages.lock_state import LOCK_SOURCES
-from controller.wire.messages.replies import Mode
 from motiondeck_base.near_names import did_you_mean
 
 ALWAYS: frozenset[Mode] = frozenset(get_args(Mode))

@@ -6,15 +6,13 @@ more when it has settled, a look at servos when they have answered.
 
 from __future__ import annotations
 
-from typing import Literal
+from collections.abc import Sequence
 
 import msgspec
 
 from controller.wire.messages.commands import CommandError, Natural
+from controller.wire.messages.deck_snapshot import DeckSnapshot
 from controller.wire.messages.events import Event
-from controller.wire.messages.lock_state import LockState
-
-Mode = Literal["playing", "home", "held", "emergency stop"]
 
 
 class Accepted(msgspec.Struct, frozen=True, tag="accepted"):
@@ -104,46 +102,22 @@ class PhaseNow(msgspec.Struct, frozen=True, tag="phase"):
     at: float | None = None
 
 
-class State(msgspec.Struct, frozen=True, tag="state"):
-    """What is played, and what can be.
+class State(DeckSnapshot, frozen=True, kw_only=True, tag="state"):
+    """The status of a deck: its snapshot, and all motions of the library.
 
     Attributes:
-        motion: the motion that is played or being switched to.
         motions: all motions of the library.
-        tempo: the present tempo; negative backwards.
-        phase: how far the motion is, from 0 to 1; None if the network runs by itself.
-        lock: what the phase is locked to, if it is.
-        paused: whether it is paused.
-        switching: whether a switch is under way.
         id: that of the command.
-        queue: the motions that are played next.
-        mode: whether the joints follow the motion, stand at home, are held, or are held by the emergency stop.
-        blend: the motions that are blended in, each with its weight.
-        fell_back: why the last blend was given up and what was played instead.
-        seen: the motion that is recognized, and the confidence, while that is switched on.
-        inputs: the present values of the inputs that motions have besides the phase.
-        at: s of the deck, the clock of its events; it waits while the joints approach the motion.
-        fallen: whether the simulated robot has fallen and not stood again.
-        approaching: whether the joints are on their slow way to the motion.
     """
 
-    motion: str
     motions: list[str]
-    tempo: float
-    paused: bool
-    switching: bool
     id: Natural
-    queue: list[str] = []
-    mode: Mode = "playing"
-    blend: tuple[tuple[str, float], ...] = ()
-    fell_back: str = ""
-    seen: tuple[str, float] | None = None
-    phase: float | None = None
-    inputs: dict[str, float] = {}
-    lock: LockState | None = None
-    at: float = 0.0
-    fallen: bool = False
-    approaching: bool = False
+
+    @classmethod
+    def of(cls, snapshot: DeckSnapshot, motions: Sequence[str], id: int) -> State:
+        """The reply to the command `id`."""
+        fields = {name: getattr(snapshot, name) for name in DeckSnapshot.__struct_fields__}
+        return cls(motions=list(motions), id=id, **fields)
 
 
 Reply = Accepted | Refused | Settled | Registers | OnPorts | State | PhaseNow | Event

@@ -10,6 +10,7 @@ from controller.loop.loop import LoopState
 from controller.loop.stop_requests import StopRequest
 from controller.motion.rotations import Array
 from controller.motion.skeleton import Skeleton
+from controller.wire.messages.deck_snapshot import Recognized
 from motiondeck.run.recognition.watch import NOTHING_SURE, WatchedDeck
 
 if TYPE_CHECKING:
@@ -33,6 +34,8 @@ class BodyWatch:
         from controller.learning.recognition.body_recognizer import BodyRecognizer
 
         self._body = BodyRecognizer(recognizer, skeleton)
+        # Nothing is commanded that these motions could miss.
+        self.mismatch_s, self.stuck = 0.0, ""
         self._time: float | None = None
         self._spent: Counter[tuple[str, str]] = Counter()  # ticks, by what was played and what was seen
         self._spans: deque[tuple[float, str]] = deque(maxlen=MOST_KEPT)
@@ -43,9 +46,9 @@ class BodyWatch:
         return self._body.motions
 
     @property
-    def seen(self) -> tuple[str, float] | None:
-        """The motion that is seen and how surely; None while nothing is sure."""
-        return (self._body.seen, self._body.confidence) if self._body.seen is not None else None
+    def seen(self) -> Recognized | None:
+        """The recognized motion, with its confidence; None while none is certain."""
+        return Recognized(self._body.seen, self._body.confidence) if self._body.seen is not None else None
 
     def look(self, state: LoopState, deck: WatchedDeck, stop: StopRequest) -> None:
         """Takes in one tick; while the deck's time stands still there is nothing to be seen."""

@@ -17,6 +17,7 @@ from controller.loop.loop import LoopState
 from controller.loop.output_channel import Channel
 from controller.loop.stop_requests import StopRequest
 from controller.motion.rotations import Array
+from controller.wire.messages.deck_snapshot import Recognized
 from motiondeck.run.recognition.watch import STANDING_STILL, WatchedDeck
 from motiondeck.run.robots.robot_on_deck import RobotOnDeck
 
@@ -86,7 +87,8 @@ class RecognitionWatch:
         for name, targets in motions.items():
             motions[name] = np.clip(targets, limits.lower, limits.upper)[:, self._order]
             unwind(motions[name], self._balls)
-        self.watch = DeckWatch(teach_joints(motions), [joints[j] for j in self._order.tolist()], rate, policy.patience)
+        self._joints = [joints[joint] for joint in self._order.tolist()]
+        self.watch = DeckWatch(teach_joints(motions), self._joints, rate, policy.patience)
         self._targets, self._measured = np.zeros(len(self._order)), np.zeros(len(self._order))
         self._time = -1.0
         self._printed = 0
@@ -98,9 +100,20 @@ class RecognitionWatch:
         return self._names
 
     @property
-    def seen(self) -> tuple[str, float] | None:
-        """The motion that the joints look like and how surely, in [0, 1); None while they stand still."""
-        return (self.watch.seen, self.watch.confidence) if self.watch.seen is not None else None
+    def seen(self) -> Recognized | None:
+        """The motion that the joints look like, with its confidence; None while they stand still."""
+        return Recognized(self.watch.seen, self.watch.confidence) if self.watch.seen is not None else None
+
+    @property
+    def mismatch_s(self) -> float:
+        """For how long another motion than the commanded one has been recognized, s."""
+        return self.watch.mismatch
+
+    @property
+    def stuck(self) -> str:
+        """The joint that follows its targets least, if any does not."""
+        stuck = self.watch.stuck
+        return self._joints[int(stuck.argmax())] if stuck.any() else ""
 
     def look(self, state: LoopState, deck: WatchedDeck, stop: StopRequest) -> None:
         """Takes in one tick; an alarm is printed once, and ends the run if that is the policy."""

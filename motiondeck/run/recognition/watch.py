@@ -8,6 +8,7 @@ from typing import Any, Protocol
 from controller.loop.loop import LoopState
 from controller.loop.stop_requests import StopRequest
 from controller.motion.rotations import Array
+from controller.wire.messages.deck_snapshot import Recognized
 
 # What the page shows of it, one number each: places among the names of the watch (-1 while standing still, -2 while
 # nothing is sure) and among the robot's joints (-1 for none).
@@ -40,8 +41,18 @@ class Watch(Protocol):
         ...
 
     @property
-    def seen(self) -> tuple[str, float] | None:
-        """The motion that is seen and how surely, in [0, 1); None while there is none."""
+    def seen(self) -> Recognized | None:
+        """The recognized motion, with its confidence."""
+        ...
+
+    @property
+    def mismatch_s(self) -> float:
+        """For how long another motion than the commanded one has been recognized, s."""
+        ...
+
+    @property
+    def stuck(self) -> str:
+        """A joint that does not follow its targets, or ""."""
         ...
 
     def look(self, state: LoopState, deck: WatchedDeck, stop: StopRequest) -> None:

@@ -126,18 +126,18 @@ def test_any_words_are_a_message_or_a_command_error(words):
 def test_replies_are_told_in_one_line():
     assert describe(Accepted(1)) == "accepted"
     assert describe(Accepted(1, "bow", ["standup"])) == "accepted, after bow, by way of standup"
-    assert describe(State("jog", ["jog"], 1.0, True, False, 1, ["bow"], "home")) == (
+    assert describe(State(motion="jog", motions=["jog"], paused=True, id=1, queue=["bow"], mode="home")) == (
         "home; playing jog, paused; next: bow; motions: jog"
     )
     assert describe(Refused("there is no jig", 1)) == "refused: there is no jig"
     assert describe(Settled("jog", 0.333, 1)) == "settled on jog after 0.33 s"
-    assert describe(State("jog", ["jog", "walk"], 1.0, False, True, 1)) == (
+    assert describe(State(motion="jog", motions=["jog", "walk"], switching=True, id=1)) == (
         "switching to jog, at tempo 1.00; motions: jog, walk"
     )
-    assert describe(State("jog", ["jog"], -0.5, False, False, 1, phase=0.25)) == (
+    assert describe(State(motion="jog", motions=["jog"], tempo=-0.5, id=1, phase=0.25)) == (
         "playing jog, at tempo -0.50, phase 0.25; motions: jog"
     )
-    assert describe(State("jog", ["jog"], 1.0, True, False, 1)) == "playing jog, paused; motions: jog"
+    assert describe(State(motion="jog", motions=["jog"], paused=True, id=1)) == "playing jog, paused; motions: jog"
 
 
 class Answering:

@@ -42,7 +42,8 @@ class Deck:
         self.motions, self.tempo, self.settled, self.queue, self.inputs = ["walk"], 1.0, True, [], {}
         self.phase = self.lock_state = None
         self.blend = ()
-        self.fell_back = ""
+        self.fell_back, self.playing, self.way = "", "walk", []
+        self.commanded_tempo, self.restarts = 1.0, 0
 
     def pause(self):
         self.paused = True

@@ -152,7 +152,7 @@ def test_a_gamepad_that_is_unplugged_pauses_the_deck():
         while not ended.is_set():
             for message, sender in server.poll():
                 heard.append(type(message))
-                state = State("walk", list(MOTIONS), 1.0, False, False, message.id)
+                state = State(motion="walk", motions=list(MOTIONS), id=message.id)
                 server.reply(sender, state if isinstance(message, GetStatus) else Accepted(message.id))
             time.sleep(0.001)
 

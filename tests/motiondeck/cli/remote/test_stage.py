@@ -36,7 +36,7 @@ class StandIn:
         while not self.left.is_set():
             for message, sender in self.server.poll():
                 if isinstance(message, GetStatus):
-                    self.server.reply(sender, State("walk", ["walk", "jog"], 1.0, False, False, message.id))
+                    self.server.reply(sender, State(motion="walk", motions=["walk", "jog"], id=message.id))
                     continue
                 self.heard.append(message)
                 refused = isinstance(message, Switch) and message.to == "jog"
