@@ -7,9 +7,6 @@ of all falls and the worst. Each fall happens twice, with the fall guard of `--w
 With --rise guarded robots are watched for longer: how many stand again, and how long after the push.
 """
 
-# pyright: reportAttributeAccessIssue=false
-# (MuJoCo's names come from compiled modules, which have no type stubs.)
-
 from __future__ import annotations
 
 import argparse

@@ -6,9 +6,6 @@ reads one recorded round by the clock. Says how far the targets of each are from
 hold, and how fast joints move and targets change afterwards; `--film` draws both side by side.
 """
 
-# pyright: reportAttributeAccessIssue=false
-# (MuJoCo's names come from compiled modules, which have no type stubs.)
-
 from __future__ import annotations
 
 import argparse

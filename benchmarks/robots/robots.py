@@ -8,9 +8,6 @@ up or down as a whole first, until their lowest points touch the floor in half o
 clips. The peers need mink (pip install mink). Nothing is downloaded without --download.
 """
 
-# pyright: reportAttributeAccessIssue=false
-# (MuJoCo's names come from compiled modules, which have no type stubs.)
-
 from __future__ import annotations
 
 import json

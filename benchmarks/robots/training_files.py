@@ -8,9 +8,6 @@ and mj_forward says where the other bodies are. `farthest` is how far they are f
 far their rotations are from body_quat_w. Times are wall-clock, on all cores.
 """
 
-# pyright: reportAttributeAccessIssue=false
-# (MuJoCo's names come from compiled modules, which have no type stubs.)
-
 from __future__ import annotations
 
 import json

@@ -1,8 +1,5 @@
 """A clip in the browser: the human and its bones, a robot beside it, footprints, and a bar to drag through time."""
 
-# pyright: reportAttributeAccessIssue=false
-# (MuJoCo's names come from compiled modules, which have no type stubs.)
-
 from __future__ import annotations
 
 import contextlib

@@ -1,8 +1,5 @@
 """What the page shows of a deck: the robot and who stands beside it, the panel, the rig and the last minutes."""
 
-# pyright: reportAttributeAccessIssue=false
-# (MuJoCo's names come from compiled modules, which have no type stubs.)
-
 from __future__ import annotations
 
 from collections.abc import Mapping

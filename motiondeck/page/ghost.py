@@ -1,8 +1,5 @@
 """The ghost: the translucent human whose motion a robot plays, over it or beside it on the page."""
 
-# pyright: reportAttributeAccessIssue=false
-# (MuJoCo's names come from compiled modules, which have no type stubs.)
-
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence

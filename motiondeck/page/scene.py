@@ -1,8 +1,5 @@
 """The scene of the page: the robot, its shadow and the floor it walks on."""
 
-# pyright: reportAttributeAccessIssue=false
-# (MuJoCo's names come from compiled modules, which have no type stubs.)
-
 from __future__ import annotations
 
 import mujoco

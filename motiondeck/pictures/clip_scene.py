@@ -1,8 +1,5 @@
 """A recording as something to look at: its body, its bones, its steps, and a robot that does the same beside it."""
 
-# pyright: reportAttributeAccessIssue=false
-# (MuJoCo's names come from compiled modules, which have no type stubs.)
-
 from __future__ import annotations
 
 from dataclasses import replace

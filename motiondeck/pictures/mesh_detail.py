@@ -1,8 +1,5 @@
 """Meshes with no more detail than a picture shows: a robot of 400 000 triangles is drawn from a quarter of them."""
 
-# pyright: reportAttributeAccessIssue=false
-# (MuJoCo's names come from compiled modules, which have no type stubs.)
-
 from __future__ import annotations
 
 import copy

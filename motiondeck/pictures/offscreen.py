@@ -1,8 +1,5 @@
 """Pictures of a robot without a screen: EGL where it works, else OSMesa, with settings made for software rendering."""
 
-# pyright: reportAttributeAccessIssue=false
-# (MuJoCo's names come from compiled modules, which have no type stubs.)
-
 from __future__ import annotations
 
 import ctypes

@@ -3,9 +3,6 @@
 OpenGL in software does most of its work on one core; two screens on two cores halve the time of a film.
 """
 
-# pyright: reportAttributeAccessIssue=false
-# (MuJoCo's names come from compiled modules, which have no type stubs.)
-
 from __future__ import annotations
 
 from collections import deque

@@ -1,8 +1,5 @@
 """Side by side: a robot beside the human whose motion it plays, as one model to be drawn."""
 
-# pyright: reportAttributeAccessIssue=false
-# (MuJoCo's names come from compiled modules, which have no type stubs.)
-
 from __future__ import annotations
 
 from dataclasses import replace

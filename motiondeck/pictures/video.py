@@ -1,8 +1,5 @@
 """Films and contact sheets: a motion as an mp4, a GIF, or a row of pictures."""
 
-# pyright: reportAttributeAccessIssue=false
-# (MuJoCo's names come from compiled modules, which have no type stubs.)
-
 from __future__ import annotations
 
 import errno

@@ -1,8 +1,5 @@
 """Ball joints of a robot's model: only hinges are played, so three of them take the place of each that is driven."""
 
-# pyright: reportAttributeAccessIssue=false
-# (MuJoCo's names come from compiled modules, which have no type stubs.)
-
 from __future__ import annotations
 
 from itertools import combinations

@@ -1,8 +1,5 @@
 """Coupled joints: which joints of a robot follow another one, by an equality constraint of its model."""
 
-# pyright: reportAttributeAccessIssue=false
-# (MuJoCo's names come from compiled modules, which have no type stubs.)
-
 from __future__ import annotations
 
 from collections.abc import Mapping

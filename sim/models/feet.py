@@ -1,8 +1,5 @@
 """Feet: where the flat soles of a robot are, found from its shape in the rest pose, whatever its bodies are called."""
 
-# pyright: reportAttributeAccessIssue=false
-# (MuJoCo's names come from compiled modules, which have no type stubs.)
-
 from __future__ import annotations
 
 from dataclasses import dataclass

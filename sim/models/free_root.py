@@ -1,8 +1,5 @@
 """The free root of a robot: its file may have it fixed to the world, on rails, tied to something, or on the floor."""
 
-# pyright: reportAttributeAccessIssue=false
-# (MuJoCo's names come from compiled modules, which have no type stubs.)
-
 from __future__ import annotations
 
 from pathlib import Path

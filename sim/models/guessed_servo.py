@@ -11,9 +11,6 @@ the foot: the stiffness of its joints is at least STANCE times the weight times 
 rotor to match.
 """
 
-# pyright: reportAttributeAccessIssue=false
-# (MuJoCo's names come from compiled modules, which have no type stubs.)
-
 from __future__ import annotations
 
 from collections.abc import Sequence

@@ -4,9 +4,6 @@ A robot's joints are those its actuators drive, in the actuators' order. A hinge
 joint has three, the components of its rotation vector, driven by three actuators in a row.
 """
 
-# pyright: reportAttributeAccessIssue=false
-# (MuJoCo's names come from compiled modules, which have no type stubs.)
-
 from __future__ import annotations
 
 from dataclasses import dataclass

@@ -1,8 +1,5 @@
 """The tree of a robot's bodies: what hangs from what, and which hinges lie on the way."""
 
-# pyright: reportAttributeAccessIssue=false
-# (MuJoCo's names come from compiled modules, which have no type stubs.)
-
 from __future__ import annotations
 
 import mujoco

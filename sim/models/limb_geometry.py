@@ -5,9 +5,6 @@ A hinge whose axis runs along the limb (yaw of a thigh, roll of a forearm) turns
 and shoulders are seldom balls: their centre is the point nearest to the axes that lie across the limb.
 """
 
-# pyright: reportAttributeAccessIssue=false
-# (MuJoCo's names come from compiled modules, which have no type stubs.)
-
 from __future__ import annotations
 
 from collections.abc import Sequence

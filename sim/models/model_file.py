@@ -4,9 +4,6 @@ Whatever the file brings, the robot ends up with a free root, one position servo
 as the joint, and none of the file's own floor, sky and lamps: the stage brings those.
 """
 
-# pyright: reportAttributeAccessIssue=false
-# (MuJoCo's names come from compiled modules, which have no type stubs.)
-
 from __future__ import annotations
 
 import re

@@ -1,8 +1,5 @@
 """Overlaps: which bodies of a model penetrate each other, and how deep."""
 
-# pyright: reportAttributeAccessIssue=false
-# (MuJoCo's names come from compiled modules, which have no type stubs.)
-
 from __future__ import annotations
 
 import mujoco

@@ -1,8 +1,5 @@
 """What surrounds every robot: floor, light and sky, and the gantry that carries its root."""
 
-# pyright: reportAttributeAccessIssue=false
-# (MuJoCo's names come from compiled modules, which have no type stubs.)
-
 from __future__ import annotations
 
 import mujoco

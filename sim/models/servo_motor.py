@@ -10,9 +10,6 @@ line), and draws a current in proportion to its torque:
 The gears leave a play, in which the joint is free, and the bus hands a target over late.
 """
 
-# pyright: reportAttributeAccessIssue=false
-# (MuJoCo's names come from compiled modules, which have no type stubs.)
-
 from __future__ import annotations
 
 from typing import Annotated

@@ -1,8 +1,5 @@
 """Surface: where a robot's skin is, as a few hundred balls, and its lowest point, exactly."""
 
-# pyright: reportAttributeAccessIssue=false
-# (MuJoCo's names come from compiled modules, which have no type stubs.)
-
 from __future__ import annotations
 
 from dataclasses import dataclass

@@ -1,8 +1,5 @@
 """The pelvis: a robot is held and seen by it, though its file may have the free root at the trunk, above a waist."""
 
-# pyright: reportAttributeAccessIssue=false
-# (MuJoCo's names come from compiled modules, which have no type stubs.)
-
 from __future__ import annotations
 
 import mujoco

@@ -9,9 +9,6 @@ strategy: ankles push the centre of mass back. Where xi comes near the border of
 harder, and the hips bend towards it (the hip strategy): while the trunk is being turned the floor pushes back.
 """
 
-# pyright: reportAttributeAccessIssue=false
-# (MuJoCo's names come from compiled modules, which have no type stubs.)
-
 from __future__ import annotations
 
 import mujoco

@@ -1,8 +1,5 @@
 """Contact forces: where the floor holds a simulated body, and how hard."""
 
-# pyright: reportAttributeAccessIssue=false
-# (MuJoCo's names come from compiled modules, which have no type stubs.)
-
 from __future__ import annotations
 
 import mujoco

@@ -1,8 +1,5 @@
 """Kinematic playback: an output that shows joint targets on a MuJoCo robot exactly."""
 
-# pyright: reportAttributeAccessIssue=false
-# (MuJoCo's names come from compiled modules, which have no type stubs.)
-
 from __future__ import annotations
 
 from collections.abc import Mapping

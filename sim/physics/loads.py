@@ -9,9 +9,6 @@ With a free root the floor carries the body: forces within their friction cones 
 chosen to come closest to the force and moment that would hold the root.
 """
 
-# pyright: reportAttributeAccessIssue=false
-# (MuJoCo's names come from compiled modules, which have no type stubs.)
-
 from __future__ import annotations
 
 from dataclasses import dataclass

@@ -1,8 +1,5 @@
 """The model that physics runs on: a robot's own, held by a gantry, fixed where it stands, or free on the floor."""
 
-# pyright: reportAttributeAccessIssue=false
-# (MuJoCo's names come from compiled modules, which have no type stubs.)
-
 from __future__ import annotations
 
 from collections.abc import Callable

@@ -1,8 +1,5 @@
 """Physics playback: an output that plays joint targets on a MuJoCo robot with its servos and masses."""
 
-# pyright: reportAttributeAccessIssue=false
-# (MuJoCo's names come from compiled modules, which have no type stubs.)
-
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping

@@ -1,8 +1,5 @@
 """Pushes of a simulated body: how hard one usually is, how long it lasts, its force, and when it comes."""
 
-# pyright: reportAttributeAccessIssue=false
-# (MuJoCo's names come from compiled modules, which have no type stubs.)
-
 from __future__ import annotations
 
 import math

@@ -4,9 +4,6 @@ So a load, a stall or a fall is felt by the servos: as current, heat, and an ang
 `hardware.emulator.plant.JointPlant`.
 """
 
-# pyright: reportAttributeAccessIssue=false
-# (MuJoCo's names come from compiled modules, which have no type stubs.)
-
 from __future__ import annotations
 
 from collections.abc import Sequence

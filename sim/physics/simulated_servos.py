@@ -1,8 +1,5 @@
 """The servos of a simulated robot at work: their limits, play and delay in each step, and what they have drawn."""
 
-# pyright: reportAttributeAccessIssue=false
-# (MuJoCo's names come from compiled modules, which have no type stubs.)
-
 from __future__ import annotations
 
 from collections import deque

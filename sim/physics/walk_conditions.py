@@ -1,8 +1,5 @@
 """Walk conditions: ground, robot and senses that differ from what a robot's files say."""
 
-# pyright: reportAttributeAccessIssue=false
-# (MuJoCo's names come from compiled modules, which have no type stubs.)
-
 from __future__ import annotations
 
 from collections.abc import Callable

@@ -1,8 +1,5 @@
 """Walk trials: how far a robot gets on its own feet with a played motion, under pushes from all sides."""
 
-# pyright: reportAttributeAccessIssue=false
-# (MuJoCo's names come from compiled modules, which have no type stubs.)
-
 from __future__ import annotations
 
 import time

@@ -9,9 +9,6 @@ A robot with other proportions than the human's slides and floats if its root ju
   Where nothing touches, or slides on purpose, the root takes the human's way, to scale.
 """
 
-# pyright: reportAttributeAccessIssue=false
-# (MuJoCo's names come from compiled modules, which have no type stubs.)
-
 from __future__ import annotations
 
 from collections.abc import Sequence

@@ -3,9 +3,6 @@
 Thigh, whole leg, upper arm, forearm and whole arm are such vectors, and so are the axes of feet, head and chest.
 """
 
-# pyright: reportAttributeAccessIssue=false
-# (MuJoCo's names come from compiled modules, which have no type stubs.)
-
 from __future__ import annotations
 
 from collections.abc import Mapping

@@ -3,9 +3,6 @@
 They are seen from the pelvis, which stands upright and faces x; `limb_finder` finds them.
 """
 
-# pyright: reportAttributeAccessIssue=false
-# (MuJoCo's names come from compiled modules, which have no type stubs.)
-
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence

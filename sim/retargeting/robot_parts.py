@@ -1,8 +1,5 @@
 """The parts of a robot: what a robot file says which of its bodies are thighs, shanks, feet and so on."""
 
-# pyright: reportAttributeAccessIssue=false
-# (MuJoCo's names come from compiled modules, which have no type stubs.)
-
 from __future__ import annotations
 
 from collections.abc import Mapping

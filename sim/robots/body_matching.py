@@ -9,9 +9,6 @@ Looked at is the robot as its file has it (every joint at zero), whichever way i
 - Where they bend and end is told by `limb_parts`.
 """
 
-# pyright: reportAttributeAccessIssue=false
-# (MuJoCo's names come from compiled modules, which have no type stubs.)
-
 from __future__ import annotations
 
 from dataclasses import dataclass

@@ -5,9 +5,6 @@ pose and how high the root stands. If the robot's joints turn its limbs as those
 zero, that solver fits it too: this is measured by turning each joint a little, and then checked in other poses.
 """
 
-# pyright: reportAttributeAccessIssue=false
-# (MuJoCo's names come from compiled modules, which have no type stubs.)
-
 from __future__ import annotations
 
 import json

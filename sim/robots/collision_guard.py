@@ -9,9 +9,6 @@ It looks at what is asked of the joints, not at where they are: what the envelop
 joint held from one tick to the next cannot stop in one, so the limbs then go somewhat deeper into each other.
 """
 
-# pyright: reportAttributeAccessIssue=false
-# (MuJoCo's names come from compiled modules, which have no type stubs.)
-
 from __future__ import annotations
 
 from collections import Counter

@@ -4,9 +4,6 @@ Nothing here looks at how it was carried over: the measures are of the joint pos
 kinematics.
 """
 
-# pyright: reportAttributeAccessIssue=false
-# (MuJoCo's names come from compiled modules, which have no type stubs.)
-
 from __future__ import annotations
 
 from dataclasses import dataclass

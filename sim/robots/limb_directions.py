@@ -6,9 +6,6 @@ distance between the limb's beginning and its end most is the knee (elbow). Of t
 is used, to find the limb, and those of pelvis and chest, from which legs and arms are seen.
 """
 
-# pyright: reportAttributeAccessIssue=false
-# (MuJoCo's names come from compiled modules, which have no type stubs.)
-
 from __future__ import annotations
 
 from collections.abc import Mapping

@@ -5,9 +5,6 @@ the limb on both of its sides. Hinges along the limb belong to the segment that 
 of a forearm. The next hinge across the limb is the ankle (wrist); toes and fingers that follow are left alone.
 """
 
-# pyright: reportAttributeAccessIssue=false
-# (MuJoCo's names come from compiled modules, which have no type stubs.)
-
 from __future__ import annotations
 
 from collections.abc import Sequence

@@ -4,9 +4,6 @@ A human's segments are shares of the height (Drillis and Contini 1966, as in Win
 Human Movement", 4th edition, 2009, figure 4.1).
 """
 
-# pyright: reportAttributeAccessIssue=false
-# (MuJoCo's names come from compiled modules, which have no type stubs.)
-
 from __future__ import annotations
 
 from collections.abc import Collection, Sequence

@@ -10,9 +10,6 @@ time: with the others held, sum_k d_k(q) . g_k = A + B cos q_i + C sin q_i has i
 coordinate descent, Wang and Chen 1991). What is found is attained; how fast joints are plays no part.
 """
 
-# pyright: reportAttributeAccessIssue=false
-# (MuJoCo's names come from compiled modules, which have no type stubs.)
-
 from __future__ import annotations
 
 from collections.abc import Sequence

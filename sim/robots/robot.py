@@ -1,8 +1,5 @@
 """A robot: its MuJoCo model, its joints and their limits, and the way poses are carried onto it."""
 
-# pyright: reportAttributeAccessIssue=false
-# (MuJoCo's names come from compiled modules, which have no type stubs.)
-
 from __future__ import annotations
 
 from copy import deepcopy

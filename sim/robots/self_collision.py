@@ -1,8 +1,5 @@
 """Self-collision: how deep the bodies of a robot penetrate each other, whatever its model lets touch."""
 
-# pyright: reportAttributeAccessIssue=false
-# (MuJoCo's names come from compiled modules, which have no type stubs.)
-
 from __future__ import annotations
 
 import mujoco

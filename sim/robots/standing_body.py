@@ -1,8 +1,5 @@
 """A robot as its file has it, turned one way: its points, and its limbs of hinges."""
 
-# pyright: reportAttributeAccessIssue=false
-# (MuJoCo's names come from compiled modules, which have no type stubs.)
-
 from __future__ import annotations
 
 from dataclasses import dataclass

@@ -11,9 +11,6 @@ Metres, radians, seconds. Joints and bodies are all of the model, in its order, 
 is the body that its file has it in, though it may be played from the pelvis.
 """
 
-# pyright: reportAttributeAccessIssue=false
-# (MuJoCo's names come from compiled modules, which have no type stubs.)
-
 from __future__ import annotations
 
 import io

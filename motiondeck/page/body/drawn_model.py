@@ -1,8 +1,5 @@
 """A drawn model: the solids of one robot or human on a page, with their shadow on the floor."""
 
-# pyright: reportAttributeAccessIssue=false
-# (MuJoCo's names come from compiled modules, which have no type stubs.)
-
 from __future__ import annotations
 
 import mujoco

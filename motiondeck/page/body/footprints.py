@@ -1,8 +1,5 @@
 """Steps: when the feet of a motion stand on the ground, and the prints they leave there."""
 
-# pyright: reportAttributeAccessIssue=false
-# (MuJoCo's names come from compiled modules, which have no type stubs.)
-
 from __future__ import annotations
 
 from collections.abc import Sequence

@@ -1,8 +1,5 @@
 """Live steps: a ball under each foot of a running robot that stands, and the prints that its feet leave."""
 
-# pyright: reportAttributeAccessIssue=false
-# (MuJoCo's names come from compiled modules, which have no type stubs.)
-
 from __future__ import annotations
 
 import mujoco

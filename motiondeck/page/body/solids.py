@@ -5,9 +5,6 @@ primitives is a few batches: caps, mantles, spheres and boxes. A browser without
 vertices, so nothing is drawn that the next solid hides, and shadows are coarser than what casts them.
 """
 
-# pyright: reportAttributeAccessIssue=false
-# (MuJoCo's names come from compiled modules, which have no type stubs.)
-
 from __future__ import annotations
 
 from dataclasses import dataclass

@@ -1,8 +1,5 @@
 """The target pose: a translucent robot where the simulated servos are to bring the real one."""
 
-# pyright: reportAttributeAccessIssue=false
-# (MuJoCo's names come from compiled modules, which have no type stubs.)
-
 from __future__ import annotations
 
 from collections.abc import Callable

@@ -1,8 +1,5 @@
 """The figure's joints glow where a servo is hot, late, limp or lost: a translucent ball about the joint."""
 
-# pyright: reportAttributeAccessIssue=false
-# (MuJoCo's names come from compiled modules, which have no type stubs.)
-
 from __future__ import annotations
 
 from collections.abc import Sequence

@@ -1,8 +1,5 @@
 """Mesh files that MuJoCo does not read: COLLADA (.dae), and STL files that are text or have very many triangles."""
 
-# pyright: reportAttributeAccessIssue=false
-# (MuJoCo's names come from compiled modules, which have no type stubs.)
-
 from __future__ import annotations
 
 import re

@@ -4,9 +4,6 @@ A model that was read from a URDF says so in a text of its own, which goes along
 limbs know its <collision> shapes only, and never wait for large meshes.
 """
 
-# pyright: reportAttributeAccessIssue=false
-# (MuJoCo's names come from compiled modules, which have no type stubs.)
-
 from __future__ import annotations
 
 from collections.abc import Mapping

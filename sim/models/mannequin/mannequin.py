@@ -4,9 +4,6 @@ Each bone is a body that hangs from the end of its parent by a ball joint, and i
 the world's: the ball joint's quaternion is then the bone's rotation seen from its parent.
 """
 
-# pyright: reportAttributeAccessIssue=false
-# (MuJoCo's names come from compiled modules, which have no type stubs.)
-
 from __future__ import annotations
 
 import mujoco

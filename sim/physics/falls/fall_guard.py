@@ -4,9 +4,6 @@ A servo that pushes with  kp (target - position) + kv (rate of target - velocity
 all of its kv: it gives way, and still takes up the energy of the fall.
 """
 
-# pyright: reportAttributeAccessIssue=false
-# (MuJoCo's names come from compiled modules, which have no type stubs.)
-
 from __future__ import annotations
 
 import mujoco

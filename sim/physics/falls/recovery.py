@@ -6,9 +6,6 @@ A robot that lies on its back turns over first. Where the poses of its file do n
 and after TRIES lies straight for good.
 """
 
-# pyright: reportAttributeAccessIssue=false
-# (MuJoCo's names come from compiled modules, which have no type stubs.)
-
 from __future__ import annotations
 
 import math

@@ -4,9 +4,6 @@ Each finding is a number with its limit; beyond the limit the robot would be dam
 Findings about standing are judged if the root is free, and only reported otherwise.
 """
 
-# pyright: reportAttributeAccessIssue=false
-# (MuJoCo's names come from compiled modules, which have no type stubs.)
-
 from __future__ import annotations
 
 from collections.abc import Callable

@@ -1,8 +1,5 @@
 """What a preflight finds in simulated physics: whether servos follow, and whether a free robot stands or walks."""
 
-# pyright: reportAttributeAccessIssue=false
-# (MuJoCo's names come from compiled modules, which have no type stubs.)
-
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping

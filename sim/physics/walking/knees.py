@@ -4,9 +4,6 @@ Where a leg is straight, no small turn of its knee brings the foot nearer to a p
 asks for a large one, to and fro, and pulls the root down meanwhile.
 """
 
-# pyright: reportAttributeAccessIssue=false
-# (MuJoCo's names come from compiled modules, which have no type stubs.)
-
 from __future__ import annotations
 
 from collections.abc import Sequence

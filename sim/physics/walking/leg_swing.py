@@ -13,9 +13,6 @@ the planned capture point moves, for each foot, by the second of
 with the weight W.
 """
 
-# pyright: reportAttributeAccessIssue=false
-# (MuJoCo's names come from compiled modules, which have no type stubs.)
-
 from __future__ import annotations
 
 import math

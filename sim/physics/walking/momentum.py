@@ -14,9 +14,6 @@ longer arms and the quick joints of a large robot. Where the mean of |s| around 
 sole, the body plays the mean of the motion just before and after. It is not later for that: it knows what comes.
 """
 
-# pyright: reportAttributeAccessIssue=false
-# (MuJoCo's names come from compiled modules, which have no type stubs.)
-
 from __future__ import annotations
 
 import mujoco

@@ -16,9 +16,6 @@ the speeds x', then drawn back to what the angles and gravity say.
 What it sees is `delay` old.
 """
 
-# pyright: reportAttributeAccessIssue=false
-# (MuJoCo's names come from compiled modules, which have no type stubs.)
-
 from __future__ import annotations
 
 from collections import deque

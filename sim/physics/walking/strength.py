@@ -12,9 +12,6 @@ leans, as if the force were W / h of it, with the height h of c above the ankle.
     the largest eigenvalue of J K^-1 J^T is above h / W                                                         (15)
 """
 
-# pyright: reportAttributeAccessIssue=false
-# (MuJoCo's names come from compiled modules, which have no type stubs.)
-
 from __future__ import annotations
 
 import mujoco

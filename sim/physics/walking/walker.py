@@ -19,9 +19,6 @@ All is planned on a plane where feet never slip: the robot is seen from the feet
 know where in the world it is.
 """
 
-# pyright: reportAttributeAccessIssue=false
-# (MuJoCo's names come from compiled modules, which have no type stubs.)
-
 from __future__ import annotations
 
 from collections.abc import Sequence

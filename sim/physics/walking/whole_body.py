@@ -10,9 +10,6 @@ pull the root down. Where it would rise faster than it may, or a knee would beco
 solved again with that given.
 """
 
-# pyright: reportAttributeAccessIssue=false
-# (MuJoCo's names come from compiled modules, which have no type stubs.)
-
 from __future__ import annotations
 
 from collections.abc import Sequence

@@ -1,8 +1,5 @@
 """What the live page draws besides the robot: the human whose motion it plays, and the marks of its feet."""
 
-# pyright: reportAttributeAccessIssue=false
-# (MuJoCo's names come from compiled modules, which have no type stubs.)
-
 from types import SimpleNamespace
 from typing import Any
 

@@ -1,8 +1,5 @@
 """Tests of finding the feet of a robot: the body with the sole, whatever hangs above and below it."""
 
-# pyright: reportAttributeAccessIssue=false
-# (MuJoCo's names come from compiled modules, which have no type stubs.)
-
 import mujoco
 import numpy as np
 import pytest

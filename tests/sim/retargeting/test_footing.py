@@ -1,8 +1,5 @@
 """Tests of the root's place above the floor."""
 
-# pyright: reportAttributeAccessIssue=false
-# (MuJoCo's names come from compiled modules, which have no type stubs.)
-
 import mujoco
 import numpy as np
 import pytest

@@ -1,8 +1,5 @@
 """Tests of the inverse kinematics: a robot is asked to hold poses of its own, which it must find again."""
 
-# pyright: reportAttributeAccessIssue=false
-# (MuJoCo's names come from compiled modules, which have no type stubs.)
-
 import mujoco
 import numpy as np
 import pytest
