@@ -14,6 +14,7 @@ if TYPE_CHECKING:
     from motiondeck import networks
     from motiondeck.libraries import Library, MotionGenerator, learn, learn_recipe, load_library
     from motiondeck.live import CommandedMotion, DeckEvent, DeckStatus, LiveDeck, LockState
+    from motiondeck.own_loop import CommandedSwitch, Deck
     from motiondeck.recognition import (
         PoseStream,
         RecognitionStream,
@@ -31,6 +32,8 @@ if TYPE_CHECKING:
 __all__ = [
     "Clip",
     "CommandedMotion",
+    "CommandedSwitch",
+    "Deck",
     "DeckEvent",
     "DeckStatus",
     "JointMotion",
@@ -65,6 +68,7 @@ __all__ = [
 _HOMES = {
     "motiondeck.libraries": ("Library", "MotionGenerator", "learn", "learn_recipe", "load_library"),
     "motiondeck.live": ("CommandedMotion", "DeckEvent", "DeckStatus", "LiveDeck", "LockState"),
+    "motiondeck.own_loop": ("CommandedSwitch", "Deck"),
     "motiondeck.starting": ("play",),
     "motiondeck.recognition": (
         "PoseStream",

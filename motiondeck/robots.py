@@ -37,6 +37,12 @@ class Robot:
     solver: str | None = None
 
     @property
+    def model(self) -> Path | None:
+        """Its MJCF or URDF model; None for a mannequin, which is built from a skeleton."""
+        model = read_robot_file(self.file).model
+        return self.file.parent / model if model is not None else None
+
+    @property
     def joints(self) -> tuple[str, ...]:
         """The names of its joints; a mannequin's are those of the skeleton that it is built for."""
         return load_robot_for(self.file, reference_body()).joints

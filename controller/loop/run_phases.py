@@ -9,7 +9,6 @@ from typing import Protocol
 import numpy as np
 
 from controller.loop.fault_counter import FaultCounter
-from controller.loop.output_channel import Channel
 from controller.loop.safety.approach import Approach
 from controller.loop.safety.safety_envelope import SafetyEnvelope
 from controller.loop.stop_requests import StopRequest
@@ -22,6 +21,15 @@ class Player(Protocol):
 
     def update(self, dt: float) -> tuple[Array, Pose]:
         """Advances by dt seconds; the joint targets (J,), rad, and the pose they come from."""
+        ...
+
+
+class Measuring(Protocol):
+    """What measures joint positions, such as the channel of an output."""
+
+    @property
+    def measured(self) -> Array | None:
+        """The latest positions, shape (J,), rad, NaN for a joint that is not measured; None before the first."""
         ...
 
 
@@ -66,7 +74,7 @@ class Source:
 
 def safe_targets(
     source: Source,
-    channels: Sequence[Channel],
+    channels: Sequence[Measuring],
     envelope: SafetyEnvelope,
     stop: StopRequest,
     seconds: float,
@@ -158,7 +166,7 @@ def _reachable(targets: Array, envelope: SafetyEnvelope) -> Array:
     return np.clip(known, limits.lower, limits.upper)
 
 
-def _measured(channels: Sequence[Channel], assumed: Array) -> Array:
+def _measured(channels: Sequence[Measuring], assumed: Array) -> Array:
     """Where the joints are, shape (J,), rad: as the first output that measures each, else as assumed."""
     present = assumed.copy()
     for channel in reversed(channels):

@@ -14,6 +14,7 @@ RUNS = {
     "learn_two_motions.py": (("--satellites", "25", "--out", "OUT/two.safetensors"), "400 frames of 61 channels"),
     "retarget_and_save.py": (("--out", "OUT/walk.csv"), "wrote 200 frames of 20 joints"),
     "drive_rig.py": (("--servos", "simulated"), "nodded 2 times"),
+    "own_mujoco_loop.py": ((), "jog: servos within 0."),
     "conceptor_patterns.py": (("--plot", "OUT/patterns.png"), "nearly the same: recalled with nrmse 0.0"),
     "centers_and_satellites.py": ((), "a period takes 0.67 s"),
     "recognize_stream.py": (("--seconds", "1.5"), "looks like jog"),
