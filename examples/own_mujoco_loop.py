@@ -3,6 +3,7 @@
 python examples/own_mujoco_loop.py
 """
 
+# pyright: reportAttributeAccessIssue=false
 import mujoco
 
 import motiondeck
