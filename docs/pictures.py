@@ -23,7 +23,6 @@ from PIL import Image, ImageSequence
 
 from controller.deck.deck import Deck
 from controller.library.motion_library import load_library
-from controller.networks.base import NeuronNetwork
 from controller.networks.orbits import orbits
 from motiondeck.pictures.figures import new_figure, save
 from motiondeck.pictures.offscreen import OffScreen
@@ -131,7 +130,7 @@ def rise() -> None:
 def network() -> None:
     """The orbits of the shipped network's neurons, and how its motions overlap."""
     library = load_library(find_library("thesis15"))
-    assert isinstance(library.network, NeuronNetwork)
+    assert library.network.activation is not None
     found = orbits(library.network, {motion.name: motion.frames for motion in library.info.motions})
     figure = new_figure(11.0, 5.0)
     paths, overlap = figure.subplots(1, 2)

@@ -24,8 +24,7 @@ from controller.learning.reservoirs.echo_state_training import EchoStateRecipe
 from controller.learning.reservoirs.phase_conceptor_training import PhaseRecipe
 from controller.learning.reservoirs.phase_echo_state_training import PhaseEchoStateRecipe
 from controller.learning.reservoirs.random_feature_training import RandomFeatureRecipe
-from controller.library.network_arrays import AnyNetwork
-from controller.networks.base import FrameNetwork, Generator
+from controller.networks.base import AnyNetwork, FrameNetwork, Generator, Morph
 from controller.networks.centralized.centers import (
     Duffing,
     FrequencyError,
@@ -52,8 +51,13 @@ from controller.networks.centralized.satellites import (
 from controller.networks.centralized.switching_commands import clamp, collapse_and_kick, excite
 from controller.networks.centralized.switching_design import ModuleDesign, SwitchingModuleError, design_module
 from controller.networks.centralized.switching_module import Command, SwitchingModule
+from controller.networks.conceptor.network import ConceptorNetwork
+from controller.networks.echo_state.network import EchoStateNetwork
+from controller.networks.phase_conceptor.morph import PhaseMorph
+from controller.networks.phase_conceptor.network import PhaseConceptorNetwork
+from controller.networks.phase_echo_state.network import PhaseEchoStateNetwork
+from controller.networks.random_feature.network import RandomFeatureNetwork
 from controller.networks.reservoirs.completion import Completion, LiveCompletion
-from controller.networks.reservoirs.conceptor import ConceptorNetwork
 from controller.networks.reservoirs.conceptor_algebra import (
     adapt_aperture,
     attenuation,
@@ -65,15 +69,25 @@ from controller.networks.reservoirs.conceptor_algebra import (
     quota,
     similarity,
 )
-from controller.networks.reservoirs.echo_state import EchoStateNetwork
 from controller.networks.reservoirs.loaded_signals import LoadedSignals
-from controller.networks.reservoirs.morph import Morph, morph
-from controller.networks.reservoirs.phase_conceptor import PhaseConceptorNetwork
-from controller.networks.reservoirs.phase_echo_state import PhaseEchoStateNetwork
-from controller.networks.reservoirs.phase_morph import PhaseMorph
-from controller.networks.reservoirs.random_feature_conceptor import RandomFeatureNetwork
 from controller.networks.reservoirs.reservoir import Reservoir, drive, random_reservoir
 from controller.networks.ridge import ridge
+from motiondeck_base.errors import MotiondeckError
+
+
+def morph(network: AnyNetwork, source: str, target: str) -> Morph:
+    """Inside a network that runs by itself: a morph that starts where it is in the source (Deliallisi 2017, eq. 3.16).
+
+    Raises:
+        MotiondeckError: if the network does not play the source, or a center drives it.
+        UnknownNameError: if there is no such motion.
+    """
+    if (autonomous := network.as_autonomous) is None:
+        raise MotiondeckError(
+            f"a {network.kind} network is not morphed; PhaseMorph is for loops of phase-conceptor ones"
+        )
+    return autonomous.morph(source, target)
+
 
 __all__ = [
     "SMALL_RESERVOIR",

@@ -17,7 +17,7 @@ from controller.library.motion_library import MotionLibrary
 from controller.motion.encodings.bone_directions import BoneDirections
 from controller.motion.encodings.normalisation import Normalisation
 from controller.motion.skeleton import Skeleton
-from controller.networks.reservoirs.phase_conceptor import PhaseConceptorNetwork
+from controller.networks.phase_conceptor.network import PhaseConceptorNetwork
 
 RATE = 120.0
 RIGHT, LEFT, UP, DOWN = (0, -1, 0), (0, 1, 0), (0, 0, 1), (0, 0, -1)

@@ -17,8 +17,8 @@ from benchmarks import command
 from controller.deck.deck import Deck
 from controller.library.motion_library import MotionLibrary, load_library
 from controller.motion.rotations import Array
-from controller.networks.centralized.centralized import Voice
-from controller.networks.centralized.centralized_frames import CentralizedNetwork
+from controller.networks.centralized.centralized import CentersPlayer
+from controller.networks.centralized.network import CentralizedNetwork
 from motiondeck_base.errors import MotiondeckError
 
 DT = 1.0 / 120.0
@@ -28,7 +28,7 @@ SHIPPED = Path(__file__).parents[1] / "configs" / "libraries" / "cmu86.safetenso
 def outside(network: CentralizedNetwork, motion: str, minutes: float = 10.0) -> float:
     """How far ten minutes leave the range of the first round, as a share of that range (the worst channel)."""
     part = network[motion]
-    voice, out = Voice(part, 0.0), np.empty(network.channels)
+    voice, out = CentersPlayer(part, 0.0), np.empty(network.channels)
     taught = part.at(np.arange(0.0, part.seconds, DT))
     low, high = taught.min(0), taught.max(0)
     room = np.maximum(high - low, 1e-6)
@@ -42,7 +42,7 @@ def outside(network: CentralizedNetwork, motion: str, minutes: float = 10.0) -> 
 
 def drift(network: CentralizedNetwork, motion: str, steps: int = 1_000_000) -> float:
     """How far the amplitude of a center is from 1 after some steps."""
-    voice = Voice(network[motion], 0.0)
+    voice = CentersPlayer(network[motion], 0.0)
     for _ in range(steps):
         voice.advance(DT)
     return float(np.abs(np.abs(voice.centers) - 1.0).max())

@@ -31,7 +31,6 @@ from controller.motion.encodings.bone_directions import BoneDirections  # noqa: 
 from controller.motion.encodings.motion_matching import joint_features  # noqa: E402
 from controller.motion.quintic import rise  # noqa: E402
 from controller.motion.rotations import Array  # noqa: E402
-from controller.networks.reservoirs.morph import ReservoirNetwork, morph  # noqa: E402
 from motiondeck_base.shipped import find_library  # noqa: E402
 
 WAYS = ("inside", "bone by bone", "in step")
@@ -50,8 +49,9 @@ def played(library: MotionLibrary, first: str, second: str, share: float, seed: 
         one.advance(frames[0])
     weights = [share * rise(min(1.0, k / round(share * rate))) for k in range(1, round(SECONDS * rate) + 1)]
     if way == "inside":
-        assert isinstance(one, ReservoirNetwork)
-        mixture, out = morph(one, first, second), np.zeros((len(weights), one.channels))
+        autonomous = one.as_autonomous
+        assert autonomous is not None
+        mixture, out = autonomous.morph(first, second), np.zeros((len(weights), one.channels))
         for weight, frame in zip(weights, out, strict=True):
             mixture.advance(weight, frame)
         return joint_features(encoding, out)
@@ -112,7 +112,7 @@ def main() -> int:
     seeds = range(options.first_seed, options.first_seed + options.seeds)
     own = alone(library)
     found = {}
-    for way in WAYS if isinstance(library.network, ReservoirNetwork) else WAYS[1:]:
+    for way in WAYS if library.network.as_autonomous is not None else WAYS[1:]:
         still = turned = 0
         for first, second in pairs:
             least, fastest = (choose(own[first][k], own[second][k]) for k, choose in enumerate((min, max)))

@@ -12,10 +12,11 @@ import numpy as np
 from threadpoolctl import threadpool_limits
 
 from controller.learning.centralized.centralized_training import CentralizedRecipe
-from controller.learning.fit import train
 from controller.learning.recipe import LibraryRecipe
+from controller.learning.trainers.registry import trainer_of
+from controller.learning.trainers.trainer import Lessons
 from controller.learning.training_set import TrainingSet
-from controller.library.network_arrays import AnyNetwork, arrays_of
+from controller.networks.base import AnyNetwork
 
 SIZES = (300, 600, 1000, 1500)
 SATELLITES = (16, 36, 64, 100)
@@ -81,20 +82,20 @@ def variants(recipe: LibraryRecipe, syllabus: TrainingSet) -> Iterator[tuple[str
 
 def measure(varied: str, recipe: LibraryRecipe, syllabus: TrainingSet, seed: int) -> TrainingCost:
     """Trains once for the time and once more for the memory, whose tracing takes time, and plays."""
-    lessons, normalisation = syllabus.normalised()
+    lessons, trainer = Lessons(*syllabus.normalised(), syllabus.rate), trainer_of(recipe.network)
     with threadpool_limits(1):
         began = time.process_time()
-        network = train(lessons, normalisation, recipe.network, syllabus.rate, seed)
+        network = trainer.train(recipe.network, lessons, seed)
         training_s = time.process_time() - began
         neurons, step_us = network.neurons, _step_us(network)
         stored = _stored_bytes(network)
         del network
         tracemalloc.start()
-        train(lessons, normalisation, recipe.network, syllabus.rate, seed)
+        trainer.train(recipe.network, lessons, seed)
         peak = tracemalloc.get_traced_memory()[1]
         tracemalloc.stop()
     frames = sum(len(part) for part in syllabus.frames.values())
-    return TrainingCost(varied, neurons, frames, len(lessons), training_s, peak / 1e6, step_us, stored / 1e6)
+    return TrainingCost(varied, neurons, frames, len(lessons.motions), training_s, peak / 1e6, step_us, stored / 1e6)
 
 
 def exponent(found: list[TrainingCost], varied: str, against: str, what: str) -> float | None:
@@ -129,5 +130,5 @@ def _step_us(network: AnyNetwork) -> float:
 
 def _stored_bytes(network: AnyNetwork) -> int:
     """What playing needs; what adding a motion needs besides is left out."""
-    arrays = arrays_of(network)
+    arrays = network.arrays()
     return sum(array.nbytes for name, array in arrays.items() if not name.startswith("memory/"))

@@ -26,7 +26,7 @@ class ThesisFigures:
     """The figures of one network of the thesis.
 
     Attributes:
-        accuracy: training errors by the names of `evaluation.training_error.TrainingError`.
+        accuracy: training errors by the names of `trainers.trainer.TrainingError`.
         robustness, stability: failure rates by motion, as shares.
         tables: the numbers of the tables of robustness and of stability.
     """

@@ -18,7 +18,7 @@ from collections.abc import Callable
 
 import numpy as np
 
-from controller.networks.reservoirs.conceptor import ConceptorMotion, ConceptorNetwork
+from controller.networks.conceptor.network import ConceptorMotion, ConceptorNetwork
 
 CHANNELS = 61
 BLOCK = 50

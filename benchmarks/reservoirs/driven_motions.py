@@ -36,7 +36,7 @@ from controller.motion.encodings.motion_matching import joint_features
 from controller.motion.encodings.normalisation import Normalisation
 from controller.motion.formats.reading import read_clip
 from controller.motion.rotations import Array
-from controller.networks.reservoirs.driving_input import DrivingInput
+from controller.networks.driving_input import DrivingInput
 from controller.networks.reservoirs.phase_driven import PhaseDrivenNetwork
 
 RATE = 120.0

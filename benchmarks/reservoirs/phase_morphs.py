@@ -33,8 +33,8 @@ from controller.motion.encodings.bone_directions import BoneDirections
 from controller.motion.encodings.encoding import Encoding
 from controller.motion.encodings.motion_matching import joint_features
 from controller.motion.rotations import Array
-from controller.networks.reservoirs.phase_conceptor import PhaseConceptorNetwork
-from controller.networks.reservoirs.phase_morph import PhaseMorph, channels_at
+from controller.networks.phase_conceptor.morph import PhaseMorph, channels_at
+from controller.networks.phase_conceptor.network import PhaseConceptorNetwork
 from motiondeck_base.errors import MotiondeckError
 from motiondeck_base.shipped import find_library
 

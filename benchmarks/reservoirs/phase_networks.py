@@ -36,21 +36,21 @@ import numpy as np
 from threadpoolctl import threadpool_limits
 
 from controller.deck.tracks.frame_player import FramePlayer
-from controller.learning.fit import train
 from controller.learning.measures.disturbance import disturbed
 from controller.learning.measures.intervals import wilson
-from controller.learning.measures.run_batch import batch_of
 from controller.learning.measures.self_test import Judge, after_disturbance, self_test
 from controller.learning.recipe import MotionRecipe, NetworkRecipe, read_recipe
 from controller.learning.reservoirs.conceptor_training import ConceptorRecipe
 from controller.learning.reservoirs.echo_state_training import EchoStateRecipe
 from controller.learning.reservoirs.phase_conceptor_training import PhaseRecipe
 from controller.learning.reservoirs.phase_echo_state_training import PhaseEchoStateRecipe
+from controller.learning.trainers.registry import trainer_of
+from controller.learning.trainers.trainer import Lessons
 from controller.learning.training_set import TrainingSet, prepare, to_learn
-from controller.library.network_arrays import AnyNetwork, arrays_of
 from controller.motion.encodings.encoding import encoding_of
 from controller.motion.formats.reading import read_clip
 from controller.motion.rotations import Array
+from controller.networks.base import AnyNetwork
 from controller.networks.clip_player import ClipPlayer
 from motiondeck_base.errors import FileFormatError
 from motiondeck_base.shipped import shipped_configs
@@ -142,7 +142,7 @@ def learned(recipe: NetworkRecipe, known: TrainingSet, seed: int) -> tuple[AnyNe
     """A network of a recipe, and how long its training took, s."""
     motions, normalisation = known.normalised()
     began = time.perf_counter()
-    network = train(motions, normalisation, recipe, known.rate, seed)
+    network = trainer_of(recipe).train(recipe, Lessons(motions, normalisation, known.rate), seed)
     return network, time.perf_counter() - began
 
 
@@ -151,14 +151,14 @@ def lost_runs(network: AnyNetwork, judge: Judge, seed: int) -> dict[str, int]:
     found: dict[str, int] = {}
     for motion in network.motions:
         rng = np.random.default_rng([seed, *motion.encode()])
-        runs = disturbed("robustness", batch_of(network, motion, RUNS), RUNS, rng)[:, :RECOVERY_FRAMES]
+        runs = disturbed("robustness", network, motion, RUNS, rng)[:, :RECOVERY_FRAMES]
         found[motion] = sum(
             not after_disturbance(network, judge, motion, run.astype(np.float64)).passed for run in runs
         )
     return found
 
 
-def step_us(network: AnyNetwork | ClipPlayer, motion: str, rate: float) -> float:
+def step_us(network: AnyNetwork, motion: str, rate: float) -> float:
     """The median time of a tick in continuous time, us."""
     player = FramePlayer(network, rate)
     player.cue(motion)
@@ -185,7 +185,7 @@ def measured(source: str, name: str, recipe: NetworkRecipe, known: TrainingSet, 
         errors += [verdict.error_mm for verdict in verdicts.values()]
         failing += [f"{motion} ({verdict.reason})" for motion, verdict in verdicts.items() if not verdict.passed]
         lost |= {f"{seed} {motion}": count for motion, count in lost_runs(network, judge, seed).items()}
-        megabytes = 1e-6 * sum(array.nbytes for array in arrays_of(network).values())
+        megabytes = 1e-6 * sum(array.nbytes for array in network.arrays().values())
         tick = step_us(network, network.motions[0], known.rate)
     bad = sum(count > 0 for count in lost.values())
     return Row(

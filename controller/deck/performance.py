@@ -25,8 +25,6 @@ from controller.library.motion_library import MotionLibrary
 from controller.motion.posture import Pose, Posture
 from controller.motion.rotations import Array
 from controller.networks.base import Activation
-from controller.networks.centralized.centralized_frames import CentralizedNetwork
-from controller.networks.reservoirs.morph import ReservoirNetwork
 
 # A difference in joint velocity counts as much as the distance it covers in this time (8 frames at 120 Hz), s.
 VELOCITY_REACH = 8.0 / 120.0
@@ -64,8 +62,8 @@ class Performance:
         """Begins with a motion of the library at a phase in [0, 1); `joining` as for the deck."""
         self.motions = read_motions(library)
         self._skeleton = library.encoding.skeleton
-        self._by_module = isinstance(library.network, CentralizedNetwork)
-        self._morphs_inside = isinstance(library.network, ReservoirNetwork)
+        self._by_module = library.network.as_crossing is not None
+        self._morphs_inside = library.network.as_autonomous is not None
         self._joining: Joining = joining or ("morph" if self._by_module else "inertialise")
         self._tracks = PlayingTracks(library, self.motions)
         self._weight_pace = 1.0  # of blend weights, which change more slowly where joints become too fast

@@ -11,47 +11,20 @@ import numpy as np
 from numpy.typing import NDArray
 from threadpoolctl import threadpool_limits
 
-from controller.learning.centralized.centralized_training import CentralizedRecipe, train_centralized_network
 from controller.learning.measures.accuracy import nrmse
 from controller.learning.measures.self_test import Judge, MotionVerdict, self_test
 from controller.learning.measures.trials import with_trials
-from controller.learning.preparation.training_motion import TrainingMotion
 from controller.learning.recipe import LibraryRecipe, MotionRecipe, NetworkRecipe
-from controller.learning.reservoirs.aperture_choice import settled_network
-from controller.learning.reservoirs.conceptor_training import ConceptorRecipe, conceptor_network, load_reservoir
-from controller.learning.reservoirs.echo_state_training import EchoStateRecipe, train_echo_state
-from controller.learning.reservoirs.noise_choice import settled_echo_state
-from controller.learning.reservoirs.phase_conceptor_training import PhaseRecipe
-from controller.learning.reservoirs.phase_echo_state_training import PhaseEchoStateRecipe
-from controller.learning.reservoirs.phase_training import PhaseDrivenRecipe, train_phase_driven
-from controller.learning.reservoirs.random_feature_training import RandomFeatureRecipe, train_random_features
-from controller.learning.reservoirs.size_choice import smallest_within
 from controller.learning.stress_test import stress_test
+from controller.learning.trainers.registry import kind_of, trainer_of
+from controller.learning.trainers.trainer import Lessons
 from controller.learning.training_set import Progress, TrainingSet, prepare
-from controller.library.library_header import (
-    FEWEST_ANCHORS,
-    VERSION,
-    LibraryInfo,
-    MotionInfo,
-    NetworkKind,
-    describe_skeleton,
-)
+from controller.library.library_header import VERSION, LibraryInfo, MotionInfo, describe_skeleton
 from controller.library.motion_library import MotionLibrary
-from controller.library.network_arrays import AnyNetwork
-from controller.motion.encodings.normalisation import Normalisation
 from controller.motion.rotations import Array
-from controller.networks.centralized.centralized_frames import CentralizedNetwork
-from controller.networks.reservoirs.phase_driven import PhaseDrivenNetwork
+from controller.networks.base import AnyNetwork
+from controller.networks.storage import FEWEST_ANCHORS
 from motiondeck_base.errors import FileFormatError
-
-_KINDS: dict[type, NetworkKind] = {
-    ConceptorRecipe: "conceptor",
-    PhaseRecipe: "phase-conceptor",
-    EchoStateRecipe: "echo-state",
-    PhaseEchoStateRecipe: "phase-echo-state",
-    RandomFeatureRecipe: "random-feature",
-    CentralizedRecipe: "centralized",
-}
 
 
 def fit(recipe: LibraryRecipe, data: Path, progress: Progress = lambda _: None) -> MotionLibrary:
@@ -86,19 +59,17 @@ def fit_prepared(
                 f"network.anchor_every = {recipe.network.anchor_every} leaves '{name}' with fewer than "
                 f"{FEWEST_ANCHORS} states to start from; give a smaller number"
             )
-    motions, normalisation = training_set.normalised()
+    lessons = Lessons(*training_set.normalised(), training_set.rate)
     holds = not recipe.as_recorded
     judge = Judge(training_set.encoding, training_set.frames, training_set.loops, training_set.rate, holds=holds)
 
-    if isinstance(recipe.network, PhaseRecipe | PhaseEchoStateRecipe) and recipe.network.tolerance_mm is not None:
-        wanted = (recipe.network.tolerance_mm, motions, normalisation, recipe.network)
-        with threadpool_limits(1):
-            sized = smallest_within(*wanted, training_set.rate, recipe.seeds[0], judge, progress)
-        recipe = msgspec.structs.replace(recipe, network=sized)
+    with threadpool_limits(1):
+        sized = trainer_of(recipe.network).sized(recipe.network, lessons, recipe.seeds[0], judge, progress)
+    recipe = msgspec.structs.replace(recipe, network=sized)
 
     def train_with(seed: int) -> TrainedNetwork:
         progress(f"training (seed {seed})")
-        trained = settle(motions, normalisation, recipe.network, training_set.rate, seed, judge)
+        trained = settle(recipe.network, lessons, seed, judge)
         progress("self-test")
         return trained
 
@@ -143,31 +114,16 @@ def first_to_pass(seeds: Iterable[int], train_with: Callable[[int], TrainedNetwo
     return best
 
 
-def settle(
-    motions: list[TrainingMotion],
-    normalisation: Normalisation,
-    recipe: NetworkRecipe,
-    rate: float,
-    seed: int,
-    judge: Judge,
-) -> TrainedNetwork:
+def settle(recipe: NetworkRecipe, lessons: Lessons, seed: int, judge: Judge) -> TrainedNetwork:
     """The network of a recipe, tested; one that chooses gets the apertures or the noise that hold in trials."""
-    weights, failed = None, {}
-    if isinstance(recipe, ConceptorRecipe):
-        loaded = load_reservoir(motions, recipe, seed)
-        weights = loaded.weights.astype(np.float32)
-        network, failed = settled_network(loaded, motions, normalisation, recipe, judge, seed)
-    elif isinstance(recipe, EchoStateRecipe) and recipe.choose_noise:
-        network, failed = settled_echo_state(motions, normalisation, recipe, judge, seed)
-    else:
-        network = train(motions, normalisation, recipe, rate, seed)
-    verdicts = self_test(network, judge)
-    if failed:
-        verdicts = with_trials(verdicts, failed)
-    elif not isinstance(network, CentralizedNetwork):
-        # The state of a centralized network is a place on a closed curve; its centers return there by themselves.
-        verdicts = stress_test(network, verdicts, judge, seed)
-    return TrainedNetwork(seed, network, verdicts, weights)
+    trainer = trainer_of(recipe)
+    settled = trainer.settle(recipe, lessons, seed, judge)
+    verdicts = self_test(settled.network, judge)
+    if settled.failed:
+        verdicts = with_trials(verdicts, settled.failed)
+    elif trainer.stress_tested:
+        verdicts = stress_test(settled.network, verdicts, judge, seed)
+    return TrainedNetwork(seed, settled.network, verdicts, settled.weights)
 
 
 def assemble(
@@ -177,7 +133,7 @@ def assemble(
     info = LibraryInfo(
         version=VERSION,
         name=recipe.name,
-        network=_KINDS[type(recipe.network)],
+        network=kind_of(recipe.network),
         encoding=training_set.encoding.name,
         rate=training_set.rate,
         seed=seed,
@@ -191,26 +147,9 @@ def assemble(
         recipe=msgspec.json.decode(msgspec.json.encode(recipe)),
         licence=recipe.licence,
         acknowledgement=recipe.acknowledgement,
-        leak=recipe.network.leak if isinstance(recipe.network, EchoStateRecipe) else 1.0,
-        clipped=recipe.network.clipped if isinstance(recipe.network, EchoStateRecipe) else True,
-        scales=network.scales if isinstance(network, PhaseDrivenNetwork) else None,
+        **network.header_fields(),
     )
     return MotionLibrary(info, network, training_set.encoding)
-
-
-def train(
-    motions: list[TrainingMotion], normalisation: Normalisation, recipe: NetworkRecipe, rate: float, seed: int
-) -> AnyNetwork:
-    """The network that a recipe describes, untested."""
-    if isinstance(recipe, CentralizedRecipe):
-        return train_centralized_network(motions, normalisation, recipe, rate, seed)
-    if isinstance(recipe, PhaseDrivenRecipe):
-        return train_phase_driven(motions, normalisation, recipe, rate, seed)
-    if isinstance(recipe, ConceptorRecipe):
-        return conceptor_network(load_reservoir(motions, recipe, seed), motions, normalisation, recipe)
-    if isinstance(recipe, RandomFeatureRecipe):
-        return train_random_features(motions, normalisation, recipe, seed)
-    return train_echo_state(motions, normalisation, recipe, seed)
 
 
 def steps(recipe: LibraryRecipe) -> int:
@@ -231,5 +170,5 @@ def describe_motion(
         error_mm=verdict.error_mm,
         passed=verdict.passed,
         reason=verdict.reason,
-        input=network[motion.name].driving if isinstance(network, PhaseDrivenNetwork) else None,
+        input=network.driving(motion.name),
     )

@@ -11,18 +11,18 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from controller.learning.fit import train
 from controller.learning.preparation.training_motion import TrainingMotion
 from controller.learning.recipe import NetworkRecipe, require_sizes
 from controller.learning.reservoirs.conceptor_training import ConceptorRecipe, load_reservoir
-from controller.library.network_arrays import AnyNetwork
+from controller.learning.trainers.registry import trainer_of
+from controller.learning.trainers.trainer import Lessons
 from controller.motion.encodings.normalisation import Normalisation
 from controller.motion.rotations import Array
-from controller.networks.base import FrameNetwork
-from controller.networks.given import number_within, time_series, whole_number
+from controller.networks.base import AnyNetwork, FrameNetwork
 from controller.networks.reservoirs.loaded_signals import LoadedSignals
 from controller.networks.reservoirs.reservoir import Reservoir, drive
 from controller.networks.ridge import ridge
+from controller.networks.signals import number_within, time_series, whole_number
 from motiondeck_base.errors import MotiondeckError
 
 # Of Jaeger 2014, section 3.2, in the units of a normalised signal.
@@ -75,7 +75,7 @@ def learn_signals(
     require_sizes(recipe)
     hertz, drawn_with = number_within(rate, "the rate, Hz,", 1e-3, 1e5), whole_number(seed, "seed")
     motions, normalisation = _motions(signals, [loops] if isinstance(loops, str) else loops, 0)
-    return train(motions, normalisation, recipe, hertz, drawn_with)
+    return trainer_of(recipe).train(recipe, Lessons(motions, normalisation, hertz), drawn_with)
 
 
 def run_free(network: FrameNetwork, motion: str, frames: int, anchor: int = 0) -> Array:

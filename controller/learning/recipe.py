@@ -6,31 +6,23 @@ import re
 import unicodedata
 from collections.abc import Iterator, Sequence
 from pathlib import Path
-from typing import Literal
+from typing import TYPE_CHECKING, Literal, Union
 
 import msgspec
 
 from controller.learning.centralized.centralized_training import CentralizedRecipe
 from controller.learning.preparation.takes import by_motion, motion_of
-from controller.learning.reservoirs.conceptor_training import ConceptorRecipe
-from controller.learning.reservoirs.echo_state_training import EchoStateRecipe
 from controller.learning.reservoirs.phase_conceptor_training import PhaseRecipe
-from controller.learning.reservoirs.phase_echo_state_training import PhaseEchoStateRecipe
-from controller.learning.reservoirs.phase_training import PhaseDrivenRecipe
-from controller.learning.reservoirs.random_feature_training import RandomFeatureRecipe
+from controller.learning.trainers.registry import network_recipes, trainer_of
+from controller.learning.trainers.trainer import NetworkRecipe
 from controller.motion.encodings.joint_angles import how_taught
 from controller.motion.formats.reading import read_clip
 from controller.motion.up_axis import Up
 from motiondeck_base.errors import FileFormatError, MotiondeckError
 from motiondeck_base.toml_file import read_toml, shaped
 
-ReservoirRecipe = ConceptorRecipe | EchoStateRecipe | RandomFeatureRecipe
-"""Networks that run by themselves, as in the thesis."""
-
-CenterRecipe = PhaseRecipe | PhaseEchoStateRecipe | CentralizedRecipe
-"""Networks that centers drive."""
-
-NetworkRecipe = ReservoirRecipe | CenterRecipe
+if not TYPE_CHECKING:  # msgspec reads one of these
+    NetworkRecipe = Union[network_recipes()]  # noqa: UP007
 
 _SATELLITES = 6.0  # per second of the longest clip
 
@@ -225,7 +217,7 @@ def require_sizes(network: NetworkRecipe) -> None:
     Raises:
         MotiondeckError: it names the first.
     """
-    if not isinstance(network, NetworkRecipe):  # what pyright sees, a user's script does not
+    if type(network) not in network_recipes():  # what pyright sees, a user's script does not
         raise MotiondeckError(f"a recipe such as ConceptorRecipe() is needed, not {network!r}")
     for problem in _size_problems(network):
         raise MotiondeckError(problem)
@@ -286,7 +278,7 @@ def _input_problems(motion: MotionRecipe, recipe: LibraryRecipe) -> Iterator[str
         return
     if not NAME.fullmatch(motion.input):
         yield f"input '{motion.input}' cannot be typed; use letters, digits, - and _ (at most 40)"
-    if not isinstance(recipe.network, PhaseDrivenRecipe):
+    if not trainer_of(recipe.network).takes_inputs:
         yield f"motion '{motion.name}' has an input, which only phase-driven networks can have"
     if motion.plays != "loop" or not motion.takes:
         yield f"motion '{motion.name}' has an input; it has to be a loop with takes, which are its other values"
@@ -319,22 +311,8 @@ def _size_problems(network: NetworkRecipe) -> Iterator[str]:
 
 def _network_problems(recipe: LibraryRecipe) -> Iterator[str]:
     """Sizes and scales that no network can have, and settings that its kind does not know."""
-    network = recipe.network
-    yield from _size_problems(network)
-    if isinstance(network, CenterRecipe) and recipe.as_recorded:
+    trainer = trainer_of(recipe.network)
+    yield from _size_problems(recipe.network)
+    if trainer.center_driven and recipe.as_recorded:
         yield "as_recorded is for networks that run by themselves; centers need closed loops and ends that hold"
-    if isinstance(network, ConceptorRecipe):
-        for name, aperture in network.apertures.items():
-            if all(name != motion.name for motion in recipe.motions):
-                yield f"network.apertures names '{name}', which is not one of its motions"
-            if not 0.0 < aperture <= 1e6:
-                yield f"the aperture of '{name}' is {aperture}; it lies between 0 and 1e6"
-    if isinstance(network, RandomFeatureRecipe):
-        if network.features_each > network.features:
-            yield f"network.features_each is {network.features_each}, but network.features is {network.features}"
-        # A feature's energy is hardly ever above 1, so a step of the rule in `conceive` shrinks what c is off by.
-        if network.aperture > 0.0 and network.learning_rate * (1.0 + network.aperture**-2) >= 1.0:
-            yield (
-                f"network.learning_rate = {network.learning_rate} is too large for network.aperture = "
-                f"{network.aperture}: learning_rate * (1 + aperture^-2) has to stay below 1; learn slower or open wider"
-            )
+    yield from trainer.problems(recipe.network, [motion.name for motion in recipe.motions])

@@ -12,10 +12,8 @@ from dataclasses import replace
 import numpy as np
 
 from controller.learning.measures.disturbance import Kind, disturbed
-from controller.learning.measures.run_batch import batch_of
 from controller.learning.measures.self_test import Judge, MotionVerdict, after_disturbance
-from controller.library.network_arrays import Network, PhaseDriven
-from controller.networks.reservoirs.phase_driven import PhaseDrivenNetwork
+from controller.networks.base import AnyNetwork
 
 RUNS = 5
 FORGIVEN = 1
@@ -24,7 +22,7 @@ _WORDS: dict[Kind, str] = {"robustness": "started from noise", "stability": "dis
 
 
 def stress_test(
-    network: Network | PhaseDriven, verdicts: dict[str, MotionVerdict], judge: Judge, seed: int
+    network: AnyNetwork, verdicts: dict[str, MotionVerdict], judge: Judge, seed: int
 ) -> dict[str, MotionVerdict]:
     """The verdicts of the free runs, made worse where a motion does not survive a disturbance.
 
@@ -34,7 +32,7 @@ def stress_test(
         judge: of its motions.
         seed: of the noise.
     """
-    knows_phase = isinstance(network, PhaseDrivenNetwork)
+    knows_phase = network.as_phase_network is not None
     return {
         name: _stressed(network, name, verdict, judge, seed)
         if verdict.passed and (judge.loops[name] or knows_phase)
@@ -43,12 +41,10 @@ def stress_test(
     }
 
 
-def _stressed(
-    network: Network | PhaseDriven, motion: str, verdict: MotionVerdict, judge: Judge, seed: int
-) -> MotionVerdict:
+def _stressed(network: AnyNetwork, motion: str, verdict: MotionVerdict, judge: Judge, seed: int) -> MotionVerdict:
     rng = np.random.default_rng([seed, network.motions.index(motion)])
     for kind, words in _WORDS.items():
-        runs = disturbed(kind, batch_of(network, motion, RUNS), RUNS, rng)
+        runs = disturbed(kind, network, motion, RUNS, rng)
         failed = sum(not after_disturbance(network, judge, motion, run.astype(np.float64)).passed for run in runs)
         if failed > FORGIVEN:
             return replace(verdict, passed=False, reason=f"fails {failed} of {RUNS} times when {words}")

@@ -13,8 +13,8 @@ from controller.learning.preparation.loops import Seam, best_seam, close_loop, h
 from controller.learning.preparation.people import in_the_manner_of
 from controller.learning.preparation.takes import read_takes
 from controller.learning.preparation.training_motion import TrainingMotion, Variant
-from controller.learning.recipe import CenterRecipe, LibraryRecipe, MotionRecipe, find_recording
-from controller.learning.reservoirs.phase_training import PhaseDrivenRecipe
+from controller.learning.recipe import LibraryRecipe, MotionRecipe, find_recording
+from controller.learning.trainers.registry import trainer_of
 from controller.motion.canonical.canonical_body import carried, to_canonical
 from controller.motion.canonical.clip_edits import jumps, mirrored, resampled, span, spikes
 from controller.motion.clip import Clip
@@ -26,13 +26,10 @@ from controller.motion.formats.reading import read_clip, skeleton_of
 from controller.motion.reading_options import ReadingOptions
 from controller.motion.rotations import Array, dot
 from controller.motion.skeleton import Skeleton
-from controller.networks.reservoirs.driving_input import DrivingInput
+from controller.networks.driving_input import DrivingInput
 from motiondeck_base.errors import FileFormatError
 
 SHORTEST_SECONDS = 0.4  # of a recording: two windows of the self-test
-# A channel of a network with a phase counts as varying by 1 (of a direction, m, m/s, rad) at least, so that a motion
-# that is added later may move what stands still in all others.
-LEAST_RANGE = 1.0
 COMMON_RATE = 120.0  # Hz, of a library whose recordings have different rates
 
 Progress = Callable[[str], None]
@@ -140,7 +137,7 @@ def prepare(
     rate = recipe.rate or (rates[0] if len(rates) == 1 else COMMON_RATE)
     if recipe.as_recorded and rates != [rate]:
         raise FileFormatError(f"recipe '{recipe.name}' learns as recorded, but its recordings have {rates} Hz")
-    twist = recipe.encoding == "joint rotations"
+    twist, trainer = recipe.encoding == "joint rotations", trainer_of(recipe.network)
     encoding = encoding_of(_body(recipe, data, clips), twist=twist)
     frames: dict[str, Array] = {}
     before: dict[str, Array] = {}
@@ -156,18 +153,20 @@ def prepare(
             frames[motion.name] = usual.frames
             parts[motion.name] = LearnedPart(0.0, usual.seconds, clip.duration)
             continue
-        if recipe.as_recorded and not isinstance(recipe.network, CenterRecipe):
+        if recipe.as_recorded and not trainer.center_driven:
             own = cut(clip, motion)
-            channels, washout = encoding_of(own.skeleton, twist=twist).encode(own), recipe.network.washout
+            channels, washout = (
+                encoding_of(own.skeleton, twist=twist).encode(own),
+                getattr(recipe.network, "washout", 0),
+            )
             if len(channels) < 2 * washout:
                 raise FileFormatError(f"motion '{motion.name}' is shorter than twice the washout of {washout} frames")
             before[motion.name], frames[motion.name] = channels[:washout], channels[washout:]
             continue
         frames[motion.name], parts[motion.name] = to_learn(encoding, clip, motion, rate, recipe.loop_keeps)
     loops = {motion.name: motion.plays == "loop" for motion in recipe.motions}
-    least = LEAST_RANGE if isinstance(recipe.network, PhaseDrivenRecipe) else 0.0
     inputs = {motion.name: motion.input for motion in recipe.motions if motion.input}
-    return TrainingSet(encoding, rate, frames, loops, before, parts, least, variants, inputs)
+    return TrainingSet(encoding, rate, frames, loops, before, parts, trainer.least_range, variants, inputs)
 
 
 def _of_one_person(motion: MotionRecipe, recorded: list[Variant]) -> list[Variant]:

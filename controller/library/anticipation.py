@@ -28,7 +28,7 @@ from controller.library.anticipation_trust import (
 from controller.library.motion_library import MotionLibrary
 from controller.motion.encodings.motion_matching import joint_features
 from controller.motion.rotations import Array
-from controller.networks.centralized.centralized_frames import CentralizedNetwork
+from controller.networks.centralized.network import CentralizedNetwork
 from motiondeck_base.errors import MotiondeckError
 
 RATE = 60.0

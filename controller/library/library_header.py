@@ -13,9 +13,9 @@ from controller.motion.encodings.encoding import Encoding
 from controller.motion.encodings.joint_angles import JointAngles, JointBody
 from controller.motion.encodings.joint_rotations import JointRotations
 from controller.motion.skeleton import Skeleton
-from controller.networks.reservoirs.driving_input import DrivingInput
-from controller.networks.reservoirs.phase_reservoir import PhaseScales
-from motiondeck_base.errors import FileFormatError
+from controller.networks.registry import network_kind
+from controller.networks.storage import FEWEST_ANCHORS, MotionHeader, NetworkHeader
+from motiondeck_base.errors import FileFormatError, UnknownNameError
 from motiondeck_base.toml_file import shaped
 
 VERSION = 5
@@ -23,36 +23,24 @@ VERSION = 5
 OLDER = (1, 2, 3, 4)
 MOST_NEURONS, MOST_HARMONICS = 20_000, 100
 LONGEST_BONE = 10.0  # m
-FEWEST_ANCHORS = 3  # with fewer nobody can tell how a motion moves
 
 
-NetworkKind = Literal["conceptor", "phase-conceptor", "echo-state", "phase-echo-state", "random-feature", "centralized"]
-
-
-class MotionInfo(msgspec.Struct, forbid_unknown_fields=True, frozen=True, kw_only=True):
-    """What a library knows of one motion.
+class MotionInfo(MotionHeader, frozen=True, kw_only=True):
+    """What a library holds about one motion, besides what its network reads.
 
     Attributes:
-        name: what it is called.
-        plays: "loop" goes on for ever, "once" ends in a pose and holds it.
-        frames: how many frames it was learned from.
-        source: the file it was learned from.
+        source: the file that it was learned from.
         nrmse: of the readout over training, mean over channels (Jaeger's nrmse.m).
         error_mm: median distance to the recorded motion at the end of the free run, mm.
         passed: whether the self-test passed.
         reason: why not, or "".
-        input: what it can be driven with besides the phase, of a motion learned from recordings that differ in it.
     """
 
-    name: str
-    plays: Literal["loop", "once"]
-    frames: int
     source: str
     nrmse: float
     error_mm: float
     passed: bool
     reason: str = ""
-    input: DrivingInput | None = None
 
 
 class SkeletonInfo(msgspec.Struct, forbid_unknown_fields=True, frozen=True):
@@ -67,40 +55,29 @@ class SkeletonInfo(msgspec.Struct, forbid_unknown_fields=True, frozen=True):
     left_hip: str
 
 
-class LibraryInfo(msgspec.Struct, forbid_unknown_fields=True, frozen=True, kw_only=True):
-    """The header of a library.
+class LibraryInfo(NetworkHeader, frozen=True, kw_only=True):
+    """The header of a library, besides what its network reads.
 
     Attributes:
         version: of the format.
         name: of the library.
-        network: which kind of network plays it.
-        encoding: what its channels mean.
-        rate: frames per second.
-        seed: of everything random in training.
-        motions: what it holds.
-        skeleton: whose motions they are.
-        recipe: the training recipe, as it was read.
+        network: the kind of network that plays it.
+        encoding: of its channels.
+        skeleton: of the body that its motions are on.
+        recipe: of the training, as it was read.
         licence: terms under which the library may be passed on.
         acknowledgement: what the owners of the data ask to be stated.
-        leak: of an echo-state network, else 1.
-        clipped: whether an echo-state network keeps its state and output in the range of training.
-        scales: what the weights that the motions of a phase-driven network share are drawn with, from the seed.
     """
 
     version: int
     name: str
-    network: NetworkKind
+    network: str
     encoding: Literal["bone directions", "joint rotations", "joint angles"]
-    rate: float
-    seed: int
     motions: list[MotionInfo]
     skeleton: SkeletonInfo
     recipe: dict[str, Any]
     licence: str
     acknowledgement: str
-    leak: float = 1.0
-    clipped: bool = True
-    scales: PhaseScales | None = None
 
 
 def describe_skeleton(encoding: Encoding) -> SkeletonInfo:
@@ -123,6 +100,10 @@ def read_header(path: Path, tree: object) -> LibraryInfo:
         FileFormatError: one line that names the file and what is wrong with it.
     """
     info = shaped(tree, LibraryInfo, f"{path} (header)")
+    try:
+        network_kind(info.network)
+    except UnknownNameError as error:
+        raise FileFormatError(f"{path}: {error}") from None
     names = [motion.name for motion in info.motions]
     if not names or len(set(names)) < len(names):
         raise FileFormatError(f"{path}: its header names no motion, or one twice")

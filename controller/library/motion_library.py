@@ -17,11 +17,13 @@ from weakref import WeakKeyDictionary
 import numpy as np
 
 from controller.library.library_header import OLDER, VERSION, LibraryInfo, encoding_in, read_header
-from controller.library.network_arrays import AnyNetwork, Network, arrays_of, network_in
 from controller.motion.encodings.encoding import Encoding
 from controller.motion.skeleton import Skeleton
+from controller.networks.base import AnyNetwork
+from controller.networks.registry import network_kind
+from controller.networks.storage import StoredNetwork
 from motiondeck_base.arrays_file import Kind, read_arrays, write_arrays
-from motiondeck_base.errors import FileFormatError, MotiondeckError
+from motiondeck_base.errors import FileFormatError
 
 LARGEST_CHANNEL = 100.0  # of a frame: m, m/s, rad/s or rad; the shipped libraries stay below 10
 
@@ -41,19 +43,6 @@ class MotionLibrary:
     info: LibraryInfo
     network: AnyNetwork
     encoding: Encoding
-
-    @property
-    def reservoir(self) -> Network:
-        """The network, where only one that runs by itself will do.
-
-        Raises:
-            MotiondeckError: if a center drives it.
-        """
-        if isinstance(self.network, Network):
-            return self.network
-        raise MotiondeckError(
-            f"library '{self.info.name}' holds a {self.info.network} network; this needs one that runs by itself"
-        )
 
     @property
     def skeleton(self) -> Skeleton:
@@ -83,7 +72,7 @@ def save_library(library: MotionLibrary, path: Path) -> None:
     Raises:
         FileFormatError: if the folder cannot be written.
     """
-    write_arrays(path, KIND, library.info, arrays_of(library.network))
+    write_arrays(path, KIND, library.info, library.network.arrays())
 
 
 def load_library(path: Path) -> MotionLibrary:
@@ -95,7 +84,8 @@ def load_library(path: Path) -> MotionLibrary:
     header, stored = read_arrays(path, KIND)
     info = read_header(path, header)
     encoding = encoding_in(path, info)
-    network = network_in(stored, info, encoding.channels)
+    network = network_kind(info.network).load(StoredNetwork(stored, info, encoding.channels))
+    stored.finish()
     for motion in network.motions:
         with np.errstate(over="ignore", invalid="ignore"):
             largest = float(np.abs(network.recall(motion)).max(initial=0.0))

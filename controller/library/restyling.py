@@ -18,9 +18,9 @@ import msgspec
 import numpy as np
 
 from controller.library.motion_library import MotionLibrary
-from controller.library.network_arrays import AnyNetwork
 from controller.motion.encodings.motion_matching import joint_features
-from controller.networks.centralized.centralized_frames import CentralizedNetwork
+from controller.networks.base import AnyNetwork
+from controller.networks.centralized.network import CentralizedNetwork
 from controller.networks.reservoirs.phase_driven import PhaseDrivenNetwork
 from motiondeck_base.errors import MotiondeckError
 

@@ -1,22 +1,36 @@
-"""What is asked of a network, whatever is inside: frame by frame, as the deck plays it, and in continuous time."""
+"""What a network can do, as the deck and the trainers see it: frame by frame, and in continuous time."""
 
 from __future__ import annotations
 
-from typing import Any, Protocol, Self, runtime_checkable
+from abc import ABC, abstractmethod
+from collections.abc import Mapping
+from types import EllipsisType
+from typing import TYPE_CHECKING, Any, ClassVar, Generic, Protocol, Self, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
+from controller.motion.rotations import Array
+from motiondeck_base.errors import UnknownNameError
+
+if TYPE_CHECKING:
+    from controller.networks.driving_input import DrivingInput
+    from controller.networks.storage import StoredNetwork
+
 Channels = NDArray[np.float64]
 Activation = NDArray[np.float32]
+Rows = NDArray[np.int64] | EllipsisType
+"""Which of several runs, or all of them."""
+
+Motion = TypeVar("Motion")
 
 
 class FrameNetwork(Protocol):
-    """A network that plays one frame at a time and can be started from stored states, its anchors.
+    """Plays one frame at a time and can be started from stored states, its anchors.
 
     Attributes:
         motions: the names of what it has learned.
-        channels: how many channels a frame has.
+        channels: of a frame.
     """
 
     motions: tuple[str, ...]
@@ -42,38 +56,14 @@ class FrameNetwork(Protocol):
         """Puts the state back to a snapshot."""
         ...
 
-
-@runtime_checkable
-class NeuronNetwork(FrameNetwork, Protocol):
-    """A frame network of neurons that one can look at."""
-
     @property
-    def activation(self) -> Activation:
-        """The activation of the neurons in the last step, shape (N,); the next step overwrites it."""
-        ...
-
-    def twin(self) -> Self:
-        """The same weights with a state of its own."""
+    def as_phase_network(self) -> PhaseNetwork | None:
+        """The network itself, if a phase drives it."""
         ...
 
 
-@runtime_checkable
-class CrossingNetwork(FrameNetwork, Protocol):
-    """A frame network that can cross from one motion to another, by a switching module of its own."""
-
-    @property
-    def crossing(self) -> bool:
-        """Whether it is crossing."""
-        ...
-
-    def cross(self, motion: str, entries: int) -> int:
-        """Begins to cross to the one of the first anchors of a motion that suits best; returns which."""
-        ...
-
-
-@runtime_checkable
 class PhaseNetwork(FrameNetwork, Protocol):
-    """A frame network that a center drives: it knows where in the motion it is, and can be sent elsewhere."""
+    """A network with a phase: it knows how far the motion is, can be sent elsewhere, and may have further inputs."""
 
     @property
     def phase(self) -> float:
@@ -88,24 +78,202 @@ class PhaseNetwork(FrameNetwork, Protocol):
         """Steps one frame back and writes it into out, shape (channels,)."""
         ...
 
-
-@runtime_checkable
-class InputNetwork(PhaseNetwork, Protocol):
-    """A phase-driven network some of whose motions have inputs besides the phase."""
+    def period(self, motion: str) -> int:
+        """Frames of a round of a loop, or until the phase of a one-shot is 1."""
+        ...
 
     @property
     def inputs(self) -> dict[str, tuple[float, float]]:
-        """The names of the inputs, and between which values each was learned."""
+        """The inputs besides the phase, each with the least and the largest value that was learned."""
         ...
 
     @property
     def pace(self) -> float:
-        """How many frames are played in the time of one, because of the input."""
+        """Rate factor implied by the input: frames played in the time of one."""
         ...
 
     def set_input(self, name: str, value: float) -> None:
-        """Gives an input another value, from the next step on."""
+        """Sets an input, from the next step on."""
         ...
+
+
+class Morph(Protocol):
+    """A network on its way from one motion to another."""
+
+    def advance(self, mu: float, out: Channels) -> None:
+        """Steps one frame on with the share mu of the target and writes it into out, shape (channels,)."""
+        ...
+
+    def settle(self) -> None:
+        """Leaves the network playing the target alone, from where the mixture is."""
+        ...
+
+    def give_up(self) -> None:
+        """Leaves it playing the source alone."""
+        ...
+
+
+class AutonomousNetwork(FrameNetwork, Protocol):
+    """A network that runs by itself: it may lose its place, and can mix two of its motions."""
+
+    def astray(self) -> Any:
+        """Whether the state is one that undisturbed playing never reaches; of several runs, shape (R,)."""
+        ...
+
+    def cue(self, motion: str, anchor: Any, rows: Rows = ...) -> None:
+        """Puts the network, or some of its runs, into a stored state."""
+        ...
+
+    def morph(self, source: str, target: str) -> Morph:
+        """A morph that starts where the network is in the source.
+
+        Raises:
+            MotiondeckError: if the network does not play the source.
+            UnknownNameError: if there is no such motion.
+        """
+        ...
+
+
+class CrossingNetwork(FrameNetwork, Protocol):
+    """A network with a switching module, which takes it from one motion to another."""
+
+    @property
+    def crossing(self) -> bool:
+        """Whether it is on its way to another motion."""
+        ...
+
+    def cross(self, motion: str, entries: int) -> int:
+        """Starts to cross to the best of the first anchors of a motion; returns which."""
+        ...
+
+
+class NamedMotions(Generic[Motion]):
+    """A table of motions by name.
+
+    Args:
+        motions: at least one.
+
+    Attributes:
+        motions: their names.
+    """
+
+    def __init__(self, motions: Mapping[str, Motion]) -> None:
+        self._of = dict(motions)
+        self.motions = tuple(motions)
+
+    def __getitem__(self, motion: str) -> Motion:
+        if motion not in self._of:
+            raise UnknownNameError.among("motion", motion, self.motions)
+        return self._of[motion]
+
+
+class Network(NamedMotions[Motion], ABC):
+    """A kind of network: plays, is stored and loaded; fits `FrameNetwork`.
+
+    One implementation of the step serves one run and many: `twin(runs=R)` plays R runs of one motion side by side, and
+    then frames, noise and states have a leading axis R.
+
+    Attributes:
+        kind: its name in files and recipes; the registry finds it by its folder.
+        channels: of a frame.
+        neurons: of all motions together.
+        runs: the leading shape, () or (R,).
+        activation: of the neurons in the last step, shape (*runs, N), overwritten by the next one; None without any.
+    """
+
+    kind: ClassVar[str]
+
+    channels: int
+    neurons: int = 0
+    runs: tuple[int, ...] = ()
+    activation: Activation | None = None
+
+    @abstractmethod
+    def twin(self, runs: int | None = None) -> Self:
+        """The same weights with an independent state, of one run or of several."""
+
+    @abstractmethod
+    def anchors(self, motion: str) -> Channels:
+        """The frames at the anchors of a motion, shape (anchors, channels)."""
+
+    def recall(self, motion: str) -> Channels:
+        """What the readout gives at the stored states, shape (anchors, channels): by default the anchors."""
+        return self.anchors(motion)
+
+    @abstractmethod
+    def cue(self, motion: str, anchor: int) -> None:
+        """Puts the network into the stored state of an anchor."""
+
+    @abstractmethod
+    def advance(self, out: Channels, noise: Activation | None = None) -> None:
+        """Steps one frame on and writes it into out, shape (*runs, channels); noise is added to the new state."""
+
+    @abstractmethod
+    def snapshot(self) -> Any:
+        """A copy of the state."""
+
+    @abstractmethod
+    def restore(self, snapshot: Any) -> None:
+        """Puts the state back to a snapshot."""
+
+    @abstractmethod
+    def noise_size(self, motion: str) -> int:
+        """The numbers of noise that a step of a motion takes."""
+
+    @abstractmethod
+    def displace(self, noise: Activation, weights: Activation | None = None) -> None:
+        """Adds noise to the state; `weights` is W (N, N), for a network that keeps only directions of it."""
+
+    @abstractmethod
+    def arrays(self) -> dict[str, NDArray[Any]]:
+        """What is stored, by name."""
+
+    def header_fields(self) -> dict[str, Any]:
+        """Fields of the library's header that belong to this kind."""
+        return {}
+
+    @classmethod
+    @abstractmethod
+    def load(cls, stored: StoredNetwork) -> Self:
+        """The network that a file holds.
+
+        Raises:
+            FileFormatError: if an array is missing or has another shape or type.
+        """
+
+    @property
+    def as_phase_network(self) -> PhaseNetwork | None:
+        """The network itself, if a phase drives it."""
+        return None
+
+    @property
+    def as_autonomous(self) -> AutonomousNetwork | None:
+        """The network itself, if it runs by itself."""
+        return None
+
+    @property
+    def as_crossing(self) -> CrossingNetwork | None:
+        """The network itself, if it has a switching module."""
+        return None
+
+    def settled(self, motion: str) -> Channels | None:
+        """The frames of a motion as it plays once transients have died away, shape (frames, channels), if known."""
+        return None
+
+    def driving(self, motion: str) -> DrivingInput | None:
+        """The input of a motion besides the phase; None without one."""
+        return None
+
+    def center_phases(self, motion: str) -> Array | None:
+        """The phases of a motion's centers at its beginning and end, shape (2, n), rad; None without centers."""
+        return None
+
+    def sizes(self, motion: str) -> dict[str, float]:
+        """The sizes of a motion's own network by name, where each motion has one."""
+        return {}
+
+
+AnyNetwork = Network[Any]
 
 
 class Generator(Protocol):

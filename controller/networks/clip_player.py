@@ -1,36 +1,62 @@
-"""A clip player: plays recorded frames one after the other; what any network has to be compared with."""
+"""A clip player: plays recorded frames one after the other; the baseline of every network."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
+from typing import Any, Self
 
 import numpy as np
 from numpy.typing import NDArray
 
-from controller.networks.base import Channels
+from controller.networks.base import Activation, Channels, Network, PhaseNetwork
+from controller.networks.storage import StoredNetwork
+from motiondeck_base.errors import MotiondeckError
+
+Frames = NDArray[np.float32]
 
 
-class ClipPlayer:
-    """Plays recorded frames; fits `base.PhaseNetwork`.
+class ClipPlayer(Network[Frames]):
+    """Plays recorded frames; fits `base.PhaseNetwork`. It is neither stored nor disturbed.
 
     Args:
         frames: of each motion, shape (T, channels); a loop as one period.
         loops: whether each motion is a loop; else it holds its last frame.
     """
 
+    kind = "clip"
+    pace = 1.0
+
     def __init__(self, frames: Mapping[str, NDArray[np.floating]], loops: Mapping[str, bool]) -> None:
-        self._frames, self._loops = {name: part.astype(np.float32) for name, part in frames.items()}, loops
-        self.motions = tuple(frames)
-        self.channels = self._frames[self.motions[0]].shape[1]
+        super().__init__({name: part.astype(np.float32) for name, part in frames.items()})
+        self._loops = loops
+        self.channels = self._of[self.motions[0]].shape[1]
         self.cue(self.motions[0], 0)
 
-    def twin(self) -> ClipPlayer:
-        """The same recordings with a place of its own."""
-        return ClipPlayer(self._frames, self._loops)
+    def twin(self, runs: int | None = None) -> ClipPlayer:
+        """The same recordings with an independent place."""
+        return ClipPlayer(self._of, self._loops)
+
+    @property
+    def as_phase_network(self) -> PhaseNetwork:
+        """The player itself."""
+        return self
+
+    @property
+    def inputs(self) -> dict[str, tuple[float, float]]:
+        """None."""
+        return {}
+
+    def set_input(self, name: str, value: float) -> None:
+        """Refuses: there is none."""
+        raise MotiondeckError(f"there is no input '{name}': recorded frames have none")
 
     def anchors(self, motion: str) -> Channels:
         """All frames."""
-        return self._frames[motion].astype(np.float64)
+        return self[motion].astype(np.float64)
+
+    def period(self, motion: str) -> int:
+        """All frames."""
+        return len(self[motion])
 
     def cue(self, motion: str, anchor: int) -> None:
         """Goes to a frame."""
@@ -39,15 +65,15 @@ class ClipPlayer:
     @property
     def phase(self) -> float:
         """How far the motion is: [0, 1) in a loop, 0 to 1 in a one-shot."""
-        frames = len(self._frames[self._motion])
+        frames = len(self[self._motion])
         return self._at / (frames if self._loops[self._motion] else max(1, frames - 1))
 
     def seek(self, motion: str, phase: float) -> None:
         """Goes to the frame nearest to a phase."""
-        frames = len(self._frames[motion])
+        frames = len(self[motion])
         self.cue(motion, round(phase * frames) % frames if self._loops[motion] else round(phase * (frames - 1)))
 
-    def advance(self, out: Channels) -> None:
+    def advance(self, out: Channels, noise: Activation | None = None) -> None:
         """Steps one frame on and writes it into out, shape (channels,)."""
         self._go(1, out)
 
@@ -63,8 +89,24 @@ class ClipPlayer:
         """Goes back to a snapshot."""
         self._motion, self._at = snapshot
 
+    def noise_size(self, motion: str) -> int:
+        """0: it has no state that noise could reach."""
+        return 0
+
+    def displace(self, noise: Activation, weights: Activation | None = None) -> None:
+        """Nothing to displace."""
+
+    def arrays(self) -> dict[str, NDArray[Any]]:
+        """Refuses: a library holds networks."""
+        raise MotiondeckError("recorded frames are not stored in a library; train a network")
+
+    @classmethod
+    def load(cls, stored: StoredNetwork) -> Self:
+        """Refuses: a library holds networks."""
+        raise stored.error("holds recorded frames")
+
     def _go(self, by: int, out: Channels) -> None:
-        frames = self._frames[self._motion]
+        frames = self[self._motion]
         at = self._at + by
         self._at = at % len(frames) if self._loops[self._motion] else min(max(at, 0), len(frames) - 1)
         np.copyto(out, frames[self._at])

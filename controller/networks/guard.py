@@ -18,12 +18,12 @@ A look compares one frame with at most MOST_ANCHORS anchors; what it costs is bo
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any, Protocol
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from controller.networks.base import Channels, FrameNetwork
+from controller.networks.base import AutonomousNetwork, Channels, FrameNetwork
 
 LOOK_SECONDS = 1.0 / 24.0
 MOST_ANCHORS = 128
@@ -32,14 +32,6 @@ FROZEN = 0.3
 DISORDER = 0.3
 STILL = 0.02
 MEMORY = 0.1
-
-
-class GuardableNetwork(FrameNetwork, Protocol):
-    """A frame network that knows when its state is one that no playing leads to."""
-
-    def astray(self) -> bool:
-        """Whether it is in such a state."""
-        ...
 
 
 @dataclass(frozen=True)
@@ -148,7 +140,9 @@ class Guard:
         anchor: where it did so the last time.
     """
 
-    def __init__(self, network: GuardableNetwork, lengths: dict[str, int], loops: dict[str, bool], rate: float) -> None:
+    def __init__(
+        self, network: AutonomousNetwork, lengths: dict[str, int], loops: dict[str, bool], rate: float
+    ) -> None:
         self.network = network
         self.motions, self.channels = network.motions, network.channels
         self.scale = spread(network)
@@ -159,6 +153,8 @@ class Guard:
         self._newest = np.zeros((1, network.channels))
         self._astray = np.zeros(1, dtype=bool)
         self.cue(self.motions[0], 0)
+
+    as_phase_network = None
 
     def anchors(self, motion: str) -> Channels:
         """The frames at the anchors of a motion, shape (anchors, channels)."""

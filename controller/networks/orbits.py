@@ -19,7 +19,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from controller.motion.rotations import Array
-from controller.networks.base import Activation, NeuronNetwork
+from controller.networks.base import Activation, AnyNetwork
 
 SHOWN = 3
 POINTS = 120  # of each motion's path
@@ -50,8 +50,8 @@ class Orbits:
         return seen
 
 
-def orbits(network: NeuronNetwork, frames: Mapping[str, int]) -> Orbits:
-    """Plays each motion once, on a twin of the network, and looks where its neurons are.
+def orbits(network: AnyNetwork, frames: Mapping[str, int]) -> Orbits:
+    """The orbits of a network with neurons: plays each motion once, on a twin.
 
     Args:
         network: what plays.
@@ -66,7 +66,7 @@ def orbits(network: NeuronNetwork, frames: Mapping[str, int]) -> Orbits:
         seen: list[Activation] = []
         for frame in range(frames[motion]):
             player.advance(out)
-            if frame == kept[len(seen)]:
+            if frame == kept[len(seen)] and player.activation is not None:
                 seen.append(player.activation.copy())
         activations[motion] = np.stack(seen)
     every = np.concatenate([*activations.values()])

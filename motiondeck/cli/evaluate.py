@@ -92,7 +92,6 @@ def failures(evaluation: Evaluation, kind: Kind, seeds: range, runs: int, jobs: 
     """How often motions fail after a disturbance, without and with a guard."""
     from controller.learning.evaluation.failure_rates import sweep
     from controller.learning.evaluation.tables import failure_table, with_undisturbed_clips
-    from controller.learning.reservoirs.conceptor_training import ConceptorRecipe
 
     with progress("training", len(seeds)) as tick:
         networks = evaluation.networks(seeds, jobs, tick)
@@ -103,10 +102,8 @@ def failures(evaluation: Evaluation, kind: Kind, seeds: range, runs: int, jobs: 
         "it is not gone through once more.",
         "clip player: has no state that noise could reach, so nothing was measured.",
     ]
-    if evaluation.centralized:
-        notes.append("Both coordinates of every center are disturbed; the satellites follow from them.")
-    elif evaluation.library is not None and isinstance(evaluation.recipe.network, ConceptorRecipe):
-        notes.append("A library keeps only the directions of its conceptors; only noise along them has an effect.")
+    if evaluation.noise_note:
+        notes.append(evaluation.noise_note)
     table = failure_table(f"{evaluation.name}: {kind}, {len(networks)} x {runs} runs", counts, notes)
     return with_undisturbed_clips(table)
 

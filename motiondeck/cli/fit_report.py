@@ -18,7 +18,6 @@ from controller.learning.training_set import LearnedPart, TrainingSet
 from controller.library.motion_library import MotionLibrary
 from controller.motion.encodings.motion_matching import joint_features
 from controller.motion.rotations import Array
-from controller.networks.centralized.centralized_frames import CentralizedNetwork
 from motiondeck.cli.common.library_report import (
     join_fields,
     join_line,
@@ -69,11 +68,7 @@ def compare(library: MotionLibrary, training_set: TrainingSet, every: int) -> li
         row: dict[str, Any] = {"motion": name, "mean_mm": mean_absolute(played, recorded)}
         row |= {"joint_mm": mean_distance(played, recorded)}
         row |= {"relative_accuracy": float(relative_accuracy(played, recorded).mean())}
-        if isinstance(network, CentralizedNetwork):
-            part = network[name]
-            row |= {"centers": len(part.frequency), "satellites": len(part.satellites)}
-            row |= {"largest_weight": part.largest_weight}
-        rows.append(row)
+        rows.append(row | network.sizes(name))
     return rows
 
 

@@ -15,9 +15,7 @@ from controller.motion.cubic import between_frames
 from controller.motion.encodings.motion_matching import joint_features
 from controller.motion.posture import Posture, walk_path
 from controller.motion.rotations import Array, dot, normalise
-from controller.networks.base import FrameNetwork
-from controller.networks.reservoirs.phase_driven import PhaseDrivenNetwork
-from controller.networks.reservoirs.phase_reservoir import ANCHOR_EVERY
+from controller.networks.base import AnyNetwork, Channels
 
 ENTRY_SHARE = 0.1
 HELD_M = 0.02
@@ -117,7 +115,7 @@ def read_motions(library: MotionLibrary) -> Mapping[str, Motion]:
         velocities = _rate(places, spacing, loop=loop)
         moving = len(frames) if loop else _moving(places)
         entries = moving if loop else max(1, int(ENTRY_SHARE * moving))
-        postures, played = _played(library, network, info)
+        postures, played = _played(library, network, info, frames)
         speed, acceleration = _peaks(library, played)
         motions[info.name] = Motion(
             name=info.name,
@@ -136,10 +134,10 @@ def read_motions(library: MotionLibrary) -> Mapping[str, Motion]:
     return motions
 
 
-def _whole(network: FrameNetwork, info: MotionInfo, stored: float, rate: float) -> float:
+def _whole(network: AnyNetwork, info: MotionInfo, stored: float, rate: float) -> float:
     """How long it takes until the phase of a motion that is stored for some seconds is 1, s."""
-    if isinstance(network, PhaseDrivenNetwork) and info.plays == "once":
-        return max(1, len(network.moving(info.name)) - 1) / rate
+    if (driven := network.as_phase_network) is not None and info.plays == "once":
+        return driven.period(info.name) / rate
     return stored
 
 
@@ -156,15 +154,15 @@ def _rate(values: Array, spacing: float, *, loop: bool) -> Array:
     return np.gradient(values, spacing, axis=0)
 
 
-def _played(library: MotionLibrary, network: FrameNetwork, info: MotionInfo) -> tuple[Posture, Posture]:
+def _played(
+    library: MotionLibrary, network: AnyNetwork, info: MotionInfo, anchors: Channels
+) -> tuple[Posture, Posture]:
     """The postures of a motion: at its anchors, and each PEAKS_OVER as it is played alone, a little more than once."""
     decode = library.encoding.decode
-    if isinstance(network, PhaseDrivenNetwork):
-        settled = network.settled(info.name)
-        anchors = settled[::ANCHOR_EVERY]
+    if (settled := network.settled(info.name)) is not None:
+        anchors = settled[:: -(-len(settled) // len(anchors))]
         frames = np.concatenate([settled, settled[:5] if info.plays == "loop" else settled[-1:]])
     else:
-        anchors = network.anchors(info.name)
         network.cue(info.name, 0)
         frames = np.empty((info.frames + 5, network.channels))
         for frame in frames:

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from controller.motion.cubic import CUBIC
-from controller.networks.base import Channels, CrossingNetwork, FrameNetwork, InputNetwork, PhaseNetwork
+from controller.networks.base import Channels, CrossingNetwork, FrameNetwork
 from motiondeck_base.errors import MotiondeckError, UnknownNameError
 
 
@@ -49,8 +49,8 @@ class FramePlayer:
         self.motions = network.motions
         # Found once, before the loop: some networks compute all of a motion's anchors at every question.
         self._anchors = beside._anchors if beside else {one: network.anchors(one) for one in network.motions}
-        self._center = network if isinstance(network, PhaseNetwork) else None
-        self._driven = network if isinstance(network, InputNetwork) and network.inputs else None
+        self._center = network.as_phase_network
+        self._driven = self._center if self._center is not None and self._center.inputs else None
         self._frames = np.zeros((4, network.channels))
         self._phases = [0.0] * 4
         self._forwards = True

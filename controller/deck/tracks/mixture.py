@@ -7,8 +7,7 @@ from typing import Any
 import numpy as np
 
 from controller.motion.quintic import rise
-from controller.networks.base import Channels, FrameNetwork
-from controller.networks.reservoirs.morph import Morph, ReservoirNetwork, morph
+from controller.networks.base import AutonomousNetwork, Channels, FrameNetwork, Morph
 
 AHEAD = 3
 """Frames by which a player is ahead of its output."""
@@ -25,7 +24,7 @@ class Mixture:
         motion: the motion that is played, or left.
     """
 
-    def __init__(self, network: FrameNetwork, core: FrameNetwork) -> None:
+    def __init__(self, network: FrameNetwork, core: AutonomousNetwork | None) -> None:
         self.motions, self.channels = network.motions, network.channels
         self._network, self._core = network, core
         self.motion = self.motions[0]
@@ -35,6 +34,8 @@ class Mixture:
     def crossing(self) -> bool:
         """Whether a mixture is still in the player's output."""
         return self._morph is not None
+
+    as_phase_network = None
 
     def anchors(self, motion: str) -> Channels:
         """The frames at the anchors of a motion, shape (anchors, channels)."""
@@ -52,8 +53,8 @@ class Mixture:
         Raises:
             UnknownNameError: if there is no such motion.
         """
-        assert isinstance(self._core, ReservoirNetwork)
-        self._morph, self._other = morph(self._core, self.motion, other), other
+        assert self._core is not None, "only a network that runs by itself is morphed"
+        self._morph, self._other = self._core.morph(self.motion, other), other
         self._frames, self._length = 0, max(1, frames)
 
     def advance(self, out: Channels) -> None:
@@ -79,9 +80,11 @@ class Mixture:
     def _continue_alone(self, morph: Morph, frame: Channels) -> None:
         """Leaves the other motion playing, and cues a guard to where it is."""
         morph.settle()
-        state = self._core.snapshot()
-        self.cue(self._other, int(np.square(self._core.anchors(self._other) - frame).sum(1).argmin()))
-        self._core.restore(state)
+        core = self._core
+        assert core is not None
+        state = core.snapshot()
+        self.cue(self._other, int(np.square(core.anchors(self._other) - frame).sum(1).argmin()))
+        core.restore(state)
 
     def _end(self) -> None:
         self._morph: Morph | None = None

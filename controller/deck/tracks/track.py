@@ -11,10 +11,9 @@ from controller.deck.joins.deck_motions import Motion
 from controller.deck.tracks.frame_player import FramePlayer
 from controller.deck.tracks.mixture import Mixture
 from controller.library.motion_library import MotionLibrary
-from controller.library.network_arrays import Network
 from controller.motion.posture import Posture
 from controller.motion.rotations import Array
-from controller.networks.base import Activation, NeuronNetwork, PhaseNetwork
+from controller.networks.base import Activation, AutonomousNetwork
 from controller.networks.guard import Guard
 
 
@@ -35,10 +34,10 @@ class Track:
     def __init__(self, library: MotionLibrary, motions: Mapping[str, Motion], beside: Track | None = None) -> None:
         self._encoding, self._motions = library.encoding, motions
         core = library.network.twin()
-        self._neurons = core if isinstance(core, NeuronNetwork) else None
-        self._guard = _guard(core, library) if isinstance(core, Network) else None
+        self._core, autonomous = core, core.as_autonomous
+        self._guard = _guard(autonomous, library) if autonomous is not None else None
         self.guarded = self._guard is not None
-        self._mixture = None if isinstance(core, PhaseNetwork) else Mixture(self._guard or core, core)
+        self._mixture = None if core.as_phase_network is not None else Mixture(self._guard or core, autonomous)
         others = beside._player if beside is not None else None
         self._player = FramePlayer(self._mixture or core, library.info.rate, others)
         self._faded_restarts = 0
@@ -60,7 +59,7 @@ class Track:
     @property
     def activation(self) -> Activation | None:
         """The activation of the network's neurons, shape (N,); None if it has none to look at."""
-        return self._neurons.activation if self._neurons is not None else None
+        return self._core.activation
 
     @property
     def phase(self) -> float | None:
@@ -171,7 +170,7 @@ class Track:
         self._round = (self.at - whole, self.at + whole) if motion.loop else (0.0, whole)
 
 
-def _guard(network: Network, library: MotionLibrary) -> Guard:
+def _guard(network: AutonomousNetwork, library: MotionLibrary) -> Guard:
     """A guard around a network that runs by itself; one that a center drives cannot lose its place, and needs none."""
     motions = library.info.motions
     lengths = {motion.name: motion.frames for motion in motions}

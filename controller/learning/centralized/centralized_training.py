@@ -11,7 +11,7 @@ from controller.learning.centralized.motion_training import Rank, train_centrali
 from controller.learning.preparation.training_motion import TrainingMotion
 from controller.motion.encodings.normalisation import Normalisation
 from controller.motion.rotations import Array
-from controller.networks.centralized.centralized_frames import ANCHOR_EVERY, CentralizedNetwork
+from controller.networks.centralized.network import ANCHOR_EVERY, CentralizedNetwork
 from controller.networks.centralized.switching_design import design_module
 
 

@@ -17,7 +17,7 @@ from controller.learning.centralized.satellite_learning import learn, ridge_read
 from controller.motion.rotations import Array
 from controller.networks.centralized.centralized import CentralizedMotion
 from controller.networks.centralized.low_rank import LowRankWeights
-from controller.networks.given import sampling_rate, time_series
+from controller.networks.signals import sampling_rate, time_series
 from motiondeck_base.errors import MotiondeckError
 
 # Weights of normalised channels beyond this stand for satellites that cancel each other.

@@ -9,7 +9,7 @@ import numpy as np
 from controller.learning.centralized.satellite_learning import learn, ridge_readout, slow_and_fast
 from controller.motion.rotations import Array
 from controller.networks.centralized.movement_primitive import MovementPrimitive
-from controller.networks.given import sampling_rate, time_series
+from controller.networks.signals import sampling_rate, time_series
 from motiondeck_base.errors import MotiondeckError
 
 # How far a channel may be bent beyond what was demonstrated, as a share of its own standard deviation.

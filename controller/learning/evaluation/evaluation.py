@@ -1,16 +1,17 @@
-"""What is measured: a recipe, whose networks are trained for it, or a library, with the recordings behind it."""
+"""The subject of an evaluation: a recipe, whose networks are trained, or a library, with their recordings."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
-from controller.learning.centralized.centralized_training import CentralizedRecipe
 from controller.learning.evaluation.failure_rates import Subject, train_subjects
-from controller.learning.evaluation.training_error import TrainingError, training_error
 from controller.learning.measures.self_test import Judge, MotionVerdict, self_test
 from controller.learning.recipe import LibraryRecipe, read_recipe, recipe_of
+from controller.learning.trainers.registry import trainer_of
+from controller.learning.trainers.trainer import Lessons, Trainer, TrainingError
 from controller.learning.training_set import TrainingSet, prepare
 from controller.library.motion_library import load_library
 from controller.motion.rotations import Array
@@ -54,9 +55,14 @@ class Evaluation:
         return ClipPlayer(self.syllabus.frames, self.syllabus.loops)
 
     @property
-    def centralized(self) -> bool:
-        """Whether its networks are centralized networks."""
-        return isinstance(self.recipe.network, CentralizedRecipe)
+    def trainer(self) -> Trainer[Any]:
+        """Of its kind of network."""
+        return trainer_of(self.recipe.network)
+
+    @property
+    def noise_note(self) -> str:
+        """What a disturbance of its networks leaves out, or an empty string."""
+        return self.trainer.noise_note if self.library is None else self.trainer.stored_noise_note
 
     def networks(self, seeds: Iterable[int], jobs: Jobs, tick: Callable[[], None]) -> list[Subject]:
         """The library's own network, or one trained for each seed; `tick` is called after each training."""
@@ -81,6 +87,23 @@ class Evaluation:
             verdicts.append(self_test(errors[-1].network, self.judge))
             tick()
         return errors, verdicts
+
+
+def training_error(
+    recipe: LibraryRecipe, syllabus: TrainingSet, seed: int, readout_targets: Sequence[Array] | None = None
+) -> TrainingError:
+    """Trains a recipe with a seed and measures it, as tables 4.1, 4.3 and 4.5 of Deliallisi 2017.
+
+    Args:
+        recipe: what to train.
+        syllabus: its frames.
+        seed: of everything random.
+        readout_targets: what the readout of a conceptor network learns, one (T, channels) a motion; its frames if None.
+    """
+    lessons = Lessons(*syllabus.normalised(), syllabus.rate)
+    judge = Judge(syllabus.encoding, syllabus.frames, syllabus.loops, syllabus.rate, holds=not recipe.as_recorded)
+    trainer = trainer_of(recipe.network)
+    return trainer.training_error(recipe.network, lessons, syllabus.frames, seed, judge, readout_targets)
 
 
 def read_evaluation(subject: str, data: Path) -> Evaluation:

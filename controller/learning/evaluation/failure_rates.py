@@ -13,12 +13,12 @@ from threadpoolctl import threadpool_limits
 
 from controller.learning.fit import first_to_pass, settle
 from controller.learning.measures.disturbance import GuardKnowledge, Kind, disturbed
-from controller.learning.measures.run_batch import batch_of
 from controller.learning.measures.self_test import Judge, after_disturbance
 from controller.learning.recipe import LibraryRecipe
+from controller.learning.trainers.trainer import Lessons
 from controller.learning.training_set import TrainingSet
-from controller.library.network_arrays import AnyNetwork, Network
 from controller.networks import guard
+from controller.networks.base import AnyNetwork
 from motiondeck_base.jobs import ALONE, Jobs, spread
 
 Tick = Callable[[], None]
@@ -127,20 +127,18 @@ def _gathered(tasks: Iterable[Any], jobs: Jobs, tick: Tick) -> list[Any]:
 
 def _train(recipe: LibraryRecipe, syllabus: TrainingSet, seed: int) -> Subject:
     """Trains a network; as in `fit`, other seeds are tried if a motion fails its self-test, but not `as_recorded`."""
-    lessons, normalisation = syllabus.normalised()
+    lessons = Lessons(*syllabus.normalised(), syllabus.rate)
     judge = Judge(syllabus.encoding, syllabus.frames, syllabus.loops, syllabus.rate, holds=not recipe.as_recorded)
     seeds = [seed + SEEDS_APART * attempt for attempt in range(1 if recipe.as_recorded else ATTEMPTS)]
     with threadpool_limits(1):
-        taught = first_to_pass(
-            seeds, lambda drawn: settle(lessons, normalisation, recipe.network, syllabus.rate, drawn, judge)
-        )
+        taught = first_to_pass(seeds, lambda drawn: settle(recipe.network, lessons, drawn, judge))
     return Subject(seed, taught.seed, taught.network, taught.weights)
 
 
 def _count(kind: Kind, subject: Subject, motion: str, runs: int, judge: Judge, length: int, guarded: bool) -> Count:
     network, loop = subject.network, judge.loops[motion]
     ways: list[GuardKnowledge | None] = [None]
-    if guarded and isinstance(network, Network):
+    if guarded and network.as_autonomous is not None:
         scale = guard.spread(network)
         beat = guard.beat(network, motion, scale, length, judge.rate, loop=loop)
         ways.append(GuardKnowledge(beat, scale, network.anchors(motion)[0]))
@@ -150,7 +148,7 @@ def _count(kind: Kind, subject: Subject, motion: str, runs: int, judge: Judge, l
         for knowledge in ways:
             # The same noise for both; only the guard differs.
             rng = np.random.default_rng([subject.seed, network.motions.index(motion), kind == "stability"])
-            played = disturbed(kind, batch_of(network, motion, runs, subject.weights), runs, rng, knowledge)
+            played = disturbed(kind, network, motion, runs, rng, knowledge, subject.weights)
             verdicts = [after_disturbance(network, judge, motion, run.astype(np.float64)) for run in played]
             failed.append(sum(not verdict.passed for verdict in verdicts))
             reason = reason or next((verdict.reason for verdict in verdicts if not verdict.passed), "")

@@ -8,10 +8,10 @@ from dataclasses import asdict, dataclass, field, replace
 import numpy as np
 
 from controller.learning.evaluation.failure_rates import Count
-from controller.learning.evaluation.training_error import TrainingError
 from controller.learning.evaluation.transitions import MeasuredTransition
 from controller.learning.measures.intervals import grouped, wilson
 from controller.learning.measures.self_test import MotionVerdict
+from controller.learning.trainers.trainer import TrainingError
 
 Value = str | int | float | None
 
@@ -127,7 +127,7 @@ def with_clip_verdicts(table: Table, verdicts: dict[str, MotionVerdict]) -> Tabl
 
 
 def _tested(verdicts: dict[str, MotionVerdict]) -> dict[str, Value]:
-    """What a training table tells of a self-test."""
+    """A self-test as columns of a training table."""
     failing = [name for name, verdict in verdicts.items() if not verdict.passed]
     apart = [verdict.error_mm for verdict in verdicts.values()]
     return {

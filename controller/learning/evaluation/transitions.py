@@ -1,10 +1,11 @@
 """Transitions between all ordered pairs of motions: the thesis's morphing and the deck's switching side by side.
 
 The thesis ramps mu from 0 to 1 over RAMP frames inside the network (eqs 3.7, 3.16); the deck starts the target where it
-resembles the body most and turns the bones there (`deck/joins/transition.py`). For each pair the joints' peak velocity,
-acceleration and jerk during the transition are divided by the larger of both motions' own peaks: 1 means no brisker
-than what was recorded. Joints are seen relative to the root, with its height, from a place in the world that does not
-turn: where one motion turns and the other does not, a body that goes on smoothly jerks as seen from its own heading.
+resembles the body most and turns the bones there (`controller/deck/joins/transition.py`). For each pair the joints'
+peak velocity, acceleration and jerk during the transition are divided by the larger of both motions' own peaks: 1 means
+no brisker than what was recorded. Joints are seen relative to the root, with its height, from a place in the world that
+does not turn: where one motion turns and the other does not, a body that goes on smoothly jerks as seen from its own
+heading.
 """
 
 from __future__ import annotations
@@ -12,7 +13,6 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from math import inf
-from typing import cast
 
 import numpy as np
 from joblib import delayed
@@ -23,14 +23,12 @@ from controller.deck.joins.joining import Joining
 from controller.learning.measures.self_test import Judge
 from controller.learning.training_set import TrainingSet
 from controller.library.motion_library import MotionLibrary
-from controller.library.network_arrays import AnyNetwork
 from controller.motion.encodings.bone_directions import FIRST_BONE, HEIGHT, TURN_RATE
 from controller.motion.encodings.joint_angles import JointBody
 from controller.motion.encodings.motion_matching import LOST_MM, joint_features
 from controller.motion.posture import Pose, Posture
 from controller.motion.rotations import Array, rotate, yaw
 from controller.networks.clip_player import ClipPlayer
-from controller.networks.reservoirs.morph import ReservoirNetwork, morph
 from motiondeck_base.errors import MotiondeckError
 from motiondeck_base.jobs import ALONE, Jobs, spread
 
@@ -105,8 +103,8 @@ def all_crossings(
 
 
 def with_clips(library: MotionLibrary, syllabus: TrainingSet) -> MotionLibrary:
-    """The same library whose motions a clip player plays, for which the deck asks no more than of any network."""
-    return replace(library, network=cast(AnyNetwork, ClipPlayer(syllabus.frames, syllabus.loops)))
+    """The same library whose motions a clip player plays."""
+    return replace(library, network=ClipPlayer(syllabus.frames, syllabus.loops))
 
 
 def _from(
@@ -121,7 +119,7 @@ def _from(
     crossings = []
     motions = list(syllabus.frames)
     # The thesis morphs within a reservoir that runs by itself.
-    methods = METHODS if isinstance(library.network, ReservoirNetwork) else METHODS[1:]
+    methods = METHODS if library.network.as_autonomous is not None else METHODS[1:]
     with threadpool_limits(1):
         for target in motions:
             if target == source:
@@ -149,13 +147,15 @@ def _played(
 
 def _morphed(library: MotionLibrary, source: str, target: str, begin: int, after: int) -> tuple[Array, int, int]:
     """The channels of a run with a mu ramp in it, and where the ramp begins and ends."""
-    network = library.reservoir.twin()
+    network = library.network.twin()
+    autonomous = network.as_autonomous
+    assert autonomous is not None, "only a network that runs by itself is morphed"
     run = np.empty((begin + RAMP + after, network.channels))
     network.cue(source, 0)
     with np.errstate(all="ignore"):
         for frame in run[:begin]:
             network.advance(frame)
-        on_the_way = morph(network, source, target)
+        on_the_way = autonomous.morph(source, target)
         for step, frame in enumerate(run[begin : begin + RAMP], start=1):
             on_the_way.advance(step / RAMP, frame)
         on_the_way.settle()

@@ -3,8 +3,8 @@
 - Robustness: x(0) = s + noise from U[-50, 50] on each neuron (eq. 4.1), then undisturbed.
 - Stability: noise from N(0, 1) on each neuron in each of the first 250 steps (eqs 4.2, 4.4), then undisturbed.
 
-Every run takes 1000 steps; whether it ended on the motion that was meant is judged by the criterion of
-`self_test.py`. Intrinsic runs are the network alone, guarded ones have a `guard.py` that looks on.
+Every run takes 1000 steps, all runs of a motion side by side; `self_test` judges whether each ended on that motion.
+Intrinsic runs are the network alone; in guarded ones a guard (`controller/networks/guard.py`) restarts what is lost.
 """
 
 from __future__ import annotations
@@ -15,8 +15,8 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from controller.learning.measures.run_batch import LosableBatch, RunBatch
 from controller.motion.rotations import Array
+from controller.networks.base import AnyNetwork, AutonomousNetwork
 from controller.networks.guard import Beat, LossWatch
 
 Kind = Literal["robustness", "stability"]
@@ -42,38 +42,52 @@ class GuardKnowledge:
 
 
 def disturbed(
-    kind: Kind, batch: RunBatch, runs: int, rng: np.random.Generator, watched: GuardKnowledge | None = None
+    kind: Kind,
+    network: AnyNetwork,
+    motion: str,
+    runs: int,
+    rng: np.random.Generator,
+    watched: GuardKnowledge | None = None,
+    weights: NDArray[np.float32] | None = None,
 ) -> NDArray[np.float32]:
-    """Disturbs a batch of runs at its start, and plays it.
+    """Disturbs several runs of a motion, each from its first anchor on.
 
     Args:
         kind: of disturbance.
-        batch: the runs.
+        network: what plays; its own state stays as it is.
+        motion: which of its motions.
         runs: R.
         rng: source of the noise.
-        watched: for guarded runs, of a network that may lose its place.
+        watched: for guarded runs, of a network that runs by itself.
+        weights: W of a conceptor network, shape (N, N), of which it keeps only k directions; without it only the part
+            of a displacement counts that lies in them.
 
     Returns:
-        What was played, shape (R, STEPS, C).
+        The frames, shape (R, STEPS, C).
     """
+    player, size = network.twin(runs), network.noise_size(motion)
+    player.cue(motion, 0)
     if kind == "robustness":
-        batch.displace(rng.uniform(-START_NOISE, START_NOISE, (runs, batch.neurons)).astype(np.float32))
-    watch = LossWatch(watched.beat, watched.scale, np.repeat(watched.start[None], runs, axis=0)) if watched else None
-    out: list[NDArray[np.float32]] = []
+        player.displace(rng.uniform(-START_NOISE, START_NOISE, (runs, size)).astype(np.float32), weights)
+    lost, watch = player.as_autonomous, None
+    if watched is not None:
+        watch = LossWatch(watched.beat, watched.scale, np.repeat(watched.start[None], runs, axis=0))
+    frames = np.empty((runs, player.channels))
+    out = np.empty((runs, STEPS, player.channels), dtype=np.float32)
     noisy = NOISY_STEPS if kind == "stability" else 0
     with np.errstate(all="ignore"):  # a network that diverges is a result
         for step in range(STEPS):
-            if watch is not None and isinstance(batch, LosableBatch):
-                _put_back(batch, watch, batch.astray())
-            noise = rng.standard_normal((runs, batch.neurons), dtype=np.float32) if step < noisy else None
-            frames = batch.advance(noise)
-            if watch is not None and isinstance(batch, LosableBatch):
-                _put_back(batch, watch, watch.look(frames.astype(np.float64), batch.astray()))
-            out.append(frames)
-    return np.stack(out, axis=1)
+            if watch is not None and lost is not None:
+                _restart(lost, motion, watch, lost.astray())
+            player.advance(frames, rng.standard_normal((runs, size), dtype=np.float32) if step < noisy else None)
+            if watch is not None and lost is not None:
+                _restart(lost, motion, watch, watch.look(frames, lost.astray()))
+            out[:, step] = frames
+    return out
 
 
-def _put_back(batch: LosableBatch, watch: LossWatch, lost: NDArray[np.bool_]) -> None:
+def _restart(network: AutonomousNetwork, motion: str, watch: LossWatch, lost: NDArray[np.bool_]) -> None:
+    """Puts the lost runs back to where the guard restarts them."""
     rows = np.flatnonzero(lost)
     if len(rows):
-        batch.cue(rows, watch.restart(rows))
+        network.cue(motion, watch.restart(rows), rows)

@@ -31,7 +31,7 @@ from controller.motion.encodings.motion_matching import (
     rising_length,
 )
 from controller.motion.rotations import Array
-from controller.networks.base import FrameNetwork, PhaseNetwork
+from controller.networks.base import FrameNetwork
 
 RUN_LENGTHS = 3
 STILL_MM = 0.3  # from window to window
@@ -76,7 +76,7 @@ def self_test(network: FrameNetwork, judge: Judge, motions: Iterable[str] | None
 def _tested(network: FrameNetwork, judge: Judge, motion: str) -> MotionVerdict:
     length = judge.length(motion)
     run = run_free(network, motion, RUN_LENGTHS * length)
-    if isinstance(network, PhaseNetwork):
+    if network.as_phase_network is not None:
         return judge.at_the_same_phase(motion, run if judge.loops[motion] else run[:length], length)
     verdict = judge(motion, run)
     if not (verdict.passed and judge.loops[motion]):
@@ -87,9 +87,9 @@ def _tested(network: FrameNetwork, judge: Judge, motion: str) -> MotionVerdict:
     return replace(verdict, passed=False, reason=f"comes by {passed_by:.0%} of the motion only")
 
 
-def after_disturbance(network: object, judge: Judge, motion: str, run: Array) -> MotionVerdict:
+def after_disturbance(network: FrameNetwork, judge: Judge, motion: str, run: Array) -> MotionVerdict:
     """The verdict on the channels (T, C) of a run that was disturbed at its beginning."""
-    if isinstance(network, PhaseNetwork):
+    if network.as_phase_network is not None:
         return judge.at_the_same_phase(motion, run, round(RECOVERED_SECONDS * judge.rate))
     return judge(motion, run)
 
@@ -134,7 +134,7 @@ class Judge:
         return float(np.mean(nearest <= LOST_MM))
 
     def at_the_same_phase(self, motion: str, run: Array, last: int) -> MotionVerdict:
-        """The verdict on the channels (T, C) of a run from the first frame on, by its last so many frames."""
+        """The verdict on the channels (T, C) of a run from the first frame on, by its `last` frames."""
         if not np.isfinite(run).all():
             return MotionVerdict(False, np.inf, 0.0, "the network ran away")
         reference = self._features[self._names.index(motion)]

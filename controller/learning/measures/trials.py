@@ -12,17 +12,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from controller.learning.measures.disturbance import Kind, disturbed
-from controller.learning.measures.run_batch import batch_of
 from controller.learning.measures.self_test import Judge, MotionVerdict, self_test
-from controller.networks.reservoirs.conceptor import ConceptorNetwork
-from controller.networks.reservoirs.echo_state import EchoStateNetwork
+from controller.networks.base import AnyNetwork
 
 RUNS: dict[Kind, int] = {"robustness": 8, "stability": 16}
 """The number of disturbed runs of each kind."""
 
 FREE_RUN = sum(RUNS.values())
 """The weight of a failed free run, in disturbed runs."""
-
 
 FORGIVEN = 1
 """The number of failures that a passing motion may have."""
@@ -39,7 +36,7 @@ def with_trials(verdicts: dict[str, MotionVerdict], failed: dict[str, int]) -> d
 
 
 def failures(
-    network: ConceptorNetwork | EchoStateNetwork,
+    network: AnyNetwork,
     motion: str,
     kinds: tuple[Kind, ...],
     judge: Judge,
@@ -54,7 +51,7 @@ def failures(
         kinds: of disturbance that it has to survive.
         judge: of the motions.
         seed: of the noise.
-        weights: W of a conceptor network, as for `batch_of`.
+        weights: W of a conceptor network, as for `disturbed`.
     """
     if not self_test(network, judge, (motion,))[motion].passed:
         return FREE_RUN
@@ -62,6 +59,6 @@ def failures(
     for kind in kinds:
         runs = RUNS[kind]
         rng = np.random.default_rng([seed, *motion.encode(), kind == "stability"])
-        played = disturbed(kind, batch_of(network, motion, runs, weights), runs, rng)
+        played = disturbed(kind, network, motion, runs, rng, weights=weights)
         failed += sum(not judge(motion, run.astype(np.float64)).passed for run in played)
     return failed

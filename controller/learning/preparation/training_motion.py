@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from controller.motion.rotations import Array
-from controller.networks.reservoirs.driving_input import DrivingInput
+from controller.networks.driving_input import DrivingInput
 
 
 @dataclass(frozen=True)

@@ -29,7 +29,7 @@ from controller.learning.reservoirs.conceptor_training import (
 from controller.learning.reservoirs.rank_choice import cut_to_tolerance
 from controller.motion.encodings.normalisation import Normalisation
 from controller.motion.rotations import Array
-from controller.networks.reservoirs.conceptor import ConceptorNetwork
+from controller.networks.conceptor.network import ConceptorNetwork
 
 APERTURES = (5.0, 7.0, 10.0, 14.0, 20.0, 30.0, 50.0, 80.0)
 

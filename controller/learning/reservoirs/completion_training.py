@@ -8,10 +8,10 @@ import msgspec
 import numpy as np
 
 from controller.motion.rotations import Array
-from controller.networks.given import number_within, sampling_rate, time_series, whole_number
 from controller.networks.reservoirs.completion import Completion
 from controller.networks.reservoirs.reservoir import drive, random_reservoir
 from controller.networks.ridge import ridge
+from controller.networks.signals import number_within, sampling_rate, time_series, whole_number
 from motiondeck_base.errors import MotiondeckError
 
 SETTLING_SECONDS = 1.0

@@ -19,7 +19,7 @@ from scipy.linalg import eigh
 from controller.learning.preparation.training_motion import TrainingMotion
 from controller.motion.encodings.normalisation import Normalisation
 from controller.motion.rotations import Array
-from controller.networks.reservoirs.conceptor import ConceptorMotion, ConceptorNetwork, Memory
+from controller.networks.conceptor.network import ConceptorMotion, ConceptorNetwork, Memory
 from controller.networks.reservoirs.reservoir import Reservoir, drive, random_reservoir
 from controller.networks.ridge import ridge
 

@@ -13,7 +13,7 @@ import numpy as np
 from controller.learning.preparation.training_motion import TrainingMotion
 from controller.motion.encodings.normalisation import Normalisation
 from controller.motion.rotations import Array
-from controller.networks.reservoirs.echo_state import EchoStateMotion, EchoStateNetwork
+from controller.networks.echo_state.network import EchoStateMotion, EchoStateNetwork
 from controller.networks.reservoirs.reservoir import Floats, Reservoir, drive, random_reservoir
 from controller.networks.ridge import ridge
 

@@ -27,7 +27,7 @@ from controller.learning.reservoirs.conceptor_training import (
     mean_state,
 )
 from controller.motion.rotations import Array
-from controller.networks.reservoirs.conceptor import ConceptorMotion, ConceptorNetwork, Memory
+from controller.networks.conceptor.network import ConceptorMotion, ConceptorNetwork, Memory
 from controller.networks.reservoirs.reservoir import Reservoir, drive
 from motiondeck_base.errors import MotiondeckError
 

@@ -16,7 +16,7 @@ from controller.learning.measures.trials import failures
 from controller.learning.preparation.training_motion import TrainingMotion
 from controller.learning.reservoirs.echo_state_training import EchoStateRecipe, learn_readouts, train_echo_state
 from controller.motion.encodings.normalisation import Normalisation
-from controller.networks.reservoirs.echo_state import EchoStateNetwork
+from controller.networks.echo_state.network import EchoStateNetwork
 from controller.networks.reservoirs.reservoir import Reservoir
 
 FACTORS = (1.0, 2.0, 0.4, 1.4)

@@ -22,8 +22,8 @@ from controller.learning.reservoirs.conceptor_training import principal_directio
 from controller.learning.reservoirs.phase_training import PhaseDrivenRecipe, affine_ridge, course_of, with_readouts
 from controller.motion.encodings.normalisation import Normalisation
 from controller.motion.rotations import Array
-from controller.networks.reservoirs.driving_input import DrivingInput
-from controller.networks.reservoirs.phase_conceptor import PhaseConceptorMotion, PhaseConceptorNetwork, StoredPieces
+from controller.networks.driving_input import DrivingInput
+from controller.networks.phase_conceptor.network import PhaseConceptorMotion, PhaseConceptorNetwork, StoredPieces
 from controller.networks.reservoirs.phase_reservoir import PhaseCourse, PhaseReservoir, PhaseScales
 from controller.networks.reservoirs.reservoir import Reservoir, drive
 

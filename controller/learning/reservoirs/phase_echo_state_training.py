@@ -11,7 +11,7 @@ import numpy as np
 from controller.learning.preparation.training_motion import TrainingMotion
 from controller.learning.reservoirs.phase_training import PhaseDrivenRecipe, course_of, with_readouts
 from controller.motion.encodings.normalisation import Normalisation
-from controller.networks.reservoirs.phase_echo_state import (
+from controller.networks.phase_echo_state.network import (
     PhaseEchoStateMotion,
     PhaseEchoStateNetwork,
     StoredReadouts,

@@ -23,7 +23,7 @@ from scipy.linalg import cho_factor, cho_solve
 from controller.learning.preparation.training_motion import TrainingMotion
 from controller.motion.encodings.normalisation import Normalisation
 from controller.motion.rotations import Array
-from controller.networks.reservoirs.random_feature_conceptor import (
+from controller.networks.random_feature.network import (
     FeatureMotion,
     FeatureReservoir,
     Float32,

@@ -14,7 +14,7 @@ import numpy as np
 from controller.motion.encodings.encoding import Encoding
 from controller.motion.encodings.motion_matching import joint_features
 from controller.motion.rotations import Array
-from controller.networks.reservoirs.conceptor import ConceptorMotion, ConceptorNetwork
+from controller.networks.conceptor.network import ConceptorMotion, ConceptorNetwork
 
 
 def cut_to_tolerance(

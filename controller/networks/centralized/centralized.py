@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 
 from controller.motion.quintic import rise
 from controller.motion.rotations import Array
-from controller.networks.base import Channels
+from controller.networks.base import Channels, NamedMotions
 from controller.networks.centralized.centers import pairs_at, require_frequencies
 from controller.networks.centralized.low_rank import LowRankWeights
 from controller.networks.centralized.satellites import GaussianSatellites
@@ -28,7 +28,6 @@ from controller.networks.centralized.switching_commands import clamp
 from controller.networks.centralized.switching_design import design_module
 from controller.networks.centralized.switching_module import SwitchingModule
 from controller.networks.entry_points import Entries
-from controller.networks.named_motions import NamedMotions
 from motiondeck_base.errors import MotiondeckError
 
 # How long z takes for all but 1/e of its way, s, and the gain of the current that pulls it there.
@@ -118,22 +117,29 @@ class CentralizedMotion:
         return exponent, np.column_stack([self.matrix, self.rest])
 
 
-class Voice:
-    """A motion while it plays: its centers, and how far it is.
+class CentersPlayer:
+    """A motion while it plays: its centers, and how far it is; of several runs all at one time.
 
-    What rounding, or anything else, does to the amplitude of a center is undone in the next step; what it does to a
-    phase is at the end of the round, where every center begins anew.
+    What rounding or noise does to the amplitude of a center is undone in the next step; what it does to a phase is
+    undone at the end of the round, where every center begins anew.
+
+    Args:
+        motion: what it plays.
+        time: since the beginning, s.
+        runs: the leading shape of its states.
     """
 
-    def __init__(self, motion: CentralizedMotion, time: float) -> None:
-        self.motion = motion
-        self._exponent, self._weights = motion.linear_form
+    def __init__(self, motion: CentralizedMotion, time: float, runs: tuple[int, ...] = ()) -> None:
+        self.motion, self._runs = motion, runs
+        self._exponent, weights = motion.linear_form
+        self._weights = weights.T
         self._turn, self._start = 1j * motion.frequency, 1j * motion.phase
-        self._coordinates = np.ones(self._exponent.shape[1])
-        self.centers: NDArray[np.complex128] = self._coordinates[:-1].view(np.complex128)
-        self._amplitude = np.ones(len(self._turn))
-        self._response_and_one = np.ones(self._weights.shape[1])
-        self._response = self._response_and_one[:-1]
+        coordinates = np.ones((*runs, self._exponent.shape[1]))
+        self.centers: NDArray[np.complex128] = coordinates[..., :-1].view(np.complex128)
+        self._amplitude = np.ones((*runs, len(self._turn)))
+        # Responses are held by rows of satellites, so that all but the last row, of ones, is contiguous.
+        responses = np.ones((weights.shape[1], *runs))
+        self._coordinates, self._response, self._responses = coordinates.T, responses[:-1], responses.T
         self._step, self._rotation = 0.0, np.ones(len(self._turn), dtype=np.complex128)
         self._begin(time)
 
@@ -142,35 +148,43 @@ class Voice:
         self.time = time
         np.exp(self._turn * time + self._start, out=self.centers)
 
-    def advance(self, dt: float) -> None:
-        """Goes dt seconds on; a one-shot stops at its end."""
+    def advance(self, dt: float, noise: NDArray[np.float32] | None = None) -> None:
+        """Goes dt seconds on; a one-shot stops at its end. Noise (*runs, 2 n) is added to (q, p / omega)."""
         time, seconds = self.time + dt, self.motion.seconds
         if time >= seconds:
             self._begin(time % seconds if self.motion.loop else seconds)
-            return
-        self.time = time
-        if dt != self._step:
-            self._step, self._rotation = dt, np.exp(self._turn * dt)
-        self.centers *= self._rotation
+            if noise is None:
+                return
+        else:
+            self.time = time
+            if dt != self._step:
+                self._step, self._rotation = dt, np.exp(self._turn * dt)
+            self.centers *= self._rotation
+        if noise is not None:
+            self.displace(noise)
         np.abs(self.centers, out=self._amplitude)
         self.centers /= self._amplitude
 
+    def displace(self, noise: NDArray[np.float32]) -> None:
+        """Adds noise (*runs, 2 n) to (q, p / omega) of the centers."""
+        self.centers += noise[..., ::2] + 1j * noise[..., 1::2].astype(np.float64)
+
     def read(self, out: Channels) -> None:
-        """Writes the channels into out, shape (D,)."""
+        """Writes the channels into out, shape (*runs, D)."""
         response = self._response
         np.dot(self._exponent, self._coordinates, out=response)
         np.exp(response, out=response)
-        np.dot(self._weights, self._response_and_one, out=out)
+        np.dot(self._responses, self._weights, out=out)
 
-    def copy(self) -> Voice:
-        """An independent voice in the same state."""
-        twin = Voice(self.motion, self.time)
-        twin.centers[:] = self.centers
+    def copy(self) -> CentersPlayer:
+        """An independent player in the same state."""
+        twin = CentersPlayer(self.motion, self.time, self._runs)
+        twin.centers[...] = self.centers
         return twin
 
 
 class Passage:
-    """The switching module while it crosses from one motion to another.
+    """The switching module while it goes from one motion to another.
 
     Args:
         motions: how many there are.
@@ -220,14 +234,14 @@ def mix(share: float, source: Channels, out: Channels) -> None:
 
 
 @dataclass(frozen=True, eq=False)
-class Score:
+class GeneratorState:
     """A copy of a generator's whole state."""
 
     motion: str
-    voice: Voice
-    source: Voice | None
+    player: CentersPlayer
+    source: CentersPlayer | None
     waiting: str | None
-    passage: tuple[object, float, float]
+    crossing: tuple[object, float, float]
     noise: Mapping[str, Any]
 
 
@@ -255,12 +269,12 @@ class CentralizedGenerator(NamedMotions[CentralizedMotion]):
         super().__init__(motions)
         self.channels = len(next(iter(motions.values())).rest)
         self.tempo = 1.0
-        self._passage = Passage(len(motions))
-        self.module = self._passage.module
+        self._crossing = Passage(len(motions))
+        self.module = self._crossing.module
         self._noise, self._random = noise, np.random.default_rng(seed)
         self._out, self._mixed = np.zeros(self.channels), np.zeros(self.channels)
         self._waiting: str | None = None
-        self._source: Voice | None = None
+        self._source: CentersPlayer | None = None
         starts = {k: np.arange(ENTRIES if m.loop else 1) / ENTRIES * m.seconds for k, m in motions.items()}
         self._entries = Entries(motions, starts)
         self.cue(self.motions[0])
@@ -274,7 +288,7 @@ class CentralizedGenerator(NamedMotions[CentralizedMotion]):
         """Starts a motion at a phase in [0, 1), without a transition."""
         part = self[motion]
         self.motion = motion
-        self._voice = Voice(part, phase * part.seconds)
+        self._player = CentersPlayer(part, phase * part.seconds)
         self._source = self._waiting = None
         self.module.reset(self.motions.index(motion))
 
@@ -290,15 +304,15 @@ class CentralizedGenerator(NamedMotions[CentralizedMotion]):
             return
         if to == self.motion and part.loop:
             return
-        entry = self._entries.best(self._voice.motion, self._voice.time, to)
-        self._source, self._voice = self._voice, Voice(part, entry / ENTRIES * part.seconds)
+        entry = self._entries.best(self._player.motion, self._player.time, to)
+        self._source, self._player = self._player, CentersPlayer(part, entry / ENTRIES * part.seconds)
         self.motion = to
-        self._passage.begin(self.motions.index(to))
+        self._crossing.begin(self.motions.index(to))
 
     def step(self, dt: float) -> Channels:
         """Goes dt >= 0 seconds on and gives the channels there, shape (D,); the array is reused by the next step."""
-        self._voice.advance(dt * self.tempo)
-        self._voice.read(self._out)
+        self._player.advance(dt * self.tempo)
+        self._player.read(self._out)
         if self._source is not None:
             self._mix(dt)
         elif self._noise:
@@ -316,24 +330,24 @@ class CentralizedGenerator(NamedMotions[CentralizedMotion]):
         shares = self.module.design.memberships(z)
         return np.concatenate([s * part.matrix for s, part in zip(shares, self._of.values(), strict=True)], axis=1)
 
-    def snapshot(self) -> Score:
+    def snapshot(self) -> GeneratorState:
         """A copy of the state: two runs from one snapshot are identical."""
         source = self._source.copy() if self._source is not None else None
         noise = self._random.bit_generator.state
-        return Score(self.motion, self._voice.copy(), source, self._waiting, self._passage.snapshot(), noise)
+        return GeneratorState(self.motion, self._player.copy(), source, self._waiting, self._crossing.snapshot(), noise)
 
-    def restore(self, score: Score) -> None:
+    def restore(self, state: GeneratorState) -> None:
         """Puts the state back to a snapshot."""
-        self.motion, self._voice = score.motion, score.voice.copy()
-        self._source = score.source.copy() if score.source is not None else None
-        self._waiting = score.waiting
-        self._passage.restore(score.passage)
-        self._random.bit_generator.state = score.noise
+        self.motion, self._player = state.motion, state.player.copy()
+        self._source = state.source.copy() if state.source is not None else None
+        self._waiting = state.waiting
+        self._crossing.restore(state.crossing)
+        self._random.bit_generator.state = state.noise
 
     def _mix(self, dt: float) -> None:
         """Moves z on and mixes what is left of the source into the output."""
         assert self._source is not None
-        if not self._passage.advance(dt):
+        if not self._crossing.advance(dt):
             self._source = None
             self.module.reset(self.motions.index(self.motion))
             if self._waiting is not None:
@@ -342,4 +356,4 @@ class CentralizedGenerator(NamedMotions[CentralizedMotion]):
             return
         self._source.advance(dt * self.tempo)
         self._source.read(self._mixed)
-        mix(self._passage.share, self._mixed, self._out)
+        mix(self._crossing.share, self._mixed, self._out)

@@ -22,7 +22,7 @@ from numpy.typing import ArrayLike, NDArray
 from controller.motion.rotations import Array
 from controller.networks.centralized.centers import pairs_at
 from controller.networks.centralized.satellites import GaussianSatellites
-from controller.networks.given import number_within, points
+from controller.networks.signals import number_within, points
 from motiondeck_base.counted import counted
 from motiondeck_base.errors import MotiondeckError
 

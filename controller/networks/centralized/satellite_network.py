@@ -16,8 +16,8 @@ import numpy as np
 from controller.motion.rotations import Array
 from controller.networks.centralized.centers import HarmonicCenters, NonlinearCenters
 from controller.networks.centralized.satellites import Satellites
-from controller.networks.given import sampling_rate, time_series, whole_number
 from controller.networks.ridge import ridge
+from controller.networks.signals import sampling_rate, time_series, whole_number
 from motiondeck_base.errors import MotiondeckError
 
 Centers = HarmonicCenters | NonlinearCenters

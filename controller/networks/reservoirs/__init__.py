@@ -1,1 +1,1 @@
-"""Reservoir networks: conceptors of several kinds, echo-state networks, morphing."""
+"""What several kinds of networks share: reservoirs, conceptor algebra, phase."""

@@ -15,8 +15,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from controller.motion.rotations import Array
-from controller.networks.given import time_series
 from controller.networks.reservoirs.reservoir import Reservoir, drive
+from controller.networks.signals import time_series
 from motiondeck_base.errors import MotiondeckError
 
 

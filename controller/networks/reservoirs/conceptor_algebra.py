@@ -10,7 +10,7 @@ from __future__ import annotations
 import numpy as np
 
 from controller.motion.rotations import Array
-from controller.networks.given import square, time_series
+from controller.networks.signals import square, time_series
 from motiondeck_base.errors import MotiondeckError
 
 # Below this an eigenvalue counts as 0, and above 1 minus this as 1: rounding leaves no exact ones.

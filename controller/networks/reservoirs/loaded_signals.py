@@ -15,9 +15,9 @@ import numpy as np
 
 from controller.motion.encodings.normalisation import Normalisation
 from controller.motion.rotations import Array
-from controller.networks.given import whole_number
 from controller.networks.reservoirs.conceptor_algebra import conceptor
 from controller.networks.reservoirs.reservoir import Reservoir
+from controller.networks.signals import whole_number
 from motiondeck_base.errors import MotiondeckError, UnknownNameError
 
 

@@ -1,8 +1,8 @@
-"""The base of networks that a center drives: a motion, the voice that plays it, and the network around both.
+"""The base of networks that a phase drives: a motion, its player, and the network around both.
 
-What belongs to one kind of network alone is how its stored arrays become weights, and how a voice steps. Phase, pieces
-and tempo are those of `phase_reservoir`. One step is one frame's worth of phase: tempo is how many steps are made a
-second, and never changes what is played.
+A kind of network adds how its stored arrays become weights, and how its player steps. Phase, pieces and tempo are those
+of `phase_reservoir`. One step is one frame's worth of phase: tempo is the number of steps a second, and never changes
+what is played. The phase is given and cannot be lost, so noise disturbs the neurons alone.
 
 A motion may have an input u besides the phase (`driving_input`): W_u u is added within tanh.
 """
@@ -13,19 +13,27 @@ from abc import ABC, abstractmethod
 from typing import Any, Generic, Self, TypeVar
 
 import numpy as np
+from numpy.typing import NDArray
 
 from controller.motion.encodings.normalisation import Normalisation
-from controller.networks.base import Channels
-from controller.networks.reservoirs.driving_input import LEVELS, DrivingInput
+from controller.motion.rotations import Array
+from controller.networks.base import Channels, PhaseNetwork
+from controller.networks.driving_input import LEVELS, DrivingInput
 from controller.networks.reservoirs.phase_reservoir import (
     ANCHOR_EVERY,
     SETTLING_STEPS,
     Float32,
     PhaseCourse,
     PhaseReservoir,
-    PhaseScales,
 )
-from controller.networks.reservoirs.reservoir_network import ReservoirNetwork
+from controller.networks.reservoirs.reservoir_network import ReservoirNetwork, lead_shape
+from controller.networks.storage import (
+    MotionHeader,
+    PhaseScales,
+    StoredNetwork,
+    arrays_of,
+    normalisation_arrays,
+)
 from motiondeck_base.errors import UnknownNameError
 
 
@@ -57,6 +65,7 @@ class PhaseMotion(ABC):
         driving: DrivingInput | None = None,
     ) -> None:
         self.stored, self.readout = stored, stored.readout
+        self.readers = [piece.T for piece in self.readout]  # views, made once and not in a step
         self.course, self.reservoir, self.driving = course, reservoir, driving
         self.usual = driving.level(driving.usual) if driving is not None else 0.0
 
@@ -64,8 +73,8 @@ class PhaseMotion(ABC):
         return len(self.course.phase)
 
     @abstractmethod
-    def voice(self, frame: int, state: Float32, level: float) -> PhaseVoice[Any]:
-        """What plays it from a frame on, in a state, its input at a level."""
+    def player(self, frame: int, state: Float32, level: float, runs: tuple[int, ...] = ()) -> PhasePlayer[Any]:
+        """A player at a frame, in a state, the input at a level; of several runs with a leading shape."""
 
     def state_at(self, frame: int, level: float) -> Float32:
         """The state that the motion settles in at a frame, with its input at a level."""
@@ -85,17 +94,17 @@ class PhaseMotion(ABC):
     def settled_at(self, level: float) -> Float32:
         """The states that the motion is led to from wherever it starts, its input at a level, shape (T, k)."""
         states = np.zeros((len(self), self.readout.shape[2] - 1), dtype=np.float32)
-        voice = self.voice(-SETTLING_STEPS % len(self) if self.course.loop else 0, states[0], level)
+        player = self.player(-SETTLING_STEPS % len(self) if self.course.loop else 0, states[0], level)
         for _ in range(SETTLING_STEPS):
-            voice.step(voice.next if self.course.loop else 0)
-        states[0] = voice.state
+            player.step(player.next if self.course.loop else 0)
+        states[0] = player.state
         for frame in range(1, len(self)):
-            voice.step(frame)
-            states[frame] = voice.state
+            player.step(frame)
+            states[frame] = player.state
         return states
 
     def read(self, every: int = 1) -> Channels:
-        """Every so manyth frame as its settled states are read out, shape (frames, C)."""
+        """Every n-th frame as its settled states are read out, shape (frames, C)."""
         frames = np.arange(0, len(self), every)
         out = np.empty((len(frames), self.readout.shape[1]))
         for piece, own in enumerate(self.readout.astype(np.float64)):
@@ -107,24 +116,27 @@ class PhaseMotion(ABC):
 Motion = TypeVar("Motion", bound=PhaseMotion)
 
 
-class PhaseVoice(ABC, Generic[Motion]):
+class PhasePlayer(ABC, Generic[Motion]):
     """A motion while it plays.
 
     Args:
         motion, frame, state: what it plays and where it is.
         neurons: N.
         level: of its input.
+        runs: the leading shape of its states; all runs are at one frame.
 
     Attributes:
-        state: shape (k,).
-        activation: of the neurons in the last step, shape (N,).
+        state: shape (*runs, k).
+        activation: of the neurons in the last step, shape (*runs, N).
     """
 
-    def __init__(self, motion: Motion, frame: int, state: Float32, neurons: int, level: float) -> None:
+    def __init__(
+        self, motion: Motion, frame: int, state: Float32, neurons: int, level: float, runs: tuple[int, ...] = ()
+    ) -> None:
         # The state and a 1 side by side, for the readout.
-        self._extended = np.ones(len(state) + 1, dtype=np.float32)
-        self.state = self._extended[:-1]
-        self.activation = np.zeros(neurons, dtype=np.float32)
+        self._extended = np.ones((*runs, state.shape[-1] + 1), dtype=np.float32)
+        self.state = self._extended[..., :-1]
+        self.activation = np.zeros((*runs, neurons), dtype=np.float32)
         self.level = level
         self.place(motion, frame, state)
 
@@ -139,41 +151,56 @@ class PhaseVoice(ABC, Generic[Motion]):
         return self.motion.course.after(self.frame)
 
     @abstractmethod
-    def step(self, frame: int) -> None:
-        """Goes on to a frame whose phase is near the present one."""
+    def step(self, frame: int, noise: Float32 | None = None) -> None:
+        """Goes on to a frame whose phase is near the present one; noise (*runs, N) is added to the new state."""
+
+    @abstractmethod
+    def displace(self, noise: Float32) -> None:
+        """Adds noise (*runs, N) to the present state."""
 
     def read(self, out: Float32) -> None:
-        """Writes the channels of the present state into out, shape (C,)."""
-        np.dot(self.motion.readout[self.motion.course.piece[self.frame]], self._extended, out=out)
+        """Writes the channels of the present state into out, shape (*runs, C)."""
+        np.dot(self._extended, self.motion.readers[self.motion.course.piece[self.frame]], out=out)
 
 
 class PhaseDrivenNetwork(ReservoirNetwork[Motion]):
-    """Plays phase-driven motions frame by frame; fits `base.InputNetwork`.
+    """Plays phase-driven motions frame by frame; fits `base.PhaseNetwork`.
 
     Args:
-        scales, seed: what the shared weights were drawn with.
+        scales, seed: of the shared weights.
         normalisation: between the normalised channels that are learned and the encoding's units.
         motions: what it plays.
+        runs: the leading shape of its states.
     """
 
     def __init__(
-        self, scales: PhaseScales, seed: int, normalisation: Normalisation, motions: dict[str, Motion]
+        self,
+        scales: PhaseScales,
+        seed: int,
+        normalisation: Normalisation,
+        motions: dict[str, Motion],
+        runs: tuple[int, ...] = (),
     ) -> None:
         first = next(iter(motions.values()))
-        super().__init__(motions, scales.neurons, first.readout.shape[1])
+        super().__init__(motions, scales.neurons, first.readout.shape[1], runs)
         self.scales, self.seed, self.normalisation = scales, seed, normalisation
         self.reservoir = first.reservoir
         self._values: dict[str, float] = {}  # of the inputs that were set
-        self._voice: PhaseVoice[Motion] = first.voice(0, first.states[0], first.usual)
-        self.activation = self._voice.activation
+        self._player: PhasePlayer[Motion] = first.player(0, first.states[0], first.usual, runs)
+        self.activation = self._player.activation
 
-    def with_motions(self, more: dict[str, Motion]) -> Self:
-        """The same reservoir with further motions."""
-        return type(self)(self.scales, self.seed, self.normalisation, self._of | more)
+    def with_motions(self, more: dict[str, Motion], runs: int | None = None) -> Self:
+        """The same reservoir with further motions, of one run or of several."""
+        return type(self)(self.scales, self.seed, self.normalisation, self._of | more, lead_shape(runs))
+
+    @property
+    def as_phase_network(self) -> PhaseNetwork:
+        """The network itself."""
+        return self
 
     @property
     def inputs(self) -> dict[str, tuple[float, float]]:
-        """The inputs that motions have besides the phase, and between which values each was learned."""
+        """The inputs besides the phase, each with the least and the largest value that was learned."""
         found: dict[str, tuple[float, float]] = {}
         for motion in self._of.values():
             if (driving := motion.driving) is not None:
@@ -182,7 +209,7 @@ class PhaseDrivenNetwork(ReservoirNetwork[Motion]):
         return found
 
     def set_input(self, name: str, value: float) -> None:
-        """Gives an input another value, from the next step on; beyond what a motion was learned at, its end counts.
+        """Sets an input, from the next step on; a value beyond what a motion was learned at counts as its end.
 
         Raises:
             UnknownNameError: if no motion has such an input.
@@ -190,31 +217,31 @@ class PhaseDrivenNetwork(ReservoirNetwork[Motion]):
         if name not in self.inputs:
             raise UnknownNameError.among("input", name, tuple(self.inputs))
         self._values[name] = value
-        self._voice.level = self._level_of(self._voice.motion)
+        self._player.level = self._level_of(self._player.motion)
 
     @property
     def pace(self) -> float:
-        """How many frames are played in the time of one, because of the input."""
-        driving = self._voice.motion.driving
-        return driving.pace(self._voice.level) if driving is not None else 1.0
+        """Rate factor implied by the input: frames played in the time of one."""
+        driving = self._player.motion.driving
+        return driving.pace(self._player.level) if driving is not None else 1.0
 
     def _level_of(self, motion: Motion) -> float:
-        """Of the input of a motion, at its present value."""
+        """The level of a motion's input at its present value."""
         if motion.driving is None:
             return 0.0
         return motion.driving.level(self._values.get(motion.driving.name, motion.driving.usual))
 
     def _place(self, motion: Motion, frame: int) -> None:
-        """Goes to a frame of a motion, in the state that it settles in there with the present input."""
-        self._voice.level = self._level_of(motion)
-        self._voice.place(motion, frame, motion.state_at(frame, self._voice.level))
+        """Goes to a frame of a motion, in its settled state there with the present input."""
+        self._player.level = self._level_of(motion)
+        self._player.place(motion, frame, motion.state_at(frame, self._player.level))
 
     def anchors(self, motion: str) -> Channels:
         """The frames at the anchors of a motion, shape (anchors, channels)."""
         return self[motion].read(ANCHOR_EVERY)
 
     def settled(self, motion: str) -> Channels:
-        """The frames of a motion as it is played once it has settled, shape (frames, channels)."""
+        """The frames of a motion as it plays once transients have died away, shape (frames, channels)."""
         return self[motion].read()
 
     def moving(self, motion: str) -> Channels:
@@ -222,39 +249,99 @@ class PhaseDrivenNetwork(ReservoirNetwork[Motion]):
         frames = self.settled(motion)
         return frames[: len(frames) - self[motion].course.held]
 
+    def period(self, motion: str) -> int:
+        """Frames of a round of a loop, or until the phase of a one-shot is 1."""
+        part = self[motion]
+        return len(part) if part.course.loop else max(1, len(part) - part.course.held - 1)
+
     def cue(self, motion: str, anchor: int) -> None:
         """Goes to an anchor; the next `advance` gives the frame after it."""
         self._place(self[motion], anchor * ANCHOR_EVERY)
 
-    def advance(self, out: Channels) -> None:
-        """Steps one frame on and writes it into out, shape (channels,)."""
-        self._voice.step(self._voice.next)
-        self._voice.read(self._frame)
+    def advance(self, out: Channels, noise: Float32 | None = None) -> None:
+        """Steps one frame on and writes it into out, shape (*runs, channels); noise is added to the new state."""
+        self._player.step(self._player.next, noise)
+        self._player.read(self._frame)
         out[...] = self._frame
 
+    def displace(self, noise: Float32, weights: Float32 | None = None) -> None:
+        """x(0) = s + noise."""
+        self._player.displace(noise)
+
     def retreat(self, out: Channels) -> None:
-        """Steps one frame back, along the states that the motion settles in, and writes it into out."""
-        part = self._voice.motion
-        self._place(part, part.course.preceding(self._voice.frame))
-        self._voice.read(self._frame)
+        """Steps one frame back, along the settled states of the motion, and writes it into out."""
+        part = self._player.motion
+        self._place(part, part.course.preceding(self._player.frame))
+        self._player.read(self._frame)
         out[...] = self._frame
 
     @property
     def phase(self) -> float:
         """How far the motion is: [0, 1) in a loop, 0 to 1 in a one-shot."""
-        return self._voice.motion.course.share_at(self._voice.frame)
+        return self._player.motion.course.share_at(self._player.frame)
 
     def seek(self, motion: str, phase: float) -> None:
-        """Goes to the frame nearest to a phase, in the state that the motion settles in there."""
+        """Goes to the frame nearest to a phase, in the settled state of the motion there."""
         part = self[motion]
         self._place(part, part.course.frame_at(phase))
 
     def snapshot(self) -> tuple[Motion, int, Float32, dict[str, float]]:
         """A copy of the state."""
-        return self._voice.motion, self._voice.frame, self._voice.state.copy(), dict(self._values)
+        return self._player.motion, self._player.frame, self._player.state.copy(), dict(self._values)
 
     def restore(self, snapshot: Any) -> None:
         """Puts the state back to a snapshot."""
         motion, frame, state, self._values = *snapshot[:3], dict(snapshot[3])
-        self._voice.level = self._level_of(motion)
-        self._voice.place(motion, frame, state)
+        self._player.level = self._level_of(motion)
+        self._player.place(motion, frame, state)
+
+    def driving(self, motion: str) -> DrivingInput | None:
+        """The input of a motion besides the phase; None without one."""
+        return self[motion].driving
+
+    def center_phases(self, motion: str) -> Array:
+        """The phase at the beginning and end of a motion, shape (2, 1), rad."""
+        return np.array([[0.0], [self[motion].course.whole]])
+
+    def arrays(self) -> dict[str, NDArray[Any]]:
+        """What is stored, by name."""
+        found = normalisation_arrays(self.normalisation)
+        for name in self.motions:
+            part, at = self[name], f"motion/{name}/"
+            found |= arrays_of(part.stored, at) | {at + "held": np.array([part.course.held], dtype=np.int32)}
+        return found
+
+    def header_fields(self) -> dict[str, Any]:
+        """The scales of the shared weights."""
+        return {"scales": self.scales}
+
+    @classmethod
+    def load(cls, stored: StoredNetwork) -> Self:
+        """The network that a file holds."""
+        header, normalisation = stored.header, stored.normalisation()
+        if (scales := header.scales) is None:
+            raise stored.error("its header has no scales for the weights that its motions share")
+        reservoir = PhaseReservoir.draw(scales, stored.channels, header.seed)
+        sizes = {"c": stored.channels, "n": scales.neurons}
+        motions = {motion.name: cls.load_motion(stored, motion, sizes, reservoir) for motion in header.motions}
+        return cls(scales, header.seed, normalisation, motions)
+
+    @classmethod
+    @abstractmethod
+    def load_motion(
+        cls, stored: StoredNetwork, motion: MotionHeader, sizes: dict[str, int], reservoir: PhaseReservoir
+    ) -> Motion:
+        """One motion of a file; `sizes` are those that all motions share."""
+
+
+def stored_course(stored: StoredNetwork, motion: MotionHeader, pieces: int) -> PhaseCourse:
+    """How the phase turns with a stored motion of P pieces.
+
+    Raises:
+        FileFormatError: if pieces and frames do not fit each other.
+    """
+    at = f"motion/{motion.name}/"
+    held = int(stored.stored.take(at + "held", 1, kind=np.int32)[0])
+    if not 0 <= held < motion.frames or pieces > motion.frames:
+        raise stored.error(f"'{at}': {pieces} pieces, {held} frames held, of {motion.frames} frames")
+    return PhaseCourse.of(motion.frames, pieces, loop=motion.plays == "loop", held=held)

@@ -13,34 +13,15 @@ from __future__ import annotations
 from dataclasses import dataclass
 from functools import cached_property
 
-import msgspec
 import numpy as np
 from numpy.typing import NDArray
+
+from controller.networks.storage import PhaseScales
 
 Float32 = NDArray[np.float32]
 
 ANCHOR_EVERY = 2
 SETTLING_STEPS = 100
-
-
-class PhaseScales(msgspec.Struct, forbid_unknown_fields=True, frozen=True):
-    """What the shared weights are drawn with.
-
-    Attributes:
-        neurons: N.
-        harmonics: H of the phase.
-        spectral_radius: of W, by the circular law: that of an infinitely large W.
-        input_scale, phase_scale, bias_scale: of W_in, W_phi (a in the equation) and b.
-        drive_scale: of W_u; 0 where no motion has an input besides the phase.
-    """
-
-    neurons: int
-    harmonics: int
-    spectral_radius: float
-    input_scale: float
-    phase_scale: float
-    bias_scale: float
-    drive_scale: float = 0.0
 
 
 @dataclass(frozen=True)
@@ -139,11 +120,6 @@ class PhaseCourse:
         if frame + 1 < len(self.phase):
             return frame + 1
         return 0 if self.loop else frame
-
-    def all_after(self, frames: NDArray[np.int64]) -> NDArray[np.int64]:
-        """The frames that follow some, as `after` has it."""
-        many = len(self.phase)
-        return (frames + 1) % many if self.loop else np.minimum(frames + 1, many - 1)
 
     def preceding(self, frame: int) -> int:
         """The frame before one: the last before the first of a loop, the first itself of a one-shot."""

@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from controller.motion.rotations import Array
-from controller.networks.given import number_within, time_series, whole_number
+from controller.networks.signals import number_within, time_series, whole_number
 from motiondeck_base.errors import MotiondeckError
 
 Floats = NDArray[Any]

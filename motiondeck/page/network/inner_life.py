@@ -9,10 +9,7 @@ import numpy as np
 
 from controller.library.motion_library import load_library
 from controller.motion.rotations import Array
-from controller.networks.base import NeuronNetwork
-from controller.networks.centralized.centralized_frames import CentralizedNetwork
 from controller.networks.orbits import Orbits, orbits
-from controller.networks.reservoirs.phase_driven import PhaseDrivenNetwork, PhaseMotion
 
 TURN = 2.0 * np.pi
 
@@ -39,8 +36,8 @@ class InnerLife:
         loaded = load_library(library)
         network = loaded.network
         frames = {motion.name: motion.frames for motion in loaded.info.motions}
-        found = orbits(network, frames) if isinstance(network, NeuronNetwork) else None
-        courses = {name: course for name in frames if (course := _course(network, name)) is not None}
+        found = orbits(network, frames) if network.activation is not None else None
+        courses = {name: course for name in frames if (course := network.center_phases(name)) is not None}
         return cls(found, courses)
 
     def centers(self, motion: str, phase: float) -> list[float]:
@@ -50,14 +47,3 @@ class InnerLife:
             return []
         first, last = course
         return [float(turns) for turns in np.round((first + phase * (last - first)) / TURN % 1.0, 3)]
-
-
-def _course(network: object, motion: str) -> Array | None:
-    """From where to where the phases of a motion's centers go, shape (2, n), rad; None if it has none."""
-    if isinstance(network, PhaseDrivenNetwork):
-        driven: PhaseMotion = network[motion]
-        return np.array([[0.0], [driven.course.whole]])
-    if isinstance(network, CentralizedNetwork):
-        parts = network[motion]
-        return parts.phase + np.array([[0.0], [parts.seconds]]) * parts.frequency
-    return None

@@ -22,11 +22,10 @@ from controller.learning.reservoirs.phase_conceptor_training import PhaseRecipe
 from controller.learning.reservoirs.phase_echo_state_training import PhaseEchoStateRecipe
 from controller.learning.training_set import prepare
 from controller.library.motion_library import MotionLibrary, load_library, save_library
-from controller.library.network_arrays import arrays_of
 from controller.motion.canonical.clip_edits import mirrored
 from controller.motion.clip import Clip
 from controller.motion.rotations import multiply
-from controller.networks.reservoirs.conceptor import ConceptorNetwork
+from controller.networks.conceptor.network import ConceptorNetwork
 from motiondeck_base.errors import MotiondeckError
 
 FILE = Path("small.safetensors")
@@ -157,8 +156,8 @@ def test_a_motion_is_added_and_nothing_else_changes(make, tmp_path):
     after = load_library(tmp_path / "longer.safetensors")
     assert after.network.motions == (*before.network.motions, "skip")
     assert after.info.motions[:3] == before.info.motions
-    stored = arrays_of(after.network)
-    for name, array in arrays_of(before.network).items():
+    stored = after.network.arrays()
+    for name, array in before.network.arrays().items():
         assert np.array_equal(array, stored[name]) or not name.startswith("motion/"), name
     for name in before.network.motions:
         first, second = (run_free(library.network.twin(), name, 300) for library in (before, after))

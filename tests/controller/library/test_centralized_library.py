@@ -12,10 +12,9 @@ from controller.deck.tracks.frame_player import FramePlayer
 from controller.learning.centralized.centralized_training import CentralizedRecipe, train_centralized_network
 from controller.learning.measures.self_test import Judge, self_test
 from controller.library.motion_library import MotionLibrary, load_library, save_library
-from controller.library.network_arrays import arrays_of
 from controller.motion.encodings.motion_matching import joint_features
-from controller.networks.centralized.centralized_frames import CentralizedNetwork
 from controller.networks.centralized.low_rank import LowRankWeights
+from controller.networks.centralized.network import CentralizedNetwork
 from motiondeck_base.errors import FileFormatError, MotiondeckError, UnknownNameError
 from motiondeck_base.shipped import find_library
 
@@ -191,7 +190,7 @@ def test_the_deck_plays_and_switches_it(library):
     ],
 )
 def test_a_damaged_library_is_refused_by_its_place(library, tmp_path, name, change, words):
-    arrays = {at: np.ascontiguousarray(array) for at, array in arrays_of(library.network).items()}
+    arrays = {at: np.ascontiguousarray(array) for at, array in library.network.arrays().items()}
     if change is None:
         del arrays[name]
     else:
@@ -202,10 +201,9 @@ def test_a_damaged_library_is_refused_by_its_place(library, tmp_path, name, chan
         load_library(tmp_path / "damaged.safetensors")
 
 
-def test_what_needs_a_reservoir_says_so(library):
-    with pytest.raises(MotiondeckError, match="needs one that runs by itself"):
-        _ = library.reservoir
-    assert synthetic.small_library().reservoir.motions == library.network.motions
+def test_unknown_and_missing_motions_are_refused(library):
+    assert library.network.as_autonomous is None
+    assert synthetic.small_library().network.as_autonomous is not None
     with pytest.raises(UnknownNameError, match="wave"):
         library.network.cue("wafe", 0)
     with pytest.raises(MotiondeckError, match="needs motions"):

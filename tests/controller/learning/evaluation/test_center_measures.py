@@ -6,9 +6,8 @@ import pytest
 
 import synthetic
 from controller.learning.centralized.centralized_training import CentralizedRecipe
+from controller.learning.evaluation.evaluation import training_error
 from controller.learning.evaluation.failure_rates import sweep, train_subjects
-from controller.learning.evaluation.training_error import training_error
-from controller.learning.measures.run_batch import batch_of
 from controller.learning.recipe import LibraryRecipe, MotionRecipe
 from controller.learning.reservoirs.phase_conceptor_training import PhaseRecipe
 from controller.learning.reservoirs.phase_echo_state_training import PhaseEchoStateRecipe
@@ -35,31 +34,33 @@ def subject(syllabus):
 
 
 @pytest.mark.parametrize("motion", list(synthetic.MOTIONS))
-def test_a_batch_plays_what_the_network_plays(subject, motion):
+def test_several_runs_play_what_one_plays(subject, motion):
     network = subject.network
     network.cue(motion, 0)
     frame = np.empty(network.channels)
-    batch, frames = batch_of(network, motion, 3), np.empty(0)
+    player, frames = network.twin(3), np.empty((3, network.channels))
+    player.cue(motion, 0)
     for _ in range(250):
         network.advance(frame)
-        frames = batch.advance()
+        player.advance(frames)
     assert np.allclose(frames, frame, atol=1e-5)
 
 
-def test_the_player_and_the_batch_recover_alike(subject):
+def test_one_run_and_several_recover_alike(subject):
     """A push on the centers: the amplitude is back in the next step, the phases at the end of the round."""
     network = subject.network
     push = np.array([3.0, -1.0, 0.5, 2.0], dtype=np.float32)
-    batch = batch_of(network, "march", 1)
-    batch.displace(push[None])
+    several = network.twin(1)
+    several.cue("march", 0)
+    several.displace(push[None])
     network.cue("march", 0)
-    network._voice.centers += push[::2] + 1j * push[1::2]
-    frame, calm = np.empty(network.channels), []
+    network.displace(push)
+    frame, frames, calm = np.empty(network.channels), np.empty((1, network.channels)), []
     for _ in range(2 * round(network["march"].seconds * network.rate) + 1):
         network.advance(frame)
-        played = batch.advance()[0]
-        assert np.allclose(played, frame, atol=1e-5)
-        calm.append(played)
+        several.advance(frames)
+        assert np.allclose(frames[0], frame, atol=1e-5)
+        calm.append(frames[0].copy())
     assert not np.allclose(calm[0], network["march"].at(np.array([1 / network.rate]))[0], atol=0.05)
     assert np.allclose(calm[-1], network["march"].at(np.array([1 / network.rate]))[0], atol=1e-5)
 

@@ -8,7 +8,6 @@ from controller.learning.evaluation.failure_rates import Subject, sweep
 from controller.learning.evaluation.tables import failure_table
 from controller.learning.measures.disturbance import STEPS, GuardKnowledge, disturbed
 from controller.learning.measures.intervals import grouped, wilson
-from controller.learning.measures.run_batch import LosableBatch, batch_of
 from controller.learning.measures.self_test import Judge, after_disturbance, self_test
 from controller.learning.reservoirs.echo_state_training import EchoStateRecipe, train_echo_state
 from controller.learning.stress_test import stress_test
@@ -17,6 +16,13 @@ from controller.networks.guard import Guard, beat, spread
 
 LOOPS = {name: name != "bow" for name in synthetic.MOTIONS}
 SMALL_ECHO = EchoStateRecipe(neurons=200, washout=60)
+
+
+def cued(network, motion, runs):
+    """Several runs of a motion at its first anchor, and the frames that they write."""
+    player = network.twin(runs)
+    player.cue(motion, 0)
+    return player, np.empty((runs, player.channels))
 
 
 @pytest.fixture(scope="module")
@@ -47,28 +53,30 @@ def driven_echo():
 
 @pytest.mark.parametrize("kind", ["conceptors", "echo", "driven", "driven_echo"])
 @pytest.mark.parametrize("motion", list(synthetic.MOTIONS))
-def test_a_batch_plays_what_the_network_plays(kind, motion, request):
+def test_several_runs_play_what_one_plays(kind, motion, request):
     network = request.getfixturevalue(kind)
     network.cue(motion, 0)
     frame = np.empty(network.channels)
-    batch, frames = batch_of(network, motion, 3), np.empty(0)
+    player, frames = cued(network, motion, 3)
     for _ in range(130):
         network.advance(frame)
-        frames = batch.advance()
+        player.advance(frames)
     assert np.allclose(frames, frame, atol=2e-3)
-    assert isinstance(batch, LosableBatch) is (kind in {"conceptors", "echo"})
-    assert not isinstance(batch, LosableBatch) or not batch.astray().any()
+    lost = player.as_autonomous
+    assert (lost is not None) is (kind in {"conceptors", "echo"})
+    assert lost is None or not lost.astray().any()
 
 
 @pytest.mark.parametrize("kind", ["conceptors", "echo", "driven", "driven_echo"])
-def test_runs_of_a_batch_do_not_touch_each_other(kind, request):
+def test_several_runs_do_not_touch_each_other(kind, request):
     network = request.getfixturevalue(kind)
-    calm, shaken = batch_of(network, "march", 2), batch_of(network, "march", 2)
+    (calm, first), (shaken, second) = cued(network, "march", 2), cued(network, "march", 2)
     noise = np.zeros((2, network.neurons), dtype=np.float32)
     noise[1] = 3.0
     shaken.displace(noise)
-    runs = [(calm.advance(), shaken.advance()) for _ in range(5)]
-    first, second = runs[-1]
+    for _ in range(5):
+        calm.advance(first)
+        shaken.advance(second)
     assert np.allclose(first[0], second[0], atol=1e-5)
     assert not np.allclose(first[1], second[1], atol=1e-3)
 
@@ -76,28 +84,29 @@ def test_runs_of_a_batch_do_not_touch_each_other(kind, request):
 @pytest.mark.parametrize("kind", ["conceptors", "echo"])
 def test_a_cued_run_goes_on_from_its_anchor(kind, request):
     network = request.getfixturevalue(kind)
-    batch = batch_of(network, "wave", 2)
-    batch.displace(np.full((2, network.neurons), 50.0, dtype=np.float32))
-    batch.cue(np.array([1]), np.array([4]))
+    player, frames = cued(network, "wave", 2)
+    player.displace(np.full((2, network.neurons), 50.0, dtype=np.float32))
+    player.cue("wave", np.array([4]), np.array([1]))
     network.cue("wave", 4)
     frame = np.empty(network.channels)
     network.advance(frame)
-    assert np.allclose(batch.advance()[1], frame, atol=1e-4)
+    player.advance(frames)
+    assert np.allclose(frames[1], frame, atol=1e-4)
 
 
 def test_noise_beyond_what_neurons_can_be_counts_as_astray(conceptors, echo):
-    batch = batch_of(echo, "march", 2)
+    batch, _ = cued(echo, "march", 2)
     batch.displace(np.array([[0.0], [50.0]], dtype=np.float32) * np.ones((1, echo.neurons), dtype=np.float32))
     assert batch.astray().tolist() == [False, True]
     weights = np.eye(conceptors.neurons, dtype=np.float32)
-    batch = batch_of(conceptors, "march", 1, weights)
-    batch.displace(np.full((1, conceptors.neurons), 50.0, dtype=np.float32))
+    batch, _ = cued(conceptors, "march", 1)
+    batch.displace(np.full((1, conceptors.neurons), 50.0, dtype=np.float32), weights)
     assert batch.astray().all()
 
 
 @pytest.mark.parametrize("kind", ["robustness", "stability"])
 def test_the_same_seed_gives_the_same_runs(conceptors, kind):
-    first, second = (disturbed(kind, batch_of(conceptors, "march", 2), 2, np.random.default_rng(5)) for _ in range(2))
+    first, second = (disturbed(kind, conceptors, "march", 2, np.random.default_rng(5)) for _ in range(2))
     assert first.shape == (2, STEPS, conceptors.channels)
     assert np.array_equal(first, second)
     assert not np.array_equal(first[0], first[1])
@@ -108,7 +117,7 @@ def test_a_guarded_run_is_what_a_guard_plays(conceptors):
     watched = GuardKnowledge(
         beat(conceptors, "bow", scale, frames, synthetic.RATE, loop=False), scale, conceptors.anchors("bow")[0]
     )
-    (run,) = disturbed("robustness", batch_of(conceptors, "bow", 1), 1, np.random.default_rng(0), watched)
+    (run,) = disturbed("robustness", conceptors, "bow", 1, np.random.default_rng(0), watched)
     lengths = {name: len(taught) for name, taught in synthetic.references().items()}
     guard = Guard(conceptors.twin(), lengths, LOOPS, synthetic.RATE)
     out = np.empty((STEPS, conceptors.channels))
@@ -147,7 +156,7 @@ def test_a_loop_that_does_not_survive_noise_fails_the_stress_test(conceptors, sy
     free = self_test(conceptors, judge)
     assert stress_test(conceptors, free, judge, 0) == free
 
-    def dying(kind, batch, runs, rng):
+    def dying(kind, network, motion, runs, rng):
         return np.zeros((runs, STEPS, conceptors.channels), dtype=np.float32) + conceptors.anchors("march")[0]
 
     monkeypatch.setattr("controller.learning.stress_test.disturbed", dying)
@@ -190,18 +199,19 @@ def test_a_disturbed_phase_network_finds_back_to_its_phase(network, kind, reques
     driven = request.getfixturevalue(network)
     judge = Judge(synthetic.small_encoding(), synthetic.references(), LOOPS, synthetic.RATE)
     for motion in driven.motions:
-        for run in disturbed(kind, batch_of(driven, motion, 4), 4, np.random.default_rng(2)):
+        for run in disturbed(kind, driven, motion, 4, np.random.default_rng(2)):
             assert after_disturbance(driven, judge, motion, run.astype(np.float64)).passed
             assert not after_disturbance(driven, judge, motion, run[7:].astype(np.float64)).passed or motion == "bow"
 
 
 def test_a_push_acts_through_all_of_the_weights(driven):
-    # The network steps from x = s + d with dense weights; the batch has only z and what is orthogonal to it.
+    # The network steps from x = s + d with dense weights; the player has only z and what is orthogonal to it.
     motion, reservoir = driven["march"], driven.reservoir
     push = np.random.default_rng(4).uniform(-2.0, 2.0, (1, driven.neurons)).astype(np.float32)
-    batch = batch_of(driven, "march", 1)
-    batch.displace(push)
-    played = batch.advance()[0]
+    player, frames = cued(driven, "march", 1)
+    player.displace(push)
+    player.advance(frames)
+    played = frames[0]
     directions, estimate = motion.stored.directions[0].astype(np.float64), motion.stored.estimate[0].astype(np.float64)
     mean = motion.stored.mean[0].astype(np.float64)
     x = mean + directions @ motion.states[0] + push[0]

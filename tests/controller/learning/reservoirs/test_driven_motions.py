@@ -17,7 +17,7 @@ from controller.learning.reservoirs.phase_training import train_phase_driven
 from controller.library.motion_library import MotionLibrary, load_library, save_library
 from controller.motion.encodings.motion_matching import joint_features
 from controller.motion.encodings.normalisation import Normalisation
-from controller.networks.reservoirs.driving_input import DrivingInput
+from controller.networks.driving_input import DrivingInput
 from motiondeck_base.errors import FileFormatError, MotiondeckError, UnknownNameError
 
 ENCODING = synthetic.small_encoding()

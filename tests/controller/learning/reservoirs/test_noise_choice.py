@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 
 import synthetic
-from controller.learning.evaluation.training_error import training_error
+from controller.learning.evaluation.evaluation import training_error
 from controller.learning.fit import TrainedNetwork, first_to_pass
 from controller.learning.measures.self_test import Judge, MotionVerdict
 from controller.learning.measures.trials import FREE_RUN, failures, with_trials

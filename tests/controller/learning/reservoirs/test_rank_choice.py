@@ -7,8 +7,9 @@ from controller.learning.fit import settle
 from controller.learning.measures.self_test import Judge, run_free, self_test
 from controller.learning.recipe import read_recipe
 from controller.learning.reservoirs.rank_choice import cut, cut_to_tolerance, off_mm, rank_within
+from controller.learning.trainers.trainer import Lessons
 from controller.motion.encodings.motion_matching import joint_features
-from controller.networks.reservoirs.conceptor import ConceptorNetwork
+from controller.networks.conceptor.network import ConceptorNetwork
 from motiondeck_base.errors import FileFormatError
 
 LOOPS = {name: name != "bow" for name in synthetic.MOTIONS}
@@ -57,7 +58,7 @@ def test_a_cut_keeps_the_first_directions(network):
 def test_a_recipe_with_a_tolerance_gets_a_rank_of_its_own_for_each_motion():
     judge = Judge(synthetic.small_encoding(), synthetic.references(), LOOPS, synthetic.RATE)
     recipe = msgspec.structs.replace(synthetic.SMALL_RECIPE, rank_tolerance_mm=5.0)
-    network = settle(*synthetic.lessons(), recipe, synthetic.RATE, 0, judge).network
+    network = settle(recipe, Lessons(*synthetic.lessons(), synthetic.RATE), 0, judge).network
     assert isinstance(network, ConceptorNetwork)
     whole = synthetic.small_network()
     for motion in network.motions:

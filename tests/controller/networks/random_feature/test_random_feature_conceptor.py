@@ -8,11 +8,9 @@ from safetensors import safe_open
 from safetensors.numpy import save_file
 
 import synthetic
-from controller.learning.measures.run_batch import batch_of
 from controller.learning.recipe import read_recipe
 from controller.learning.reservoirs.random_feature_training import RandomFeatureRecipe, conceive, train_random_features
 from controller.library.motion_library import MotionLibrary, load_library, save_library
-from controller.networks.reservoirs.morph import morph
 from motiondeck_base.errors import FileFormatError, MotiondeckError, UnknownNameError
 
 RECIPE = RandomFeatureRecipe(
@@ -128,23 +126,26 @@ def test_an_impossible_state_is_known(network):
     assert network.astray()
 
 
-def test_a_batch_plays_what_the_network_plays(network):
+def test_several_runs_play_what_one_plays(network):
     network.cue("march", 0)
-    batch = batch_of(network, "march", 3)
+    several, frames = network.twin(3), np.empty((3, network.channels))
+    several.cue("march", 0)
     played = run(network, 60)
-    frames = [batch.advance() for _ in range(60)]
-    assert np.allclose(frames[-1], played[-1], atol=2e-3)
-    batch.displace(np.full((3, network.neurons), 50.0, dtype=np.float32))
-    assert batch.astray().all()
-    batch.cue(np.arange(3), np.zeros(3, dtype=np.int64))
-    assert np.allclose(batch.advance(), played[0], atol=1e-4)
+    for _ in range(60):
+        several.advance(frames)
+    assert np.allclose(frames, played[-1], atol=2e-3)
+    several.displace(np.full((3, network.neurons), 50.0, dtype=np.float32))
+    assert several.astray().all()
+    several.cue("march", np.zeros(3, dtype=np.int64), np.arange(3))
+    several.advance(frames)
+    assert np.allclose(frames, played[0], atol=1e-4)
 
 
 def test_a_morph_begins_as_the_source_and_ends_as_the_target(network):
     network.cue("march", 5)
     alone = run(network, 3)
     network.cue("march", 5)
-    going = morph(network, "march", "wave")
+    going = network.morph("march", "wave")
     frame = np.empty(network.channels)
     for step in range(3):
         going.advance(0.0, frame)
@@ -162,7 +163,7 @@ def test_a_morph_in_a_tick_asks_for_no_memory_worth_mentioning(network):
     network.cue("march", 5)
     tracemalloc.start()
     try:
-        going = morph(network, "march", "wave")
+        going = network.morph("march", "wave")
         going.advance(1.0, np.empty(network.channels))
         going.settle()
         most = tracemalloc.get_traced_memory()[1]
@@ -174,10 +175,10 @@ def test_a_morph_in_a_tick_asks_for_no_memory_worth_mentioning(network):
 
 def test_a_library_keeps_it(library, tmp_path):
     save_library(library, tmp_path / "small.safetensors")
-    loaded = load_library(tmp_path / "small.safetensors").reservoir
-    library.reservoir.cue("bow", 2)
+    loaded = load_library(tmp_path / "small.safetensors").network
+    library.network.cue("bow", 2)
     loaded.cue("bow", 2)
-    assert np.array_equal(run(loaded, 40), run(library.reservoir, 40))
+    assert np.array_equal(run(loaded, 40), run(library.network, 40))
 
 
 def test_a_library_that_names_features_which_are_not_there_is_refused(library, tmp_path):

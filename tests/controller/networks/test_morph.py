@@ -4,8 +4,7 @@ import pytest
 import synthetic
 from controller.learning.reservoirs.conceptor_training import ConceptorRecipe, conceptor_network, load_reservoir
 from controller.learning.reservoirs.echo_state_training import EchoStateRecipe, train_echo_state
-from controller.networks.reservoirs.conceptor import ConceptorNetwork
-from controller.networks.reservoirs.morph import morph
+from controller.networks.conceptor.network import ConceptorNetwork
 from motiondeck_base.errors import MotiondeckError, UnknownNameError
 
 PLAIN = ConceptorRecipe(
@@ -35,7 +34,7 @@ def test_mu_zero_is_the_source(make):
     for each in (network, other):
         each.cue("march", 0)
         run(each.advance, 20, each.channels)
-    mixed = morph(network, "march", "wave")
+    mixed = network.morph("march", "wave")
     plain = run(other.advance, 30, other.channels)
     assert np.allclose(run(lambda out: mixed.advance(0.0, out), 30, network.channels), plain, atol=1e-3)
 
@@ -43,7 +42,7 @@ def test_mu_zero_is_the_source(make):
 def test_a_ramp_ends_in_the_target():
     network = conceptors()
     network.cue("march", 0)
-    mixed, out = morph(network, "march", "wave"), np.empty(network.channels)
+    mixed, out = network.morph("march", "wave"), np.empty(network.channels)
     for mu in np.linspace(0.0, 1.0, 60):
         mixed.advance(float(mu), out)
     mixed.settle()
@@ -66,7 +65,7 @@ def test_low_rank_morphing_is_the_equation_of_the_thesis():
 
     source, target = matrix("march"), matrix("wave")
     x = loaded.states[0][0]
-    mixed, out = morph(network, "march", "wave"), np.empty(network.channels)
+    mixed, out = network.morph("march", "wave"), np.empty(network.channels)
     for mu in (-0.2, 0.0, 0.3, 0.7, 1.0, 1.2):
         x = (mu * target + (1.0 - mu) * source) @ np.tanh(loaded.weights @ x + loaded.reservoir.bias)
         mixed.advance(mu, out)
@@ -78,15 +77,15 @@ def test_a_morph_starts_from_what_is_played(make):
     network = make()
     network.cue("bow", 0)
     with pytest.raises(MotiondeckError, match="plays 'march'; cue it first"):
-        morph(network, "march", "wave")
+        network.morph("march", "wave")
     with pytest.raises(UnknownNameError, match="wave"):
-        morph(network, "bow", "wafe")
+        network.morph("bow", "wafe")
 
 
 def test_settling_leaves_an_ordinary_network():
     network = synthetic.small_network()
     network.cue("march", 0)
-    mixed, out = morph(network, "march", "bow"), np.empty(network.channels)
+    mixed, out = network.morph("march", "bow"), np.empty(network.channels)
     mixed.advance(1.0, out)
     mixed.settle()
     assert isinstance(network, ConceptorNetwork)

@@ -17,9 +17,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from controller.networks.reservoirs.driving_input import DrivingInput
-from controller.networks.reservoirs.phase_driven import PhaseDrivenNetwork, PhaseMotion, PhaseVoice
+from controller.networks.driving_input import DrivingInput
+from controller.networks.reservoirs.phase_driven import PhaseDrivenNetwork, PhaseMotion, PhasePlayer, stored_course
 from controller.networks.reservoirs.phase_reservoir import Float32, PhaseCourse, PhaseReservoir
+from controller.networks.storage import MotionHeader, StoredNetwork
 
 
 @dataclass(frozen=True)
@@ -45,6 +46,7 @@ class PhaseEchoStateMotion(PhaseMotion):
     Attributes:
         driven: W_phi p + b at each frame, shape (T, N).
         drive: W_u, shape (N,).
+        recurrent: W', shape (N, N), a view.
     """
 
     def __init__(
@@ -57,27 +59,48 @@ class PhaseEchoStateMotion(PhaseMotion):
         super().__init__(stored, course, reservoir, driving)
         self.driven = reservoir.harmonics_of(course.phase) @ reservoir.phase_weights.T + reservoir.bias
         self.drive = reservoir.drive_weights.sum(1)
+        self.recurrent = reservoir.weights.T
         self.settle()
 
-    def voice(self, frame: int, state: Float32, level: float) -> PhaseEchoStateVoice:
-        """What plays it from a frame on, in a state, its input at a level."""
-        return PhaseEchoStateVoice(self, frame, state, len(state), level)
+    def player(self, frame: int, state: Float32, level: float, runs: tuple[int, ...] = ()) -> PhaseEchoStatePlayer:
+        """A player at a frame, in a state, the input at a level; of several runs with a leading shape."""
+        return PhaseEchoStatePlayer(self, frame, state, state.shape[-1], level, runs)
 
 
-class PhaseEchoStateVoice(PhaseVoice[PhaseEchoStateMotion]):
+class PhaseEchoStatePlayer(PhasePlayer[PhaseEchoStateMotion]):
     """A motion while it plays; its state is x."""
 
-    def step(self, frame: int) -> None:
-        """Goes on to a frame whose phase is near the present one."""
+    def step(self, frame: int, noise: Float32 | None = None) -> None:
+        """Goes on to a frame whose phase is near the present one; noise is added to x(n+1)."""
         motion, hidden = self.motion, self.activation
-        np.dot(motion.reservoir.weights, self.state, out=hidden)
+        np.dot(self.state, motion.recurrent, out=hidden)
         np.add(hidden, motion.driven[frame], out=hidden)
         if motion.driving is not None:
             np.add(hidden, np.float32(self.level) * motion.drive, out=hidden)
         np.tanh(hidden, out=hidden)
         np.copyto(self.state, hidden)
+        if noise is not None:
+            self.state += noise
         self.frame = frame
+
+    def displace(self, noise: Float32) -> None:
+        """x(0) = s + noise."""
+        self.state += noise
 
 
 class PhaseEchoStateNetwork(PhaseDrivenNetwork[PhaseEchoStateMotion]):
-    """Plays motions with a phase-driven echo-state network frame by frame; fits `base.InputNetwork`."""
+    """Plays motions with a phase-driven echo-state network frame by frame; fits `base.PhaseNetwork`."""
+
+    kind = "phase-echo-state"
+
+    @classmethod
+    def load_motion(
+        cls, stored: StoredNetwork, motion: MotionHeader, sizes: dict[str, int], reservoir: PhaseReservoir
+    ) -> PhaseEchoStateMotion:
+        """One motion of a file."""
+        own = sizes | {"e": sizes["n"] + 1}
+        readouts = StoredReadouts(**stored.read(f"motion/{motion.name}/", own, readout="pce"))
+        return PhaseEchoStateMotion(readouts, stored_course(stored, motion, own["p"]), reservoir, motion.input)
+
+
+KIND = PhaseEchoStateNetwork

@@ -25,9 +25,10 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from controller.networks.reservoirs.driving_input import DrivingInput
-from controller.networks.reservoirs.phase_driven import PhaseDrivenNetwork, PhaseMotion, PhaseVoice
+from controller.networks.driving_input import DrivingInput
+from controller.networks.reservoirs.phase_driven import PhaseDrivenNetwork, PhaseMotion, PhasePlayer, stored_course
 from controller.networks.reservoirs.phase_reservoir import Float32, PhaseCourse, PhaseReservoir
+from controller.networks.storage import MotionHeader, StoredNetwork
 
 Float16 = NDArray[np.float16]
 
@@ -90,40 +91,89 @@ class PhaseConceptorMotion(PhaseMotion):
         before = np.roll(np.arange(pieces), 1)
         self.hand_on = np.einsum("pnk,pnl->pkl", directions, directions[before])
         self.shift = np.einsum("pnk,pn->pk", directions, mean[before] - mean)
+        # Views, made once and not in a step.
+        self.by_piece = [
+            (hand_on.T, shift, drive.T, project.T, offset)
+            for hand_on, shift, drive, project, offset in zip(
+                self.hand_on, self.shift, self.drive, self.project, self.offset, strict=True
+            )
+        ]
         self.settle()
 
-    def voice(self, frame: int, state: Float32, level: float) -> PhaseConceptorVoice:
-        """What plays it from a frame on, in a state, its input at a level."""
-        return PhaseConceptorVoice(self, frame, state, self.drive.shape[1], level)
+    def player(self, frame: int, state: Float32, level: float, runs: tuple[int, ...] = ()) -> PhaseConceptorPlayer:
+        """A player at a frame, in a state, the input at a level; of several runs with a leading shape."""
+        return PhaseConceptorPlayer(self, frame, state, self.drive.shape[1], level, runs)
 
 
-class PhaseConceptorVoice(PhaseVoice[PhaseConceptorMotion]):
+class PhaseConceptorPlayer(PhasePlayer[PhaseConceptorMotion]):
     """A motion while it plays; its state is z."""
 
-    def __init__(self, motion: PhaseConceptorMotion, frame: int, state: Float32, neurons: int, level: float) -> None:
-        super().__init__(motion, frame, state, neurons, level)
-        rank, inputs = len(state), motion.inputs.shape[1]
-        self._input = np.ones(rank + inputs + 1, dtype=np.float32)
-        self._before, self._given = self._input[:rank], self._input[rank:-1]
-        self._handed = np.zeros(rank, dtype=np.float32)
+    def __init__(
+        self,
+        motion: PhaseConceptorMotion,
+        frame: int,
+        state: Float32,
+        neurons: int,
+        level: float,
+        runs: tuple[int, ...] = (),
+    ) -> None:
+        super().__init__(motion, frame, state, neurons, level, runs)
+        rank, inputs = state.shape[-1], motion.inputs.shape[1]
+        self._input = np.ones((*runs, rank + inputs + 1), dtype=np.float32)
+        self._before, self._given = self._input[..., :rank], self._input[..., rank:-1]
+        self._new = np.zeros((*runs, rank), dtype=np.float32)
+        # Noise on the neurons also reaches W outside the stored directions, within tanh of the next step.
+        self._push: Float32 | None = None
 
-    def step(self, frame: int) -> None:
-        """Goes on to a frame whose phase is near the present one."""
-        motion, z, hidden = self.motion, self.state, self.activation
+    def step(self, frame: int, noise: Float32 | None = None) -> None:
+        """Goes on to a frame whose phase is near the present one; noise is added to tanh of the equation."""
+        motion, z, hidden, new = self.motion, self.state, self.activation, self._new
         piece = motion.course.piece[frame]
+        hand_on, shift, drive, project, offset = motion.by_piece[piece]
         if piece != motion.course.piece[self.frame]:
-            np.dot(motion.hand_on[piece], z, out=self._handed)
-            np.add(self._handed, motion.shift[piece], out=z)
+            np.dot(z, hand_on, out=new)
+            np.add(new, shift, out=z)
         self._before[...] = z
         self._given[...] = motion.inputs[frame]
         if motion.driving is not None:
-            self._given[-1] = self.level
-        np.dot(motion.drive[piece], self._input, out=hidden)
+            self._given[..., -1] = self.level
+        np.dot(self._input, drive, out=hidden)
+        if self._push is not None:
+            hidden += self._push
+            self._push = None
         np.tanh(hidden, out=hidden)
-        np.dot(motion.project[piece], hidden, out=z)
-        np.subtract(z, motion.offset[piece], out=z)
+        if noise is not None:
+            hidden += noise
+        np.dot(hidden, project, out=new)
+        np.subtract(new, offset, out=z)
         self.frame = frame
+
+    def displace(self, noise: Float32) -> None:
+        """x(0) = s + noise: the part in the stored directions goes into z, the rest into the next step."""
+        directions = self.motion.stored.directions[self.motion.course.piece[self.frame]].astype(np.float32)
+        self.state += noise @ directions
+        self._push = (noise - (noise @ directions) @ directions.T) @ self.motion.reservoir.weights.T
 
 
 class PhaseConceptorNetwork(PhaseDrivenNetwork[PhaseConceptorMotion]):
-    """Plays motions with phase-driven conceptors frame by frame; fits `base.InputNetwork`."""
+    """Plays motions with phase-driven conceptors frame by frame; fits `base.PhaseNetwork`."""
+
+    kind = "phase-conceptor"
+
+    @classmethod
+    def load_motion(
+        cls, stored: StoredNetwork, motion: MotionHeader, sizes: dict[str, int], reservoir: PhaseReservoir
+    ) -> PhaseConceptorMotion:
+        """One motion of a file; all have one rank."""
+        at = f"motion/{motion.name}/"
+        if (there := stored.stored.size(at + "directions", 1)) != sizes["n"]:
+            raise stored.error(f"{sizes['n']} neurons in its header, {there} in '{at}directions'")
+        sizes.setdefault("k", stored.stored.size(at + "directions", 2))
+        sizes["e"] = sizes["k"] + 1
+        own = dict(sizes)
+        half = stored.read(at, own, np.float16, directions="pnk", mean="pn", estimate="pce")
+        pieces = StoredPieces(**half, **stored.read(at, own, strength="pk", readout="pce"))
+        return PhaseConceptorMotion(pieces, stored_course(stored, motion, own["p"]), reservoir, motion.input)
+
+
+KIND = PhaseConceptorNetwork

@@ -1,4 +1,4 @@
-"""An input besides the phase: a number, such as speed, that shapes a motion while it plays.
+"""An input besides the phase: a number, such as speed, that changes a motion while it plays.
 
 A motion that was learned from recordings which differ in the input has one set of weights for all of them; the input,
 scaled to [-1, 1] over what was learned, goes into the reservoir like the phase does, while loading and while playing.
@@ -16,7 +16,7 @@ LEVELS: Array = np.linspace(-1.0, 1.0, 9)
 
 
 class DrivingInput(msgspec.Struct, forbid_unknown_fields=True, frozen=True):
-    """What an input of a motion means.
+    """The range of an input of a motion, and how long a round takes.
 
     Attributes:
         name: such as "speed".

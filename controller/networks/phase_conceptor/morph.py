@@ -24,7 +24,7 @@ import numpy as np
 
 from controller.motion.rotations import Array
 from controller.networks.base import Channels
-from controller.networks.reservoirs.phase_conceptor import PhaseConceptorMotion, PhaseConceptorNetwork
+from controller.networks.phase_conceptor.network import PhaseConceptorMotion, PhaseConceptorNetwork
 from controller.networks.ridge import ridge
 from motiondeck_base.errors import MotiondeckError
 

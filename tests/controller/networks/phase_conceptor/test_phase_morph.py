@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 import synthetic
-from controller.networks.reservoirs.phase_morph import PhaseMorph
+from controller.networks.phase_conceptor.morph import PhaseMorph
 from motiondeck_base.errors import MotiondeckError, UnknownNameError
 
 KNOTS = (-0.3, 0.0, 0.5, 1.0, 1.3)

@@ -1,0 +1,1 @@
+"""The training of each kind of network: one file a kind, found by its name."""

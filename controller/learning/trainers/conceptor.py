@@ -1,0 +1,93 @@
+"""Trains conceptor networks."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+
+import numpy as np
+
+from controller.learning.measures.accuracy import mabs, nrmse
+from controller.learning.measures.self_test import Judge
+from controller.learning.reservoirs.aperture_choice import settled_network
+from controller.learning.reservoirs.conceptor_training import (
+    ConceptorRecipe,
+    conceptor_network,
+    load_reservoir,
+    what_drove,
+)
+from controller.learning.reservoirs.incremental_loading import load_one_more, memory_of, quota
+from controller.learning.reservoirs.rank_choice import cut_to_tolerance
+from controller.learning.trainers.trainer import Lessons, NewMotion, Settled, Trainer, TrainingError
+from controller.motion.rotations import Array
+from controller.networks.conceptor.network import ConceptorNetwork
+from controller.networks.ridge import ridge
+
+
+class ConceptorTrainer(Trainer[ConceptorRecipe]):
+    """Loads motions into a reservoir and computes their conceptors."""
+
+    recipe = ConceptorRecipe
+    stored_noise_note = "A library keeps only the directions of its conceptors; only noise along them has an effect."
+
+    def problems(self, recipe: ConceptorRecipe, motions: Sequence[str]) -> Iterator[str]:
+        """Apertures of unknown motions, or out of range."""
+        for name, aperture in recipe.apertures.items():
+            if name not in motions:
+                yield f"network.apertures names '{name}', which is not one of its motions"
+            if not 0.0 < aperture <= 1e6:
+                yield f"the aperture of '{name}' is {aperture}; it lies between 0 and 1e6"
+
+    def train(self, recipe: ConceptorRecipe, lessons: Lessons, seed: int) -> ConceptorNetwork:
+        """One network that holds all motions, untested."""
+        loaded = load_reservoir(lessons.motions, recipe, seed)
+        return conceptor_network(loaded, lessons.motions, lessons.normalisation, recipe)
+
+    def settle(self, recipe: ConceptorRecipe, lessons: Lessons, seed: int, judge: Judge) -> Settled:
+        """The network with the apertures that hold in trials."""
+        loaded = load_reservoir(lessons.motions, recipe, seed)
+        chosen = settled_network(loaded, lessons.motions, lessons.normalisation, recipe, judge, seed)
+        return Settled(*chosen, loaded.weights.astype(np.float32))
+
+    def add(
+        self, recipe: ConceptorRecipe, network: ConceptorNetwork, motion: NewMotion
+    ) -> tuple[ConceptorNetwork, tuple[float, float]]:
+        """The network with one more motion, and the share of its space that is used before and after."""
+        to_load, lengths = motion.scaled(memory_of(network).normalisation), motion.lengths
+        grown = load_one_more(network, lengths, to_load, recipe, motion.seed)
+        if recipe.rank_tolerance_mm is not None:
+            # The stored motions were cut when they were learned.
+            grown = cut_to_tolerance(grown, motion.encoding, recipe.rank_tolerance_mm, (motion.name,))
+        longer = lengths | {motion.name: len(motion.frames)}
+        return grown, (quota(network, lengths, recipe), quota(grown, longer, recipe))
+
+    def training_error(
+        self,
+        recipe: ConceptorRecipe,
+        lessons: Lessons,
+        frames: dict[str, Array],
+        seed: int,
+        judge: Judge,
+        readout_targets: Sequence[Array] | None = None,
+    ) -> TrainingError:
+        """Trains and measures the one readout of all motions, and W where it was learned in full."""
+        loaded = load_reservoir(lessons.motions, recipe, seed)
+        network, _ = settled_network(loaded, lessons.motions, lessons.normalisation, recipe, judge, seed)
+        states = np.concatenate(loaded.states)
+        inputs = np.concatenate([lesson.frames for lesson in lessons.motions])
+        readout, targets = loaded.readout, inputs
+        if readout_targets is not None:
+            targets = np.concatenate(readout_targets)
+            readout = ridge(states, targets, recipe.ridge)
+        sized = error = None
+        if recipe.learns == "weights":
+            before = np.concatenate(loaded.before)
+            sized = mabs(loaded.weights)
+            error = nrmse(before @ loaded.weights.T, what_drove(loaded.reservoir, before, inputs))
+        return TrainingError(seed, mabs(readout), nrmse(states @ readout.T, targets), sized, error, network)
+
+    def readout_size(self, network: ConceptorNetwork, scaling: Array) -> float:
+        """The mean absolute readout, of channels scaled to [-1, 1]."""
+        return float(np.mean([mabs(network[name].readout * scaling[:, None]) for name in network.motions]))
+
+
+TRAINER = ConceptorTrainer()

@@ -1,0 +1,214 @@
+"""What training needs of a kind of network, whichever it is."""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass, field
+from typing import Any, ClassVar, Generic, Protocol, TypeVar
+
+import msgspec
+import numpy as np
+from numpy.typing import NDArray
+
+from controller.learning.measures.accuracy import nrmse
+from controller.learning.measures.self_test import Judge
+from controller.learning.preparation.training_motion import TrainingMotion
+from controller.motion.encodings.encoding import Encoding
+from controller.motion.encodings.normalisation import Normalisation
+from controller.motion.rotations import Array
+from controller.networks.base import AnyNetwork
+from motiondeck_base.errors import MotiondeckError
+
+FARTHEST = 50.0  # half ranges of a channel in the stored motions: beyond it no reservoir can follow
+STILL = 1e-3  # m, m/s, rad, or of a direction: what moves less stands still
+
+
+class NetworkRecipe(Protocol):
+    """The parameters of a kind of network: a msgspec struct whose tag is the kind's."""
+
+    __struct_fields__: ClassVar[tuple[str, ...]]
+
+    @property
+    def anchor_every(self) -> int:
+        """Frames between the states that a motion can be entered at."""
+        ...
+
+
+Recipe = TypeVar("Recipe", bound=NetworkRecipe)
+
+
+@dataclass(frozen=True)
+class Lessons:
+    """What a network learns.
+
+    Attributes:
+        motions: normalised.
+        normalisation: between their channels and the encoding's units.
+        rate: frames per second.
+    """
+
+    motions: list[TrainingMotion]
+    normalisation: Normalisation
+    rate: float
+
+
+@dataclass(frozen=True)
+class Settled:
+    """A trained network.
+
+    Attributes:
+        network: what plays.
+        failed: trials of each motion that failed, where the recipe chooses by trials.
+        weights: W of a conceptor network, shape (N, N).
+    """
+
+    network: AnyNetwork
+    failed: dict[str, int] = field(default_factory=dict[str, int])
+    weights: NDArray[np.float32] | None = None
+
+
+@dataclass(frozen=True)
+class NewMotion:
+    """A motion that a library is to learn besides its own.
+
+    Attributes:
+        library, encoding, rate, seed: the library's.
+        lengths: frames of the stored motions.
+        name, frames, loop: of the new motion, frames in the encoding's units.
+    """
+
+    library: str
+    encoding: Encoding
+    rate: float
+    seed: int
+    lengths: dict[str, int]
+    name: str
+    frames: Array
+    loop: bool
+
+    def scaled(self, normalisation: Normalisation) -> TrainingMotion:
+        """The motion, normalised as the stored ones are.
+
+        Raises:
+            MotiondeckError: if it moves what stands still in all stored ones, and so has no scale.
+        """
+        scaled = normalisation.apply(self.frames)
+        unscaled = np.abs(self.frames + normalisation.shift)[:, normalisation.scaling == 0.0]
+        if np.abs(scaled).max() > FARTHEST or (unscaled > STILL).any():
+            raise MotiondeckError(
+                f"the motion moves parts that stand still in all motions of the library '{self.library}'. "
+                "Train all of them together, with `motiondeck learn`."
+            )
+        return TrainingMotion(self.name, scaled, self.loop)
+
+
+@dataclass(frozen=True)
+class TrainingError:
+    """The result of one seed.
+
+    Attributes:
+        seed: of the network.
+        mabs_readout, nrmse_readout: of W_out; means over the motions where their readouts differ.
+        mabs_weights, nrmse_weights: of W, where it was learned in full.
+        network: that was trained.
+    """
+
+    seed: int
+    mabs_readout: float
+    nrmse_readout: float
+    mabs_weights: float | None
+    nrmse_weights: float | None
+    network: AnyNetwork
+
+
+class Trainer(ABC, Generic[Recipe]):
+    """Trains one kind of network.
+
+    Attributes:
+        recipe: the parameters, a struct whose tag is the kind's.
+        center_driven: whether centers drive the network, so that it needs closed loops and ends that hold.
+        takes_inputs: whether a motion may have an input besides the phase.
+        least_range: of a channel in its normalisation (of a direction, m, m/s, rad): a motion that is added later may
+            move what stands still in all others.
+        stress_tested: whether the self-test disturbs the network.
+        noise_note, stored_noise_note: on disturbances of a trained network, and of one from a library, for reports.
+    """
+
+    recipe: type[Recipe]
+    center_driven: ClassVar[bool] = False
+    takes_inputs: ClassVar[bool] = False
+    least_range: ClassVar[float] = 0.0
+    stress_tested: ClassVar[bool] = True
+    noise_note: ClassVar[str] = ""
+    stored_noise_note: ClassVar[str] = ""
+
+    def problems(self, recipe: Recipe, motions: Sequence[str]) -> Iterator[str]:
+        """The problems of a recipe for these motions, besides sizes and scales out of range."""
+        return iter(())
+
+    def sized(
+        self, recipe: Recipe, lessons: Lessons, seed: int, judge: Judge, progress: Callable[[str], None]
+    ) -> Recipe:
+        """The recipe with the sizes that it leaves open."""
+        return recipe
+
+    @abstractmethod
+    def train(self, recipe: Recipe, lessons: Lessons, seed: int) -> AnyNetwork:
+        """One network that holds all motions, untested."""
+
+    def settle(self, recipe: Recipe, lessons: Lessons, seed: int, judge: Judge) -> Settled:
+        """The network with the parameters that hold in trials, where the recipe chooses any."""
+        return Settled(self.train(recipe, lessons, seed))
+
+    def add(
+        self, recipe: Recipe, network: Any, motion: NewMotion
+    ) -> tuple[AnyNetwork, tuple[float | None, float | None]]:
+        """The network with one more motion, and the share of its space that is used before and after.
+
+        Raises:
+            MotiondeckError: if the network cannot be added to.
+        """
+        raise MotiondeckError(
+            f"library '{motion.library}' holds a {network.kind} network, which learns all motions at once; "
+            "name the clip in its recipe and train it again"
+        )
+
+    def training_error(
+        self,
+        recipe: Recipe,
+        lessons: Lessons,
+        frames: dict[str, Array],
+        seed: int,
+        judge: Judge,
+        readout_targets: Sequence[Array] | None = None,
+    ) -> TrainingError:
+        """Trains a recipe with a seed and measures it.
+
+        Args:
+            recipe: what to train.
+            lessons: the same as `frames`, normalised.
+            frames: of each motion, in the encoding's units.
+            seed: of everything random.
+            judge: of the motions.
+            readout_targets: what the readout of a conceptor network learns, one (T, channels) a motion; its frames if
+                None.
+        """
+        dense = self.dense(recipe)
+        network = self.settle(dense, lessons, seed, judge).network
+        errors = [self.error_of(dense, network, name, part) for name, part in frames.items()]
+        size = self.readout_size(network, lessons.normalisation.scaling)
+        return TrainingError(seed, size, float(np.mean(errors)), None, None, network)
+
+    def dense(self, recipe: Recipe) -> Recipe:
+        """The recipe with an anchor at every frame, where it sets them."""
+        own: Any = recipe
+        return msgspec.structs.replace(own, anchor_every=1) if "anchor_every" in own.__struct_fields__ else recipe
+
+    def error_of(self, recipe: Any, network: Any, motion: str, frames: Array) -> float:
+        """The NRMSE of a motion's readout at its anchors beside the frames (T, C) that it learned."""
+        return nrmse(network.recall(motion), frames[:: recipe.anchor_every])
+
+    @abstractmethod
+    def readout_size(self, network: Any, scaling: Array) -> float:
+        """The mean absolute readout, of channels scaled to [-1, 1]."""

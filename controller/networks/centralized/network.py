@@ -1,0 +1,223 @@
+"""Centralized motions frame by frame, as the deck plays networks: entered at anchors, advanced one frame at a time.
+
+A switch is the switching module's: while z goes from one motion to the other both play, mixed by how far it has come.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import Any, Self
+
+import numpy as np
+from numpy.typing import NDArray
+
+from controller.motion.rotations import Array
+from controller.networks.base import Activation, Channels, CrossingNetwork, Network
+from controller.networks.centralized.centralized import CentersPlayer, CentralizedMotion, Passage, mix
+from controller.networks.centralized.low_rank import LowRankWeights, PackedWeights
+from controller.networks.centralized.satellites import GaussianSatellites
+from controller.networks.entry_points import Entries
+from controller.networks.storage import StoredNetwork, arrays_of
+from motiondeck_base.errors import MotiondeckError
+
+ANCHOR_EVERY = 2
+
+
+@dataclass(frozen=True, eq=False)
+class StoredMotion:
+    """A centralized motion as arrays, with n centers, m satellites and C channels.
+
+    Attributes:
+        frequency, phase: of the centers, shape (n,), rad/s and rad.
+        places, sharpness: of the satellites, shape (m, 2 n) and (m,).
+        weights: W, shape (C, m), or its two factors.
+        rest: shape (C,).
+    """
+
+    frequency: Array
+    phase: Array
+    places: Array
+    sharpness: Array
+    weights: Array | LowRankWeights
+    rest: Array
+
+    @classmethod
+    def of(cls, motion: CentralizedMotion) -> StoredMotion:
+        """What is stored of a motion."""
+        satellites = motion.satellites
+        return cls(motion.frequency, motion.phase, satellites.places, satellites.sharpness, motion.weights, motion.rest)
+
+    def arrays(self, at: str) -> dict[str, NDArray[Any]]:
+        """What is stored, by names that begin with `at`; weights of low rank without their zeros."""
+        if not isinstance(self.weights, LowRankWeights):
+            return arrays_of(self, at)
+        packed = arrays_of(PackedWeights.of(self.weights), at)
+        return arrays_of(replace(self, weights=self.rest), at) | packed
+
+    def revive(self, frames: int, rate: float, *, loop: bool) -> CentralizedMotion:
+        """The motion, learned from some frames at a rate in Hz.
+
+        Raises:
+            MotiondeckError: if the arrays do not fit each other, or a loop does not close.
+        """
+        seconds = (frames if loop else max(1, frames - 1)) / rate
+        satellites = GaussianSatellites(self.places, self.sharpness)
+        return CentralizedMotion(self.frequency, self.phase, satellites, self.weights, self.rest, seconds, loop)
+
+
+class CentralizedNetwork(Network[CentralizedMotion]):
+    """Plays centralized motions frame by frame; fits `base.CrossingNetwork`.
+
+    Args:
+        motions: what it plays, all with the same channels.
+        rate: frames per second.
+        runs: the leading shape of its states; several runs are disturbed and read, and do not cross.
+    """
+
+    kind = "centralized"
+
+    def __init__(self, motions: dict[str, CentralizedMotion], rate: float, runs: tuple[int, ...] = ()) -> None:
+        if len({len(motion.rest) for motion in motions.values()}) != 1:
+            raise MotiondeckError("a centralized network needs motions, all with the same number of channels")
+        super().__init__(motions)
+        self.rate, self.runs = rate, runs
+        self.neurons = sum(len(part.frequency) + len(part.satellites) for part in motions.values())
+        self.channels = len(motions[self.motions[0]].rest)
+        self._crossing = Passage(len(motions))
+        self._mixed = np.zeros(self.channels)
+        self._entries = Entries(motions, {name: self._anchor_times(name) for name in self.motions})
+        self.cue(self.motions[0], 0)
+
+    def twin(self, runs: int | None = None) -> CentralizedNetwork:
+        """The same weights with an independent state, of one run or of several."""
+        return CentralizedNetwork(self._of, self.rate, () if runs is None else (runs,))
+
+    def joined(self, other: CentralizedNetwork) -> CentralizedNetwork:
+        """The motions of both."""
+        return CentralizedNetwork(self._of | other._of, self.rate)
+
+    def anchors(self, motion: str) -> Channels:
+        """The frames at the anchors of a motion, shape (anchors, channels)."""
+        return self[motion].at(self._anchor_times(motion))
+
+    def _anchor_times(self, motion: str) -> Array:
+        part = self[motion]
+        frames = round(part.seconds * self.rate) + (not part.loop)
+        return np.arange(0, frames, ANCHOR_EVERY) / self.rate
+
+    def cue(self, motion: str, anchor: int) -> None:
+        """Goes to an anchor; the next `advance` gives the frame after it."""
+        self._player = CentersPlayer(self[motion], anchor * ANCHOR_EVERY / self.rate, self.runs)
+        self._source: CentersPlayer | None = None
+        self._crossing.module.reset(self.motions.index(motion))
+
+    @property
+    def as_crossing(self) -> CrossingNetwork:
+        """The network itself."""
+        return self
+
+    def cross(self, motion: str, entries: int) -> int:
+        """Starts to cross to one of the first anchors of a motion, by the switching module.
+
+        It is the anchor after which the motion is most like the course of the source.
+        """
+        source, part = self._player, self[motion]
+        anchor = self._entries.best(source.motion, source.time, motion, entries)
+        self._player = CentersPlayer(part, anchor * ANCHOR_EVERY / self.rate)
+        self._source = source
+        self._crossing.begin(self.motions.index(motion))
+        return anchor
+
+    @property
+    def crossing(self) -> bool:
+        """Whether it is on its way to another motion."""
+        return self._source is not None
+
+    def advance(self, out: Channels, noise: Activation | None = None) -> None:
+        """Steps one frame on and writes it into out, shape (*runs, channels); noise is added to the centers."""
+        dt = 1.0 / self.rate
+        self._player.advance(dt, noise)
+        self._player.read(out)
+        if self._source is None:
+            return
+        if not self._crossing.advance(dt):
+            self._source = None
+            return
+        self._source.advance(dt)
+        self._source.read(self._mixed)
+        mix(self._crossing.share, self._mixed, out)
+
+    def noise_size(self, motion: str) -> int:
+        """(q, p / omega) of each center; satellites follow at once."""
+        return 2 * len(self[motion].frequency)
+
+    def displace(self, noise: Activation, weights: Activation | None = None) -> None:
+        """(q, p / omega)(0) = s + noise."""
+        self._player.displace(noise)
+
+    def snapshot(self) -> tuple[CentersPlayer, CentersPlayer | None, tuple[object, float, float]]:
+        """A copy of the state."""
+        source = self._source.copy() if self._source is not None else None
+        return self._player.copy(), source, self._crossing.snapshot()
+
+    def restore(self, snapshot: Any) -> None:
+        """Puts the state back to a snapshot."""
+        player, source, crossing = snapshot
+        self._player = player.copy()
+        self._source = source.copy() if source is not None else None
+        self._crossing.restore(crossing)
+
+    def center_phases(self, motion: str) -> Array:
+        """The phases of a motion's centers at its beginning and end, shape (2, n), rad."""
+        part = self[motion]
+        return part.phase + np.array([[0.0], [part.seconds]]) * part.frequency
+
+    def sizes(self, motion: str) -> dict[str, float]:
+        """Centers, satellites and the largest weight of a motion."""
+        part = self[motion]
+        return {
+            "centers": len(part.frequency),
+            "satellites": len(part.satellites),
+            "largest_weight": part.largest_weight,
+        }
+
+    def arrays(self) -> dict[str, NDArray[Any]]:
+        """What is stored, by name."""
+        found: dict[str, NDArray[Any]] = {}
+        for name in self.motions:
+            found |= StoredMotion.of(self[name]).arrays(f"motion/{name}/")
+        return found
+
+    @classmethod
+    def load(cls, stored: StoredNetwork) -> Self:
+        """The network that a file holds."""
+        header, motions = stored.header, dict[str, CentralizedMotion]()
+        for motion in header.motions:
+            at, sizes = f"motion/{motion.name}/", {"c": stored.channels}
+            sizes |= {"n": stored.stored.size(at + "frequency"), "m": stored.stored.size(at + "sharpness")}
+            sizes["d"] = 2 * sizes["n"]
+            found = stored.read(at, sizes, np.float64, frequency="n", phase="n", places="md", sharpness="m", rest="c")
+            part = StoredMotion(**found, weights=_stored_weights(stored, at, sizes))
+            try:
+                motions[motion.name] = part.revive(motion.frames, header.rate, loop=motion.plays == "loop")
+            except MotiondeckError as error:
+                raise stored.error(f"motion '{motion.name}': {error}") from None
+        return cls(motions, header.rate)
+
+
+def _stored_weights(stored: StoredNetwork, at: str, sizes: dict[str, int]) -> Array | LowRankWeights:
+    if at + "nonzero" not in stored.stored:
+        return stored.read(at, sizes, np.float64, weights="cm")["weights"]
+    own: dict[str, int] = {}
+    packed = PackedWeights(
+        **stored.read(at, own, np.uint8, nonzero="b"),
+        **stored.read(at, own, np.int32, used="r"),
+        **stored.read(at, own, shares="s", curves="v"),
+    )
+    try:
+        return packed.unpack(sizes["c"], sizes["m"])
+    except MotiondeckError as error:
+        raise stored.error(f"'{at}': {error}") from None
+
+
+KIND = CentralizedNetwork

@@ -1,0 +1,1 @@
+"""Conceptors: one reservoir, one projection a motion."""

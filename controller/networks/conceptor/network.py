@@ -1,0 +1,244 @@
+"""Conceptors: one reservoir holds many motions, and a projection picks which of them it plays.
+
+Playback is  x(n+1) = C_j tanh(W x(n) + b),  y(n) = W_out x(n)  (Deliallisi 2017, eqs 3.14, 3.15). Two changes make it
+robust and fast:
+
+- affine: a motion's states lie around a mean m_j, so C_j acts on the difference to it,
+
+      x(n+1) = m_j + C_j (tanh(W x(n) + b) - m_j),
+
+  which removes the mirror image -x, an attractor of a plain conceptor as well;
+- low rank: C_j has few singular values that matter. With C_j ~ U S U' and x = m_j + U z, U of shape (N, k),
+
+      z(n+1) = S U' tanh(W U z(n) + (W m_j + b)) - S U' m_j,      y(n) = W_out U z(n) + W_out m_j,
+
+  a step costs 2 N k instead of 2 N^2 multiplications.
+
+A mixture of two motions is  x(n+1) = (mu C_j + (1 - mu) C_i) tanh(W x(n) + b)  (eq. 3.16). An affine conceptor acts
+about its own mean, so the means are mixed with the same shares; in k directions each,
+
+    x(n) = (1 - mu) m_i + mu m_j + U_i z_i + U_j z_j,
+
+and the mixture is played exactly, without the dense matrices.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any, Self
+
+import numpy as np
+from numpy.typing import NDArray
+
+from controller.motion.encodings.normalisation import Normalisation
+from controller.networks.base import Channels, Rows
+from controller.networks.reservoirs.reservoir_network import (
+    AutonomousReservoir,
+    Float32,
+    lead_shape,
+    require_playing,
+    squared_length,
+)
+from controller.networks.storage import StoredNetwork, arrays_of, normalisation_arrays
+
+LARGEST_NOISE = 2.0  # beyond it |s + noise| > 1, which tanh never gives: |s| <= 1
+
+
+@dataclass(frozen=True)
+class ConceptorMotion:
+    """One motion as playback needs it, of rank k in a reservoir of N neurons, with C channels and A anchors.
+
+    Attributes:
+        recurrent: W U, shape (N, k).
+        bias: W m + b, shape (N,).
+        project: S U', shape (k, N).
+        offset: S U' m, shape (k,).
+        readout: W_out U in the units of the encoding, shape (C, k).
+        rest: W_out m in the units of the encoding, shape (C,).
+        states: z at the anchors, shape (A, k).
+    """
+
+    recurrent: Float32
+    bias: Float32
+    project: Float32
+    offset: Float32
+    readout: Float32
+    rest: Float32
+    states: Float32
+
+    @property
+    def reach(self) -> float:
+        """The largest |z| that playing leads to, with room to spare."""
+        return 2.0 * float(np.sqrt(np.square(self.states).sum(1).max()))
+
+
+@dataclass(frozen=True)
+class Memory:
+    """What a reservoir of N neurons learned for all of its P motions together: needed to add one, not to play.
+
+    Attributes:
+        estimate: V, shape (C, N): which input the network expects by its state.
+        readout: W_out, shape (C, N).
+        means: m of each motion, shape (P, N).
+        normalisation: between the channels of both and the encoding's units.
+    """
+
+    estimate: Float32
+    readout: Float32
+    means: Float32
+    normalisation: Normalisation
+
+
+class ConceptorNetwork(AutonomousReservoir[ConceptorMotion]):
+    """Plays the motions of one reservoir frame by frame; fits `base.AutonomousNetwork`.
+
+    Args:
+        motions: what it plays.
+        memory: what adding a motion needs, if that was kept.
+        runs: the leading shape of its states.
+    """
+
+    kind = "conceptor"
+
+    def __init__(
+        self, motions: dict[str, ConceptorMotion], memory: Memory | None = None, runs: tuple[int, ...] = ()
+    ) -> None:
+        first = next(iter(motions.values()))
+        super().__init__(motions, len(first.bias), len(first.rest), runs)
+        self.memory = memory
+        self._reach = {name: part.reach**2 for name, part in motions.items()}
+        self._push: Float32 | None = None  # within tanh in the next step
+        self._outside: Any = False  # runs that a displacement took out of the range of tanh
+        self._start(first, self._reach[self.motions[0]], first.states[0])
+
+    def with_motions(self, more: dict[str, ConceptorMotion], runs: int | None = None) -> ConceptorNetwork:
+        """The same reservoir with further motions, of one run or of several."""
+        return ConceptorNetwork(self._of | more, self.memory, lead_shape(runs))
+
+    def anchors(self, motion: str) -> Channels:
+        """The frames at the anchors of a motion, shape (anchors, channels)."""
+        net = self[motion]
+        return (net.states @ net.readout.T + net.rest).astype(np.float64)
+
+    def cue(self, motion: str, anchor: Any, rows: Rows = ...) -> None:
+        """Puts the network into the stored state of an anchor; of several runs, some of them, one anchor each."""
+        part = self[motion]
+        if rows is ...:
+            self._start(part, self._reach[motion], part.states[anchor])
+            return
+        self._z[rows] = part.states[anchor]
+        if self._push is not None:
+            self._push[rows], self._outside[rows] = 0.0, False
+
+    def advance(self, out: Channels, noise: Float32 | None = None) -> None:
+        """x(n+1) = m + C (tanh(W x(n) + b) + noise - m),  y(n+1) = W_out x(n+1)."""
+        net, z, hidden = self._playing, self._z, self.activation
+        np.dot(z, self._recurrent, out=hidden)
+        np.add(hidden, net.bias, out=hidden)
+        if self._push is not None:
+            hidden += self._push
+            self._push, self._outside = None, False
+        np.tanh(hidden, out=hidden)
+        if noise is not None:
+            hidden += noise
+        np.dot(hidden, self._project, out=z)
+        np.subtract(z, net.offset, out=z)
+        np.dot(z, self._readout, out=self._frame)
+        # Added and then copied: an addition that also converts allocates buffers.
+        np.add(self._frame, net.rest, out=self._frame)
+        np.copyto(out, self._frame)
+
+    def displace(self, noise: Float32, weights: Float32 | None = None) -> None:
+        """x(0) = s + noise; without W only the part in the k stored directions counts."""
+        if weights is None:
+            strength = np.linalg.norm(self._playing.project, axis=1)
+            self._z += noise @ (self._playing.project / np.square(strength)[:, None]).T * strength
+        else:
+            self._push = noise @ weights.T
+            self._outside = np.abs(noise).max(-1) > LARGEST_NOISE
+
+    def astray(self) -> Any:
+        """Whether |z| is larger than in undisturbed playing, or some |x| than tanh allows, or NaN."""
+        return ~(squared_length(self._z) <= self._bound) | self._outside
+
+    def morph(self, source: str, target: str) -> _ConceptorMorph:
+        """A morph that starts where the network is in the source."""
+        return _ConceptorMorph(self, source, target)
+
+    def snapshot(self) -> tuple[ConceptorMotion, float, Float32]:
+        """A copy of the state."""
+        return self._playing, self._bound, self._z.copy()
+
+    def restore(self, snapshot: Any) -> None:
+        """Puts the state back to a snapshot."""
+        self._start(*snapshot)
+
+    def _start(self, part: ConceptorMotion, bound: float, state: Float32) -> None:
+        self._playing, self._bound = part, bound
+        self._recurrent, self._project, self._readout = part.recurrent.T, part.project.T, part.readout.T
+        self._z = np.broadcast_to(state, (*self.runs, state.shape[-1])).copy()
+        self._push, self._outside = None, False
+
+    def arrays(self) -> dict[str, NDArray[Any]]:
+        """What is stored, by name."""
+        found: dict[str, NDArray[Any]] = {}
+        for name in self.motions:
+            found |= arrays_of(self[name], f"motion/{name}/")
+        if (memory := self.memory) is not None:
+            found |= {f"memory/{name}": getattr(memory, name) for name in ("estimate", "readout", "means")}
+            found |= normalisation_arrays(memory.normalisation, "memory/")
+        return found
+
+    @classmethod
+    def load(cls, stored: StoredNetwork) -> Self:
+        """The network that a file holds; all motions have one size of the reservoir."""
+        motions: dict[str, ConceptorMotion] = {}
+        neurons: set[int] = set()
+        for motion in stored.header.motions:
+            at = f"motion/{motion.name}/"
+            sizes = {"a": stored.anchors(at), "c": stored.channels}
+            found = stored.read(
+                at, sizes, bias="n", offset="k", recurrent="nk", project="kn", readout="ck", rest="c", states="ak"
+            )
+            motions[motion.name] = ConceptorMotion(**found)
+            neurons.add(sizes["n"])
+        if len(neurons) > 1:
+            raise stored.error(f"motions of different reservoir sizes {sorted(neurons)}")
+        if "memory/estimate" not in stored.stored:
+            return cls(motions)
+        sizes = {"n": neurons.pop(), "c": stored.channels, "p": len(motions)}
+        found = stored.read("memory/", sizes, estimate="cn", readout="cn", means="pn")
+        return cls(motions, Memory(**found, normalisation=stored.normalisation("memory/")))
+
+
+class _ConceptorMorph:
+    def __init__(self, network: ConceptorNetwork, source: str, target: str) -> None:
+        self._network = network
+        self._source, self._target, self._to = network[source], network[target], target
+        playing, self._bound, self._z_source = network.snapshot()
+        require_playing(playing is self._source, source)
+        self._z_target = np.zeros_like(self._target.offset)
+        self._mu = 0.0
+
+    def advance(self, mu: float, out: Channels) -> None:
+        a, b = self._source, self._target
+        # The state was mixed with the last mu, so its mean was, too.
+        hidden = a.recurrent @ self._z_source + b.recurrent @ self._z_target
+        hidden += (1.0 - self._mu) * a.bias + self._mu * b.bias
+        np.tanh(hidden, out=hidden)
+        self._z_source = (1.0 - mu) * (a.project @ hidden - a.offset)
+        self._z_target = mu * (b.project @ hidden - b.offset)
+        out[:] = a.readout @ self._z_source + b.readout @ self._z_target + (1.0 - mu) * a.rest + mu * b.rest
+        self._mu = mu
+
+    def settle(self) -> None:
+        # What is left outside of the target's directions is dropped, as at mu = 1.
+        self._network.cue(self._to, 0)
+        playing, bound, _ = self._network.snapshot()
+        self._network.restore((playing, bound, self._z_target.astype(np.float32)))
+
+    def give_up(self) -> None:
+        self._network.restore((self._source, self._bound, self._z_source.astype(np.float32)))
+
+
+KIND = ConceptorNetwork

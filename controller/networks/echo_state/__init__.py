@@ -1,0 +1,1 @@
+"""Echo-state networks with output feedback."""

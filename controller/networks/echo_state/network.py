@@ -1,0 +1,204 @@
+"""An echo-state network with output feedback: one reservoir, one readout a motion (Deliallisi 2017, section 3.3).
+
+    x(n+1) = (1 - a) x(n) + a tanh(W x(n) + W_back y(n) + b)        (eq. 3.4, teacher-forced with d(n) in training)
+    y(n+1) = W_out,j x(n+1)                                         (eq. 3.6)
+
+The state lies in [-1, 1] by construction and the normalised output was trained there, so both are clipped to it: a
+disturbed network then finds its way back instead of feeding its own nonsense to itself.
+
+A mixture of two motions mixes their readouts:  y(n) = (mu W_out,j + (1 - mu) W_out,i) x(n)  (eq. 3.7).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any, Self
+
+import numpy as np
+from numpy.typing import NDArray
+
+from controller.motion.encodings.normalisation import Normalisation
+from controller.networks.base import Channels, Rows
+from controller.networks.reservoirs.reservoir_network import AutonomousReservoir, Float32, lead_shape, require_playing
+from controller.networks.storage import StoredNetwork, arrays_of, normalisation_arrays
+
+OUTPUT_BOUND = 1.05
+
+
+@dataclass(frozen=True)
+class EchoStateMotion:
+    """One motion in a reservoir of N neurons, with C channels and A anchors.
+
+    Attributes:
+        readout: W_out, shape (C, N).
+        states: x at the anchors, shape (A, N).
+        outputs: normalised y at the anchors, shape (A, C).
+    """
+
+    readout: Float32
+    states: Float32
+    outputs: Float32
+
+
+class EchoStateNetwork(AutonomousReservoir[EchoStateMotion]):
+    """Plays motions frame by frame; fits `base.AutonomousNetwork`.
+
+    Args:
+        weights: W, shape (N, N).
+        feedback: W_back, shape (N, C).
+        bias: b, shape (N,).
+        leak: a in (0, 1].
+        normalisation: between normalised channels and the encoding's units.
+        motions: a readout and anchors for each.
+        clipped: whether state and output are kept in the range of training (the thesis does not clip).
+        runs: the leading shape of its states.
+    """
+
+    kind = "echo-state"
+
+    def __init__(
+        self,
+        weights: Float32,
+        feedback: Float32,
+        bias: Float32,
+        leak: float,
+        normalisation: Normalisation,
+        motions: dict[str, EchoStateMotion],
+        *,
+        clipped: bool = True,
+        runs: tuple[int, ...] = (),
+    ) -> None:
+        super().__init__(motions, len(bias), feedback.shape[1], runs)
+        self.weights, self.feedback, self.bias, self.leak = weights, feedback, bias, leak
+        self.normalisation = normalisation
+        self.clipped = clipped
+        self._recurrent, self._back = weights.T, feedback.T
+        self._hidden, self._fed_back = np.zeros_like(self.activation), np.zeros_like(self.activation)
+        self._y = self._frame
+        # As arrays, because a step that is given plain numbers makes an array of each.
+        bounds = (1.0, OUTPUT_BOUND) if clipped else (np.inf, np.inf)
+        self._highest_x, self._highest_y, self._leak, self._rest = (
+            np.array(number, dtype=np.float32) for number in (*bounds, leak, 1.0 - leak)
+        )
+        self._lowest_x, self._lowest_y = -self._highest_x, -self._highest_y
+        self.cue(self.motions[0], 0)
+
+    def with_motions(self, more: dict[str, EchoStateMotion], runs: int | None = None) -> EchoStateNetwork:
+        """The same reservoir with further motions, of one run or of several."""
+        shared = self.weights, self.feedback, self.bias, self.leak, self.normalisation
+        return EchoStateNetwork(*shared, self._of | more, clipped=self.clipped, runs=lead_shape(runs))
+
+    def anchors(self, motion: str) -> Channels:
+        """The frames at the anchors of a motion, shape (anchors, channels)."""
+        return self.normalisation.invert(self[motion].outputs.astype(np.float64))
+
+    def recall(self, motion: str) -> Channels:
+        """What the readout gives at the stored states, shape (anchors, channels); the anchors are what was taught."""
+        part = self[motion]
+        return self.normalisation.invert((part.states @ part.readout.T).astype(np.float64))
+
+    def cue(self, motion: str, anchor: Any, rows: Rows = ...) -> None:
+        """Starts from the recorded state s and output o (section 3.3.3); of several runs, some, one anchor each."""
+        self._play(self[motion])
+        self.activation[rows] = self._playing.states[anchor]
+        self._y[rows] = self._playing.outputs[anchor]
+
+    def _play(self, part: EchoStateMotion) -> None:
+        self._playing, self._readout = part, part.readout.T
+
+    def advance(self, out: Channels, noise: Float32 | None = None) -> None:
+        """The equations above; noise is added to x(n+1)."""
+        x, y, hidden = self.activation, self._y, self._hidden
+        _keep_between(self._lowest_x, self._highest_x, x)
+        np.dot(x, self._recurrent, out=hidden)
+        np.dot(y, self._back, out=self._fed_back)
+        np.add(hidden, self._fed_back, out=hidden)
+        np.add(hidden, self.bias, out=hidden)
+        np.tanh(hidden, out=hidden)
+        np.multiply(hidden, self._leak, out=hidden)
+        np.multiply(x, self._rest, out=x)
+        np.add(x, hidden, out=x)
+        if noise is not None:
+            x += noise
+        np.dot(x, self._readout, out=y)
+        _keep_between(self._lowest_y, self._highest_y, y)
+        np.copyto(out, y)
+        self.normalisation.invert_in_place(out)
+
+    def displace(self, noise: Float32, weights: Float32 | None = None) -> None:
+        """x(0) = s + noise."""
+        self.activation += noise
+
+    def astray(self) -> Any:
+        """Whether some |x| is larger than 1, or NaN."""
+        np.abs(self.activation, out=self._hidden)
+        return ~(self._hidden.max(-1) <= 1.0 + 1e-4)
+
+    def morph(self, source: str, target: str) -> _EchoStateMorph:
+        """A morph that starts where the network is in the source."""
+        return _EchoStateMorph(self, source, target)
+
+    def snapshot(self) -> tuple[EchoStateMotion, Float32, Float32]:
+        """A copy of the state."""
+        return self._playing, self.activation.copy(), self._y.copy()
+
+    def restore(self, snapshot: Any) -> None:
+        """Puts the state back to a snapshot."""
+        part, x, y = snapshot
+        self._play(part)
+        self.activation[...], self._y[...] = x, y
+
+    def arrays(self) -> dict[str, NDArray[Any]]:
+        """What is stored, by name."""
+        found = {"weights": self.weights, "feedback": self.feedback, "bias": self.bias}
+        for name in self.motions:
+            found |= arrays_of(self[name], f"motion/{name}/")
+        return found | normalisation_arrays(self.normalisation)
+
+    def header_fields(self) -> dict[str, Any]:
+        """Leak and clipping."""
+        return {"leak": self.leak, "clipped": self.clipped}
+
+    @classmethod
+    def load(cls, stored: StoredNetwork) -> Self:
+        """The network that a file holds."""
+        sizes, header = {"c": stored.channels}, stored.header
+        shared = stored.read("", sizes, bias="n", weights="nn", feedback="nc")
+        normalisation = stored.normalisation()
+        motions: dict[str, EchoStateMotion] = {}
+        for motion in header.motions:
+            at = f"motion/{motion.name}/"
+            own = sizes | {"a": stored.anchors(at)}
+            motions[motion.name] = EchoStateMotion(**stored.read(at, own, readout="cn", states="an", outputs="ac"))
+        return cls(**shared, leak=header.leak, normalisation=normalisation, motions=motions, clipped=header.clipped)
+
+
+class _EchoStateMorph:
+    def __init__(self, network: EchoStateNetwork, source: str, target: str) -> None:
+        self._network = network
+        self._source, self._target = network[source], network[target]
+        require_playing(network.snapshot()[0] is self._source, source)
+
+    def advance(self, mu: float, out: Channels) -> None:
+        readout = np.float32(1.0 - mu) * self._source.readout + np.float32(mu) * self._target.readout
+        self._play(EchoStateMotion(readout.astype(np.float32, copy=False), self._target.states, self._target.outputs))
+        self._network.advance(out)
+
+    def settle(self) -> None:
+        self._play(self._target)
+
+    def give_up(self) -> None:
+        self._play(self._source)
+
+    def _play(self, part: EchoStateMotion) -> None:
+        _, x, y = self._network.snapshot()
+        self._network.restore((part, x, y))
+
+
+def _keep_between(low: Float32, high: Float32, values: Float32) -> None:
+    """Clips values where they are; `np.clip` goes by way of Python objects."""
+    np.maximum(values, low, out=values)
+    np.minimum(values, high, out=values)
+
+
+KIND = EchoStateNetwork

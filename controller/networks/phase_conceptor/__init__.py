@@ -1,0 +1,1 @@
+"""Conceptors that a phase drives."""

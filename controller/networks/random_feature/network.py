@@ -1,0 +1,226 @@
+"""Random feature conceptors: a motion is one number a feature and not a matrix (Jaeger 2014, section 3.15).
+
+The state r of N neurons is seen through M random features f_i, and each motion j lets so much of each of them through:
+
+    z_i(n) = c_i f_i' r(n) + (1 - c_i) m_i,      r(n+1) = tanh(G z(n) + b),      y(n) = W_out z(n)
+
+F, G and W_out are shared by all motions. Of its own a motion has the conception weights c, which are a diagonal
+conceptor on the features, and their means m, about which it acts as our other conceptors do. It uses k of the M
+features and closes the others (c_i = m_i = 0), so that it needs O(k) numbers and a step 2 N k multiplications.
+
+A mixture of two motions mixes their conception weights (Deliallisi 2017, eqs 3.16, 3.17).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any, Self
+
+import numpy as np
+from numpy.typing import NDArray
+
+from controller.networks.base import Channels, Rows
+from controller.networks.reservoirs.reservoir_network import (
+    AutonomousReservoir,
+    Float32,
+    lead_shape,
+    require_playing,
+    squared_length,
+)
+from controller.networks.storage import StoredNetwork, arrays_of
+
+FeatureRows = tuple[Float32, Float32, Float32]
+"""Of k features: F' (k, N), G' (k, N) and W_out' (k, C)."""
+
+
+@dataclass(frozen=True)
+class FeatureReservoir:
+    """What all motions share, with N neurons, M features and C channels.
+
+    Attributes:
+        features: F', one feature a row, shape (M, N).
+        feedback: G', from each feature to the neurons, shape (M, N).
+        bias: b, shape (N,).
+        readout: W_out', in the units of the encoding, shape (M, C).
+        rest: what is read from no feature at all, in the units of the encoding, shape (C,).
+    """
+
+    features: Float32
+    feedback: Float32
+    bias: Float32
+    readout: Float32
+    rest: Float32
+
+
+@dataclass(frozen=True)
+class FeatureMotion:
+    """One motion that uses k features, with A anchors.
+
+    Attributes:
+        uses: which features, rising, shape (k,).
+        conception: c of them, shape (k,).
+        offset: (1 - c) m, shape (k,).
+        states: z at the anchors, shape (A, k).
+    """
+
+    uses: NDArray[np.int32]
+    conception: Float32
+    offset: Float32
+    states: Float32
+
+
+class RandomFeatureNetwork(AutonomousReservoir[FeatureMotion]):
+    """Plays the motions of one reservoir frame by frame; fits `base.AutonomousNetwork`.
+
+    Args:
+        reservoir: what they share.
+        motions: what it plays.
+        runs: the leading shape of its states.
+    """
+
+    kind = "random-feature"
+
+    def __init__(
+        self, reservoir: FeatureReservoir, motions: dict[str, FeatureMotion], runs: tuple[int, ...] = ()
+    ) -> None:
+        super().__init__(motions, len(reservoir.bias), len(reservoir.rest), runs)
+        self.reservoir = reservoir
+        self._reach = {name: 4.0 * float(np.square(part.states).sum(1).max()) for name, part in motions.items()}
+        # The rows that a motion uses, side by side: gathered at a cue, so that a step runs through memory in order.
+        most = max(len(part.uses) for part in motions.values())
+        # Those of a second motion, for a morph, are not touched before there is one.
+        self._shared = reservoir.features, reservoir.feedback, reservoir.readout
+        self._first, self._second = (
+            tuple(np.zeros((most, shared.shape[1]), dtype=np.float32) for shared in self._shared) for _ in range(2)
+        )
+        self._playing: FeatureMotion | None = None
+        self.cue(self.motions[0], 0)
+
+    def with_motions(self, more: dict[str, FeatureMotion], runs: int | None = None) -> RandomFeatureNetwork:
+        """The same reservoir with further motions, of one run or of several."""
+        return RandomFeatureNetwork(self.reservoir, self._of | more, lead_shape(runs))
+
+    def anchors(self, motion: str) -> Channels:
+        """The frames at the anchors of a motion, shape (anchors, channels)."""
+        part = self[motion]
+        frames = part.states @ self.reservoir.readout[part.uses] + self.reservoir.rest
+        return frames.astype(np.float64)
+
+    def cue(self, motion: str, anchor: Any, rows: Rows = ...) -> None:
+        """Puts the network into the stored state of an anchor; of several runs, some of them, one anchor each."""
+        part = self[motion]
+        if rows is ...:
+            self._start(part, self._reach[motion], part.states[anchor])
+        else:
+            self._z[rows] = part.states[anchor]
+
+    def advance(self, out: Channels, noise: Float32 | None = None) -> None:
+        """r(n+1) = tanh(G z(n) + b) + noise,  z(n+1) = c F' r(n+1) + (1 - c) m,  y(n+1) = W_out z(n+1)."""
+        z, hidden = self._z, self.activation
+        np.dot(z, self._feedback, out=hidden)
+        np.add(hidden, self.reservoir.bias, out=hidden)
+        np.tanh(hidden, out=hidden)
+        if noise is not None:
+            hidden += noise
+        np.dot(hidden, self._features.T, out=z)
+        np.multiply(z, self._conception, out=z)
+        np.add(z, self._offset, out=z)
+        np.dot(z, self._readout, out=self._frame)
+        # Added and then copied: an addition that also converts allocates buffers.
+        np.add(self._frame, self.reservoir.rest, out=self._frame)
+        np.copyto(out, self._frame)
+
+    def displace(self, noise: Float32, weights: Float32 | None = None) -> None:
+        """r(0) = s + noise, as far as the motion's features see it."""
+        self._z += self._conception * (noise @ self._features.T)
+
+    def rows(self) -> FeatureRows:
+        """The features, the feedback and the readout that the playing motion uses; valid until the next cue."""
+        return self._features, self._feedback, self._readout
+
+    def rows_beside(self, motion: str) -> FeatureRows:
+        """Those of a second motion, in the same memory at each call, so that a morph in a tick allocates none."""
+        return self._gather(self[motion], self._second)
+
+    def astray(self) -> Any:
+        """Whether |z| is larger than in undisturbed playing, or NaN."""
+        return ~(squared_length(self._z) <= self._bound)
+
+    def morph(self, source: str, target: str) -> _FeatureMorph:
+        """A morph that starts where the network is in the source."""
+        return _FeatureMorph(self, source, target)
+
+    def snapshot(self) -> tuple[FeatureMotion, float, Float32]:
+        """A copy of the state."""
+        assert self._playing is not None
+        return self._playing, self._bound, self._z.copy()
+
+    def restore(self, snapshot: Any) -> None:
+        """Puts the state back to a snapshot."""
+        self._start(*snapshot)
+
+    def _start(self, part: FeatureMotion, bound: float, state: Float32) -> None:
+        self._bound = bound
+        self._z = np.broadcast_to(state, (*self.runs, state.shape[-1])).copy()
+        if part is not self._playing:
+            self._playing, self._conception, self._offset = part, part.conception, part.offset
+            self._features, self._feedback, self._readout = self._gather(part, self._first)
+
+    def _gather(self, part: FeatureMotion, into: tuple[Float32, ...]) -> FeatureRows:
+        features, feedback, readout = (rows[: len(part.uses)] for rows in into)
+        for shared, rows in zip(self._shared, (features, feedback, readout), strict=True):
+            # "clip" because numpy otherwise copies, to be able to undo an error.
+            np.take(shared, part.uses, axis=0, out=rows, mode="clip")
+        return features, feedback, readout
+
+    def arrays(self) -> dict[str, NDArray[Any]]:
+        """What is stored, by name."""
+        found = arrays_of(self.reservoir, "")
+        for name in self.motions:
+            found |= arrays_of(self[name], f"motion/{name}/")
+        return found
+
+    @classmethod
+    def load(cls, stored: StoredNetwork) -> Self:
+        """The network that a file holds."""
+        sizes = {"c": stored.channels}
+        reservoir = stored.read("", sizes, features="mn", feedback="mn", bias="n", readout="mc", rest="c")
+        motions: dict[str, FeatureMotion] = {}
+        for motion in stored.header.motions:
+            at = f"motion/{motion.name}/"
+            own = {"a": stored.anchors(at)}
+            uses = stored.read(at, own, np.int32, uses="k")["uses"]
+            if not 0 <= uses.min() <= uses.max() < sizes["m"]:
+                raise stored.error(f"'{at}uses' names a feature that is not among the {sizes['m']}")
+            motions[motion.name] = FeatureMotion(uses, **stored.read(at, own, conception="k", offset="k", states="ak"))
+        return cls(FeatureReservoir(**reservoir), motions)
+
+
+class _FeatureMorph:
+    def __init__(self, network: RandomFeatureNetwork, source: str, target: str) -> None:
+        self._network = network
+        self._source, self._target, self._to = network[source], network[target], target
+        playing, self._bound, self._z_source = network.snapshot()
+        require_playing(playing is self._source, source)
+        self._z_target = np.zeros_like(self._target.offset)
+        # Views: the network plays the source and stands still meanwhile.
+        self._rows_source, self._rows_target = network.rows(), network.rows_beside(target)
+
+    def advance(self, mu: float, out: Channels) -> None:
+        a, b, shared = self._source, self._target, self._network.reservoir
+        (features_a, feedback_a, readout_a), (features_b, feedback_b, readout_b) = self._rows_source, self._rows_target
+        hidden = np.tanh(self._z_source @ feedback_a + self._z_target @ feedback_b + shared.bias)
+        self._z_source = np.float32(1.0 - mu) * (a.conception * (features_a @ hidden) + a.offset)
+        self._z_target = np.float32(mu) * (b.conception * (features_b @ hidden) + b.offset)
+        out[:] = self._z_source @ readout_a + self._z_target @ readout_b + shared.rest
+
+    def settle(self) -> None:
+        self._network.cue(self._to, 0)
+        playing, bound, _ = self._network.snapshot()
+        self._network.restore((playing, bound, self._z_target))
+
+    def give_up(self) -> None:
+        self._network.restore((self._source, self._bound, self._z_source))
+
+
+KIND = RandomFeatureNetwork

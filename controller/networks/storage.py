@@ -1,0 +1,142 @@
+"""Reads networks from the arrays and the header of a library file: every name, shape and type is checked."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, fields
+from typing import Any, Literal
+
+import msgspec
+import numpy as np
+from numpy.typing import NDArray
+
+from controller.motion.encodings.normalisation import Normalisation
+from controller.networks.driving_input import DrivingInput
+from motiondeck_base.arrays_file import StoredArrays
+from motiondeck_base.errors import FileFormatError, MotiondeckError
+
+FEWEST_ANCHORS = 3  # with fewer it is unknown how a motion moves
+
+
+class PhaseScales(msgspec.Struct, forbid_unknown_fields=True, frozen=True):
+    """The sizes and scales with which the shared weights of a phase-driven network are drawn.
+
+    Attributes:
+        neurons: N.
+        harmonics: H of the phase.
+        spectral_radius: of W, by the circular law: that of an infinitely large W.
+        input_scale, phase_scale, bias_scale: of W_in, W_phi (a in the equation) and b.
+        drive_scale: of W_u; 0 where no motion has an input besides the phase.
+    """
+
+    neurons: int
+    harmonics: int
+    spectral_radius: float
+    input_scale: float
+    phase_scale: float
+    bias_scale: float
+    drive_scale: float = 0.0
+
+
+class MotionHeader(msgspec.Struct, forbid_unknown_fields=True, frozen=True, kw_only=True):
+    """What a network reads of one motion in the header of a library.
+
+    Attributes:
+        name: of the motion.
+        plays: "loop" goes on for ever, "once" ends in a pose and holds it.
+        frames: that it was learned from.
+        input: its input besides the phase, of a motion learned from recordings that differ in it.
+    """
+
+    name: str
+    plays: Literal["loop", "once"]
+    frames: int
+    input: DrivingInput | None = None
+
+
+class NetworkHeader(msgspec.Struct, forbid_unknown_fields=True, frozen=True, kw_only=True):
+    """What a network reads in the header of a library.
+
+    Attributes:
+        motions: that it plays.
+        rate: frames per second.
+        seed: of everything random in training.
+        leak: of an echo-state network, else 1.
+        clipped: whether an echo-state network keeps its state and output in the range of training.
+        scales: of the weights that the motions of a phase-driven network share; they are drawn with the seed.
+    """
+
+    motions: Sequence[MotionHeader]
+    rate: float
+    seed: int
+    leak: float = 1.0
+    clipped: bool = True
+    scales: PhaseScales | None = None
+
+
+@dataclass(frozen=True)
+class StoredNetwork:
+    """The arrays of a file with its header.
+
+    Attributes:
+        stored: the arrays.
+        header: of the library.
+        channels: of a frame, by the encoding.
+    """
+
+    stored: StoredArrays
+    header: NetworkHeader
+    channels: int
+
+    def read(self, at: str, sizes: dict[str, int], dtype: type = np.float32, **shapes: str) -> dict[str, NDArray[Any]]:
+        """Arrays by name, each with its axes as letters.
+
+        Args:
+            at: what their names begin with.
+            sizes: of the letters. A letter that is not among them takes the size of the first axis that has it.
+            dtype: of all.
+            shapes: such as recurrent="nk".
+
+        Raises:
+            FileFormatError: if an array is missing, or has another shape or type.
+        """
+        for name, letters in shapes.items():
+            for axis, letter in enumerate(letters):
+                if letter not in sizes:
+                    sizes[letter] = self.stored.size(at + name, axis)
+        return {
+            name: self.stored.take(at + name, *(sizes[letter] for letter in letters), kind=dtype)
+            for name, letters in shapes.items()
+        }
+
+    def anchors(self, at: str) -> int:
+        """The number of stored states of a motion.
+
+        Raises:
+            FileFormatError: if they are fewer than FEWEST_ANCHORS.
+        """
+        count = self.stored.size(at + "states")
+        if count < FEWEST_ANCHORS:
+            raise self.error(f"'{at}states' holds {count} anchors; {FEWEST_ANCHORS} are the fewest")
+        return count
+
+    def normalisation(self, at: str = "") -> Normalisation:
+        """Between normalised channels and the encoding's units."""
+        try:
+            return Normalisation(**self.read(at, {"c": self.channels}, np.float64, shift="c", scaling="c"))
+        except MotiondeckError as error:
+            raise error if isinstance(error, FileFormatError) else self.error(str(error)) from None
+
+    def error(self, problem: str) -> FileFormatError:
+        """An error that names the file."""
+        return FileFormatError(f"{self.stored.path}: {problem}")
+
+
+def arrays_of(part: Any, at: str) -> dict[str, NDArray[Any]]:
+    """The arrays of a dataclass, by names that begin with `at`."""
+    return {f"{at}{field.name}": getattr(part, field.name) for field in fields(part)}
+
+
+def normalisation_arrays(normalisation: Normalisation, at: str = "") -> dict[str, NDArray[Any]]:
+    """What is stored of a normalisation."""
+    return {f"{at}shift": normalisation.shift, f"{at}scaling": normalisation.scaling}
