@@ -186,7 +186,7 @@ class Network(NamedMotions[Motion], ABC):
     channels: int
     neurons: int = 0
     runs: tuple[int, ...] = ()
-    activation: Activation | None = None
+    activation: Any = None
 
     @abstractmethod
     def twin(self, runs: int | None = None) -> Self:

@@ -17,7 +17,7 @@ from controller.learning.reservoirs.conceptor_training import (
 )
 from controller.learning.reservoirs.incremental_loading import load_one_more, memory_of, quota
 from controller.learning.reservoirs.rank_choice import cut_to_tolerance
-from controller.learning.trainers.trainer import Lessons, NewMotion, Settled, Trainer, TrainingError
+from controller.learning.trainers.trainer import Lessons, NewMotion, SettledNetwork, Trainer, TrainingError
 from controller.motion.rotations import Array
 from controller.networks.conceptor.network import ConceptorNetwork
 from controller.networks.ridge import ridge
@@ -42,11 +42,11 @@ class ConceptorTrainer(Trainer[ConceptorRecipe]):
         loaded = load_reservoir(lessons.motions, recipe, seed)
         return conceptor_network(loaded, lessons.motions, lessons.normalisation, recipe)
 
-    def settle(self, recipe: ConceptorRecipe, lessons: Lessons, seed: int, judge: Judge) -> Settled:
+    def settle(self, recipe: ConceptorRecipe, lessons: Lessons, seed: int, judge: Judge) -> SettledNetwork:
         """The network with the apertures that hold in trials."""
         loaded = load_reservoir(lessons.motions, recipe, seed)
         chosen = settled_network(loaded, lessons.motions, lessons.normalisation, recipe, judge, seed)
-        return Settled(*chosen, loaded.weights.astype(np.float32))
+        return SettledNetwork(*chosen, loaded.weights.astype(np.float32))
 
     def add(
         self, recipe: ConceptorRecipe, network: ConceptorNetwork, motion: NewMotion

@@ -8,7 +8,7 @@ from controller.learning.measures.accuracy import mabs
 from controller.learning.measures.self_test import Judge
 from controller.learning.reservoirs.echo_state_training import EchoStateRecipe, learn_readouts, train_echo_state
 from controller.learning.reservoirs.noise_choice import settled_echo_state
-from controller.learning.trainers.trainer import Lessons, NewMotion, Settled, Trainer
+from controller.learning.trainers.trainer import Lessons, NewMotion, SettledNetwork, Trainer
 from controller.motion.rotations import Array
 from controller.networks.echo_state.network import EchoStateNetwork
 from controller.networks.reservoirs.reservoir import Reservoir
@@ -23,11 +23,11 @@ class EchoStateTrainer(Trainer[EchoStateRecipe]):
         """One network that holds all motions, untested."""
         return train_echo_state(lessons.motions, lessons.normalisation, recipe, seed)
 
-    def settle(self, recipe: EchoStateRecipe, lessons: Lessons, seed: int, judge: Judge) -> Settled:
+    def settle(self, recipe: EchoStateRecipe, lessons: Lessons, seed: int, judge: Judge) -> SettledNetwork:
         """The network with the noise that holds in trials, where the recipe chooses it."""
         if not recipe.choose_noise:
             return super().settle(recipe, lessons, seed, judge)
-        return Settled(*settled_echo_state(lessons.motions, lessons.normalisation, recipe, judge, seed))
+        return SettledNetwork(*settled_echo_state(lessons.motions, lessons.normalisation, recipe, judge, seed))
 
     def add(
         self, recipe: EchoStateRecipe, network: EchoStateNetwork, motion: NewMotion

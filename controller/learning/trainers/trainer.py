@@ -54,7 +54,7 @@ class Lessons:
 
 
 @dataclass(frozen=True)
-class Settled:
+class SettledNetwork:
     """A trained network.
 
     Attributes:
@@ -157,9 +157,9 @@ class Trainer(ABC, Generic[Recipe]):
     def train(self, recipe: Recipe, lessons: Lessons, seed: int) -> AnyNetwork:
         """One network that holds all motions, untested."""
 
-    def settle(self, recipe: Recipe, lessons: Lessons, seed: int, judge: Judge) -> Settled:
+    def settle(self, recipe: Recipe, lessons: Lessons, seed: int, judge: Judge) -> SettledNetwork:
         """The network with the parameters that hold in trials, where the recipe chooses any."""
-        return Settled(self.train(recipe, lessons, seed))
+        return SettledNetwork(self.train(recipe, lessons, seed))
 
     def add(
         self, recipe: Recipe, network: Any, motion: NewMotion

@@ -1,4 +1,4 @@
-"""Centralized motions frame by frame, as the deck plays networks: entered at anchors, advanced one frame at a time.
+"""A centralized network frame by frame: entered at anchors, advanced one frame at a time.
 
 A switch is the switching module's: while z goes from one motion to the other both play, mixed by how far it has come.
 """

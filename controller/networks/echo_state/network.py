@@ -170,7 +170,8 @@ class EchoStateNetwork(AutonomousReservoir[EchoStateMotion]):
             at = f"motion/{motion.name}/"
             own = sizes | {"a": stored.anchors(at)}
             motions[motion.name] = EchoStateMotion(**stored.read(at, own, readout="cn", states="an", outputs="ac"))
-        return cls(**shared, leak=header.leak, normalisation=normalisation, motions=motions, clipped=header.clipped)
+        weights = shared["weights"], shared["feedback"], shared["bias"]
+        return cls(*weights, header.leak, normalisation, motions, clipped=header.clipped)
 
 
 class _EchoStateMorph:

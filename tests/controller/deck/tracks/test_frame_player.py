@@ -63,6 +63,8 @@ def test_two_runs_from_one_snapshot_are_identical(network):
 class Polynomial:
     """A network whose frames lie on a given curve of the frame's number."""
 
+    as_phase_network = None
+
     motions = ("curve",)
     channels = 1
 
