@@ -4,7 +4,7 @@
 .venv/bin/python docs/pictures.py NAME...    # some; a wrong name lists them
 
 The page's are those of page_pictures.py. Three need more than is shipped and are not made here: clips.png is a `clip
-plot --sheet` of recordings, op3-walk and humanoid-cmu-walk are `robot calibrate --picture` of published models.
+plot` of recordings, op3-walk and humanoid-cmu-walk are `robot calibrate --picture` of published models.
 """
 
 from __future__ import annotations

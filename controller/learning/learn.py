@@ -188,8 +188,8 @@ def _row(one: Examined, training_set: TrainingSet, library: MotionLibrary) -> Le
 def _remedy(one: Examined) -> str:
     """What to do about a motion that failed its self-test."""
     if one.motion.plays == "loop":
-        return "Set plays = 'once' in the recipe, or frames to some whole cycles, and train with fit."
-    return "Give it frames without pauses, more neurons or a shorter piece_seconds in the recipe, and train with fit."
+        return "Set plays = 'once' in the recipe, or frames to some whole cycles, and learn the recipe."
+    return "Give it frames without pauses, more neurons or a shorter piece_seconds in the recipe, and learn the recipe."
 
 
 def _takes(files: list[Path]) -> dict[Path, list[Path]]:

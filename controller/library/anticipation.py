@@ -57,7 +57,7 @@ class Anticipator:
         if not isinstance(network, CentralizedNetwork):
             raise MotiondeckError(
                 f"library '{library.info.name}' holds a {library.info.network} network; this needs a centralized "
-                "one. Train it with: motiondeck fit RECIPE (docs/centralized-networks.md)."
+                "one. Train it with: motiondeck learn RECIPE (docs/centralized-networks.md)."
             )
         self.encoding = library.encoding
         steps = np.arange(1 - PAST_FRAMES, AHEAD_FRAMES + 1) / RATE

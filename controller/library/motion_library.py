@@ -27,7 +27,7 @@ from motiondeck_base.errors import FileFormatError
 
 LARGEST_CHANNEL = 100.0  # of a frame: m, m/s, rad/s or rad; the shipped libraries stay below 10
 
-KIND = Kind("motion library", "motiondeck", VERSION, "`motiondeck fit`", OLDER)
+KIND = Kind("motion library", "motiondeck", VERSION, "`motiondeck learn`", OLDER)
 
 
 @dataclass(frozen=True, eq=False)

@@ -1,171 +1,187 @@
-"""`motiondeck learn`: a library of any recordings, in one command."""
+"""`motiondeck learn`: a library of recordings, or of a recipe."""
 
 from __future__ import annotations
 
-import json
 import os
 import sys
+from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from motiondeck.cli.common.options import (
-    JobsOption,
-    JsonOption,
-    RenameOption,
-    SkeletonOption,
-    UnitOption,
-    UpOption,
-    check_ending,
-    check_new,
-    reading_options,
-)
-from motiondeck_base.counted import counted
+from motiondeck.cli.common.options import JobsOption, JsonOption, Reading, check_ending, check_new
+from motiondeck.cli.common.options_class import grouped
+from motiondeck_base.errors import MotiondeckError
 from motiondeck_base.files import check_folder
 
 if TYPE_CHECKING:
-    from controller.learning.learn import LearnedLibrary
+    from controller.learning.recipe import LibraryRecipe
+    from controller.motion.reading_options import ReadingOptions
+    from motiondeck_base.jobs import Jobs
 
 
-def learn(
-    recordings: Annotated[
+@dataclass(frozen=True)
+class LearnOptions:
+    """Options of `learn` apart from those of reading."""
+
+    what: Annotated[
         list[Path],
-        typer.Argument(metavar="FILE_OR_FOLDER...", help="Recordings in any format, and folders that hold some."),
-    ],
-    out: Annotated[
-        Path,
-        typer.Option(
-            "--out",
-            metavar="FILE",
-            help="The library to write (.safetensors); its recipe is written beside it (.toml).",
+        typer.Argument(
+            metavar="RECORDING...|RECIPE", help="Recordings in any format and folders of them, or a recipe (.toml)."
         ),
-    ] = Path("mine.safetensors"),
-    force: Annotated[bool, typer.Option("--force", help="Replace the library and the recipe if they exist.")] = False,
-    play: Annotated[bool, typer.Option("--play", help="Play the first motion afterwards.")] = False,
+    ]
+    out: Annotated[
+        Path | None,
+        typer.Option(
+            "--out", metavar="FILE", help="The library to write (.safetensors); default: mine, or the recipe's name."
+        ),
+    ] = None
+    force: Annotated[bool, typer.Option("--force", help="Replace the library and the recipe if they exist.")] = False
+    data: Annotated[
+        Path | None,
+        typer.Option("--data", metavar="DIR", help="The folder of a recipe's recordings; default: the recipe's own."),
+    ] = None
+    allow_failing: Annotated[
+        bool, typer.Option("--allow-failing", help="Write a recipe's library even if a motion fails its self-test.")
+    ] = False
+    play: Annotated[bool, typer.Option("--play", help="Play the first motion afterwards.")] = False
     robot: Annotated[
         str | None, typer.Option("--robot", metavar="ROBOT", help="The robot that plays: a robot file or name.")
-    ] = None,
-    skeleton: SkeletonOption = None,
-    unit: UnitOption = None,
-    up: UpOption = None,
-    rename: RenameOption = None,
-    jobs: JobsOption = "1",
-    as_json: JsonOption = False,
-) -> None:
-    """Learn a library from recordings: nothing to choose, no recipe to write.
+    ] = None
+    jobs: JobsOption = "1"
+
+
+@grouped
+def learn(options: LearnOptions, reading: Reading, as_json: JsonOption = False) -> None:
+    """Learn a library from recordings: nothing to choose, no recipe to write. Or learn a recipe that you have edited.
 
     Still ends are trimmed; a recording whose best seam is close becomes a loop, any other a one-shot that ends in a
     pose; all are resampled to 120 Hz and carried to one body. Every motion is then tested. Recordings that cannot be
-    read are left out, with the reason; what looks wrong about a body is printed as a doubt. --unit, --up, --rename and
-    --skeleton overrule what was detected, for all given recordings. --jobs shares the reading of recordings.
+    read are left out, with the reason; what looks wrong about a body is printed as a doubt. The recipe is written
+    beside the library.
+
+    Clips of `motiondeck rig teach` become loops or one-shots as they were taught; NAME.clip, NAME.2.clip ... are takes
+    of one motion and are averaged. Of a loop the part that returns best to its start is learned.
+
+    A recipe (.toml) says all of this itself. Its library is written if every motion passes the self-test: each runs
+    free for three times its length and is compared with all recordings.
 
     [bold]Examples[/]
 
       motiondeck learn walk.bvh dance.c3d --play
       motiondeck learn recordings --out mine.safetensors --play --robot servo20
+      motiondeck learn mine.toml --force
+      motiondeck learn configs/libraries/thesis15.toml --data recordings --out my.safetensors
+      motiondeck learn wave.clip nod.clip --out gestures.safetensors
     """
+    from controller.learning.recipe import gesture_recipe, read_recipe
+    from motiondeck_base.jobs import Jobs
+
+    jobs, own = Jobs.parse(options.jobs), reading.options()
+    if options.robot is not None and not options.play:
+        raise MotiondeckError("--robot names the robot that plays: give --play too")
+    if options.out is not None:
+        check_ending(options.out, "a library")
+    endings = {path.suffix.lower() for path in options.what}
+    if ".toml" not in endings and options.data is not None:
+        raise MotiondeckError(f"--data {options.data} is the folder of a recipe's recordings; no recipe is given")
+    if ".toml" in endings:
+        if len(options.what) > 1:
+            raise MotiondeckError(f"give one recipe alone, or recordings, not {', '.join(map(str, options.what))}")
+        if reading != Reading():
+            raise MotiondeckError("with a recipe, skeleton, unit, up and rename are keys of its motions")
+        file = options.what[0]
+        folder = file.parent if options.data is None else options.data
+        if not folder.is_dir():
+            raise MotiondeckError(f"{folder}: there is no such folder; --data is the folder that holds the recordings")
+        recipe = read_recipe(file, folder)
+        out = _library(options, recipe.name)
+        first = _learn_recipe(recipe, folder, file, out, options, as_json, taught=False)
+    elif endings == {".clip"}:
+        out = _library(options, "gestures", and_recipe=True)
+        recipe = gesture_recipe(out.stem, [path.absolute() for path in options.what])
+        first = _learn_recipe(recipe, Path(), out.with_suffix(".toml"), out, options, as_json, taught=True)
+    else:
+        out = _library(options, "mine", and_recipe=True)
+        first = _learn_recordings(options.what, out, own, jobs, as_json)
+    if options.play:
+        command = [sys.executable, "-P", "-m", "motiondeck", "play", first, "--library", str(out.absolute())]
+        os.execv(sys.executable, [*command, *([] if options.robot is None else ["--robot", options.robot])])
+
+
+def _library(options: LearnOptions, name: str, *, and_recipe: bool = False) -> Path:
+    """The library to write, with its recipe beside it if that is to be written too.
+
+    Raises:
+        MotiondeckError: if the folder does not exist, or a file does and is not to be replaced.
+    """
+    out = options.out or Path(f"{name}.safetensors")
+    check_folder(out)
+    recipe = out.with_suffix(".toml")
+    edited = f". A recipe that you have edited is trained with: motiondeck learn {recipe}" if and_recipe else ""
+    check_new(*([recipe] if and_recipe else []), out, force=options.force, hint=edited)
+    return out
+
+
+def _learn_recordings(paths: list[Path], out: Path, reading: ReadingOptions, jobs: Jobs, as_json: bool) -> str:
+    """Learns recordings, writes the library and its recipe and reports; the name of a motion that passed."""
     from rich.console import Console
     from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
 
-    from controller.deck.worst_join import worst_join
     from controller.learning import learn as learning
-    from controller.learning.recipe import warnings
     from controller.learning.recipe_text import recipe_text
     from controller.library.motion_library import save_library
-    from motiondeck.cli.common.library_report import join_fields, join_line
-    from motiondeck_base.errors import MotiondeckError
+    from motiondeck.cli.learn_report import report_recordings
     from motiondeck_base.files import write_file
-    from motiondeck_base.jobs import Jobs
 
-    check_ending(out, "a library")
-    check_folder(out)
-    recipe = out.with_suffix(".toml")
-    where = Jobs.parse(jobs)
-    if robot is not None and not play:
-        raise MotiondeckError("--robot names who plays: give --play too")
-    trained = f". A recipe that you have edited is trained with: motiondeck fit {recipe}"
-    check_new(recipe, out, force=force, hint=trained)
-    options = reading_options(skeleton, unit, up, rename)
-    console = Console(stderr=True)
     columns = (TextColumn("{task.description:44}"), BarColumn(), TimeElapsedColumn())
-    with Progress(*columns, console=console, disable=not sys.stderr.isatty(), transient=True) as bar:
-        total = 2 * len(learning.recordings_in(recordings)) + 2
-        task = bar.add_task("", total=total)
+    with Progress(*columns, console=Console(stderr=True), disable=not sys.stderr.isatty(), transient=True) as bar:
+        task = bar.add_task("", total=2 * len(learning.recordings_in(paths)) + 2)
 
         def progress(step: str) -> None:
             bar.update(task, advance=1, description=step)
 
-        learned = learning.learn(recordings, out.stem, options=options, progress=progress, jobs=where)
+        learned = learning.learn(paths, out.stem, options=reading, progress=progress, jobs=jobs)
     save_library(learned.library, out)
-    worst = worst_join(learned.library)
+    recipe = out.with_suffix(".toml")
     write_file(recipe, recipe_text(learned.recipe).encode())
-    if as_json:
-        told = {"motions": _rows(learned), "warnings": warnings(learned.recipe)}
-        print(json.dumps({"written": str(out), "recipe": str(recipe)} | told | {"worst_join": join_fields(worst)}))
-    else:
-        _print(learned)
-        if worst is not None:
-            print(join_line(worst))
-        for warning in warnings(learned.recipe):
-            print(f"warning: {warning} {recipe}")
-        print(f"wrote {out} ({out.stat().st_size / 1e6:.1f} MB) and its recipe {recipe}")
-    if play:
-        first = next((motion.name for motion in learned.motions if motion.passed), learned.motions[0].name)
-        command = [sys.executable, "-P", "-m", "motiondeck", "play", first, "--library", str(out.absolute())]
-        os.execv(sys.executable, [*command, *([] if robot is None else ["--robot", robot])])
+    report_recordings(learned, out, recipe, as_json)
+    return next((motion.name for motion in learned.motions if motion.passed), learned.motions[0].name)
 
 
-def _rows(learned: LearnedLibrary) -> list[dict[str, Any]]:
-    """One entry a recording; what is not known of one that was left out is null."""
-    from motiondeck.cli.common.library_report import part_fields
+def _learn_recipe(
+    recipe: LibraryRecipe, folder: Path, file: Path, out: Path, options: LearnOptions, as_json: bool, *, taught: bool
+) -> str:
+    """Trains a recipe, writes the library (and the recipe of taught clips) and reports; the name of its first motion.
 
-    rows: list[dict[str, Any]] = []
-    for motion in learned.motions:
-        part = motion.part
-        rows.append(
-            {
-                "name": motion.name,
-                "file": str(motion.file),
-                "plays": motion.plays or None,
-                "seconds": motion.seconds if part else None,
-                **part_fields(part),
-                "error_mm": motion.error_mm if part else None,
-                "passed": motion.passed,
-                "remedy": motion.remedy,
-                "doubts": motion.doubts,
-            }
+    Raises:
+        MotiondeckError: if a motion fails its self-test and the library is not to be written all the same.
+    """
+    from controller.learning import fit as training
+    from controller.learning.recipe import warnings
+    from controller.learning.recipe_text import recipe_text
+    from controller.learning.training_set import prepare
+    from controller.library.motion_library import save_library
+    from motiondeck.cli.learn_report import report_recipe
+    from motiondeck_base.files import write_file
+    from motiondeck_base.progress import progress
+
+    for warning in warnings(recipe):
+        print(f"motiondeck: warning: {file}: {warning}", file=sys.stderr)
+    with progress("", training.steps(recipe)) as tick:
+        training_set = prepare(recipe, folder, tick)
+        library = training.fit_prepared(recipe, training_set, tick)
+    failing = [motion.name for motion in library.info.motions if not motion.passed]
+    written = not failing or options.allow_failing
+    if written:
+        save_library(library, out)
+    if taught:
+        write_file(file, recipe_text(recipe).encode())
+    report_recipe(library, recipe, training_set, out if written else None, taught, as_json)
+    if not written:
+        raise MotiondeckError(
+            f"{', '.join(failing)} failed the self-test, so {out} was not written. "
+            "Give the recipe more seeds, or write it all the same with --allow-failing."
         )
-    return rows
-
-
-def _print(learned: LearnedLibrary) -> None:
-    """One row a recording, then what to do about those that failed, and what is doubtful."""
-    from motiondeck.cli.common.library_report import part_of, seam_of
-    from motiondeck.cli.common.tables import show_table
-
-    rows: list[tuple[str, ...]] = []
-    for motion in learned.motions:
-        verdict = "[green]passed[/]" if motion.passed else "[red]failed[/]" if motion.plays else "[red]left out[/]"
-        figures = ("", "", "", "", "")
-        if motion.part is not None:
-            seconds, error = f"{motion.seconds:.2f}", f"{motion.error_mm:.1f}"
-            figures = (motion.plays, seconds, part_of(motion.part), seam_of(motion.part), error)
-        rows.append((motion.name, *figures, verdict))
-    show_table(
-        ("motion", "plays", "seconds", "of the recording", "best seam", "error, mm", "self-test"),
-        rows,
-        title=f"{learned.library.info.name}: {counted(len(learned.library.info.motions), 'motion')}",
-        left=("plays", "self-test"),
-    )
-    for motion in learned.motions:
-        if motion.plays and not motion.file.stem.isascii():  # its name says little or nothing about the file
-            print(f"{motion.name}: learned from {motion.file.name}")
-    for motion in learned.failed:
-        print(f"{motion.name} ({motion.file.name}): {motion.remedy}")
-    doubtful: dict[str, list[str]] = {}
-    for motion in learned.motions:
-        for doubt in motion.doubts:
-            doubtful.setdefault(doubt, []).append(motion.name)
-    for doubt, names in doubtful.items():
-        print(f"doubt: {', '.join(names)}: {doubt}")
+    return library.info.motions[0].name

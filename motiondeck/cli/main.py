@@ -25,6 +25,7 @@ for _library in ("OPENBLAS", "OMP", "MKL"):
     os.environ.setdefault(f"{_library}_NUM_THREADS", "1")
 
 import typer  # noqa: E402
+import typer.core  # noqa: E402
 
 from motiondeck.cli.common.help_text import set_help_texts  # noqa: E402
 from motiondeck_base.errors import MotiondeckError  # noqa: E402
@@ -45,36 +46,59 @@ Three things to try:
 # Typer comes with a Click of its own or imports the other one; this is the base class of its usage errors in both.
 _UsageError: type[Exception] = typer.BadParameter.__bases__[0]
 
-# Where each subcommand is; a group of commands is an app of its own.
-_COMMANDS = {
-    "play": "play",
-    "send": "remote.send",
-    "events": "remote.send",
-    "gamepad": "remote.gamepad",
-    "stage": "remote.stage",
-    "conduct": "show.conduct",
-    "fleet": "show.fleet",
-    "replay": "replay",
-    "plot": "plot",
-    "learn": "learn",
-    "fit": "fit",
-    "evaluate": "evaluate",
-    "preflight": "preflight",
-    "retarget": "robot.retarget",
-    "library": "library.commands",
-    "clip": "clip.fill",
-    "rig": "rig.commands",
-    "robot": "robot.commands",
-    "recognize": "recognition.recognize",
-    "segment": "recognition.segment",
+# The panels of the help, and the module of each command; a group of commands is an app of its own.
+_PANELS = {
+    "Play": {
+        "play": "play",
+        "send": "remote.send",
+        "events": "remote.send",
+        "replay": "replay",
+        "plot": "plot",
+    },
+    "Learn": {
+        "learn": "learn",
+        "clip": "clip.commands",
+        "library": "library.commands",
+        "evaluate": "evaluate",
+        "recognize": "recognition.recognize",
+        "segment": "recognition.segment",
+    },
+    "Robot": {
+        "robot": "robot.commands",
+        "preflight": "preflight",
+        "retarget": "robot.retarget",
+    },
+    "Servo rig": {"rig": "rig.commands"},
+    "Show": {
+        "gamepad": "remote.gamepad",
+        "stage": "remote.stage",
+        "conduct": "show.conduct",
+        "fleet": "show.fleet",
+    },
 }
 _GROUPS = ("library", "clip", "rig", "robot", "recognize", "fleet")
+
+# Commands that had another name, and what to type now.
+_RENAMED = {
+    "fit": "learn RECIPE.toml",
+    "mirror": "clip convert FILE OUT --mirror",
+    "fill": "clip convert FILE.c3d OUT.c3d --fill",
+}
+
+
+class _Commands(typer.core.TyperGroup):
+    """The commands in the order of their panels."""
+
+    def list_commands(self, ctx: Any) -> list[str]:
+        """The names of the commands that were imported."""
+        return [name for modules in _PANELS.values() for name in modules if name in self.commands]
 
 
 def command_line(words: Sequence[str] = ()) -> typer.Typer:
     """The command line; of words that begin with a subcommand only that one is imported, so that it starts sooner."""
     app = typer.Typer(
         name="motiondeck",
+        cls=_Commands,
         help=_WELCOME,
         no_args_is_help=True,
         context_settings={"help_option_names": ["-h", "--help"]},
@@ -82,15 +106,16 @@ def command_line(words: Sequence[str] = ()) -> typer.Typer:
         pretty_exceptions_enable=False,
     )
     app.callback()(options)
+    rows = [(panel, name, module) for panel, modules in _PANELS.items() for name, module in modules.items()]
     first = next((word for word in words if word != "--debug"), "")
-    for name in [first] if first in _COMMANDS else _COMMANDS:
-        module = import_module(f"motiondeck.cli.{_COMMANDS[name]}")
+    for panel, name, path in [row for row in rows if row[1] == first] or rows:
+        module = import_module(f"motiondeck.cli.{path}")
         if name in _GROUPS:
-            app.add_typer(module.app, name=name)
+            app.add_typer(module.app, name=name, rich_help_panel=panel)
         else:
             # A number below zero is no option: `send tempo -1`.
             settings = {"ignore_unknown_options": True} if name == "send" else None
-            app.command(name, context_settings=settings)(getattr(module, name))
+            app.command(name, context_settings=settings, rich_help_panel=panel)(getattr(module, name))
     set_help_texts(app)
     return app
 
@@ -125,6 +150,9 @@ def _refuse(error: Any) -> None:
     problem = printable(error.format_message()).replace("Value error, ", "")
     if problem:  # else the help has been printed
         command = error.ctx.command_path if error.ctx is not None else "motiondeck"
+        for old, new in _RENAMED.items():
+            if problem.startswith(f"No such command '{old}'"):
+                problem = f"'{old}' is gone: use motiondeck {new}."
         end = "" if problem.endswith(("?", ".")) else "."
         print(f"motiondeck: {problem}{end} `{command} --help` explains.", file=sys.stderr)
     sys.exit(error.exit_code)

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any
 import typer
 
 from controller.wire.messages.commands import Switch
-from motiondeck.cli.common.options_class import takes
+from motiondeck.cli.common.options_class import grouped
 from motiondeck.cli.play_options import OnMismatch, PlayOptions
 
 if TYPE_CHECKING:
@@ -26,7 +26,7 @@ if TYPE_CHECKING:
     from motiondeck.run.wired_stop import WiredStop
 
 
-@takes(PlayOptions)
+@grouped
 def play(context: typer.Context, options: PlayOptions) -> None:
     """Play learned motions live and switch them on command.
 

@@ -100,7 +100,7 @@ def memory_of(network: ConceptorNetwork) -> Memory:
         MotiondeckError: if it was not kept.
     """
     if network.memory is None:
-        raise MotiondeckError("this network was stored without what adding a motion needs; train it again with fit")
+        raise MotiondeckError("this network was stored without what adding a motion needs; train it again with learn")
     return network.memory
 
 
@@ -147,4 +147,4 @@ def _check_redrawn(network: ConceptorNetwork, reservoir: Reservoir, estimate: Ar
     directions = (project[used] / np.sqrt(strength[used])[:, None]).T
     again = (reservoir.weights + reservoir.input_weights @ estimate) @ directions
     if np.linalg.norm(again - newest.recurrent[:, used]) > REDRAWN * np.linalg.norm(again):
-        raise MotiondeckError("the random weights of this library cannot be drawn again here; train it again with fit")
+        raise MotiondeckError("this library's random weights cannot be drawn again here; train it again with learn")

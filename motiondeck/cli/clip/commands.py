@@ -10,18 +10,15 @@ import typer
 
 from motiondeck.cli.common.options import (
     PAGE_PORT,
-    CameraOption,
-    FpsOption,
     JsonOption,
     PagePortOption,
-    RenameOption,
-    SizeOption,
+    Reading,
     SkeletonOption,
-    UnitOption,
-    UpOption,
     check_other,
-    reading_options,
 )
+from motiondeck.cli.common.options_class import grouped
+from motiondeck_base.errors import MotiondeckError
+from motiondeck_base.files import check_folder
 
 if TYPE_CHECKING:
     from controller.motion.formats.clip_facts import Facts
@@ -42,23 +39,18 @@ FileArgument = Annotated[
 
 
 @app.command("show")
-def show(
-    file: FileArgument,
-    skeleton: SkeletonOption = None,
-    unit: UnitOption = None,
-    up: UpOption = None,
-    rename: RenameOption = None,
-    as_json: JsonOption = False,
-) -> None:
+@grouped
+def show(file: FileArgument, reading: Reading, as_json: JsonOption = False) -> None:
     """Show what a recording holds: its body, rate, length and path, and for markers the gaps and the fit.
 
-    It also shows which bone was taken for which part of the body, and what looks wrong about it.
+    It also shows which bone was taken for which part of the body, and what looks wrong about it. If the unit, the
+    vertical axis or a bone was detected wrongly, --unit, --up and --rename correct it, here and in `clip convert`.
 
     Example:  motiondeck clip show dance.c3d
     """
     from controller.motion.formats.clip_facts import facts
 
-    known = facts(_read(file, reading_options(skeleton, unit, up, rename)))
+    known = facts(_read(file, reading.options()))
     if as_json:
         print(json.dumps(known))
     else:
@@ -66,58 +58,62 @@ def show(
 
 
 @app.command("convert")
+@grouped
 def convert(
     file: FileArgument,
-    out: Annotated[Path, typer.Argument(metavar="OUT", help="OUT.bvh for other programs, OUT.csv for positions.")],
-    skeleton: SkeletonOption = None,
-    unit: UnitOption = None,
-    up: UpOption = None,
-    rename: RenameOption = None,
+    out: Annotated[
+        Path,
+        typer.Argument(metavar="OUT", help="OUT.bvh for other programs, OUT.csv for positions, with --fill OUT.c3d."),
+    ],
+    reading: Reading,
     begin: Annotated[float, typer.Option("--from", metavar="SECONDS", help="Where the piece to write begins.")] = 0.0,
     end: Annotated[
         float | None, typer.Option("--to", metavar="SECONDS", help="Where it ends; default: with the recording.")
     ] = None,
+    mirror: Annotated[
+        bool, typer.Option("--mirror", help="Exchange left and right, on the canonical body of 19 bones.")
+    ] = False,
+    fill: Annotated[bool, typer.Option("--fill", help="Fill gaps of markers; from .c3d to .c3d or .csv.")] = False,
+    as_json: JsonOption = False,
 ) -> None:
     """Convert a recording to BVH (bones and their rotations; y up, cm) or CSV (time, then x, y, z of every joint, m).
 
-    With --from and --to it writes a piece of the recording.
+    --mirror writes what `mirrored = true` makes of a motion in a recipe.
+
+    --fill reconstructs markers that were lost for a while. A network learns the visible markers around each gap; a line
+    or a cubic along the marker's own path counts too, by how well each fills hidden stretches of the same length. The
+    table shows the expected error of each marker. A gap stays open if fewer than three other markers were visible
+    throughout it, or its own marker was hardly visible around it. A .c3d keeps everything else; filled points have the
+    residual 0. A .csv has the time in s and x, y, z of every marker in m, in the file's own axes.
 
     [bold]Examples[/]
 
       motiondeck clip convert 02_03.amc run.bvh
       motiondeck clip convert session.bvh wave.bvh --from 12.5 --to 18
+      motiondeck clip convert wave.bvh wave-left.bvh --mirror
+      motiondeck clip convert dance.c3d filled.c3d --fill
     """
-    from controller.motion.canonical.clip_edits import seconds_of
+    check_other(file, out)
+    check_folder(out)
+    if fill:
+        from motiondeck.cli.clip.filling import fill as fill_markers
+
+        if mirror or begin or end is not None or reading != Reading():
+            raise MotiondeckError("--fill writes the whole file with its own markers: it takes no other option")
+        fill_markers(file, out, as_json)
+        return
+    from controller.motion.canonical.clip_edits import mirrored, seconds_of
     from controller.motion.formats.writing import write_clip
 
-    check_other(file, out)
-    clip = seconds_of(_read(file, reading_options(skeleton, unit, up, rename)).clip, begin, end)
+    clip = seconds_of(_read(file, reading.options()).clip, begin, end)
+    clip = mirrored(clip) if mirror else clip
     write_clip(clip, out)
-    print(f"wrote {out} ({len(clip)} frames of {len(clip.skeleton)} bones)")
-
-
-@app.command("mirror")
-def mirror(
-    file: FileArgument,
-    out: Annotated[Path, typer.Argument(metavar="OUT", help="OUT.bvh or OUT.csv.")],
-    skeleton: SkeletonOption = None,
-    unit: UnitOption = None,
-    up: UpOption = None,
-    rename: RenameOption = None,
-) -> None:
-    """Write a recording with left and right exchanged, on the canonical body (19 bones).
-
-    In a recipe `mirrored = true` does the same to a motion.
-
-    Example:  motiondeck clip mirror wave.bvh wave-left.bvh
-    """
-    from controller.motion.canonical.clip_edits import mirrored
-    from controller.motion.formats.writing import write_clip
-
-    check_other(file, out)
-    clip = mirrored(_read(file, reading_options(skeleton, unit, up, rename)).clip)
-    write_clip(clip, out)
-    print(f"wrote {out} ({len(clip)} frames, left and right exchanged)")
+    if as_json:
+        written = {"file": str(file), "written": str(out), "frames": len(clip), "bones": list(clip.skeleton.bones)}
+        print(json.dumps(written))
+    else:
+        exchanged = ", left and right exchanged" if mirror else ""
+        print(f"wrote {out} ({len(clip)} frames of {len(clip.skeleton)} bones{exchanged})")
 
 
 @app.command("plot")
@@ -125,45 +121,35 @@ def plot(
     files: Annotated[list[Path], typer.Argument(metavar="FILE...", help="One recording, or several for a sheet.")],
     out: Annotated[Path, typer.Option("--out", metavar="PICTURE", help="The picture to write (.png).")],
     skeleton: SkeletonOption = None,
-    unit: UnitOption = None,
-    up: UpOption = None,
-    rename: RenameOption = None,
-    sheet: Annotated[
-        bool, typer.Option("--sheet", help="Draw mannequins instead of curves, one row per recording.")
-    ] = False,
 ) -> None:
     """Draw a recording: stick figures through the motion, heights and speeds, and for markers their gaps.
 
-    Several recordings, or --sheet, make a contact sheet: eight moments of each, done by its mannequin.
+    Several recordings make a contact sheet: eight moments of each, played by a mannequin of its body.
 
     Example:  motiondeck clip plot walk.bvh --out walk.png
     """
+    from controller.motion.reading_options import ReadingOptions
     from motiondeck.pictures.clip_plot import plot_clip, plot_sheet
 
-    options = reading_options(skeleton, unit, up, rename)
-    if sheet or len(files) > 1:
-        plot_sheet([_read(file, options).clip for file in files], out)
+    recordings = [_read(file, ReadingOptions(skeleton)) for file in files]
+    if len(recordings) > 1:
+        plot_sheet([recording.clip for recording in recordings], out)
     else:
-        plot_clip(_read(files[0], options), out)
+        plot_clip(recordings[0], out)
     print(f"wrote {out}")
 
 
 @app.command("view")
+@grouped
 def view(
     file: FileArgument,
-    skeleton: SkeletonOption = None,
-    unit: UnitOption = None,
-    up: UpOption = None,
-    rename: RenameOption = None,
+    reading: Reading,
     robot: Annotated[
         str | None, typer.Option("--robot", metavar="ROBOT", help="A robot beside the human that follows it.")
     ] = None,
     video: Annotated[
         Path | None, typer.Option("--video", metavar="FILM", help="Film it off screen instead: .mp4 or .gif.")
     ] = None,
-    size: SizeOption = None,
-    fps: FpsOption = None,
-    camera: CameraOption = "follow",
     port: PagePortOption = PAGE_PORT,
 ) -> None:
     """View a recording in the browser: the human with its bones, and with --robot a robot beside it that follows it.
@@ -180,11 +166,11 @@ def view(
     from motiondeck.run.page.page import show_act
     from motiondeck_base.shipped import find_robot
 
-    clip = _read(file, reading_options(skeleton, unit, up, rename)).clip
+    clip = _read(file, reading.options()).clip
     body = None if robot is None else find_robot(robot)
     act = act_of(clip, body, ghost=video is None or body is not None)
     if video is not None:
-        look = film_look(video, size, fps, camera)
+        look = film_look(video, None, None, "follow")
         shown = np.arange(0.0, len(act.qpos), act.rate / look.fps).astype(int)
         film_frames(act.model, act.qpos[shown], len(shown), video, look)
         print(f"wrote {video} ({len(shown)} frames)")
@@ -200,7 +186,6 @@ def _read(file: Path, options: ReadingOptions) -> FittedClip:
     """
     from controller.motion.encodings.joint_angles import JointBody
     from controller.motion.formats.reading import read_fitted
-    from motiondeck_base.errors import MotiondeckError
 
     recording = read_fitted(file, options)
     if isinstance(recording.clip.skeleton, JointBody):

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Literal
 
@@ -15,23 +16,6 @@ if TYPE_CHECKING:
 PAGE_PORT = 8040
 SHOW_PAGE_PORT = 8050
 
-SkeletonOption = Annotated[
-    Path | None,
-    typer.Option(
-        "--skeleton", metavar="FILE", help="The .asf of an .amc (default: the one nearby); the body model of an .npz."
-    ),
-]
-UnitOption = Annotated[
-    float | None,
-    typer.Option("--unit", metavar="METRES", help="Length of one unit of the file, m; default: detected."),
-]
-UpOption = Annotated[
-    Literal["y", "z"] | None, typer.Option("--up", help="The axis of the file that is up; default: detected.")
-]
-RenameOption = Annotated[
-    list[str] | None,
-    typer.Option("--rename", metavar="OLD=NEW", help="Another name for a joint, such as bone12=LeftUpLeg; repeatable."),
-]
 SizeOption = Annotated[
     str | None,
     typer.Option(
@@ -79,20 +63,45 @@ JsonOption = Annotated[bool, typer.Option("--json", help="Print one JSON object 
 PagePortOption = Annotated[int, typer.Option("--port", metavar="PORT", help="The page's port; 0 for any free one.")]
 
 
-def reading_options(
-    skeleton: Path | None, unit: float | None, up: Literal["y", "z"] | None, rename: list[str] | None
-) -> ReadingOptions:
-    """What the options of a command say about how to read its recordings.
+SkeletonOption = Annotated[
+    Path | None,
+    typer.Option(
+        "--skeleton", metavar="FILE", help="The .asf of an .amc (default: the one nearby); the body model of an .npz."
+    ),
+]
 
-    Raises:
-        MotiondeckError: if a new name is not given as OLD=NEW, or the unit is impossible.
-    """
-    from controller.motion.reading_options import ReadingOptions
 
-    names = dict(pair.split("=", 1) for pair in rename or [] if "=" in pair)
-    if len(names) < len(rename or []):
-        raise MotiondeckError("--rename takes OLD=NEW, once for each joint")
-    return ReadingOptions(skeleton, unit, up, names)
+@dataclass(frozen=True)
+class Reading:
+    """Options of a command that reads a recording: what overrules the detected skeleton, unit, axis and names."""
+
+    skeleton: SkeletonOption = None
+    unit: Annotated[
+        float | None,
+        typer.Option("--unit", metavar="METRES", help="Length of one unit of the file, m; default: detected."),
+    ] = None
+    up: Annotated[
+        Literal["y", "z"] | None, typer.Option("--up", help="The axis of the file that is up; default: detected.")
+    ] = None
+    rename: Annotated[
+        list[str] | None,
+        typer.Option(
+            "--rename", metavar="OLD=NEW", help="Another name for a joint, such as bone12=LeftUpLeg; repeatable."
+        ),
+    ] = None
+
+    def options(self) -> ReadingOptions:
+        """The same for the readers.
+
+        Raises:
+            MotiondeckError: if a new name is not given as OLD=NEW, or the unit is impossible.
+        """
+        from controller.motion.reading_options import ReadingOptions
+
+        names = dict(pair.split("=", 1) for pair in self.rename or [] if "=" in pair)
+        if len(names) < len(self.rename or []):
+            raise MotiondeckError("--rename takes OLD=NEW, once for each joint")
+        return ReadingOptions(self.skeleton, self.unit, self.up, names)
 
 
 def check_new(*files: Path, force: bool, hint: str = "") -> None:
@@ -103,7 +112,7 @@ def check_new(*files: Path, force: bool, hint: str = "") -> None:
     """
     for file in files:
         if file.exists() and not force:
-            raise MotiondeckError(f"{file} is there already; give another --out, or --force to replace it{hint}")
+            raise MotiondeckError(f"{file} exists already; give another --out, or --force to replace it{hint}")
 
 
 def check_ending(file: Path, what: str, ending: str = ".safetensors") -> None:

@@ -1,33 +1,42 @@
-"""A command whose options are the fields of a dataclass, so that it can hand them on as one value."""
+"""Options that are fields of a dataclass: a command takes them as one value and hands them on as one."""
 
 from __future__ import annotations
 
 import functools
 import inspect
 from collections.abc import Callable
-from dataclasses import MISSING, fields
-from typing import Any, TypeVar, get_type_hints
-
-import typer
-
-T = TypeVar("T")
+from dataclasses import MISSING, fields, is_dataclass
+from typing import Any, get_type_hints
 
 
-def takes(options: type[T]) -> Callable[[Callable[[typer.Context, T], None]], Callable[..., None]]:
-    """Gives a command a parameter for each field of a dataclass, annotated as typer annotates parameters."""
+def grouped(command: Callable[..., None]) -> Callable[..., None]:
+    """A command for typer in which each parameter of a dataclass type is replaced by the fields of the dataclass."""
+    parameters: list[inspect.Parameter] = []
+    groups: dict[str, tuple[type, list[str]]] = {}
+    hints = get_type_hints(command, include_extras=True)
+    for parameter in inspect.signature(command).parameters.values():
+        kind = hints[parameter.name]
+        if not is_dataclass(kind):
+            parameters.append(parameter.replace(kind=inspect.Parameter.KEYWORD_ONLY, annotation=kind))
+            continue
+        annotations = get_type_hints(kind, include_extras=True)
+        groups[parameter.name] = kind, [field.name for field in fields(kind)]  # type: ignore[assignment]
+        parameters += [
+            inspect.Parameter(
+                field.name,
+                inspect.Parameter.KEYWORD_ONLY,
+                default=inspect.Parameter.empty if field.default is MISSING else field.default,
+                annotation=annotations[field.name],
+            )
+            for field in fields(kind)
+        ]
 
-    def decorate(command: Callable[[typer.Context, T], None]) -> Callable[..., None]:
-        @functools.wraps(command)
-        def called(context: typer.Context, *given: Any, **named: Any) -> None:
-            command(context, options(*given, **named))
+    @functools.wraps(command)
+    def called(**values: Any) -> None:
+        for name, (kind, own) in groups.items():
+            values[name] = kind(**{field: values.pop(field) for field in own if field in values})
+        command(**values)
 
-        kinds = get_type_hints(options, include_extras=True)
-        signature = [inspect.Parameter("context", inspect.Parameter.POSITIONAL_OR_KEYWORD, annotation=typer.Context)]
-        for field in fields(options):  # type: ignore[arg-type]
-            default = inspect.Parameter.empty if field.default is MISSING else field.default
-            signature.append(signature[0].replace(name=field.name, default=default, annotation=kinds[field.name]))
-        called.__signature__ = inspect.Signature(signature)  # type: ignore[attr-defined]
-        called.__annotations__ = {parameter.name: parameter.annotation for parameter in signature}
-        return called
-
-    return decorate
+    called.__signature__ = inspect.Signature(parameters)  # type: ignore[attr-defined]
+    called.__annotations__ = {parameter.name: parameter.annotation for parameter in parameters}
+    return called

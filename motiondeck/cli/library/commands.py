@@ -8,15 +8,8 @@ from typing import Annotated, Any
 
 import typer
 
-from motiondeck.cli.common.options import (
-    JsonOption,
-    RenameOption,
-    SkeletonOption,
-    UnitOption,
-    UpOption,
-    check_ending,
-    reading_options,
-)
+from motiondeck.cli.common.options import JsonOption, Reading, check_ending
+from motiondeck.cli.common.options_class import grouped
 from motiondeck_base.files import check_folder
 
 app = typer.Typer(help="Show, search and extend motion libraries.", no_args_is_help=True)
@@ -88,11 +81,13 @@ def show(
 
 
 @app.command("add")
+@grouped
 def add(
     library: LibraryArgument,
     clip: Annotated[
         Path, typer.Argument(metavar="RECORDING", help="The recording to learn, of any format, skeleton and rate.")
     ],
+    reading: Reading,
     name: Annotated[
         str, typer.Option("--name", metavar="NAME", help="Name of the motion; default: the recording's.")
     ] = "",
@@ -103,10 +98,6 @@ def add(
         tuple[int, int] | None,
         typer.Option("--frames", metavar="FIRST END", help="Only these frames of the recording."),
     ] = None,
-    skeleton: SkeletonOption = None,
-    unit: UnitOption = None,
-    up: UpOption = None,
-    rename: RenameOption = None,
     out: Annotated[
         Path | None,
         typer.Option("--out", metavar="FILE", help="The library to write; default: LIBRARY itself."),
@@ -137,16 +128,16 @@ def add(
     target = out or path
     check_ending(target, "a library")
     check_folder(target)
-    options = reading_options(skeleton, unit, up, rename)
+    options = reading.options()
     name = name or typeable(clip.stem)
     plan = MotionRecipe(
         name=name,
         file=str(clip),
         plays="once" if once else "loop",
         frames=frames,
-        skeleton=None if skeleton is None else str(skeleton),
-        unit=unit,
-        up=up,
+        skeleton=None if reading.skeleton is None else str(reading.skeleton),
+        unit=reading.unit,
+        up=reading.up,
         rename=dict(options.rename),
     )
     found = add_motion(load_library(path), path, read_clip(clip, options), plan)
@@ -169,7 +160,7 @@ def add(
     if not passed and not allow_failing:
         raise MotiondeckError(
             f"'{name}' failed the self-test ({found.verdict.reason}), so {target} was not written. "
-            "Train all motions together with fit, or write it all the same with --allow-failing."
+            "Train all motions together with learn, or write it all the same with --allow-failing."
         )
     if not as_json:
         print(f"wrote {target} ({target.stat().st_size / 1e6:.1f} MB)")

@@ -9,14 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from motiondeck.cli.common.options import (
-    RenameOption,
-    SkeletonOption,
-    UnitOption,
-    UpOption,
-    check_ending,
-    reading_options,
-)
+from motiondeck.cli.common.options import SkeletonOption, check_ending
 from motiondeck.cli.recognition.recognition_data import SKIPPED_EXIT, AsJson, DataArgument, leave, read
 from motiondeck_base.counted import counted
 from motiondeck_base.files import check_folder
@@ -108,9 +101,6 @@ def run(
         list[Path], typer.Argument(metavar="FILE_OR_FOLDER...", help="Recordings of any format, and folders of them.")
     ],
     skeleton: SkeletonOption = None,
-    unit: UnitOption = None,
-    up: UpOption = None,
-    rename: RenameOption = None,
     stream: Annotated[
         bool,
         typer.Option("--stream", help="Recognize frame by frame, as on a robot, and print when each motion was seen."),
@@ -125,9 +115,10 @@ def run(
     """
     from controller.learning.recognition.recognizer_file import load_recognizer
     from controller.motion.formats.reading import read_clip, recordings_below
+    from controller.motion.reading_options import ReadingOptions
     from motiondeck_base.errors import MotiondeckError
 
-    options = reading_options(skeleton, unit, up, rename)
+    options = ReadingOptions(skeleton)
     loaded = load_recognizer(recognizer)
     folders = clips
     clips = [clip for path in clips for clip in (recordings_below(path) if path.is_dir() else [path])]

@@ -63,7 +63,7 @@ def teach(
       motiondeck rig teach my-rig.toml --out wave.clip
       motiondeck rig teach my-rig.toml --out gestures/
       motiondeck rig play my-rig.toml wave.clip
-      motiondeck fit wave.clip nod.clip --out gestures.safetensors
+      motiondeck learn wave.clip nod.clip --out gestures.safetensors
     """
     # These take a while to import: better now than with a joint in somebody's hand.
     import controller.learning.recipe  # noqa: F401

@@ -237,7 +237,7 @@ def test_networks_that_cannot_be_added_to_say_so(library):
     forgetful = replace(
         library, network=type(library.network)({n: library.network[n] for n in library.network.motions})
     )
-    with pytest.raises(MotiondeckError, match="train it again with fit"):
+    with pytest.raises(MotiondeckError, match="train it again with learn"):
         add_motion(forgetful, FILE, clip, NEW)
     other_seed = replace(library, info=msgspec.structs.replace(library.info, seed=7))
     with pytest.raises(MotiondeckError, match="cannot be drawn again"):

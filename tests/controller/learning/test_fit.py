@@ -12,7 +12,7 @@ from controller.learning.training_set import prepare
 from controller.library.motion_library import load_library, save_library
 from controller.motion.formats.reading import read_clip
 from controller.motion.formats.writing import bvh_text
-from motiondeck_base.errors import FileFormatError, MotiondeckError
+from motiondeck_base.errors import FileFormatError
 from motiondeck_base.shipped import shipped_configs
 
 pytestmark = pytest.mark.smoke
@@ -81,18 +81,6 @@ def test_a_recipe_need_only_name_its_recordings(tmp_path):
 def test_two_recordings_of_one_name_need_names_of_their_own(tmp_path):
     with pytest.raises(FileFormatError, match="two motions are called 'walk'"):
         recipe_of(tmp_path, '[[motions]]\nfile = "a/walk.bvh"\n[[motions]]\nfile = "b/walk.bvh"\n')
-
-
-def test_fit_given_a_recording_says_what_to_type(tmp_path):
-    (tmp_path / "walk.bvh").write_text("HIERARCHY")
-    with pytest.raises(MotiondeckError, match=r"Type: motiondeck learn \S*walk\.bvh --out mine\.safetensors"):
-        invoked("fit", str(tmp_path / "walk.bvh"), standalone_mode=False, catch_exceptions=False)
-
-
-def test_fit_given_a_closed_format_says_how_to_convert_it(tmp_path):
-    (tmp_path / "walk.fbx").touch()
-    with pytest.raises(MotiondeckError, match=r"walk\.fbx: a closed format .* FBX2glTF"):
-        invoked("fit", str(tmp_path / "walk.fbx"), standalone_mode=False, catch_exceptions=False)
 
 
 def test_motions_are_carried_to_one_body(tmp_path, mocap_data):
@@ -226,13 +214,13 @@ def test_what_is_wrong_with_motions_and_which_files_are_missing_is_said_at_once(
     assert len(lines) == 6
 
 
-def test_a_library_that_exists_is_only_written_over_when_it_is_named(tmp_path, monkeypatch):
+def test_a_library_that_exists_is_only_replaced_on_request(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     Path("wave.bvh").write_text(bvh_text(waving(60.0, 2.0)))
     Path("waves.toml").write_text(
         "[[motions]]\nfile = 'wave.bvh'\n[network]\ntype = 'phase-conceptor'\nneurons = 60\nrank = 20\n"
     )
-    assert invoked("fit", "waves.toml").exit_code == 0
+    assert invoked("learn", "waves.toml").exit_code == 0
     assert Path("waves.safetensors").exists()
-    again = invoked("fit", "waves.toml")
-    assert "waves.safetensors exists already: write over it with --out" in str(again.exception)
+    again = invoked("learn", "waves.toml")
+    assert "waves.safetensors exists already; give another --out, or --force" in str(again.exception)

@@ -266,8 +266,8 @@ def test_a_recipe_that_may_have_been_edited_is_replaced_only_on_request(folder, 
     out.with_suffix(".toml").write_text("# edited by hand")
     command = ["learn", str(folder / "swing.bvh"), "--out", str(out)]
     refused = str(invoked(*command).exception)
-    assert "mine.toml is there already; give another --out, or --force" in refused
-    assert f"motiondeck fit {out.with_suffix('.toml')}" in refused
+    assert "mine.toml exists already; give another --out, or --force" in refused
+    assert f"motiondeck learn {out.with_suffix('.toml')}" in refused
     assert out.with_suffix(".toml").read_text() == "# edited by hand"
     assert not out.exists()
     assert invoked(*command, "--force").exit_code == 0
@@ -287,14 +287,12 @@ def test_any_file_is_added_to_what_was_learned(folder, tmp_path):
     assert re.search(r"loop: \d\.\d\d to \d\.\d\d of 6\.00 s, seam \d mm", looped.stdout)
 
 
-def test_fit_of_a_recording_says_what_to_type_and_of_a_recipe_tells_parts(folder, tmp_path):
+def test_a_recipe_reports_the_learned_parts(folder, tmp_path):
     out = tmp_path / "mine.safetensors"
-    refused = invoked("fit", str(folder / "swing.bvh"), "--out", str(out))
-    assert f"Type: motiondeck learn {folder / 'swing.bvh'} --out {out}" in str(refused.exception)
     learned = learn([folder / "swing.bvh"], "mine", network=PhaseRecipe(neurons=100, rank=20), seeds=[0])
     (tmp_path / "mine.toml").write_text(recipe_text(learned.recipe))
     assert 'licence = "unknown"  #' in (tmp_path / "mine.toml").read_text()
-    fitted = invoked("fit", str(tmp_path / "mine.toml"), "--data", "/", "--out", str(out))
+    fitted = invoked("learn", str(tmp_path / "mine.toml"), "--data", "/", "--out", str(out))
     assert "warning" in fitted.stderr
     assert "set licence in the recipe" in fitted.stderr
     part = learned.motions[0].part

@@ -163,7 +163,7 @@ def test_the_shipped_library_is_found_by_name():
         (("play", "--rate", "nan", "--headless", "--command-port", "0"), "cannot run at nan"),
         (("play", "--video", "walk.avi", "--seconds", "1"), "walk.avi"),
         (("library", "show", "pyproject.toml"), "pyproject.toml: not a library file, which ends in .safetensors"),
-        (("fit", "none.toml", "--data", ".", "--out", "x.safetensors"), "none.toml: cannot be read"),
+        (("learn", "none.toml", "--data", ".", "--out", "x.safetensors"), "none.toml: cannot be read"),
         (("send", "tempo", "fast"), "TEMPO must be a number from -3 to 3"),
         (("send", "tempo", "-4"), "TEMPO must be a number from -3 to 3, not -4"),
         (("send", "tempo -1 soon"), "tempo: SECONDS must be a number from 0 to 60"),
@@ -234,7 +234,7 @@ def test_the_help_of_send_lists_the_commands(monkeypatch):
 
 def test_examples_fit_the_terminal_and_can_be_pasted(monkeypatch):
     monkeypatch.setenv("COLUMNS", "80")
-    for command in ("play", "send", "evaluate", "fit"):
+    for command in ("play", "send", "evaluate", "learn"):
         _, _, examples = motiondeck(command, "--help").stdout.partition("Examples")
         lines = [line.strip() for line in examples.partition("╭")[0].splitlines() if line.strip()]
         pasted = "\n".join(lines).replace(" \\\n", " ").splitlines()
@@ -286,10 +286,10 @@ def test_a_page_port_in_use_is_named(library):
     assert f"port {port} for the page cannot be used" in run.stderr
 
 
-def test_a_fit_that_fails_leaves_nothing(tmp_path):
+def test_a_recipe_that_cannot_be_read_leaves_nothing(tmp_path):
     recipe = tmp_path / "r.toml"
     recipe.write_text('name = "x"\nnetwrok = 3\n')
-    run = motiondeck("fit", recipe, "--data", tmp_path, "--out", tmp_path / "x.safetensors")
+    run = motiondeck("learn", recipe, "--data", tmp_path, "--out", tmp_path / "x.safetensors")
     assert run.returncode == 1
     assert "unknown key 'netwrok'" in run.stderr
     assert list(tmp_path.iterdir()) == [recipe]

@@ -71,7 +71,7 @@ def test_what_drives_no_deck_is_refused(tmp_path):
     script = tmp_path / "run.toml"
     script.write_text('motion = "walk"\n[[commands]]\nat = 1.0\nsay = "home"\n')
     with pytest.raises(MotiondeckError, match="the command at 1 s is not for a film"):
-        play(None, None, "thesis15", script=str(script), video=tmp_path / "film.mp4", mismatch_after=1.0)
+        play(context=None, script=str(script), video=tmp_path / "film.mp4", mismatch_after=1.0)
 
 
 def test_motions_that_failed_are_named_when_a_library_plays(library, capsys):

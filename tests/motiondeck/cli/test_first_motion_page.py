@@ -69,5 +69,5 @@ def test_a_recording_comes_to_a_robot_as_the_page_says(mocap_data, tmp_path, mon
             for line in lines:
                 assert like(line).search(said), (line, said)
     assert [line.split()[1] for line in typed if line.startswith("motiondeck")] == [
-        "clip", "learn", "play", "play", "fit", "clip", "library",
+        "clip", "learn", "play", "play", "learn", "clip", "library",
     ]  # fmt: skip

@@ -11,7 +11,7 @@ from motiondeck_base.shipped import find_library
 @pytest.mark.parametrize(
     ("words", "what"),
     [
-        (("fit", str(find_library("thesis15").with_suffix(".toml")), "--data", "."), "a library"),
+        (("learn", str(find_library("thesis15").with_suffix(".toml")), "--data", "."), "a library"),
         (("learn", "walk.bvh", "--force"), "a library"),
         (("library", "add", "thesis15", "walk.bvh"), "a library"),
         (("recognize", "train", "."), "a recognizer"),

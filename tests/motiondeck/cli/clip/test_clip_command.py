@@ -56,15 +56,16 @@ def test_a_piece_is_cut_out(tmp_path):
         (("show", "bow.xyz"), "'.xyz' files are not read"),
         (("convert", "bow.bvh", "b.bvh", "--from", "3"), "bow.bvh: from 3 s to its end is no piece of 0.02 s"),
         (("convert", "bow.bvh", "./bow.bvh"), "bow.bvh: this is the recording itself"),
-        (("mirror", "bow.bvh", "bow.bvh"), "bow.bvh: this is the recording itself"),
+        (("convert", "--mirror", "bow.bvh", "bow.bvh"), "bow.bvh: this is the recording itself"),
         (("convert", "bow.bvh", "bow.fbx"), "bow.fbx: clips are written as .bvh or .csv"),
         (("view", "bow.bvh", "--robot", "servo21"), "unknown robot 'servo21'. Did you mean servo20?"),
         (("plot", "bow.bvh", "--out", "bow.nothing"), "bow.nothing: cannot be drawn"),
-        (("fill", "bow.bvh", "--out", "bow.c3d"), "bow.bvh: only markers (.c3d) can be missing"),
-        (("fill", "bow.c3d", "--out", "bow.bvh"), "bow.bvh: markers are written as .c3d or .csv"),
-        (("fill", "bow.c3d", "--out", "no/bow.c3d"), "no: there is no such folder"),
-        (("fill", "bow.c3d", "--out", "./bow.c3d"), "bow.c3d: this is the recording itself"),
-        (("fill", "gone.c3d", "--out", "bow.c3d"), "gone.c3d: cannot be read"),
+        (("convert", "--fill", "bow.bvh", "bow.c3d"), "bow.bvh: only markers (.c3d) can be missing"),
+        (("convert", "--fill", "bow.c3d", "bow.csx"), "bow.csx: markers are written as .c3d or .csv"),
+        (("convert", "--fill", "bow.c3d", "no/bow.c3d"), "no: there is no such folder"),
+        (("convert", "--fill", "bow.c3d", "./bow.c3d"), "bow.c3d: this is the recording itself"),
+        (("convert", "--fill", "gone.c3d", "bow.c3d"), "gone.c3d: cannot be read"),
+        (("convert", "--fill", "gone.c3d", "bow.c3d", "--mirror"), "--fill writes the whole file"),
     ],
 )
 def test_a_mistake_is_one_line(bow, monkeypatch, arguments, problem):
@@ -103,10 +104,19 @@ def test_curves_and_sheets_are_drawn(bow, tmp_path):
     assert run("plot", bow, "--out", tmp_path / "curves.png").exit_code == 0
     picture = np.asarray(Image.open(tmp_path / "curves.png").convert("L"))
     assert picture.std() > 10
-    said = run("plot", bow, "--sheet", "--out", tmp_path / "sheet.png")
+    said = run("plot", bow, bow, "--out", tmp_path / "sheet.png")
     if said.exit_code and "OpenGL" in str(said.exception):
         pytest.skip("no off-screen OpenGL here")
-    assert Image.open(io.BytesIO((tmp_path / "sheet.png").read_bytes())).size == (120 + 8 * 200, 220)
+    assert Image.open(io.BytesIO((tmp_path / "sheet.png").read_bytes())).size == (120 + 8 * 200, 440)
+
+
+def test_left_and_right_are_exchanged(bow, tmp_path):
+    said = run("convert", bow, tmp_path / "other.bvh", "--mirror", "--json")
+    assert said.exit_code == 0, said.output
+    assert json.loads(said.stdout)["written"] == str(tmp_path / "other.bvh")
+    one, other = (read_clip(file) for file in (bow, tmp_path / "other.bvh"))
+    assert len(other) == len(one)
+    assert other.root_position[:, 1] == pytest.approx(-one.root_position[:, 1], abs=1e-3)
 
 
 @pytest.mark.thorough
@@ -117,7 +127,7 @@ def test_lost_markers_are_filled_in(tmp_path):
     lost[10:, 5] = np.nan
     file = tmp_path / "lost.c3d"
     file.write_bytes(c3d_bytes(["A", "B", "C", "D", "E", "*6"], lost, rate=MARKER_RATE))
-    said = run("fill", file, "--out", tmp_path / "filled.c3d", "--json")
+    said = run("convert", "--fill", file, tmp_path / "filled.c3d", "--json")
     assert said.exit_code == 0, said.output
     rows = {row["marker"]: row for row in json.loads(said.stdout)["markers"]}
     assert rows["D"]["open"] == []
@@ -126,7 +136,7 @@ def test_lost_markers_are_filled_in(tmp_path):
     filled = read_c3d(tmp_path / "filled.c3d").position
     assert np.abs(filled[80:110, 3] - 1e-3 * seen[80:110, 3]).mean() < 0.006
     assert np.isnan(filled[10:, 5]).all()
-    table = run("fill", file, "--out", tmp_path / "filled.csv")
+    table = run("convert", "--fill", file, tmp_path / "filled.csv")
     assert "1 of 2 gaps filled" in table.stdout
     assert "10 to 199" in table.stdout
     assert len((tmp_path / "filled.csv").read_text().splitlines()) == 201

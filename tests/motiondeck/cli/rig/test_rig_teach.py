@@ -218,7 +218,7 @@ def test_a_name_that_was_used_before_gets_another_take_and_loses_nothing(session
 
 
 def test_another_take_is_learned_as_the_one_before_it(session, tmp_path):
-    """`fit` refuses takes of which one is a loop and another is not."""
+    """`learn` refuses takes of which one is a loop and another is not."""
     lines = ["", "wave", "", "once", "take", "", "", "wave", "", "", ""]
     session(tmp_path, lines, [wave(), wave(0.55), wave(0.6)])
     assert [how_taught(tmp_path / f"wave{take}.clip") for take in ("", ".2", ".3")] == ["once"] * 3
@@ -250,16 +250,12 @@ def test_what_cannot_be_taught_or_played_is_said(rig, tmp_path):
         (("rig", "teach", rig, "--out", tmp_path / "no" / "wave.clip"), "no such folder"),
         (("rig", "teach", rig, "--out", tmp_path / "a.clip", "--seconds", "0"), "not between"),
         (("rig", "teach", rig, "--out", tmp_path, "--seconds", "3"), "give it a file, not the folder"),
-        (("fit", rig, "--no-trim", "--data", tmp_path, "--out", tmp_path / "x.safetensors"), "--no-trim is for clips"),
         (("rig", "play", rig, other, *any_port), "'grip'"),
         (("rig", "play", rig, other, "wave", *any_port), "no motion 'wave' to choose"),
         (("rig", "play", rig, "thesis15", "wlak", *any_port), "unknown motion 'wlak'"),
-        (
-            ("fit", other, rig, "--out", tmp_path / "x.safetensors"),
-            "other.clip: a recording, not a recipe",
-        ),
-        (("fit", rig, "--out", tmp_path / "x.safetensors"), "arm.toml"),
-        (("fit", other, "--data", tmp_path, "--out", tmp_path / "x.safetensors"), "--data .* is for the recordings"),
+        (("learn", other, rig, "--out", tmp_path / "x.safetensors"), "give one recipe alone, or recordings"),
+        (("learn", rig, "--out", tmp_path / "x.safetensors"), "arm.toml"),
+        (("learn", other, "--data", tmp_path, "--out", tmp_path / "x.safetensors"), "--data .* no recipe is given"),
         (("rig", "emulate", rig, "--root", "free"), "--root free is about a body"),
     ):
         with pytest.raises(Exception, match=error) as raised:

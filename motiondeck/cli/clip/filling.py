@@ -1,42 +1,21 @@
-"""`motiondeck clip fill`: fills in the markers that are missing from a recording for a while."""
+"""`motiondeck clip convert --fill`: fills in the markers that are missing from a recording for a while."""
 
 from __future__ import annotations
 
 import json
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
-
-import typer
-
-from motiondeck.cli.clip.commands import app
-from motiondeck.cli.common.options import JsonOption, check_other
-from motiondeck_base.files import check_folder
+from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from controller.learning.centralized.reconstruction import Gap
     from controller.motion.formats.markers.tracks import Markers
 
 
-@app.command("fill")
-def fill(
-    file: Annotated[Path, typer.Argument(metavar="FILE", help="A recording of markers: .c3d.")],
-    out: Annotated[
-        Path,
-        typer.Option("--out", metavar="FILE", help="OUT.c3d, the same file with its gaps filled, or OUT.csv."),
-    ],
-    as_json: JsonOption = False,
-) -> None:
-    """Fill in markers that were lost for a while, from those that were seen.
+def fill(file: Path, out: Path, as_json: bool) -> None:
+    """Writes a recording of markers with its gaps filled, and reports each marker's gaps and expected error.
 
-    A centralized network learns the other markers around each gap; the lost one follows their frequencies and joins
-    its path on both sides. A line or a cubic along its own path counts too, by how well it does on hidden stretches of
-    the same length; so is the expected error of each marker measured, which the table shows. A gap stays open, and is
-    named, if fewer than three other markers were seen throughout it or its own marker was hardly seen around it.
-
-    In a .c3d everything else stays as it is; filled points have the residual 0. A .csv holds time in s and x, y, z of
-    every marker in m, in the file's own axes; what is still missing is left empty.
-
-    Example:  motiondeck clip fill dance.c3d --out filled.c3d
+    Raises:
+        MotiondeckError: if the recording holds no markers, or the file cannot be written.
     """
     from controller.learning.centralized.reconstruction import fill_missing, gaps_of
     from controller.motion.formats.markers.c3d import read_c3d
@@ -50,8 +29,6 @@ def fill(
         raise MotiondeckError(f"{file}: only markers (.c3d) can be missing; other recordings hold whole skeletons")
     if out.suffix.lower() not in (".c3d", ".csv"):
         raise MotiondeckError(f"{out}: markers are written as .c3d or .csv. Name the file so.")
-    check_other(file, out)
-    check_folder(out)
     markers = read_c3d(file)
     with progress("gaps", len(gaps_of(markers.position))) as tick:
         position, gaps = fill_missing(markers.position, markers.rate, tick)

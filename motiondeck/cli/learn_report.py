@@ -1,0 +1,176 @@
+"""What `motiondeck learn` reports, for people and for scripts."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Any
+
+from controller.deck.worst_join import worst_join
+from controller.learning.centralized.model_choice import mean_absolute, mean_distance, relative_accuracy
+from controller.learning.learn import LearnedLibrary
+from controller.learning.recipe import LibraryRecipe, warnings
+from controller.learning.training_set import LearnedPart, TrainingSet
+from controller.library.motion_library import MotionLibrary
+from controller.motion.encodings.motion_matching import joint_features
+from controller.motion.rotations import Array
+from motiondeck.cli.common.library_report import (
+    join_fields,
+    join_line,
+    part_fields,
+    part_of,
+    print_table,
+    report,
+    seam_of,
+)
+from motiondeck.cli.common.tables import show_table
+from motiondeck_base.counted import counted
+
+
+def report_recipe(
+    library: MotionLibrary,
+    recipe: LibraryRecipe,
+    training_set: TrainingSet,
+    written: Path | None,
+    taught: bool,
+    as_json: bool,
+) -> None:
+    """Reports a library that was trained by a recipe: its self-tests, and how close it is to the recordings."""
+    closeness = _compare(library, training_set, recipe.network.anchor_every)
+    learned = _learned_parts(recipe, training_set) if taught else None
+    worst = worst_join(library)
+    if as_json:
+        fields = report(library) | {"beside_the_recording": closeness, "written": str(written) if written else None}
+        fields |= {"learned_from": {name: part_fields(part) for name, part in training_set.parts.items()}}
+        fields |= {"learned": learned} if learned is not None else {}
+        print(json.dumps(fields | {"worst_join": join_fields(worst)}))
+        return
+    print_table(library)
+    _print_closeness(library, training_set.parts if learned is None else {}, closeness)
+    for part in learned or ():
+        print(_described(part))
+    if worst is not None:
+        print(join_line(worst))
+    if written:
+        print(f"wrote {written} ({written.stat().st_size / 1e6:.1f} MB, seed {library.info.seed})")
+
+
+def report_recordings(learned: LearnedLibrary, out: Path, recipe: Path, as_json: bool) -> None:
+    """Reports a library of recordings: each with its part, its seam and its self-test."""
+    worst = worst_join(learned.library)
+    if as_json:
+        fields = {"written": str(out), "recipe": str(recipe), "motions": _rows(learned)}
+        print(json.dumps(fields | {"warnings": warnings(learned.recipe), "worst_join": join_fields(worst)}))
+        return
+    _print(learned)
+    if worst is not None:
+        print(join_line(worst))
+    for warning in warnings(learned.recipe):
+        print(f"warning: {warning} {recipe}")
+    print(f"wrote {out} ({out.stat().st_size / 1e6:.1f} MB) and its recipe {recipe}")
+
+
+def _compare(library: MotionLibrary, training_set: TrainingSet, every: int) -> list[dict[str, Any]]:
+    """How far each motion is from its recording at its anchors, mm (eqs 20 to 27), and a centralized network's size."""
+    network, rows = library.network, []
+    for name in training_set.frames:
+        played, recorded = _places(library, training_set, name, every)
+        row: dict[str, Any] = {"motion": name, "mean_mm": mean_absolute(played, recorded)}
+        row |= {"joint_mm": mean_distance(played, recorded)}
+        row |= {"relative_accuracy": float(relative_accuracy(played, recorded).mean())}
+        rows.append(row | network.sizes(name))
+    return rows
+
+
+def _places(library: MotionLibrary, training_set: TrainingSet, motion: str, every: int) -> tuple[Array, Array]:
+    """Joints relative to the root at the anchors of a motion, as played and as recorded, shape (A, J, 3) each, mm."""
+    anchors = library.network.recall(motion), training_set.frames[motion][::every]
+    places = [joint_features(library.encoding, channels)[:, :-1].reshape(len(channels), -1, 3) for channels in anchors]
+    played, recorded = (one[: min(map(len, places))] for one in places)
+    return played, recorded
+
+
+def _print_closeness(library: MotionLibrary, parts: dict[str, LearnedPart], rows: list[dict[str, Any]]) -> None:
+    """One row a motion: what was learned of its recording, where its loop is closed, its network and its errors."""
+    unit = "mrad" if library.info.encoding == "joint angles" else "mm"
+    headings = [name.replace("_mm", f", {unit}").replace("_", " ") for name in rows[0]]
+    cells = [[f"{value:.4g}" if isinstance(value, float) else str(value) for value in row.values()] for row in rows]
+    if parts:
+        headings[1:1] = ["of the recording", "seam"]
+        for row in cells:
+            row[1:1] = [part_of(parts[row[0]]), seam_of(parts[row[0]])]
+    show_table(headings, cells, title="joints beside the recording, seen from the root")
+
+
+def _learned_parts(plan: LibraryRecipe, training_set: TrainingSet) -> list[dict[str, Any]]:
+    """Which part of each taught clip was learned, s: of a loop what comes back best, of a one-shot all of it."""
+    rows: list[dict[str, Any]] = []
+    for motion in plan.motions:
+        part = training_set.parts[motion.name]
+        row = {"motion": motion.name, "plays": motion.plays, "takes": 1 + len(motion.takes)}
+        rows.append(row | {"from": part.first, "to": part.end, "recorded": part.recorded})
+    return rows
+
+
+def _described(row: dict[str, Any]) -> str:
+    """One of `_learned_parts` in words."""
+    if row["takes"] > 1:
+        of = f"{row['takes']} takes, averaged"
+    else:
+        of = f"{row['from']:.1f} to {row['to']:.1f} s of {row['recorded']:.1f} s"
+    if row["plays"] == "once":
+        return f"{row['motion']}: once, {of}; it comes to rest in its last pose"
+    left_out = row["takes"] == 1 and row["to"] - row["from"] < row["recorded"] - 0.1
+    return f"{row['motion']}: a loop of {row['to'] - row['from']:.1f} s, {of}" + (
+        "; loop_keeps = 1.0 in the recipe learns all of it" if left_out else ""
+    )
+
+
+def _rows(learned: LearnedLibrary) -> list[dict[str, Any]]:
+    """One entry a recording; what is not known of one that was left out is null."""
+    rows: list[dict[str, Any]] = []
+    for motion in learned.motions:
+        part = motion.part
+        rows.append(
+            {
+                "name": motion.name,
+                "file": str(motion.file),
+                "plays": motion.plays or None,
+                "seconds": motion.seconds if part else None,
+                **part_fields(part),
+                "error_mm": motion.error_mm if part else None,
+                "passed": motion.passed,
+                "remedy": motion.remedy,
+                "doubts": motion.doubts,
+            }
+        )
+    return rows
+
+
+def _print(learned: LearnedLibrary) -> None:
+    """One row a recording, then what to do about those that failed, and what is doubtful."""
+    rows: list[tuple[str, ...]] = []
+    for motion in learned.motions:
+        verdict = "[green]passed[/]" if motion.passed else "[red]failed[/]" if motion.plays else "[red]left out[/]"
+        figures = ("", "", "", "", "")
+        if motion.part is not None:
+            seconds, error = f"{motion.seconds:.2f}", f"{motion.error_mm:.1f}"
+            figures = (motion.plays, seconds, part_of(motion.part), seam_of(motion.part), error)
+        rows.append((motion.name, *figures, verdict))
+    show_table(
+        ("motion", "plays", "seconds", "of the recording", "best seam", "error, mm", "self-test"),
+        rows,
+        title=f"{learned.library.info.name}: {counted(len(learned.library.info.motions), 'motion')}",
+        left=("plays", "self-test"),
+    )
+    for motion in learned.motions:
+        if motion.plays and not motion.file.stem.isascii():  # its name says little or nothing about the file
+            print(f"{motion.name}: learned from {motion.file.name}")
+    for motion in learned.failed:
+        print(f"{motion.name} ({motion.file.name}): {motion.remedy}")
+    doubtful: dict[str, list[str]] = {}
+    for motion in learned.motions:
+        for doubt in motion.doubts:
+            doubtful.setdefault(doubt, []).append(motion.name)
+    for doubt, names in doubtful.items():
+        print(f"doubt: {', '.join(names)}: {doubt}")
