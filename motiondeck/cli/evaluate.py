@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from motiondeck.cli.common.options import JobsOption, JsonOption
+from motiondeck_base.errors import MotiondeckError, UnknownNameError
 from motiondeck_base.files import check_folder
 from motiondeck_base.progress import progress
 
@@ -25,9 +26,11 @@ def evaluate(
     measure: Annotated[str, typer.Argument(metavar="MEASURE", help="accuracy, robustness, stability or transitions.")],
     data: Annotated[Path, typer.Option("--data", metavar="DIR", help="The folder with the recordings.")],
     seeds: Annotated[
-        int, typer.Option("--seeds", metavar="N", min=1, max=1000, help="Number of networks to train from a recipe.")
-    ] = 3,
-    first_seed: Annotated[int, typer.Option("--first-seed", metavar="N", min=0, help="Seed of the first network.")] = 0,
+        str,
+        typer.Option(
+            "--seeds", metavar="N|FIRST-LAST", help="Networks to train from a recipe: how many, or with which seeds."
+        ),
+    ] = "3",
     runs: Annotated[
         int, typer.Option("--runs", metavar="N", min=1, max=100_000, help="Runs per motion and network.")
     ] = 100,
@@ -50,12 +53,11 @@ def evaluate(
       motiondeck evaluate configs/libraries/thesis15.toml robustness --data recordings --seeds 3 --runs 100
     """
     from controller.learning.evaluation.evaluation import read_evaluation
-    from motiondeck_base.errors import UnknownNameError
     from motiondeck_base.jobs import Jobs
 
     if measure not in MEASURES:
         raise UnknownNameError.among("measure", measure, MEASURES)
-    where = Jobs.parse(jobs)
+    where, chosen = Jobs.parse(jobs), _seeds(seeds)
     check_folder(table)
     if plot is not None:
         from motiondeck.pictures.figures import check_picture
@@ -65,15 +67,29 @@ def evaluate(
     from motiondeck.pictures.table_plots import draw_bars, draw_spread
 
     evaluation = read_evaluation(subject, data)
-    chosen = range(first_seed, first_seed + seeds)
     draw = draw_bars
     if measure == "accuracy":
         result = accuracy(evaluation, chosen)
     elif measure == "transitions":
-        result, draw = transitions(evaluation, first_seed, where), draw_spread
+        result, draw = transitions(evaluation, chosen[0], where), draw_spread
     else:
         result = failures(evaluation, "stability" if measure == "stability" else "robustness", chosen, runs, where)
     deliver(result, csv_file=table, plot=plot, draw=draw, as_json=as_json)
+
+
+def _seeds(text: str) -> range:
+    """Consecutive seeds: a number of them from 0 on, or the first and the last.
+
+    Raises:
+        MotiondeckError: if the text is neither, or these are more than 1000 or no seeds.
+    """
+    first, dash, last = text.rpartition("-")
+    numbers = [first, last] if dash else [last]
+    if all(number.isdecimal() and int(number) < 2**31 for number in numbers):
+        seeds = range(int(first or 0), int(last) + bool(dash))
+        if 1 <= len(seeds) <= 1000:
+            return seeds
+    raise MotiondeckError(f"--seeds {text}: give a number from 1 to 1000, or the first and the last seed, as 400-404")
 
 
 def accuracy(evaluation: Evaluation, seeds: range) -> Table:

@@ -11,31 +11,26 @@ from controller.motion.rotations import Array
 from motiondeck.pictures.figures import new_figure, save
 
 if TYPE_CHECKING:
-    from controller.learning.recognition.segmentation.labels import Labels
     from controller.motion.clip import Clip
 
 RECORDED, PLAYED = "#c0392b", "#1f5fa8"
 
 
-def draw_segments(clip: Clip, said: dict[str, Any], marked: Labels | None, path: Path) -> None:
-    """Hands, feet and head of a recording over time, the cuts through them, and the windows that were marked."""
+def draw_segments(clip: Clip, report: dict[str, Any], path: Path) -> None:
+    """Heights of hands, feet and head of a recording over time, and the cuts through them."""
     figure = new_figure(11, 3.6)
     axes = figure.add_subplot()
     time = np.arange(len(clip)) / clip.rate
     for bone, height in zip(("root", *clip.skeleton.bones), clip.joints()[:, :, 2].T, strict=True):
         if bone.endswith(("hand", "wrist", "foot", "head", "root")):
             axes.plot(time, height, linewidth=0.8, label=bone)
-    for index, one in enumerate(said["segments"]):
+    for index, one in enumerate(report["segments"]):
         if index:
             axes.axvline(one["from_s"], color="black", linewidth=1.4, label="cut" if index == 1 else None)
         name = one["motion"] or str(index + 1)
         axes.annotate(
             name, (0.5 * (one["from_s"] + one["to_s"]), 1.01), xycoords=("data", "axes fraction"), ha="center"
         )
-    if marked is not None:
-        for index, (earliest, best, latest) in enumerate(marked.borders / clip.rate):
-            axes.axvspan(earliest, latest, color="#f5b041", alpha=0.35, label=None if index else "marked by hand")
-            axes.axvline(best, color="#d68910", linewidth=0.8)
     axes.set_xlabel("s")
     axes.set_ylabel("height, m")
     axes.set_xlim(0.0, time[-1])

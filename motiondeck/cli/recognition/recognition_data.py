@@ -19,7 +19,6 @@ SKIPPED_EXIT = 3
 DataArgument = Annotated[
     Path, typer.Argument(metavar="DATA", help="A folder with one folder of recordings for each motion.")
 ]
-AsJson = Annotated[bool, typer.Option("--json", help="Print one JSON object instead of a table.")]
 
 
 def read(data: Path) -> Dataset:

@@ -9,13 +9,16 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from motiondeck.cli.common.options import SkeletonOption, check_ending
-from motiondeck.cli.recognition.recognition_data import SKIPPED_EXIT, AsJson, DataArgument, leave, read
+from motiondeck.cli.common.options import JsonOption, SkeletonOption, check_ending
+from motiondeck.cli.recognition.recognition_data import SKIPPED_EXIT, DataArgument, leave, read
 from motiondeck_base.counted import counted
 from motiondeck_base.files import check_folder
 
 if TYPE_CHECKING:
     from controller.learning.recognition.recognizer import Recognizer
+
+# A committee of 8 groups of 25 neurons (docs/recognition.md#unknown-motions), and frames per second, Hz.
+NEURONS, GROUPS, RATE = 200, 8, 30.0
 
 app = typer.Typer(help="Train a recognizer, and name the motion of a recording.", no_args_is_help=True)
 
@@ -24,49 +27,23 @@ app = typer.Typer(help="Train a recognizer, and name the motion of a recording."
 def train(
     data: DataArgument,
     out: Annotated[Path, typer.Option("--out", metavar="FILE", help="The recognizer to write (.safetensors).")],
-    neurons: Annotated[
-        int, typer.Option("--neurons", metavar="N", help="Neurons of the reservoir.", min=1, max=2000)
-    ] = 200,
-    groups: Annotated[
-        int,
-        typer.Option(
-            "--groups",
-            metavar="N",
-            help="Groups of neurons that judge joint by joint; 1 judges all joints together.",
-            min=1,
-            max=100,
-        ),
-    ] = 8,
-    rate: Annotated[
-        float, typer.Option("--rate", metavar="HZ", help="Frame rate at which motions are compared, Hz.")
-    ] = 30.0,
     joints: Annotated[
         str,
         typer.Option(
             "--joints", metavar="NAMES", help="Names of the joints to compare, separated by commas; default: 14 joints."
         ),
     ] = "",
-    seed: Annotated[int, typer.Option("--seed", metavar="N", help="Seed of the reservoir.", min=0)] = 1,
-    stretch: Annotated[
-        list[float] | None,
-        typer.Option(
-            "--stretch",
-            metavar="FACTOR",
-            help="Learn each recording as if it took this many times as long; repeatable. "
-            "Default: 0.5, 0.7, 1, 1.4 and 2.",
-        ),
-    ] = None,
     licence: Annotated[
         str, typer.Option("--licence", metavar="TEXT", help="Licence of the recordings, kept in the file.")
     ] = "",
-    as_json: AsJson = False,
+    as_json: JsonOption = False,
 ) -> None:
     """Train a recognizer from labelled recordings.
 
     The folder has one folder per motion, with recordings of any format. Skeletons (.asf) lie beside the recordings or
     above them; the name of a recording begins with the name of its skeleton. A file that cannot be used is named and
     skipped; the exit code is then 3. Every recording is also learned faster and slower, so that motions are recognized
-    at half and at twice their tempo; --stretch 1 leaves that out.
+    at half and at twice their tempo.
 
     Example:  motiondeck recognize train hdm05 --out hdm05.safetensors
     """
@@ -77,11 +54,10 @@ def train(
 
     check_ending(out, "a recognizer")
     check_folder(out)
-    look = FeatureRecipe(rate=rate, joints=tuple(name.strip() for name in joints.split(",") if name.strip()))
+    look = FeatureRecipe(rate=RATE, joints=tuple(name.strip() for name in joints.split(",") if name.strip()))
     dataset = read(data)
-    stretches = tuple(dict.fromkeys(stretch or STRETCHES))
-    experts = committee_recipe(stretches, neurons=neurons, groups=groups, seed=seed)
-    recognizer = train_recognizer(dataset, look, experts, stretches)
+    experts = committee_recipe(STRETCHES, neurons=NEURONS, groups=GROUPS, seed=1)
+    recognizer = train_recognizer(dataset, look, experts, STRETCHES)
     save_recognizer(recognizer, out, licence)
     said = describe(recognizer) | {"written": str(out), "skipped": dataset.skipped}
     if as_json:
@@ -105,7 +81,7 @@ def run(
         bool,
         typer.Option("--stream", help="Recognize frame by frame, as on a robot, and print when each motion was seen."),
     ] = False,
-    as_json: AsJson = False,
+    as_json: JsonOption = False,
 ) -> None:
     """Name the motion of each recording, with its margin over the next best and whether it is known at all.
 

@@ -27,11 +27,6 @@ def emulate(
         list[str] | None,
         typer.Option("--fault", metavar="FAULT", help="KIND[:key=value,...]; `--fault help` lists them."),
     ] = None,
-    seed: Annotated[int, typer.Option("--seed", metavar="N", help="Seed of the random faults.")] = 0,
-    unpaced: Annotated[bool, typer.Option("--unpaced", help="Bytes take no time on the wire.")] = False,
-    lenient: Annotated[
-        bool, typer.Option("--lenient", help="In a sync read, servos behind a silent one answer anyway.")
-    ] = False,
     link: Annotated[
         Path | None,
         typer.Option("--link", metavar="FILE", help="A link to the port; it stays when the adapter is replugged."),
@@ -82,17 +77,7 @@ def emulate(
     servos = counted(len(config.joints), "servo")
     print(f"{servos} at {config.baud} baud; clients of another speed get no answer", file=sys.stderr, flush=True)
     with ended_by_sigterm():
-        serve(
-            config,
-            lambda port: print(port, flush=True),
-            faults,
-            not unpaced,
-            not lenient,
-            link,
-            seed,
-            plant,
-            _hands(config),
-        )
+        serve(config, lambda port: print(port, flush=True), faults, link=link, plant=plant, between=_hands(config))
 
 
 def _hands(config: RigConfig) -> Callable[[Sequence[EmulatedBus]], None]:

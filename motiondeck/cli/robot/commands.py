@@ -125,12 +125,6 @@ def calibrate(
     ] = None,
     view: Annotated[bool, typer.Option("--view", help="Show robot and human side by side in the browser.")] = False,
     port: PagePortOption = PAGE_PORT,
-    motion: Annotated[
-        str, typer.Option("--motion", metavar="MOTION", help="The motion that picture and view show.")
-    ] = "walk",
-    library: Annotated[
-        str, typer.Option("--library", metavar="LIBRARY", help="The library of that motion.")
-    ] = "thesis15",
     as_json: JsonOption = False,
 ) -> None:
     r"""Write a first robot file for any humanoid: find its limbs, its rest pose, its size, and which way it faces.
@@ -168,13 +162,13 @@ def calibrate(
         from motiondeck.pictures.robot_pictures import draw_beside, played
 
         if picture is not None:
-            draw_beside(played(library, motion, PICTURE_SECONDS), file, picture)
+            draw_beside(played("thesis15", "walk", PICTURE_SECONDS), file, picture)
             print(f"wrote {picture}", file=sys.stderr)
         if view:
             from motiondeck.pictures.clip_scene import act_of
             from motiondeck.run.page.page import show_act
 
-            show_act(act_of(played(library, motion, VIEW_SECONDS), file), port)
+            show_act(act_of(played("thesis15", "walk", VIEW_SECONDS), file), port)
     if not found.sound or trial.wrong or trial.lost:
         raise typer.Exit(1)
 
@@ -191,7 +185,6 @@ def tune_walk(
     ] = "thesis15",
     seconds: Annotated[float, typer.Option("--seconds", metavar="SECONDS", help="Length of each trial, s.")] = 60.0,
     rounds: Annotated[int, typer.Option("--rounds", metavar="N", help="Number of settings to try.")] = 40,
-    seed: Annotated[int, typer.Option("--seed", metavar="N", help="Seed of the search.")] = 0,
     jobs: JobsOption = "-1",
     as_json: JsonOption = False,
 ) -> None:
@@ -212,7 +205,7 @@ def tune_walk(
     file = find_robot(robot)
     if rounds < 0:
         raise MotiondeckError(f"--rounds {rounds} is not a number of trials")
-    report = tune(file, library, motion or ["walk"], seconds, rounds, seed, Jobs.parse(jobs))
+    report = tune(file, library, motion or ["walk"], seconds, rounds, Jobs.parse(jobs))
     print(json.dumps(report) if as_json else words(report))
     if not report["stood"]:
         raise typer.Exit(1)

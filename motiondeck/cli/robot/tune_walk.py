@@ -25,9 +25,7 @@ from sim.physics.walk_tuning import EDGE, steps, tune_walk
 from sim.robots.robot import Robot, load_robot
 
 
-def tune(
-    file: Path, library: str, motions: list[str], seconds: float, rounds: int, seed: int, jobs: Jobs
-) -> dict[str, Any]:
+def tune(file: Path, library: str, motions: list[str], seconds: float, rounds: int, jobs: Jobs) -> dict[str, Any]:
     """Tunes the robot of a file on motions of a library, and writes the settings that are kept into the file.
 
     Raises:
@@ -55,7 +53,7 @@ def tune(
         return [trials[at : at + len(courses)] for at in range(0, len(trials), len(courses))]
 
     with progress("tuning", steps(rounds)) as tick:
-        tuned = tune_walk(robot.walk, walks, seconds * len(courses), rounds, tick, seed)
+        tuned = tune_walk(robot.walk, walks, seconds * len(courses), rounds, tick)
     write_file(file, with_walk_table(file.read_text(encoding="utf-8"), tuned.settings).encode())
     return {
         "robot": robot.name,

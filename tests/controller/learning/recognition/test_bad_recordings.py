@@ -26,7 +26,8 @@ def trained(tmp_path_factory):
     return folder, out
 
 
-def test_one_unreadable_file_among_two_hundred_is_named_and_the_others_are_learned(tmp_path):
+def test_one_unreadable_file_among_two_hundred_is_named_and_the_others_are_learned(tmp_path, monkeypatch):
+    monkeypatch.setattr("controller.learning.recognition.experts.STRETCHES", (1.0,))
     (tmp_path / "P1.asf").write_text(ASF.format(name="P1"))
     for motion in ("leg", "arm"):
         (tmp_path / motion).mkdir()
@@ -34,8 +35,7 @@ def test_one_unreadable_file_among_two_hundred_is_named_and_the_others_are_learn
             (tmp_path / motion / f"P1_{motion}_{take:03}.amc").write_text(amc(motion, 12, 1.0 + 0.002 * take))
     broken = tmp_path / "leg" / "P1_leg_042.amc"
     broken.write_bytes(bytes(range(256)) * 4)
-    quick = ("--neurons", 16, "--groups", 2, "--stretch", 1)
-    result = invoke("recognize", "train", tmp_path, "--out", tmp_path / "out.safetensors", *quick, "--json")
+    result = invoke("recognize", "train", tmp_path, "--out", tmp_path / "out.safetensors", "--json")
     said = json.loads(result.stdout)
     assert result.exit_code == 3
     assert said["clips"] == 199

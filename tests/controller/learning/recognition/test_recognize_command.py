@@ -1,12 +1,10 @@
 import json
-from dataclasses import replace
 from pathlib import Path
 
 import pytest
 
 from command_line import invoked
 from controller.learning.recognition.labelled_recordings import read_dataset
-from controller.learning.recognition.recognizer_file import load_recognizer, save_recognizer
 from motiondeck_base.errors import MotiondeckError
 from recognition_examples import amc, write_folder
 
@@ -96,17 +94,6 @@ def test_recordings_of_any_format_train_and_are_recognized_together(mocap_data, 
     assert {Path(one["file"]).stem: one["motion"] for one in said} == {"walk_old_001": "walk", "02_03": "run"}
 
 
-def test_train_at_several_stretches(folder, tmp_path):
-    out = tmp_path / "stretches.safetensors"
-    stretches = ("--stretch", 0.7, "--stretch", 1, "--stretch", 1.4)
-    said = json.loads(invoke("recognize", "train", folder, "--out", out, *stretches, "--json").stdout)
-    assert (said["clips"], said["leak"]) == (12, 1.0)
-    result = json.loads(invoke("recognize", "run", out, folder / "leg" / "P2_leg_1.amc", "--json").stdout)
-    assert result["results"][0]["motion"] == "leg"
-    with pytest.raises(MotiondeckError, match="a stretch of 0 "):
-        invoke("recognize", "train", folder, "--out", out, "--stretch", 0)
-
-
 def test_one_wrong_clip_among_several_is_skipped_and_alone_it_is_an_error(folder, tmp_path):
     out = tmp_path / "two.safetensors"
     invoke("recognize", "train", folder, "--out", out)
@@ -131,57 +118,29 @@ def long_recording(tmp_path_factory):
     for number, block in enumerate(blocks, 1):
         text += [str(number), *block[1:]]
     (folder / "P1_all.amc").write_text("\n".join(text) + "\n")
-    borders = "".join(f"{n + 1} {name}\n{b - 40} {b} {b + 40}\n" for n, (name, b) in enumerate(
-        (("legs", 360), ("arms", 720), ("legs", 1080))))  # fmt: skip
-    (folder / "labels.txt").write_text(f"4\n{borders}4 arms\n1440\n")
     return folder
 
 
-@pytest.mark.parametrize("method", ["experts", "cross-prediction"])
-def test_segment_finds_the_borders(long_recording, method):
-    words = ("--method", method, "--labels", long_recording / "labels.txt", "--json")
-    report = json.loads(invoke("segment", long_recording / "P1_all.amc", *words).stdout)
-    # Experts learn the first legs and arms, so that only the last border lies between frames new to them.
-    assert report["score"]["hits"] == report["score"]["marked"] == (1 if method == "experts" else 3)
-    assert report["segments"][0]["from_frame"] == 0
-    assert report["segments"][-1]["to_s"] == pytest.approx(12.0)
-    if method == "experts":
-        assert [one["motion"] for one in report["segments"]] == ["legs", "arms", "legs", "arms"]
-        assert report["accuracy"] > 0.95
-
-
-def test_segment_with_a_recognizer_and_in_words(long_recording, folder, tmp_path):
+def test_segment_finds_what_a_recognizer_knows(long_recording, folder, tmp_path):
     out = tmp_path / "two.safetensors"
     invoke("recognize", "train", folder, "--out", out)
-    asked = ("segment", long_recording / "P1_all.amc", "--method", "experts", "--recognizer")
-    shown = invoke(*asked, out).stdout
-    assert "leg" in shown
-    assert "arm" in shown
-    labels = ("--labels", long_recording / "labels.txt")
-    assert "that is no test" not in invoke(*asked, out, *labels).stdout
-    taught = load_recognizer(out)
-    save_recognizer(replace(taught, sources=("P1_all.amc",)), out)
-    assert (
-        "has learned a recording called P1_all.amc: if it is this one, that is no test"
-        in invoke(*asked, out, *labels).stdout
-    )
-    assert json.loads(invoke(*asked, out, *labels, "--json").stdout)["score"]["learned"]
-    words = ("--method", "cross-prediction", "--labels", long_recording / "labels.txt")
-    assert "borders: 3 of 3 found" in invoke("segment", long_recording / "P1_all.amc", *words).stdout
+    asked = ("segment", long_recording / "P1_all.amc", "--recognizer", out)
+    report = json.loads(invoke(*asked, "--json").stdout)
+    assert report["method"] == "experts"
+    assert [one["motion"] for one in report["segments"]] == ["leg", "arm", "leg", "arm"]
+    assert report["segments"][0]["from_frame"] == 0
+    assert report["segments"][-1]["to_s"] == pytest.approx(12.0)
+    borders = [one["from_frame"] for one in report["segments"][1:]]
+    assert borders == pytest.approx([360, 720, 1080], abs=40)
+    assert "arm" in invoke(*asked).stdout
 
 
 def test_segment_says_what_is_missing(long_recording, tmp_path):
     recording = long_recording / "P1_all.amc"
-    with pytest.raises(MotiondeckError, match="needs --recognizer FILE, or --labels FILE"):
-        invoke("segment", recording, "--method", "experts")
-    with pytest.raises(MotiondeckError, match="goes with --method experts"):
-        invoke("segment", recording, "--recognizer", recording)
+    with pytest.raises(MotiondeckError, match="give one of them"):
+        invoke("segment", recording, "--recognizer", recording, "--segments", "3")
     with pytest.raises(MotiondeckError, match="no such file"):
         invoke("segment", tmp_path / "none.amc")
-    other = tmp_path / "other.txt"
-    other.write_text("2\n1 a\n10 20 30\n2 b\n99\n")
-    with pytest.raises(MotiondeckError, match="Wrong trial"):
-        invoke("segment", recording, "--labels", other)
 
 
 def test_segment_cuts_without_labels_from_beginning_to_end(long_recording):
@@ -189,7 +148,6 @@ def test_segment_cuts_without_labels_from_beginning_to_end(long_recording):
     starts = [one["from_s"] for one in report["segments"]]
     assert starts == sorted(starts)
     assert starts[0] == 0.0
-    assert "score" not in report
     assert report["method"] == "planes"
     three = json.loads(invoke("segment", long_recording / "P1_all.amc", "--segments", "3", "--json").stdout)
     assert len(three["segments"]) == 3
