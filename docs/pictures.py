@@ -25,6 +25,7 @@ from controller.deck.deck import Deck
 from controller.library.motion_library import load_library
 from controller.networks.orbits import orbits
 from motiondeck.pictures.figures import new_figure, save
+from motiondeck.pictures.library_pictures import draw_sheet
 from motiondeck.pictures.offscreen import OffScreen
 from motiondeck.pictures.video import bodies_sheet
 from motiondeck_base.shipped import find_library, find_robot
@@ -162,10 +163,8 @@ MADE: dict[str, Callable[[], object]] = {
     "walk-beside-human": beside,
     "rise-servo20": rise,
     "network-inside": network,
-    "thesis15-mannequin": lambda: motiondeck("library", "sheet", "thesis15", "--out", DOCS / "thesis15-mannequin.png"),
-    "thesis15-servo20": lambda: motiondeck(
-        "library", "sheet", "thesis15", "--robot", "servo20", "--out", DOCS / "thesis15-servo20.png"
-    ),
+    "thesis15-mannequin": lambda: draw_sheet("thesis15", "mannequin", DOCS / "thesis15-mannequin.png"),
+    "thesis15-servo20": lambda: draw_sheet("thesis15", "servo20", DOCS / "thesis15-servo20.png"),
     "balance": lambda: benchmark("balance", "--sheet", DOCS / "balance.png"),
     "centralized-growth": lambda: benchmark("centralized_growth", "--plot", PICTURES / "centralized-growth.png"),
 }

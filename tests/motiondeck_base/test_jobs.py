@@ -10,6 +10,7 @@ import pytest
 from joblib import delayed
 
 import synthetic
+from benchmarks.centralized import frequencies
 from bodies import waving
 from command_line import invoked
 from controller.learning.learn import learn
@@ -155,7 +156,7 @@ def test_files_are_carried_on_a_cluster_as_here_though_a_worker_is_killed(cluste
     assert here == there
 
 
-def test_an_index_is_the_same_wherever_recordings_are_read(cluster, tmp_path):
+def test_an_index_is_the_same_wherever_recordings_are_read(cluster, tmp_path, capsys):
     takes = tmp_path / "takes"
     takes.mkdir()
     for number in range(4):
@@ -164,10 +165,10 @@ def test_an_index_is_the_same_wherever_recordings_are_read(cluster, tmp_path):
     files = []
     for where in ("1", cluster.scheduler_address.replace("tcp", "dask")):
         files.append(tmp_path / f"{len(files)}.index")
-        run = invoked("library", "index", str(takes), "--out", str(files[-1]), "--jobs", where)
-        assert run.exit_code == 0, run.output
-        assert "4 motions" in run.stdout
-        assert "left out" in run.stderr
+        frequencies.index([str(takes)], files[-1], where)
+        said = capsys.readouterr()
+        assert "4 motions" in said.out
+        assert "left out" in said.err
     assert files[0].read_bytes() == files[1].read_bytes()
 
 
