@@ -1,9 +1,10 @@
-"""What `motiondeck robot calibrate` writes, measures and prints."""
+"""`motiondeck robot calibrate`: finds the model, tries the calibrated robot, and reports."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from importlib import import_module
 from pathlib import Path
 from typing import Any
 
@@ -11,12 +12,11 @@ import numpy as np
 
 from controller.library.motion_library import load_library
 from controller.loop.safety.safety_envelope import SafetyEnvelope
-from motiondeck.cli.common.options import check_new
 from motiondeck.cli.common.tables import show_table
 from motiondeck.cli.robot.check import WHY
 from motiondeck.run.sampled_motions import as_clip
 from motiondeck_base.counted import counted
-from motiondeck_base.files import write_file
+from motiondeck_base.errors import MotiondeckError, UnknownNameError
 from motiondeck_base.shipped import find_library
 from sim.models.robot_file import read_robot_file
 from sim.robots.calibrate import Calibration
@@ -27,16 +27,10 @@ from sim.robots.robot import load_robot
 
 Directions = Mapping[str, tuple[float, float]]
 
-# What a calibrated robot is tried on: motions of the shipped library thesis15, so many seconds of each.
+# A calibrated robot is tried on these motions of a shipped library, for SECONDS each, at RATE Hz.
 LIBRARY, MOTIONS, SECONDS, RATE = "thesis15", ("walk", "box1"), 1.5, 30.0
 LOST = 60.0  # degrees on average
-WORDS = ("body (left)", "hinge (left)", "axis")  # the columns of the table that are no numbers
-
-
-def write_robot_file(found: Calibration, file: Path, force: bool) -> None:
-    """Writes the robot file; MotiondeckError if it is there already and not to be replaced, or cannot be written."""
-    check_new(file, force=force)
-    write_file(file, found.to_toml(file.parent).encode())
+WORDS = ("body (left)", "hinge (left)", "axis")  # columns of text
 
 
 @dataclass(frozen=True)
@@ -45,7 +39,7 @@ class CalibrationTrial:
 
     Attributes:
         off: how far each segment ("l_forearm") points from the human's: mean and worst, degrees.
-        causes: why those do that are further off than `robot check` lets pass in one of the motions.
+        causes: of those that are further off in a motion than `robot check` allows.
     """
 
     off: Directions
@@ -58,12 +52,12 @@ class CalibrationTrial:
 
     @property
     def lost(self) -> list[str]:
-        """The segments that point so far elsewhere that they are hardly those of a human, whatever the cause."""
+        """The segments that point too far elsewhere to be a human's, whatever the cause."""
         return [name for name, (mean, _) in self.off.items() if mean > LOST]
 
 
-def tried(file: Path) -> CalibrationTrial:
-    """Lets the robot of a robot file walk and box."""
+def try_robot(file: Path) -> CalibrationTrial:
+    """Measures how the robot of a robot file walks and boxes."""
     robot_file, library = read_robot_file(file), load_library(find_library(LIBRARY))
     off: dict[str, tuple[float, float]] = {}
     causes: dict[str, Cause] = {}
@@ -194,3 +188,49 @@ def _line(file: Path, part: str) -> int:
 
 def _text(file: Path, line: int) -> str:
     return file.read_text(encoding="utf-8").splitlines()[line - 1]
+
+
+def packages(pairs: list[str]) -> dict[str, Path]:
+    """The folders of packages given as NAME=DIR.
+
+    Raises:
+        MotiondeckError: if a pair has no name, or no folder that exists.
+    """
+    found: dict[str, Path] = {}
+    for pair in pairs:
+        name, _, folder = pair.partition("=")
+        if not name or not Path(folder).is_dir() or not folder:
+            raise MotiondeckError(f"--package {pair}: give NAME=DIR with a folder that exists")
+        found[name] = Path(folder)
+    return found
+
+
+def model_file(model: str) -> Path:
+    """The file of a model: a path, or a name of the catalogue, which is downloaded.
+
+    Raises:
+        MotiondeckError: if there is neither, or the download fails.
+    """
+    if Path(model).exists() or "/" in model or Path(model).suffix:
+        return Path(model)
+    menagerie = catalogue_of_robots()
+    names = [robot.name for robot in menagerie.robots()]
+    if model not in names:
+        raise UnknownNameError(f"there is no file {model}, and {UnknownNameError.among('robot', model, names)}")
+    entry = menagerie.get(model)
+    try:
+        return Path(entry.xml(entry.default_model))
+    except (menagerie.MenagerieError, OSError) as error:
+        raise MotiondeckError(f"{model}: cannot be downloaded ({error})") from None
+
+
+def catalogue_of_robots() -> Any:
+    """The package of MuJoCo Menagerie.
+
+    Raises:
+        MotiondeckError: if it is not installed.
+    """
+    try:
+        return import_module("mujoco_menagerie")
+    except ImportError:
+        raise MotiondeckError('the catalogue of robots is an extra: pip install "motiondeck[menagerie]"') from None

@@ -1,4 +1,4 @@
-"""Recordings carried onto a robot, one row each: what must be zero, and how well the robot does them."""
+"""`motiondeck robot check`: how well a robot follows recordings, one row each."""
 
 from __future__ import annotations
 
@@ -14,6 +14,7 @@ from controller.loop.safety.safety_envelope import SafetyEnvelope
 from controller.motion.canonical.clip_edits import without_reference_pose
 from controller.motion.clip import Clip
 from controller.motion.formats.reading import RECORDINGS, read_clip, recordings_below
+from motiondeck.cli.common.tables import show_table
 from motiondeck_base.counted import counted
 from motiondeck_base.errors import MotiondeckError
 from sim.models.robot_file import Solver
@@ -42,7 +43,7 @@ REMEDY: dict[str, str] = {
     "carried wrongly": "a wrong body under [parts] is off in every recording, by far: see `robot calibrate --picture`. "
     "In some recordings only, it is what holding soles where they stand or turning arms round costs: leave these out",
 }
-NAMED = 3  # recordings, in the verdict
+NAMED = 3  # recordings that the verdict names
 
 
 def recordings(paths: Sequence[Path]) -> list[Path]:
@@ -84,10 +85,7 @@ def check(robot: Path, files: Sequence[Path], solver: Solver | None, seconds: fl
 
 
 def faults(row: dict[str, Any]) -> list[str]:
-    """Why a recording fails the check, in words; nothing if it passes.
-
-    It was read, all is zero that must be zero, and no limb points further off than it may and must.
-    """
+    """Why a recording fails the check; nothing if it passes."""
     if "unread" in row:
         return ["cannot be read"]
     if "error" in row:
@@ -105,14 +103,14 @@ def verdict(rows: Sequence[dict[str, Any]]) -> str:
         beside = f"; in {short}, limbs point elsewhere {WHY[OUT_OF_REACH]}" if short else ""
         return f"PASSED: {len(rows)} of {counted(len(rows), 'recording')}{beside}"
     reasons = Counter(reason for words in failed for reason in words)
-    said = "; ".join(f"{reason}: {count}" for reason, count in reasons.most_common())
+    counts = "; ".join(f"{reason}: {count}" for reason, count in reasons.most_common())
     names = [Path(row["clip"]).name for row, words in zip(rows, found, strict=True) if words]
     more = f" and {len(names) - NAMED} more" if len(names) > NAMED else ""
-    return f"FAILED: {len(failed)} of {counted(len(rows), 'recording')} ({', '.join(names[:NAMED])}{more}). {said}"
+    return f"FAILED: {len(failed)} of {counted(len(rows), 'recording')} ({', '.join(names[:NAMED])}{more}). {counts}"
 
 
 def off_limits(row: dict[str, Any]) -> dict[str, list[str]]:
-    """The segments of a row that point further off than they may, by why they do, a phrase each."""
+    """A phrase for each segment of a row that points further off than the limit, by cause."""
     found: dict[str, list[str]] = {}
     for name, off in row.get("limbs_deg", {}).items():
         for phrase in beyond_limits({name: (off["mean"], off["worst"])}):
@@ -122,7 +120,7 @@ def off_limits(row: dict[str, Any]) -> dict[str, list[str]]:
 
 
 def remarks(rows: Sequence[dict[str, Any]]) -> list[str]:
-    """What is to be said of single recordings and what to do, a line each."""
+    """A line for each problem of a recording, then what to do about each kind."""
     found, causes = [], set[str]()
     for row in rows:
         clip = row["clip"]
@@ -141,6 +139,40 @@ def remarks(rows: Sequence[dict[str, Any]]) -> list[str]:
     return found + [f"{cause}: {what}" for cause, what in REMEDY.items() if cause in causes]
 
 
+def print_rows(rows: list[dict[str, Any]]) -> None:
+    """Prints the table, its sums, and a remark for each problem."""
+    counts, segments = ("bad", "beyond", "too_fast", "jumps"), ("thigh", "shank", "upper_arm", "forearm")
+    reach = {"past_range": "past"} if any("past_range" in row for row in rows) else {}
+    if any("short_worst" in row for row in rows):
+        reach = {"short_rms": "short", "short_worst": "worst"}
+    degrees = [f"{name.replace('_', ' ')} deg" for name in (*segments, "trunk")]
+    headings = ("recording", "frames", "bad", "beyond", "fast", "jumps", "changed", *reach.values(), *degrees)
+    lines = []
+    for row in rows:
+        if "altered" in row:
+            cells = [str(row["frames"]), *(f"{row[name]:.0f}" for name in counts), f"{100.0 * row['altered']:.1f} %"]
+            cells += [f"{row[name]:.0f}" if name == "past_range" else f"{1000.0 * row[name]:.1f}" for name in reach]
+            cells += [_degrees(row.get("limbs_deg", {}), name) for name in segments]
+            cells += [f"{row['trunk_deg']['mean']:.0f}/{row['trunk_deg']['worst']:.0f}" if "trunk_deg" in row else ""]
+            cells += [f"{1000.0 * row[name]:.1f}" if name in row else "" for name in ("slide", "sunk")]
+            lines.append((Path(row["clip"]).name, *cells))
+        elif "error" in row:
+            lines.append((Path(row["clip"]).name, str(row["frames"]), "ERROR"))
+    show_table((*headings, "slide", "sunk"), lines)
+    carried = [row for row in rows if "altered" in row]
+    sums = ", ".join(f"{name.replace('_', ' ')} {sum(row[name] for row in carried):.0f}" for name in counts)
+    frames = sum(row["frames"] for row in carried)
+    print(f"{counted(len(carried), 'recording')}, {frames} frames: {sums}")
+    for line in remarks(rows):
+        print(line)
+
+
+def _degrees(limbs: dict[str, dict[str, float]], segment: str) -> str:
+    """Mean and worst angle of a segment, of the side where it is worse: "4/12"."""
+    both = [limbs[name] for name in (f"r_{segment}", f"l_{segment}") if name in limbs]
+    return f"{max(one['mean'] for one in both):.0f}/{max(one['worst'] for one in both):.0f}" if both else ""
+
+
 def _measured(robot: Path, load: RobotLoader, clip: Clip, left_out: int, solver: Solver | None) -> dict[str, Any]:
     file = load.file
     loaded = load(clip.skeleton, None if file.kind == "mannequin" else solver, 1.0 / clip.rate)
@@ -151,7 +183,7 @@ def _measured(robot: Path, load: RobotLoader, clip: Clip, left_out: int, solver:
         measures |= limb_errors(limbs, carried)
         directions = LimbDirections(loaded.model, file.parts, np.array(file.root_rotation))
         degrees = directions.degrees(carried.qpos, carried.limbs)
-        said: dict[str, dict[str, Any]] = {
+        segments: dict[str, dict[str, Any]] = {
             segment.name: {
                 "mean": float(off.mean()),
                 "worst": float(off.max()),
@@ -161,9 +193,9 @@ def _measured(robot: Path, load: RobotLoader, clip: Clip, left_out: int, solver:
         }
         for limb in limb_causes(loaded, directions, carried.wanted, carried.played, carried.limbs, clip.rate):
             for name, (mean, worst) in limb.best.items():
-                said[name] |= {"cause": limb.cause, "best_mean": mean, "best_worst": worst}
+                segments[name] |= {"cause": limb.cause, "best_mean": mean, "best_worst": worst}
         trunk = directions.trunk_errors(carried.qpos, carried.limbs)
-        measures |= {"limbs_deg": said, "trunk_deg": {"mean": float(trunk.mean()), "worst": float(trunk.max())}}
+        measures |= {"limbs_deg": segments, "trunk_deg": {"mean": float(trunk.mean()), "worst": float(trunk.max())}}
         feet = {
             side: loaded.model.body(file.parts[f"{side}_foot"]).id for side in SIDES if f"{side}_foot" in file.parts
         }

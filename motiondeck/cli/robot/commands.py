@@ -1,10 +1,9 @@
-"""`motiondeck robot`: which robots there are, what one is made of, and a first robot file for any other."""
+"""`motiondeck robot`: lists and shows robots, writes robot files, tunes walks, checks how well a robot follows."""
 
 from __future__ import annotations
 
 import json
 import sys
-from importlib import import_module
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -12,10 +11,10 @@ import typer
 
 from motiondeck.cli.common.options import PAGE_PORT, JobsOption, JsonOption, PagePortOption, SolverOption
 from motiondeck_base.counted import counted
-from motiondeck_base.errors import MotiondeckError, UnknownNameError
+from motiondeck_base.errors import MotiondeckError
 from motiondeck_base.jobs import Jobs
 
-app = typer.Typer(help="List and show robots, and write a robot file for any MJCF or URDF.", no_args_is_help=True)
+app = typer.Typer(help="List, show, calibrate and check robots.", no_args_is_help=True)
 
 RobotArgument = Annotated[str, typer.Argument(metavar="ROBOT", help="A robot file (.toml), or: mannequin, servo20.")]
 
@@ -30,13 +29,14 @@ def list_robots(
     ] = False,
     as_json: JsonOption = False,
 ) -> None:
-    """List the robots that are included, and with --catalogue those that can be downloaded.
+    """List the included robots, and with --catalogue those that can be downloaded.
 
-    `motiondeck robot calibrate NAME` downloads a robot of the catalogue, which needs the extra `menagerie`, and writes
-    its robot file.
+    `motiondeck robot calibrate NAME` downloads a robot of the catalogue (with the extra `menagerie` installed) and
+    writes its robot file.
 
     Example:  motiondeck robot list --catalogue
     """
+    from motiondeck.cli.robot.calibration import catalogue_of_robots
     from motiondeck_base.shipped import shipped_configs
     from sim.models.robot_file import read_robot_file
 
@@ -47,7 +47,7 @@ def list_robots(
     if catalogue:
         rows += [
             {"name": robot.name, "kind": robot.category, "solver": "", "from": f"menagerie ({robot.license})"}
-            for robot in _catalogue().robots()
+            for robot in catalogue_of_robots().robots()
             if robot.category in CATALOGUE_KINDS
         ]
     if as_json:
@@ -82,7 +82,7 @@ def show(robot: RobotArgument, as_json: JsonOption = False) -> None:
         strict=True,
     )
     joints = [dict(zip(("name", "lower", "upper", "velocity", "rest"), column, strict=True)) for column in columns]
-    said = {
+    report = {
         "name": file.name,
         "kind": file.kind,
         "solver": file.solver,
@@ -93,12 +93,12 @@ def show(robot: RobotArgument, as_json: JsonOption = False) -> None:
         "joints": joints,
     }
     if as_json:
-        print(json.dumps(said))
+        print(json.dumps(report))
         return
     how = "exactly" if file.kind == "mannequin" else {"ik": "inverse kinematics", "angles": "angles"}[file.solver]
-    print(f"{file.name}: {file.kind}, {counted(len(joints), 'joint')}, {said['mass_kg']:.1f} kg, posed by {how}")
+    print(f"{file.name}: {file.kind}, {counted(len(joints), 'joint')}, {report['mass_kg']:.1f} kg, posed by {how}")
     if file.kind == "mannequin":
-        print("built from the skeleton of the motions; shown is that of an average body")
+        print("built from the skeleton of the motions; shown for an average body")
     rows = [
         (joint["name"], *(f"{joint[key]:.2f}" for key in ("lower", "upper", "velocity", "rest"))) for joint in joints
     ]
@@ -127,12 +127,12 @@ def calibrate(
     port: PagePortOption = PAGE_PORT,
     as_json: JsonOption = False,
 ) -> None:
-    r"""Write a first robot file for any humanoid: find its limbs, its rest pose, its size, and which way it faces.
+    r"""Write a robot file for any humanoid model: its limbs, rest pose, size and heading.
 
-    The table shows each segment of its limbs beside what a human of the same height measures; what does not fit is a
-    warning with the line of the robot file to edit. Then it walks and boxes: the angles between its limbs and the
-    human's are shown in degrees. The exit code is 1 if a limb is missing or implausible, points elsewhere though the
-    joints could turn there, or never points as the human's does.
+    The table shows each limb segment beside that of a human of the same height; a mismatch is a warning with the line
+    of the robot file to edit. Then the robot walks and boxes, and the angles between its limbs and the human's are
+    shown in degrees. The exit code is 1 if a limb is missing or implausible, points elsewhere though the joints could
+    turn there, or never points as the human's does.
 
     Look at the result with --view or --picture, edit the file where it is wrong (a wrong body under \[parts], real
     servo speeds under \[limits]), and check it: motiondeck robot check FILE RECORDINGS.
@@ -142,18 +142,16 @@ def calibrate(
       motiondeck robot calibrate op3.xml --picture op3.png
       motiondeck play walk --robot op3.toml
     """
-    from motiondeck.cli.robot.calibration import (
-        print_report,
-        report_of,
-        tried,
-        write_robot_file,
-    )
-    from sim.robots.calibrate import calibrate as find_out
+    from motiondeck.cli.common.options import check_new
+    from motiondeck.cli.robot.calibration import model_file, packages, print_report, report_of, try_robot
+    from motiondeck_base.files import write_file
+    from sim.robots.calibrate import calibrate as calibrate_model
 
-    found = find_out(_model_file(model), _packages(package or []))
+    found = calibrate_model(model_file(model), packages(package or []))
     file = out or Path(f"{found.name}.toml")
-    write_robot_file(found, file, force)
-    trial = tried(file)
+    check_new(file, force=force)
+    write_file(file, found.to_toml(file.parent).encode())
+    trial = try_robot(file)
     if as_json:
         print(json.dumps(report_of(found, file, trial)))
     else:
@@ -188,16 +186,16 @@ def tune_walk(
     jobs: JobsOption = "-1",
     as_json: JsonOption = False,
 ) -> None:
-    """Find the settings with which a robot walks on its own feet, under pushes, and write them into its file.
+    """Tune the walk of a robot under pushes, and write the settings into its robot file.
 
-    Longer and longer steps are tried until it falls; the kept ones stay 15 % below that. `play --root free --walk`
-    uses them.
+    Longer and longer steps are tried until the robot falls; the kept ones stay 15 % below that. `play --root free
+    --walk` uses them.
 
     [bold]Example[/]
 
       motiondeck robot tune-walk my-robot.toml --motion walk --motion waltz
     """
-    from motiondeck.cli.robot.tune_walk import tune, words
+    from motiondeck.cli.robot.tune_walk import report_text, tune
     from motiondeck.run.setup import check_seconds
     from motiondeck_base.shipped import find_robot
 
@@ -206,7 +204,7 @@ def tune_walk(
     if rounds < 0:
         raise MotiondeckError(f"--rounds {rounds} is not a number of trials")
     report = tune(file, library, motion or ["walk"], seconds, rounds, Jobs.parse(jobs))
-    print(json.dumps(report) if as_json else words(report))
+    print(json.dumps(report) if as_json else report_text(report))
     if not report["stood"]:
         raise typer.Exit(1)
 
@@ -242,7 +240,7 @@ def check(
       motiondeck robot check op3.toml walk.bvh jog.amc --json
     """
     from motiondeck.cli.robot.check import check as rows_of
-    from motiondeck.cli.robot.check import faults, recordings, verdict
+    from motiondeck.cli.robot.check import faults, print_rows, recordings, verdict
     from motiondeck_base.progress import progress
     from motiondeck_base.shipped import find_robot
     from sim.models.robot_file import solver_named
@@ -260,77 +258,7 @@ def check(
         judged = [row | {"faults": faults(row)} for row in rows]
         print(json.dumps({"robot": robot, "solver": solver, "verdict": verdict(rows), "recordings": judged}))
     else:
-        _print_rows(rows)
+        print_rows(rows)
         print(verdict(rows))
     if any(faults(row) for row in rows):
         raise typer.Exit(1)
-
-
-def _print_rows(rows: list[dict[str, Any]]) -> None:
-    """The table, its sums, and what went wrong."""
-    from motiondeck.cli.common.tables import show_table
-    from motiondeck.cli.robot.check import remarks
-
-    counts, segments = ("bad", "beyond", "too_fast", "jumps"), ("thigh", "shank", "upper_arm", "forearm")
-    reach = {"past_range": "past"} if any("past_range" in row for row in rows) else {}
-    if any("short_worst" in row for row in rows):
-        reach = {"short_rms": "short", "short_worst": "worst"}
-    degrees = [f"{name.replace('_', ' ')} deg" for name in (*segments, "trunk")]
-    headings = ("recording", "frames", "bad", "beyond", "fast", "jumps", "changed", *reach.values(), *degrees)
-    lines = []
-    for row in rows:
-        if "altered" in row:
-            cells = [str(row["frames"]), *(f"{row[name]:.0f}" for name in counts), f"{100.0 * row['altered']:.1f} %"]
-            cells += [f"{row[name]:.0f}" if name == "past_range" else f"{1000.0 * row[name]:.1f}" for name in reach]
-            cells += [_degrees(row.get("limbs_deg", {}), name) for name in segments]
-            cells += [f"{row['trunk_deg']['mean']:.0f}/{row['trunk_deg']['worst']:.0f}" if "trunk_deg" in row else ""]
-            cells += [f"{1000.0 * row[name]:.1f}" if name in row else "" for name in ("slide", "sunk")]
-            lines.append((Path(row["clip"]).name, *cells))
-        elif "error" in row:
-            lines.append((Path(row["clip"]).name, str(row["frames"]), "ERROR"))
-    show_table((*headings, "slide", "sunk"), lines)
-    carried = [row for row in rows if "altered" in row]
-    sums = ", ".join(f"{name.replace('_', ' ')} {sum(row[name] for row in carried):.0f}" for name in counts)
-    frames = sum(row["frames"] for row in carried)
-    print(f"{counted(len(carried), 'recording')}, {frames} frames: {sums}")
-    for line in remarks(rows):
-        print(line)
-
-
-def _degrees(limbs: dict[str, dict[str, float]], segment: str) -> str:
-    """Mean and worst angle of a segment, of the side where it is worse: "4/12"."""
-    both = [limbs[name] for name in (f"r_{segment}", f"l_{segment}") if name in limbs]
-    return f"{max(one['mean'] for one in both):.0f}/{max(one['worst'] for one in both):.0f}" if both else ""
-
-
-def _packages(pairs: list[str]) -> dict[str, Path]:
-    """The folders of packages given as NAME=DIR."""
-    found: dict[str, Path] = {}
-    for pair in pairs:
-        name, _, folder = pair.partition("=")
-        if not name or not Path(folder).is_dir() or not folder:
-            raise MotiondeckError(f"--package {pair}: it must be NAME=DIR, and DIR a folder that exists")
-        found[name] = Path(folder)
-    return found
-
-
-def _model_file(model: str) -> Path:
-    """The file of a model: a path, or one of the catalogue, which is fetched."""
-    if Path(model).exists() or "/" in model or Path(model).suffix:
-        return Path(model)
-    menagerie = _catalogue()
-    names = [robot.name for robot in menagerie.robots()]
-    if model not in names:
-        raise UnknownNameError(f"there is no file {model}, and {UnknownNameError.among('robot', model, names)}")
-    entry = menagerie.get(model)
-    try:
-        return Path(entry.xml(entry.default_model))
-    except (menagerie.MenagerieError, OSError) as error:
-        raise MotiondeckError(f"{model}: cannot be fetched ({error})") from None
-
-
-def _catalogue() -> Any:
-    try:
-        return import_module("mujoco_menagerie")
-    except ImportError:
-        raise MotiondeckError('the catalogue of robots is an extra: pip install "motiondeck[menagerie]"') from None

@@ -1,4 +1,4 @@
-"""`motiondeck robot tune-walk`: finds the settings with which a robot walks, and writes them into its file."""
+"""`motiondeck robot tune-walk`: tunes a robot's walk and writes the settings into its file."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ from sim.robots.robot import Robot, load_robot
 
 
 def tune(file: Path, library: str, motions: list[str], seconds: float, rounds: int, jobs: Jobs) -> dict[str, Any]:
-    """Tunes the robot of a file on motions of a library, and writes the settings that are kept into the file.
+    """Tunes the robot of a file on motions of a library, and writes the settings into the file.
 
     Raises:
         MotiondeckError: if a file or a motion does not exist, the robot has no two feet, or the file cannot be written.
@@ -75,12 +75,12 @@ def _loaded(file: Path, library: str) -> Robot:
 
 
 def _walk(file: Path, library: str, course: Course, impulse: float, seed: int, settings: WalkSettings) -> Trial:
-    """One trial, in whatever process."""
+    """One trial; the robot is loaded once a process."""
     return walk_trial(_loaded(file, library), course, pushes(impulse, seed), settings)
 
 
-def words(report: dict[str, Any]) -> str:
-    """The report in a few lines."""
+def report_text(report: dict[str, Any]) -> str:
+    """The report as lines of text."""
     walked = ", ".join(
         f"{motion} {metres:.1f} m" for motion, metres in zip(report["motions"], report["walked_m"], strict=True)
     )

@@ -159,7 +159,7 @@ def test_the_check_fails_when_a_knee_is_moved_to_the_yaw_hinge(tmp_path):
     assert failed["verdict"] == result.stdout.strip().splitlines()[-1]
     assert failed["recordings"][0]["faults"]
     # The trial of `calibrate` sees it too.
-    assert "r_thigh" in calibration.tried(file).wrong
+    assert "r_thigh" in calibration.try_robot(file).wrong
 
 
 @pytest.mark.thorough
@@ -185,7 +185,7 @@ def test_calibrate_shows_what_limbs_measure_and_which_line_to_edit(tmp_path):
 
 @pytest.mark.thorough
 def test_calibrate_fails_where_limbs_point_elsewhere_though_joints_could_turn_there(files, monkeypatch):
-    found = calibration.tried(files / "small.toml")
+    found = calibration.try_robot(files / "small.toml")
     assert not found.wrong
     arguments = "calibrate", files / "small.xml", "--out", files / "tried.toml", "--force"
     assert run(*arguments).exit_code == 0
