@@ -1,4 +1,4 @@
-"""`motiondeck preflight`: whether a robot can play the motions and switches of a library, and at which tempo."""
+"""`motiondeck preflight`: checks whether a robot can play the motions and switches of a library."""
 
 from __future__ import annotations
 
@@ -10,35 +10,19 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from motiondeck.cli.common.options import RootOption
+from motiondeck.cli.common.options_class import grouped
+from motiondeck.cli.preflight_run import PreflightRun
 from motiondeck_base.progress import progress
 
 if TYPE_CHECKING:
     from sim.physics.preflight.findings import PreflightVerdict
 
-SLOWEST = 0.1
-"""The least tempo to judge at."""
+SLOWEST = 0.1  # the lowest tempo to judge at
 
 
+@grouped
 def preflight(
-    library: Annotated[
-        str, typer.Argument(metavar="LIBRARY", help="A library file, or a shipped one by its name.")
-    ] = "thesis15",
-    robot: Annotated[
-        str, typer.Option("--robot", metavar="ROBOT", help="A robot file, or: mannequin, servo20.")
-    ] = "servo20",
-    rig: Annotated[
-        str | None,
-        typer.Option(
-            "--rig", metavar="RIG", help="A rig file, whose limits of position, velocity and current apply too."
-        ),
-    ] = None,
-    root: RootOption = "gantry",
-    balance: Annotated[
-        bool, typer.Option("--balance", help="A free robot keeps its feet in place and its centre of mass above them.")
-    ] = False,
-    walk: Annotated[bool, typer.Option("--walk", help="A free robot walks where the motion goes.")] = False,
-    tempo: Annotated[float, typer.Option("--tempo", metavar="TEMPO", help="The tempo to judge at, 0.1 to 3.")] = 1.0,
+    run: PreflightRun,
     jobs: Annotated[
         str | None,
         typer.Option(
@@ -51,11 +35,11 @@ def preflight(
     as_json: Annotated[bool, typer.Option("--json", help="Print one JSON object instead of tables.")] = False,
     plot: Annotated[Path | None, typer.Option("--plot", metavar="FILE", help="Draw it (.png, .svg, .pdf).")] = None,
 ) -> None:
-    """Check what would go wrong if a robot played a library, and at which tempo it would not.
+    """Check whether a robot can play a library, and at which tempo.
 
-    Every motion and every switch is checked against limits of position and speed, torque, heat and collisions with
-    itself; motions are also played in physics. With `--root free` the robot must stand; with `--walk` the table also
-    shows how far it goes and how near it is to a fall. The exit code is 1 if a check fails.
+    Every motion and every switch is checked against limits of position and speed, torque, heat and self-collision;
+    motions are also played in physics. With `--root free` the robot must stand; with `--walk` the table also shows how
+    far it goes and how near it is to a fall. The exit code is 1 if a check fails.
 
     [bold]Examples[/]
 
@@ -65,22 +49,21 @@ def preflight(
       motiondeck preflight thesis15 --robot servo20 --root free --walk --motions-only
     """
     from controller.wire.messages.arguments import TEMPO
-    from motiondeck.cli.preflight_run import PreflightRun, loaded
-    from motiondeck.cli.preflight_words import print_motion, print_summary, print_switch
+    from motiondeck.cli.preflight_report import print_motion, print_summary, print_switch
+    from motiondeck.cli.preflight_run import loaded
     from motiondeck.run.sampled_motions import count_switches, switches_by_way_of
     from motiondeck_base.errors import MotiondeckError
     from motiondeck_base.jobs import Jobs
     from sim.physics.physics_model import check_root
 
-    if not SLOWEST <= tempo <= TEMPO.highest:
-        raise MotiondeckError(f"--tempo {tempo:g} is not between {SLOWEST:g} and {TEMPO.highest:g}")
-    check_root(root, balance=balance, walk=walk)
+    if not SLOWEST <= run.tempo <= TEMPO.highest:
+        raise MotiondeckError(f"--tempo {run.tempo:g} is not between {SLOWEST:g} and {TEMPO.highest:g}")
+    check_root(run.root, balance=run.balance, walk=run.walk)
     if plot is not None:
         from motiondeck.pictures.figures import check_picture
 
         check_picture(plot)
     where = Jobs.parse(jobs) if jobs is not None else None
-    run = PreflightRun(library, robot, rig, root, balance, walk, tempo)
     played, judge = loaded(run)
     names = list(played.network.motions)
     verdicts: list[PreflightVerdict] = []
@@ -88,7 +71,7 @@ def preflight(
         for verdict in run.motions(names, where):
             verdicts.append(verdict)
             if not as_json:
-                print_motion(verdict, tempo)
+                print_motion(verdict, run.tempo)
             tick()
     motions = len(verdicts)
     if not motions_only:
@@ -96,12 +79,20 @@ def preflight(
             for verdict in run.switches(names, where):
                 verdicts.append(verdict)
                 if not as_json:
-                    print_switch(verdict, tempo)
+                    print_switch(verdict, run.tempo)
                 tick()
         verdicts += _by_their_parts({v.name: v for v in verdicts}, switches_by_way_of(played))
-    report = _report(
-        verdicts, motions, played.info.name, judge.robot.name, root, {"balance": balance, "walk": walk}, tempo
-    )
+    report = {
+        "library": played.info.name,
+        "robot": judge.robot.name,
+        "root": run.root,
+        "balance": run.balance,
+        "walk": run.walk,
+        "tempo": run.tempo,
+        "ok": all(verdict.ok for verdict in verdicts),
+        "motions": [_row(verdict) for verdict in verdicts[:motions]],
+        "switches": [_row(verdict) for verdict in verdicts[motions:]],
+    }
     if as_json:
         print(json.dumps(report, allow_nan=False))
     else:
@@ -117,7 +108,7 @@ def preflight(
 def _by_their_parts(
     judged: dict[str, PreflightVerdict], ways: dict[tuple[str, str], tuple[str, ...]]
 ) -> list[PreflightVerdict]:
-    """Switches that go by way of other motions: all that is found on the way, and the slowest of its speeds."""
+    """Switches by way of other motions: the findings of all their parts, and the slowest of their tempos."""
     from sim.physics.preflight.findings import PreflightVerdict
 
     found = []
@@ -132,35 +123,15 @@ def _by_their_parts(
     return found
 
 
-def _report(
-    verdicts: list[PreflightVerdict],
-    motions: int,
-    library: str,
-    robot: str,
-    root: str,
-    legs: dict[str, bool],
-    tempo: float,
-) -> dict[str, Any]:
-    def said(verdict: PreflightVerdict) -> dict[str, Any]:
-        # Of a switch by way of others its parts say the numbers.
-        findings = [] if verdict.by_way_of else [asdict(finding) for finding in verdict.findings]
-        return {
-            "name": verdict.name,
-            "ok": verdict.ok,
-            "passes_at": verdict.passes_at,
-            "by_way_of": list(verdict.by_way_of),
-            "troubles": sorted({finding.check for finding in verdict.troubles}),
-            "findings": findings,
-            "obstacles": [asdict(finding) for finding in verdict.obstacles],
-        }
-
+def _row(verdict: PreflightVerdict) -> dict[str, Any]:
+    # A switch by way of other motions has its findings in the rows of its parts.
+    findings = [] if verdict.by_way_of else [asdict(finding) for finding in verdict.findings]
     return {
-        "library": library,
-        "robot": robot,
-        "root": root,
-        **legs,
-        "tempo": tempo,
-        "ok": all(verdict.ok for verdict in verdicts),
-        "motions": [said(verdict) for verdict in verdicts[:motions]],
-        "switches": [said(verdict) for verdict in verdicts[motions:]],
+        "name": verdict.name,
+        "ok": verdict.ok,
+        "passes_at": verdict.passes_at,
+        "by_way_of": list(verdict.by_way_of),
+        "troubles": sorted({finding.check for finding in verdict.troubles}),
+        "findings": findings,
+        "obstacles": [asdict(finding) for finding in verdict.obstacles],
     }

@@ -1,4 +1,4 @@
-"""Judges the motions and switches of a library on a robot, on all cores; each verdict as soon as it is known."""
+"""Judges the motions and switches of a library on a robot, on all cores."""
 
 from __future__ import annotations
 
@@ -6,7 +6,11 @@ import sys
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import lru_cache
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from motiondeck.cli.common.options import RootOption
 
 if TYPE_CHECKING:
     from controller.deck.interfaces import JointLimits
@@ -16,29 +20,40 @@ if TYPE_CHECKING:
     from sim.physics.preflight.preflight import Preflight
     from sim.robots.robot import Robot
 
-WORTH = 4
-"""A process takes seconds to load library and robot: it is begun for so many motions or more."""
+PER_PROCESS = 4
+"""Motions that are worth the seconds in which another process loads library and robot."""
 
 
 @dataclass(frozen=True)
 class PreflightRun:
-    """What is judged: a library on a robot, held by its root, perhaps with a rig, at a tempo; names as given."""
+    """What is judged: a library on a robot, with its root, perhaps with a rig, at a tempo."""
 
-    library: str
-    robot: str
-    rig: str | None
-    root: str
-    balance: bool
-    walk: bool
-    tempo: float
+    library: Annotated[str, typer.Argument(metavar="LIBRARY", help="A library file, or a shipped one by its name.")] = (
+        "thesis15"
+    )
+    robot: Annotated[str, typer.Option("--robot", metavar="ROBOT", help="A robot file, or: mannequin, servo20.")] = (
+        "servo20"
+    )
+    rig: Annotated[
+        str | None,
+        typer.Option(
+            "--rig", metavar="RIG", help="A rig file, whose limits of position, velocity and current apply too."
+        ),
+    ] = None
+    root: RootOption = "gantry"
+    balance: Annotated[
+        bool, typer.Option("--balance", help="A free robot keeps its feet in place and its centre of mass above them.")
+    ] = False
+    walk: Annotated[bool, typer.Option("--walk", help="A free robot walks where the motion goes.")] = False
+    tempo: Annotated[float, typer.Option("--tempo", metavar="TEMPO", help="The tempo to judge at, 0.1 to 3.")] = 1.0
 
     def motions(self, names: Sequence[str], jobs: Jobs | None = None) -> Iterator[PreflightVerdict]:
-        """The verdicts on motions, in order; they are played in physics too. None takes as many processes as pay."""
+        """Verdicts on motions, in order, each as soon as it is known; they are played in physics too."""
         for verdicts in self._spread(_motion, names, jobs):
             yield from verdicts
 
     def switches(self, names: Sequence[str], jobs: Jobs | None = None) -> Iterator[PreflightVerdict]:
-        """The verdicts on the direct switches from motions, in order. None takes as many processes as pay."""
+        """Verdicts on the direct switches from motions, in order, each as soon as it is known."""
         for verdicts in self._spread(_switches, names, jobs):
             yield from verdicts
 
@@ -47,7 +62,7 @@ class PreflightRun:
 
         from motiondeck_base.jobs import Jobs, spread
 
-        where = jobs or Jobs(max(1, min(cpu_count(), len(names) // WORTH)))
+        where = jobs or Jobs(max(1, min(cpu_count(), len(names) // PER_PROCESS)))
         yield from spread((delayed(judge)(self, name) for name in names), where, ordered=True)
 
 
@@ -67,7 +82,7 @@ def _switches(run: PreflightRun, source: str) -> list[PreflightVerdict]:
 
 @lru_cache(maxsize=1)
 def loaded(run: PreflightRun) -> tuple[MotionLibrary, Preflight]:
-    """The library and who judges it.
+    """The library, and the judge of its motions on the robot.
 
     Raises:
         MotiondeckError: if a file cannot be used.
@@ -104,8 +119,8 @@ def on_rig(body: Robot, rig: str | None) -> tuple[Robot, JointLimits]:
         )
     elif any(joint.current > 0.0 for joint in config.joints):
         print(
-            f"the rig's current limits are not looked at: the file of {body.name} has no table [servo] that "
-            "says what torque a current gives",
+            f"the rig's current limits are not applied: the file of {body.name} has no table [servo] with the torque "
+            "of a current",
             file=sys.stderr,
         )
     return replace(body, servo=servo), narrowed(body.limits, body, config)

@@ -53,7 +53,7 @@ def test_the_table_names_what_is_wrong_and_the_tempo_that_passes(library):
 
 
 def test_what_no_tempo_mends_is_said_with_joint_number_cause_and_remedy(capsys):
-    from motiondeck.cli.preflight_words import REMEDIES, print_motion, print_summary
+    from motiondeck.cli.preflight_report import REMEDIES, print_motion, print_summary
     from motiondeck_base.shipped import find_robot
     from sim.physics.preflight.findings import Finding, PreflightVerdict
     from sim.robots.robot import load_robot
@@ -76,7 +76,7 @@ def test_what_no_tempo_mends_is_said_with_joint_number_cause_and_remedy(capsys):
 def test_every_check_that_can_fail_has_a_remedy():
     from pathlib import Path
 
-    from motiondeck.cli.preflight_words import REMEDIES
+    from motiondeck.cli.preflight_report import REMEDIES
     from sim.physics import preflight as room
 
     source = "".join(file.read_text() for file in Path(room.__file__).parent.glob("*.py"))

@@ -1,4 +1,4 @@
-"""What `motiondeck preflight` prints: a line a motion as soon as it is judged, then tables, causes and remedies."""
+"""What `motiondeck preflight` prints: a line for each motion as it is judged, then tables, causes and remedies."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ REMEDIES = {
     "out of reach": "if the hardware turns farther, widen `lower` and `upper` under \\[limits.joints.NAME] in the "
     "robot file",
     "self-collision": "`play --check-collisions` keeps the bodies apart; if they are slimmer than in the model file, "
-    "mend their shapes there",
+    "correct their shapes there",
     "torque": "a stronger servo or a lighter limb; or, if the figure is wrong, the right one: `effort` in a URDF, "
     "`forcerange` in an MJCF, \\[servo] in the robot file",
     "servo lag": "a faster servo; or, if the figure is wrong, the right `speed` under \\[servo] in the robot file",
@@ -32,11 +32,11 @@ REMEDIES = {
     "capture point off": "`motiondeck robot tune-walk` finds the settings of its walk",
     "walking: heat in 10 min": "a stronger servo, or a lighter robot",
 }
-"""What helps where no slower tempo does."""
+"""What helps when no slower tempo does."""
 
 
 def print_motion(verdict: PreflightVerdict, tempo: float) -> None:
-    """A line as soon as a motion is judged: the tempo at which it passes, and what is in the way of a faster one."""
+    """Prints the tempo at which a motion passes, and the checks that it fails at the given one."""
     if verdict.ok:
         _say(f"{verdict.name}: [green]passes[/] at tempo {tempo:g}")
     else:
@@ -47,13 +47,13 @@ def print_motion(verdict: PreflightVerdict, tempo: float) -> None:
 
 
 def print_switch(verdict: PreflightVerdict, tempo: float) -> None:
-    """A line as soon as a switch is judged that is not all right."""
+    """Prints a line for a switch that fails."""
     if not verdict.ok:
         print_motion(verdict, tempo)
 
 
 def print_summary(verdicts: Sequence[PreflightVerdict], motions: int, report: dict[str, Any], robot: Robot) -> None:
-    """All numbers in tables, a row a motion; what is in the way at every tempo, and what would help."""
+    """Prints all numbers in tables, a row for each motion; what fails at every tempo, and what would help."""
     from rich.console import Console
 
     held = {"gantry": "on a gantry", "fixed": "fixed"}.get(
@@ -77,7 +77,7 @@ def print_summary(verdicts: Sequence[PreflightVerdict], motions: int, report: di
     switches = verdicts[motions:]
     if switches:
         right = sum(verdict.ok for verdict in switches)
-        console.print(f"{right} of {len(switches)} switches are all right at this tempo")
+        console.print(f"{right} of {len(switches)} switches pass at this tempo")
         console.print("Switches by way of other motions are judged by their parts.", style="dim")
     for note in strength_notes(robot):
         console.print(note, highlight=False)
@@ -87,7 +87,7 @@ def print_summary(verdicts: Sequence[PreflightVerdict], motions: int, report: di
 
 
 def strength_notes(robot: Robot) -> list[str]:
-    """What could not be judged, because the robot's files do not say how strong its servos are."""
+    """What is not judged because the robot's files have no strength of its servos."""
     from sim.models.servo_motor import strength
 
     if robot.servo is not None:
@@ -98,13 +98,13 @@ def strength_notes(robot: Robot) -> list[str]:
         which = "any joint" if len(unknown) == len(robot.joints) else f"{len(unknown)} of {len(robot.joints)} joints"
         notes.append(
             f"Torque is not judged for {which}: the files of {robot.name} give no limit (URDF: effort; MJCF: "
-            "forcerange; robot file: \\[servo]), so servos are taken to be as strong as needed."
+            "forcerange; robot file: \\[servo]), so unlimited torque is assumed."
         )
     return [*notes, f"Heat is not judged: the robot file of {robot.name} has no table \\[servo]."]
 
 
 def _print_obstacles(verdicts: Sequence[PreflightVerdict]) -> None:
-    """What makes motions fail at every tempo, and what would help, each check once."""
+    """Prints what makes motions fail at every tempo, and what would help, once for each check."""
     from rich.console import Console
 
     blocked = [(verdict.name, finding) for verdict in verdicts for finding in verdict.obstacles]
@@ -117,7 +117,7 @@ def _print_obstacles(verdicts: Sequence[PreflightVerdict]) -> None:
     headings = ("", "check", "where", "measured", "limit", "why")
     if not any(finding.cause for _, finding in blocked):
         headings, rows = headings[:-1], [row[:-1] for row in rows]
-    show_table(headings, rows, title="what no slower tempo mends", left={"check", "where", "why"})
+    show_table(headings, rows, title="failures at every tempo", left={"check", "where", "why"})
     console = Console(soft_wrap=True)
     for check in dict.fromkeys(finding.check for _, finding in blocked):
         console.print(f"{check}: {REMEDIES[check]}.", highlight=False)
@@ -128,7 +128,7 @@ def _names(findings: Sequence[Finding]) -> str:
 
 
 def _say(line: str) -> None:
-    """Prints a line at once, in a pipe too."""
+    """Prints a line and flushes it, in a pipe too."""
     from rich.console import Console
 
     Console(soft_wrap=True).print(line, highlight=False)
