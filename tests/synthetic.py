@@ -12,7 +12,7 @@ from controller.learning.reservoirs.conceptor_training import ConceptorRecipe, c
 from controller.learning.reservoirs.phase_conceptor_training import PhaseRecipe
 from controller.learning.reservoirs.phase_echo_state_training import PhaseEchoStateRecipe
 from controller.learning.reservoirs.phase_training import train_phase_driven
-from controller.library.library_header import VERSION, LibraryInfo, MotionInfo, describe_skeleton
+from controller.library.library_header import VERSION, LibraryInfo, MotionInfo
 from controller.library.motion_library import MotionLibrary
 from controller.motion.encodings.bone_directions import BoneDirections
 from controller.motion.encodings.normalisation import Normalisation
@@ -173,7 +173,7 @@ def small_library(seed=0):
         rate=RATE,
         seed=seed,
         motions=motions,
-        skeleton=describe_skeleton(encoding),
+        skeleton=encoding.skeleton_info(),
         recipe={},
         licence="none needed",
         acknowledgement="",

@@ -27,7 +27,6 @@ from controller.deck.joins.posture_blend import PostureBlend  # noqa: E402
 from controller.deck.routes import Routes  # noqa: E402
 from controller.deck.tracks.frame_player import FramePlayer  # noqa: E402
 from controller.library.motion_library import MotionLibrary, load_library  # noqa: E402
-from controller.motion.encodings.bone_directions import BoneDirections  # noqa: E402
 from controller.motion.encodings.motion_matching import joint_features  # noqa: E402
 from controller.motion.quintic import rise  # noqa: E402
 from controller.motion.rotations import Array  # noqa: E402
@@ -61,7 +60,7 @@ def played(library: MotionLibrary, first: str, second: str, share: float, seed: 
     players[0].cue_anchor(first, begin)
     players[0].step(10.0 / rate)
     players[1].cue_anchor(second, near)
-    twist_by_rule = type(encoding) is BoneDirections
+    twist_by_rule = encoding.twist_by_rule
     start = [encoding.decode(player.step(0.0)) for player in players]
     blend = PostureBlend(start[0], encoding.skeleton.rest_direction if twist_by_rule else None)
     blend.add(start[1])

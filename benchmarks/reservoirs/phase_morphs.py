@@ -29,7 +29,6 @@ import numpy as np
 
 from controller.deck.joins.posture_blend import PostureBlend
 from controller.library.motion_library import MotionLibrary, load_library
-from controller.motion.encodings.bone_directions import BoneDirections
 from controller.motion.encodings.encoding import Encoding
 from controller.motion.encodings.motion_matching import joint_features
 from controller.motion.rotations import Array
@@ -63,7 +62,7 @@ def blended(library: MotionLibrary, channels: tuple[Array, Array], tempos: tuple
         mu: the share of the second.
     """
     encoding, rate = library.encoding, library.info.rate
-    rest = encoding.skeleton.rest_direction if type(encoding) is BoneDirections else None
+    rest = encoding.skeleton.rest_direction if encoding.twist_by_rule else None
     frames = len(channels[0])
     postures = [
         [

@@ -22,7 +22,6 @@ from controller.motion.canonical.canonical_body import to_canonical
 from controller.motion.canonical.clip_edits import moving_part, resampled, span
 from controller.motion.clip import Clip
 from controller.motion.encodings.encoding import encoding_of
-from controller.motion.encodings.joint_angles import JointBody
 from controller.motion.encodings.motion_matching import joint_features
 from controller.motion.formats.markers.marker_doubts import misplaced
 from controller.motion.formats.reading import read_fitted, skeleton_of
@@ -76,7 +75,7 @@ def examine(
     own = replace(options, skeleton=_skeleton(file, options))
     recording = read_fitted(file, own)
     clip, taught = recording.clip, None
-    if isinstance(clip.skeleton, JointBody):
+    if clip.skeleton.is_rig:
         clip, taught = read_takes([file, *takes])
     first, end = moving_part(clip)
     if within is not None and end:
@@ -105,7 +104,7 @@ def examine(
         rename=dict(own.rename),
         takes=tuple(str(take.absolute()) for take in takes),
     )
-    body = [] if isinstance(clip.skeleton, JointBody) else doubts(clip)
+    body = [] if clip.skeleton.is_rig else doubts(clip)
     body += [] if recording.fit is None else misplaced(recording.fit)
     cut = [f"{what}: only {first / clip.rate:.2f} to {end / clip.rate:.2f} s were learned." for what in jumped]
     return Examined(motion, clip, seam_mm, seam_degrees, [*cut, *body])

@@ -19,7 +19,7 @@ from controller.learning.stress_test import stress_test
 from controller.learning.trainers.registry import kind_of, trainer_of
 from controller.learning.trainers.trainer import Lessons
 from controller.learning.training_set import Progress, TrainingSet, prepare
-from controller.library.library_header import VERSION, LibraryInfo, MotionInfo, describe_skeleton
+from controller.library.library_header import VERSION, LibraryInfo, MotionInfo
 from controller.library.motion_library import MotionLibrary
 from controller.motion.rotations import Array
 from controller.networks.base import AnyNetwork
@@ -143,7 +143,7 @@ def assemble(
             )
             for motion in recipe.motions
         ],
-        skeleton=describe_skeleton(training_set.encoding),
+        skeleton=training_set.encoding.skeleton_info(),
         recipe=msgspec.json.decode(msgspec.json.encode(recipe)),
         licence=recipe.licence,
         acknowledgement=recipe.acknowledgement,

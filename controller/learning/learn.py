@@ -27,7 +27,6 @@ from controller.learning.training_set import (
     prepare,
 )
 from controller.library.motion_library import MotionLibrary
-from controller.motion.encodings.joint_angles import JointBody
 from controller.motion.formats.reading import CONVERTIBLE, RECORDINGS, recordings_below
 from controller.motion.reading_options import AS_FOUND, ReadingOptions
 from motiondeck_base.errors import MotiondeckError
@@ -141,7 +140,7 @@ def learn(
     if not examined:
         none = f"none of {len(files)} recordings can be learned. " if len(files) > 1 else ""
         raise MotiondeckError(f"{none}{_named(left_out[0])}")
-    kinds = {isinstance(one.clip.skeleton, JointBody) for one in examined}
+    kinds = {one.clip.skeleton.is_rig for one in examined}
     if len(kinds) > 1:
         raise MotiondeckError("recordings of bodies and clips taught to a rig do not share a library; learn them apart")
     recipe = check_recipe(

@@ -19,7 +19,6 @@ from controller.motion.canonical.canonical_body import carried, to_canonical
 from controller.motion.canonical.clip_edits import jumps, mirrored, resampled, span, spikes
 from controller.motion.clip import Clip
 from controller.motion.encodings.encoding import Encoding, encoding_of
-from controller.motion.encodings.joint_angles import JointBody
 from controller.motion.encodings.motion_matching import joint_features
 from controller.motion.encodings.normalisation import Normalisation
 from controller.motion.formats.reading import read_clip, skeleton_of
@@ -202,7 +201,7 @@ def _body(recipe: LibraryRecipe, data: Path, clips: dict[str, Clip]) -> Skeleton
         motion = next((one for one in recipe.motions if one.file == recipe.body), MotionRecipe(name="", file=""))
         return read_clip(path, reading_options(data, path, motion)).skeleton
     first = clips[recipe.motions[0].name]
-    return first.skeleton if isinstance(first.skeleton, JointBody) else to_canonical(first).skeleton
+    return first.skeleton if first.skeleton.is_rig else to_canonical(first).skeleton
 
 
 def to_learn(

@@ -3,16 +3,12 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Any, Literal
+from typing import Any
 
 import msgspec
-import numpy as np
 
-from controller.motion.encodings.bone_directions import BoneDirections
-from controller.motion.encodings.encoding import Encoding
-from controller.motion.encodings.joint_angles import JointAngles, JointBody
-from controller.motion.encodings.joint_rotations import JointRotations
-from controller.motion.skeleton import Skeleton
+from controller.motion.encodings.encoding import ENCODINGS, Encoding
+from controller.motion.skeleton import SkeletonInfo
 from controller.networks.registry import network_kind
 from controller.networks.storage import FEWEST_ANCHORS, MotionHeader, NetworkHeader
 from motiondeck_base.errors import FileFormatError, UnknownNameError
@@ -22,7 +18,6 @@ VERSION = 5
 # Read as well: 2 brought phase-driven conceptors, 3 centralized networks with weights of low rank, 4 inputs of motions.
 OLDER = (1, 2, 3, 4)
 MOST_NEURONS, MOST_HARMONICS = 20_000, 100
-LONGEST_BONE = 10.0  # m
 
 
 class MotionInfo(MotionHeader, frozen=True, kw_only=True):
@@ -43,18 +38,6 @@ class MotionInfo(MotionHeader, frozen=True, kw_only=True):
     reason: str = ""
 
 
-class SkeletonInfo(msgspec.Struct, forbid_unknown_fields=True, frozen=True):
-    """A skeleton as the header spells it (see `mocap.skeleton`); the joints of a rig have no hips."""
-
-    name: str
-    bones: list[str]
-    parent: list[int]
-    rest_direction: list[list[float]]
-    length: list[float]
-    right_hip: str
-    left_hip: str
-
-
 class LibraryInfo(NetworkHeader, frozen=True, kw_only=True):
     """The header of a library, besides what its network reads.
 
@@ -72,25 +55,12 @@ class LibraryInfo(NetworkHeader, frozen=True, kw_only=True):
     version: int
     name: str
     network: str
-    encoding: Literal["bone directions", "joint rotations", "joint angles"]
+    encoding: str
     motions: list[MotionInfo]
     skeleton: SkeletonInfo
     recipe: dict[str, Any]
     licence: str
     acknowledgement: str
-
-
-def describe_skeleton(encoding: Encoding) -> SkeletonInfo:
-    """A skeleton as the header spells it."""
-    skeleton = encoding.skeleton
-    return SkeletonInfo(
-        skeleton.name,
-        list(skeleton.bones),
-        skeleton.parent.tolist(),
-        skeleton.rest_direction.tolist(),
-        skeleton.length.tolist(),
-        *((encoding.right_hip, encoding.left_hip) if isinstance(encoding, BoneDirections) else ("", "")),
-    )
 
 
 def read_header(path: Path, tree: object) -> LibraryInfo:
@@ -102,8 +72,10 @@ def read_header(path: Path, tree: object) -> LibraryInfo:
     info = shaped(tree, LibraryInfo, f"{path} (header)")
     try:
         network_kind(info.network)
+        if info.encoding not in ENCODINGS:
+            raise UnknownNameError.among("encoding", info.encoding, ENCODINGS)
     except UnknownNameError as error:
-        raise FileFormatError(f"{path}: {error}") from None
+        raise FileFormatError(f"{path} (header): {error}") from None
     names = [motion.name for motion in info.motions]
     if not names or len(set(names)) < len(names):
         raise FileFormatError(f"{path}: its header names no motion, or one twice")
@@ -128,38 +100,12 @@ def read_header(path: Path, tree: object) -> LibraryInfo:
 
 
 def encoding_in(path: Path, info: LibraryInfo) -> Encoding:
-    """What the channels of a library mean, by its header.
+    """The encoding of a library, by its header.
 
     Raises:
         FileFormatError: if its skeleton is damaged.
     """
-    return _joints(path, info) if info.encoding == JointAngles.name else _bones(path, info)
-
-
-def _joints(path: Path, info: LibraryInfo) -> JointAngles:
     try:
-        return JointAngles(JointBody.of(info.skeleton.bones))
+        return ENCODINGS[info.encoding].restore(info.skeleton)
     except FileFormatError as error:
         raise FileFormatError(f"{path}: {error}") from None
-
-
-def _bones(path: Path, header: LibraryInfo) -> BoneDirections:
-    info = header.skeleton
-    try:
-        skeleton = Skeleton(
-            info.name,
-            tuple(info.bones),
-            np.array(info.parent, dtype=np.int64),
-            np.array(info.rest_direction, dtype=np.float64),
-            np.array(info.length, dtype=np.float64),
-        )
-    except (FileFormatError, ValueError, OverflowError) as error:
-        raise FileFormatError(f"{path}: {error}") from None
-    if skeleton.length.max() > LONGEST_BONE:
-        longest = skeleton.bones[int(skeleton.length.argmax())]
-        raise FileFormatError(f"{path}: bone '{longest}' is {skeleton.length.max():.3g} m long, which no body has")
-    for hip in (info.right_hip, info.left_hip):
-        if hip not in skeleton.bones:
-            raise FileFormatError(f"{path}: hip bone '{hip}' is not in its skeleton")
-    kind = JointRotations if header.encoding == JointRotations.name else BoneDirections
-    return kind(skeleton, info.right_hip, info.left_hip)

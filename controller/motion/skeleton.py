@@ -4,7 +4,9 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
+from typing import ClassVar
 
+import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
@@ -12,6 +14,18 @@ from controller.motion.rotations import Array, FixedVectors
 from motiondeck_base.errors import FileFormatError
 
 ROOT = -1
+
+
+class SkeletonInfo(msgspec.Struct, forbid_unknown_fields=True, frozen=True):
+    """A skeleton in the header of a library; the joints of a rig have no hips."""
+
+    name: str
+    bones: list[str]
+    parent: list[int]
+    rest_direction: list[list[float]]
+    length: list[float]
+    right_hip: str
+    left_hip: str
 
 
 @dataclass(frozen=True, eq=False)
@@ -39,6 +53,9 @@ class Skeleton:
     rest_direction: Array
     length: Array
 
+    is_rig: ClassVar[bool] = False
+    """Whether its bones stand for the joints of a rig, and it has no body."""
+
     def __post_init__(self) -> None:
         count = len(self.bones)
         if count == 0:
@@ -60,6 +77,24 @@ class Skeleton:
 
     def __len__(self) -> int:
         return len(self.bones)
+
+    def info(self, right_hip: str = "", left_hip: str = "") -> SkeletonInfo:
+        """The skeleton as the header of a library has it."""
+        arrays = self.parent.tolist(), self.rest_direction.tolist(), self.length.tolist()
+        return SkeletonInfo(self.name, list(self.bones), *arrays, right_hip, left_hip)
+
+    @classmethod
+    def restore(cls, info: SkeletonInfo) -> Skeleton:
+        """The skeleton of a header.
+
+        Raises:
+            FileFormatError: as for the class, or if a list is not one of numbers.
+        """
+        try:
+            arrays = (np.array(info.rest_direction, dtype=np.float64), np.array(info.length, dtype=np.float64))
+            return Skeleton(info.name, tuple(info.bones), np.array(info.parent, dtype=np.int64), *arrays)
+        except (ValueError, OverflowError) as error:
+            raise FileFormatError(str(error)) from None
 
     def index(self, bone: str) -> int:
         """The index of a bone by name (KeyError if there is none)."""

@@ -35,7 +35,6 @@ from controller.loop.run_phases import Player
 from controller.loop.safety.safety_envelope import SafetyEnvelope
 from controller.loop.stop_requests import StopRequest, stop_on_signals
 from controller.motion.clip import Clip
-from controller.motion.encodings.joint_angles import JointBody
 from controller.motion.rotations import Array
 from controller.motion.skeleton import Skeleton
 from controller.wire.messages.deck_snapshot import SnapshotSource
@@ -234,7 +233,7 @@ class Session:
         Of a recorded run the human's root alone is known, and joints taught by hand were never a human's.
         """
         skeleton = self._source.skeleton
-        unknown = isinstance(self._deck, RecordedDeck) or isinstance(skeleton, JointBody)
+        unknown = isinstance(self._deck, RecordedDeck) or skeleton.is_rig
         return None if unknown else skeleton
 
     @property

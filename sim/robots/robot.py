@@ -10,7 +10,7 @@ import mujoco
 import numpy as np
 
 from controller.deck.interfaces import JointLimits, PlacedPose, Retargeter
-from controller.motion.encodings.joint_angles import JointBody, JointRetargeter
+from controller.motion.encodings.joint_angles import JointRetargeter
 from controller.motion.posture import Pose
 from controller.motion.rotations import Array
 from controller.motion.skeleton import Skeleton
@@ -145,7 +145,7 @@ class RobotLoader:
         plain = _PlainRobot.of(self._path, self.file, *self._built)
         height, leg = self.file.root_height, skeleton.leg_length
         scale = height / leg if height and leg > 0.0 else 1.0
-        if isinstance(skeleton, JointBody):
+        if skeleton.is_rig:
             return plain.playing(JointRetargeter(skeleton, plain.layout.joints, plain.rest), scale)
         return _humanoid(plain, skeleton, scale, solver or self.file.solver, dt)
 
@@ -195,7 +195,7 @@ class _PlainRobot:
 
 def _mannequin(path: Path, file: RobotFile, skeleton: Skeleton) -> Robot:
     """A mannequin, built from the skeleton."""
-    if isinstance(skeleton, JointBody):
+    if skeleton.is_rig:
         raise FileFormatError(
             f"{path}: these motions were taught on the joints {listed(skeleton.bones)}, which a mannequin "
             "has not. Give the robot that has them with --robot, or play them on the rig alone: "

@@ -13,7 +13,6 @@ from math import ceil
 import numpy as np
 
 from controller.deck.joins.deck_motions import PEAKS_OVER, Motion
-from controller.motion.encodings.joint_angles import JointBody
 from controller.motion.posture import Pose
 from controller.motion.rotations import Array
 from controller.motion.skeleton import Skeleton
@@ -50,7 +49,7 @@ class JoinLimits:
         before, now: the last two poses that were shown, if there were two.
     """
 
-    def __init__(self, skeleton: Skeleton | JointBody, before: Pose | None, now: Pose) -> None:
+    def __init__(self, skeleton: Skeleton, before: Pose | None, now: Pose) -> None:
         self._skeleton = skeleton
         self._shown: deque[Array] = deque(self._joints(pose) for pose in (before, now) if pose is not None)
         self._motions: tuple[Motion, ...] = ()

@@ -13,7 +13,6 @@ from controller.deck.joins.join_limits import FASTEST, HARDEST, Bounds
 from controller.deck.joins.posture_blend import PostureBlend
 from controller.deck.tracks.track import Track
 from controller.library.motion_library import MotionLibrary
-from controller.motion.encodings.bone_directions import BoneDirections
 from controller.motion.posture import Posture
 from controller.motion.rotations import Array
 from controller.wire.messages.blends import MOST_BLENDED
@@ -35,7 +34,7 @@ class PlayingTracks:
     def __init__(self, library: MotionLibrary, motions: Mapping[str, Motion]) -> None:
         self._motions, self._names = motions, library.network.motions
         self._skeleton = library.encoding.skeleton
-        twist_by_rule = type(library.encoding) is BoneDirections
+        twist_by_rule = library.encoding.twist_by_rule
         self.rest_direction = self._skeleton.rest_direction if twist_by_rule else None
         first = Track(library, motions)
         self.every = (first, *(Track(library, motions, first) for _ in range(MOST_BLENDED - 1)))

@@ -24,7 +24,6 @@ from controller.learning.measures.self_test import Judge
 from controller.learning.training_set import TrainingSet
 from controller.library.motion_library import MotionLibrary
 from controller.motion.encodings.bone_directions import FIRST_BONE, HEIGHT, TURN_RATE
-from controller.motion.encodings.joint_angles import JointBody
 from controller.motion.encodings.motion_matching import LOST_MM, joint_features
 from controller.motion.posture import Pose, Posture
 from controller.motion.rotations import Array, rotate, yaw
@@ -86,7 +85,7 @@ def all_crossings(
     Raises:
         MotiondeckError: if the motions were taught on a rig: they have no bones to be judged by.
     """
-    if isinstance(library.skeleton, JointBody):
+    if library.skeleton.is_rig:
         raise MotiondeckError(
             f"library '{library.info.name}' holds the joint angles of a rig, and transitions are judged by where the "
             "joints of a body go. How closely a rig follows a switch is in the report of: motiondeck rig play --json"

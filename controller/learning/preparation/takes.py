@@ -69,7 +69,7 @@ def read_takes(files: Sequence[Path]) -> tuple[Clip, Plays]:
     plays: list[Plays] = [how_taught(file) for file in files]
     for file, clip, how in zip(files, clips, plays, strict=True):
         same = (clip.skeleton.bones, clip.rate, how) == (clips[0].skeleton.bones, clips[0].rate, plays[0])
-        if not same or not isinstance(clip.skeleton, JointBody):
+        if not same or not clip.skeleton.is_rig:
             raise FileFormatError(
                 f"{file} is no other take of {files[0]}: takes of a motion have the same joints in the same order, the "
                 "same rate, and are all taught with --loop or all with --once."

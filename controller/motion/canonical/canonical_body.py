@@ -22,7 +22,6 @@ import numpy as np
 from controller.motion.anatomy import SIDES, Anatomy, Part, Side, anatomy, leg_without_name
 from controller.motion.bone_names import THESIS_LIMBS
 from controller.motion.clip import Clip
-from controller.motion.encodings.joint_angles import JointBody
 from controller.motion.rotations import Array, between, continuous, multiply, normalise, rotate, yaw
 from controller.motion.skeleton import Skeleton
 from controller.motion.thesis_body import JAEGER_BONES, JAEGER_PARENT, JAEGER_REST, thesis_skeleton
@@ -168,7 +167,7 @@ def carried(clip: Clip, skeleton: Skeleton) -> Clip:
     Raises:
         FileFormatError: if either has no two legs.
     """
-    joints = isinstance(skeleton, JointBody) or isinstance(clip.skeleton, JointBody)
+    joints = skeleton.is_rig or clip.skeleton.is_rig
     same = set(clip.skeleton.bones) == set(skeleton.bones)
     if joints and not same:
         raise FileFormatError(

@@ -9,7 +9,6 @@ from numpy.typing import NDArray
 
 from controller.motion.canonical.canonical_body import CANONICAL_BONES, to_canonical
 from controller.motion.clip import Clip
-from controller.motion.encodings.joint_angles import JointBody
 from controller.motion.rotations import (
     Array,
     conjugate,
@@ -149,7 +148,7 @@ def mirrored(clip: Clip) -> Clip:
     Raises:
         FileFormatError: if the clip's skeleton has no two legs, or is a rig's.
     """
-    if isinstance(clip.skeleton, JointBody):
+    if clip.skeleton.is_rig:
         raise FileFormatError(f"clip '{clip.name}': a rig's joints have no left and right to exchange")
     own = to_canonical(clip)
     swap = {"l": "r", "r": "l"}

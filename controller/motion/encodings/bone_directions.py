@@ -16,7 +16,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
-from typing import ClassVar, Literal, Self
+from typing import ClassVar, Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -26,10 +26,11 @@ from controller.motion.clip import Clip
 from controller.motion.orientation import orient
 from controller.motion.posture import Posture, walk_path
 from controller.motion.rotations import Array, conjugate, multiply, normalise, rotate, yaw
-from controller.motion.skeleton import ROOT, Skeleton
+from controller.motion.skeleton import ROOT, Skeleton, SkeletonInfo
 from motiondeck_base.errors import FileFormatError
 
 HEIGHT, TURN_RATE, FORWARD, LEFT, FIRST_BONE = 0, 1, 2, 3, 4
+LONGEST_BONE = 10.0  # m, of a body in a library
 
 # What Jaeger's patterns and the CMU recordings call the bones that lead to the hips.
 HIPS = (("rhip", "lhip"), ("rhipjoint", "lhipjoint"))
@@ -48,7 +49,9 @@ class BoneDirections:
     right_hip: str = "rhip"
     left_hip: str = "lhip"
 
-    name: ClassVar[Literal["bone directions", "joint rotations"]] = "bone directions"
+    name: ClassVar[str] = "bone directions"
+    twist_by_rule: ClassVar[bool] = True
+    """Whether the twist of bones follows a rule (`controller/motion/orientation.py`) and is not in the channels."""
 
     @classmethod
     def of(cls, skeleton: Skeleton) -> Self:
@@ -69,6 +72,26 @@ class BoneDirections:
                 "which tell where it faces"
             )
         return cls(skeleton, *(skeleton.bones[hip] for hip in hips))
+
+    def skeleton_info(self) -> SkeletonInfo:
+        """The skeleton as the header of a library has it."""
+        return self.skeleton.info(self.right_hip, self.left_hip)
+
+    @classmethod
+    def restore(cls, info: SkeletonInfo) -> Self:
+        """The encoding of a library with this skeleton.
+
+        Raises:
+            FileFormatError: if the skeleton is damaged, too large for a body, or lacks its hips.
+        """
+        skeleton = Skeleton.restore(info)
+        if skeleton.length.max() > LONGEST_BONE:
+            longest = skeleton.bones[int(skeleton.length.argmax())]
+            raise FileFormatError(f"bone '{longest}' is {skeleton.length.max():.3g} m long, which no body has")
+        for hip in (info.right_hip, info.left_hip):
+            if hip not in skeleton.bones:
+                raise FileFormatError(f"hip bone '{hip}' is not in its skeleton")
+        return cls(skeleton, info.right_hip, info.left_hip)
 
     @property
     def channels(self) -> int:

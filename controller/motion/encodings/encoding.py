@@ -1,5 +1,7 @@
-"""Encodings: what the channels of a network mean. Bone directions or joint rotations for bodies, joint angles for
-taught rigs."""
+"""The encodings: bone directions or joint rotations for bodies, joint angles for taught rigs.
+
+ENCODINGS lists them by the name that libraries use. A further one is a class of the same methods, and an entry here.
+"""
 
 from __future__ import annotations
 
@@ -9,6 +11,8 @@ from controller.motion.encodings.joint_rotations import JointRotations
 from controller.motion.skeleton import Skeleton
 
 Encoding = BoneDirections | JointAngles
+
+ENCODINGS: dict[str, type[Encoding]] = {kind.name: kind for kind in (BoneDirections, JointRotations, JointAngles)}
 
 
 def encoding_of(skeleton: Skeleton, *, twist: bool = False) -> Encoding:

@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 from controller.motion.clip import Clip
 from controller.motion.posture import Pose, Posture
 from controller.motion.rotations import Array, yaw
-from controller.motion.skeleton import ROOT, Skeleton
+from controller.motion.skeleton import ROOT, Skeleton, SkeletonInfo
 from motiondeck_base.arrays_file import Kind, StoredArrays, read_arrays, write_arrays
 from motiondeck_base.errors import FileFormatError, UnknownNameError
 from motiondeck_base.toml_file import shaped
@@ -37,6 +37,8 @@ Plays = Literal["loop", "once"]
 
 class JointBody(Skeleton):
     """The body that a rig's joints make."""
+
+    is_rig = True
 
     @classmethod
     def of(cls, joints: Sequence[str]) -> JointBody:
@@ -65,7 +67,21 @@ class JointAngles:
 
     skeleton: JointBody
 
-    name: ClassVar[Literal["joint angles"]] = "joint angles"
+    name: ClassVar[str] = "joint angles"
+    twist_by_rule: ClassVar[bool] = False
+
+    @classmethod
+    def restore(cls, info: SkeletonInfo) -> JointAngles:
+        """The encoding of a library with these joints.
+
+        Raises:
+            FileFormatError: as `JointBody.of`.
+        """
+        return cls(JointBody.of(info.bones))
+
+    def skeleton_info(self) -> SkeletonInfo:
+        """The joints as the header of a library has them."""
+        return self.skeleton.info()
 
     @property
     def channels(self) -> int:
@@ -116,7 +132,7 @@ class JointRetargeter:
         UnknownNameError: if the body has a joint that the robot has not.
     """
 
-    def __init__(self, body: JointBody, joints: Sequence[str], rest: Array) -> None:
+    def __init__(self, body: Skeleton, joints: Sequence[str], rest: Array) -> None:
         for name in body.bones:
             if name not in joints:
                 raise UnknownNameError.among("joint of this robot", name, joints)

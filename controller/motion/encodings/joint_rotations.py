@@ -14,7 +14,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
-from typing import ClassVar, Literal
+from typing import ClassVar
 
 import numpy as np
 
@@ -28,7 +28,8 @@ FORWARD_AXIS, LEFT_AXIS = np.array([1.0, 0.0, 0.0]), np.array([0.0, 1.0, 0.0])
 class JointRotations(BoneDirections):
     """Clips of a skeleton to channels and back, twists included."""
 
-    name: ClassVar[Literal["bone directions", "joint rotations"]] = "joint rotations"
+    name: ClassVar[str] = "joint rotations"
+    twist_by_rule: ClassVar[bool] = False
 
     @property
     def channels(self) -> int:

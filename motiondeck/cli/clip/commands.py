@@ -184,11 +184,10 @@ def _read(file: Path, options: ReadingOptions) -> FittedClip:
     Raises:
         MotiondeckError: if it cannot be read, or holds the angles of a rig's joints.
     """
-    from controller.motion.encodings.joint_angles import JointBody
     from controller.motion.formats.reading import read_fitted
 
     recording = read_fitted(file, options)
-    if isinstance(recording.clip.skeleton, JointBody):
+    if recording.clip.skeleton.is_rig:
         raise MotiondeckError(
             f"{file}: holds angles of a rig's joints, no body. `motiondeck play` plays it on the rig."
         )

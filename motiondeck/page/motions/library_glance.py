@@ -16,7 +16,6 @@ import numpy as np
 from controller.deck.routes import Routes
 from controller.learning.measures.self_test import run_free
 from controller.library.motion_library import MotionLibrary, load_library
-from controller.motion.encodings.joint_angles import JointBody
 from motiondeck.page.web.stick_figure import figure_svg
 from motiondeck_base.errors import MotiondeckError
 
@@ -71,7 +70,7 @@ class LibraryGlance:
 def pictures_of(library: MotionLibrary) -> dict[str, str]:
     """A picture of each motion, drawn from what the network plays; none where there is no body to draw."""
     skeleton = library.skeleton
-    if isinstance(skeleton, JointBody):
+    if skeleton.is_rig:
         return {}
     network, found = library.network.twin(), dict[str, str]()
     for motion in library.info.motions:

@@ -39,7 +39,7 @@ def look(request: LearnRequest) -> Seen:
         MotiondeckError: if it cannot be read.
     """
     from controller.learning.examine import examine
-    from controller.motion.encodings.joint_angles import JointBody, angles_of
+    from controller.motion.encodings.joint_angles import angles_of
     from controller.motion.formats.writing import bvh_text
 
     file = Path(request.file)
@@ -55,7 +55,7 @@ def look(request: LearnRequest) -> Seen:
         file.write_text(bvh_text(clip), encoding="utf-8")
     first, end = motion.frames or (0, len(clip))
     moving = first / clip.rate, end / clip.rate
-    if isinstance(clip.skeleton, JointBody):
+    if clip.skeleton.is_rig:
         return Seen(clip.duration, moving, str(file), angles=_curves(angles_of(clip.rotation[:, 1:])))
     joints = clip.joints()[_places(len(clip), FIGURES)]
     figures = (joints - joints[:, :1]).round(3).tolist()
@@ -95,7 +95,6 @@ def learn(request: LearnRequest) -> Learned | NotLearned:
     from controller.learning.examine import examine
     from controller.learning.learn import learn as learn_library
     from controller.library.motion_library import load_library, save_library
-    from controller.motion.encodings.joint_angles import JointBody
 
     library, file, within = Path(request.library), Path(request.file), request.within
     tell(LearningStep(f"reading {file.name}"))
@@ -108,7 +107,7 @@ def learn(request: LearnRequest) -> Learned | NotLearned:
     tell(LearningStep(f"learning {request.name} beside the {len(deck.network.motions)} motions of {deck.info.name}"))
     note = ""
     try:
-        if isinstance(clip.skeleton, JointBody) != isinstance(deck.skeleton, JointBody):
+        if clip.skeleton.is_rig != deck.skeleton.is_rig:
             raise MotiondeckError("joints taught to a rig and bodies do not share one.")
         added = add_motion(deck, library, clip, motion)
         grown, verdict = added.library, added.verdict

@@ -12,7 +12,7 @@ from controller.deck.recorded_deck import RecordedDeck
 from controller.library.motion_library import MotionLibrary
 from controller.loop.output_channel import Channel
 from controller.motion.clip import Clip
-from controller.motion.encodings.joint_angles import JointBody, JointRetargeter
+from controller.motion.encodings.joint_angles import JointRetargeter
 from controller.motion.posture import Pose
 from controller.motion.rotations import Array
 from controller.wire.run_recording import RunRecording
@@ -43,7 +43,7 @@ def open_rig_alone(
     Raises:
         MotiondeckError: if the source does not fit the rig (before anything is switched on), or it cannot be connected.
     """
-    if isinstance(source.skeleton, JointBody):
+    if source.skeleton.is_rig:
         return _open_taught(opening, config, ports, source)
     if isinstance(source, Clip):
         raise MotiondeckError(f"clip '{source.name}' shows a human body. Learn it first: motiondeck learn")
@@ -65,7 +65,6 @@ def open_rig_alone(
 def _open_taught(opening: ExitStack, config: RigConfig, ports: list[str], source: Clip | MotionLibrary) -> RobotOnDeck:
     """The rig's own joints, for what they were taught."""
     body, names = source.skeleton, config.names
-    assert isinstance(body, JointBody)
     JointRetargeter(body, names, np.zeros(len(names)))  # what does not fit is refused before anything is switched on
     limits = _limits_of(config)
     present, output = _connect(opening, config, ports, names)
