@@ -18,8 +18,8 @@ from collections.abc import Callable
 import numpy as np
 
 from benchmarks import command
+from benchmarks.centralized.motion_index import MotionIndex
 from benchmarks.papers.frequency_search import FrequencySearch, frequency_grid
-from controller.library.motion_index import MotionIndex
 from controller.networks.centralized.centralized import CentralizedGenerator, CentralizedMotion
 from controller.networks.centralized.satellites import GaussianSatellites, grid_places, spacing
 

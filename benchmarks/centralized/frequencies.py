@@ -18,11 +18,11 @@ import typer
 from joblib import delayed
 
 from benchmarks import command
-from controller.library.anticipation import Anticipator, foresight
-from controller.library.motion_index import MotionIndex, load_index, save_index
+from benchmarks.centralized.anticipation import Anticipator, foresight
+from benchmarks.centralized.motion_index import MotionIndex, load_index, save_index
+from benchmarks.centralized.motion_signature import part_weights, signature
+from benchmarks.centralized.restyling import in_the_style, restyled
 from controller.library.motion_library import load_library, save_library
-from controller.library.motion_signature import part_weights, signature
-from controller.library.restyling import in_the_style, restyled
 from controller.motion.canonical.canonical_body import carried
 from controller.motion.clip import Clip
 from controller.motion.encodings.encoding import encoding_of

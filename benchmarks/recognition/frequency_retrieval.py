@@ -10,11 +10,11 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.distance import cdist
 
+from benchmarks.centralized.motion_signature import NUMBERS_A_PART, PARTS, signature
 from benchmarks.recognition.baselines import nearest
 from benchmarks.recognition.methods import Prepare, Scorer
 from controller.learning.recognition.labelled_recordings import Example
 from controller.learning.recognition.splits import Indices
-from controller.library.motion_signature import NUMBERS_A_PART, PARTS, signature
 from controller.motion.encodings.encoding import encoding_of
 from controller.motion.rotations import Array
 

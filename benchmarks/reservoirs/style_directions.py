@@ -17,9 +17,9 @@ import typer
 from threadpoolctl import threadpool_limits
 
 from benchmarks import command
+from benchmarks.centralized.restyling import in_the_style
 from controller.learning.learn import learn
 from controller.library.motion_library import MotionLibrary
-from controller.library.restyling import in_the_style
 from controller.motion.encodings.motion_matching import joint_features
 from controller.motion.rotations import Array
 from controller.networks.reservoirs.phase_driven import PhaseDrivenNetwork

@@ -1,1 +1,1 @@
-"""The library file, and what the motions in it are good for."""
+"""The library file: header and networks."""

@@ -8,14 +8,14 @@ import pytest
 from scipy.optimize import nnls
 
 import synthetic
+from benchmarks.centralized.anticipation import Anticipator, foresight
+from benchmarks.centralized.anticipation_trust import Experience, Trust, shares_of
+from benchmarks.centralized.motion_index import load_index, save_index
+from benchmarks.centralized.motion_signature import part_weights, signature
+from benchmarks.centralized.restyling import restyled
 from controller.learning.centralized.centralized_training import CentralizedRecipe, train_centralized_network
 from controller.learning.centralized.model_search import score_models
-from controller.library.anticipation import Anticipator, foresight
-from controller.library.anticipation_trust import Experience, Trust, shares_of
-from controller.library.motion_index import load_index, save_index
 from controller.library.motion_library import MotionLibrary, load_library, save_library
-from controller.library.motion_signature import part_weights, signature
-from controller.library.restyling import restyled
 from motiondeck_base.errors import MotiondeckError, UnknownNameError
 
 ENCODING = synthetic.small_encoding()

@@ -17,7 +17,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from controller.library.anticipation_trust import (
+from benchmarks.centralized.anticipation_trust import (
     AHEAD_FRAMES,
     VELOCITY_FRAMES,
     Experience,

@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from controller.library.motion_index import MotionIndex
+from benchmarks.centralized.motion_index import MotionIndex
 from motiondeck_base.errors import MotiondeckError
 
 

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 import synthetic
+from benchmarks.centralized.restyling import in_the_style
 from controller.library.motion_library import load_library, save_library
-from controller.library.restyling import in_the_style
 from motiondeck_base.errors import MotiondeckError, UnknownNameError
 
 
