@@ -1,4 +1,4 @@
-"""`motiondeck rig calibrate`: every joint moved by hand, all at once, while the ranges fill in a table."""
+"""`motiondeck rig calibrate`: measures the ranges of all joints while they are moved by hand."""
 
 from __future__ import annotations
 
@@ -10,8 +10,8 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from motiondeck.cli.rig.line_input import LineInput
 from motiondeck.cli.rig.rig_port import PortOption, RigArgument, ended_by_sigterm, load, open_buses
-from motiondeck.cli.rig.typed_lines import TypedLines
 from motiondeck_base.errors import MotiondeckError
 
 if TYPE_CHECKING:
@@ -19,8 +19,7 @@ if TYPE_CHECKING:
     from hardware.rig.rig_file import RigConfig
     from hardware.tools.calibration import Sweep
 
-_LOOKS = 0.02  # s between two readings
-_DRAWN, _KEPT = 0.1, 0.5  # s between two pictures, and between two savings
+_READ_S, _DRAW_S, _SAVE_S = 0.02, 0.1, 0.5  # between two readings, two tables, two writings of FILE.part
 _HOW = (
     "Move every joint to both ends, in any order. Enter ends. Or type: zero JOINT (its angle is 0 here), "
     "reverse JOINT (its angle grows the other way), again JOINT (its range anew)"
@@ -32,10 +31,10 @@ def calibrate(
     out: Annotated[Path, typer.Option("--out", metavar="FILE", help="The rig file to write.")],
     port: PortOption = None,
 ) -> None:
-    """Find every joint's zero, direction and range by moving them by hand, torque off, and write a new rig file.
+    """Measure each joint's zero, direction and range by hand, and write a new rig file.
 
-    Measurements are kept in FILE.part; after an error or Ctrl-C the same command continues from there. A homing offset
-    and drive mode of another program in the servos are set to 0.
+    Torque is off while you move the joints. Measurements are kept in FILE.part; after an error or Ctrl-C the same
+    command continues from there. A homing offset and drive mode of another program in the servos are set to 0.
 
     Example:  motiondeck rig calibrate servo20 --out my-rig.toml
     """
@@ -47,19 +46,19 @@ def calibrate(
     if not out.parent.is_dir():
         raise MotiondeckError(f"{out.parent}: there is no such folder to write the rig file to")
     part = out.with_name(f"{out.name}.part")
-    typed = TypedLines()
+    typed = LineInput()
     sweep = load_progress(config, part) if part.exists() else Sweep(config)
     if part.exists():
         done = sum(not sweep.lacking(name) for name in config.names)
-        print(f"going on from {part}: {done} of {len(config.joints)} joints are measured. Remove it to begin anew.")
+        print(f"continuing from {part}: {done} of {len(config.joints)} joints are measured. Remove it to start again.")
     try:
         with ended_by_sigterm(), open_buses(config, port) as parts:
             _measure(sweep, parts, part, typed)
     except KeyboardInterrupt:
-        print(f"\nmotiondeck: {_goes_on(part)}", file=sys.stderr)
+        print(f"\nmotiondeck: {_continues(part)}", file=sys.stderr)
         raise typer.Exit(130) from None
     except (SerialPortError, ServoError) as error:
-        raise type(error)(f"{error} {_goes_on(part)}") from error
+        raise type(error)(f"{error} {_continues(part)}") from error
     found, notes = sweep.result()
     save_rig(found, out)
     part.unlink(missing_ok=True)
@@ -68,12 +67,12 @@ def calibrate(
     print(f"wrote {out}")
 
 
-def _goes_on(part: Path) -> str:
-    return f"What was measured is in {part}: the same command goes on from there." if part.exists() else ""
+def _continues(part: Path) -> str:
+    return f"Measurements are kept in {part}: the same command continues from there." if part.exists() else ""
 
 
-def _measure(sweep: Sweep, parts: list[tuple[RigConfig, Bus]], part: Path, typed: TypedLines) -> None:
-    """Takes the torque off and watches the joints until every range is known and Enter is pressed."""
+def _measure(sweep: Sweep, parts: list[tuple[RigConfig, Bus]], part: Path, typed: LineInput) -> None:
+    """Switches the torque off and reads the joints until every range is known and Enter is pressed."""
     from hardware.errors import RigError
     from hardware.tools.calibration import clear_offsets, save_progress
     from hardware.tools.loose_joints import loosen
@@ -86,46 +85,46 @@ def _measure(sweep: Sweep, parts: list[tuple[RigConfig, Bus]], part: Path, typed
             print(line)
     if all(sweep.measured[name].zero is None for name in names):
         typed.ask("Put every joint where its angle is 0, then press Enter ")
-        _look(sweep, parts)
+        _read(sweep, parts)
         for name in names:
             sweep.forget(name)
             sweep.zero_here(name)
     table = _Table(names)
     print(_HOW)
-    drawn = kept = 0.0
+    drawn = saved = 0.0
     while True:
-        silent = _look(sweep, parts)
+        silent = _read(sweep, parts)
         now = time.monotonic()
-        if now - kept > _KEPT:
+        if now - saved > _SAVE_S:
             save_progress(sweep, part)
-            kept = now
-        if now - drawn > _DRAWN:
+            saved = now
+        if now - drawn > _DRAW_S:
             table.draw(sweep, silent)
             drawn = now
-        line = typed.take(_LOOKS)
+        line = typed.take(_READ_S)
         if line is None:
             continue
         lacking = [f"{name} {lack}" for name in names if (lack := sweep.lacking(name))]
-        said = ""
+        reply = ""
         if line:
             try:
-                said = _obey(line, sweep)
+                reply = _carry_out(line, sweep)
             except RigError as error:
-                said = str(error)
+                reply = str(error)
         elif not lacking:
             save_progress(sweep, part)
             table.close(sweep, silent)
             return
         else:
-            said = f"{'; '.join(lacking)}. Type `keep` to leave {'it' if len(lacking) == 1 else 'them'} as before."
+            reply = f"{'; '.join(lacking)}. Type `keep` to leave {'it' if len(lacking) == 1 else 'them'} as before."
         if line == "keep":
             table.close(sweep, silent)
             return
-        table.begin_anew(said)
+        table.interrupt(reply)
 
 
-def _look(sweep: Sweep, parts: list[tuple[RigConfig, Bus]]) -> set[str]:
-    """Reads every joint; the names of those that did not answer."""
+def _read(sweep: Sweep, parts: list[tuple[RigConfig, Bus]]) -> set[str]:
+    """Reads every joint, and returns the names of those that did not answer."""
     from hardware.tools.loose_joints import positions
 
     silent = set(sweep.config.names)
@@ -136,11 +135,11 @@ def _look(sweep: Sweep, parts: list[tuple[RigConfig, Bus]]) -> set[str]:
     return silent
 
 
-def _obey(line: str, sweep: Sweep) -> str:
-    """Does what was typed; what to say about it.
+def _carry_out(line: str, sweep: Sweep) -> str:
+    """Carries out a typed line and returns the reply to print.
 
     Raises:
-        RigError: if that joint has not been heard yet.
+        RigError: if that joint has not answered yet.
     """
     word, _, name = line.partition(" ")
     name = name.strip()
@@ -148,41 +147,41 @@ def _obey(line: str, sweep: Sweep) -> str:
     if line == "keep":
         return ""
     if word not in actions:
-        return f"'{line}' is not understood: Enter, zero JOINT, reverse JOINT, again JOINT or keep."
+        return f"unknown command '{line}': Enter, zero JOINT, reverse JOINT, again JOINT or keep."
     if name not in sweep.config.names:
         return f"there is no joint '{name}': {', '.join(sweep.config.names)}."
     actions[word](name)
-    return {"zero": f"{name} is at 0 here.", "reverse": f"{name} is reversed.", "again": f"{name} begins anew."}[word]
+    return {"zero": f"{name} is at 0 here.", "reverse": f"{name} is reversed.", "again": f"{name} starts again."}[word]
 
 
 class _Table:
-    """A row a joint, redrawn in place on a terminal while a line is being typed below it; printed once elsewhere."""
+    """A row for each joint, redrawn in place above the line being typed; without a terminal printed once."""
 
     def __init__(self, names: tuple[str, ...]) -> None:
         self._names = names
         self._width = max(len(name) for name in names)
         self._live = sys.stdout.isatty()
-        self._fresh = True
+        self._moved = True
 
     def draw(self, sweep: Sweep, silent: set[str]) -> None:
-        """Shows the ranges as they are now."""
+        """Draws the present ranges."""
         if not self._live:
             return
         rows = self._rows(sweep, silent)
-        if self._fresh:
+        if self._moved:
             print("\n".join(rows), end="\n> ", flush=True)
-            self._fresh = False
+            self._moved = False
         else:
-            # The cursor goes back to the line that is being typed below the table.
+            # The cursor returns to the line being typed below the table.
             print(f"\x1b7\x1b[{len(rows)}A\r" + "\x1b[K\r\n".join(rows) + "\x1b[K\x1b8", end="", flush=True)
 
-    def begin_anew(self, said: str) -> None:
-        """Says something below the table; the next picture stands below that."""
-        print(said, flush=True)
-        self._fresh = True
+    def interrupt(self, line: str) -> None:
+        """Prints a line below the table; the next table is drawn below that."""
+        print(line, flush=True)
+        self._moved = True
 
     def close(self, sweep: Sweep, silent: set[str]) -> None:
-        """Shows the last state where it was not shown as it came."""
+        """Prints the final table where there is no terminal."""
         if not self._live:
             print("\n".join(self._rows(sweep, silent)))
 
@@ -193,9 +192,9 @@ class _Table:
             state = "does not answer" if name in silent else sweep.lacking(name) or "ok"
             rows.append(f"{name:<{self._width}}  {one.lowest:>+7.2f}  {one.now:>+7.2f}  {one.highest:>+7.2f}  {state}")
         room = max(3, shutil.get_terminal_size().lines - 2) if self._live else len(rows)
-        return rows if len(rows) <= room else [rows[0], *self._most_wanted(rows[1:], room - 1)]
+        return rows if len(rows) <= room else [rows[0], *self._unfinished_first(rows[1:], room - 1)]
 
     @staticmethod
-    def _most_wanted(rows: list[str], room: int) -> list[str]:
-        """Where not all rows have room on the screen, those that are not done come first."""
+    def _unfinished_first(rows: list[str], room: int) -> list[str]:
+        """As many rows as fit on the screen, joints that are not measured yet first."""
         return sorted(rows, key=lambda row: row.endswith("  ok"))[:room]

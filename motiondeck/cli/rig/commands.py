@@ -1,21 +1,22 @@
-"""`motiondeck rig`: the tools of a servo rig, on real hardware or on the emulator."""
+"""`motiondeck rig`: tools for a servo rig, real or emulated."""
 
 from __future__ import annotations
 
 import json
 import sys
 import time
+from pathlib import Path
 from typing import Annotated
 
 import typer
 
 from motiondeck.cli.common.options import JsonOption
-from motiondeck.cli.rig import calibrate, emulate, play, servos, settings, teach
+from motiondeck.cli.rig import calibrate, emulate, play, servos, teach
 from motiondeck.cli.rig.rig_port import PortOption, RigArgument, ended_by_sigterm, load, open_buses
+from motiondeck_base.counted import counted
+from motiondeck_base.errors import MotiondeckError
 
-app = typer.Typer(
-    help="Find, check, set up, watch, teach and play the servos of a rig; or emulate one.", no_args_is_help=True
-)
+app = typer.Typer(help="Set up, check, teach and play a rig of servos, or emulate one.", no_args_is_help=True)
 
 app.command("scan")(servos.scan)
 app.command("setup")(servos.setup)
@@ -23,8 +24,6 @@ app.command("import")(servos.import_calibration)
 app.command("calibrate")(calibrate.calibrate)
 app.command("teach")(teach.teach)
 app.command("play")(play.play)
-app.command("backup")(settings.backup)
-app.command("restore")(settings.restore)
 app.command("emulate")(emulate.emulate)
 
 
@@ -40,8 +39,8 @@ def doctor(
 ) -> None:
     """Check a rig without moving it; exit code 1 on a problem.
 
-    Shown are servos that are missing or of another model, registers that differ from what the rig needs, heat and
-    voltage, and how fast the wire can be.
+    It reports servos that are missing or of another model, registers that differ from what the rig needs, heat and
+    voltage, and the rate that the wire allows.
 
     Example:  motiondeck rig doctor configs/rigs/servo20.toml --port /dev/ttyUSB0
     """
@@ -100,7 +99,7 @@ def monitor(
     ] = 0.0,
     as_json: Annotated[bool, typer.Option("--json", help="Print one JSON object a second.")] = False,
 ) -> None:
-    """Watch position, load, temperature, voltage and errors of every servo, live; moves nothing.
+    """Watch position, load, temperature, voltage and errors of every servo; moves nothing.
 
     Example:  motiondeck rig monitor servo20 --port /dev/pts/3
     """
@@ -124,12 +123,11 @@ def monitor(
 
 @app.command("stop")
 def stop(rig: RigArgument, port: PortOption = None, as_json: JsonOption = False) -> None:
-    """Switch the torque of every servo of a rig off, now; exit code 1 if one did not confirm it.
+    """Switch the torque of every servo off; exit code 1 if one did not confirm it.
 
-    Only while no other program has the port. A rig that plays is stopped by Ctrl-C there, or from another
-    terminal by `motiondeck send stop` (as Ctrl-C) or `motiondeck send estop` (brake and hold).
-
-    After a program was killed, the servos' watchdogs stop them but leave the torque on: this switches it off.
+    The port must be free: a rig that plays is stopped by Ctrl-C there, or from another terminal by `motiondeck send
+    stop` (as Ctrl-C) or `motiondeck send estop` (brake and hold). If a program was killed, the servos' watchdogs have
+    stopped them but left the torque on.
 
     Example:  motiondeck rig stop servo20
     """
@@ -141,7 +139,7 @@ def stop(rig: RigArgument, port: PortOption = None, as_json: JsonOption = False)
     unconfirmed: list[str] = []
     remedy = "Cut the power."
     for part in on_ports(config, port or ()):
-        # One port that is gone must not keep the others from being switched off.
+        # The servos on other ports are switched off even if one port is gone.
         try:
             with open_buses(part, None) as buses:
                 unconfirmed += [name for own, bus in buses for name in switch_off(own, bus)]
@@ -176,3 +174,46 @@ def _draw(rows: list[dict[str, object]], hz: float) -> None:
             else f"id {row['id']:>3}  {row['name']:<18} does not answer"
         )
     sys.stdout.flush()
+
+
+@app.command("backup")
+def backup(
+    rig: RigArgument,
+    out: Annotated[Path, typer.Option("--out", metavar="FILE", help="The file to write (JSON).")],
+    port: PortOption = None,
+) -> None:
+    """Save the whole control table of every servo; moves and changes nothing.
+
+    Example:  motiondeck rig backup my-rig.toml --out servos.json
+    """
+    from hardware.tools.backup import back_up, save_backups
+    from motiondeck_base.files import check_folder
+
+    if out.exists():
+        raise MotiondeckError(f"{out} exists already, perhaps with the settings from before: give another --out")
+    check_folder(out)
+    with ended_by_sigterm(), open_buses(load(rig), port) as parts:
+        backups = [one for part, bus in parts for one in back_up(part, bus)]
+    save_backups(backups, out)
+    print(f"wrote {out}: {counted(len(backups), 'servo')}")
+
+
+@app.command("restore")
+def restore(
+    rig: RigArgument,
+    file: Annotated[Path, typer.Argument(metavar="FILE", help="A file of `rig backup`.")],
+    port: PortOption = None,
+) -> None:
+    """Write the EEPROM registers of a backup into the servos, except IDs and baud rates.
+
+    Torque must be off.
+
+    Example:  motiondeck rig restore my-rig.toml servos.json
+    """
+    from hardware.tools.backup import load_backups
+    from hardware.tools.backup import restore as write_back
+
+    backups = load_backups(file)
+    with ended_by_sigterm(), open_buses(load(rig), port) as parts:
+        written = [line for part, bus in parts for line in write_back(part, backups, bus)]
+    print("\n".join(written) if written else "nothing differs")

@@ -1,4 +1,4 @@
-"""`motiondeck rig emulate`: servos without hardware, for any client; with hands to move them."""
+"""`motiondeck rig emulate`: servos without hardware, for any client."""
 
 from __future__ import annotations
 
@@ -10,8 +10,8 @@ from typing import TYPE_CHECKING, Annotated, Literal
 
 import typer
 
+from motiondeck.cli.rig.line_input import LineInput, in_foreground
 from motiondeck.cli.rig.rig_port import RigArgument, ended_by_sigterm, load
-from motiondeck.cli.rig.typed_lines import TypedLines, in_foreground
 from motiondeck_base.counted import counted
 from motiondeck_base.errors import MotiondeckError
 
@@ -43,10 +43,10 @@ def emulate(
 ) -> None:
     """Emulate a rig: print the port to open, and serve any client until Ctrl-C or SIGTERM.
 
-    It goes on in the background (&) when the shell that started it ends, and with nohup when the terminal closes.
+    In the background (&) it outlives its shell, and with nohup its terminal.
 
-    What you type moves joints that have no torque, as hands would: `swing pan 0.5 every 2`, `move pan 1 tilt 0 in 1.5`
-    (rad and s), `rest`; `where` prints their angles. `pull pan` takes a servo's cable out, `plug pan` puts it back,
+    Type to move joints without torque by hand: `swing pan 0.5 every 2`, `move pan 1 tilt 0 in 1.5` (rad and s),
+    `rest`; `where` prints their angles. `pull pan` takes a servo's cable out, `plug pan` puts it back,
     `warm pan 70` heats it up (degC).
 
     With --robot the servos turn a simulated body with masses, so load, stall and falls show as current, heat and sag.
@@ -65,7 +65,7 @@ def emulate(
         print("keys: id, at (s), for (s), chance (0 to 1), value")
         return
     if root is not None and robot is None:
-        raise MotiondeckError(f"--root {root} is about a body: name it with --robot")
+        raise MotiondeckError(f"--root {root} needs a body: name one with --robot")
     config = load(rig)
     if fresh:
         import msgspec
@@ -81,18 +81,18 @@ def emulate(
 
 
 def _hands(config: RigConfig) -> Callable[[Sequence[EmulatedBus]], None]:
-    """Hands that obey what is typed here, for as long as something can be."""
+    """Moves joints by the lines of standard input, until it ends."""
     from hardware.emulator.hands import HELP, Hands, HandsError
 
     hands = Hands(config)
-    typed: TypedLines | None = TypedLines()
+    typed: LineInput | None = LineInput()
     if sys.stdin.isatty():
         print(HELP, file=sys.stderr)
 
     def between(buses: Sequence[EmulatedBus]) -> None:
         nonlocal typed
         try:
-            # A process in the background that reads the terminal is stopped by it.
+            # Reading the terminal would stop a process in the background.
             if typed is not None and in_foreground() and (words := typed.take()):
                 if words == "where":
                     print(hands.where(buses), flush=True)
@@ -108,7 +108,7 @@ def _hands(config: RigConfig) -> Callable[[Sequence[EmulatedBus]], None]:
 
 
 def _plant(config: RigConfig, robot: str, root: str) -> JointPlant:
-    """A robot's body for the joints of a rig."""
+    """The simulated body that the joints of a rig turn."""
     from controller.motion.encodings.joint_angles import JointBody
     from motiondeck_base.shipped import find_robot
     from sim.physics.rig_plant import RigPlant

@@ -1,4 +1,4 @@
-"""`motiondeck rig play`: a taught clip or a library on a rig alone, without a simulated robot beside it."""
+"""`motiondeck rig play`: a taught clip or a library on a rig, without a simulated robot."""
 
 from __future__ import annotations
 
@@ -39,7 +39,7 @@ def play(
         ),
     ] = None,
     seconds: Annotated[
-        float | None, typer.Option("--seconds", metavar="SECONDS", help="Stop after so many seconds.")
+        float | None, typer.Option("--seconds", metavar="SECONDS", help="Stop after this many seconds.")
     ] = None,
     command_port: Annotated[
         int,
@@ -85,7 +85,7 @@ def play(
 
 
 def play_clip(config: RigConfig, ports: list[str], clip: Clip, settings: RunSettings) -> dict[str, Any]:
-    """Plays a taught clip once on a rig; the report of the run."""
+    """Plays a taught clip once on a rig, and returns the report of the run."""
     from motiondeck.run.robots.rig_on_deck import open_rig_alone, recorded_deck
     from motiondeck.run.session import Session
 
@@ -101,7 +101,7 @@ def play_clip(config: RigConfig, ports: list[str], clip: Clip, settings: RunSett
 def play_library(
     config: RigConfig, ports: list[str], library: MotionLibrary, first: str, robot: str, settings: RunSettings
 ) -> dict[str, Any]:
-    """Plays a library on a rig until the time is over or somebody stops it; the report of the run."""
+    """Plays a library on a rig for some time or until it is stopped, and returns the report of the run."""
     from controller.deck.deck import Deck
     from motiondeck.run.robots.rig_on_deck import open_rig_alone
     from motiondeck.run.session import Session

@@ -1,4 +1,4 @@
-"""Shared by the rig commands: their arguments, loading the rig file, and opening its ports and closing them again."""
+"""What the rig commands share: arguments, the rig file, and its open ports."""
 
 from __future__ import annotations
 
@@ -25,10 +25,10 @@ PortOption = Annotated[
 
 
 def load(rig: str) -> RigConfig:
-    """A rig file, or a shipped one by its name.
+    """Loads a rig file, or a shipped one by its name.
 
     Raises:
-        MotiondeckError: if there is none, or it is not good.
+        MotiondeckError: if there is none, or it is invalid.
     """
     from hardware.rig.rig_file import load_rig
     from motiondeck_base.shipped import find_rig
@@ -38,7 +38,7 @@ def load(rig: str) -> RigConfig:
 
 @contextmanager
 def open_buses(config: RigConfig, ports: list[str] | None) -> Iterator[list[tuple[RigConfig, Bus]]]:
-    """The bus of each port of a rig, with the joints that are on it; given back in the end."""
+    """Opens the bus of each port of a rig, with the joints on it, and closes them at the end."""
     from hardware.bus.servo_bus import Bus
     from hardware.rig.supervision.joined_rig import on_ports
 
@@ -53,12 +53,12 @@ def open_buses(config: RigConfig, ports: list[str] | None) -> Iterator[list[tupl
 
 @contextmanager
 def ended_by_sigterm() -> Iterator[None]:
-    """SIGTERM, and a terminal that is closed, end the block as an exception does: ports and links are given back."""
+    """Lets SIGTERM and a closed terminal raise SystemExit in the block, so that ports and links are closed."""
 
     def end(number: int, frame: object) -> None:
         raise SystemExit(128 + number)
 
-    # Whoever started this with nohup wants it to outlive the terminal.
+    # With nohup the command outlives the terminal.
     wanted = [one for one in (signal.SIGTERM, signal.SIGHUP) if signal.getsignal(one) is not signal.SIG_IGN]
     before = [(number, signal.signal(number, end)) for number in wanted]
     try:

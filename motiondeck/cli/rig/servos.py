@@ -1,4 +1,4 @@
-"""`motiondeck rig scan`, `setup` and `import`: find servos, set them up one by one, and write a first rig file."""
+"""`motiondeck rig scan`, `setup` and `import`: find servos, configure them, and write a rig file."""
 
 from __future__ import annotations
 
@@ -20,11 +20,11 @@ def scan(
     port: Annotated[str, typer.Argument(metavar="PORT", help="The serial port.")] = "/dev/ttyUSB0",
     baud: Annotated[list[int] | None, typer.Option("--baud", metavar="BAUD", help="Only these baud rates.")] = None,
     out: Annotated[
-        Path | None, typer.Option("--out", metavar="FILE", help="Write a rig file of them: joint_1, joint_2 ...")
+        Path | None, typer.Option("--out", metavar="FILE", help="Write a rig file with joint_1, joint_2 ...")
     ] = None,
     as_json: JsonOption = False,
 ) -> None:
-    """List every servo that answers on a port, at any baud rate and protocol; with --out, write a rig file of them.
+    """List the servos on a port, at any baud rate and protocol; --out writes a rig file of them.
 
     The rig file has the adapter's permanent name, each servo's whole turn as its range, and 2 rad/s as its speed: name
     the joints in an editor, then calibrate. Servos that Motiondeck cannot drive are left out, and a note says why.
@@ -49,10 +49,10 @@ def scan(
         ]
         print(json.dumps({"port": port, "servos": rows}))
     for one in found if not as_json else []:
-        who = one.identity
-        alert = "  reports a hardware problem" if who.alert else ""
-        old = "  Protocol 1.0" if who.protocol == 1 else ""
-        print(f"id {who.id:>3}  {who.model:<{widest}}  firmware {who.firmware:<3} {one.baud} baud{old}{alert}")
+        servo = one.identity
+        alert = "  reports a hardware problem" if servo.alert else ""
+        old = "  Protocol 1.0" if servo.protocol == 1 else ""
+        print(f"id {servo.id:>3}  {servo.model:<{widest}}  firmware {servo.firmware:<3} {one.baud} baud{old}{alert}")
     if not found and out is None:
         raise MotiondeckError(f"no servo answers on {port}. Check power, cable and adapter.")
     if out is not None:
@@ -93,7 +93,7 @@ def setup(
 
     lasting = lasting_name(port)
     if rig is not None:
-        load_rig(rig)  # what is wrong with it is said before a servo is changed
+        load_rig(rig)  # a wrong file is reported before a servo is changed
     if baud not in BAUD_RATES:
         raise MotiondeckError(f"baud {baud} is not one of {', '.join(map(str, BAUD_RATES))}")
     before, after = set_up(lambda rate: Bus.open(port, rate), id, baud)
@@ -111,12 +111,12 @@ def setup(
 
 
 def import_calibration(
-    calibration: Annotated[Path, typer.Argument(metavar="FILE", help="What LeRobot wrote (.json).")],
+    calibration: Annotated[Path, typer.Argument(metavar="FILE", help="A calibration of LeRobot (.json).")],
     port: Annotated[str, typer.Option("--port", metavar="PORT", help="The serial port with its servos.")],
     out: Annotated[Path, typer.Option("--out", metavar="FILE", help="The rig file to write.")],
     as_json: JsonOption = False,
 ) -> None:
-    """Write a rig file from a calibration of LeRobot and the servos on a port; changes nothing in them.
+    """Write a rig file from a calibration of LeRobot; changes nothing in the servos.
 
     Names, directions and ranges are LeRobot's, models and baud rate are read from the servos. A reversed motor stays
     reversed: its angle grows as LeRobot's does. Angle 0 is in the middle of the range. LeRobot's homing offsets and
@@ -148,7 +148,7 @@ def import_calibration(
 
 
 def _answering(port: str, bauds: list[int] | None = None) -> list[Found]:
-    """Who answers on a port, at the likely baud rates or at these."""
+    """The servos that answer on a port, at the likely baud rates or at the given ones."""
     from hardware.bus.servo_bus import Bus
     from hardware.rig.rig_file import BAUD_RATES
     from hardware.tools.scan import scan as scan_port
@@ -161,14 +161,14 @@ def _answering(port: str, bauds: list[int] | None = None) -> list[Found]:
 
 def _warn_of_garbled(baud: int) -> None:
     print(
-        f"note: garbled answers at {baud} baud: two servos may have the same id. Connect them one at a time, and give "
-        "each its own with motiondeck rig setup.",
+        f"note: garbled answers at {baud} baud: two servos may have the same id. Connect one at a time, and give "
+        "each its own ID with motiondeck rig setup.",
         file=sys.stderr,
     )
 
 
 def _refuse_existing(out: Path) -> None:
     if out.exists():
-        raise MotiondeckError(f"{out} is there already: remove it, or give another name")
+        raise MotiondeckError(f"{out} exists already: remove it, or give another name")
     if not out.parent.is_dir():
         raise MotiondeckError(f"{out.parent}: there is no such folder to write the rig file to")

@@ -1,4 +1,4 @@
-"""`motiondeck rig teach`: joints moved by hand become clips, which can be named and recorded again."""
+"""`motiondeck rig teach`: records joints that are moved by hand as clips."""
 
 from __future__ import annotations
 
@@ -13,8 +13,8 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from motiondeck.cli.common.options import JsonOption
+from motiondeck.cli.rig.line_input import LineInput
 from motiondeck.cli.rig.rig_port import PortOption, RigArgument, ended_by_sigterm, load, open_buses
-from motiondeck.cli.rig.typed_lines import TypedLines
 from motiondeck_base.errors import MotiondeckError
 
 if TYPE_CHECKING:
@@ -41,7 +41,7 @@ def teach(
         bool | None,
         typer.Option(
             "--once/--loop",
-            help="Whether it is learned as a one-shot or as a loop; default: a loop if it ends where it began.",
+            help="Learn it as a one-shot or as a loop; default: a loop if it ends where it began.",
             show_default=False,
         ),
     ] = None,
@@ -50,11 +50,11 @@ def teach(
     ] = True,
     as_json: JsonOption = False,
 ) -> None:
-    """Teach a rig by hand: with torque off you move the joints, and the movement becomes a clip.
+    """Teach a motion by hand: move the joints with torque off, and save the movement as a clip.
 
-    Hold what would fall before the torque goes off. After each recording you may save it, record it again, undo the
-    trim, or record another take: takes of one motion (wave.clip, wave.2.clip ...) are averaged when they are learned.
-    With a folder as --out, motions are named and recorded one after the other.
+    Hold what would fall before the torque goes off. After each recording, save it, record it again, undo the trim, or
+    record another take: takes of one motion (wave.clip, wave.2.clip ...) are averaged when they are learned. With a
+    folder as --out, motions are named and recorded one after the other.
 
     The clip can be played as it is, or learned, so that it loops and switches like any other motion.
 
@@ -65,16 +65,14 @@ def teach(
       motiondeck rig play my-rig.toml wave.clip
       motiondeck learn wave.clip nod.clip --out gestures.safetensors
     """
-    # These take a while to import: better now than with a joint in somebody's hand.
+    # Slow to import: done before a joint has to be held.
     import controller.learning.recipe  # noqa: F401
     import hardware.tools.teaching  # noqa: F401
 
-    session = _Session(
-        load(rig), rig, None if once is None else "once" if once else "loop", trim, as_json, TypedLines()
-    )
+    session = _Session(load(rig), rig, None if once is None else "once" if once else "loop", trim, as_json, LineInput())
     folder = out.is_dir()
     if out.suffix != ".clip" and not folder:
-        raise MotiondeckError(f"{out}: give the clip a name that ends in .clip, or an existing folder for several")
+        raise MotiondeckError(f"{out}: give a name that ends in .clip, or an existing folder for several clips")
     if not out.parent.is_dir():
         raise MotiondeckError(f"{out.parent}: there is no such folder to write the clip to")
     if seconds is not None and folder:
@@ -96,10 +94,10 @@ def teach(
 
 @dataclass
 class _Recording:
-    """What was recorded and how it is to be saved.
+    """A recorded movement, and how to save it.
 
     Attributes:
-        taught: the motion.
+        taught: the movement.
         plays: learned as a loop or once.
         trim: whether still ends are left out.
         cut_short: why it broke off; "" if it did not.
@@ -112,11 +110,11 @@ class _Recording:
 
     @property
     def angles(self) -> Array:
-        """What is saved, shape (T, J), rad."""
+        """The angles to save, shape (T, J), rad."""
         return self.taught.moving if self.trim else self.taught.whole
 
     def describe(self, rate: float) -> str:
-        """Length, what was left out, and how it plays, in words."""
+        """Its length, the trimmed ends, and how it plays."""
         whole, first, end = len(self.taught.whole) / rate, self.taught.first / rate, self.taught.end / rate
         left = ", ".join(
             f"{seconds:.1f} s {where}"
@@ -136,12 +134,12 @@ class _Session:
     plays: Plays | None
     trim: bool
     as_json: bool
-    typed: TypedLines
+    typed: LineInput
     written: list[dict[str, object]] = field(default_factory=list)
     cut_short: str = ""
 
     def loosen(self, parts: list[tuple[RigConfig, Bus]], asking: bool) -> None:
-        """Takes the torque off."""
+        """Switches the torque off."""
         from hardware.tools.loose_joints import loosen
 
         if asking:
@@ -150,11 +148,11 @@ class _Session:
             loosen(part, bus)
 
     def record_once(self, parts: list[tuple[RigConfig, Bus]], out: Path, seconds: float) -> None:
-        """Records for some seconds and saves it, whatever cuts it short."""
-        self._save(self._recorded(parts, seconds), out, asked=False)
+        """Records for some seconds and saves the recording, even if it is cut short."""
+        self._save(self._recorded(parts, seconds), out, shown=False)
 
     def record_motions(self, parts: list[tuple[RigConfig, Bus]], folder: Path) -> None:
-        """Asks for names and records a motion for each, until there is none; one that is there gets another take."""
+        """Prompts for names and records a motion for each, or another take of one that exists."""
         from controller.learning.recipe import check_name
         from motiondeck_base.errors import FileFormatError
 
@@ -166,11 +164,11 @@ class _Session:
                 continue
             out = folder / f"{name}.clip"
             if out.exists():
-                self._say(f"{out.name} is there already: this will be another take of it, {_next_take(out).name}")
+                self._say(f"{out.name} exists already: this will be another take of it, {_next_take(out).name}")
             self.record_takes(parts, out, _next_take(out) if out.exists() else out)
 
     def record_takes(self, parts: list[tuple[RigConfig, Bus]], out: Path, file: Path) -> None:
-        """Records takes of the motion `out`, the first into `file`, until one is saved that is to be the last."""
+        """Records takes of the motion `out`, the first into `file`, until the last one is saved or dropped."""
         from controller.motion.encodings.joint_angles import how_taught
         from hardware.errors import RigError
 
@@ -184,19 +182,19 @@ class _Session:
                 self._say(f"{error} Once more.")
                 continue
             if file != out and self.plays is None:
-                recording.plays = how_taught(out)  # the takes of a motion are learned as one
+                recording.plays = how_taught(out)  # takes of a motion are learned alike
             choice = "" if recording.cut_short else self._choose(recording, file)
             if choice == "drop":
                 return
             if choice == "again":
                 continue
-            self._save(recording, file, asked=not recording.cut_short)
+            self._save(recording, file, shown=not recording.cut_short)
             if choice != "take":
                 return
             file = _next_take(out)
 
     def report(self) -> None:
-        """Says what was written, and ends with exit code 1 if the last recording was cut short."""
+        """Reports what was written; exit code 1 if the last recording was cut short."""
         if self.as_json:
             last = self.written[-1] if self.written else {"written": None}
             print(json.dumps(last if len(self.written) < 2 else {"clips": self.written}))
@@ -205,7 +203,7 @@ class _Session:
             raise typer.Exit(1)
 
     def _choose(self, recording: _Recording, file: Path) -> str:
-        """Shows a recording and asks what to do with it: "" (save), "take", "again" or "drop"."""
+        """Describes a recording and prompts for what to do: "" (save), "take", "again" or "drop"."""
         rate = self.config.rate_hz
         while True:
             self._say(f"{file.stem}: {recording.describe(rate)}")
@@ -220,10 +218,10 @@ class _Session:
                 case "once" | "loop":
                     recording.plays = choice
                 case _:
-                    self._say(f"'{choice}' is none of them.")
+                    self._say(f"unknown choice '{choice}'")
 
     def _doubts(self, recording: _Recording, file: Path) -> list[str]:
-        """What may be wrong with a recording: beyond limits, or unlike the takes before it."""
+        """Doubts about a recording: beyond limits, or unlike the takes before it."""
         from controller.learning.preparation.takes import join_takes
         from controller.motion.encodings.joint_angles import angles_of, read_taught_clip
         from hardware.tools.teaching import beyond_limits
@@ -245,17 +243,17 @@ class _Session:
         return doubts
 
     def _written_takes(self, file: Path) -> list[Path]:
-        """The takes of the same motion that were saved before."""
+        """Takes of the same motion that were saved before."""
         from controller.learning.preparation.takes import motion_of
 
         written = [Path(str(one["written"])) for one in self.written]
         return [one for one in written if motion_of(one) == motion_of(file) and one != file]
 
     def _recorded(self, parts: list[tuple[RigConfig, Bus]], seconds: float | None) -> _Recording:
-        """Watches the joints until Enter, or for some seconds.
+        """Records the joints until Enter, or for some seconds.
 
         Raises:
-            RigError: if nothing can be made of what was recorded.
+            RigError: if the recording is unusable.
         """
         from controller.learning.preparation.takes import returns
         from hardware.errors import RigError, SerialPortError
@@ -285,8 +283,8 @@ class _Session:
         plays = self.plays or ("loop" if returns(found.moving, rate, at_least=0.5) else "once")
         return _Recording(found, plays, self.trim, self.cut_short)
 
-    def _save(self, recording: _Recording, out: Path, asked: bool) -> None:
-        """Writes a recording, and takes note of it for the report; its limits are told if nobody was asked before."""
+    def _save(self, recording: _Recording, out: Path, shown: bool) -> None:
+        """Writes a recording and adds it to the report; prints its doubts unless they were shown before."""
         from controller.motion.encodings.joint_angles import save_taught_clip, taught_clip
         from hardware.tools.teaching import beyond_limits
 
@@ -308,14 +306,14 @@ class _Session:
         )
         if self.as_json:
             return
-        for warning in [] if asked else warnings:
+        for warning in [] if shown else warnings:
             print(f"note: {warning}; played, it will be held back")
         print(f"wrote {out}: {recording.describe(rate)}, {len(config.names)} joints at {rate:g} Hz", flush=True)
 
     @staticmethod
-    def _say(what: str) -> None:
-        """Talks to whoever teaches: on stderr, because stdout carries the result."""
-        print(what, file=sys.stderr, flush=True)
+    def _say(line: str) -> None:
+        """Prints to stderr, because stdout carries the result."""
+        print(line, file=sys.stderr, flush=True)
 
 
 def _next_take(out: Path) -> Path:

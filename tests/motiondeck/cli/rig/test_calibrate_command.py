@@ -19,7 +19,7 @@ from motiondeck_base.shipped import find_rig
 
 
 class Somebody:
-    """Types what a script says, and moves the joints meanwhile; stands in for `TypedLines`.
+    """Types what a script says, and moves the joints meanwhile; stands in for `LineInput`.
 
     A step of the script is a line to type, or what to do before the next: ("hands", words, s) or a function.
     """
@@ -71,12 +71,12 @@ def calibrate(rig, tmp_path, monkeypatch):
 
     def run(*script):
         somebody = Somebody(config, port, script)
-        monkeypatch.setattr("motiondeck.cli.rig.calibrate.TypedLines", somebody)
+        monkeypatch.setattr("motiondeck.cli.rig.calibrate.LineInput", somebody)
         monkeypatch.setattr(
             "motiondeck.cli.rig.calibrate.open_buses",
             lambda config, ports: nullcontext([(config, Bus(port, config.baud))]),
         )
-        monkeypatch.setattr("motiondeck.cli.rig.calibrate._KEPT", 0.0)
+        monkeypatch.setattr("motiondeck.cli.rig.calibrate._SAVE_S", 0.0)
         result = invoked("rig", "calibrate", str(rig), "--out", str(tmp_path / "my.toml"))
         return result, somebody.asked
 
@@ -92,15 +92,15 @@ def test_ranges_are_kept_over_a_pulled_cable_and_ctrl_c(calibrate, tmp_path):
     part, out = tmp_path / "my.toml.part", tmp_path / "my.toml"
     result, asked = calibrate("", "", ("hands", "move pan 1.1 in 0.2", 0.3), calibrate.port.unplug, ("hands", "", 0.1))
     assert result.exit_code == 1
-    assert "the same command goes on from there" in str(result.exception)
+    assert "the same command continues from there" in str(result.exception)
     assert [question.split(":")[0] for question in asked] == [
         "The torque goes off", "Put every joint where its angle is 0, then press Enter "
     ]  # fmt: skip
     calibrate.port.plug_in()
     result, asked = calibrate("", ("hands", "move pan -0.9 in 0.2", 0.3), interrupt)
     assert result.exit_code == 130
-    assert "the same command goes on from there" in result.stderr
-    assert "going on from" in result.stdout
+    assert "the same command continues from there" in result.stderr
+    assert "continuing from" in result.stdout
     assert len(asked) == 1  # the zeros are known
     assert not out.exists()
     result, _ = calibrate("", "", ("hands", "move tilt 0.8 in 0.2", 0.3), ("hands", "move tilt -0.7 in 0.2", 0.3), "")
@@ -123,9 +123,9 @@ def test_what_is_typed_while_measuring_is_obeyed_or_explained(calibrate, tmp_pat
     for said in (
         "pan is reversed",
         "pan is at 0 here",
-        "pan begins anew",
+        "pan starts again",
         "no joint 'elbow'",
-        "'what' is not understood",
+        "unknown command 'what'",
     ):
         assert said in result.stdout
     assert "note: tilt move it to both ends, it stays as it was." in result.stdout
@@ -162,7 +162,7 @@ def test_scan_setup_and_import_write_rig_files_with_the_lasting_name_of_the_port
 
     assert run("scan", "/dev/ttyUSB0", "--out", tmp_path / "new.toml").exit_code == 0
     assert load_rig(tmp_path / "new.toml").port == "/dev/serial/by-id/U2D2"
-    assert "is there already" in str(run("scan", "/dev/ttyUSB0", "--out", tmp_path / "new.toml").exception)
+    assert "exists already" in str(run("scan", "/dev/ttyUSB0", "--out", tmp_path / "new.toml").exception)
     motors = {
         joint.name: {"id": joint.id, "drive_mode": 0, "homing_offset": 0, "range_min": 1000, "range_max": 3000}
         for joint in config.joints

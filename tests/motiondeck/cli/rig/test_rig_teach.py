@@ -139,7 +139,7 @@ def test_a_recording_that_breaks_off_is_saved_as_far_as_it_goes(rig, tmp_path, m
 
 
 class Somebody:
-    """Types what a script says, a line for each question and one for each recording; stands in for `TypedLines`."""
+    """Types what a script says, a line for each question and one for each recording; stands in for `LineInput`."""
 
     def __init__(self, lines):
         self.lines = list(lines)
@@ -166,7 +166,7 @@ def session(rig, tmp_path, monkeypatch):
             return (Moment(0.02 * tick, angles) for tick, angles in enumerate(next(motions)))
 
         monkeypatch.setattr("motiondeck.cli.rig.teach.open_buses", lambda config, ports: nullcontext([]))
-        monkeypatch.setattr("motiondeck.cli.rig.teach.TypedLines", Somebody(lines))
+        monkeypatch.setattr("motiondeck.cli.rig.teach.LineInput", Somebody(lines))
         monkeypatch.setattr("hardware.tools.teaching.watch_hands", watch)
         return invoked("rig", "teach", str(rig), "--out", str(out), *options)
 
@@ -195,7 +195,7 @@ def test_motions_are_named_recorded_again_and_taken_several_times(session, tmp_p
     assert result.exit_code == 0, result.output
     assert sorted(file.name for file in tmp_path.glob("*.clip")) == ["reach.clip", "wave.clip"]
     assert "\nmotion 'wa ve' cannot be typed" in result.stderr
-    assert "'what' is none of them" in result.stderr
+    assert "unknown choice 'what'" in result.stderr
     assert (how_taught(tmp_path / "wave.clip"), how_taught(tmp_path / "reach.clip")) == ("loop", "once")
     assert "wave.2: 5.0 s of 5.0 s, loop" in result.stderr
     assert re.search(r"note: it is 0\.\d\d rad from the average of 2 takes", result.stderr)
@@ -212,7 +212,7 @@ def test_a_name_that_was_used_before_gets_another_take_and_loses_nothing(session
     session(tmp_path, ["", "wave", "", "", ""], [wave()])
     before = (tmp_path / "wave.clip").read_bytes()
     result = session(tmp_path, ["", "wave", "", "", ""], [wave(0.55)])
-    assert "wave.clip is there already: this will be another take of it, wave.2.clip" in result.stderr
+    assert "wave.clip exists already: this will be another take of it, wave.2.clip" in result.stderr
     assert (tmp_path / "wave.clip").read_bytes() == before
     assert (tmp_path / "wave.2.clip").exists()
 
@@ -256,7 +256,7 @@ def test_what_cannot_be_taught_or_played_is_said(rig, tmp_path):
         (("learn", other, rig, "--out", tmp_path / "x.safetensors"), "give one recipe alone, or recordings"),
         (("learn", rig, "--out", tmp_path / "x.safetensors"), "arm.toml"),
         (("learn", other, "--data", tmp_path, "--out", tmp_path / "x.safetensors"), "--data .* no recipe is given"),
-        (("rig", "emulate", rig, "--root", "free"), "--root free is about a body"),
+        (("rig", "emulate", rig, "--root", "free"), "--root free needs a body"),
     ):
         with pytest.raises(Exception, match=error) as raised:
             invoked(*words, catch_exceptions=False)

@@ -60,7 +60,7 @@ def test_calibrate_says_what_it_found_and_replaces_nothing_unasked(files):
     said = json.loads(run("calibrate", files / "small.xml", "--out", out, "--json").stdout)
     assert said["solvers"] == ["ik", "angles"]
     assert said["parts"]["r_shank"] == "right_shank"
-    with pytest.raises(MotiondeckError, match="is there already"):
+    with pytest.raises(MotiondeckError, match="exists already"):
         run("calibrate", files / "small.xml", "--out", out)
     assert run("calibrate", files / "small.xml", "--out", out, "--force").exit_code == 0
 

@@ -1,4 +1,4 @@
-"""Lines that somebody types while a rig is being read: taken without waiting, or waited for."""
+"""Lines of standard input, with a timeout or without."""
 
 from __future__ import annotations
 
@@ -10,49 +10,49 @@ import sys
 from motiondeck_base.errors import MotiondeckError
 
 
-class TypedLines:
-    """The lines of standard input; prompts go to standard error, because standard output carries the result."""
+class LineInput:
+    """Reads lines from standard input; prompts go to standard error, because standard output carries the result."""
 
     def __init__(self) -> None:
-        self._begun = b""
+        self._partial = b""
         try:
             self._fd: int | None = sys.stdin.fileno()
         except (io.UnsupportedOperation, AttributeError):
-            self._fd = None  # a stream without a descriptor never keeps anybody waiting
+            self._fd = None  # a stream without a descriptor never blocks
 
-    def ask(self, what: str) -> str:
-        """Asks, and waits for a line; what was typed, without spaces around it.
+    def ask(self, prompt: str) -> str:
+        """Prompts and waits for a line, which is returned without surrounding spaces.
 
         Raises:
             MotiondeckError: if the input has ended.
         """
-        print(what, end="", file=sys.stderr, flush=True)
+        print(prompt, end="", file=sys.stderr, flush=True)
         while (line := self.take(None)) is None:
             pass
         return line
 
     def take(self, seconds: float | None = 0.0) -> str | None:
-        """The next line if it is typed within so many seconds (None: for ever); None if not.
+        """The next line, or None if there is none within `seconds` (None waits for ever).
 
         Raises:
             MotiondeckError: if the input has ended.
         """
         if self._fd is None:
             return self._ended_or(sys.stdin.readline())
-        if b"\n" not in self._begun:
+        if b"\n" not in self._partial:
             if not select.select([self._fd], [], [], seconds)[0]:
                 return None
             data = os.read(self._fd, 4096)
-            self._begun += data
-            if b"\n" not in self._begun:
+            self._partial += data
+            if b"\n" not in self._partial:
                 return self._ended_or("") if not data else None
-        line, _, self._begun = self._begun.partition(b"\n")
+        line, _, self._partial = self._partial.partition(b"\n")
         return line.decode(errors="replace").strip()
 
     @staticmethod
     def _ended_or(line: str) -> str:
         if not line:
-            raise MotiondeckError("there is no terminal in which to press Enter; see --help for what goes without")
+            raise MotiondeckError("standard input has ended, so there is no Enter; --help shows what works without it")
         return line.strip()
 
 
