@@ -1,7 +1,7 @@
 # pyright: strict
-"""The networks themselves, for time series of your own: reservoirs, conceptors, centers with satellites, switching.
+"""The networks themselves, for your own time series: reservoirs, conceptors, centers with satellites, switching.
 
-Each stands in a file of its own in `controller/networks`, with its equations; here they are together.
+Their equations are in the files of `controller/networks`.
 """
 
 from __future__ import annotations

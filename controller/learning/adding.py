@@ -52,7 +52,7 @@ def add_motion(library: MotionLibrary, path: Path, clip: Clip, motion: MotionRec
         library: as it was trained or added to.
         path: of the library, for error messages.
         clip: the recording, of any skeleton and rate.
-        motion: what it is called, how it plays and which of its frames to take.
+        motion: its name, kind and frames.
 
     Raises:
         MotiondeckError: if the name is taken or cannot be typed, the clip does not fit, or the network cannot be added

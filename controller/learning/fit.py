@@ -31,7 +31,7 @@ def fit(recipe: LibraryRecipe, data: Path, progress: Progress = lambda _: None) 
     """Trains the library of a recipe from the recordings in a folder.
 
     Args:
-        recipe: what to train.
+        recipe: that is trained.
         data: the folder that the recipe's files lie in.
         progress: called with each step in a few words; there are `steps(recipe)` of them without retries.
 
@@ -85,7 +85,7 @@ class TrainedNetwork:
 
     Attributes:
         seed: it was drawn with.
-        network: what plays.
+        network: that plays.
         verdicts: of the self-test.
         weights: W of a conceptor network, shape (N, N).
     """
@@ -97,7 +97,7 @@ class TrainedNetwork:
 
     @property
     def passed(self) -> int:
-        """How many motions passed the self-test."""
+        """The number of motions that passed the self-test."""
         return sum(verdict.passed for verdict in self.verdicts.values())
 
 
@@ -153,14 +153,14 @@ def assemble(
 
 
 def steps(recipe: LibraryRecipe) -> int:
-    """How many steps a fit takes when the first seed passes."""
+    """The steps of a fit when the first seed passes."""
     return len(recipe.motions) + 2
 
 
 def describe_motion(
     motion: MotionRecipe, frames: Array, network: AnyNetwork, verdict: MotionVerdict, anchor_every: int
 ) -> MotionInfo:
-    """What a library knows of a motion that was learned from frames (T, C)."""
+    """The header of a motion that was learned from frames (T, C)."""
     return MotionInfo(
         name=motion.name,
         plays=motion.plays,

@@ -53,13 +53,13 @@ def load_signals(
 
 def learn_signals(
     signals: Mapping[str, Array],
-    recipe: NetworkRecipe,
+    recipe: NetworkRecipe = SMALL_RESERVOIR,
     *,
     rate: float = 1.0,
     loops: Collection[str] = (),
     seed: int = 0,
 ) -> AnyNetwork:
-    """One network that plays all signals, of the kind that the recipe names.
+    """One network that plays all signals, of the kind that the recipe names, by default conceptors.
 
     Args:
         signals: shape (T, D) each.

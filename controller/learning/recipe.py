@@ -1,4 +1,4 @@
-"""A training recipe: which clips become which motions, and the network that learns them."""
+"""A training recipe: the recordings of each motion, and the network that learns them."""
 
 from __future__ import annotations
 
@@ -37,18 +37,18 @@ class MotionRecipe(msgspec.Struct, forbid_unknown_fields=True, frozen=True, kw_o
 
     Attributes:
         file: the recording, relative to the data folder.
-        name: what it is called when it plays; without it, as its file.
+        name: of the motion; by default its file's.
         plays: "loop" is closed and goes on for ever, "once" ends in a pose and holds it.
         frames: first frame and the one after the last, or the whole recording.
         skeleton: for an .amc, its .asf, relative to the data folder; without it the one nearby is taken.
-        unit, up, rename: what overrules the file, as in `ReadingOptions`.
+        unit, up, rename: override the file, as in `ReadingOptions`.
         mirrored: whether left and right are exchanged.
         takes: further recordings of the same motion. Clips taught to a rig are joined with the first; with an input,
             they are other values of it.
         input: the name of an input besides the phase, in which the recordings differ, such as "speed".
         values: of the input in the recording and in each take; without them, those of "speed" are measured, m/s.
-        people: who made the recording and each take; the motion is then learned in the manner of the first, and the
-            others show what the input does. Without it all recordings count as one person's.
+        people: the person in the recording and in each take; the motion is then learned in the manner of the first,
+            and the others show the effect of the input. Without it all recordings count as one person's.
     """
 
     file: str
@@ -70,14 +70,14 @@ class LibraryRecipe(msgspec.Struct, forbid_unknown_fields=True, frozen=True, kw_
     """A motion library to be trained.
 
     Attributes:
-        motions: what it learns.
+        motions: that it learns.
         name: of the library; without it, as the recipe's file.
-        network: its kind and parameters; without it, the one that learns motions nobody tuned for.
+        network: its kind and parameters; by default phase-driven conceptors, which learn motions without tuning.
         body: the recording whose own skeleton all motions are carried to; without it, the canonical body with the
             proportions of the first recording.
         rate: frames per second that recordings are brought to, Hz; without it that of the recordings, or 120 Hz where
             they differ.
-        encoding: what the channels of the network are; joint rotations keep the twist of bones.
+        encoding: of the channels; joint rotations keep the twist of bones.
         as_recorded: learn the recordings as they are, each on its own body, no loop closed and no end held; the first
             frames, as many as the washout, only lead in. This is what the thesis does.
         loop_keeps: the least share of a recording that its loop keeps.
@@ -123,10 +123,10 @@ def typeable(text: str) -> str:
 
 
 def warnings(recipe: LibraryRecipe) -> list[str]:
-    """What a recipe lacks without which it can be trained."""
+    """Omissions with which a recipe can still be trained."""
     if recipe.licence.strip().lower() not in ("", "unknown"):
         return []
-    return ["no licence of the recordings is given, so nobody may pass the library on: set licence in the recipe"]
+    return ["no licence of the recordings is given, so the library may not be passed on: set licence in the recipe"]
 
 
 def gesture_recipe(name: str, clips: Sequence[Path], trim: bool = True) -> LibraryRecipe:
@@ -247,7 +247,7 @@ def _missing_files(recipe: LibraryRecipe, data: Path) -> Iterator[str]:
 
 
 def _motion_problems(recipe: LibraryRecipe) -> Iterator[str]:
-    """What is wrong with a recipe's motions and with how they are prepared."""
+    """Problems of a recipe's motions and of their preparation."""
     names = [motion.name for motion in recipe.motions]
     if not names:
         yield "there are no [[motions]] in it"
@@ -270,7 +270,7 @@ def _motion_problems(recipe: LibraryRecipe) -> Iterator[str]:
 
 
 def _input_problems(motion: MotionRecipe, recipe: LibraryRecipe) -> Iterator[str]:
-    """What is wrong with the input of a motion."""
+    """Problems of the input of a motion."""
     if not motion.input:
         for key in ("values", "people"):
             if getattr(motion, key):

@@ -11,13 +11,13 @@ from controller.learning.recipe import LibraryRecipe
 
 
 def recipe_text(recipe: LibraryRecipe) -> str:
-    """The TOML text of a recipe; what is left at its default is left out, except for the network."""
+    """The TOML text of a recipe, without fields at their defaults except for the network."""
     tree = msgspec.to_builtins(recipe)
     network, motions = tree.pop("network"), tree.pop("motions")
     defaults = {field.name: field.default for field in msgspec.structs.fields(LibraryRecipe) if not field.required}
-    given = {key: value for key, value in tree.items() if value is not None and value != defaults.get(key)}
-    lines = [_line(key, value) for key, value in given.items()]
-    if "licence" not in given:
+    set_fields = {key: value for key, value in tree.items() if value is not None and value != defaults.get(key)}
+    lines = [_line(key, value) for key, value in set_fields.items()]
+    if "licence" not in set_fields:
         lines.append(f"{_line('licence', recipe.licence)}  # on what terms may the recordings be passed on?")
     lines += ["", "[network]", *(_line(key, value) for key, value in network.items() if value is not None)]
     for motion in motions:

@@ -21,7 +21,7 @@ MOST_NEURONS, MOST_HARMONICS = 20_000, 100
 
 
 class MotionInfo(MotionHeader, frozen=True, kw_only=True):
-    """What a library holds about one motion, besides what its network reads.
+    """A motion in the header of a library.
 
     Attributes:
         source: the file that it was learned from.
@@ -39,7 +39,7 @@ class MotionInfo(MotionHeader, frozen=True, kw_only=True):
 
 
 class LibraryInfo(NetworkHeader, frozen=True, kw_only=True):
-    """The header of a library, besides what its network reads.
+    """The header of a library.
 
     Attributes:
         version: of the format.
@@ -49,7 +49,7 @@ class LibraryInfo(NetworkHeader, frozen=True, kw_only=True):
         skeleton: of the body that its motions are on.
         recipe: of the training, as it was read.
         licence: terms under which the library may be passed on.
-        acknowledgement: what the owners of the data ask to be stated.
+        acknowledgement: that the owners of the data ask for.
     """
 
     version: int

@@ -36,7 +36,7 @@ class MotionLibrary:
 
     Attributes:
         info: the header.
-        network: what plays the motions.
+        network: plays the motions.
         encoding: between the network's channels and postures.
     """
 
@@ -46,7 +46,7 @@ class MotionLibrary:
 
     @property
     def skeleton(self) -> Skeleton:
-        """Whose motions these are."""
+        """The body of the motions."""
         return self.encoding.skeleton
 
 

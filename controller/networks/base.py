@@ -1,4 +1,4 @@
-"""What a network can do, as the deck and the trainers see it: frame by frame, and in continuous time."""
+"""Interfaces of networks, for the deck and for training: frame by frame, and in continuous time."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 Channels = NDArray[np.float64]
 Activation = NDArray[np.float32]
 Rows = NDArray[np.int64] | EllipsisType
-"""Which of several runs, or all of them."""
+"""The indices of some of several runs, or all of them."""
 
 Motion = TypeVar("Motion")
 
@@ -67,7 +67,7 @@ class PhaseNetwork(FrameNetwork, Protocol):
 
     @property
     def phase(self) -> float:
-        """How far the motion is: [0, 1) in a loop, 0 to 1 in a one-shot, which then holds its end."""
+        """The share of the motion that is played: [0, 1) in a loop, 0 to 1 in a one-shot, which then holds its end."""
         ...
 
     def seek(self, motion: str, phase: float) -> None:
@@ -197,7 +197,7 @@ class Network(NamedMotions[Motion], ABC):
         """The frames at the anchors of a motion, shape (anchors, channels)."""
 
     def recall(self, motion: str) -> Channels:
-        """What the readout gives at the stored states, shape (anchors, channels): by default the anchors."""
+        """The readout at the stored states, shape (anchors, channels): by default the anchors."""
         return self.anchors(motion)
 
     @abstractmethod
@@ -226,7 +226,7 @@ class Network(NamedMotions[Motion], ABC):
 
     @abstractmethod
     def arrays(self) -> dict[str, NDArray[Any]]:
-        """What is stored, by name."""
+        """The stored arrays by name."""
 
     def header_fields(self) -> dict[str, Any]:
         """Fields of the library's header that belong to this kind."""

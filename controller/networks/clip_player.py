@@ -64,7 +64,7 @@ class ClipPlayer(Network[Frames]):
 
     @property
     def phase(self) -> float:
-        """How far the motion is: [0, 1) in a loop, 0 to 1 in a one-shot."""
+        """The share of the motion that is played: [0, 1) in a loop, 0 to 1 in a one-shot."""
         frames = len(self[self._motion])
         return self._at / (frames if self._loops[self._motion] else max(1, frames - 1))
 

@@ -21,7 +21,7 @@ class DrivingInput(msgspec.Struct, forbid_unknown_fields=True, frozen=True):
     Attributes:
         name: such as "speed".
         values: that the motion was learned at, rising, in the input's own unit.
-        seconds: how long a round takes at each.
+        seconds: of a round at each.
         usual: the value while none is given.
     """
 
@@ -48,7 +48,7 @@ class DrivingInput(msgspec.Struct, forbid_unknown_fields=True, frozen=True):
         return 2.0 * (min(max(value, least), most) - least) / (most - least) - 1.0
 
     def pace(self, level: float) -> float:
-        """How much faster than at the usual value the motion goes round; its logarithm is linear between values."""
+        """Rate factor relative to the usual value; its logarithm is linear between values."""
         known = [self.level(value) for value in self.values]
         usual, there = np.interp([self.level(self.usual), level], known, np.log(self.seconds))
         return float(np.exp(usual - there))

@@ -1,4 +1,4 @@
-"""Where a motion is best entered: after which of its entry points it is most like what would have come."""
+"""Entry points: the one after which a motion is most like the course of the motion before it."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ WINDOW_SECONDS = 0.45
 
 
 class TimedMotion(Protocol):
-    """A motion whose channels can be asked for at any time."""
+    """A motion with channels at any time."""
 
     def at(self, time: Array) -> Channels:
         """The channels at times (T,) since its beginning, s, shape (T, D)."""
@@ -27,7 +27,7 @@ class Entries:
 
     Args:
         motions: by name.
-        starts: when they may be entered, shape (E,), s, of each.
+        starts: the entry points of each, shape (E,), s.
     """
 
     def __init__(self, motions: Mapping[str, TimedMotion], starts: Mapping[str, Array]) -> None:
@@ -42,13 +42,13 @@ class Entries:
         self._windows = {name: w / self._scale for name, w in windows.items()}
 
     def best(self, source: TimedMotion, time: float, target: str, among: int | None = None) -> int:
-        """Which of a motion's first `among` entry points suits best.
+        """The best of a motion's first `among` entry points; each channel counts by its spread.
 
         Args:
-            source: what is left, and
-            time: when, s.
+            source: the motion that is left.
+            time: when it is left, s.
             target: the motion that is entered.
-            among: how many of its entry points are compared; each channel counts by its spread.
+            among: entry points that are compared, all by default.
         """
         coming = source.at(time + self._ahead) / self._scale
         return int(np.square(self._windows[target][:among] - coming).sum((1, 2)).argmin())

@@ -1,18 +1,17 @@
-"""A guard around a network: sees when it is lost and puts it back to where it was, or nearly so.
+"""A guard around a network: detects that it has lost its place, and restarts it there.
 
-Four signs are looked for:
+It looks for four signs:
 
-- an impossible state: one that no playing leads to (every frame);
-- far from everything the motion knows: no anchor is near (every LOOK_SECONDS);
-- frozen: what is played moves a fraction of the least that the motion ever moves (every LOOK_SECONDS);
-- out of order: a one-shot is not near where it was a look ago, or a little further on.
+- an impossible state: one that undisturbed playing never reaches (every frame);
+- far away: no anchor of the motion is near (every LOOK_SECONDS);
+- frozen: the output moves a fraction of the least that the motion ever moves (every LOOK_SECONDS);
+- out of order: a one-shot is not near where it was LOOK_SECONDS ago, or a little further on.
 
-The cure is always the same: start again from a stored state. In a loop that is the one whose frame is nearest to what
-was last seen, in a one-shot the one that would have come next. The frame jumps by the distance to it,
-which is why a safety envelope belongs between this and a robot. Nothing that ran well is touched: a guarded run without
-a sign of trouble is the run itself, bit by bit.
+It restarts from a stored state: in a loop the one whose frame is nearest to the last good frame, in a one-shot the next
+one. The frame jumps by the distance to it, so a safety envelope belongs between this and a robot. Without such a sign a
+guarded run is the plain run, bit by bit.
 
-A look compares one frame with at most MOST_ANCHORS anchors; what it costs is bounded and does not grow with a motion.
+A comparison takes one frame and at most MOST_ANCHORS anchors, whatever the length of the motion.
 """
 
 from __future__ import annotations
@@ -36,17 +35,17 @@ MEMORY = 0.1
 
 @dataclass(frozen=True)
 class Beat:
-    """What a guard knows of one motion.
+    """The settings of a guard for one motion.
 
     Attributes:
-        anchors: which of the network's anchors it compares with, shape (A,).
+        anchors: those of the network that frames are compared with, shape (A,).
         places: their frames, each channel divided by its spread over all motions, shape (A, C).
         squares: |place|^2, shape (A,).
-        pace: the mean movement between two looks.
+        pace: the mean movement between two comparisons.
         slowest: the least smoothed movement that counts as playing; 0 where standing still is right.
-        disorder: how far a one-shot may be from where it should be.
-        stride: how many of these anchors a one-shot goes on between two looks; None for a loop.
-        look_every: frames from one look to the next.
+        disorder: the largest distance of a one-shot from its place.
+        stride: anchors that a one-shot advances between two comparisons; None for a loop.
+        look_every: frames between two comparisons.
     """
 
     anchors: NDArray[np.int64]
@@ -65,7 +64,7 @@ class LossWatch:
     Args:
         beat: of the motion.
         scale: the spread of each channel, shape (C,).
-        frames: what the runs start from, shape (R, C).
+        frames: at which the runs start, shape (R, C).
     """
 
     def __init__(self, beat: Beat, scale: Channels, frames: Channels) -> None:
@@ -77,13 +76,13 @@ class LossWatch:
         self._count = 0
 
     def copy(self) -> LossWatch:
-        """The same watch with a memory of its own."""
+        """An independent watch in the same state."""
         twin = LossWatch(self.beat, self._scale, self._seen * self._scale)
         twin._pace, twin._place, twin._count = self._pace.copy(), self._place.copy(), self._count
         return twin
 
-    def look(self, frames: Channels, astray: NDArray[np.bool_]) -> NDArray[np.bool_]:
-        """Which runs are lost, shape (R,), from their newest frames (R, C) and whether their states are impossible."""
+    def inspect(self, frames: Channels, astray: NDArray[np.bool_]) -> NDArray[np.bool_]:
+        """Which runs are lost, shape (R,), by their newest frames (R, C) and whether their states are impossible."""
         lost = astray | ~np.isfinite(frames).all(1)
         self._count += 1
         if self._count % self.beat.look_every:
@@ -100,7 +99,7 @@ class LossWatch:
         return lost | self._disordered(seen, self.beat.stride)
 
     def _disordered(self, seen: Channels, stride: float) -> NDArray[np.bool_]:
-        """Which runs are not where they should be by now; moves their places on."""
+        """Which one-shots are out of order; advances their places."""
         last = len(self.beat.places) - 1
         expected = np.minimum(self._place + stride, last)
         reach = np.arange(-2, 3) * max(1.0, 0.5 * stride)
@@ -115,7 +114,7 @@ class LossWatch:
         return lost
 
     def restart(self, rows: NDArray[Any]) -> NDArray[np.int64]:
-        """The network's anchors from which the given runs are to start again."""
+        """The network's anchors at which to restart some runs."""
         if self.beat.stride is not None:
             return self.beat.anchors[self._place[rows].astype(np.int64)]
         return self.beat.anchors[self._distances(self._seen[rows]).argmin(1)]
@@ -127,17 +126,17 @@ class LossWatch:
 
 
 class Guard:
-    """Plays what a network plays and starts it again where it is lost; fits `base.FrameNetwork` itself.
+    """Plays a network and restarts it where it is lost; fits `base.FrameNetwork`.
 
     Args:
-        network: what is guarded.
-        lengths: how many frames each motion has.
-        loops: whether it goes on for ever.
+        network: that is guarded.
+        lengths: frames of each motion.
+        loops: whether each motion is a loop.
         rate: frames per second, Hz.
 
     Attributes:
-        recues: how often it had to start the network again.
-        anchor: where it did so the last time.
+        recues: restarts so far.
+        anchor: of the last restart.
     """
 
     def __init__(
@@ -169,15 +168,15 @@ class Guard:
     def advance(self, out: Channels) -> None:
         """Steps one frame on and writes it into out, shape (channels,)."""
         if self.network.astray():
-            self._start_again()
+            self._restart()
         self.network.advance(out)
         self._newest[0], self._astray[0] = out, self.network.astray()
-        if self._watch.look(self._newest, self._astray)[0]:
-            self._start_again()
+        if self._watch.inspect(self._newest, self._astray)[0]:
+            self._restart()
             if self._astray[0] or not np.isfinite(out).all():
                 self.network.advance(out)
 
-    def _start_again(self) -> None:
+    def _restart(self) -> None:
         self.recues += 1
         self.anchor = int(self._watch.restart(np.zeros(1, dtype=np.int64))[0])
         self.network.cue(self._motion, self.anchor)
@@ -200,7 +199,7 @@ def spread(network: FrameNetwork) -> Channels:
 
 
 def beat(network: FrameNetwork, motion: str, scale: Channels, length: int, rate: float, *, loop: bool) -> Beat:
-    """What a guard has to know of a motion of some length in frames at a rate in Hz."""
+    """The settings for a motion of some length in frames at a rate in Hz."""
     look_every = max(1, round(LOOK_SECONDS * rate))
     frames = network.anchors(motion) / scale
     anchors = np.arange(0, len(frames), -(-len(frames) // MOST_ANCHORS))

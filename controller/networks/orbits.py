@@ -1,9 +1,9 @@
-"""Orbits: where the neurons of a network are while it plays each of its motions, in the few directions that show most.
+"""Orbits: the paths of a network's neurons in each motion, in the directions of most variance.
 
-The activations r of all motions, N numbers each, are seen from the three directions in which they differ most (their
-first principal components):  p = D (r - c). Each motion is a closed path there, or one that ends.
+The activations r of all motions, N numbers each, are projected on their first three principal components,
+p = D (r - c). Each motion is a closed path there, or one that ends.
 
-How far two motions use the same directions is their overlap: with the correlations R = X'X / T of their activations,
+The overlap of two motions says how far they use the same directions: with the correlations R = X'X / T,
 
     |R_i^1/2 R_j^1/2|^2 / (|R_i| |R_j|),
 
@@ -34,7 +34,7 @@ class Orbits:
         directions: D, shape (3, N), scaled so that nearly all points are within 1 of the middle.
         centre: c, shape (N,).
         paths: of each motion, shape (POINTS, 3) or shorter.
-        share: which part of the activations' variance the three directions show.
+        share: of the activations' variance in the three directions.
         overlap: of each two motions, shape (M, M), in the order of the paths.
     """
 
@@ -45,7 +45,7 @@ class Orbits:
     overlap: Array
 
     def point(self, activation: Array) -> Activation:
-        """Where an activation (N,) is seen, shape (3,)."""
+        """The projection of an activation (N,), shape (3,)."""
         seen: Activation = self.directions @ (activation - self.centre).astype(np.float32)
         return seen
 
@@ -54,7 +54,7 @@ def orbits(network: AnyNetwork, frames: Mapping[str, int]) -> Orbits:
     """The orbits of a network with neurons: plays each motion once, on a twin.
 
     Args:
-        network: what plays.
+        network: that plays.
         frames: of each motion.
     """
     player = network.twin()

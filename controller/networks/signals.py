@@ -1,4 +1,4 @@
-"""Time series, matrices and numbers as callers of the public API give them: in one form, or refused in words."""
+"""Checks arguments of the public API: time series, matrices and numbers, each in one form or refused."""
 
 from __future__ import annotations
 
@@ -11,20 +11,20 @@ from controller.motion.rotations import Array
 from motiondeck_base.errors import MotiondeckError
 
 
-def time_series(given: ArrayLike, what: str, channels: int | None = None) -> Array:
-    """A time series as an array (T, D) of float64 in C order; lists and any other numbers and orders will do.
+def time_series(value: ArrayLike, what: str, channels: int | None = None) -> Array:
+    """A time series as an array (T, D) of float64 in C order.
 
     Args:
-        given: frames by channels.
-        what: what errors call it.
-        channels: D, if it has to be that.
+        value: frames by channels, an array or lists of any real numbers.
+        what: its name in errors.
+        channels: D, if it is known.
 
     Raises:
-        MotiondeckError: if it has another shape, no frame or no channel, or holds anything but finite real numbers; it
-            names the first frame and channel that do not.
+        MotiondeckError: if it has another shape, is empty, or holds anything but finite real numbers; it names the
+            first such frame and channel.
     """
     try:
-        found = np.asarray(given)
+        found = np.asarray(value)
     except ValueError:  # rows of different lengths
         raise MotiondeckError(f"{what} has rows of different lengths; give as many channels in every frame") from None
     if found.dtype.kind not in "biuf":
@@ -44,16 +44,16 @@ def time_series(given: ArrayLike, what: str, channels: int | None = None) -> Arr
     return numbers
 
 
-def points(given: ArrayLike, what: str, least: float = -np.inf, most: float = np.inf) -> Array:
-    """Numbers in a row, float64; one alone will do.
+def points(value: ArrayLike, what: str, least: float = -np.inf, most: float = np.inf) -> Array:
+    """A number or a row of numbers as a row of float64.
 
     Raises:
-        MotiondeckError: if they are anything else, or one is not from `least` to `most`.
+        MotiondeckError: if it is anything else, or a number is not from `least` to `most`.
     """
     try:
-        found = np.atleast_1d(np.asarray(given, dtype=np.float64))
+        found = np.atleast_1d(np.asarray(value, dtype=np.float64))
     except (TypeError, ValueError):
-        raise MotiondeckError(f"{what} is {given!r}; give numbers in a row") from None
+        raise MotiondeckError(f"{what} is {value!r}; give numbers in a row") from None
     if found.ndim != 1:
         raise MotiondeckError(f"{what} is of shape {found.shape}; give numbers in a row")
     bad = found[~((found >= least) & (found <= most) & np.isfinite(found))]
@@ -63,50 +63,45 @@ def points(given: ArrayLike, what: str, least: float = -np.inf, most: float = np
     return found
 
 
-def square(given: ArrayLike, what: str, size: int | None = None) -> Array:
-    """A matrix (N, N) of float64.
-
-    Args:
-        given: rows.
-        what: what errors call it.
-        size: N, if it has to be that.
+def square(value: ArrayLike, what: str, size: int | None = None) -> Array:
+    """A matrix (N, N) of float64, with N = `size` if that is known.
 
     Raises:
-        MotiondeckError: if it has another shape.
+        MotiondeckError: if it has another shape; it calls it `what`.
     """
-    matrix = np.asarray(given, dtype=np.float64)
+    matrix = np.asarray(value, dtype=np.float64)
     expected = "(N, N)" if size is None else f"({size}, {size})"
     if matrix.ndim != 2 or matrix.shape[0] != matrix.shape[1] or (size is not None and len(matrix) != size):
         raise MotiondeckError(f"{what} is of shape {matrix.shape}; {expected} is needed")
     return matrix
 
 
-def whole_number(given: object, what: str, least: int = 0) -> int:
+def whole_number(value: object, what: str, least: int = 0) -> int:
     """A whole number of at least `least`.
 
     Raises:
         MotiondeckError: if it is none.
     """
-    if not isinstance(given, Integral) or int(given) < least:
-        raise MotiondeckError(f"{what} is {given!r}; give a whole number, {least} or more")
-    return int(given)
+    if not isinstance(value, Integral) or int(value) < least:
+        raise MotiondeckError(f"{what} is {value!r}; give a whole number, {least} or more")
+    return int(value)
 
 
-def sampling_rate(given: object) -> float:
+def sampling_rate(value: object) -> float:
     """The rate of a time series, Hz.
 
     Raises:
-        MotiondeckError: if it is no number above 0, or one that nothing was ever sampled at.
+        MotiondeckError: if it is no number from 1e-9 to 1e12.
     """
-    return number_within(given, "the rate, Hz,", 1e-9, 1e12)
+    return number_within(value, "the rate, Hz,", 1e-9, 1e12)
 
 
-def number_within(given: object, what: str, least: float, most: float) -> float:
+def number_within(value: object, what: str, least: float, most: float) -> float:
     """A number from `least` to `most`.
 
     Raises:
         MotiondeckError: if it is none.
     """
-    if not isinstance(given, Real) or not least <= float(given) <= most:
-        raise MotiondeckError(f"{what} is {given!r}; it lies between {least:g} and {most:g}")
-    return float(given)
+    if not isinstance(value, Real) or not least <= float(value) <= most:
+        raise MotiondeckError(f"{what} is {value!r}; it lies between {least:g} and {most:g}")
+    return float(value)

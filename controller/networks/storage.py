@@ -39,7 +39,7 @@ class PhaseScales(msgspec.Struct, forbid_unknown_fields=True, frozen=True):
 
 
 class MotionHeader(msgspec.Struct, forbid_unknown_fields=True, frozen=True, kw_only=True):
-    """What a network reads of one motion in the header of a library.
+    """The fields of a motion in a library's header that its network reads.
 
     Attributes:
         name: of the motion.
@@ -55,7 +55,7 @@ class MotionHeader(msgspec.Struct, forbid_unknown_fields=True, frozen=True, kw_o
 
 
 class NetworkHeader(msgspec.Struct, forbid_unknown_fields=True, frozen=True, kw_only=True):
-    """What a network reads in the header of a library.
+    """The fields of a library's header that its network reads.
 
     Attributes:
         motions: that it plays.
@@ -92,7 +92,7 @@ class StoredNetwork:
         """Arrays by name, each with its axes as letters.
 
         Args:
-            at: what their names begin with.
+            at: the beginning of their names.
             sizes: of the letters. A letter that is not among them takes the size of the first axis that has it.
             dtype: of all.
             shapes: such as recurrent="nk".
@@ -138,5 +138,5 @@ def arrays_of(part: Any, at: str) -> dict[str, NDArray[Any]]:
 
 
 def normalisation_arrays(normalisation: Normalisation, at: str = "") -> dict[str, NDArray[Any]]:
-    """What is stored of a normalisation."""
+    """The stored arrays of a normalisation by name."""
     return {f"{at}shift": normalisation.shift, f"{at}scaling": normalisation.scaling}

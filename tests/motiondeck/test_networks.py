@@ -154,3 +154,21 @@ def test_the_switching_module_goes_where_it_is_commanded():
     for _ in range(300):
         module.advance(0.02)
     assert module.state == 2
+
+
+def test_the_constructors_have_defaults_and_seeds():
+    reservoir = net.random_reservoir(100, 1)
+    assert np.array_equal(reservoir.weights, net.random_reservoir(100, 1, seed=0).weights)
+    assert not np.array_equal(reservoir.weights, net.random_reservoir(100, 1, seed=1).weights)
+    time = np.arange(600)[:, None]
+    signal = np.sin(0.1 * time)
+    response = net.learn_response(reservoir, signal, signal**3)
+    assert net.nrmse(response.respond(signal)[200:], signal[200:] ** 3) < 0.05
+    loaded = net.load_signals({"slow": signal, "fast": np.sin(0.2 * time)})
+    assert np.ptp(loaded.run(loaded.conceptor("slow"), 300)[100:]) == pytest.approx(2.0, abs=0.4)
+    network = net.learn_signals({"slow": signal, "fast": np.sin(0.2 * time)})
+    assert np.ptp(net.run_free(network, "slow", 200)) == pytest.approx(2.0, abs=0.4)
+    centers = net.NonlinearCenters.at_rest(net.Pendulum(), net.control_for(net.Pendulum(), 2.0))
+    assert centers.frequency == pytest.approx([2.0])
+    loop = np.sin(2 * np.pi * np.arange(120)[:, None] / 120)
+    assert net.nrmse(net.learn_weights(loop, 60.0).run(120, 1 / 60), loop) < 0.05

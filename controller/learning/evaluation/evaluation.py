@@ -61,7 +61,7 @@ class Evaluation:
 
     @property
     def noise_note(self) -> str:
-        """What a disturbance of its networks leaves out, or an empty string."""
+        """A note on what a disturbance of its networks reaches, or an empty string."""
         return self.trainer.noise_note if self.library is None else self.trainer.stored_noise_note
 
     def networks(self, seeds: Iterable[int], jobs: Jobs, tick: Callable[[], None]) -> list[Subject]:
@@ -95,7 +95,7 @@ def training_error(
     """Trains a recipe with a seed and measures it, as tables 4.1, 4.3 and 4.5 of Deliallisi 2017.
 
     Args:
-        recipe: what to train.
+        recipe: that is trained.
         syllabus: its frames.
         seed: of everything random.
         readout_targets: what the readout of a conceptor network learns, one (T, channels) a motion; its frames if None.

@@ -23,7 +23,7 @@ from motiondeck_base.jobs import ALONE, Jobs, spread
 
 Tick = Callable[[], None]
 
-# At most so many networks are drawn until one passes the self-test; their seeds are this far apart.
+# The most networks that are drawn until one passes the self-test, and the distance of their seeds.
 ATTEMPTS = 4
 SEEDS_APART = 10_000
 
@@ -33,9 +33,9 @@ class Subject:
     """A trained network that is disturbed.
 
     Attributes:
-        seed: it was asked for with.
-        drawn: the seed it was drawn with, a later one where an earlier network failed the self-test.
-        network: what plays.
+        seed: that was asked for.
+        drawn: the seed of the network, a later one where an earlier network failed the self-test.
+        network: that plays.
         weights: W of a conceptor network, shape (N, N), or None where it was not kept (a library keeps W U only).
     """
 
@@ -47,16 +47,16 @@ class Subject:
 
 @dataclass(frozen=True)
 class Count:
-    """How often one motion of one network failed.
+    """The failures of one motion of one network.
 
     Attributes:
         motion: its name.
-        loop: whether it goes on for ever.
+        loop: whether it is a loop.
         seed, drawn: of the network, as in `Subject`.
-        runs: how many there were.
-        intrinsic: how many of them failed without a guard.
-        guarded: how many with one, or None where that was not asked for or the network needs none.
-        reason: why the first intrinsic one did, or "".
+        runs: their number.
+        intrinsic: failures without a guard.
+        guarded: failures with one, or None without guarded runs.
+        reason: of the first intrinsic failure, or "".
     """
 
     motion: str
@@ -95,12 +95,12 @@ def sweep(
     Args:
         kind: of disturbance.
         subjects: the networks.
-        syllabus: what they learned, to judge by.
+        syllabus: the frames that they learned, to judge by.
         runs: of each motion of each network.
         motions: which of them, or all.
         holds: whether one-shots were taught to hold their end.
         guarded: whether to play all runs once more with a guard.
-        jobs: where the work is done.
+        jobs: that do the work.
         tick: is called after each motion of each network.
 
     Returns:

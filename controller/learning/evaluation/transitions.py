@@ -46,7 +46,7 @@ class MeasuredTransition:
     Attributes:
         source, target: the motions.
         method: one of METHODS.
-        frames: how long it took.
+        frames: of the transition.
         velocity, acceleration, jerk: peaks over the larger of both motions' own.
         bone_error: the largest |length / true length - 1| of a bone on the way.
         failed: whether the target was not what played afterwards.
@@ -77,9 +77,9 @@ def all_crossings(
 
     Args:
         library: whose network plays.
-        syllabus: what it learned, to judge by.
+        syllabus: the frames that it learned, to judge by.
         holds: whether one-shots were taught to hold their end.
-        jobs: where the work is done.
+        jobs: that do the work.
         tick: is called after each source.
 
     Raises:

@@ -1,1 +1,1 @@
-"""What a network is judged by: accuracy, matching, disturbance, intervals, the self-test."""
+"""Measures of a network: accuracy, disturbance, intervals, the self-test."""

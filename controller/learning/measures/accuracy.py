@@ -1,4 +1,4 @@
-"""How well a readout reproduces what it learned: Jaeger's normalised root mean square error."""
+"""The accuracy of a readout: Jaeger's normalised root mean square error."""
 
 from __future__ import annotations
 

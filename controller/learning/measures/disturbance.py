@@ -54,7 +54,7 @@ def disturbed(
 
     Args:
         kind: of disturbance.
-        network: what plays; its own state stays as it is.
+        network: that plays; its own state is left alone.
         motion: which of its motions.
         runs: R.
         rng: source of the noise.
@@ -81,7 +81,7 @@ def disturbed(
                 _restart(lost, motion, watch, lost.astray())
             player.advance(frames, rng.standard_normal((runs, size), dtype=np.float32) if step < noisy else None)
             if watch is not None and lost is not None:
-                _restart(lost, motion, watch, watch.look(frames, lost.astray()))
+                _restart(lost, motion, watch, watch.inspect(frames, lost.astray()))
             out[:, step] = frames
     return out
 

@@ -169,7 +169,7 @@ def distances(features: Array, others: Array) -> Array:
 
 
 def _bound_in_time(reference: Array) -> float:
-    """How far from its features (T, F) a motion may be in the mean at the same phase or time, mm."""
+    """The largest mean distance of a motion from its features (T, F) at the same phase or time, mm."""
     spread = float(np.sqrt(np.square(distances(reference, reference.mean(0))).mean()))
     return min(max(PHASE_SHARE * spread, LEAST_BOUND_MM), LOST_MM)
 

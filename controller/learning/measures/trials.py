@@ -46,7 +46,7 @@ def failures(
     """The number of failed runs of a motion; if the free run fails, no other is tried.
 
     Args:
-        network: what plays.
+        network: that plays.
         motion: which of its motions.
         kinds: of disturbance that it has to survive.
         judge: of the motions.

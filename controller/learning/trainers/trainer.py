@@ -1,4 +1,4 @@
-"""What training needs of a kind of network, whichever it is."""
+"""The interface of a trainer of one kind of network."""
 
 from __future__ import annotations
 
@@ -40,7 +40,7 @@ Recipe = TypeVar("Recipe", bound=NetworkRecipe)
 
 @dataclass(frozen=True)
 class Lessons:
-    """What a network learns.
+    """The motions that a network learns.
 
     Attributes:
         motions: normalised.
@@ -58,7 +58,7 @@ class SettledNetwork:
     """A trained network.
 
     Attributes:
-        network: what plays.
+        network: that plays.
         failed: trials of each motion that failed, where the recipe chooses by trials.
         weights: W of a conceptor network, shape (N, N).
     """
@@ -186,7 +186,7 @@ class Trainer(ABC, Generic[Recipe]):
         """Trains a recipe with a seed and measures it.
 
         Args:
-            recipe: what to train.
+            recipe: that is trained.
             lessons: the same as `frames`, normalised.
             frames: of each motion, in the encoding's units.
             seed: of everything random.

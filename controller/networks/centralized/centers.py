@@ -60,15 +60,15 @@ class HarmonicCenters:
     state: NDArray[np.complex128]
 
     @classmethod
-    def at_phase(cls, frequency: Array, phase: Array | float = 0.0) -> HarmonicCenters:
-        """Unit-amplitude centers at the given phases, rad: shape (n,), or one for all.
+    def at_phase(cls, frequency: Array | float, phase: Array | float = 0.0) -> HarmonicCenters:
+        """Unit-amplitude centers of frequencies (n,), or of one, at the given phases, rad: shape (n,), or one for all.
 
         Raises:
             FrequencyError: if a frequency is not finite and positive; it names the center.
         """
-        frequency = np.asarray(frequency, dtype=np.float64)
-        require_frequencies(frequency)
-        return cls(frequency, np.exp(1j * np.broadcast_to(phase, frequency.shape)))
+        frequencies = np.atleast_1d(np.asarray(frequency, dtype=np.float64))
+        require_frequencies(frequencies)
+        return cls(frequencies, np.exp(1j * np.broadcast_to(phase, frequencies.shape)))
 
     def advance(self, dt: float) -> None:
         """Moves every center dt seconds on (negative dt runs backwards)."""
@@ -173,7 +173,7 @@ class Duffing:
         return np.pi * rate / (2.0 * ellipk(loss / (2.0 * np.square(speed)))), momentum / rate
 
 
-def control_for(spring: Spring, frequency: float, momentum: float) -> float:
+def control_for(spring: Spring, frequency: float, momentum: float = 1.0) -> float:
     """The z with which a center swings at a frequency (rad/s) from q(0) = 0, p(0) = momentum: the inverse of eq. 12.
 
     Raises:
@@ -207,7 +207,7 @@ class NonlinearCenters:
         spring: f, F and the closed form of the frequency.
         control: z of each center, shape (n,), above `spring.least_control(momentum)`.
         momentum: p0 > 0 of eq. 10, which fixes the energy p0^2 / 2 of every orbit.
-        damping: how fast a center returns to its orbit's energy, >= 0.
+        damping: rate of the return to the orbit's energy, >= 0.
         q, p: the state, shape (n,).
     """
 
@@ -219,14 +219,17 @@ class NonlinearCenters:
     p: Array
 
     @classmethod
-    def at_rest(cls, spring: Spring, control: Array, momentum: float, damping: float = 1.0) -> NonlinearCenters:
-        """Centers at q = 0, p = p0 (eq. 10).
+    def at_rest(
+        cls, spring: Spring, control: Array | float, momentum: float = 1.0, damping: float = 1.0
+    ) -> NonlinearCenters:
+        """Centers with control parameters (n,), or one center with one, at q = 0, p = p0 (eq. 10).
 
         Raises:
             FrequencyError: if a control parameter gives no oscillation; it names the center.
         """
-        centers = cls(spring, control, momentum, damping, np.zeros(len(control)), np.full(len(control), momentum))
-        centers.set_control(control)
+        controls = np.atleast_1d(np.asarray(control, dtype=np.float64))
+        centers = cls(spring, controls, momentum, damping, np.zeros(len(controls)), np.full(len(controls), momentum))
+        centers.set_control(controls)
         return centers
 
     def set_control(self, control: Array) -> None:

@@ -47,7 +47,7 @@ class CentralizedMotion:
         satellites: in the 2 n coordinates of the centers.
         weights: W, shape (D, m), or its two factors.
         rest: shape (D,).
-        seconds: how long the motion is, or how long one round of it.
+        seconds: of the motion, or of one round of it.
         loop: whether its centers return after that time, so that it goes on for ever; otherwise it holds its end.
 
     Raises:
@@ -124,7 +124,7 @@ class CentersPlayer:
     undone at the end of the round, where every center begins anew.
 
     Args:
-        motion: what it plays.
+        motion: that it plays.
         time: since the beginning, s.
         runs: the leading shape of its states.
     """
@@ -187,7 +187,7 @@ class Passage:
     """The switching module while it goes from one motion to another.
 
     Args:
-        motions: how many there are.
+        motions: their number.
 
     Attributes:
         module: state k is the k-th motion.
@@ -213,7 +213,7 @@ class Passage:
 
     @property
     def share(self) -> float:
-        """How much of the target is in the mixture."""
+        """The share of the target in the mixture."""
         return rise(min(1.0, max(0.0, (self.module.z - self._origin) / (self._goal - self._origin))))
 
     def snapshot(self) -> tuple[object, float, float]:
@@ -249,7 +249,7 @@ class CentralizedGenerator(NamedMotions[CentralizedMotion]):
     """Plays centralized motions and switches between them; fits `base.Generator`.
 
     Args:
-        motions: what it plays, all with the same channels.
+        motions: by name, all with the same channels.
         noise: on z at rest, its standard deviation after one second. While z stays in its state nothing of it is heard;
             where it drives z into another, the generator goes over to that motion.
         seed: of the noise.

@@ -49,14 +49,14 @@ class LowRankWeights:
 
     @property
     def used(self) -> NDArray[np.int32]:
-        """How many satellites each curve is a sum of, shape (r,)."""
+        """The number of satellites in each curve, shape (r,)."""
         reversed_ = self.curves[:, ::-1] != 0.0
         last = np.where(reversed_.any(axis=1), reversed_.argmax(axis=1), self.curves.shape[1])
         return (self.curves.shape[1] - last).astype(np.int32)
 
     @property
     def numbers(self) -> int:
-        """How many numbers it takes to store it; 32 flags that say where shares are zero count as one."""
+        """The stored numbers; 32 flags that say where shares are zero count as one."""
         used = self.used
         return int(np.count_nonzero(self.shares) + used.sum() + len(used) + -(-self.shares.size // 32))
 
@@ -66,7 +66,7 @@ class PackedWeights:
     """Low-rank weights as a library stores them.
 
     Attributes:
-        nonzero: where B is not zero, D r bits row by row, the first the highest of its byte.
+        nonzero: flags of the numbers of B that are not zero, D r bits row by row, the first the highest of its byte.
         shares: B there, in the same order.
         used: of how many satellites each curve is a sum, shape (r,).
         curves: A, what is used of its rows one after the other.
@@ -79,7 +79,7 @@ class PackedWeights:
 
     @classmethod
     def of(cls, weights: LowRankWeights) -> PackedWeights:
-        """What is stored of weights; their numbers are rounded to single precision."""
+        """Weights as they are stored, rounded to single precision."""
         there, used = weights.shares != 0.0, weights.used
         return cls(
             np.packbits(there.ravel()),

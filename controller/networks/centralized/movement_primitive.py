@@ -1,4 +1,4 @@
-"""Movement primitives: several demonstrations of one motion as mean and spread, bent at run time through given points.
+"""Movement primitives: several demonstrations of one motion as mean and spread, bent at run time through via points.
 
 Satellites are driven by a phase that goes from 0 to 1 (Vakulenko et al. 2017, eq. 2); each of N demonstrations is one
 W. Their mean is the motion and their deviations say how channels and phases vary together (Paraschos et al. 2013):
@@ -31,7 +31,7 @@ REACH = 0.1  # of a bend on either side, in phase
 
 @dataclass(frozen=True, eq=False)
 class ViaPoints:
-    """What a motion has to pass through: the value of one channel at one phase each.
+    """Points that a motion passes through: the value of one channel at one phase each.
 
     Attributes:
         phase: shape (V,).
@@ -58,9 +58,9 @@ class MovementPrimitive:
         satellites: m of them, in the 2 n coordinates of the centers.
         weights: of each demonstration, shape (N, D, m).
         rest: shape (D,).
-        bend: how far a channel may be bent beyond what was demonstrated, standard deviation, shape (D,).
-        seconds: how long the demonstrations were, shape (N,).
-        via: what it has to pass through.
+        bend: standard deviation of a channel beyond the demonstrations, shape (D,).
+        seconds: of each demonstration, shape (N,).
+        via: points that it passes through.
     """
 
     frequency: Array
@@ -123,20 +123,20 @@ class MovementPrimitive:
         phase = number_within(phase, "the phase of a point", 0.0, 1.0)
         deviation = number_within(deviation, "the deviation of a point", 0.0, 1e12)
         last = len(self.rest) - 1
-        given = np.arange(last + 1) if channels is None else np.atleast_1d(np.asarray(channels))
-        if given.dtype.kind not in "iu" or given.ndim != 1 or not ((given >= 0) & (given <= last)).all():
-            raise MotiondeckError(f"channels {given.tolist()}; give whole numbers from 0 to {last}")
+        chosen = np.arange(last + 1) if channels is None else np.atleast_1d(np.asarray(channels))
+        if chosen.dtype.kind not in "iu" or chosen.ndim != 1 or not ((chosen >= 0) & (chosen <= last)).all():
+            raise MotiondeckError(f"channels {chosen.tolist()}; give whole numbers from 0 to {last}")
         value = points(point, "a point")
-        if len(value) != len(given):
-            raise MotiondeckError(f"a point of {len(value)} values; {len(given)} are needed, one for each channel")
+        if len(value) != len(chosen):
+            raise MotiondeckError(f"a point of {len(value)} values; {len(chosen)} are needed, one for each channel")
         via = self.via
         return replace(
             self,
             via=ViaPoints(
-                np.append(via.phase, np.full(len(given), phase)),
-                np.append(via.channel, given),
+                np.append(via.phase, np.full(len(chosen), phase)),
+                np.append(via.channel, chosen),
                 np.append(via.value, value),
-                np.append(via.deviation, np.full(len(given), deviation)),
+                np.append(via.deviation, np.full(len(chosen), deviation)),
             ),
         )
 
@@ -177,7 +177,7 @@ class MovementPrimitive:
 
     @cached_property
     def _pull(self) -> Array:
-        """What each via point contributes, shape (V,)."""
+        """The contribution of each via point, shape (V,)."""
         from scipy.linalg import cho_solve
 
         via = self.via

@@ -43,12 +43,12 @@ class StoredMotion:
 
     @classmethod
     def of(cls, motion: CentralizedMotion) -> StoredMotion:
-        """What is stored of a motion."""
+        """A motion as it is stored."""
         satellites = motion.satellites
         return cls(motion.frequency, motion.phase, satellites.places, satellites.sharpness, motion.weights, motion.rest)
 
     def arrays(self, at: str) -> dict[str, NDArray[Any]]:
-        """What is stored, by names that begin with `at`; weights of low rank without their zeros."""
+        """The stored arrays by names that begin with `at`; weights of low rank without their zeros."""
         if not isinstance(self.weights, LowRankWeights):
             return arrays_of(self, at)
         packed = arrays_of(PackedWeights.of(self.weights), at)
@@ -69,7 +69,7 @@ class CentralizedNetwork(Network[CentralizedMotion]):
     """Plays centralized motions frame by frame; fits `base.CrossingNetwork`.
 
     Args:
-        motions: what it plays, all with the same channels.
+        motions: by name, all with the same channels.
         rate: frames per second.
         runs: the leading shape of its states; several runs are disturbed and read, and do not cross.
     """
@@ -182,7 +182,7 @@ class CentralizedNetwork(Network[CentralizedMotion]):
         }
 
     def arrays(self) -> dict[str, NDArray[Any]]:
-        """What is stored, by name."""
+        """The stored arrays by name."""
         found: dict[str, NDArray[Any]] = {}
         for name in self.motions:
             found |= StoredMotion.of(self[name]).arrays(f"motion/{name}/")

@@ -15,10 +15,12 @@ import numpy as np
 
 from controller.motion.rotations import Array
 from controller.networks.centralized.centers import HarmonicCenters, NonlinearCenters
-from controller.networks.centralized.satellites import Satellites
+from controller.networks.centralized.satellites import GaussianSatellites, Satellites, grid_places
 from controller.networks.ridge import ridge
 from controller.networks.signals import sampling_rate, time_series, whole_number
 from motiondeck_base.errors import MotiondeckError
+
+GRID = 36
 
 Centers = HarmonicCenters | NonlinearCenters
 
@@ -28,7 +30,7 @@ class SatelliteNetwork:
     """A signal of D channels from m satellites.
 
     Attributes:
-        centers: where they are now; change their frequency or control parameter to change the tempo.
+        centers: in their present state; change their frequency or control parameter to change the tempo.
         satellites: functions of the centers' coordinates.
         weights: W, shape (D, m).
         rest: shape (D,).
@@ -60,14 +62,19 @@ class SatelliteNetwork:
 
 
 def learn_weights(
-    signal: Array, rate: float, centers: Centers, satellites: Satellites, regulariser: float = 1e-6
+    signal: Array,
+    rate: float,
+    centers: Centers | None = None,
+    satellites: Satellites | None = None,
+    regulariser: float = 1e-6,
 ) -> SatelliteNetwork:
     """The network whose satellites, driven by the centers from where they are, follow a signal best.
 
     Args:
         signal: shape (T, D).
         rate: frames per second, Hz.
-        centers, satellites: what is given; only W and the rest are learned. The centers are not moved.
+        centers: only W and the rest are learned, and the centers are not moved; by default one that turns once.
+        satellites: by default GRID Gaussian ones on a grid.
         regulariser: of the ridge regression, as a share of the number of frames.
 
     Raises:
@@ -75,6 +82,10 @@ def learn_weights(
             the satellites do not fit the centers.
     """
     signal, rate = time_series(signal, "the signal"), sampling_rate(rate)
+    if centers is None:
+        centers = HarmonicCenters.at_phase(2.0 * np.pi * rate / len(signal))
+    if satellites is None:
+        satellites = GaussianSatellites(grid_places(len(centers.coordinates), GRID))
     driven = deepcopy(centers)
     states = []
     for _ in range(len(signal)):

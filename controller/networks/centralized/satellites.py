@@ -11,7 +11,7 @@ one, or a product of powers.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Protocol
 
 import numpy as np
@@ -41,7 +41,7 @@ class GaussianSatellites:
 
     Attributes:
         places: q_j, shape (m, d).
-        sharpness: b_j > 0, shape (m,).
+        sharpness: b_j > 0, shape (m,), or one for all; by default 1 over the spacing of m places in [-1, 1]^d.
 
     Raises:
         SatelliteError: if the shapes disagree or a number is not finite or a sharpness not positive; it names the
@@ -49,11 +49,16 @@ class GaussianSatellites:
     """
 
     places: Array
-    sharpness: Array
+    sharpness: Array = field(default_factory=lambda: np.empty(0))
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "places", np.asarray(self.places))
-        object.__setattr__(self, "sharpness", np.asarray(self.sharpness))
+        places, sharpness = np.asarray(self.places), np.asarray(self.sharpness)
+        if places.ndim == 2 and sharpness.size == 0 and len(places):
+            sharpness = np.array(1.0 / spacing(places.shape[1], len(places)))
+        if sharpness.ndim == 0:
+            sharpness = np.full(len(places), sharpness)
+        object.__setattr__(self, "places", places)
+        object.__setattr__(self, "sharpness", sharpness)
         if self.places.ndim != 2 or self.sharpness.shape != self.places.shape[:1]:
             raise SatelliteError(
                 f"satellites at places of shape {self.places.shape} with sharpness of shape {self.sharpness.shape}"
@@ -154,7 +159,7 @@ def quasi_random_places(dimensions: int, count: int, seed: int) -> Array:
 
 
 def spacing(dimensions: int, count: int) -> float:
-    """How far apart `count` places in [-1, 1]^d lie."""
+    """The distance between neighbours of `count` places in [-1, 1]^d."""
     return 2.0 / max(1.0, count ** (1.0 / dimensions) - 1.0)
 
 

@@ -75,7 +75,7 @@ class ModuleDesign:
         thresholds: h_j, shape (m,).
         threshold: h.
         decay: xi lambda.
-        kappa: how fast satellites follow the center.
+        kappa: time constant of the satellites.
         beta: of Lemma 1: state k lies in (k - 1 + beta, k + beta), counted from 1.
         targets: z_k, shape (m,).
     """
@@ -101,7 +101,7 @@ class ModuleDesign:
         return logistic(self.satellites(z) @ self.weights - self.threshold)
 
     def memberships(self, z: Array | float) -> Array:
-        """How much z (...) belongs to each motion, shape (..., m): s_(k-1) - s_k of the module's own satellites.
+        """The membership of z (...) in each motion, shape (..., m): s_(k-1) - s_k of the module's own satellites.
 
         They are not negative, add up to one, and are flat where the module rests, so that noise on z hardly shows.
         """

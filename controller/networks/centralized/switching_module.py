@@ -14,7 +14,7 @@ from controller.networks.centralized.switching_design import ModuleDesign
 
 @dataclass(slots=True)
 class CommandInput:
-    """What a command does to eqs 14 and 15 for a while; everything zero is no command.
+    """The terms that a command adds to eqs 14 and 15 for a while; all zero without a command.
 
     Attributes:
         pull, towards: adds pull (towards - z) to z': a clamp current.
@@ -44,7 +44,7 @@ class Command:
         return sum(time for time, _ in self.phases)
 
     def spans(self, elapsed: float, time: float) -> Iterator[tuple[float, CommandInput | None]]:
-        """What it does in a step: pieces of module time, each with its drive, None after the end.
+        """The pieces of module time in a step, each with its drive, None after the end.
 
         A step is cut where a drive ends: a kick that lasts a step too long reaches the next state.
         """

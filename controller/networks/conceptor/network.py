@@ -74,7 +74,7 @@ class ConceptorMotion:
 
 @dataclass(frozen=True)
 class Memory:
-    """What a reservoir of N neurons learned for all of its P motions together: needed to add one, not to play.
+    """What adding a motion needs, and playing does not: learned for all P motions of a reservoir of N neurons.
 
     Attributes:
         estimate: V, shape (C, N): which input the network expects by its state.
@@ -93,8 +93,8 @@ class ConceptorNetwork(AutonomousReservoir[ConceptorMotion]):
     """Plays the motions of one reservoir frame by frame; fits `base.AutonomousNetwork`.
 
     Args:
-        motions: what it plays.
-        memory: what adding a motion needs, if that was kept.
+        motions: by name.
+        memory: for adding a motion, if it was kept.
         runs: the leading shape of its states.
     """
 
@@ -180,7 +180,7 @@ class ConceptorNetwork(AutonomousReservoir[ConceptorMotion]):
         self._push, self._outside = None, False
 
     def arrays(self) -> dict[str, NDArray[Any]]:
-        """What is stored, by name."""
+        """The stored arrays by name."""
         found: dict[str, NDArray[Any]] = {}
         for name in self.motions:
             found |= arrays_of(self[name], f"motion/{name}/")

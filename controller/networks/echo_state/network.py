@@ -93,7 +93,7 @@ class EchoStateNetwork(AutonomousReservoir[EchoStateMotion]):
         return self.normalisation.invert(self[motion].outputs.astype(np.float64))
 
     def recall(self, motion: str) -> Channels:
-        """What the readout gives at the stored states, shape (anchors, channels); the anchors are what was taught."""
+        """The readout at the stored states, shape (anchors, channels); the anchors are the taught outputs."""
         part = self[motion]
         return self.normalisation.invert((part.states @ part.readout.T).astype(np.float64))
 
@@ -149,7 +149,7 @@ class EchoStateNetwork(AutonomousReservoir[EchoStateMotion]):
         self.activation[...], self._y[...] = x, y
 
     def arrays(self) -> dict[str, NDArray[Any]]:
-        """What is stored, by name."""
+        """The stored arrays by name."""
         found = {"weights": self.weights, "feedback": self.feedback, "bias": self.bias}
         for name in self.motions:
             found |= arrays_of(self[name], f"motion/{name}/")

@@ -59,7 +59,7 @@ class PhaseMorph:
     Preparing it settles the mixture at every knot, which takes some ten ms each: not for a tick.
 
     Args:
-        network: what plays the source, or either of them after `give_up` and `settle`.
+        network: plays the source, or either motion after `give_up` and `settle`.
         source, target: two loops.
         knots: rising mu at which the mixture is prepared; all mu have to lie within them.
 
@@ -144,7 +144,7 @@ class PhaseMorph:
         return _Knot(mu, conceptor, played.mean(0), np.clip(gain, 1.0 / LARGEST_GAIN, LARGEST_GAIN))
 
     def _frames(self, mu: float) -> int:
-        """How many frames a round of the mixture takes."""
+        """Frames of a round of the mixture."""
         source, target = self._motions
         return round(len(source) ** (1.0 - mu) * len(target) ** mu)
 
@@ -184,7 +184,7 @@ def channels_at(motion: PhaseConceptorMotion, share: Array) -> Channels:
 
 
 def _activity(channels: Channels) -> Array:
-    """How much each of some channels (T, C) changes from frame to frame, shape (C,)."""
+    """Root mean square change of channels (T, C) from frame to frame, shape (C,)."""
     return np.sqrt(np.square(np.diff(channels, axis=0)).mean(0))
 
 

@@ -66,7 +66,7 @@ class PhaseConceptorMotion(PhaseMotion):
         project: S U' of each piece, shape (P, k, N).
         offset: S U' m of each piece, shape (P, k).
         hand_on: from the state of the piece before to that of each piece, shape (P, k, k), and
-        shift: what is added to it, shape (P, k).
+        shift: added to it, shape (P, k).
         inputs: (p, u) at each frame, u at its usual value, shape (T, I); I is 2 H, or 2 H + 1 with inputs.
     """
 

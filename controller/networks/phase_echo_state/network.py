@@ -1,7 +1,7 @@
 """A phase-driven echo-state network: a center drives the reservoir, and every motion reads it out for itself.
 
 The reservoir of an echo-state network (Deliallisi 2017, eq. 3.4 with a = 1) is fed the phase phi of a harmonic center
-(Vakulenko et al. 2017, eq. 1) instead of its own output:
+(Vakulenko et al. 2017, eq. 1) instead of fed-back output:
 
     x(n+1)  = tanh(W x(n) + W_phi p(phi(n+1)) + b)
     y(n)    = R x(n) + r

@@ -4,8 +4,8 @@ The state r of N neurons is seen through M random features f_i, and each motion 
 
     z_i(n) = c_i f_i' r(n) + (1 - c_i) m_i,      r(n+1) = tanh(G z(n) + b),      y(n) = W_out z(n)
 
-F, G and W_out are shared by all motions. Of its own a motion has the conception weights c, which are a diagonal
-conceptor on the features, and their means m, about which it acts as our other conceptors do. It uses k of the M
+F, G and W_out are shared by all motions. A motion has its conception weights c, a diagonal conceptor on the features,
+and their means m, about which it acts as our other conceptors do. It uses k of the M
 features and closes the others (c_i = m_i = 0), so that it needs O(k) numbers and a step 2 N k multiplications.
 
 A mixture of two motions mixes their conception weights (Deliallisi 2017, eqs 3.16, 3.17).
@@ -35,14 +35,14 @@ FeatureRows = tuple[Float32, Float32, Float32]
 
 @dataclass(frozen=True)
 class FeatureReservoir:
-    """What all motions share, with N neurons, M features and C channels.
+    """The weights that all motions share, with N neurons, M features and C channels.
 
     Attributes:
         features: F', one feature a row, shape (M, N).
         feedback: G', from each feature to the neurons, shape (M, N).
         bias: b, shape (N,).
         readout: W_out', in the units of the encoding, shape (M, C).
-        rest: what is read from no feature at all, in the units of the encoding, shape (C,).
+        rest: the readout of z = 0, in the units of the encoding, shape (C,).
     """
 
     features: Float32
@@ -73,8 +73,8 @@ class RandomFeatureNetwork(AutonomousReservoir[FeatureMotion]):
     """Plays the motions of one reservoir frame by frame; fits `base.AutonomousNetwork`.
 
     Args:
-        reservoir: what they share.
-        motions: what it plays.
+        reservoir: of all motions.
+        motions: by name.
         runs: the leading shape of its states.
     """
 
@@ -174,7 +174,7 @@ class RandomFeatureNetwork(AutonomousReservoir[FeatureMotion]):
         return features, feedback, readout
 
     def arrays(self) -> dict[str, NDArray[Any]]:
-        """What is stored, by name."""
+        """The stored arrays by name."""
         found = arrays_of(self.reservoir, "")
         for name in self.motions:
             found |= arrays_of(self[name], f"motion/{name}/")

@@ -1,1 +1,1 @@
-"""What several kinds of networks share: reservoirs, conceptor algebra, phase."""
+"""Shared by several kinds of networks: reservoirs, conceptor algebra, phase."""

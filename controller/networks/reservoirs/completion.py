@@ -1,11 +1,10 @@
-"""What is not measured from what is, and from its past: an echo-state network that a measured signal drives.
+"""Reconstructs unmeasured channels: an echo-state network that a measured signal drives.
 
     s(n) = (u(n) - m) / d
     x(n) = (1 - a) x(n-1) + a tanh(W x(n-1) + W_in s(n) + b),      y(n) = R x(n) + r
 
-The signal u is that of some joints of a body, y is the whole of it. There is no phase: how far the motion has come is
-in x, which remembers for about dt / a what was measured. One frame of hands and head seldom tells where the feet are;
-what they did before it tells more.
+The signal u is that of some joints of a body, y is the whole body. There is no phase: x remembers the measurements of
+about dt / a. One frame of hands and head rarely determines the feet; its past does so better.
 """
 
 from __future__ import annotations
@@ -29,7 +28,7 @@ class Completion:
         mean, deviation: m and d of the measured signal, shape (C,), in its unit.
         readout: (R, r), shape (D, N + 1).
         rate: at which it was learned, Hz.
-        settling: frames in which the first measurement is held, so that the start of the reservoir is forgotten.
+        settling: frames in which the first measurement is held, until the reservoir has forgotten its start.
     """
 
     reservoir: Reservoir
@@ -40,12 +39,12 @@ class Completion:
     settling: int
 
     def complete(self, measured: Array) -> Array:
-        """The whole of a measured signal (T, C) at `rate`, shape (T, D); row n is told from the rows up to n.
+        """The whole of a measured signal (T, C) at `rate`, shape (T, D); row n follows from the rows up to n.
 
         Raises:
             MotiondeckError: if the signal is not of that shape, or a number is not finite.
         """
-        signal = (time_series(measured, "what is measured", len(self.mean)) - self.mean) / self.deviation
+        signal = (time_series(measured, "the measured signal", len(self.mean)) - self.mean) / self.deviation
         held = np.concatenate([np.repeat(signal[:1], self.settling, axis=0), signal])
         (states,) = drive(self.reservoir, [held])
         return states[self.settling :] @ self.readout[:, :-1].T + self.readout[:, -1]
@@ -82,20 +81,20 @@ class LiveCompletion:
         Raises:
             MotiondeckError: if it has another number of values.
         """
-        given = _values(measured, len(self._last))
-        self._last = np.where(np.isfinite(given), given, self._last)
+        values = _values(measured, len(self._last))
+        self._last = np.where(np.isfinite(values), values, self._last)
         self._advance()
         return self.completion.readout[:, :-1] @ self.state + self.completion.readout[:, -1]
 
     def _advance(self) -> None:
         own, part = self.completion, self.completion.reservoir
         signal = (self._last - own.mean) / own.deviation
-        heard = np.tanh(part.weights @ self.state + part.input_weights @ signal + part.bias)
-        self.state = (1.0 - part.leak) * self.state + part.leak * heard
+        driven = np.tanh(part.weights @ self.state + part.input_weights @ signal + part.bias)
+        self.state = (1.0 - part.leak) * self.state + part.leak * driven
 
 
 def _values(measured: Array, count: int) -> Array:
-    """A measurement as so many numbers."""
+    """A measurement as an array (count,)."""
     try:
         values = np.asarray(measured, dtype=float)
     except (TypeError, ValueError):

@@ -27,7 +27,7 @@ def correlation(states: Array) -> Array:
     return states.T @ states / states.shape[1]
 
 
-def conceptor(correlations: Array, aperture: float) -> Array:
+def conceptor(correlations: Array, aperture: float = 10.0) -> Array:
     """C = R (R + alpha^-2 I)^-1 (eq. 3.10): eigenvalues in [0, 1).
 
     Raises:

@@ -50,7 +50,7 @@ class LoadedSignals:
         states = self.states[signal]
         return states.T @ states / len(states)
 
-    def conceptor(self, signal: str, aperture: float) -> Array:
+    def conceptor(self, signal: str, aperture: float = 10.0) -> Array:
         """C of a signal, shape (N, N).
 
         Raises:
@@ -64,7 +64,7 @@ class LoadedSignals:
 
         Args:
             c: shape (N, N), of a signal or computed from others.
-            steps: how many.
+            steps: their number.
             start: the state before the first step, shape (N,); by default the first of the first signal. Where there
                 are several attractors it decides between them: `states[signal][0]` begins in a signal's own.
 

@@ -41,7 +41,7 @@ class PhaseMotion(ABC):
     """One motion of T frames in P pieces, ready to be played.
 
     Args:
-        stored: what a library keeps of it, a dataclass of arrays, its readout among them.
+        stored: the arrays in a library, a dataclass with its readout among them.
         course: of its phase.
         reservoir: the weights that it shares with others.
         driving: its input besides the phase, if it has one.
@@ -120,7 +120,7 @@ class PhasePlayer(ABC, Generic[Motion]):
     """A motion while it plays.
 
     Args:
-        motion, frame, state: what it plays and where it is.
+        motion, frame, state: at the start.
         neurons: N.
         level: of its input.
         runs: the leading shape of its states; all runs are at one frame.
@@ -169,7 +169,7 @@ class PhaseDrivenNetwork(ReservoirNetwork[Motion]):
     Args:
         scales, seed: of the shared weights.
         normalisation: between the normalised channels that are learned and the encoding's units.
-        motions: what it plays.
+        motions: by name.
         runs: the leading shape of its states.
     """
 
@@ -277,7 +277,7 @@ class PhaseDrivenNetwork(ReservoirNetwork[Motion]):
 
     @property
     def phase(self) -> float:
-        """How far the motion is: [0, 1) in a loop, 0 to 1 in a one-shot."""
+        """The share of the motion that is played: [0, 1) in a loop, 0 to 1 in a one-shot."""
         return self._player.motion.course.share_at(self._player.frame)
 
     def seek(self, motion: str, phase: float) -> None:
@@ -304,7 +304,7 @@ class PhaseDrivenNetwork(ReservoirNetwork[Motion]):
         return np.array([[0.0], [self[motion].course.whole]])
 
     def arrays(self) -> dict[str, NDArray[Any]]:
-        """What is stored, by name."""
+        """The stored arrays by name."""
         found = normalisation_arrays(self.normalisation)
         for name in self.motions:
             part, at = self[name], f"motion/{name}/"
@@ -335,7 +335,7 @@ class PhaseDrivenNetwork(ReservoirNetwork[Motion]):
 
 
 def stored_course(stored: StoredNetwork, motion: MotionHeader, pieces: int) -> PhaseCourse:
-    """How the phase turns with a stored motion of P pieces.
+    """The phase of a stored motion of P pieces.
 
     Raises:
         FileFormatError: if pieces and frames do not fit each other.

@@ -1,4 +1,4 @@
-"""What phase-driven networks have in common: a reservoir that a center drives, and how the center turns with a motion.
+"""Shared by phase-driven networks: a reservoir that a center drives, and the phase of the center in a motion.
 
 A loop turns the phase phi round and round. A one-shot turns it by half a turn and stops. A long motion is a chain of
 pieces, each half a turn. The reservoir sees phi by its harmonics
@@ -70,7 +70,7 @@ class PhaseReservoir:
 
 @dataclass(frozen=True)
 class PhaseCourse:
-    """How the center turns while a motion of T frames is played, in P pieces.
+    """The phase of the center in a motion of T frames in P pieces.
 
     Attributes:
         phase: phi at each frame, shape (T,), rad; it rises, and stays where a one-shot has stopped.
@@ -92,11 +92,11 @@ class PhaseCourse:
 
     @property
     def held(self) -> int:
-        """How many frames at the end only hold it."""
+        """Frames at the end that hold the last pose."""
         return int((np.diff(self.phase) == 0.0).sum())
 
     def share_at(self, frame: int) -> float:
-        """How far the motion is at a frame: [0, 1) in a loop, 0 to 1 in a one-shot."""
+        """The phase at a frame as a share: [0, 1) in a loop, 0 to 1 in a one-shot."""
         return float(self.phase[frame] / self.whole)
 
     def frame_at(self, share: float) -> int:

@@ -18,7 +18,7 @@ from controller.networks.signals import number_within, time_series, whole_number
 from motiondeck_base.errors import MotiondeckError
 
 Floats = NDArray[Any]
-"""Double precision, or single where that will do."""
+"""Double or single precision."""
 
 
 @dataclass(frozen=True)
@@ -50,13 +50,24 @@ def random_reservoir(
     neurons: int,
     inputs: int,
     *,
-    spectral_radius: float,
-    input_scale: float,
-    bias_scale: float,
-    rng: np.random.Generator,
+    spectral_radius: float = 0.9,
+    input_scale: float = 1.0,
+    bias_scale: float = 0.2,
     leak: float = 1.0,
+    seed: int = 0,
+    rng: np.random.Generator | None = None,
 ) -> Reservoir:
     """Weights drawn from U[-1, 1]; W is scaled to a spectral radius, the others by a factor (section 3.3.1).
+
+    The defaults suit inputs within about [-1, 1] and a fading memory of some ten steps.
+
+    Args:
+        neurons, inputs: N and C.
+        spectral_radius: of W, the largest |eigenvalue|; below 1 a reservoir with leak 1 forgets its start.
+        input_scale, bias_scale: the largest weight of W_in and of b.
+        leak: a in (0, 1]; the smaller, the slower.
+        seed: of the weights.
+        rng: their source in place of a seed.
 
     Raises:
         MotiondeckError: if a size is no whole number, or a scale is not a number in its range; it names it.
@@ -66,6 +77,7 @@ def random_reservoir(
     input_scale = number_within(input_scale, "input_scale", 0.0, 1e6)
     bias_scale = number_within(bias_scale, "bias_scale", 0.0, 1e6)
     leak = number_within(leak, "leak", 1e-9, 1.0)
+    rng = np.random.default_rng(whole_number(seed, "seed")) if rng is None else rng
     if not isinstance(rng, np.random.Generator):  # what pyright sees, a user's script does not
         raise MotiondeckError(f"rng is {rng!r}; give a generator: numpy.random.default_rng(SEED)")
     weights = rng.uniform(-1.0, 1.0, (neurons, neurons))
@@ -112,7 +124,7 @@ def drive(
     the reservoir's weights.
 
     Args:
-        reservoir: what is driven.
+        reservoir: that is driven.
         signals: arrays (T_j, C); row n is the input of step n.
         state_noise: standard deviation of noise added to the state before each step, for all or for each signal; needs
             rng.

@@ -1,4 +1,4 @@
-"""What all reservoir networks share, and what those share that run by themselves."""
+"""Base classes of reservoir networks, and of those that run by themselves."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ class ReservoirNetwork(Network[Motion]):
     """N neurons and the motions that they have learned.
 
     Args:
-        motions: what it plays.
+        motions: by name.
         neurons: N.
         channels: of a frame.
         runs: the leading shape of all states, () or (R,).

@@ -84,7 +84,7 @@ def test_a_measurement_that_does_not_fit_is_refused(completion: Completion, firs
 def test_later_measurements_of_another_size_are_refused(completion: Completion) -> None:
     with pytest.raises(MotiondeckError, match="1 values are needed"):
         completion.follow(np.zeros(1)).step(np.zeros(2))
-    with pytest.raises(MotiondeckError, match="what is measured"):
+    with pytest.raises(MotiondeckError, match="the measured signal"):
         completion.complete(np.zeros((5, 2)))
 
 
