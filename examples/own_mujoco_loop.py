@@ -3,7 +3,6 @@
 python examples/own_mujoco_loop.py
 """
 
-# pyright: reportAttributeAccessIssue=false
 import mujoco
 
 import motiondeck

@@ -1,5 +1,4 @@
-# pyright: strict, reportUnknownMemberType=false, reportUnknownArgumentType=false
-# (MuJoCo's names come from compiled modules, which have no type stubs.)
+# pyright: strict
 """A deck that a program steps itself: joint targets for any time step, without a process, a socket or a clock."""
 
 from __future__ import annotations

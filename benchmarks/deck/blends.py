@@ -21,11 +21,11 @@ for _library in ("OPENBLAS", "OMP", "MKL"):
 
 import numpy as np  # noqa: E402
 
-from controller.deck.joins.blend_check import STILL, TURNS_OVER  # noqa: E402
 from controller.deck.joins.deck_motions import read_motions, rounds_beside, tempos_in_step  # noqa: E402
 from controller.deck.joins.posture_blend import PostureBlend  # noqa: E402
 from controller.deck.routes import Routes  # noqa: E402
 from controller.deck.tracks.frame_player import FramePlayer  # noqa: E402
+from controller.deck.tracks.playing_tracks import STILL, TURNS_OVER  # noqa: E402
 from controller.library.motion_library import MotionLibrary, load_library  # noqa: E402
 from controller.motion.encodings.motion_matching import joint_features  # noqa: E402
 from controller.motion.quintic import rise  # noqa: E402

@@ -19,8 +19,7 @@ for _library in ("OPENBLAS", "OMP", "MKL"):
 import numpy as np  # noqa: E402
 
 from controller.deck.deck import Deck  # noqa: E402
-from controller.deck.locks.phase_error import wrapped  # noqa: E402
-from controller.deck.locks.phase_lock import LOCKED_WITHIN  # noqa: E402
+from controller.deck.locks.phase_lock import LOCKED_WITHIN, wrapped  # noqa: E402
 from controller.library.motion_library import MotionLibrary, load_library  # noqa: E402
 from controller.loop.commands.command_desk import CommandDesk  # noqa: E402
 from controller.loop.commands.commanded_run import CommandedRun  # noqa: E402

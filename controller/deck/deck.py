@@ -7,9 +7,9 @@ joints. The loop calls `update` once a tick, and commands in between. The `switc
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import math
+from collections.abc import Mapping, Sequence
 
-from controller.deck.inputs import Inputs
 from controller.deck.interfaces import Retargeter
 from controller.deck.joins.joining import Joining
 from controller.deck.lockable import Lockable
@@ -45,7 +45,8 @@ class Deck(Lockable):
         direct: as given.
         time: s since the start, summed over updates.
         switches: the latest REMEMBERED_SWITCHES commanded switches.
-        events: what has happened, at most REMEMBERED_EVENTS; whoever tells it takes it out.
+        events: the latest events, at most REMEMBERED_EVENTS; their reader removes them.
+        performance: plays the motions and joins them.
         pose: the pose that is shown.
     """
 
@@ -62,20 +63,20 @@ class Deck(Lockable):
         self.motions = library.network.motions
         self._check(motion)
         self._retarget = retarget
-        self._show = Performance(library, motion, joining, phase)
+        self.performance = Performance(library, motion, joining, phase)
         routes = Routes.of(library)
         self._routes = routes.direct if direct else routes
-        self._plan = SwitchPlan(self._show, self._routes, direct=direct)
+        self._plan = SwitchPlan(self.performance, self._routes, direct=direct)
         self.switches, self.events = self._plan.commanded, self._plan.events
         self.direct = direct
         usual = {motion.input.name: motion.input.usual for motion in library.info.motions if motion.input}
-        self._inputs = Inputs(self._show.inputs, usual)
+        self._inputs = Inputs(self.performance.tracks.leading.player.inputs, usual)
         for name, value in usual.items():
-            self._show.set_input(name, value)  # motions that share an input begin alike
+            self.performance.tracks.set_input(name, value)  # motions that share an input begin alike
         self._jump: float | None = None  # the phase to go to in the next update
         self.time = 0.0
         super().__init__()
-        self.pose = self._show.pose
+        self.pose = self.performance.pose
 
     @property
     def motion(self) -> str:
@@ -86,27 +87,27 @@ class Deck(Lockable):
     @property
     def playing(self) -> str:
         """The motion that is played now, perhaps on the way to `motion`."""
-        return self._show.here.name
+        return self.performance.here.name
 
     @property
     def posture(self) -> Posture:
         """The posture that is shown, in its own heading frame."""
-        return self._show.posture
+        return self.performance.posture
 
     @property
     def settled(self) -> bool:
         """Whether no switch is under way."""
-        return self._plan.current is None and not self._show.fading
+        return self._plan.current is None and not self.performance.fading
 
     @property
     def activation(self) -> Activation | None:
-        """The activation of the neurons of the network that plays, shape (N,); None if it has none to look at."""
-        return self._show.activation
+        """The activation of the neurons of the network that plays, shape (N,); None for a network without neurons."""
+        return self.performance.tracks.leading.activation
 
     @property
     def phase(self) -> float | None:
         """How far the motion is: [0, 1) in a loop, 0 to 1 in a one-shot; None if the network runs by itself."""
-        return self._show.phase
+        return self.performance.tracks.leading.phase
 
     @property
     def inputs(self) -> dict[str, float]:
@@ -116,13 +117,13 @@ class Deck(Lockable):
     @property
     def phase_rate(self) -> float | None:
         """How fast a loop turns, rounds a second, negative backwards; None for a one-shot or without a phase."""
-        here = self._show.here
+        here = self.performance.here
         return self.tempo / here.seconds if here.loop and self.phase is not None else None
 
     @property
     def blend(self) -> tuple[tuple[str, float], ...]:
         """The motions that are blended into the one that is played, each with its present weight."""
-        return self._show.blend
+        return self.performance.tracks.blend
 
     @property
     def fell_back(self) -> str:
@@ -133,7 +134,7 @@ class Deck(Lockable):
     @property
     def restarts(self) -> int:
         """How often the network lost its motion and was restarted."""
-        return self._show.restarts
+        return sum(track.restarts for track in self.performance.tracks.every)
 
     @property
     def way(self) -> list[str]:
@@ -160,7 +161,7 @@ class Deck(Lockable):
         """
         self._check(to)
         direct = direct or self.direct
-        loop = self._show.motions[to].loop
+        loop = self.performance.motions[to].loop
         current = self._plan.current
         goes_there = current is not None and current.to == to and not current.blend and loop
         if current is not None and goes_there and not (direct and self._plan.ahead):
@@ -208,7 +209,7 @@ class Deck(Lockable):
             raise MotiondeckError(
                 f"the queue is full: {MOST_QUEUED} motions are waiting; wait until one of them begins"
             )
-        self._show.finish_round()
+        self.performance.tracks.leading.finish_round()
         return self._plan.enqueue(CommandedSwitch(to, self.time))
 
     def require_phase(self) -> None:
@@ -217,7 +218,7 @@ class Deck(Lockable):
         Raises:
             MotiondeckError: if it runs by itself.
         """
-        self._show.require_phase()
+        self.performance.tracks.leading.player.require_phase()
 
     def set_tempo(self, factor: float, over: float = 0.0) -> None:
         """Plays at another tempo, reached within `over` seconds; see `Tempo.command`.
@@ -228,7 +229,7 @@ class Deck(Lockable):
         """
         TEMPO.check(factor)
         if factor < 0.0:
-            self._show.require_phase()
+            self.require_phase()
         super().set_tempo(factor, over)
 
     def set_input(self, name: str, value: float) -> None:
@@ -251,7 +252,7 @@ class Deck(Lockable):
             MotiondeckError: if the network runs by itself, or motions are blended.
         """
         PHASE.check(phase)
-        self._show.require_phase()
+        self.require_phase()
         if self.blend:
             raise MotiondeckError("motions are blended; a jump is possible when one of them plays alone")
         self._jump = phase
@@ -262,25 +263,25 @@ class Deck(Lockable):
         if jump is not None:
             self._jump = jump
         self.time += dt
-        show, plan = self._show, self._plan
+        playing, plan = self.performance, self._plan
         if self._inputs.present:
             for name, value in self._inputs.advance(dt).items():
-                show.set_input(name, value)
-        if show.step(dt, tempo):
+                playing.tracks.set_input(name, value)
+        if playing.step(dt, tempo):
             plan.finish_fade(self.time)
-        if show.blend_problem and not plan.ahead:
-            plan.give_up_blend(show.blend_problem, self.time)
+        if playing.blend_problem and not plan.ahead:
+            plan.give_up_blend(playing.blend_problem, self.time)
         if plan.fading is not None and plan.fading.first_change_s is None:
             plan.fading.first_change_s = self.time
         if plan.blending is not None:
             plan.update_blend(plan.blending, self.time)
         if (plan.ahead or plan.queued) and (motion := plan.take_next(self.time)) is not None:
-            show.switch_to(motion)
+            playing.switch_to(motion)
             self._jump = None
         elif self._jump is not None:
-            show.jump(self._jump)
+            playing.jump(self._jump)
             self._jump = None
-        self.pose = show.show()
+        self.pose = playing.show()
         targets = self._retarget(self.pose)
         if self._lock is not None:
             self._note(targets)
@@ -288,7 +289,7 @@ class Deck(Lockable):
 
     def _playhead(self, time: float) -> LoopPlace | None:
         """Where it is, for a lock; None if the network runs by itself."""
-        here, phase = self._show.here, self.phase
+        here, phase = self.performance.here, self.phase
         if phase is None:
             return None
         alone = self.settled and not self.blend and not self.paused
@@ -297,3 +298,49 @@ class Deck(Lockable):
     def _check(self, motion: str) -> None:
         if motion not in self.motions:
             raise UnknownNameError.among("motion", motion, self.motions)
+
+
+ACROSS_SECONDS = 1.0  # how long an input takes from one end of what was learned to the other
+
+
+class Inputs:
+    """The inputs of a library's motions.
+
+    Args:
+        ranges: their names, and between which values each was learned.
+        usual: the value that each has at the beginning.
+
+    Attributes:
+        present: their present values.
+    """
+
+    def __init__(self, ranges: Mapping[str, tuple[float, float]], usual: Mapping[str, float]) -> None:
+        self._ranges, self._commanded = dict(ranges), dict(usual)
+        self.present = dict(usual)
+
+    def command(self, name: str, value: float) -> None:
+        """Changes an input to another value.
+
+        Raises:
+            UnknownNameError: if no motion of the library has such an input.
+            MotiondeckError: if the value lies outside of what was learned.
+        """
+        if not self._ranges:
+            raise UnknownNameError(f"there is no input '{name}': no motion of this library was learned with one")
+        if name not in self._ranges:
+            raise UnknownNameError.among("input", name, self._ranges)
+        least, most = self._ranges[name]
+        if not (math.isfinite(value) and least <= value <= most):
+            raise MotiondeckError(f"{name} was learned from {least:.3g} to {most:.3g}; {value:g} is not in between")
+        self._commanded[name] = value
+
+    def advance(self, dt: float) -> dict[str, float]:
+        """Goes dt seconds on; the inputs that have changed, with their present values."""
+        changed = {}
+        for name, goal in self._commanded.items():
+            present = self.present[name]
+            if goal != present:
+                least, most = self._ranges[name]
+                step = (most - least) * dt / ACROSS_SECONDS
+                self.present[name] = changed[name] = present + min(max(goal - present, -step), step)
+        return changed

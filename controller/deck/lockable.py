@@ -5,11 +5,10 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from collections.abc import Callable
 
-from controller.deck.locks.beats import Beats
 from controller.deck.locks.body_lock import BodyLock, Measured
 from controller.deck.locks.lock import Lock, LoopPlace
-from controller.deck.locks.other_deck import Leader, OtherDeck
 from controller.deck.locks.phase_lock import PhaseLock
+from controller.deck.locks.references import Beats, Leader, OtherDeck
 from controller.deck.tempo import TEMPO_RATE, Paced
 from controller.motion.rotations import Array
 from controller.wire.messages.arguments import AGO, LOCK_PHASE, STEPS
@@ -127,6 +126,6 @@ class Lockable(Paced, ABC):
             self.phase_at = self.due()
         time = self.phase_at - dt if self.phase_at is not None else self.time
         if self._lock is None or (playhead := self._playhead(time)) is None:
-            return self._tempo.advance(dt), None
+            return self.advance_tempo(dt), None
         steering = self._lock.steer(playhead)
-        return self._tempo.steer(steering.tempo, self._lock.rate, dt), steering.jump
+        return self.steer_tempo(steering.tempo, self._lock.rate, dt), steering.jump

@@ -2,29 +2,27 @@
 
     tracks -> posture -> fade of the last switch -> limits of a join -> root path -> pose
 
-It does what it is told at once; when a motion is played is decided by the deck.
+It acts at once; `switch_plan` decides what is played when.
 """
 
 from __future__ import annotations
 
 from collections.abc import Mapping
 from functools import partial
+from math import cos, sin
 
 import numpy as np
 
 from controller.deck.joins.deck_motions import Motion, read_motions
-from controller.deck.joins.fade_search import PLANNED_SHARE, FadeSearch
-from controller.deck.joins.fading import Fading
+from controller.deck.joins.fade_search import PLANNED_SHARE, FadeSearch, Fading
 from controller.deck.joins.join_limits import FASTEST, Bounds, JoinLimits
 from controller.deck.joins.joining import Joining
 from controller.deck.joins.transition import best_anchor, difference, extrapolated
-from controller.deck.root_path import advance, at_origin
 from controller.deck.tracks.playing_tracks import PlayingTracks
 from controller.deck.tracks.track import Track
 from controller.library.motion_library import MotionLibrary
 from controller.motion.posture import Pose, Posture
-from controller.motion.rotations import Array
-from controller.networks.base import Activation
+from controller.motion.rotations import Array, turned_about_vertical
 
 # A difference in joint velocity counts as much as the distance it covers in this time (8 frames at 120 Hz), s.
 VELOCITY_REACH = 8.0 / 120.0
@@ -42,7 +40,7 @@ CORRECTED_AGAIN = 0.05
 # Between which shares of the limits a blend weight changes more and more slowly, how slowly at least, and how soon, s.
 EASED_FROM, EASED_TO, SLOWEST, EASING_SECONDS = 0.7, 0.8, 0.2, 0.1
 
-# While the weight of a blend changes, it is given up beyond so many times the limits of a join.
+# A blend whose weights change is given up beyond this multiple of the limits of a join.
 BLEND_TURNS_OVER = 2.0
 
 
@@ -53,6 +51,7 @@ class Performance:
 
     Attributes:
         motions: the motions of the library by name.
+        tracks: the tracks that play; `tracks.leading` has the phase and the inputs.
         posture: the posture that is shown.
         pose: the same in the world.
         blend_problem: the problem of the blend in the last step, or "".
@@ -65,7 +64,7 @@ class Performance:
         self._by_module = library.network.as_crossing is not None
         self._morphs_inside = library.network.as_autonomous is not None
         self._joining: Joining = joining or ("morph" if self._by_module else "inertialise")
-        self._tracks = PlayingTracks(library, self.motions)
+        self.tracks = PlayingTracks(library, self.motions)
         self._weight_pace = 1.0  # of blend weights, which change more slowly where joints become too fast
         self.blend_problem = ""
         self._switching = False  # whether a switch is under way that is no fade
@@ -73,7 +72,7 @@ class Performance:
         self._limits: JoinLimits | None = None
         self._correct_from = CORRECTED_FROM
         self._dt, self._tempo = 1.0 / library.info.rate, 1.0
-        first = self._tracks.playing[0]
+        first = self.tracks.playing[0]
         first.cue_phase(motion, phase)
         first.step(0.0, 1.0)
         self._before = self.posture = self._shown = first.posture
@@ -84,7 +83,7 @@ class Performance:
     @property
     def here(self) -> Motion:
         """The motion that is played, or being switched to."""
-        return self._tracks.leading.motion
+        return self.tracks.leading.motion
 
     @property
     def fading(self) -> bool:
@@ -92,65 +91,13 @@ class Performance:
         return self._fade is not None or self._switching
 
     @property
-    def crossing(self) -> bool:
-        """Whether blend weights are still changing, or what they have led to is not yet one motion alone."""
-        return self._tracks.crossing
-
-    @property
-    def blend(self) -> tuple[tuple[str, float], ...]:
-        """The motions that are blended into the one that is played, each with its present weight."""
-        return self._tracks.blend
-
-    @property
-    def activation(self) -> Activation | None:
-        """The activation of the neurons of the network that leads, shape (N,); None if it has none to look at."""
-        return self._tracks.leading.activation
-
-    @property
-    def phase(self) -> float | None:
-        """How far the motion is: [0, 1) in a loop, 0 to 1 in a one-shot; None if the network runs by itself."""
-        return self._tracks.leading.phase
-
-    @property
-    def inputs(self) -> dict[str, tuple[float, float]]:
-        """The inputs that the network has besides the phase, and between which values each was learned."""
-        return self._tracks.every[0].inputs
-
-    def set_input(self, name: str, value: float) -> None:
-        """Gives an input of the network another value."""
-        for track in self._tracks.every:
-            track.set_input(name, value)
-
-    def require_phase(self) -> None:
-        """Checks that the network has a phase.
-
-        Raises:
-            MotiondeckError: if it runs by itself.
-        """
-        self._tracks.every[0].require_phase()
-
-    @property
-    def restarts(self) -> int:
-        """How often the network lost its motion and was restarted."""
-        return sum(track.restarts for track in self._tracks.every)
-
-    @property
-    def at_end(self) -> bool:
-        """Whether the motion has ended or gone round."""
-        return self._tracks.leading.ended
-
-    @property
     def ended(self) -> bool:
         """Whether the motion has ended or gone round, and nothing is faded or changing its weight."""
-        return self.at_end and not self.fading and not self.crossing
-
-    def finish_round(self) -> None:
-        """Sets the end of a loop that has gone round to the end of its present round."""
-        self._tracks.leading.finish_round()
+        return self.tracks.leading.ended and not self.fading and not self.tracks.crossing
 
     def step(self, dt: float, tempo: float) -> bool:
         """Advances by dt seconds at a tempo; whether a switch has been completed with it."""
-        self._dt, self._tempo, tracks = dt, tempo, self._tracks
+        self._dt, self._tempo, tracks = dt, tempo, self.tracks
         target = tracks.step(dt, tempo if self._fade is None else tempo * self._onset, self._weight_pace)
         shown, completed = target, False
         if self._fade is not None or self._switching:
@@ -162,7 +109,7 @@ class Performance:
         if self.blend_problem == "turns over":
             self._swing_on(dt)
         first = tracks.playing[0]
-        restarted = first.restarted() if first.guarded else None
+        restarted = first.restarted() if first.guard is not None else None
         if restarted is not None and tracks.alone:
             first.restart_at(restarted)
             self._fade_to_first(self.here)
@@ -174,7 +121,7 @@ class Performance:
         self._pose_before, self.pose = self.pose, self._next
         if self._limits is not None:
             self._limits.accept(self.pose)
-            if not self.fading and not self.crossing:
+            if not self.fading and not self.tracks.crossing:
                 self._limits = None
         return self.pose
 
@@ -186,10 +133,10 @@ class Performance:
         leaving, entering, joining = self.here, self.motions[motion], self._joining
         anchor = self._best_anchor(motion, self.posture, self._shown)
         self._limit(leaving, entering)
-        if joining in ("morph", "crossfade") and not self.fading and self._tracks.alone:
+        if joining in ("morph", "crossfade") and not self.fading and self.tracks.alone:
             self._mix_to(motion, anchor)
             return
-        first = self._play_alone(self._tracks.playing[0])
+        first = self._play_alone(self.tracks.playing[0])
         first.cue(motion, anchor)
         if joining == "cut":
             self._fade, self._limits = None, None
@@ -201,7 +148,7 @@ class Performance:
         """Goes to a phase in [0, 1] of the motion that is played, and fades from what is shown to it."""
         motion = self.here
         self._limit(motion)
-        first = self._play_alone(self._tracks.playing[0])
+        first = self._play_alone(self.tracks.playing[0])
         first.cue_phase(motion.name, phase)
         self._fade_to_first(motion)
 
@@ -211,15 +158,11 @@ class Performance:
         Args:
             weights: of its motions, which sum to 1; with those that play they are at most MOST_BLENDED.
         """
-        tracks = self._tracks
+        tracks = self.tracks
         for name in sorted(weights.keys() - {track.motion.name for track in tracks.playing}):
             tracks.add(name, self._best_anchor(name, self._before, self.posture), self._tempo)
         self._limit(*(track.motion for track in tracks.playing))
         tracks.change_weights(weights, MORPH_SECONDS)
-
-    def finish_blend(self, lead: str) -> None:
-        """Drops the motions whose weight has become 0; where the one that leads is dropped, `lead` leads."""
-        self._tracks.drop_weightless(lead)
 
     @property
     def _onset(self) -> float:
@@ -234,14 +177,14 @@ class Performance:
                 return self._fade.shown(target), False
             self._fade = None
             return target, True
-        if self._tracks.crossing or self._tracks.playing[0].morphing:
+        if self.tracks.crossing or self.tracks.playing[0].morphing:
             return target, False
-        self._play_alone(self._tracks.leading)
+        self._play_alone(self.tracks.leading)
         return target, True
 
     def _keep_within(self, limits: JoinLimits, dt: float, tempo: float) -> None:
         """Slows, gives up or replaces a join that takes the joints too near its limits, or beyond them."""
-        tracks = self._tracks
+        tracks = self.tracks
         # Played faster, the motions themselves go beyond what they need at their own tempo.
         use = limits.use(self._next, dt) / max(1.0, abs(tempo))
         if tracks.crossing:
@@ -261,7 +204,7 @@ class Performance:
 
     def _swing_on(self, dt: float) -> None:
         """Shows in this tick the body moving on as it did, not what is played."""
-        self._take(extrapolated(self._before, self.posture, dt, self._tracks.rest_direction))
+        self._take(extrapolated(self._before, self.posture, dt, self.tracks.rest_direction))
 
     def _take(self, shown: Posture) -> None:
         """Takes a posture for the one of this tick."""
@@ -279,29 +222,29 @@ class Performance:
         """Has the network itself change to a motion if it is to morph and can, or mixes both motions."""
         morphs = self._joining == "morph"
         if morphs and self._morphs_inside:
-            self._tracks.playing[0].morph(motion, anchor, MORPH_SECONDS)
+            self.tracks.playing[0].morph(motion, anchor, MORPH_SECONDS)
         elif morphs and self._by_module:
-            self._tracks.morph_to(motion, anchor, self._dt, self._tempo)
+            self.tracks.morph_to(motion, anchor, self._dt, self._tempo)
         else:
-            self._tracks.cross_to(motion, anchor, self._dt, self._tempo)
+            self.tracks.cross_to(motion, anchor, self._dt, self._tempo)
         self._switching = True
 
     def _play_alone(self, track: Track) -> Track:
         """Leaves one track playing alone."""
-        self._tracks.play_alone(track)
+        self.tracks.play_alone(track)
         self._switching = False
         return track
 
     def _fade_to_first(self, *motions: Motion) -> None:
         """Fades from what is shown to the motion of the first track, which has just been cued."""
-        onset, first = 1.0 if self.here.loop else 0.0, self._tracks.playing[0]
+        onset, first = 1.0 if self.here.loop else 0.0, self.tracks.playing[0]
         self._show_beginning(first, onset * self._tempo)
         self._begin_fade(first, onset, *motions)
 
     def _fade_instead(self) -> None:
         """Replaces a join that has become too fast by a fade from here to its target."""
-        track, onset = self._tracks.leading, self._onset
-        if self._tracks.alone and track.morphing:
+        track, onset = self.tracks.leading, self._onset
+        if self.tracks.alone and track.morphing:
             track.cue(track.motion.name, self._best_anchor(track.motion.name, self.posture, self._shown))
             self._show_beginning(track, self._tempo)
         self._play_alone(track)
@@ -319,7 +262,7 @@ class Performance:
         """
         shown, target = (self.posture, self._shown), (track.posture_before, track.posture)
         search = FadeSearch(
-            partial(difference, shown, target, self._dt, self._tracks.rest_direction),
+            partial(difference, shown, target, self._dt, self.tracks.rest_direction),
             track.ahead(self._tempo, onset),
             self._skeleton.chain,
             Bounds.of(motions, FASTEST, 1.0),
@@ -336,3 +279,18 @@ class Performance:
         """Joint positions relative to the root in the heading frame, and the root's height, shape (F,), m."""
         places = self._skeleton.joints(np.zeros(3), posture.rotation)
         return np.append(places[1:].ravel(), posture.height)
+
+
+def at_origin(posture: Posture) -> Pose:
+    """A posture that stands at the origin and faces along x."""
+    return Pose(np.array([0.0, 0.0, float(posture.height)]), np.array(0.0), posture.rotation)
+
+
+def advance(pose: Pose, posture: Posture, dt: float) -> Pose:
+    """The posture in the world, after moving on from a pose with its velocities (x forward, y left) for dt seconds."""
+    heading = float(pose.heading) + float(posture.turn_rate) * dt
+    cosine, sine = cos(heading), sin(heading)
+    forward, left = (posture.velocity * dt).tolist()
+    x, y, _ = pose.root_position.tolist()
+    position = np.array([x + cosine * forward - sine * left, y + sine * forward + cosine * left, float(posture.height)])
+    return Pose(position, np.array(heading), turned_about_vertical(posture.rotation, heading))

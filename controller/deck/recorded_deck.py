@@ -81,7 +81,7 @@ class RecordedDeck(Paced):
     def update(self, dt: float) -> tuple[Array, Pose]:
         """Advances by dt seconds, linear between recorded ticks; the joint targets (J,), rad, and the pose."""
         self.time += dt
-        step = dt * self._tempo.advance(dt) * self._rate
+        step = dt * self.advance_tempo(dt) * self._rate
         self._place = min(max(self._place + step, 0.0), float(self._last))
         first = min(int(self._place), max(self._last - 1, 0))
         share, second = self._place - first, min(first + 1, self._last)

@@ -1,6 +1,6 @@
-"""The plan of a deck: which switch is under way, which motions are on the way to it, and which wait in the queue.
+"""The plan of a deck: the switch under way, the motions on its way, and the queue.
 
-The deck tells it the time, s since its start, with each command and each tick.
+Times are s since the start of the deck.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ class SwitchPlan:
     """The switches that a performance is to play.
 
     Args:
-        show: what plays them.
+        performance: plays them.
         routes: between its motions.
         direct: whether those in the queue go straight to their motion.
 
@@ -35,11 +35,11 @@ class SwitchPlan:
         ahead: the motions that the current switch has still to begin.
         queued: the switches after it.
         commanded: the latest REMEMBERED_SWITCHES switches.
-        events: what has happened, at most REMEMBERED_EVENTS; whoever tells it takes it out.
+        events: the latest events, at most REMEMBERED_EVENTS; their reader removes them.
     """
 
-    def __init__(self, show: Performance, routes: Routes, *, direct: bool) -> None:
-        self._show, self._routes, self._direct = show, routes, direct
+    def __init__(self, performance: Performance, routes: Routes, *, direct: bool) -> None:
+        self._performance, self._routes, self._direct = performance, routes, direct
         self.current: CommandedSwitch | None = None
         self.fading: CommandedSwitch | None = None
         self.blending: CommandedSwitch | None = None
@@ -74,14 +74,14 @@ class SwitchPlan:
 
     def take_next(self, time: float) -> str | None:
         """Takes the motion that begins in this tick, if one does."""
-        over = self._show.ended
+        over = self._performance.ended
         if self.current is None and self.queued and over:
             self._start(self.queued.popleft(), time, self._direct)
         if not self.ahead or not (over or not self._waits):
             return None
         motion = self.ahead.popleft()
         if self.ahead:
-            self._tell("via", f"{motion}, on the way to {self.ahead[-1]}", motion, time)
+            self._note("via", f"{motion}, on the way to {self.ahead[-1]}", motion, time)
         self.blending = None
         self._waits = True  # the motions on a way are one-shots, and those are finished
         self.fading = self.current
@@ -103,26 +103,27 @@ class SwitchPlan:
 
     def update_blend(self, switch: CommandedSwitch, time: float) -> None:
         """Notes the progress of a switch's blend, and drops the motions whose weight has become 0."""
-        show = self._show
+        performance = self._performance
         if switch.first_change_s is None:
             switch.first_change_s = time
-        if show.crossing:
+        if performance.tracks.crossing:
             return
         self.blending = None
-        show.finish_blend(switch.to)
+        performance.tracks.drop_weightless(switch.to)
         if switch is self.current and not self.ahead:
             self._settle(switch, time)
 
     def give_up_blend(self, problem: str, time: float) -> None:
         """Gives a blend up and switches to the motion that has more weight in it."""
-        show, blended = self._show, self.blended
-        if not show.blend or blended is None:
+        performance, blended = self._performance, self.blended
+        blend = performance.tracks.blend
+        if not blend or blended is None:
             return
-        playing = show.here.name
-        weights = {playing: 1.0 - sum(weight for _, weight in show.blend)} | dict(show.blend)
+        playing = performance.here.name
+        weights = {playing: 1.0 - sum(weight for _, weight in blend)} | dict(blend)
         nearer = max(weights, key=weights.__getitem__)
-        blended.fell_back = f"{described(playing, show.blend)} {problem}, fell back to {nearer}"
-        self._tell("gave up", blended.fell_back, nearer, time)
+        blended.fell_back = f"{described(playing, blend)} {problem}, fell back to {nearer}"
+        self._note("gave up", blended.fell_back, nearer, time)
         if self.current is not None:
             self._mark_overtaken([self.current], time)
         switch = CommandedSwitch(nearer, time)
@@ -132,30 +133,30 @@ class SwitchPlan:
 
     def _start(self, switch: CommandedSwitch, time: float, direct: bool) -> None:
         """Makes a switch the current one and finds its way."""
-        show, here = self._show, self._show.here
-        self._tell("motion", switch.destination, switch.to, time)
+        performance, here = self._performance, self._performance.here
+        self._note("motion", switch.destination, switch.to, time)
         self.current = switch
         if here.loop and self._goes_on(switch):
             if not switch.blend:
                 switch.first_change_s = time
                 self._settle(switch, time)
-            elif show.fading:
+            elif performance.fading:
                 self.fading = switch  # its blend begins when the fade has ended
             else:
                 self._blend(switch)
             return
         if not direct:
             switch.via = self._routes.by_way_of(here.name, switch.to)
-            switch.after = "" if here.loop or show.at_end else here.name
+            switch.after = "" if here.loop or performance.tracks.leading.ended else here.name
         self.ahead.extend((*switch.via, switch.to))
         self._waits = bool(switch.after)
 
     def _goes_on(self, switch: CommandedSwitch) -> bool:
         """Whether what is shown, or faded to, plays on in what is commanded, so that only weights change."""
-        show = self._show
-        if not show.blend:
-            return switch.to == show.here.name
-        present = {show.here.name, *(name for name, _ in show.blend)}
+        performance = self._performance
+        if not performance.tracks.blend:
+            return switch.to == performance.here.name
+        present = {performance.here.name, *(name for name, _ in performance.tracks.blend)}
         wanted = {switch.to, *(name for name, _ in switch.blend)}
         if not switch.blend or not present & wanted or len(present | wanted) > MOST_BLENDED:
             return False
@@ -167,18 +168,18 @@ class SwitchPlan:
         blend = dict(switch.blend)
         rest = 1.0 - sum(blend.values())
         # Weights such as 0.1, 0.2 and 0.7 do not sum to 1 exactly.
-        self._show.blend_in({switch.to: rest if abs(rest) > _NO_WEIGHT else 0.0} | blend)
+        self._performance.blend_in({switch.to: rest if abs(rest) > _NO_WEIGHT else 0.0} | blend)
         self.blending = self.blended = switch
 
     def _settle(self, switch: CommandedSwitch, time: float) -> None:
         switch.settled_s = time
         self.current = None
-        self._tell("settled", f"{switch.destination} after {time - switch.commanded_s:.2f} s", switch.to, time)
+        self._note("settled", f"{switch.destination} after {time - switch.commanded_s:.2f} s", switch.to, time)
 
     def _mark_overtaken(self, switches: Iterable[CommandedSwitch], time: float) -> None:
         for switch in switches:
             switch.overtaken = True
-            self._tell("overtaken", f"another command has overtaken {switch.destination}", switch.to, time)
+            self._note("overtaken", f"another command has overtaken {switch.destination}", switch.to, time)
 
-    def _tell(self, kind: EventKind, text: str, motion: str, time: float) -> None:
+    def _note(self, kind: EventKind, text: str, motion: str, time: float) -> None:
         self.events.append(Event(kind, text, motion, time))

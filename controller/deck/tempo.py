@@ -1,4 +1,4 @@
-"""Tempo: how fast motions are played, and which way. It follows the commanded one at a bounded rate."""
+"""Tempo: the rate and direction of playing. It follows the commanded one at a bounded rate."""
 
 from __future__ import annotations
 
@@ -9,49 +9,49 @@ from motiondeck_base.errors import MotiondeckError
 TEMPO_RATE = 2.5
 
 
-class Tempo:
-    """A tempo: 1 as recorded, 0 stands still, negative plays backwards.
+class Paced:
+    """The tempo and the pauses of a deck.
 
     Attributes:
-        present: the present tempo; it follows the commanded one smoothly.
-        commanded: the commanded tempo.
+        tempo: the present tempo: 1 as recorded, 0 stands still, negative plays backwards.
+        commanded_tempo: the tempo that the present one follows, unless a lock steers it.
         paused: whether a pause was commanded: a tempo of zero until it is over.
     """
 
     def __init__(self) -> None:
-        self.present = self.commanded = 1.0
+        self.tempo = self.commanded_tempo = 1.0
         self.paused = False
-        self._on = 0.0  # s for which the motion still goes on in a pause
-        self._rate = TEMPO_RATE  # of the change to the commanded tempo, 1/s
+        self._step_left = 0.0  # s for which the motion still goes on in a pause
+        self._rate_to_commanded = TEMPO_RATE  # 1/s
 
-    def command(self, factor: float, over: float = 0.0) -> None:
-        """Changes to another tempo.
+    def set_tempo(self, factor: float, over: float = 0.0) -> None:
+        """Changes the commanded tempo.
 
         Args:
-            factor: the tempo, in the range of `command_table.TEMPO`.
-            over: how long the change takes, s; at least as long as TEMPO_RATE demands. It begins after a pause.
+            factor: the tempo, in the range of `TEMPO`.
+            over: duration of the change, s; at least what TEMPO_RATE demands. It begins after a pause.
 
         Raises:
             CommandError: if the tempo or the time is out of its range.
         """
         TEMPO.check(factor)
         TEMPO_SECONDS.check(over)
-        self.commanded = factor
-        begins = 0.0 if self.paused else self.present
-        self._rate = min(TEMPO_RATE, abs(factor - begins) / over) if over > 0.0 else TEMPO_RATE
+        self.commanded_tempo = factor
+        begins = 0.0 if self.paused else self.tempo
+        self._rate_to_commanded = min(TEMPO_RATE, abs(factor - begins) / over) if over > 0.0 else TEMPO_RATE
 
     def pause(self) -> None:
         """Comes to a standstill and stays there until `resume`."""
         self.paused = True
-        self._rate = TEMPO_RATE
+        self._rate_to_commanded = TEMPO_RATE
 
     def resume(self) -> None:
         """Plays on after a pause."""
         self.paused = False
-        self._on = 0.0
+        self._step_left = 0.0
 
-    def step_on(self, seconds: float) -> None:
-        """Goes on in a pause for so long at the commanded tempo, at least for one update.
+    def step_on(self, seconds: float = 0.0) -> None:
+        """Goes on in a pause for some seconds at the commanded tempo, at least for one update.
 
         Raises:
             CommandError: if the time is out of its range.
@@ -60,62 +60,21 @@ class Tempo:
         STEP_SECONDS.check(seconds)
         if not self.paused:
             raise MotiondeckError("a step goes on in a pause: pause first")
-        self._on = max(seconds, 1e-9)
+        self._step_left = max(seconds, 1e-9)
 
-    def advance(self, dt: float) -> float:
-        """The tempo after dt more seconds."""
-        if self.present == self.commanded and not self.paused:
-            return self.present
-        return self._approach(self.commanded, self._rate, dt)
+    def advance_tempo(self, dt: float) -> float:
+        """The tempo dt seconds later, on its way to the commanded one."""
+        if self.tempo == self.commanded_tempo and not self.paused:
+            return self.tempo
+        return self.steer_tempo(self.commanded_tempo, self._rate_to_commanded, dt)
 
-    def steer(self, wanted: float, rate: float, dt: float) -> float:
-        """The tempo after dt more seconds on the way to another one than was commanded, changing at most at a rate."""
-        return self._approach(wanted, rate, dt)
-
-    def _approach(self, goal: float, rate: float, dt: float) -> float:
-        if self.paused and self._on > 1e-12:
-            self._on -= dt
-            return self.commanded
+    def steer_tempo(self, goal: float, rate: float, dt: float) -> float:
+        """The tempo dt seconds later, on its way to a goal at a rate, 1/s; a pause comes first."""
+        if self.paused and self._step_left > 1e-12:
+            self._step_left -= dt
+            return self.commanded_tempo
         if self.paused:
             goal, rate = 0.0, TEMPO_RATE
         most = rate * dt
-        self.present += min(max(goal - self.present, -most), most)
-        return self.present
-
-
-class Paced:
-    """The tempo of a deck, as commands see it; a base of both decks."""
-
-    def __init__(self) -> None:
-        self._tempo = Tempo()
-
-    @property
-    def tempo(self) -> float:
-        """The present tempo; it follows the commanded one smoothly."""
-        return self._tempo.present
-
-    @property
-    def commanded_tempo(self) -> float:
-        """The commanded tempo."""
-        return self._tempo.commanded
-
-    @property
-    def paused(self) -> bool:
-        """Whether it is paused."""
-        return self._tempo.paused
-
-    def set_tempo(self, factor: float, over: float = 0.0) -> None:
-        """Plays at another tempo, reached within `over` seconds; see `Tempo.command`."""
-        self._tempo.command(factor, over)
-
-    def pause(self) -> None:
-        """Comes to a standstill and stays there until `resume`."""
-        self._tempo.pause()
-
-    def step_on(self, seconds: float = 0.0) -> None:
-        """Goes on in a pause for so long, s, or for one update; see `Tempo.step_on`."""
-        self._tempo.step_on(seconds)
-
-    def resume(self) -> None:
-        """Plays on after a pause."""
-        self._tempo.resume()
+        self.tempo += min(max(goal - self.tempo, -most), most)
+        return self.tempo

@@ -1,8 +1,8 @@
-"""The worst join of a library: how fast and how hard joints move at the hardest of its switches.
+"""The worst join of a library: the largest speed and acceleration of joints at the hardest of its switches.
 
 To play every pair at every phase takes minutes. The joins that look hardest are found in the stored motions: those
 whose bodies are farthest apart, in place and velocity, for how briskly the two motions move themselves. The deck plays
-a few of them, and the worst of these is told.
+a few of them and measures them.
 """
 
 from __future__ import annotations
@@ -72,8 +72,8 @@ def worst_join(library: MotionLibrary, *, phases: int = PHASES, played: int = PL
 def hardest_joins(library: MotionLibrary, count: int, phases: int = PHASES) -> list[tuple[str, str, float]]:
     """The joins that look hardest, hardest first: source, target and the phase at which the source is left.
 
-    Of each pair that is joined directly one join at most is taken. One-shots are left at their end, loops at so many
-    phases.
+    At most one join is taken of each pair that is joined directly. One-shots are left at their end, loops at a number
+    of `phases`.
     """
     motions, routes = read_motions(library), Routes.of(library)
     found: list[tuple[float, tuple[str, str, float]]] = []

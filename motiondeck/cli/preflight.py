@@ -98,7 +98,7 @@ def preflight(
     else:
         print_summary(verdicts, motions, report, judge.robot)
     if plot is not None:
-        from motiondeck.pictures.preflight_plot import draw
+        from motiondeck.pictures.table_plots import draw
 
         draw(verdicts[:motions], plot)
     if not report["ok"]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import copy
 import ctypes
 import ctypes.util
 import os
@@ -16,7 +17,6 @@ from PIL import Image as Pictures
 from PIL import ImageFilter
 
 from controller.motion.rotations import Array
-from motiondeck.pictures.mesh_detail import with_less_detail
 from motiondeck_base.errors import MotiondeckError, UnknownNameError
 from sim.models.scenery import body_height
 
@@ -240,3 +240,27 @@ def _egl_device_works() -> bool:
     platform_device = 0x313F
     displays = [display_of(platform_device, device, None) for device in devices[: found.value]]
     return any(display and egl.eglInitialize(display, None, None) for display in displays)
+
+
+def with_less_detail(model: mujoco.MjModel, finest: float) -> mujoco.MjModel:
+    """A copy of a model, to be drawn only, whose meshes show nothing finer than so many metres.
+
+    Vertices within one cell of a grid become one of them, and triangles without an area go (Rossignac and Borrel 1993).
+    """
+    drawn = copy.copy(model)
+    for mesh in range(drawn.nmesh):
+        first, count = drawn.mesh_vertadr[mesh], drawn.mesh_vertnum[mesh]
+        start, end = drawn.mesh_faceadr[mesh], drawn.mesh_faceadr[mesh] + drawn.mesh_facenum[mesh]
+        cells = np.floor(drawn.mesh_vert[first : first + count] / finest).astype(np.int64)
+        _, chosen, cell = np.unique(cells, axis=0, return_index=True, return_inverse=True)
+        faces = chosen[cell.ravel()][drawn.mesh_face[start:end]]
+        a, b, c = faces.T
+        kept = (a != b) & (b != c) & (a != c)
+        left = int(kept.sum())
+        if left == 0:  # smaller than a cell as a whole
+            continue
+        drawn.mesh_face[start : start + left] = faces[kept]
+        for corners in (drawn.mesh_facenormal, drawn.mesh_facetexcoord):
+            corners[start : start + left] = corners[start:end][kept]
+        drawn.mesh_facenum[mesh] = left
+    return drawn

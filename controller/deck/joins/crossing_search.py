@@ -1,4 +1,4 @@
-"""The search for how long one motion is mixed into another: as short as keeps joints within the limits of a join.
+"""Finds the duration of a crossing from one motion to another: the shortest within the limits of a join.
 
 Both motions go on while their weights change, so a look mixes what both do next, as `posture_blend` will. Which way
 round each bone goes is chosen for all of the crossing: the one that is shorter on the whole. (Chosen at its beginning,
@@ -32,15 +32,15 @@ _LONGER = 1.1
 
 
 class CrossingSearch:
-    """Finds how long a crossing takes, look by look.
+    """Finds the duration of a crossing, look by look.
 
     Args:
-        ahead: both motions after so many seconds (S,) from the present look on, from 0 on.
+        ahead: both motions at times (S,) from the present look on, s; the first is 0.
         skeleton: of their postures.
         bounds: what no joint may exceed, in all.
 
     Attributes:
-        seconds: how long it takes, once that has been found; None where no time is within bounds.
+        seconds: the duration once found; None where none is within bounds.
         found: whether it has been found, or found to be None.
         sides: the quaternions of both motions at its beginning, of each bone on the side from which it is mixed, shape
             (2, 1 + B, 4), once looked at.
@@ -65,7 +65,7 @@ class CrossingSearch:
             self._candidate = min(LONGEST, self._candidate * max(_LONGER, beyond**0.5))
 
     def _beyond(self, seconds: float) -> float:
-        """How many times the bounds a crossing needs that takes so long, the excess in speed squared."""
+        """The use of the bounds by a crossing of this duration; 1 is the limit, and an excess in speed is squared."""
         samples = max(_FEWEST, ceil(seconds / _STEP))
         step, share = seconds / samples, np.arange(samples + 1.0) / samples
         mixed, self.sides = crossed(*self._ahead(seconds * share), rise(share), step)
@@ -79,7 +79,7 @@ class CrossingSearch:
 
 
 def crossed(first: Posture, second: Posture, weight: Array, step: float) -> tuple[Posture, Array]:
-    """The mixture of two motions (S, ...) in steps of so many seconds, as the weight of the second (S,) changes.
+    """The mixture of two motions (S, ...), `step` seconds apart, as the weight of the second (S,) changes.
 
     Returns:
         The mixture, seen from the smooth heading of the two (`posture_blend`); the `sides` it begins with.

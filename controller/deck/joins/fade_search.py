@@ -1,4 +1,4 @@
-"""The search for how long a difference between two motions takes to fade: as short as keeps joints in bounds.
+"""Fades: the search for the duration of a fade, the shortest that keeps joints in bounds, and the fade while it runs.
 
 A look at a fade computes speed and acceleration of the joints over what the target does next. From SHORTEST on the fade
 is made longer until it is in bounds. If none up to LONGEST is, its rate runs out in half of the time, and then in a
@@ -6,7 +6,7 @@ quarter. The longer that takes, the more the one that has come nearest so far ma
 it is found, the body swings on.
 
 A look takes about as long as a tick has to spare, and three are usual. So they are taken while the fade begins
-(`fading`): the difference is found in the first tick, and then there is one look in LOOK_EVERY seconds. What falls into
+(`Fading`): the difference is found in the first tick, and then there is one look in LOOK_EVERY seconds. What falls into
 which tick depends on the ticks' length alone.
 """
 
@@ -17,9 +17,10 @@ from dataclasses import replace
 
 import numpy as np
 
-from controller.deck.joins.course import BodyCourse
+from controller.deck.joins.deck_motions import BodyCourse
 from controller.deck.joins.join_limits import Bounds
-from controller.deck.joins.transition import Fade
+from controller.deck.joins.transition import Fade, displaced
+from controller.motion.posture import Posture
 from controller.motion.rotations import Array, cross, dot
 
 SHORTEST, LONGEST = 0.2, 1.6
@@ -48,7 +49,7 @@ class FadeSearch:
 
     Args:
         differ: finds the difference, as `transition.difference`; called with the first step.
-        ahead: the target's course after so many seconds (S,), from 0 on.
+        ahead: the target's course at times (S,) from now on, s; the first is 0.
         chain: which bones lead to each joint, shape (B, B), as of a skeleton.
         bounds: what no joint may exceed; its acceleration is that beyond the target's own.
 
@@ -102,7 +103,7 @@ class FadeSearch:
         return max(longest, self._candidate, key=lambda one: one.duration) if better else longest
 
     def _beyond(self, fade: Fade) -> float:
-        """How many times its planned share of the bounds a fade needs."""
+        """The use of the planned share of the bounds by a fade; 1 is the limit."""
         speeds, acceleration = peaks(fade, self._ahead, self._chain)
         # A body that is already faster than that is slowed down by no choice of the duration.
         self._already = self._already or float(speeds[0])
@@ -161,3 +162,73 @@ def _turned_away(vectors: Array, turns: Array) -> Array:
     sine = np.sin(half) / half
     first = cross(turns, vectors)
     return (sine * np.cos(half))[..., None] * first + (0.5 * sine * sine)[..., None] * cross(turns, first)
+
+
+class Fading:
+    """A fade while it runs, from before its duration is known: what is left of a difference, tick by tick.
+
+    Each time its search considers a longer fade, what is shown goes over to that one without a jump: the gap between
+    both, and its rate, run out in turn. A quintic begins so flat that after the first ticks, in which durations are
+    found, there is next to no gap.
+
+    Args:
+        search: finds the fade, from the next tick on.
+        onset: as the property, in the beginning.
+    """
+
+    def __init__(self, search: FadeSearch, onset: float = 0.0) -> None:
+        self._search = search
+        self._onset = onset
+        self._fade: Fade | None = None
+        self._elapsed = 0.0
+        self._gap: Fade | None = None
+        self._gap_elapsed = 0.0
+        self._turned = 0.0  # rad by which the heading has turned since the switch
+
+    @property
+    def lasts(self) -> bool:
+        """Whether anything is left of the difference."""
+        return self._fade is None or self._elapsed < self._fade.duration or self._gap is not None
+
+    @property
+    def found(self) -> bool:
+        """Whether its duration has been found."""
+        return self._search.found
+
+    @property
+    def onset(self) -> float:
+        """The share of the tempo at which a one-shot is played: it gets going with the square of the progress.
+
+        At full tempo half of it would be over before it can be seen.
+        """
+        progress = min(1.0, self._elapsed / self._fade.duration) if self._fade is not None else 0.0
+        return self._onset + (1.0 - self._onset) * progress**2
+
+    def advance(self, dt: float, turn_rate: float) -> None:
+        """Goes dt seconds on, while the heading turns at some rad/s."""
+        if self._fade is None or not self._search.found:
+            self._go_over_to(self._search.advance(dt))
+        self._elapsed += dt
+        self._gap_elapsed += dt
+        if self._gap is not None and self._gap_elapsed >= self._gap.duration:
+            self._gap = None
+        self._turned += turn_rate * dt
+
+    def shown(self, target: Posture) -> Posture:
+        """The target with what is left of the difference, from the first `advance` on."""
+        assert self._fade is not None
+        left = self._fade.left(self._elapsed)
+        if self._gap is not None:
+            left += self._gap.left(self._gap_elapsed)
+        return displaced(target, left, self._turned)
+
+    def _go_over_to(self, fade: Fade) -> None:
+        """Takes another fade of the same difference, from its present moment on."""
+        before, self._fade = self._fade, fade
+        if before is None or before is fade:
+            return
+        at, gap_at = self._elapsed, self._gap_elapsed
+        value, rate = before.left(at) - fade.left(at), before.leaving(at) - fade.leaving(at)
+        if self._gap is not None:
+            value, rate = value + self._gap.left(gap_at), rate + self._gap.leaving(gap_at)
+        self._gap, self._gap_elapsed = Fade(SHORTEST, SHORTEST, value, rate), 0.0

@@ -1,4 +1,4 @@
-"""The limits of a join: no body point may move much faster, or be accelerated much harder, than in both motions.
+"""The limits of a join: the speed and acceleration of body points, relative to those of its motions.
 
 Both are taken over the same time as those of the motions, PEAKS_OVER, so that they do not depend on the loop's rate.
 """
@@ -18,12 +18,12 @@ from controller.motion.rotations import Array
 from controller.motion.skeleton import Skeleton
 
 FASTEST, HARDEST = 1.5, 2.0
-"""A join moves a body point at most so many times as fast, and accelerates it so many times as hard, as its motions."""
+"""Limits of a join: speed and acceleration of a body point, as multiples of the largest in its motions."""
 
 
 @dataclass(frozen=True)
 class Bounds:
-    """What no joint may exceed in the world.
+    """The largest speed and acceleration allowed for a joint in the world.
 
     Attributes:
         speed: m/s.
@@ -35,7 +35,7 @@ class Bounds:
 
     @classmethod
     def of(cls, motions: Collection[Motion], faster: float, harder: float) -> Bounds:
-        """So many times as fast as the fastest of these motions, and so many times as hard as the hardest."""
+        """Multiples of the largest speed and of the largest acceleration of these motions."""
         return cls(
             faster * max(motion.speed for motion in motions), harder * max(motion.acceleration for motion in motions)
         )
@@ -62,7 +62,7 @@ class JoinLimits:
         self._bounds = Bounds.of(allowed, FASTEST, HARDEST)
 
     def use(self, pose: Pose, dt: float) -> float:
-        """How much of the limits the joints need if this pose comes dt seconds after the last; 1 is the limit."""
+        """The use of the limits if this pose comes dt seconds after the last; 1 is the limit."""
         shown, bounds, ticks = self._shown, self._bounds, ceil(PEAKS_OVER / dt - 1e-6)
         while len(shown) > 2 * ticks:
             shown.popleft()

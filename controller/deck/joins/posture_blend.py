@@ -99,9 +99,9 @@ def smooth_headings(turn_rate: Array, dt: float) -> tuple[Array, Array]:
     Returns:
         `offset` and `rate` at each, shape (S,).
     """
-    turns: list[float] = turn_rate.tolist()
-    offset, rate, seen = 0.0, turns[0], [(0.0, turns[0])]
-    for turn in turns[1:]:
+    hips: list[float] = turn_rate.tolist()
+    offset, rate, seen = 0.0, hips[0], [(0.0, hips[0])]
+    for turn in hips[1:]:
         rate += (HEADING_RATE**2 * offset + 2.0 * HEADING_RATE * (turn - rate)) * dt
         offset += (turn - rate) * dt
         seen.append((offset, rate))

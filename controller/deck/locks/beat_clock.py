@@ -26,13 +26,13 @@ SHORTEST, LONGEST = 0.25, 1.5
 """Periods that are captured, s: 240 to 40 beats a minute."""
 
 GATE = 0.3
-"""A beat that is off by more of a period is none."""
+"""A beat that is off by more, in periods, is ignored."""
 
 ALIKE, OFF = 0.1, 0.2
 """Intervals that differ by less are alike, of their length; off from whole numbers of periods, of a period."""
 
 MOST_LOST = 8
-"""So many periods may go without a beat; then the next two beats begin it anew."""
+"""Periods without a beat after which the next two beats begin it anew."""
 
 _ROOT = 0.7
 _GAIN, _PERIOD_GAIN = 1.0 - _ROOT**2, (1.0 - _ROOT) ** 2
@@ -58,7 +58,7 @@ class BeatClock:
         self._strays = 0  # strays that were as far from the beat before as beats can be
         self._was_stray = False
         self._interval = 0.0  # between the latest two beats, strays or not
-        self._steady = 0  # so many intervals in a row were off from whole periods and like the one before them
+        self._steady = 0  # intervals in a row that were no whole number of periods, but alike
 
     def beat(self, time: float) -> None:
         """Takes one beat; double taps and strays are left out.

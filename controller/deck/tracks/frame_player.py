@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from controller.motion.cubic import CUBIC
-from controller.networks.base import Channels, CrossingNetwork, FrameNetwork
+from controller.networks.base import Channels, FrameNetwork
 from motiondeck_base.errors import MotiondeckError, UnknownNameError
 
 
@@ -99,11 +99,6 @@ class FramePlayer:
         way -= round(way)
         phase = before + self._fraction * way
         return phase % 1.0 if way and not 0.0 <= phase <= 1.0 else phase
-
-    def cross(self, network: CrossingNetwork, motion: str, entries: int) -> int:
-        """Has a network with a switching module cross to one of the first anchors of a motion; returns which."""
-        self.motion = motion
-        return network.cross(motion, entries)
 
     def step(self, dt: float) -> Channels:
         """Advances by dt seconds; the channels there, shape (channels,), overwritten by the next step.

@@ -48,7 +48,7 @@ class Mixture:
         self._end()
 
     def morph_to(self, other: str, frames: int) -> None:
-        """Mixes another motion in over so many frames, inside the network, until it continues alone.
+        """Morphs inside the network to another motion, within a number of frames.
 
         Raises:
             UnknownNameError: if there is no such motion.

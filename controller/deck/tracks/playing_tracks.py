@@ -4,8 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 
-from controller.deck.joins.blend_check import BlendCheck
-from controller.deck.joins.blend_weight import Crossing, ModuleWeight, Ramps, TakeOver, Weights
+import numpy as np
+
+from controller.deck.joins.blend_weight import Crossing, ModuleTakeOver, Ramps, Weights
 from controller.deck.joins.crossing_search import CrossingSearch
 from controller.deck.joins.deck_motions import Motion, rounds_beside, tempos_in_step
 from controller.deck.joins.fade_search import PLANNED_SHARE
@@ -16,6 +17,49 @@ from controller.library.motion_library import MotionLibrary
 from controller.motion.posture import Posture
 from controller.motion.rotations import Array
 from controller.wire.messages.blends import MOST_BLENDED
+
+STILL, TURNS_OVER = 0.1, 2.5
+HALF_A_SECOND = 0.5
+
+
+class BlendCheck:
+    """Checks a blend while it plays: it may stand still, or a bone that points opposite ways may turn over.
+
+    The criteria are those of `benchmarks/deck/blends.py`: within half a second no joint moves a tenth as far as in the
+    motion that moves least; or a joint moves two and a half times as fast as it ever does in any of them.
+
+    Args:
+        motions: that are blended.
+    """
+
+    def __init__(self, *motions: Motion) -> None:
+        self._least = STILL * min(float(np.ptp(motion.places, axis=0).max()) for motion in motions)
+        self._fastest = TURNS_OVER * max(float(np.abs(motion.velocities).max()) for motion in motions)
+        self._last: Array | None = None
+        self._begin_window()
+
+    def problem(self, places: Array, dt: float) -> str:
+        """The problem of the blend: "stands still", "turns over", or "" for none.
+
+        Args:
+            places: joint positions, as `Motion.places` has them, shape (F,), m.
+            dt: how much of the motion was played since the last call, s; 0 in a pause.
+        """
+        last, self._last = self._last, places
+        if last is not None and float(np.abs(places - last).max()) > self._fastest * dt > 0.0:
+            return "turns over"
+        self._low, self._high = np.minimum(self._low, places), np.maximum(self._high, places)
+        self._played += dt
+        if self._played < HALF_A_SECOND:
+            return ""
+        still = float((self._high - self._low).max()) < self._least
+        self._begin_window()
+        return "stands still" if still else ""
+
+    def _begin_window(self) -> None:
+        self._low: Array = np.array(np.inf)
+        self._high: Array = np.array(-np.inf)
+        self._played = 0.0
 
 
 class PlayingTracks:
@@ -97,6 +141,11 @@ class PlayingTracks:
         postures = [track.step(dt, tempo * own) for track, own in zip(self.playing, tempos, strict=True)]
         return self._blend.advance(postures, weights, dt)
 
+    def set_input(self, name: str, value: float) -> None:
+        """Changes an input of all tracks."""
+        for track in self.every:
+            track.player.set_input(name, value)
+
     def problem(self, places: Array, dt: float) -> str:
         """The problem of a blend that is shown with joints at these places, or ""; see `BlendCheck.problem`."""
         return self._check.problem(places, dt) if self._check is not None else ""
@@ -105,7 +154,7 @@ class PlayingTracks:
         """Starts a motion that takes over as the switching module of the network goes from one to the other."""
         ends = (self._names.index(name) for name in (self.leading.motion.name, motion))
         self._let_take_over(motion, anchor, dt, tempo)
-        self._weights = TakeOver(ModuleWeight(len(self._names), *ends))
+        self._weights = ModuleTakeOver(len(self._names), *ends)
 
     def cross_to(self, motion: str, anchor: int, dt: float, tempo: float) -> None:
         """Starts a motion that takes over within the limits of a join; see `CrossingSearch`."""
@@ -119,7 +168,7 @@ class PlayingTracks:
 
         bounds = Bounds.of(motions, share * FASTEST, share * HARDEST)
         self._crossing = Crossing(CrossingSearch(ahead, self._skeleton, bounds), blend.hold_sides)
-        self._weights = TakeOver(self._crossing)
+        self._weights = self._crossing
 
     def _let_take_over(self, motion: str, anchor: int, dt: float, tempo: float) -> PostureBlend:
         """Enters a motion on a second track, which leads from now on; the blend of both."""

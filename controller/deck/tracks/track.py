@@ -1,4 +1,4 @@
-"""A track: one motion of a library that is playing, with its network and how far into the motion it is."""
+"""A track: one playing motion, its network and the time into the motion."""
 
 from __future__ import annotations
 
@@ -6,8 +6,7 @@ from collections.abc import Callable, Mapping
 
 import numpy as np
 
-from controller.deck.joins.course import BodyCourse
-from controller.deck.joins.deck_motions import Motion
+from controller.deck.joins.deck_motions import BodyCourse, Motion
 from controller.deck.tracks.frame_player import FramePlayer
 from controller.deck.tracks.mixture import Mixture
 from controller.library.motion_library import MotionLibrary
@@ -18,16 +17,17 @@ from controller.networks.guard import Guard
 
 
 class Track:
-    """Plays one motion at a time, with a network of its own.
+    """Plays one motion at a time with its own copy of the network.
 
     Args:
         library: the motions.
         motions: the same as the deck sees them.
-        beside: another track of the library, if there is one: what was found out for it is not found out again.
+        beside: another track of the library, whose anchors it shares.
 
     Attributes:
-        at: how far into the motion it is, s; a loop counts on, round after round.
-        guarded: whether the network may be restarted; see `restarted`.
+        at: time into the motion, s; in a loop it goes on rising, round after round.
+        guard: restarts the network where it loses its motion; None where it cannot.
+        player: plays its network.
         posture_before, posture: of the last two steps.
     """
 
@@ -35,96 +35,78 @@ class Track:
         self._encoding, self._motions = library.encoding, motions
         core = library.network.twin()
         self._core, autonomous = core, core.as_autonomous
-        self._guard = _guard(autonomous, library) if autonomous is not None else None
-        self.guarded = self._guard is not None
-        self._mixture = None if core.as_phase_network is not None else Mixture(self._guard or core, autonomous)
-        others = beside._player if beside is not None else None
-        self._player = FramePlayer(self._mixture or core, library.info.rate, others)
+        self.guard = _guard(autonomous, library) if autonomous is not None else None
+        self._mixture = None if core.as_phase_network is not None else Mixture(self.guard or core, autonomous)
+        others = beside.player if beside is not None else None
+        self.player = FramePlayer(self._mixture or core, library.info.rate, others)
         self._faded_restarts = 0
         self.at = 0.0
         self._round = (0.0, 0.0)  # where it has ended or gone round, backwards and forwards, s
         self._backwards = False
-        self.posture_before = self.posture = self._decode(self._player.step(0.0), 1.0)
+        self.posture_before = self.posture = self._decode(self.player.step(0.0), 1.0)
 
     @property
     def motion(self) -> Motion:
         """The motion that is played, or morphed to."""
-        return self._motions[self._player.motion]
+        return self._motions[self.player.motion]
 
     @property
     def morphing(self) -> bool:
-        """Whether the network is on its way from one motion to another."""
+        """Whether the network morphs from one motion to another."""
         return self._mixture is not None and self._mixture.crossing
 
     @property
     def activation(self) -> Activation | None:
-        """The activation of the network's neurons, shape (N,); None if it has none to look at."""
+        """The activation of the network's neurons, shape (N,); None for a network without neurons."""
         return self._core.activation
 
     @property
     def phase(self) -> float | None:
         """How far the motion is: [0, 1) in a loop, 0 to 1 in a one-shot; None if the network runs by itself."""
-        return self._player.phase if self._mixture is None else None
-
-    def require_phase(self) -> None:
-        """Checks that the network has a phase.
-
-        Raises:
-            MotiondeckError: if it runs by itself.
-        """
-        self._player.require_phase()
-
-    @property
-    def inputs(self) -> dict[str, tuple[float, float]]:
-        """The inputs that the network has besides the phase, and between which values each was learned."""
-        return self._player.inputs
-
-    def set_input(self, name: str, value: float) -> None:
-        """Gives an input of the network another value."""
-        self._player.set_input(name, value)
+        return self.player.phase if self._mixture is None else None
 
     @property
     def restarts(self) -> int:
         """How often the network lost its motion and was restarted."""
-        return self._guard.recues if self._guard else 0
+        return self.guard.recues if self.guard else 0
 
     @property
     def ended(self) -> bool:
-        """Whether the motion has ended or gone round, the way it is played."""
+        """Whether the motion has ended or gone round, in its direction of play."""
         return self.at <= self._round[0] if self._backwards else self.at >= self._round[1]
 
     def cue(self, motion: str, anchor: int) -> None:
         """Starts a motion at one of its anchors."""
-        self._player.cue_anchor(motion, anchor)
+        self.player.cue_anchor(motion, anchor)
         self._enter(anchor)
 
     def cue_phase(self, motion: str, phase: float) -> None:
         """Starts a motion at a phase in [0, 1]."""
-        self._player.cue(motion, phase)
+        self.player.cue(motion, phase)
         seconds = self.motion.seconds
         self.at, self._round = min(phase * self.motion.whole, seconds), (0.0, seconds)
 
     def morph(self, motion: str, anchor: int, seconds: float) -> None:
-        """Has the network itself change to another motion within so many seconds (see `networks.morph`)."""
+        """Starts a morph of the network itself to another motion (see `networks.morph`), which takes some seconds."""
         assert self._mixture is not None, "a network that a center drives is not morphed here"
-        self._mixture.morph_to(motion, round(seconds * self._player.rate))
-        self._player.motion = motion
+        self._mixture.morph_to(motion, round(seconds * self.player.rate))
+        self.player.motion = motion
         self._enter(anchor)
 
     def restart_at(self, anchor: int) -> None:
-        """Plays on from an anchor of the same motion, to which its guard has restarted the network."""
-        self._player.cue_anchor(self.motion.name, anchor)
+        """Plays on from the anchor to which the guard has restarted the network."""
+        self.player.cue_anchor(self.motion.name, anchor)
 
     def restarted(self) -> int | None:
-        """The anchor at which the network was restarted since the last call, if it was."""
-        if self._guard is None or self._guard.recues == self._faded_restarts:
+        """The anchor of a restart since the last call, or None."""
+        if self.guard is None or self.guard.recues == self._faded_restarts:
             return None
-        self._faded_restarts = self._guard.recues
-        return self._guard.anchor
+        self._faded_restarts = self.guard.recues
+        return self.guard.anchor
 
     def step(self, dt: float, tempo: float) -> Posture:
         """Advances by dt seconds at a tempo; the posture there, its path played at that tempo."""
-        player = self._player
+        player = self.player
         self.at += dt * tempo * player.pace
         if not self._motions[player.motion].loop:
             self.at = min(max(self.at, self._round[0]), self._round[1])
@@ -133,9 +115,9 @@ class Track:
         return self.posture
 
     def ahead(self, tempo: float, onset: float = 1.0) -> Callable[[Array], BodyCourse]:
-        """The course that comes after times (S,) from now on, s, the first of them 0, as the stored motion has it.
+        """The course of the stored motion at times (S,) from now on, s, of which the first is 0.
 
-        From its `onset` on it gets to the tempo with the square of the share of these times (see `Fading.onset`).
+        It reaches the tempo from a share `onset` of it, with the square of time (see `Fading.onset`).
         """
         motion, begin = self.motion, self.at
 
@@ -146,7 +128,7 @@ class Track:
         return course
 
     def postures_ahead(self, times: Array, tempo: float) -> Posture:
-        """The postures after times (S,) from now on, s, as the stored motion has them."""
+        """The postures of the stored motion at times (S,) from now on, s."""
         return self.motion.postures_ahead(self.at + tempo * times, tempo)
 
     def _decode(self, channels: Array, tempo: float) -> Posture:
@@ -157,7 +139,7 @@ class Track:
         return posture
 
     def finish_round(self) -> None:
-        """Has a loop end with its present round."""
+        """Ends a loop with its present round."""
         if self.motion.loop:
             begin, seconds = self._round[1], self.motion.seconds
             begin += float(np.floor((self.at - begin) / seconds)) * seconds

@@ -157,7 +157,7 @@ def calibrate(
     else:
         print_report(found, file, trial)
     if picture is not None or view:
-        from motiondeck.pictures.robot_pictures import draw_beside, played
+        from motiondeck.pictures.side_by_side import draw_beside, played
 
         if picture is not None:
             draw_beside(played("thesis15", "walk", PICTURE_SECONDS), file, picture)

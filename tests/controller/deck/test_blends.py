@@ -92,7 +92,7 @@ def test_the_motions_keep_step(library):
     deck = new_deck(library)
     record = deck.blend_in("walk", "slow-walk", 0.3, [("jog", 0.3)])
     settle(deck, record)
-    tracks = {track.motion.name: track for track in deck._show._tracks.playing}
+    tracks = {track.motion.name: track for track in deck.performance.tracks.playing}
     began = {name: track.at for name, track in tracks.items()}
     play(deck, 400)
     rounds = {name: (track.at - began[name]) / track.motion.seconds for name, track in tracks.items()}

@@ -277,8 +277,8 @@ def test_whatever_is_commanded_targets_are_finite_and_repeatable(library, comman
 
 def lose(deck, z):
     """Puts the network into a state of another motion or of none."""
-    part, bound, was = deck._show._tracks.playing[0]._guard.network.snapshot()
-    deck._show._tracks.playing[0]._guard.network.restore((part, bound, np.broadcast_to(np.float32(z), was.shape)))
+    part, bound, was = deck.performance.tracks.playing[0].guard.network.snapshot()
+    deck.performance.tracks.playing[0].guard.network.restore((part, bound, np.broadcast_to(np.float32(z), was.shape)))
 
 
 @pytest.mark.parametrize("motion", list(synthetic.MOTIONS))
@@ -305,8 +305,8 @@ def test_a_lost_network_is_brought_back_smoothly(library, own_peak, motion, nons
 def test_a_network_that_froze_starts_again(library, monkeypatch):
     deck = new_deck(library, "march")
     joints(library, deck, 0.3)
-    stuck = deck._show._tracks.playing[0]._player._frames[3].copy()
-    guard = deck._show._tracks.playing[0]._guard
+    stuck = deck.performance.tracks.playing[0].player._frames[3].copy()
+    guard = deck.performance.tracks.playing[0].guard
     assert guard is not None
     with monkeypatch.context() as frozen:
         frozen.setattr(guard.network, "advance", lambda out: np.copyto(out, stuck))
@@ -438,7 +438,7 @@ def test_a_motion_is_entered_where_it_moves_as_the_body_does(library):
     for seconds in (0.34, 0.4, 0.46, 0.74, 0.8, 0.86):  # in the middle of a swing
         deck = new_deck(library)
         joints(library, deck, seconds)
-        show = deck._show
+        show = deck.performance
         velocities = show.motions["march"].velocities
         forwards, backwards = (
             show._best_anchor("march", *postures)

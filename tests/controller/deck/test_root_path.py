@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from controller.deck.root_path import advance, at_origin
+from controller.deck.performance import advance, at_origin
 from controller.motion.posture import Posture, walk_path
 from controller.motion.rotations import rotate
 

@@ -3,8 +3,7 @@ import pytest
 
 import synthetic
 from controller.deck.deck import Deck
-from controller.deck.joins.course import BodyCourse
-from controller.deck.joins.deck_motions import Motion, read_motions
+from controller.deck.joins.deck_motions import BodyCourse, Motion, read_motions
 from controller.deck.routes import Routes
 from controller.library.motion_library import load_library
 from controller.motion.posture import Posture

@@ -5,8 +5,7 @@ import numpy as np
 import pytest
 from PIL import Image, ImageSequence
 
-from motiondeck.pictures.mesh_detail import with_less_detail
-from motiondeck.pictures.offscreen import OffScreen, PictureError
+from motiondeck.pictures.offscreen import OffScreen, PictureError, with_less_detail
 from motiondeck.pictures.screens import Screens, Shot
 from motiondeck.pictures.video import contact_sheet, render
 from sim.models.mannequin.mannequin import build_mannequin

@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 from controller.deck.deck import Deck
-from controller.deck.locks.phase_error import wrapped
+from controller.deck.locks.phase_lock import wrapped
 from controller.library.motion_library import load_library
 from controller.loop.safety.safety_envelope import SafetyEnvelope
 from hardware.bus.servo_bus import Bus

@@ -8,7 +8,7 @@ import pytest
 
 import synthetic
 from controller.deck.deck import Deck
-from controller.deck.locks.phase_error import wrapped
+from controller.deck.locks.phase_lock import wrapped
 from controller.loop.commands.command_desk import CommandDesk
 from controller.loop.commands.commanded_run import CommandedRun
 from controller.loop.stop_requests import StopRequest

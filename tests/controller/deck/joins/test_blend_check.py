@@ -7,8 +7,8 @@ import pytest
 
 import synthetic
 from controller.deck.deck import Deck
-from controller.deck.joins.blend_check import BlendCheck
 from controller.deck.joins.deck_motions import read_motions
+from controller.deck.tracks.playing_tracks import BlendCheck
 from controller.library.motion_library import load_library
 from motiondeck_base.shipped import shipped_configs
 

@@ -4,9 +4,8 @@ import numpy as np
 import pytest
 
 from controller.deck.joins import fade_search
-from controller.deck.joins.course import BodyCourse
-from controller.deck.joins.fade_search import LONGEST, SHORTEST, FadeSearch
-from controller.deck.joins.fading import Fading
+from controller.deck.joins.deck_motions import BodyCourse
+from controller.deck.joins.fade_search import LONGEST, SHORTEST, FadeSearch, Fading
 from controller.deck.joins.join_limits import Bounds
 from controller.deck.joins.transition import displaced
 from controller.motion.posture import Posture

@@ -8,7 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import synthetic
-from controller.deck.joins.blend_weight import Ramp
+from controller.deck.joins.blend_weight import Ramps
 from controller.deck.joins.deck_motions import read_motions, rounds_beside, tempos_in_step
 from controller.deck.joins.posture_blend import PostureBlend, SmoothHeading
 from controller.motion.posture import Posture
@@ -216,13 +216,13 @@ def test_a_bone_that_keeps_turning_is_taken_the_short_way_round_without_a_jump(w
 
 
 def test_a_blend_is_settling_until_the_long_way_round_has_run_out():
-    still, weight = posture(np.tile([1.0, 0.0, 0.0, 0.0], (1 + BONES, 1))), Ramp(0.0, 1.0, 1.0)
+    still, weight = posture(np.tile([1.0, 0.0, 0.0, 0.0], (1 + BONES, 1))), Ramps((1.0, 0.0), (0.0, 1.0), 1.0)
     blend, ticks, settled = blend_of(still, still), 0, 0
     while ticks < 600:
         ticks += 1
         second = posture(from_rotation_vector(np.tile([0.0, 4.0 * ticks * DT, 0.0], (1 + BONES, 1))))
-        share = weight.advance(DT)
-        shown = blend.advance([still, second], (1.0 - share, share), DT)
+        weights = weight.advance(DT)
+        shown = blend.advance([still, second], weights, DT)
         if not weight.changing and not blend.settling:
             settled += 1
             assert angles(shown.rotation, second.rotation).max() < 1e-9
@@ -268,8 +268,8 @@ def test_the_smooth_heading_catches_up():
 
 
 def test_a_ramp_rises_smoothly_to_its_goal_and_stays():
-    ramp = Ramp(0.2, 0.8, 0.5)
-    values = [ramp.value, *(ramp.advance(0.01) for _ in range(60))]
+    ramp = Ramps((0.8, 0.2), (0.2, 0.8), 0.5)
+    values = [ramp.values[1], *(ramp.advance(0.01)[1] for _ in range(60))]
     assert values[0] == 0.2
     assert values[25] == pytest.approx(0.5)
     assert values[-1] == 0.8

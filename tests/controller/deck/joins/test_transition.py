@@ -6,7 +6,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from controller.deck.joins import fade_search
-from controller.deck.joins.course import BodyCourse
+from controller.deck.joins.deck_motions import BodyCourse
 from controller.deck.joins.fade_search import LONGEST, PLANNED_SHARE, SHORTEST, FadeSearch, peaks
 from controller.deck.joins.join_limits import Bounds
 from controller.deck.joins.transition import Fade, best_anchor, difference, displaced, extrapolated

@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from controller.deck.locks.phase_error import wrapped
+from controller.deck.locks.phase_lock import wrapped
 from motiondeck_base.errors import MotiondeckError
 from wheel import DT, Wheel
 

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from controller.deck.interfaces import JointLimits
-from controller.deck.locks.phase_error import wrapped
+from controller.deck.locks.phase_lock import wrapped
 from controller.loop.safety.safety_envelope import SafetyEnvelope
 from controller.wire.leader_link import Sighting
 from wheel import ROUND, Wheel

@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from controller.deck.locks.phase_error import wrapped
+from controller.deck.locks.phase_lock import wrapped
 from controller.wire.command_socket import CommandClient, CommandServer
 from controller.wire.leader_link import LeaderLink, Sighting
 from controller.wire.messages.commands import CommandError

@@ -5,8 +5,7 @@ import numpy as np
 import pytest
 
 import synthetic
-from controller.deck.deck import Deck
-from controller.deck.inputs import ACROSS_SECONDS
+from controller.deck.deck import ACROSS_SECONDS, Deck
 from controller.deck.motion_generator import MotionGenerator, generate
 from controller.learning.preparation.cycles import ground_speed, one_cycle, steps_behind, stretched
 from controller.learning.preparation.training_motion import TrainingMotion, Variant
