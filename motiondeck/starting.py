@@ -7,6 +7,7 @@ import contextlib
 import math
 import subprocess
 import sys
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Literal
 
@@ -31,6 +32,7 @@ def play(
     page: bool | int = False,
     seconds: float | None = None,
     record: str | Path | None = None,
+    outputs: Sequence[str] = (),
     rate: float = 200.0,
     physics: bool = True,
     root: Literal["gantry", "fixed", "free"] = "gantry",
@@ -51,6 +53,7 @@ def play(
         page: whether there is a page in the browser, on a free port or on this one; see `LiveDeck.page`.
         seconds: how long to play; None until it is closed.
         record: the file in which every tick is recorded, for `motiondeck replay` and `plot`.
+        outputs: outputs of other packages that get the joint targets, each NAME or NAME:ARGUMENT.
         rate: ticks of the loop a second, Hz.
         physics: whether servos and masses are simulated; without them the robot is exactly at its targets.
         root: what holds the simulated robot: a gantry, a fixed stand, or nothing.
@@ -81,6 +84,7 @@ def play(
             command_port=command_port,
             seconds=seconds,
             record=str(record) if record is not None else None,
+            outputs=tuple(outputs),
             lock_to=str(lock_to.command_port if isinstance(lock_to, LiveDeck) else lock_to) if lock_to else None,
         )
         request = with_right_types(request)

@@ -178,6 +178,7 @@ def _run_settings(options: PlayOptions, program: _Program, rate: float, page: Pa
         terminal=not quiet and sys.stdin.isatty() and sys.stdout.isatty(),
         seconds=program.seconds,
         record=options.record,
+        outputs=tuple(options.output or ()),
         realtime=options.realtime,
         core=options.core,
         catch_up=options.overruns == "catch-up",

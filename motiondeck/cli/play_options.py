@@ -77,6 +77,10 @@ class PlayOptions:
     direct: Annotated[
         bool, _switching("--direct", help="Switch at once and directly, never by way of other motions.")
     ] = False
+    output: Annotated[
+        list[str] | None,
+        _loop("--output", metavar="NAME[:ARGUMENT]", help="Send targets to an output of another package (repeatable)."),
+    ] = None
     record: Annotated[
         Path | None, _loop("--record", metavar="FILE", help="Record every tick, for `replay` and `plot`.")
     ] = None

@@ -44,6 +44,7 @@ class LiveRequest(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
         seconds: how long to play, or None.
         record: the file in which every tick is recorded, or None.
         lock_to: what the phase is locked to; see `RunSettings`.
+        outputs: outputs of other packages; see `RunSettings`.
     """
 
     library: str
@@ -60,6 +61,7 @@ class LiveRequest(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     seconds: float | None
     record: str | None
     lock_to: str | None = None
+    outputs: tuple[str, ...] = ()
 
 
 def with_right_types(given: T) -> T:
@@ -139,6 +141,7 @@ def play_live(request: LiveRequest) -> None:
         seconds=request.seconds,
         record=Path(request.record) if request.record is not None else None,
         lock_to=request.lock_to,
+        outputs=request.outputs,
         library=library_file,
     )
     with Session(

@@ -27,6 +27,7 @@ class RunSettings:
         progress: whether a terminal shows a line with the motion and the time.
         seconds: how long to play, or None until somebody stops it.
         record: the file in which every tick is recorded, if any.
+        outputs: outputs of other packages, each NAME or NAME:ARGUMENT; see `run.plugin_outputs`.
         realtime: whether to ask for real-time scheduling.
         core: the core that the loop is to run on, if it matters; all other processes then keep off it.
         catch_up: whether missed ticks are made up for without waiting, or skipped.
@@ -53,6 +54,7 @@ class RunSettings:
     progress: bool = False
     seconds: float | None = None
     record: Path | None = None
+    outputs: tuple[str, ...] = ()
     realtime: bool = False
     core: int | None = None
     catch_up: bool = False

@@ -47,6 +47,7 @@ from motiondeck.run.openings import lock_deck, open_recorder, open_servers
 from motiondeck.run.page.contents import PageContents
 from motiondeck.run.page.page import HEALTH_EVERY, PICTURE_HZ, Page
 from motiondeck.run.page.showable import Showable
+from motiondeck.run.plugin_outputs import open_outputs
 from motiondeck.run.progress_line import progress_line
 from motiondeck.run.recognition.body_watch import BodyWatch
 from motiondeck.run.recognition.recognition_watch import RecognitionWatch
@@ -133,7 +134,9 @@ class Session:
         rig = self._first.rig.output if self._first.rig is not None else None
         servos = rig if isinstance(rig, RigOutput) else None
         self._deck = self._make_deck(together([robot.retarget for robot in self.robots]))
-        self._channels = channels_of(self.robots)
+        names = [name for robot in self.robots for name in robot.joints]
+        outputs = open_outputs(opening, settings.outputs, names, settings.rate)
+        self._channels = [*channels_of(self.robots), *outputs]
         for body in filter(None, (robot.pushable for robot in self.robots)):
             body.clock = lambda: self._deck.time  # as events do; the approach comes before
             body.holds = lambda: self._stop.holds
