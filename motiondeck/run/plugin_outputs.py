@@ -1,4 +1,4 @@
-"""Outputs that other packages provide: found by the entry point group `motiondeck.outputs`, opened by name.
+"""Outputs that other packages provide: found by the entry point group "motiondeck.outputs", opened by name.
 
 An entry point names a class (or a function) that is called with `joints`, `rate` and `argument` and returns an object
 with `write` and `close`; see `PluginOutput`.
