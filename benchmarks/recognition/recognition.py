@@ -29,8 +29,9 @@ from benchmarks.recognition.unknown import Doubter, nested_unknown_auc, unknown_
 from controller.learning.recognition.experts import ExpertRecipe
 from controller.learning.recognition.labelled_recordings import Dataset
 from controller.learning.recognition.splits import PROTOCOLS, Protocol
+from motiondeck.cli.common.options import JsonOption
 from motiondeck.cli.common.tables import show_table
-from motiondeck.cli.recognition.recognition_data import AsJson, DataArgument, leave, read
+from motiondeck.cli.recognition.recognize import DataArgument, leave, read
 from motiondeck.pictures.figures import need_matplotlib
 from motiondeck_base.errors import MotiondeckError, UnknownNameError
 from motiondeck_base.progress import progress
@@ -54,7 +55,7 @@ def main(
         Path | None,
         typer.Option("--plot", metavar="DIR", help="Draw it all into this folder (.png); implies --curves."),
     ] = None,
-    as_json: AsJson = False,
+    as_json: JsonOption = False,
 ) -> None:
     """Measure recognition on labelled recordings: the 2012 proposal, ours, and every peer, in the same folds.
 

@@ -1,4 +1,4 @@
-"""`motiondeck evaluate`: how well a library's or a recipe's networks learn, survive disturbances, and switch."""
+"""`motiondeck evaluate`: measures the networks of a library or a recipe."""
 
 from __future__ import annotations
 
@@ -39,14 +39,14 @@ def evaluate(
     table: Annotated[Path | None, typer.Option("--csv", metavar="FILE", help="Write the table as CSV.")] = None,
     plot: Annotated[Path | None, typer.Option("--plot", metavar="FILE", help="Draw a plot (.png, .svg, .pdf).")] = None,
 ) -> None:
-    """Measure how well networks learn, whether they survive disturbances, and how they switch, beside a clip player.
+    """Measure accuracy, robustness and switches of networks.
 
     accuracy: training errors and self-tests of a recipe's networks. robustness: failures after a start from a
     disturbed state. stability: failures under noise in every step. transitions: switches between all pairs of
-    motions, joined in four ways, and the recordings joined by the deck.
+    motions, joined in four ways. For comparison a clip player is measured too.
 
-    A recipe is trained with consecutive seeds; a library is measured as it is. Runs are judged by the criterion of
-    the self-test (docs/evaluation.md).
+    A recipe is trained with consecutive seeds; a library is measured as it is. The criterion is that of the
+    self-test (docs/evaluation.md).
 
     [bold]Example[/]
 
@@ -115,8 +115,8 @@ def failures(evaluation: Evaluation, kind: Kind, seeds: range, runs: int, jobs: 
         counts = sweep(kind, networks, evaluation.syllabus, runs, holds=evaluation.holds, jobs=jobs, tick=tick)
     notes = [
         "low, high: 95 % intervals over motions and networks, whose runs are not independent. A one-shot fails where "
-        "it is not gone through once more.",
-        "clip player: has no state that noise could reach, so nothing was measured.",
+        "it is not played through once more.",
+        "clip player: has no state to disturb, so nothing was measured.",
     ]
     if evaluation.noise_note:
         notes.append(evaluation.noise_note)
@@ -125,7 +125,7 @@ def failures(evaluation: Evaluation, kind: Kind, seeds: range, runs: int, jobs: 
 
 
 def transitions(evaluation: Evaluation, seed: int, jobs: Jobs) -> Table:
-    """All ordered pairs of motions: the thesis's morphing and the deck's switching side by side."""
+    """Switches between all ordered pairs of motions: the thesis's morphing beside the deck's switching."""
     from controller.learning.evaluation.tables import crossing_table
     from controller.learning.evaluation.transitions import all_crossings
     from controller.learning.fit import assemble

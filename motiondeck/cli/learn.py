@@ -54,18 +54,17 @@ class LearnOptions:
 
 @grouped
 def learn(options: LearnOptions, reading: Reading, as_json: JsonOption = False) -> None:
-    """Learn a library from recordings: nothing to choose, no recipe to write. Or learn a recipe that you have edited.
+    """Learn a library from recordings, or from a recipe.
 
-    Still ends are trimmed; a recording whose best seam is close becomes a loop, any other a one-shot that ends in a
-    pose; all are resampled to 120 Hz and carried to one body. Every motion is then tested. Recordings that cannot be
-    read are left out, with the reason; what looks wrong about a body is printed as a doubt. The recipe is written
-    beside the library.
+    Recordings need no settings. Still ends are trimmed; a recording with a close seam becomes a loop, any other a
+    one-shot that ends in a pose; all are resampled to 120 Hz and carried to one body. Every motion is tested. The
+    reason why a recording is left out, and doubts about a body, are printed. The recipe is written beside the library.
 
     Clips of `motiondeck rig teach` become loops or one-shots as they were taught; NAME.clip, NAME.2.clip ... are takes
-    of one motion and are averaged. Of a loop the part that returns best to its start is learned.
+    of one motion and are averaged. The part of a loop that returns best to its start is learned.
 
-    A recipe (.toml) says all of this itself. Its library is written if every motion passes the self-test: each runs
-    free for three times its length and is compared with all recordings.
+    A recipe (.toml) is learned as it says. Its library is written if every motion passes the self-test: each runs free
+    for three times its length and is compared with all recordings.
 
     [bold]Examples[/]
 
@@ -111,10 +110,10 @@ def learn(options: LearnOptions, reading: Reading, as_json: JsonOption = False) 
 
 
 def _library(options: LearnOptions, name: str, *, and_recipe: bool = False) -> Path:
-    """The library to write, with its recipe beside it if that is to be written too.
+    """The library to write, after a check that neither it nor the recipe to write exists.
 
     Raises:
-        MotiondeckError: if the folder does not exist, or a file does and is not to be replaced.
+        MotiondeckError: if the folder does not exist, or a file exists and --force is not given.
     """
     out = options.out or Path(f"{name}.safetensors")
     check_folder(out)
@@ -125,7 +124,7 @@ def _library(options: LearnOptions, name: str, *, and_recipe: bool = False) -> P
 
 
 def _learn_recordings(paths: list[Path], out: Path, reading: ReadingOptions, jobs: Jobs, as_json: bool) -> str:
-    """Learns recordings, writes the library and its recipe and reports; the name of a motion that passed."""
+    """Learns recordings, writes library and recipe, and reports; returns the first motion that passed."""
     from rich.console import Console
     from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
 
@@ -153,10 +152,10 @@ def _learn_recordings(paths: list[Path], out: Path, reading: ReadingOptions, job
 def _learn_recipe(
     recipe: LibraryRecipe, folder: Path, file: Path, out: Path, options: LearnOptions, as_json: bool, *, taught: bool
 ) -> str:
-    """Trains a recipe, writes the library (and the recipe of taught clips) and reports; the name of its first motion.
+    """Trains a recipe, writes the library (and the recipe of taught clips), and reports; returns the first motion.
 
     Raises:
-        MotiondeckError: if a motion fails its self-test and the library is not to be written all the same.
+        MotiondeckError: if a motion fails its self-test, without --allow-failing.
     """
     from controller.learning import fit as training
     from controller.learning.recipe import warnings
@@ -182,6 +181,6 @@ def _learn_recipe(
     if not written:
         raise MotiondeckError(
             f"{', '.join(failing)} failed the self-test, so {out} was not written. "
-            "Give the recipe more seeds, or write it all the same with --allow-failing."
+            "Give the recipe more seeds, or write it anyway with --allow-failing."
         )
     return library.info.motions[0].name

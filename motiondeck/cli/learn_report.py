@@ -1,4 +1,4 @@
-"""What `motiondeck learn` reports, for people and for scripts."""
+"""Reports of `motiondeck learn`, for people and for scripts."""
 
 from __future__ import annotations
 
@@ -71,7 +71,7 @@ def report_recordings(learned: LearnedLibrary, out: Path, recipe: Path, as_json:
 
 
 def _compare(library: MotionLibrary, training_set: TrainingSet, every: int) -> list[dict[str, Any]]:
-    """How far each motion is from its recording at its anchors, mm (eqs 20 to 27), and a centralized network's size."""
+    """Distance of each motion from its recording at its anchors, mm (eqs 20 to 27), and its network's sizes."""
     network, rows = library.network, []
     for name in training_set.frames:
         played, recorded = _places(library, training_set, name, every)
@@ -91,7 +91,7 @@ def _places(library: MotionLibrary, training_set: TrainingSet, motion: str, ever
 
 
 def _print_closeness(library: MotionLibrary, parts: dict[str, LearnedPart], rows: list[dict[str, Any]]) -> None:
-    """One row a motion: what was learned of its recording, where its loop is closed, its network and its errors."""
+    """Prints a row for each motion: the learned part, the seam, the network and the errors."""
     unit = "mrad" if library.info.encoding == "joint angles" else "mm"
     headings = [name.replace("_mm", f", {unit}").replace("_", " ") for name in rows[0]]
     cells = [[f"{value:.4g}" if isinstance(value, float) else str(value) for value in row.values()] for row in rows]
@@ -103,7 +103,7 @@ def _print_closeness(library: MotionLibrary, parts: dict[str, LearnedPart], rows
 
 
 def _learned_parts(plan: LibraryRecipe, training_set: TrainingSet) -> list[dict[str, Any]]:
-    """Which part of each taught clip was learned, s: of a loop what comes back best, of a one-shot all of it."""
+    """The learned part of each taught clip, s: of a loop the part with the best seam, of a one-shot all of it."""
     rows: list[dict[str, Any]] = []
     for motion in plan.motions:
         part = training_set.parts[motion.name]
@@ -113,7 +113,7 @@ def _learned_parts(plan: LibraryRecipe, training_set: TrainingSet) -> list[dict[
 
 
 def _described(row: dict[str, Any]) -> str:
-    """One of `_learned_parts` in words."""
+    """A row of `_learned_parts` as text."""
     if row["takes"] > 1:
         of = f"{row['takes']} takes, averaged"
     else:
@@ -127,7 +127,7 @@ def _described(row: dict[str, Any]) -> str:
 
 
 def _rows(learned: LearnedLibrary) -> list[dict[str, Any]]:
-    """One entry a recording; what is not known of one that was left out is null."""
+    """A row for each recording, for scripts; null where a recording was left out."""
     rows: list[dict[str, Any]] = []
     for motion in learned.motions:
         part = motion.part
@@ -148,7 +148,7 @@ def _rows(learned: LearnedLibrary) -> list[dict[str, Any]]:
 
 
 def _print(learned: LearnedLibrary) -> None:
-    """One row a recording, then what to do about those that failed, and what is doubtful."""
+    """Prints a row for each recording, then remedies for those that failed, and doubts."""
     rows: list[tuple[str, ...]] = []
     for motion in learned.motions:
         verdict = "[green]passed[/]" if motion.passed else "[red]failed[/]" if motion.plays else "[red]left out[/]"
@@ -164,7 +164,7 @@ def _print(learned: LearnedLibrary) -> None:
         left=("plays", "self-test"),
     )
     for motion in learned.motions:
-        if motion.plays and not motion.file.stem.isascii():  # its name says little or nothing about the file
+        if motion.plays and not motion.file.stem.isascii():  # the name is unlike the file's
             print(f"{motion.name}: learned from {motion.file.name}")
     for motion in learned.failed:
         print(f"{motion.name} ({motion.file.name}): {motion.remedy}")

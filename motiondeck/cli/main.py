@@ -1,4 +1,4 @@
-"""The `motiondeck` command: its subcommands, and how errors reach the user."""
+"""The `motiondeck` command: its subcommands, and its error messages."""
 
 from __future__ import annotations
 
@@ -14,13 +14,13 @@ from typing import Annotated, Any
 
 from motiondeck_base.early_end import take_signals
 
-# While modules are still being imported Ctrl-C ends the program silently.
+# During imports Ctrl-C ends the program silently.
 signal.signal(signal.SIGINT, signal.SIG_DFL)
 
 
 take_signals()
 
-# Two BLAS threads cost a loop eight milliseconds at p99; this must be set before numpy is imported.
+# Two BLAS threads cost a loop 8 ms at p99; set before numpy is imported.
 for _library in ("OPENBLAS", "OMP", "MKL"):
     os.environ.setdefault(f"{_library}_NUM_THREADS", "1")
 
@@ -43,10 +43,10 @@ Three things to try:
 `motiondeck COMMAND --help` explains a command and has examples.
 """
 
-# Typer comes with a Click of its own or imports the other one; this is the base class of its usage errors in both.
+# Typer vendors Click or imports it; this is the base class of usage errors in both.
 _UsageError: type[Exception] = typer.BadParameter.__bases__[0]
 
-# The panels of the help, and the module of each command; a group of commands is an app of its own.
+# The panels of the help, and the module of each command; a group of commands is an app.
 _PANELS = {
     "Play": {
         "play": "play",
@@ -95,7 +95,7 @@ class _Commands(typer.core.TyperGroup):
 
 
 def command_line(words: Sequence[str] = ()) -> typer.Typer:
-    """The command line; of words that begin with a subcommand only that one is imported, so that it starts sooner."""
+    """The command line; if `words` begin with a subcommand, only that one is imported, which saves time."""
     app = typer.Typer(
         name="motiondeck",
         cls=_Commands,
@@ -113,7 +113,7 @@ def command_line(words: Sequence[str] = ()) -> typer.Typer:
         if name in _GROUPS:
             app.add_typer(module.app, name=name, rich_help_panel=panel)
         else:
-            # A number below zero is no option: `send tempo -1`.
+            # A negative number is not an option: `send tempo -1`.
             settings = {"ignore_unknown_options": True} if name == "send" else None
             app.command(name, context_settings=settings, rich_help_panel=panel)(getattr(module, name))
     set_help_texts(app)
@@ -121,7 +121,7 @@ def command_line(words: Sequence[str] = ()) -> typer.Typer:
 
 
 def __getattr__(name: str) -> typer.Typer:
-    if name == "app":  # the whole command line, made when somebody asks for it
+    if name == "app":  # the whole command line, made on demand
         return command_line()
     raise AttributeError(name)
 
@@ -140,13 +140,13 @@ def options(
         bool, typer.Option("--version", callback=_print_version, is_eager=True, help="Show the version and exit.")
     ] = False,
 ) -> None:
-    """Sets what holds for every subcommand."""
+    """Options of every subcommand."""
     if debug:
         os.environ["MOTIONDECK_DEBUG"] = "1"
 
 
 def _refuse(error: Any) -> None:
-    """Ends the program where its words are wrong, in one line and with exit code 2."""
+    """Ends the program after a usage error, with one line and exit code 2."""
     problem = printable(error.format_message()).replace("Value error, ", "")
     if problem:  # else the help has been printed
         command = error.ctx.command_path if error.ctx is not None else "motiondeck"
@@ -159,7 +159,7 @@ def _refuse(error: Any) -> None:
 
 
 def _terminal_is_closed() -> bool:
-    """Whether standard output was a terminal whose window is gone."""
+    """Whether standard output is a terminal whose window was closed."""
     try:
         termios.tcgetattr(1)
     except termios.error as error:
@@ -168,7 +168,7 @@ def _terminal_is_closed() -> bool:
 
 
 def _run() -> Any:
-    """Runs the command; what cannot be written fails here, and not unseen when Python ends."""
+    """Runs the command and flushes its output, so that write errors are raised here."""
     try:
         return command_line(sys.argv[1:])(standalone_mode=False)
     finally:
@@ -177,16 +177,16 @@ def _run() -> Any:
 
 
 def main() -> None:
-    """Runs the command line; a user's mistake ends in one clear line and exit code 1."""
+    """Runs the command line; a user's mistake prints one line, with exit code 1."""
     signal.signal(signal.SIGINT, signal.default_int_handler)
     if isinstance(sys.stdout, io.TextIOWrapper):
-        sys.stdout.reconfigure(errors="replace")  # a terminal without a letter shows a question mark
+        sys.stdout.reconfigure(errors="replace")  # letters that the terminal lacks become question marks
     try:
         sys.exit(_run())
     except (KeyboardInterrupt, typer.Abort):
         sys.exit(130)
     except BrokenPipeError:
-        # The reader of our output has gone (`| head`).
+        # The reader of the output has ended (`| head`).
         sys.stdout = None
         sys.exit(141)
     except OSError as error:
@@ -195,7 +195,7 @@ def main() -> None:
             sys.exit(128 + signal.SIGHUP)
         if "MOTIONDECK_DEBUG" in os.environ or error.errno != errno.ENOSPC:
             raise
-        print("motiondeck: no space is left where the output goes", file=sys.stderr)
+        print("motiondeck: no space is left on the device of the output", file=sys.stderr)
         sys.stdout = None
         sys.exit(1)
     except _UsageError as error:

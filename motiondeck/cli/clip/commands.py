@@ -1,4 +1,4 @@
-"""`motiondeck clip`: shows what a motion capture file holds, converts it, draws it, and plays it in the browser."""
+"""`motiondeck clip`: shows, converts, draws and plays motion capture files."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ if TYPE_CHECKING:
     from controller.motion.reading_options import ReadingOptions
 
 app = typer.Typer(
-    help="Show, draw and convert motion capture files of any format.",
+    help="Show, convert, draw and view motion capture files.",
     no_args_is_help=True,
 )
 
@@ -41,10 +41,11 @@ FileArgument = Annotated[
 @app.command("show")
 @grouped
 def show(file: FileArgument, reading: Reading, as_json: JsonOption = False) -> None:
-    """Show what a recording holds: its body, rate, length and path, and for markers the gaps and the fit.
+    """Show the body, rate, length and path of a recording.
 
-    It also shows which bone was taken for which part of the body, and what looks wrong about it. If the unit, the
-    vertical axis or a bone was detected wrongly, --unit, --up and --rename correct it, here and in `clip convert`.
+    For markers also the gaps and the fit. The table shows which bone was taken for which part of the body; doubts about
+    it follow. If the unit, the vertical axis or a bone was detected wrongly, --unit, --up and --rename correct it, here
+    and in `clip convert`.
 
     Example:  motiondeck clip show dance.c3d
     """
@@ -76,7 +77,9 @@ def convert(
     fill: Annotated[bool, typer.Option("--fill", help="Fill gaps of markers; from .c3d to .c3d or .csv.")] = False,
     as_json: JsonOption = False,
 ) -> None:
-    """Convert a recording to BVH (bones and their rotations; y up, cm) or CSV (time, then x, y, z of every joint, m).
+    """Convert a recording to BVH or CSV; cut, mirror or fill it.
+
+    BVH has bones and their rotations (y up, cm), CSV the time and x, y, z of every joint (m).
 
     --mirror writes what `mirrored = true` makes of a motion in a recipe.
 
@@ -122,7 +125,7 @@ def plot(
     out: Annotated[Path, typer.Option("--out", metavar="PICTURE", help="The picture to write (.png).")],
     skeleton: SkeletonOption = None,
 ) -> None:
-    """Draw a recording: stick figures through the motion, heights and speeds, and for markers their gaps.
+    """Draw a recording: stick figures, heights, speeds, and gaps of markers.
 
     Several recordings make a contact sheet: eight moments of each, played by a mannequin of its body.
 
@@ -152,7 +155,7 @@ def view(
     ] = None,
     port: PagePortOption = PAGE_PORT,
 ) -> None:
-    """View a recording in the browser: the human with its bones, and with --robot a robot beside it that follows it.
+    """View a recording in the browser, and with --robot a robot that follows it.
 
     The page has a time bar, single steps, a tempo, footprints and contacts, and a camera that follows. It is served
     on 127.0.0.1 only; Ctrl-C ends it.
@@ -179,7 +182,7 @@ def view(
 
 
 def _read(file: Path, options: ReadingOptions) -> FittedClip:
-    """A recording of a body.
+    """Reads a recording of a body.
 
     Raises:
         MotiondeckError: if it cannot be read, or holds the angles of a rig's joints.

@@ -1,4 +1,4 @@
-"""`motiondeck clip convert --fill`: fills in the markers that are missing from a recording for a while."""
+"""`motiondeck clip convert --fill`: fills gaps of markers."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ def fill(file: Path, out: Path, as_json: bool) -> None:
     from motiondeck_base.progress import progress
 
     if file.suffix.lower() != ".c3d":
-        raise MotiondeckError(f"{file}: only markers (.c3d) can be missing; other recordings hold whole skeletons")
+        raise MotiondeckError(f"{file}: only markers (.c3d) have gaps; other recordings hold whole skeletons")
     if out.suffix.lower() not in (".c3d", ".csv"):
         raise MotiondeckError(f"{out}: markers are written as .c3d or .csv. Name the file so.")
     markers = read_c3d(file)
@@ -45,7 +45,7 @@ def fill(file: Path, out: Path, as_json: bool) -> None:
 
 
 def _by_marker(markers: Markers, gaps: list[Gap]) -> list[dict[str, Any]]:
-    """What was missing of each marker and what became of it."""
+    """The gaps of each marker, and how they were filled."""
     rows = []
     for index in dict.fromkeys(gap.marker for gap in gaps):
         own = [gap for gap in gaps if gap.marker == index]
@@ -64,7 +64,7 @@ def _by_marker(markers: Markers, gaps: list[Gap]) -> list[dict[str, Any]]:
 
 
 def _mean_mm(gaps: list[Gap]) -> float | None:
-    """The error expected of gaps, each frame counting alike."""
+    """The expected error of gaps, weighted by their frames, mm."""
     known = [(gap.expected, gap.frames) for gap in gaps if gap.expected is not None]
     if not known:
         return None
@@ -72,7 +72,7 @@ def _mean_mm(gaps: list[Gap]) -> float | None:
 
 
 def _print(rows: list[dict[str, Any]]) -> None:
-    """One line a marker with gaps."""
+    """Prints a row for each marker with gaps."""
     from motiondeck.cli.common.tables import show_table
 
     cells = []

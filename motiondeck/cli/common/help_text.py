@@ -1,4 +1,4 @@
-"""Help texts: docstrings as a terminal shows them, wrapped where the terminal ends and not where our lines end."""
+"""Help texts: docstrings, wrapped at the width of the terminal."""
 
 from __future__ import annotations
 
@@ -11,12 +11,12 @@ from typing import Any
 import typer
 from typer.core import TyperArgument, TyperCommand
 
-WIDTH = 78  # of the narrowest terminal that it is made for, without its margins
+WIDTH = 78  # columns of an 80-column terminal without its margins
 _ON = " \\"
 
 
 class NamedCommand(TyperCommand):
-    """A command in whose help an argument has its name alone, such as RIG, and no type of a programming language."""
+    """A command whose help shows arguments by name, such as RIG, without a type."""
 
     def __init__(self, *args: Any, **settings: Any) -> None:
         super().__init__(*args, **settings)
@@ -27,7 +27,7 @@ class NamedCommand(TyperCommand):
 
 
 def set_help_texts(app: typer.Typer) -> None:
-    """Gives each command of an app, and of its groups, the help text of its docstring."""
+    """Sets the help text of each command of an app and of its groups from its docstring."""
     for command in app.registered_commands:
         if command.callback is not None:
             command.help = help_text(command.callback)
@@ -38,10 +38,7 @@ def set_help_texts(app: typer.Typer) -> None:
 
 
 def help_text(command: Callable[..., Any]) -> str:
-    """A docstring with each paragraph on one line; indented lines are commands, and long ones are continued.
-
-    A shell reads a continued command as one line, so it can be pasted.
-    """
+    """A docstring with each paragraph on one line; long commands are continued, so that they can be pasted."""
     return "\n\n".join(map(_joined, inspect.cleandoc(command.__doc__ or "").split("\n\n")))
 
 
@@ -56,7 +53,7 @@ def _joined(paragraph: str) -> str:
 
 
 def _continued(command: str) -> list[str]:
-    """The lines of a command, parted before options and NAME=VALUE; all but the last end in a backslash."""
+    """The lines of a command, split before options and NAME=VALUE; all but the last end in a backslash."""
     lines = [""]
     for part in re.split(r"(?= --)|(?= [^ ]+=)", command):
         if not lines[-1] or len(lines[-1] + part) <= WIDTH - len(_ON):

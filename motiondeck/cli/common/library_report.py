@@ -1,4 +1,4 @@
-"""What a library holds: a table for people, and plain values for scripts."""
+"""Reports on libraries: tables for people, plain values for scripts."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ if TYPE_CHECKING:
 
 
 def report(library: MotionLibrary) -> dict[str, object]:
-    """What a library holds, for scripts."""
+    """The facts of a library, for scripts."""
     import msgspec
 
     info = library.info
@@ -33,7 +33,7 @@ def report(library: MotionLibrary) -> dict[str, object]:
 
 
 def print_table(library: MotionLibrary) -> None:
-    """One row a motion: what it was learned from and how its free run went."""
+    """Prints a row for each motion: its length, errors and self-test."""
     from motiondeck.cli.common.tables import show_table
 
     info = library.info
@@ -58,12 +58,12 @@ def print_table(library: MotionLibrary) -> None:
 
 
 def join_fields(join: Join | None) -> dict[str, Any] | None:
-    """The worst join that was found, for scripts; null where nothing can be joined."""
+    """The worst join, for scripts; null where nothing can be joined."""
     return join and asdict(join) | {"passes": join.passes}
 
 
 def join_line(join: Join) -> str:
-    """The worst join that was found, in words."""
+    """The worst join as a line of text."""
     verdict = "" if join.passes else ": too fast, so a robot may lag there"
     return (
         f"worst join found: {join.source} to {join.target} at phase {join.phase:.2f}, {join.speed:.2f} x speed and "
@@ -72,7 +72,7 @@ def join_line(join: Join) -> str:
 
 
 def part_fields(part: LearnedPart | None) -> dict[str, float | None]:
-    """Which part of a recording was learned and how well it closes, for scripts; null where that is not known."""
+    """The learned part of a recording and its seam, for scripts; null where unknown."""
     return {
         "from_s": part and part.first,
         "to_s": part and part.end,
@@ -83,10 +83,10 @@ def part_fields(part: LearnedPart | None) -> dict[str, float | None]:
 
 
 def part_of(part: LearnedPart) -> str:
-    """Which part of its recording a motion was learned from."""
+    """The learned part of a recording as text."""
     return f"{part.first:.2f} to {part.end:.2f} of {part.recorded:.2f} s"
 
 
 def seam_of(part: LearnedPart) -> str:
-    """How well a loop closes, or how well a one-shot would at best."""
+    """The seam of a loop, or the best one of a one-shot, as text."""
     return "" if part.seam_mm is None else f"{part.seam_mm:.0f} mm, {part.seam_degrees:.0f}°"

@@ -1,4 +1,4 @@
-"""Options that several commands share, and the check of files that are to be written."""
+"""Options that several commands share, and checks of the files to write."""
 
 from __future__ import annotations
 
@@ -105,10 +105,10 @@ class Reading:
 
 
 def check_new(*files: Path, force: bool, hint: str = "") -> None:
-    """Checks, before anything is computed, that files do not exist yet or may be replaced; a hint ends the message.
+    """Checks that files do not exist or may be replaced; a hint ends the message.
 
     Raises:
-        MotiondeckError: if one does, without `force`.
+        MotiondeckError: if a file exists, without `force`.
     """
     for file in files:
         if file.exists() and not force:
@@ -116,21 +116,21 @@ def check_new(*files: Path, force: bool, hint: str = "") -> None:
 
 
 def check_ending(file: Path, what: str, ending: str = ".safetensors") -> None:
-    """Refuses, before anything is computed, a name that says something else: a recording of that name could be lost.
+    """Checks the ending of a file to write, so that a mistake cannot replace a recording.
 
     Raises:
-        MotiondeckError: if the name of the file does not end so.
+        MotiondeckError: if the name has another ending.
     """
     if file.suffix.lower() != ending:
         raise MotiondeckError(f"{file}: {what} ends in {ending}. Name the file so.")
 
 
 def check_other(recording: Path, out: Path) -> None:
-    """Refuses to write over the recording that is read.
+    """Checks that a command does not write over the recording it reads.
 
     Raises:
         MotiondeckError: if both are one file.
     """
     linked = recording.exists() and out.exists() and recording.samefile(out)
     if linked or recording.resolve() == out.resolve():
-        raise MotiondeckError(f"{out}: this is the recording itself. Give what is written another name.")
+        raise MotiondeckError(f"{out}: this is the recording itself. Give another name to write to.")

@@ -28,9 +28,9 @@ def show_table(
     left: Collection[str] = (),
     notes: Iterable[str] = (),
 ) -> None:
-    """Prints a table; the first column and those named in `left` are aligned left, numbers right.
+    """Prints a table; the first column and those named in `left` are aligned left, others right.
 
-    Cells may hold rich markup such as [red]failed[/]; notes stand below the table as they are.
+    Cells may hold rich markup such as [red]failed[/]; notes are printed verbatim below the table.
     """
     from rich import box
     from rich.console import Console
@@ -49,7 +49,7 @@ def show_table(
 
 
 def show_facts(facts: Mapping[str, str]) -> None:
-    """Prints names and what they stand for, one line each."""
+    """Prints names and values, one line each."""
     from rich.console import Console
     from rich.table import Table as RichTable
     from rich.text import Text
@@ -68,7 +68,7 @@ def deliver(
     draw: Callable[[Table, Path], None],
     as_json: bool = False,
 ) -> None:
-    """Writes measurements as CSV and draws them where a file is given, and prints them as a table or as JSON.
+    """Prints measurements as a table or as JSON; writes them as CSV and draws them where a file is given.
 
     Raises:
         MotiondeckError: if a file cannot be written.
@@ -98,7 +98,7 @@ def write_csv(table: Table, path: Path) -> None:
 
 
 def print_measurements(table: Table) -> None:
-    """Prints measurements, transposed where that is narrower; an interval stands behind the value it belongs to."""
+    """Prints measurements, transposed where that is narrower, with intervals behind their values."""
     from rich.markup import escape
 
     columns = [name for name in table.rows[0] if not name.endswith((" low", " high", " failed"))]

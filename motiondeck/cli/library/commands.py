@@ -1,4 +1,4 @@
-"""`motiondeck library`: shows and draws what a motion library holds, and adds a motion to it."""
+"""`motiondeck library`: lists and shows motion libraries, and adds motions to them."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from motiondeck.cli.common.options import JsonOption, Reading, check_ending
 from motiondeck.cli.common.options_class import grouped
 from motiondeck_base.files import check_folder
 
-app = typer.Typer(help="Show, search and extend motion libraries.", no_args_is_help=True)
+app = typer.Typer(help="List, show and extend motion libraries.", no_args_is_help=True)
 
 LibraryArgument = Annotated[
     str, typer.Argument(metavar="LIBRARY", help="A library file (.safetensors), or a shipped one by its name.")
@@ -20,10 +20,8 @@ LibraryArgument = Annotated[
 
 
 @app.command("list")
-def list_libraries(
-    as_json: JsonOption = False,
-) -> None:
-    """List the libraries that are included and those in this folder, with their motions.
+def list_libraries(as_json: JsonOption = False) -> None:
+    """List the included libraries and those in this folder, with their motions.
 
     Example:  motiondeck library list
     """
@@ -57,10 +55,7 @@ def list_libraries(
 
 
 @app.command("show")
-def show(
-    library: LibraryArgument,
-    as_json: JsonOption = False,
-) -> None:
+def show(library: LibraryArgument, as_json: JsonOption = False) -> None:
     """Show the motions, the network, and the origin of a library.
 
     Example:  motiondeck library show thesis15
@@ -107,9 +102,9 @@ def add(
     ] = False,
     as_json: JsonOption = False,
 ) -> None:
-    """Add a motion to a library without training the others again: their weights do not change.
+    """Add a motion to a library; the weights of the others do not change.
 
-    An autonomous conceptor network loads the motion into the free part of its reservoir, whose size is printed; other
+    An autonomous conceptor network loads the motion into the free part of its reservoir and prints what is left; other
     networks get one more readout or one more motion. The new motion has to pass the self-test.
 
     Example:  motiondeck library add my.safetensors skip.bvh --name skip
@@ -124,7 +119,7 @@ def add(
 
     path = find_library(library)
     if out is None and not Path(library).is_file():
-        raise MotiondeckError(f"'{library}' is a shipped library, which stays as it is; say with --out where to write")
+        raise MotiondeckError(f"'{library}' is a shipped library, which is never changed; give --out FILE")
     target = out or path
     check_ending(target, "a library")
     check_folder(target)
@@ -146,8 +141,8 @@ def add(
         save_library(found.library, target)
     if as_json:
         written = str(target) if passed or allow_failing else None
-        told = {"written": written, "quota": found.quota, "learned_from": part_fields(found.part)}
-        print(json.dumps(report(found.library) | told))
+        added = {"written": written, "quota": found.quota, "learned_from": part_fields(found.part)}
+        print(json.dumps(report(found.library) | added))
     else:
         print_table(found.library)
         seam = f", seam {seam_of(found.part)}" if found.part.seam_mm is not None else ""
@@ -160,7 +155,7 @@ def add(
     if not passed and not allow_failing:
         raise MotiondeckError(
             f"'{name}' failed the self-test ({found.verdict.reason}), so {target} was not written. "
-            "Train all motions together with learn, or write it all the same with --allow-failing."
+            "Train all motions together with learn, or write it anyway with --allow-failing."
         )
     if not as_json:
         print(f"wrote {target} ({target.stat().st_size / 1e6:.1f} MB)")

@@ -1,4 +1,4 @@
-"""`motiondeck recognize`: trains recognizers and recognizes recordings with them."""
+"""`motiondeck recognize`: trains recognizers, and names the motions of recordings."""
 
 from __future__ import annotations
 
@@ -10,17 +10,25 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from motiondeck.cli.common.options import JsonOption, SkeletonOption, check_ending
-from motiondeck.cli.recognition.recognition_data import SKIPPED_EXIT, DataArgument, leave, read
 from motiondeck_base.counted import counted
+from motiondeck_base.errors import MotiondeckError
 from motiondeck_base.files import check_folder
+from motiondeck_base.progress import progress
 
 if TYPE_CHECKING:
+    from controller.learning.recognition.labelled_recordings import Dataset
     from controller.learning.recognition.recognizer import Recognizer
 
 # A committee of 8 groups of 25 neurons (docs/recognition.md#unknown-motions), and frames per second, Hz.
 NEURONS, GROUPS, RATE = 200, 8, 30.0
 
-app = typer.Typer(help="Train a recognizer, and name the motion of a recording.", no_args_is_help=True)
+SKIPPED_EXIT = 3  # exit code: some files could not be used
+
+app = typer.Typer(help="Train a recognizer, and name the motions of recordings.", no_args_is_help=True)
+
+DataArgument = Annotated[
+    Path, typer.Argument(metavar="DATA", help="A folder with one folder of recordings for each motion.")
+]
 
 
 @app.command("train")
@@ -59,13 +67,12 @@ def train(
     experts = committee_recipe(STRETCHES, neurons=NEURONS, groups=GROUPS, seed=1)
     recognizer = train_recognizer(dataset, look, experts, STRETCHES)
     save_recognizer(recognizer, out, licence)
-    said = describe(recognizer) | {"written": str(out), "skipped": dataset.skipped}
     if as_json:
-        print(json.dumps(said))
+        print(json.dumps(describe(recognizer) | {"written": str(out), "skipped": dataset.skipped}))
     else:
         of = counted(len(recognizer.bank.classes), "motion")
-        print(f"{counted(recognizer.clips, 'clip')} of {of}: {', '.join(said['motions'])}")
-        print(f"a motion is called unknown below a confidence of {recognizer.threshold:.3f}")
+        print(f"{counted(recognizer.clips, 'clip')} of {of}: {', '.join(recognizer.bank.classes)}")
+        print(f"a motion is unknown below a confidence of {recognizer.threshold:.3f}")
         print(f"wrote {out} ({out.stat().st_size / 1e6:.1f} MB)")
     leave(dataset)
 
@@ -79,11 +86,13 @@ def run(
     skeleton: SkeletonOption = None,
     stream: Annotated[
         bool,
-        typer.Option("--stream", help="Recognize frame by frame, as on a robot, and print when each motion was seen."),
+        typer.Option("--stream", help="Recognize frame by frame, as on a robot."),
     ] = False,
     as_json: JsonOption = False,
 ) -> None:
-    """Name the motion of each recording, with its margin over the next best and whether it is known at all.
+    """Name the motion of each recording, its margin over the next best, and whether it is known.
+
+    With --stream the recognizer sees one frame after the other, as on a robot, and spans of equal motion are printed.
 
     [bold]Example[/]
 
@@ -92,7 +101,6 @@ def run(
     from controller.learning.recognition.recognizer_file import load_recognizer
     from controller.motion.formats.reading import read_clip, recordings_below
     from controller.motion.reading_options import ReadingOptions
-    from motiondeck_base.errors import MotiondeckError
 
     options = ReadingOptions(skeleton)
     loaded = load_recognizer(recognizer)
@@ -142,7 +150,7 @@ def run(
 
 
 def _streamed(recognizer: Recognizer, clip: Any) -> dict[str, Any]:
-    """What the online recognizer sees in a clip, as spans of the same verdict."""
+    """Verdicts of the online recognizer on a clip, as spans of the same motion."""
     import time
 
     import numpy as np
@@ -165,7 +173,7 @@ def _streamed(recognizer: Recognizer, clip: Any) -> dict[str, Any]:
 
 
 def describe(recognizer: Recognizer) -> dict[str, Any]:
-    """What a recognizer is, for scripts."""
+    """The facts of a recognizer, for scripts."""
     return {
         "motions": list(recognizer.bank.classes),
         "clips": recognizer.clips,
@@ -177,3 +185,20 @@ def describe(recognizer: Recognizer) -> dict[str, Any]:
         "rate_hz": recognizer.recipe.rate,
         "threshold": recognizer.threshold,
     }
+
+
+def read(data: Path) -> Dataset:
+    """Reads the dataset of a folder with a progress bar, and names unusable files on stderr."""
+    from controller.learning.recognition.labelled_recordings import read_dataset
+
+    with progress("reading", None) as tick:
+        dataset = read_dataset(data, lambda count, total: tick(f"reading {count} of {total}"))
+    for line in dataset.skipped:
+        print(f"skipped: {line}", file=sys.stderr)
+    return dataset
+
+
+def leave(dataset: Dataset) -> None:
+    """Ends the command, with exit code 3 if files were skipped."""
+    if dataset.skipped:
+        raise typer.Exit(SKIPPED_EXIT)

@@ -1,4 +1,4 @@
-"""`motiondeck retarget`: recordings as motions of a robot, in files for training tracking policies."""
+"""`motiondeck retarget`: writes recordings as motions of a robot, for training tracking policies."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ def retarget(
     jobs: JobsOption = "-1",
     as_json: JsonOption = False,
 ) -> None:
-    """Carry recordings onto a robot and write each as a motion file for training.
+    """Carry recordings onto a robot, as motion files for training.
 
     npz: fps, joint_names, root_pos, root_quat (w x y z) and joint_pos. csv: at 30 Hz, a row per frame: root x y z,
     quaternion x y z w, joints, as Unitree's retargeted LAFAN1 set. mjlab: the npz of its tracking task, at 50 Hz.
@@ -81,7 +81,7 @@ def retarget(
 
 
 def print_rows(rows: list[RetargetedFile], out: Path) -> None:
-    """The table, what is infeasible and what failed, and the sums."""
+    """Prints the table, notes, infeasible and failed recordings, and the sums."""
     from motiondeck.cli.common.tables import show_table
 
     headings = (

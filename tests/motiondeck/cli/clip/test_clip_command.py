@@ -60,7 +60,7 @@ def test_a_piece_is_cut_out(tmp_path):
         (("convert", "bow.bvh", "bow.fbx"), "bow.fbx: clips are written as .bvh or .csv"),
         (("view", "bow.bvh", "--robot", "servo21"), "unknown robot 'servo21'. Did you mean servo20?"),
         (("plot", "bow.bvh", "--out", "bow.nothing"), "bow.nothing: cannot be drawn"),
-        (("convert", "--fill", "bow.bvh", "bow.c3d"), "bow.bvh: only markers (.c3d) can be missing"),
+        (("convert", "--fill", "bow.bvh", "bow.c3d"), "bow.bvh: only markers (.c3d) have gaps"),
         (("convert", "--fill", "bow.c3d", "bow.csx"), "bow.csx: markers are written as .c3d or .csv"),
         (("convert", "--fill", "bow.c3d", "no/bow.c3d"), "no: there is no such folder"),
         (("convert", "--fill", "bow.c3d", "./bow.c3d"), "bow.c3d: this is the recording itself"),
