@@ -36,9 +36,9 @@ from controller.library.motion_library import load_library
 from controller.motion.rotations import Array
 from controller.wire.command_socket import CommandClient
 from controller.wire.messages.commands import DeckCommand, GetStatus, GiveBeat, Jump, LockPhase, Stop, Switch, Unlock
+from controller.wire.messages.deck_snapshot import MODES
 from controller.wire.messages.replies import State
 from controller.wire.run_recording import RunRecording, load_recording
-from motiondeck.run.beside.tick_recorder import MODES
 from motiondeck_base.errors import MotiondeckError
 from motiondeck_base.shipped import find_library, find_robot
 from sim.robots.robot import load_robot

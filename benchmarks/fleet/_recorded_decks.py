@@ -8,7 +8,8 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from controller.wire.run_recording import MODES, load_recording
+from controller.wire.messages.deck_snapshot import MODES
+from controller.wire.run_recording import load_recording
 
 Array = NDArray[np.float64]
 
@@ -40,7 +41,7 @@ class RecordedDeck:
 
     def played(self, motion: str, after: float) -> tuple[float, float]:
         """When the tick began with which a motion was first played after a time, and when it was due, s; else NaN."""
-        ticks = np.flatnonzero((self.fields["motion"] == self.motions.index(motion)) & (self.times > after))
+        ticks = np.flatnonzero((self.fields["playing"] == self.motions.index(motion)) & (self.times > after))
         if not len(ticks):
             return np.nan, np.nan
         return float(self.times[ticks[0]]), float(self.due[ticks[0]])

@@ -54,12 +54,12 @@ class RecordedDeck(Paced):
         self.time = 0.0
         super().__init__()
         self._rate = float(recording.description["rate"])
-        self._targets, self._motion = fields["targets"], fields["motion"][:, 0]
+        self._targets, self._motion = fields["targets"], fields["playing"][:, 0]
         self._root, self._heading = fields["root_position"], np.unwrap(fields["heading"][:, 0])
         self._turn = fields["root_rotation"]
         self._robot_root = fields.get("robot_root") if same_robot else None
         # Recordings before version 5 do not say what was blended.
-        self._blend = (fields["blend"], fields["blend_weight"]) if "blend" in fields else None
+        self._blend = (fields["blend_motion"], fields["blend_weight"]) if "blend_motion" in fields else None
         self._last = recording.ticks - 1
         self._place = 0.0  # in ticks of the recording
 

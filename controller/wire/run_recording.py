@@ -24,10 +24,20 @@ from controller.motion.rotations import Array
 from controller.wire.telemetry import named
 from motiondeck_base.errors import FileFormatError
 
-VERSION = 5
-READABLE = (1, 2, 3, 4, 5)
-"""Version 1 lacks `robot_root`, `seen` and `confidence`; up to 2 the tempo is called `speed`, and `phase` lacks;
-up to 3 what it is locked to lacks; up to 4 what is blended lacks."""
+VERSION = 6
+READABLE = (1, 2, 3, 4, 5, 6)
+"""From version 6 on the fields are those of `DeckSnapshot`. Before, some had other names, and some were missing: in 1
+`robot_root`, `seen` and `confidence`; up to 2 `phase`; up to 3 the lock; up to 4 the blend."""
+_RENAMED = {
+    "motion": "playing",
+    "speed": "tempo",
+    "time_s": "at",
+    "blend": "blend_motion",
+    "lock_stage": "lock_state",
+    "seen": "seen_motion",
+    "confidence": "seen_confidence",
+}
+"""Names up to version 5, and those of now."""
 COMMANDS = (
     *("switch", "queue", "tempo", "pause", "resume", "home", "estop", "reset", "stop", "blend", "jump"),
     *("input", "beat", "lock", "unlock"),
@@ -35,9 +45,6 @@ COMMANDS = (
     *("write", "scan", "step"),
 )
 """The field `command` is an index into these, counted from 1; 0 is a tick without a command."""
-MODES = ("playing", "home", "held", "emergency stop")
-"""The field `mode` is an index into these."""
-
 _MAGIC = b"MDRECORD"
 _HEADER, _CHUNK = struct.Struct("<II"), struct.Struct("<II")
 _MOST_HEADER = 1 << 20
@@ -156,7 +163,10 @@ def load_recording(path: Path) -> RunRecording:
         known = f"{READABLE[0]} to {READABLE[-1]}"
         raise FileFormatError(f"{path}: recording version {header.version}; this Motiondeck reads versions {known}")
     rows, complete = _chunks(data[place + size :], sum(header.fields.values()))
-    return RunRecording(header.description, named(rows, header.fields), complete)
+    fields = header.fields
+    if header.version < 6:
+        fields = {_RENAMED.get(name, name): size for name, size in fields.items()}
+    return RunRecording(header.description, named(rows, fields), complete)
 
 
 def _chunks(data: bytes, width: int) -> tuple[Array, bool]:

@@ -69,15 +69,16 @@ class StateWriter:
 
     Attributes:
         fields: the values of the next `publish`, each a float64 array to write into; NaN until it is written.
+        values: all of them in the order of the fields.
     """
 
     def __init__(self, memory: mmap.mmap, layout: _Layout, fields: Mapping[str, int]) -> None:
         self._control = layout.control_of(memory)
         self._slots = layout.slots_of(memory)
-        self._values = np.full(layout.values, np.nan)
-        self._words = self._values.view(np.uint64)
+        self.values = np.full(layout.values, np.nan)
+        self._words = self.values.view(np.uint64)
         self._number = 0
-        self.fields = named(self._values, fields)
+        self.fields = named(self.values, fields)
 
     @classmethod
     def create(
@@ -119,7 +120,7 @@ class StateWriter:
         slot = self._slots[self._number % len(self._slots)]
         slot[0] = 0  # in the making
         slot[1:-2] = self._words
-        slot[-2] = zlib.crc32(self._values.data)
+        slot[-2] = zlib.crc32(self.values.data)
         slot[-1] = self._number
         slot[0] = self._number
         self._control[0] = self._number

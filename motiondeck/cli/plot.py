@@ -97,10 +97,10 @@ def _draw(recording: RunRecording, picture: Path) -> None:
     tracking.plot(time[1:], np.degrees(mean), linewidth=0.7, label="root mean square over joints")
     tracking.set(ylabel="tracking error, deg")
     tracking.legend(loc="upper right")
-    blended = fields.get("blend", np.empty((len(time), 0)))
-    shown = sorted({int(index) for index in (*fields["motion"][:, 0], *blended[blended >= 0.0])})
+    blended = fields.get("blend_motion", np.empty((len(time), 0)))
+    shown = sorted({int(index) for index in (*fields["playing"][:, 0], *blended[blended >= 0.0])})
     row = {index: place for place, index in enumerate(shown)}
-    playing.step(time, [row[int(index)] for index in fields["motion"][:, 0]], where="post")
+    playing.step(time, [row[int(index)] for index in fields["playing"][:, 0]], where="post")
     for numbers in blended.T:
         there = numbers >= 0.0
         playing.plot(time[there], [row[int(index)] for index in numbers[there]], "C0.", markersize=1)

@@ -2,10 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
 
 import mujoco
 import numpy as np
@@ -14,26 +12,27 @@ from controller.motion.rotations import Array, conjugate, multiply
 from controller.motion.skeleton import Skeleton
 from controller.wire.run_folder import write_shared
 from motiondeck.page.body.drawn_model import DrawnModel
+from motiondeck.page.web.page_state import GhostDescription
 from sim.models.mannequin.mannequin import ROOT_BODY, build_mannequin
 
 OPACITY = 0.4
 WAYS = ("off", "over the robot", "beside it")
 
 
-def draw_ghost(skeleton: Skeleton, scale: float, file: Path) -> dict[str, Any]:
-    """Writes the model of a human of the robot's size, translucent, and returns the description that `Ghost` needs."""
+def draw_ghost(skeleton: Skeleton, scale: float, file: Path) -> GhostDescription:
+    """Writes the model of a human of the robot's size, translucent; its description."""
     spec = build_mannequin(replace(skeleton, length=skeleton.length * scale))
     for material in spec.materials:
         material.rgba[3] = OPACITY
     spec.compile()
     write_shared(file, spec.to_xml())
-    return {"file": str(file), "bones": list(skeleton.bones), "parent": skeleton.parent.tolist(), "scale": scale}
+    return GhostDescription(str(file), list(skeleton.bones), skeleton.parent.tolist(), scale)
 
 
 class Ghost:
     """Turns published poses into the coordinates of that model, and shows them."""
 
-    def __init__(self, drawn: DrawnModel, model: mujoco.MjModel, about: Mapping[str, Any], aside: float) -> None:
+    def __init__(self, drawn: DrawnModel, model: mujoco.MjModel, about: GhostDescription, aside: float) -> None:
         """Reads the description that `draw_ghost` returned.
 
         Args:
@@ -42,28 +41,26 @@ class Ghost:
             about: the description.
             aside: its distance to the left of the robot when it is beside it, m.
         """
-        bones: Sequence[str] = about["bones"]
-        self._drawn, self._scale, self._aside = drawn, float(about["scale"]), aside
-        self._parent = np.array(about["parent"]) + 1
-        joints = [int(model.body(bone).jntadr[0]) for bone in bones]
+        self._drawn, self._scale, self._aside = drawn, about.scale, aside
+        self._parent = np.array(about.parent) + 1
+        joints = [int(model.body(bone).jntadr[0]) for bone in about.bones]
         self._turns = model.jnt_qposadr[joints][:, None] + np.arange(4)
         self._root = int(model.jnt_qposadr[model.body(ROOT_BODY).jntadr[0]])
         self._qpos = model.qpos0.copy()
 
-    def show(self, way: str, root: Array, turn: Array, beneath: Array, centre: Array) -> None:
+    def show(self, way: str, root: Array, turns: Array, beneath: Array, centre: Array) -> None:
         """Draws the human in one of WAYS.
 
         Args:
             way: one of WAYS.
             root: the height of the human's root is root[2], m.
-            turn: rotations of root and bones in the world, shape (4 (1 + B),).
+            turns: rotations of root and bones in the world, shape (1 + B, 4).
             beneath: the robot's root, shape (2,), m; the human is drawn there, whatever its own path.
             centre: of the view, shape (2,), m.
         """
         if way == WAYS[0]:
             self._drawn.hide()
             return
-        turns = turn.reshape(-1, 4)
         aside = np.array([0.0, self._aside if way == WAYS[2] else 0.0])
         self._qpos[self._root : self._root + 2] = beneath + aside
         self._qpos[self._root + 2] = self._scale * root[2]

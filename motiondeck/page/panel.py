@@ -3,14 +3,13 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from pathlib import Path
 from threading import Lock
 from typing import cast
 
 import viser
 
-from controller.motion.rotations import Array
 from controller.wire.command_socket import CommandClient
 from controller.wire.messages.arguments import TEMPO
 from controller.wire.messages.command_table import BY_WORD
@@ -31,17 +30,19 @@ from controller.wire.messages.commands import (
     Switch,
     Unlock,
 )
+from controller.wire.messages.deck_snapshot import DeckSnapshot
 from controller.wire.messages.events import Event
 from controller.wire.messages.replies import Refused
 from motiondeck.page.loop_figures import loop_figures
 from motiondeck.page.motions.motion_controls import MotionControls
 from motiondeck.page.notices import FAULT, Notices
-from motiondeck.page.recognition_text import what_is_seen
+from motiondeck.page.recognition_text import recognition_text
 from motiondeck.page.view_choices import ViewChoices
+from motiondeck.page.web.page_state import PageDescription
 from motiondeck.page.web.page_style import CURRENT, STOPS, STYLE, buttons_in_line
 from motiondeck.page.web.parts import PageParts
 from motiondeck.page.web.private_page import PrivatePage
-from motiondeck.page.web.state_line import RunState, ended_line, number_in, state_line
+from motiondeck.page.web.state_line import ended_line, state_line
 from motiondeck_base.errors import MotiondeckError
 
 ANSWER_WITHIN = 1.0
@@ -70,36 +71,27 @@ DIGITS = ("1", "2", "3", "4", "5", "6", "7", "8", "9")
 
 
 class Panel:
-    """Buttons and figures beside the scene; with `has_human` the human whose motion is played can be shown, too.
+    """Buttons and figures beside the scene.
 
-    With `has_phase` motions can be played backwards and sent to a phase; with `has_network` one can look inside it. A
-    body in physics can be pushed; a good push is `push_ns`, N s, and 0 means that there is none. With `has_forces` the
-    forces of the floor on it are known, with `has_target` the pose that its servos are to reach. A `direct` deck
-    switches and blends without motions in between.
+    Args:
+        page: where they are put.
+        about: the run.
+        commands: to its deck.
+        look_from: moves the camera of a browser.
     """
 
     def __init__(
         self,
         page: PrivatePage,
-        motions: list[str],
-        joints: list[str],
+        about: PageDescription,
         commands: CommandClient,
         *,
         look_from: Callable[[viser.ClientHandle, str], None],
-        has_human: bool = False,
-        has_phase: bool = False,
-        has_network: bool = False,
-        push_ns: float = 0.0,
-        has_forces: bool = False,
-        has_target: bool = False,
-        library: Path | None = None,
-        direct: bool = False,
-        recognizable: Sequence[str] = (),
     ) -> None:
         self._page, self._commands = page, commands
-        self._motions, self._joints, self._recognizable = motions, joints, recognizable
+        self._motions, self._unrecognized = about.motions, about.unrecognized
         self._lock = Lock()
-        self._state = RunState()
+        self._state = DeckSnapshot(motion="")
         self._moved = 0.0  # when a hand was on the tempo, s
         self._notices = Notices(page)
         gui = page.gui
@@ -127,21 +119,24 @@ class Panel:
         )
         self._step.on_click(lambda _: self.send(StepOn(seconds=STEP)))
         self._controls_of_motions = MotionControls(
-            self.parts, motions, library, has_phase=has_phase, direct=direct, send=self.send
+            self.parts,
+            about.motions,
+            Path(about.library_file) if about.library_file else None,
+            has_phase=about.has_phase,
+            direct=about.direct,
+            send=self.send,
         )
         self._tempo = gui.add_slider(
-            "tempo", min=TEMPO.lowest if has_phase else 0.0, max=TEMPO.highest, step=0.05, initial_value=1.0
+            "tempo", min=TEMPO.lowest if about.has_phase else 0.0, max=TEMPO.highest, step=0.05, initial_value=1.0
         )
         self._tempo.on_update(self._tempo_moved)
-        self._tap = self._add_tap() if has_phase else None
-        self.view = ViewChoices(
-            page, look_from, human=has_human, target=has_target, network=has_network, forces=has_forces
-        )
-        if push_ns:
-            self._add_pushes(push_ns)
+        self._tap = self._add_tap() if about.has_phase else None
+        self.view = ViewChoices(page, look_from, about)
+        if about.push_ns:
+            self._add_pushes(about.push_ns)
         with gui.add_folder("loop", expand_by_default=False):
             self._health = gui.add_html("")
-        self._seen = gui.add_html("")
+        self._recognition = gui.add_html("") if about.recognizable else None
         self._add_keys()
         self._controls = [
             (self._tempo, BY_WORD["tempo"]),
@@ -183,12 +178,11 @@ class Panel:
     def _stopped(self) -> bool:
         return self._state.mode == "emergency stop"
 
-    def show(self, state: dict[str, Array]) -> None:
+    def show(self, now: DeckSnapshot) -> None:
         """Brings buttons, slider and figures up to date."""
-        now, before = RunState.of(state, self._motions), self._state
-        self._state = now
+        before, self._state = self._state, now
         self._line.content = state_line(now).as_html()
-        self._controls_of_motions.show(now, state)
+        self._controls_of_motions.show(now)
         if now.paused != before.paused:
             self._pause.label = "Resume" if now.paused else "Pause"
             self._pause.icon = viser.Icon.PLAYER_PLAY if now.paused else viser.Icon.PLAYER_PAUSE
@@ -198,14 +192,14 @@ class Panel:
             self._estop.label = "Reset" if self._stopped else "Emergency stop"
             for control, command in self._controls:
                 control.disabled = now.mode not in command.modes
-        tempo = round(number_in(state, "tempo", 1.0), 2)
+        tempo = round(now.commanded_tempo, 2)
         if abs(tempo - self._tempo.value) > 0.024 and time.monotonic() - self._moved > HAND_ON:
             self._tempo.value = min(max(tempo, self._tempo.min), self._tempo.max)
-        self._health.content = loop_figures(state)
-        if "seen" in state:
-            self._seen.content = what_is_seen(state, self._recognizable, self._joints)
+        self._health.content = loop_figures(now)
+        if self._recognition is not None:
+            self._recognition.content = recognition_text(now, self._unrecognized)
 
-    def tell(self, event: Event) -> None:
+    def show_event(self, event: Event) -> None:
         """Shows an event that nothing else on the page shows."""
         if event.kind in _TITLES:
             self._notices.show(_TITLES[event.kind], event.text, alarming=event.kind in _ALARMING)

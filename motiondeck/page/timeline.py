@@ -4,14 +4,13 @@ from __future__ import annotations
 
 import bisect
 from collections import deque
-from collections.abc import Mapping
 from itertools import pairwise
 from typing import Any
 
 import viser
 
-from controller.motion.rotations import Array
 from controller.wire.messages.events import Event
+from motiondeck.page.web.page_state import Picture
 from motiondeck.page.web.parts import PageParts
 
 SECONDS = 180.0
@@ -30,21 +29,21 @@ class Timeline:
     def __init__(self, parts: PageParts) -> None:
         self._part = parts.add("timeline", "timeline", heard=self._asked)
         self._times: deque[float] = deque()
-        self._pictures: deque[Mapping[str, Array]] = deque()
+        self._pictures: deque[Picture] = deque()
         self._runs: deque[tuple[float, str]] = deque()  # when each began
         self._marks: deque[tuple[float, str, str]] = deque()
         self._moment: float | None = None
         self._now = 0.0
         self._drawn = -DRAWN_EVERY
 
-    def keep(self, state: Mapping[str, Array], shown: str, now: float) -> None:
-        """Keeps a published state at a time, s, and the name of what is shown in it."""
+    def keep(self, picture: Picture, shown: str, now: float) -> None:
+        """Keeps a picture of a time, s, with the name of what it shows."""
         self._now = now
         if not self._runs or self._runs[-1][1] != shown:
             self._runs.append((now, shown))
         if not self._times or now - self._times[-1] >= PICTURE_EVERY:
             self._times.append(now)
-            self._pictures.append(state)
+            self._pictures.append(picture)
         while now - self._times[0] > SECONDS:
             self._times.popleft()
             self._pictures.popleft()
@@ -53,15 +52,15 @@ class Timeline:
         while self._marks and now - self._marks[0][0] > SECONDS:
             self._marks.popleft()
 
-    def tell(self, event: Event) -> None:
+    def mark(self, event: Event) -> None:
         """Marks an event that is worth it."""
         if event.kind in MARKED:
             self._marks.append((self._now, "bad" if event.kind in BAD else "", f"{event.kind}: {event.text}"))
 
-    def seen(self, state: Mapping[str, Array]) -> Mapping[str, Array]:
-        """What is to be drawn: the state itself, or the one of the moment that is looked back at."""
+    def chosen(self, latest: Picture) -> Picture:
+        """The picture to draw: the latest, or the one of the chosen moment."""
         if self._moment is None or not self._times:
-            return state
+            return latest
         place = min(bisect.bisect_left(self._times, self._moment), len(self._times) - 1)
         return self._pictures[place]
 

@@ -8,6 +8,7 @@ import viser
 
 from motiondeck.page.ghost import WAYS
 from motiondeck.page.scene import CAMERAS
+from motiondeck.page.web.page_state import PageDescription
 from motiondeck.page.web.private_page import PrivatePage
 
 TARGET = "The pose that the simulated servos are to reach, translucent"
@@ -21,27 +22,18 @@ class ViewChoices:
     Args:
         page: whose panel gets the folder.
         look_from: moves the camera of a browser to one of CAMERAS.
-        human: whether a human's motion is known.
-        target: whether the pose is known that the servos are to reach.
-        network: whether one can look inside the network.
-        forces: whether the forces of the floor on the body are known.
+        about: what is known of the run.
     """
 
     def __init__(
-        self,
-        page: PrivatePage,
-        look_from: Callable[[viser.ClientHandle, str], None],
-        *,
-        human: bool,
-        target: bool,
-        network: bool,
-        forces: bool,
+        self, page: PrivatePage, look_from: Callable[[viser.ClientHandle, str], None], about: PageDescription
     ) -> None:
         gui = page.gui
+        human, forces = about.human is not None, about.weight is not None
         with gui.add_folder("view", expand_by_default=False):
             self._human = gui.add_dropdown("human", WAYS, hint="The pose that the network plays") if human else None
-            self._target = gui.add_checkbox("target pose", False, hint=TARGET) if target else None
-            self._network = gui.add_checkbox("network", False, hint=NETWORK) if network else None
+            self._target = gui.add_checkbox("target pose", False, hint=TARGET) if "target" in about.shapes else None
+            self._network = gui.add_checkbox("network", False, hint=NETWORK) if about.has_network else None
             self._steps = gui.add_checkbox("footprints and contacts", False)
             self._forces = gui.add_checkbox("contact forces", False, hint=FORCES) if forces else None
             self._follow = gui.add_checkbox("camera follows", True)

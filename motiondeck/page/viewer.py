@@ -17,6 +17,7 @@ from pathlib import Path
 # The page draws; this process needs no OpenGL, and starts sooner without.
 os.environ.setdefault("MUJOCO_GL", "disable")
 
+import msgspec
 import numpy as np
 
 from controller.wire.command_socket import CommandClient
@@ -25,6 +26,7 @@ from controller.wire.messages.events import Event
 from controller.wire.run_folder import REASON_FILE
 from controller.wire.telemetry import StateReader, named
 from motiondeck.page.deck_view import DeckView
+from motiondeck.page.web.page_state import PageDescription, PictureReader
 from motiondeck.page.web.private_page import PrivatePage
 from motiondeck_base.errors import MotiondeckError
 
@@ -48,13 +50,13 @@ def view(state: Path, command_port: int | None, port: int) -> None:
     while not state.exists() and os.getppid() == parent and time.monotonic() < latest_start:
         time.sleep(0.01)
     reader = StateReader.open(state)
-    description = reader.description
-    if command_port is None:
-        command_port = int(description["command_port"])
-    page = PrivatePage(port, label=f"Motiondeck · {description['robot']}")
+    about = msgspec.convert(reader.description, PageDescription)
+    pictures = PictureReader(about)
+    command_port = about.command_port if command_port is None else command_port
+    page = PrivatePage(port, label=f"Motiondeck · {about.robot}")
     print(f"page: {page.address}", file=sys.stderr, flush=True)
     commands, looks = CommandClient(command_port), CommandClient(command_port)
-    shown = DeckView(page, description, commands, looks, state.parent / "dropped")
+    shown = DeckView(page, about, commands, looks, state.parent / "dropped")
     events = CommandClient(command_port)
     with contextlib.suppress(MotiondeckError):
         events.post(Subscribe())
@@ -65,15 +67,15 @@ def view(state: Path, command_port: int | None, port: int) -> None:
             latest = reader.read()
             if latest is not None and latest["tick"][0] != last_tick and np.isfinite(latest["qpos"]).all():
                 last_tick = latest["tick"][0]
-                shown.show(latest, now)
+                shown.show(pictures.read(latest), now)
             if shown.recording:
                 # More states are published than pictures drawn.
                 last_state, values = reader.since(last_state or reader.latest - 1)
                 for each in values:
-                    shown.record(named(each, reader.fields))
+                    shown.record(pictures.read(named(each, reader.fields)))
             else:
                 last_state = 0
-            tell_news(events, shown)
+            show_events(events, shown)
             time.sleep(max(0.0, now + 1.0 / PICTURES_PER_SECOND - time.monotonic()))
         shown.end(_reason(state))
         page.flush()
@@ -85,12 +87,12 @@ def view(state: Path, command_port: int | None, port: int) -> None:
             shutil.rmtree(state.parent, ignore_errors=True)
 
 
-def tell_news(events: CommandClient, shown: DeckView) -> None:
+def show_events(events: CommandClient, shown: DeckView) -> None:
     """Shows the events that have arrived; a deck that has ended has none."""
     with contextlib.suppress(MotiondeckError):
         while (reply := events.receive(0.0)) is not None:
             if isinstance(reply, Event):
-                shown.tell(reply)
+                shown.show_event(reply)
 
 
 def _reason(state: Path) -> str:

@@ -87,4 +87,4 @@ def open_recorder(
         "balance": simulation.balance,
         "walk": simulation.walk,
     }
-    return opening.enter_context(recording(file, description, len(joints), rate))
+    return opening.enter_context(recording(file, description, rate))

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 import sys
 from collections.abc import Callable, Sequence
 from contextlib import ExitStack
@@ -37,16 +36,14 @@ from controller.loop.stop_requests import StopRequest, stop_on_signals
 from controller.motion.clip import Clip
 from controller.motion.rotations import Array
 from controller.motion.skeleton import Skeleton
-from controller.wire.messages.deck_snapshot import SnapshotSource
-from controller.wire.messages.lock_state import lock_numbers
+from controller.wire.messages.deck_snapshot import SnapshotSource, TickHealth
 from controller.wire.messages.replies import Refused
 from motiondeck.run.beside.child_process import Children, child_process, kept_tty, page_process
 from motiondeck.run.beside.show_member import ShowMember, show_member
 from motiondeck.run.beside.tick_recorder import TickRecorder
 from motiondeck.run.openings import lock_deck, open_recorder, open_servers
-from motiondeck.run.page.contents import PageContents
+from motiondeck.run.page.contents import PageContents, ShownDeck
 from motiondeck.run.page.page import HEALTH_EVERY, PICTURE_HZ, Page
-from motiondeck.run.page.showable import Showable
 from motiondeck.run.plugin_outputs import open_outputs
 from motiondeck.run.progress_line import progress_line
 from motiondeck.run.recognition.body_watch import BodyWatch
@@ -60,7 +57,7 @@ from motiondeck.run.script import Timed
 from motiondeck.run.wired_stop import WiredStopWatch
 
 
-class PlayableDeck(Player, Commandable, Showable, Protocol):
+class PlayableDeck(Player, Commandable, ShownDeck, Protocol):
     """A deck as a session needs it."""
 
     @property
@@ -313,39 +310,35 @@ class Session:
         measured = self._channels[0].measured
         return None if measured is None else measured[: len(self._first.own_joints)]
 
-    def _publish(self, state: LoopState) -> None:
-        """Hands the state to the watch, to the recorder and, now and then, to the page."""
-        self._snapshots.loop = state
+    def _publish(self, loop: LoopState) -> None:
+        """Hands the tick to the watch, to the recorder and, now and then, to the page."""
+        snapshots = self._snapshots
+        snapshots.loop = loop
         if self._watch is not None:
-            self._watch.look(state, self._deck, self._stop)
-        if self._recorder is not None:
-            self._record(self._recorder, state)
-        if self._page is not None and state.tick % self._ticks_a_picture == 0:
-            health = state.tick // self._ticks_a_picture % HEALTH_EVERY == 0
-            self._page.show(state, self._stop, self._deck, health=health)
-        if state.tick // self._ticks_a_picture % HEALTH_EVERY == 0:
+            self._watch.look(loop, self._deck, self._stop)
+        pictures, between = divmod(loop.tick, self._ticks_a_picture)
+        if between == 0 and pictures % HEALTH_EVERY == 0:
+            snapshots.health = tick_health(loop)
             self._children.report_dead()
-
-    def _record(self, recorder: TickRecorder, state: LoopState) -> None:
-        deck, simulation = self._deck, self._first.simulation
-        assert simulation is not None, "recorded without a simulation"
-        seen = self._watch.seen if self._watch is not None else None
-        recorder.record(
-            state,
-            self._stop,
-            self._measured(),
-            simulation.stage.placed,
-            deck.blend,
-            time_s=deck.time,
-            motion=deck.motions.index(deck.playing),
-            tempo=deck.tempo,
-            phase=deck.phase if deck.phase is not None else math.nan,
-            switching=not deck.settled,
-            **lock_numbers(deck.lock_state),
-            seen=self._watch.names.index(seen[0]) if self._watch is not None and seen is not None else -1.0,
-            confidence=seen[1] if seen is not None else 0.0,
-        )
+        page = self._page if between == 0 else None
+        if self._recorder is None and page is None:
+            return
+        snapshot = snapshots.take(self._stop)
+        if self._recorder is not None:
+            simulation = self._first.simulation
+            assert simulation is not None, "recorded without a simulation"
+            self._recorder.record(snapshot, loop, self._measured(), simulation.stage.placed)
+        if page is not None:
+            page.show(snapshot, loop, self._deck.activation)
 
     @property
     def _ticks_a_picture(self) -> int:
         return max(1, round(self._settings.rate / PICTURE_HZ))
+
+
+def tick_health(loop: LoopState) -> TickHealth:
+    """The percentiles of a loop's ticks so far; they take too long for every tick."""
+    if loop.tick == 0:
+        return TickHealth()
+    lateness = loop.lateness.percentiles()
+    return TickHealth(lateness.p50, lateness.p999, loop.work.percentiles().p50)

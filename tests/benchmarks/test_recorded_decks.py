@@ -11,7 +11,7 @@ PERIOD, ROUND = 0.01, 0.8
 def recorded(late, behind=0.0):
     """A deck of which each tick begins so much later than it is due, s; its phase is that of the time when due."""
     due = 5.0 + PERIOD * np.arange(200)
-    fields = {"phase": (due - behind) / ROUND % 1.0, "motion": np.zeros(200)}
+    fields = {"phase": (due - behind) / ROUND % 1.0, "playing": np.zeros(200)}
     return RecordedDeck(due + late, due, fields, ["walk"])
 
 

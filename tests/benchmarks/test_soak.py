@@ -10,7 +10,8 @@ from benchmarks.deck.soak_live import judge, written
 from benchmarks.deck.soak_run import soak
 from controller.deck.interfaces import JointLimits
 from controller.loop.safety.safety_envelope import SafetyEnvelope
-from controller.wire.run_recording import MODES, RunRecording
+from controller.wire.messages.deck_snapshot import MODES
+from controller.wire.run_recording import RunRecording
 
 JOINTS = 9 * 4
 LIMITS = JointLimits(*(np.full(JOINTS, x) for x in (-1.1, 1.1, 8.0, 80.0, 4000.0)))

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from typing import Literal, get_args
 
 import msgspec
@@ -35,15 +34,3 @@ class LockState(msgspec.Struct, frozen=True):
         off = f" ({self.error_ms:+.0f} ms)" if self.error_ms is not None else ""
         state = {"searching": "searching for", "locked": "locked to", "waiting": "waiting for"}[self.state]
         return f"{state} {to}{beat}{off}"
-
-
-def lock_numbers(lock: LockState | None) -> dict[str, float]:
-    """A lock as fields of telemetry and recordings: indices of LOCK_SOURCES and LOCK_STAGES, -1 for none, and ms."""
-    if lock is None:
-        return {"lock_source": -1.0, "lock_stage": -1.0, "lock_error_ms": math.nan}
-    error = lock.error_ms if lock.error_ms is not None else math.nan
-    return {
-        "lock_source": float(LOCK_SOURCES.index(lock.source)),
-        "lock_stage": float(LOCK_STAGES.index(lock.state)),
-        "lock_error_ms": error,
-    }

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable
 from pathlib import Path
 from threading import Thread
 from typing import Any
@@ -11,9 +11,10 @@ import msgspec
 import numpy as np
 import viser
 
-from controller.motion.rotations import Array
 from controller.wire.messages.commands import DeckCommand, Pause, ServoTorque
+from hardware.rig.supervision.servo_states import ServoStates
 from motiondeck.page.learning.learning_process import HAND, HandRecording
+from motiondeck.page.web.page_state import RigDescription
 from motiondeck.page.web.parts import Ask, PageParts
 from motiondeck.page.web.private_page import PrivatePage
 
@@ -47,14 +48,14 @@ class HandRecorder:
         self,
         page: PrivatePage,
         parts: PageParts,
-        rig: Mapping[str, Any],
+        rig: RigDescription,
         folder: Path,
         ask: Ask,
         send: Callable[[DeckCommand], None],
         take: Callable[[Path], None],
     ) -> None:
-        self._joints: Sequence[str] = [str(servo["joint"]) for servo in rig["servos"]]
-        self._rate, self._off = float(rig["rate_hz"]), [*rig["conditions"]].index("is off on command")
+        self._joints = [servo.joint for servo in rig.servos]
+        self._rate, self._off = rig.rate_hz, rig.conditions.index("is off on command")
         self._folder, self._ask, self._send, self._take = folder, ask, send, take
         self._loose = np.zeros(len(self._joints), dtype=np.bool_)
         self._recorded = self._loose  # whose joints
@@ -64,13 +65,13 @@ class HandRecorder:
         self._deeds = parts.add("button-row", "hand-deeds", heard=self._do)
         self._text = page.gui.add_html("")
 
-    def see(self, state: Mapping[str, Array]) -> None:
-        """Takes the latest published state."""
-        self._loose = state["servo condition"] == self._off
+    def update(self, servos: ServoStates) -> None:
+        """Takes the latest states of the servos."""
+        self._loose = servos.conditions == self._off
 
-    def record(self, state: Mapping[str, Array]) -> None:
-        """Takes a published state while it records; each one once, in order."""
-        self._seen.append((float(state["run_s"][0]), state["servo position"][self._recorded].tolist()))
+    def record(self, run_s: float, servos: ServoStates) -> None:
+        """Takes the states of the servos at a time of the run while it records; each once, in order."""
+        self._seen.append((run_s, servos.positions[self._recorded].tolist()))
         if self.recording and self._seen[-1][0] - self._seen[0][0] > LONGEST:
             self.recording = False
             Thread(target=self._finish, daemon=True).start()

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from contextlib import suppress
 from pathlib import Path
 from typing import Any
@@ -11,13 +11,13 @@ from typing import Any
 import msgspec
 import viser
 
-from controller.motion.rotations import Array
 from controller.wire.messages.arguments import WEIGHT
 from controller.wire.messages.command_table import BY_WORD
 from controller.wire.messages.commands import Blend, DeckCommand, Jump, Queue, Switch
+from controller.wire.messages.deck_snapshot import DeckSnapshot
 from motiondeck.page.motions.library_glance import LibraryGlance, Partners
 from motiondeck.page.web.parts import PageParts
-from motiondeck.page.web.state_line import RunState, button_labels, number_in
+from motiondeck.page.web.state_line import button_labels
 
 SEARCHED = 12  # motions from which on one can be searched for
 NONE = Partners()
@@ -47,14 +47,14 @@ class MotionControls:
         send: Callable[[DeckCommand], None],
     ) -> None:
         self._motions, self._has_phase, self._send = motions, has_phase, send
-        self._state = RunState()
+        self._state = DeckSnapshot(motion="")
         self._touched = 0.0
         self._glance = LibraryGlance(library, direct=direct) if library is not None else None
         self._grid = parts.add("motion-grid", "motions", {"motions": motions, "searched": SEARCHED}, self._pressed)
         self._pictures = parts.add("motion-pictures", "motion-pictures")
         self._dial = parts.add("motion-dial", "motion-dial", heard=self._turned)
 
-    def show(self, now: RunState, state: Mapping[str, Array]) -> None:
+    def show(self, now: DeckSnapshot) -> None:
         """Brings everything up to date."""
         self._state = now
         looks = ["playing" if name == now.playing else "next" if name == now.motion else "" for name in self._motions]
@@ -65,13 +65,13 @@ class MotionControls:
                 "looks": looks,
                 "enabled": enabled,
                 "queue": list(now.queue),
-                "orders": now.settled,
+                "orders": not now.switching,
             }
         )
         if self._glance is not None and self._glance.pictures:
             self._pictures.show({"grid": "motions", "pictures": self._glance.pictures})
         if time.monotonic() - self._touched > HAND_ON:
-            phase = round(number_in(state, "phase", 0.0), 2) if self._has_phase else None
+            phase = round(now.phase or 0.0, 2) if self._has_phase else None
             partners = self._glance.blends.get(now.playing, NONE) if self._glance is not None else NONE
             blend = [[name, round(weight, 2)] for name, weight in now.blend]
             weights = [WEIGHT.lowest, WEIGHT.highest]

@@ -40,10 +40,10 @@ class InnerLife:
         courses = {name: course for name in frames if (course := network.center_phases(name)) is not None}
         return cls(found, courses)
 
-    def centers(self, motion: str, phase: float) -> list[float]:
+    def centers(self, motion: str, phase: float | None) -> list[float]:
         """The phases of the centers at the phase of a motion, in turns from 0 to 1; empty if it has none."""
         course = self.courses.get(motion)
-        if course is None or not np.isfinite(phase):
+        if course is None or phase is None:
             return []
         first, last = course
         return [float(turns) for turns in np.round((first + phase * (last - first)) / TURN % 1.0, 3)]

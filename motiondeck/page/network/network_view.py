@@ -56,7 +56,7 @@ class NetworkView:
         """Where the ball is, shape (3,), m from the middle of the orbits; None while nothing has been drawn."""
         return np.array(self._ball.position) if self._lines else None
 
-    def show(self, activation: Array | None, motion: str, phase: float, *, visible: bool) -> None:
+    def show(self, activation: Array | None, motion: str, phase: float | None, *, visible: bool) -> None:
         """Shows where the neurons are, their activation (N,), on the orbit of the motion that is played at a phase."""
         if not visible and self._worker is None:
             return
@@ -88,7 +88,7 @@ class NetworkView:
         with suppress(MotiondeckError):
             self._inside = InnerLife.of(self._library)
 
-    def _show_card(self, inside: InnerLife, motion: str, phase: float, *, visible: bool) -> None:
+    def _show_card(self, inside: InnerLife, motion: str, phase: float | None, *, visible: bool) -> None:
         now = time.monotonic()
         if not visible:
             self._card.show(None)

@@ -2,17 +2,19 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from typing import Any
 
+import msgspec
 import numpy as np
 import viser
 
-from controller.motion.rotations import Array
 from controller.wire.messages.commands import RestartServo, ServoTorque
+from hardware.rig.supervision.servo_states import ServoStates
 from motiondeck.page.rig.servo_look import ServoLook, ServoLooks
 from motiondeck.page.rig.servo_plot import ServoPlot
 from motiondeck.page.rig.servo_tables import Look, ServoTables
+from motiondeck.page.web.page_state import RigDescription, ServoDescription
 from motiondeck.page.web.parts import Ask, PageParts
 from motiondeck.page.web.private_page import PrivatePage
 
@@ -32,13 +34,13 @@ class RigPanel:
         look: looks at registers and ports.
     """
 
-    def __init__(self, page: PrivatePage, parts: PageParts, rig: Mapping[str, Any], ask: Ask, look: Look) -> None:
-        self._servos: Sequence[Mapping[str, Any]] = rig["servos"]
+    def __init__(self, page: PrivatePage, parts: PageParts, rig: RigDescription, ask: Ask, look: Look) -> None:
+        self._servos = rig.servos
         self._looks = ServoLooks(rig)
         self._chosen = 0
         gui = page.gui
         self._summary = gui.add_html("")
-        self._cards = parts.add("servo-cards", "servos", {"servos": [*self._servos]}, self._choose)
+        self._cards = parts.add("servo-cards", "servos", {"servos": msgspec.to_builtins(rig.servos)}, self._choose)
         self._title = gui.add_html("")
         self._deeds = parts.add("button-row", "servo-deeds", heard=self._do)
         self._plot = ServoPlot(page)
@@ -49,24 +51,23 @@ class RigPanel:
     @property
     def joint(self) -> str:
         """The joint of the chosen servo."""
-        return str(self._servos[self._chosen]["joint"])
+        return self._servos[self._chosen].joint
 
-    def show(self, state: Mapping[str, Array], now: float) -> list[ServoLook]:
-        """Brings everything up to date; how the servos look."""
-        looks = self._looks.of(state, now)
+    def show(self, servos: ServoStates, now: float) -> list[ServoLook]:
+        """Brings everything up to date at a time, s; the looks of the servos."""
+        looks = self._looks.of(servos, now)
         if not looks:
             return looks
-        self._plot.remember(state, now)
+        self._plot.remember(servos, now)
         self._plot.show(self._chosen, now)
-        names = ("goal", "position", "current", "temperature", "voltage", "torque")
-        columns = [state[f"servo {name}"] for name in names]
+        columns = servos.goals, servos.positions, servos.currents, servos.temperatures, servos.voltages, servos.torque
         rows = [
             [*(_number(column[place], 3) for column in columns), look.level, look.words]
             for place, look in enumerate(looks)
         ]
         self._cards.show({"servos": rows, "chosen": self._chosen})
         self._off = looks[self._chosen].level == "off"
-        limp = self._off or not columns[-1][self._chosen]
+        limp = self._off or not servos.torque[self._chosen]
         deeds = [["on", "Torque on"] if limp else ["off", "Torque off"], ["restart", "Restart"]]
         self._deeds.show([*deeds, ["registers", "Registers"], ["scan", "Scan ports"]])
         _write(self._title, f'<div class="part"><b>{self.joint}</b>, the last minute</div>')
@@ -101,8 +102,8 @@ def _write(handle: viser.GuiHtmlHandle, content: str) -> None:
         handle.content = content
 
 
-def _summary(servos: Sequence[Mapping[str, Any]], looks: Sequence[ServoLook]) -> str:
+def _summary(servos: Sequence[ServoDescription], looks: Sequence[ServoLook]) -> str:
     """One line: all well, or who is not."""
-    wrong = [f"{servo['joint']} {look.words}" for servo, look in zip(servos, looks, strict=True) if look.level != "ok"]
+    wrong = [f"{servo.joint} {look.words}" for servo, look in zip(servos, looks, strict=True) if look.level != "ok"]
     more = f" and {len(wrong) - 3} more" if len(wrong) > 3 else ""
     return f"<b>{'; '.join(wrong[:3])}{more}</b>" if wrong else f"all {len(servos)} servos are well"

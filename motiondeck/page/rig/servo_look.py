@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
-from controller.motion.rotations import Array
+from hardware.rig.supervision.servo_states import ServoStates
+from motiondeck.page.web.page_state import RigDescription
 
 LATE, LATE_FOR = 0.15, 0.5
 """rad that a joint may be behind its goal, and for how long, s, before it counts as late."""
@@ -44,16 +44,16 @@ class ServoLooks:
         rig: the rig's part of the description of a run.
     """
 
-    def __init__(self, rig: Mapping[str, Sequence[object]]) -> None:
-        self._words = [str(word) for word in rig["conditions"]]
-        self._on_time = np.full(len(rig["servos"]), -np.inf)  # when each was last near its goal, s
+    def __init__(self, rig: RigDescription) -> None:
+        self._words = rig.conditions
+        self._on_time = np.full(len(rig.servos), -np.inf)  # when each was last near its goal, s
 
-    def of(self, state: Mapping[str, Array], now: float) -> list[ServoLook]:
-        """The look of each servo in a state published at a time, s; none before the rig has said anything."""
-        conditions = state["servo condition"]
+    def of(self, servos: ServoStates, now: float) -> list[ServoLook]:
+        """The look of each servo at a time, s; none before the first answer of the rig."""
+        conditions = servos.conditions
         if not np.isfinite(conditions).all():
             return []
-        near = np.abs(state["servo goal"] - state["servo position"]) < LATE
+        near = np.abs(servos.goals - servos.positions) < LATE
         self._on_time[near | np.isinf(self._on_time)] = now
         late = now - self._on_time > LATE_FOR
         return [self._look(int(place), bool(lags)) for place, lags in zip(conditions, late, strict=True)]

@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Mapping
 
 import numpy as np
 from viser import uplot
 
 from controller.motion.rotations import Array
+from hardware.rig.supervision.servo_states import ServoStates
 from motiondeck.page.web.private_page import PrivatePage
 
 SECONDS = 60.0
@@ -38,12 +38,12 @@ class ServoPlot:
             height=120,
         )
 
-    def remember(self, state: Mapping[str, Array], now: float) -> None:
-        """Keeps the angles of a published state at a time, s."""
-        goal = state["servo goal"]
+    def remember(self, servos: ServoStates, now: float) -> None:
+        """Keeps the angles of a time, s."""
+        goal = servos.goals
         if not np.isfinite(goal).all() or (self._kept and now - self._kept[-1][0] < SECONDS / SAMPLES):
             return
-        self._kept.append((now, goal.copy(), state["servo position"].copy()))
+        self._kept.append((now, goal.copy(), servos.positions.copy()))
         while now - self._kept[0][0] > SECONDS:
             self._kept.popleft()
 

@@ -13,9 +13,7 @@ from typing import Any
 import numpy as np
 
 from controller.loop.loop import LoopState
-from controller.loop.stop_requests import StopRequest
 from controller.motion.rotations import Array
-from controller.wire.messages.blends import MOST_BLENDED
 from controller.wire.messages.commands import (
     AlignTicks,
     AtTime,
@@ -35,10 +33,11 @@ from controller.wire.messages.commands import (
     Subscribe,
     Switch,
 )
+from controller.wire.messages.deck_snapshot import DeckSnapshot, SnapshotNumbers
 from controller.wire.messages.replies import Refused, Reply
 from controller.wire.recorder import reason_file
 from controller.wire.run_folder import run_folder
-from controller.wire.run_recording import COMMANDS, MODES, check_replaceable
+from controller.wire.run_recording import COMMANDS, check_replaceable
 from controller.wire.telemetry import StateWriter
 from motiondeck.run.beside.child_process import child_process
 from motiondeck_base.errors import FileFormatError
@@ -51,20 +50,13 @@ KEPT_SECONDS = 8.0
 
 _PATIENCE = 10.0  # s for the recorder to write the last ticks
 
-_NUMBERS = (
-    *("tick", "time_s", "clock_s", "late_us", "work_us", "overruns"),
-    *("motion", "tempo", "phase", "switching", "mode"),
-    *("command", "argument", "refused"),
-    *("lock_source", "lock_stage", "lock_error_ms"),
-    *("seen", "confidence"),
-)
-
 
 class TickRecorder:
     """Writes each tick into shared memory; the last command of a tick goes with it.
 
     Args:
         writer: with the fields that `recording` makes.
+        numbers: of the snapshots.
         motions: the names that commands use.
         process: the recorder.
         state: what it reads.
@@ -75,9 +67,15 @@ class TickRecorder:
     """
 
     def __init__(
-        self, writer: StateWriter, motions: Sequence[str], process: subprocess.Popen[bytes], state: Path, file: Path
+        self,
+        writer: StateWriter,
+        numbers: SnapshotNumbers,
+        motions: Sequence[str],
+        process: subprocess.Popen[bytes],
+        state: Path,
+        file: Path,
     ) -> None:
-        self._writer, self._motions = writer, motions
+        self._writer, self._numbers, self._motions = writer, numbers, motions
         self.process, self._state, self._file = process, state, file
         self._forget()
 
@@ -123,43 +121,24 @@ class TickRecorder:
                 argument = math.nan
         fields["argument"][0] = argument
 
-    def record(
-        self,
-        state: LoopState,
-        stop: StopRequest,
-        measured: Array | None,
-        placed: Array,
-        blend: Sequence[tuple[str, float]] = (),
-        **numbers: float,
-    ) -> None:
+    def record(self, snapshot: DeckSnapshot, loop: LoopState, measured: Array | None, placed: Array) -> None:
         """Hands one tick over.
 
         Args:
-            state: of the loop.
-            stop: knows in which mode it is.
+            snapshot: of this tick.
+            loop: its targets and the pose that they come from.
             measured: joint positions (J,), rad, if any.
             placed: where the robot's root was meant to be, position and quaternion, shape (7,), m.
-            blend: the motions that are blended into the one that plays, each with its weight.
-            numbers: motion (its index), tempo, phase (NaN if there is none), switching and time_s; those of
-                `lock_numbers`; seen (an index too) and confidence.
         """
         fields = self._writer.fields
-        fields["targets"][:] = state.targets[: len(fields["targets"])]  # of the first robot
+        self._writer.values[: self._numbers.count] = self._numbers.row(snapshot)
+        fields["targets"][:] = loop.targets[: len(fields["targets"])]  # of the first robot
         fields["measured"][:] = math.nan if measured is None else measured
-        fields["root_position"][:] = state.pose.root_position
-        fields["heading"][0] = state.pose.heading
-        fields["root_rotation"][:] = state.pose.rotation[0]
+        fields["root_position"][:] = loop.pose.root_position
+        fields["heading"][0] = loop.pose.heading
+        fields["root_rotation"][:] = loop.pose.rotation[0]
         fields["robot_root"][:] = placed
-        set_blend(fields, blend, self._motions)
-        self._writer.publish(
-            tick=state.tick,
-            clock_s=1e-9 * state.began_ns,
-            late_us=1e-3 * state.late_ns,
-            work_us=1e-3 * state.work_ns,
-            overruns=state.overruns,
-            mode=MODES.index(stop.mode),
-            **numbers,
-        )
+        self._writer.publish()
         self._forget()
 
     def _forget(self) -> None:
@@ -167,22 +146,13 @@ class TickRecorder:
         fields["command"][0], fields["argument"][0], fields["refused"][0] = 0.0, math.nan, 0.0
 
 
-def set_blend(fields: Mapping[str, Array], blend: Sequence[tuple[str, float]], motions: Sequence[str]) -> None:
-    """Writes the numbers and weights of blended motions into the fields `blend` and `blend_weight`; -1 is none."""
-    numbers, weights = fields["blend"], fields["blend_weight"]
-    numbers[:], weights[:] = -1.0, 0.0
-    for place, (name, weight) in enumerate(blend):
-        numbers[place], weights[place] = motions.index(name), weight
-
-
 @contextmanager
-def recording(out: Path, description: Mapping[str, Any], joints: int, rate: float) -> Iterator[TickRecorder]:
+def recording(out: Path, description: Mapping[str, Any], rate: float) -> Iterator[TickRecorder]:
     """Records into a file from a process of its own while the block runs.
 
     Args:
         out: the recording; an older one is replaced.
-        description: what is recorded, with `motions` (names).
-        joints: how many there are.
+        description: what is recorded, with `motions`, `recognizable` and `joints` (names).
         rate: ticks a second.
 
     Raises:
@@ -194,8 +164,10 @@ def recording(out: Path, description: Mapping[str, Any], joints: int, rate: floa
         out.open("ab").close()
     except OSError as error:
         raise FileFormatError.unwritable(out, error) from None
-    fields = dict.fromkeys(_NUMBERS, 1) | {"targets": joints, "measured": joints}
-    fields |= dict.fromkeys(("blend", "blend_weight"), MOST_BLENDED - 1)
+    joints = description["joints"]
+    numbers = SnapshotNumbers(description["motions"], recognizable=description["recognizable"], joints=joints)
+    fields = numbers.sizes | {"command": 1, "argument": 1, "refused": 1}
+    fields |= {"targets": len(joints), "measured": len(joints)}
     fields |= {"root_position": 3, "heading": 1, "root_rotation": 4, "robot_root": 7}
     with run_folder() as folder:
         state = folder / "ticks"
@@ -203,6 +175,6 @@ def recording(out: Path, description: Mapping[str, Any], joints: int, rate: floa
         arguments = ("--state", str(state), "--out", str(out))
         with child_process("controller.wire.recorder", *arguments, patience=_PATIENCE) as process:
             try:
-                yield TickRecorder(writer, description["motions"], process, state, out)
+                yield TickRecorder(writer, numbers, description["motions"], process, state, out)
             finally:
                 writer.close()

@@ -1,4 +1,4 @@
-"""What the page of a run is told once, and which numbers it gets with every picture."""
+"""What the page of a run shows: its description, and which arrays go with every picture."""
 
 from __future__ import annotations
 
@@ -6,67 +6,75 @@ import sys
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Protocol, runtime_checkable
 
+import numpy as np
+
+from controller.motion.rotations import Array
 from controller.motion.skeleton import Skeleton
-from controller.wire.messages.blends import MOST_BLENDED
-from motiondeck.run.page.showable import Driven, Showable, on_floor
-from motiondeck.run.recognition.watch import NUMBERS, Watch
+from controller.networks.base import Activation
+from controller.wire.messages.deck_snapshot import DeckState, SnapshotNumbers
+from motiondeck.page.web.page_state import STANDS_STILL, UNCERTAIN, GhostDescription, PageDescription, PictureArrays
+from motiondeck.run.recognition.body_watch import BodyWatch
+from motiondeck.run.recognition.watch import Watch
 from motiondeck.run.robots.rig_output import RigOutput
 from motiondeck.run.robots.robot_on_deck import RobotOnDeck, Simulation
 
-MOST_SHOWN = 8  # motions on the way, and in the queue
 MOST_FORCES = 6  # parts of the body that touch the floor
+SERVO_ROWS = 8  # of `ServoStates`
 
-# What the page shows besides the position of the robot: each field is one number.
-_NUMBERS = (
-    "tick",
-    "time_s",
-    "run_s",
-    "motion",
-    "tempo",
-    "phase",
-    "paused",
-    "lock_source",
-    "lock_stage",
-    "lock_error_ms",
-    "beats_per_minute",
-    "mode",
-    "playing",
-    "settled",
-    "rate_hz",
-    "lateness_p50_us",
-    "lateness_p999_us",
-    "overruns",
-    "restarts",
-    "work_p50_us",
-    "kept_apart",
-    "fallen",
-    "approaching",
-)
-# What it shows of the servos of a rig, in the order of their `ServoStates`: each field has one number a servo.
-OF_SERVOS = tuple(
-    f"servo {what}"
-    for what in ("goal", "position", "current", "temperature", "voltage", "error", "torque", "condition")
-)
+
+class ShownDeck(DeckState, Protocol):
+    """A deck as the page shows it."""
+
+    direct: bool
+
+    @property
+    def activation(self) -> Activation | None:
+        """The activation of the network's neurons, shape (N,); None for a network without neurons."""
+        ...
+
+
+@runtime_checkable
+class Driven(Protocol):
+    """A simulated body that servos drive; `wanted` is their target as qpos, shape (nq,)."""
+
+    wanted: Array
+
+
+@runtime_checkable
+class OnFloor(Protocol):
+    """A simulated body that stands on a floor."""
+
+    def contact_forces(self, out: Array) -> None:
+        """Writes contact points, m, and forces, N, shape (N, 6); NaN for none."""
+        ...
+
+
+def on_floor(robot: RobotOnDeck) -> OnFloor | None:
+    """The simulation of a robot that nothing holds but the floor."""
+    simulation = robot.simulation
+    if simulation is None or simulation.root != "free" or not isinstance(simulation.stage, OnFloor):
+        return None
+    return simulation.stage
 
 
 @dataclass(frozen=True)
 class PageContents:
-    """What there is to show of a run.
+    """The parts of a run that its page shows.
 
     Attributes:
         deck: what plays.
-        robots: whose positions are drawn, at least one with a simulation.
-        human: whose motion is shown beside the robot, if that is known.
+        robots: those that are drawn, at least one with a simulation.
+        human: the skeleton whose motion is shown beside the robot, if that is known.
         watch: recognizes motions, if that is wanted.
         command_port: where the page sends commands.
         library: the file of what plays, if it is a library; the view finds the network there.
         servos: of the first robot's rig, if it has one.
-        learns: whether recordings can be learned on the page, in a process of their own.
+        learns: whether recordings can be learned on the page, in a process beside it.
     """
 
-    deck: Showable
+    deck: ShownDeck
     robots: Sequence[RobotOnDeck]
     human: Skeleton | None
     watch: Watch | None
@@ -80,59 +88,57 @@ class PageContents:
         """Of the robots, without those that are a rig alone."""
         return [robot.simulation for robot in self.robots if robot.simulation is not None]
 
-    def description(self, models: Sequence[Path]) -> dict[str, Any]:
-        """What the view is told once; the models of the robots are files."""
+    @property
+    def numbers(self) -> SnapshotNumbers:
+        """The snapshots of this run as numbers."""
+        recognizable = self.watch.names if self.watch is not None else ()
+        return SnapshotNumbers(self.deck.motions, recognizable=recognizable, joints=self.robots[0].own_joints)
+
+    @property
+    def arrays(self) -> PictureArrays:
+        """Empty arrays of the shapes that a picture of this run has."""
+        first, *others = self.simulations
+        size, human, floor = first.robot.model.nq, self.human, on_floor(self.robots[0])
+        activation = self.deck.activation if self.library is not None else None
+        return PictureArrays(
+            qpos=np.zeros(size),
+            follower=np.zeros(others[0].robot.model.nq) if others else None,
+            human_root=np.zeros(3) if human is not None else None,
+            human_rotation=np.zeros((1 + len(human), 4)) if human is not None else None,
+            target=np.zeros(size) if isinstance(first.stage, Driven) else None,
+            contacts=np.zeros((MOST_FORCES, 6)) if floor is not None else None,
+            activation=np.zeros(len(activation)) if activation is not None else None,
+            servos=np.zeros((SERVO_ROWS, self.servos.count)) if self.servos is not None else None,
+        )
+
+    def description(self, models: Sequence[Path], human: GhostDescription | None) -> PageDescription:
+        """The run for its page; the models of the robots are files."""
         from sim.models.gravity import GRAVITY
         from sim.physics.pushes import usual_push
 
-        deck, first = self.deck, self.simulations[0]
-        robot = first.robot
+        deck, robot = self.deck, self.simulations[0].robot
         rest = robot.model.qpos0.copy()
         robot.layout.place(robot.rest, rest)
-        told: dict[str, Any] = {
-            "model_file": str(models[0]),
-            "followers": [str(model) for model in models[1:]],
-            "rest": rest.tolist(),
-            "motions": list(deck.motions),
-            "direct": deck.direct,
-            "has_phase": deck.phase is not None,
-            "joints": list(robot.joints),
-            "robot": robot.name,
-            "command_port": self.command_port,
-            "recognizable": list(self.watch.names) if self.watch is not None else [],
-        }
-        if self.library is not None:
-            told["library_file"] = str(self.library.resolve())
-            if deck.activation is not None or deck.phase is not None:
-                told["library"] = told["library_file"]
-            if self.learns:
-                told["learn"] = [sys.executable, "-P", "-m", "motiondeck.run.page.learning"]
-        if on_floor(self.robots[0]) is not None:
-            told["weight"] = GRAVITY * float(robot.model.body_mass.sum())
-        if isinstance(first.stage, Driven):
-            told["has_target"] = True
-        if self.robots[0].pushable is not None:
-            told["push_ns"] = usual_push(robot.model)
-        if self.servos is not None:
-            told["rig"] = self.servos.description
-        return told
-
-    def numbers(self) -> dict[str, int]:
-        """The fields of a picture, and how many numbers each has."""
-        first, *others = self.simulations
-        size = first.robot.model.nq
-        numbers = {"qpos": size, "root_xy": 2} | dict.fromkeys(_NUMBERS + (NUMBERS if self.watch else ()), 1)
-        numbers |= {"way": MOST_SHOWN, "queue": MOST_SHOWN}
-        numbers |= dict.fromkeys(("blend", "blend_weight"), MOST_BLENDED - 1)
-        numbers |= {f"qpos {index}": other.robot.model.nq for index, other in enumerate(others)}
-        if self.library is not None and self.deck.activation is not None:
-            numbers["activation"] = len(self.deck.activation)
-        if self.human is not None:
-            numbers |= {"human_root": 3, "human_turn": 4 * (1 + len(self.human))}
-        if on_floor(self.robots[0]) is not None:
-            numbers["contacts"] = 6 * MOST_FORCES
-        if isinstance(first.stage, Driven):
-            numbers["target"] = size
-        if self.servos is not None:
-            numbers |= dict.fromkeys(OF_SERVOS, len(self.servos.description["servos"]))
-        return numbers
+        library = str(self.library.resolve()) if self.library is not None else None
+        standing = on_floor(self.robots[0]) is not None
+        return PageDescription(
+            model_file=str(models[0]),
+            follower_file=str(models[1]) if len(models) > 1 else None,
+            rest=rest.tolist(),
+            robot=robot.name,
+            motions=list(deck.motions),
+            joints=list(robot.joints),
+            recognizable=list(self.watch.names) if self.watch is not None else [],
+            unrecognized=UNCERTAIN if isinstance(self.watch, BodyWatch) else STANDS_STILL,
+            command_port=self.command_port,
+            direct=deck.direct,
+            has_phase=deck.phase is not None,
+            has_network=library is not None and (deck.activation is not None or deck.phase is not None),
+            library_file=library,
+            learn=[sys.executable, "-P", "-m", "motiondeck.run.page.learning"] if self.learns and library else [],
+            human=human,
+            weight=GRAVITY * float(robot.model.body_mass.sum()) if standing else None,
+            push_ns=usual_push(robot.model) if self.robots[0].pushable is not None else 0.0,
+            rig=self.servos.description if self.servos is not None else None,
+            shapes=self.arrays.shapes,
+        )

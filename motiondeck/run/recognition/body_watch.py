@@ -8,10 +8,9 @@ from typing import TYPE_CHECKING, Any
 
 from controller.loop.loop import LoopState
 from controller.loop.stop_requests import StopRequest
-from controller.motion.rotations import Array
 from controller.motion.skeleton import Skeleton
 from controller.wire.messages.deck_snapshot import Recognized
-from motiondeck.run.recognition.watch import NOTHING_SURE, WatchedDeck
+from motiondeck.run.recognition.watch import WatchedDeck
 
 if TYPE_CHECKING:
     from controller.learning.recognition.recognizer import Recognizer
@@ -60,14 +59,6 @@ class BodyWatch:
         self._spent[deck.playing, seen] += 1
         if seen != (self._spans[-1][1] if self._spans else ""):
             self._spans.append((deck.time, seen))
-
-    def show(self, fields: dict[str, Array]) -> None:
-        """Writes NUMBERS: nothing is commanded that these motions could miss."""
-        seen = self._body.seen
-        fields["seen"][0] = self.names.index(seen) if seen is not None else NOTHING_SURE
-        fields["confidence"][0] = self._body.confidence if seen is not None else 0.0
-        fields["mismatch_s"][0] = 0.0
-        fields["stuck"][0] = -1.0
 
     def report(self) -> dict[str, Any]:
         """Its part of the report: what was seen of each motion that was played, and when."""

@@ -16,9 +16,8 @@ from controller.library.motion_library import MotionLibrary
 from controller.loop.loop import LoopState
 from controller.loop.output_channel import Channel
 from controller.loop.stop_requests import StopRequest
-from controller.motion.rotations import Array
 from controller.wire.messages.deck_snapshot import Recognized
-from motiondeck.run.recognition.watch import STANDING_STILL, WatchedDeck
+from motiondeck.run.recognition.watch import WatchedDeck
 from motiondeck.run.robots.robot_on_deck import RobotOnDeck
 
 MOST_PRINTED = 20  # alarms on the terminal; the report has more
@@ -133,15 +132,6 @@ class RecognitionWatch:
             if self._printed < MOST_PRINTED:
                 self._printed += 1
                 print(f"motiondeck: at {alarm.at:.1f} s {alarm.text}", file=sys.stderr)
-
-    def show(self, fields: dict[str, Array]) -> None:
-        """Writes NUMBERS."""
-        watch = self.watch
-        fields["seen"][0] = self.names.index(watch.seen) if watch.seen is not None else STANDING_STILL
-        fields["confidence"][0] = watch.confidence
-        fields["mismatch_s"][0] = watch.mismatch
-        stuck = watch.stuck
-        fields["stuck"][0] = self._order[int(stuck.argmax())] if stuck.any() else -1
 
     def report(self) -> dict[str, Any]:
         """Its part of the report of the run."""

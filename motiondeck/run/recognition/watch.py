@@ -7,13 +7,7 @@ from typing import Any, Protocol
 
 from controller.loop.loop import LoopState
 from controller.loop.stop_requests import StopRequest
-from controller.motion.rotations import Array
 from controller.wire.messages.deck_snapshot import Recognized
-
-# What the page shows of it, one number each: places among the names of the watch (-1 while standing still, -2 while
-# nothing is sure) and among the robot's joints (-1 for none).
-NUMBERS = ("seen", "confidence", "mismatch_s", "stuck")
-STANDING_STILL, NOTHING_SURE = -1.0, -2.0
 
 
 class WatchedDeck(Protocol):
@@ -57,10 +51,6 @@ class Watch(Protocol):
 
     def look(self, state: LoopState, deck: WatchedDeck, stop: StopRequest) -> None:
         """Takes in one tick; it may end the run."""
-        ...
-
-    def show(self, fields: dict[str, Array]) -> None:
-        """Writes NUMBERS."""
         ...
 
     def report(self) -> dict[str, Any]:

@@ -92,7 +92,7 @@ def recorded_deck(clip: Clip, retarget: Retargeter) -> RecordedDeck:
     count = len(clip)
     fields = {
         "targets": _targets(clip, retarget),
-        "motion": np.zeros((count, 1)),
+        "playing": np.zeros((count, 1)),
         "root_position": clip.root_position,
         "heading": np.zeros((count, 1)),
         "root_rotation": clip.rotation[:, 0],

@@ -7,7 +7,7 @@ from collections.abc import Mapping
 from contextlib import ExitStack
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -24,6 +24,7 @@ if TYPE_CHECKING:
     from hardware.rig.supervision.joined_rig import JoinedRig
     from hardware.rig.supervision.servo_states import ServoStates
     from hardware.rig.supervision.supervised_rig import SupervisedRig
+    from motiondeck.page.web.page_state import RigDescription
     from sim.robots.robot import Robot
 
 
@@ -96,26 +97,21 @@ class RigOutput:
         return self._rig.states
 
     @property
-    def description(self) -> dict[str, Any]:
-        """What the page has to know of the servos that does not change."""
-        from hardware.rig.supervision.servo_states import CONDITIONS
+    def count(self) -> int:
+        """The number of servos."""
+        return len(self._rig.names)
 
-        joints = self._rig.config.joints
-        return {
-            "conditions": list(CONDITIONS),
-            "rate_hz": self._hz,
-            "servos": [
-                {
-                    "joint": one.name,
-                    "id": one.id,
-                    "model": one.model,
-                    "lower": one.lower,
-                    "upper": one.upper,
-                    "hottest": one.hottest,
-                }
-                for one in joints
-            ],
-        }
+    @property
+    def description(self) -> RigDescription:
+        """The servos for the page."""
+        from hardware.rig.supervision.servo_states import CONDITIONS
+        from motiondeck.page.web.page_state import RigDescription, ServoDescription
+
+        servos = [
+            ServoDescription(one.name, one.id, one.model, one.lower, one.upper, one.hottest)
+            for one in self._rig.config.joints
+        ]
+        return RigDescription(list(CONDITIONS), self._hz, servos)
 
     def switch(self, joint: str, *, on: bool) -> None:
         """Takes the torque off a joint, or has it set up again and switched on where it stands.

@@ -110,10 +110,10 @@ def test_what_cannot_be_opened_is_said(tmp_path):
 
 
 def test_another_version_is_refused(tmp_path, monkeypatch):
-    monkeypatch.setattr("controller.wire.run_recording.VERSION", 6)
+    monkeypatch.setattr("controller.wire.run_recording.VERSION", 7)
     write(tmp_path / "r", [1])
     monkeypatch.undo()
-    with pytest.raises(FileFormatError, match="version 6; this Motiondeck reads versions 1 to 5"):
+    with pytest.raises(FileFormatError, match="version 7; this Motiondeck reads versions 1 to 6"):
         load_recording(tmp_path / "r")
 
 
@@ -191,7 +191,7 @@ def recorded(ticks=101):
     turn[::2] *= -1.0  # the same rotations
     fields = {
         "targets": np.stack([time_s, -time_s], axis=1),
-        "motion": (time_s[:, None] >= 0.5).astype(float),
+        "playing": (time_s[:, None] >= 0.5).astype(float),
         "root_position": np.stack([time_s, 0 * time_s, 1 + 0 * time_s], axis=1),
         "heading": np.angle(np.exp(1j * 8.0 * time_s))[:, None],
         "root_rotation": turn,
@@ -264,3 +264,14 @@ def test_only_a_recording_of_a_run_is_recorded_over(tmp_path):
         check_replaceable(free)
     with pytest.raises(FileFormatError, match=r"walk\.bvh: there is another file of this name"):
         check_replaceable(mocap)
+
+
+def test_fields_of_versions_up_to_5_are_read_by_the_names_of_now(tmp_path, monkeypatch):
+    monkeypatch.setattr("controller.wire.run_recording.VERSION", 5)
+    old = ("tick", "time_s", "motion", "tempo", "blend", "blend_weight", "lock_stage", "seen", "confidence")
+    writer = RecordingWriter(tmp_path / "old.rec", {}, dict.fromkeys(old, 1))
+    writer.append(np.arange(9.0)[None])
+    writer.close()
+    read = load_recording(tmp_path / "old.rec").fields
+    new = ("tick", "at", "playing", "tempo", "blend_motion", "blend_weight", "lock_state", "seen_motion")
+    assert [read[name][0, 0] for name in (*new, "seen_confidence")] == list(range(9))

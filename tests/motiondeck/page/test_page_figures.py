@@ -33,14 +33,14 @@ class Drawn:
 def test_the_human_is_drawn_in_the_pose_that_is_played(tmp_path):
     skeleton = human()
     about = draw_ghost(skeleton, 0.4, tmp_path / "human.xml")
-    model = mujoco.MjModel.from_xml_path(about["file"])
+    model = mujoco.MjModel.from_xml_path(about.file)
     assert np.unique(model.mat_rgba[model.geom_matid[model.geom_bodyid > 0], 3]) == pytest.approx([OPACITY])
     drawn: Any = Drawn()
     pose = bent_pose(skeleton, rkne=(0.0, -0.7, 0.2), lelb=(0.3, 0.0, -0.5))
     ghost = Ghost(drawn, model, about, -0.3)
     beneath = np.array([2.0, 1.0])
     for way, aside in ((WAYS[1], 0.0), (WAYS[2], -0.3)):
-        ghost.show(way, pose.root_position, pose.rotation.ravel(), beneath, np.zeros(2))
+        ghost.show(way, pose.root_position, pose.rotation, beneath, np.zeros(2))
         data = mujoco.MjData(model)
         data.qpos[:] = drawn.qpos
         mujoco.mj_kinematics(model, data)
@@ -49,7 +49,7 @@ def test_the_human_is_drawn_in_the_pose_that_is_played(tmp_path):
         for bone, name in enumerate(skeleton.bones):
             start = joints[skeleton.parent[bone] + 1]
             assert data.body(name).xpos == pytest.approx(start, abs=1e-5)
-    ghost.show(WAYS[0], pose.root_position, pose.rotation.ravel(), beneath, np.zeros(2))
+    ghost.show(WAYS[0], pose.root_position, pose.rotation, beneath, np.zeros(2))
     assert drawn.qpos is None
 
 

@@ -4,53 +4,41 @@ import threading
 import time
 from contextlib import closing
 
-import numpy as np
 import pytest
 
 from controller.wire.command_socket import CommandClient, CommandServer
 from controller.wire.messages.commands import EmergencyStop, Push, StepOn, Switch
+from controller.wire.messages.deck_snapshot import BlendPart, DeckSnapshot
 from controller.wire.messages.events import Event
 from controller.wire.messages.replies import Accepted
-from controller.wire.run_recording import MODES
 from motiondeck.page.panel import Panel
+from motiondeck.page.web.page_state import PageDescription
 from motiondeck.page.web.private_page import PrivatePage
 from waiting import free_port, until
 
 MOTIONS = ["walk", "jog", "crawl", "standup", "waltz"]
 
 
-def state(mode="playing", playing="walk", motion="", way=(), queue=(), blend=(), **others):
-    def places(names):
-        return np.array([MOTIONS.index(name) for name in names] + [-1] * (8 - len(names)), dtype=float)
-
-    numbers = {
-        "mode": MODES.index(mode),
-        "settled": 1.0,
-        "phase": 0.4,
-        "tempo": 1.0,
-        **others,
-    }
-    numbers |= {"playing": MOTIONS.index(playing), "motion": MOTIONS.index(motion or playing)}
-    arrays = {name: np.array([float(value)]) for name, value in numbers.items()}
-    arrays |= {"blend": places(blend)[:3], "blend_weight": np.array([0.4, 0.25, 0.0])}
-    return arrays | {"way": places(way), "queue": places(queue)}
+def state(playing="walk", motion="", blend=(), **others):
+    blended = tuple(map(BlendPart, blend, (0.4, 0.25)))
+    return DeckSnapshot(motion=motion or playing, playing=playing, blend=blended, phase=0.4, **others)
 
 
 SITUATIONS = [
     (state(), ["PLAYING", "walk"]),
     (state(queue=["jog", "waltz"]), ["PLAYING", "walk", "next: jog, waltz"]),
-    (state(motion="jog", settled=0.0), ["ON ITS WAY", "to jog"]),
+    (state(motion="jog", switching=True), ["ON ITS WAY", "to jog"]),
     (
-        state(playing="crawl", motion="waltz", way=["standup", "waltz"], settled=0.0),
+        state(playing="crawl", motion="waltz", way=("standup", "waltz"), switching=True),
         ["ON ITS WAY", "crawl → standup → waltz"],
     ),
-    (state(motion="jog", way=["jog"], queue=["waltz"], settled=0.0), ["ON ITS WAY", "walk → jog", "next: waltz"]),
+    (state(motion="jog", way=("jog",), queue=["waltz"], switching=True), ["ON ITS WAY", "walk → jog", "next: waltz"]),
     (state(blend=["jog"]), ["BLEND", "walk + 40 % jog"]),
     (state(blend=["jog", "waltz"]), ["BLEND", "walk + 40 % jog + 25 % waltz"]),
-    (state(paused=1.0), ["PAUSED", "walk"]),
-    (state(paused=1.0, queue=["jog"]), ["PAUSED", "walk", "next: jog"]),
-    (state(fallen=1.0), ["FALLEN", "playing walk", "if it stays down: End run, and start it again"]),
-    (state(approaching=1.0), ["ON ITS WAY", "slowly to walk"]),
+    (state(paused=True), ["PAUSED", "walk"]),
+    (state(paused=True, queue=["jog"]), ["PAUSED", "walk", "next: jog"]),
+    (state(fallen=True), ["FALLEN", "playing walk", "if it stays down: End run, and start it again"]),
+    (state(approaching=True), ["ON ITS WAY", "slowly to walk"]),
     (state(mode="home"), ["HOME", "at rest, or on the way there", "choose a motion to play on"]),
     (state(mode="held"), ["HELD", "nothing moves", "choose a motion, or Home"]),
     (state(mode="emergency stop"), ["EMERGENCY STOP", "every joint is held", "Reset releases it"]),
@@ -72,9 +60,8 @@ def test_two_browsers_see_what_happens_and_both_command(browser):
         deck = threading.Thread(target=answer)
         deck.start()
         looks = []
-        panel = Panel(
-            page, MOTIONS, [], client, has_phase=True, push_ns=0.25, look_from=lambda _, way: looks.append(way)
-        )
+        about = PageDescription(model_file="", robot="test", motions=MOTIONS, has_phase=True, push_ns=0.25)
+        panel = Panel(page, about, client, look_from=lambda _, way: looks.append(way))
         panel.show(state())
         tabs = [browser.new_page(viewport={"width": width, "height": 700}) for width in (900, 390)]
         try:
@@ -97,7 +84,7 @@ def test_two_browsers_see_what_happens_and_both_command(browser):
             for name in ("Pause", "Home"):
                 wide.get_by_role("button", name=name, exact=True).click(trial=True)  # neither covers the other
             assert not wide.get_by_role("button", name="Step", exact=True).is_visible()
-            panel.show(state(paused=1.0))
+            panel.show(state(paused=True))
             wide.get_by_role("button", name="Step", exact=True).click()
             until(lambda: (StepOn, "") in heard, "the step")
             panel.show(state())
@@ -113,15 +100,15 @@ def test_two_browsers_see_what_happens_and_both_command(browser):
             wide.get_by_text("push", exact=True).click()
             left = wide.get_by_role("button", name="left", exact=True)
             until(lambda: left.click() or (Push, "left 0.25") in heard, "the push")
-            panel.tell(Event("via", "crawl, on the way to standup", "crawl", 0.5, 0))
+            panel.show_event(Event("via", "crawl, on the way to standup", "crawl", 0.5, 0))
             wide.get_by_text("On the way", exact=True).wait_for()
             for _ in range(2):
-                panel.tell(Event("fault", "id 3 is hot", "walk", 1.0, 1))
-            panel.tell(Event("fault", "id 4 is hot", "walk", 1.0, 2))
+                panel.show_event(Event("fault", "id 3 is hot", "walk", 1.0, 1))
+            panel.show_event(Event("fault", "id 4 is hot", "walk", 1.0, 2))
             wide.get_by_text("id 4 is hot").wait_for()
             assert wide.get_by_text("id 3 is hot").count() == 1
             for id in range(5, 10):
-                panel.tell(Event("fault", f"id {id} is hot", "walk", 1.0, id))
+                panel.show_event(Event("fault", f"id {id} is hot", "walk", 1.0, id))
             wide.get_by_text("More faults").wait_for()
             assert wide.get_by_text("is hot").count() <= 3
 
@@ -152,7 +139,8 @@ def test_two_browsers_see_what_happens_and_both_command(browser):
 def test_a_page_says_that_it_lost_a_deck_but_not_after_the_end(browser, ended, said):
     page = PrivatePage(free_port(), "test")
     with closing(CommandClient(free_port())) as client, closing(browser.new_page()) as tab:
-        panel = Panel(page, MOTIONS, [], client, look_from=lambda *_: None)
+        about = PageDescription(model_file="", robot="test", motions=MOTIONS)
+        panel = Panel(page, about, client, look_from=lambda *_: None)
         panel.show(state())
         tab.goto(page.address)
         tab.locator("#state-line").get_by_text("PLAYING").wait_for()

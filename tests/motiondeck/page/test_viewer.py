@@ -26,21 +26,20 @@ from controller.wire.messages.commands import (
     Subscribe,
     Switch,
 )
+from controller.wire.messages.deck_snapshot import DeckSnapshot, SnapshotNumbers, TickHealth
 from controller.wire.messages.events import Event
+from controller.wire.messages.lock_state import LockState
 from controller.wire.messages.replies import Accepted, Refused
-from controller.wire.run_recording import MODES
 from controller.wire.telemetry import StateWriter
 from motiondeck.page.scene import Follower, facing
 from motiondeck.page.viewer import main
+from motiondeck.page.web.page_state import PageDescription, PictureArrays
 from sim.models.mannequin.mannequin import build_mannequin
 from simulated_bodies import human
 from waiting import free_port, until
 from web_pages import coarse
 
 MOTIONS = ["walk", "jog", "waltz"]
-NUMBERS = ["tick", "time_s", "motion", "mode", "tempo", "phase", "paused", "rate_hz", "overruns"]
-NUMBERS += ["lock_source", "lock_stage", "lock_error_ms", "beats_per_minute"]
-NUMBERS += ["lateness_p50_us", "lateness_p999_us", "work_p50_us"]
 PATIENCE = 60.0  # s: a browser without a graphics card on a busy machine
 
 
@@ -52,17 +51,18 @@ class FakeDeck:
         model = spec.compile()
         spec.to_file(str(folder / "robot.xml"))
         self.state = folder / "state"
-        self.writer = StateWriter.create(
-            self.state,
-            {
-                "model_file": str(folder / "robot.xml"),
-                "motions": MOTIONS,
-                "robot": "mannequin",
-                "has_phase": True,
-                "push_ns": 16.0,
-            },
-            {"qpos": model.nq, "root_xy": 2} | dict.fromkeys(NUMBERS, 1),
+        arrays = PictureArrays(np.zeros(model.nq))
+        about = PageDescription(
+            model_file=str(folder / "robot.xml"),
+            motions=MOTIONS,
+            robot="mannequin",
+            has_phase=True,
+            push_ns=16.0,
+            shapes=arrays.shapes,
         )
+        self.numbers = SnapshotNumbers(MOTIONS)
+        sizes = self.numbers.sizes | arrays.sizes
+        self.writer = StateWriter.create(self.state, msgspec.to_builtins(about), sizes)
         self.server = CommandServer(0)
         self.received, self.subscribers, self.news = [], [], []
         self.stride = 0.0  # m a tick
@@ -77,20 +77,18 @@ class FakeDeck:
         while not self._over.wait(0.1):
             tick += 1
             self._qpos[0] += self.stride
-            numbers = {
-                "tick": tick,
-                "motion": motion,
-                "mode": MODES.index(mode),
-                "tempo": 1.0,
-                "phase": 0.4,
-                "lock_source": 0.0,
-                "lock_stage": 1.0,
-                "lock_error_ms": 3.6,
-                "beats_per_minute": 117.0,
-                "rate_hz": 199.98,
-                "work_p50_us": 412.0,
-            }
-            self.writer.publish(qpos=self._qpos, root_xy=self._qpos[:2], **numbers)
+            snapshot = DeckSnapshot(
+                tick=tick,
+                motion=MOTIONS[motion],
+                playing=MOTIONS[motion],
+                mode=mode,
+                phase=0.4,
+                lock=LockState("beat", "locked", 3.6, 117.0),
+                rate_hz=199.98,
+                health=TickHealth(work_p50_us=412.0),
+            )
+            self.writer.values[: self.numbers.count] = self.numbers.row(snapshot)
+            self.writer.publish(qpos=self._qpos)
             for message, sender in self.server.poll():
                 self.received.append(message)
                 if isinstance(message, Subscribe):

@@ -16,8 +16,9 @@ from command_line import motiondeck
 from controller.deck.recorded_deck import RecordedDeck
 from controller.library.motion_library import load_library, save_library
 from controller.wire.messages.commands import DeckCommand
+from controller.wire.messages.deck_snapshot import MODES
 from controller.wire.messages.lock_state import LOCK_SOURCES, LOCK_STAGES
-from controller.wire.run_recording import COMMANDS, MODES, load_recording
+from controller.wire.run_recording import COMMANDS, load_recording
 from motiondeck.pictures.clip_scene import act_of_recording
 from motiondeck.run.beside.tick_recorder import ASKS
 from motiondeck_base.shipped import find_library, find_robot
@@ -111,10 +112,11 @@ def test_every_tick_is_recorded_with_its_commands(run, folder):
     assert given == ["blend", "queue", "tempo", "estop", "switch", "reset", "resume"]
     assert run["refused"] == [{"at": 1.9, "reason": "the emergency stop is on; release it with: reset"}]
     assert [MODES[int(m)] for m in np.unique(fields["mode"])] == ["playing", "held", "emergency stop"]
-    blended = fields["blend"][:, 0] >= 0.0
+    blended = fields["blend_motion"][:, 0] >= 0.0
     assert blended.any()
-    assert np.unique(fields["blend"][blended], axis=0).tolist() == [[1.0, -1.0, -1.0]]  # wave
-    assert fields["blend_weight"][:, 0].max() == pytest.approx(0.1)
+    assert set(fields["blend_motion"][blended, 0]) == {1.0}  # wave
+    assert np.isnan(fields["blend_motion"][:, 1:]).all()
+    assert np.nanmax(fields["blend_weight"][:, 0]) == pytest.approx(0.1)
     halted = fields["targets"][fields["mode"][:, 0] == MODES.index("emergency stop")]
     assert np.array_equal(halted[-1], halted[-5])
     assert np.isfinite(fields["measured"][5:]).all()
@@ -136,7 +138,7 @@ def test_a_replay_says_what_was_blended(servo_run):
     assert RecordedDeck(servo_run).blend == ()
     blend, weights = np.full((servo_run.ticks, 3), -1.0), np.zeros((servo_run.ticks, 3))
     blend[:, :2], weights[:, :2] = [names.index("jog"), names.index("waltz")], [0.3, 0.2]
-    blended = replace(servo_run, fields=servo_run.fields | {"blend": blend, "blend_weight": weights})
+    blended = replace(servo_run, fields=servo_run.fields | {"blend_motion": blend, "blend_weight": weights})
     assert RecordedDeck(blended).blend == (("jog", 0.3), ("waltz", 0.2))
     older = {name: values for name, values in servo_run.fields.items() if not name.startswith("blend")}
     assert RecordedDeck(replace(servo_run, fields=older)).blend == ()
@@ -166,22 +168,22 @@ def test_a_robot_that_is_placed_by_its_feet_is_replayed_where_it_was(servo_run):
 
 
 def test_what_was_recognized_is_recorded(servo_run):
-    seen, confidence = servo_run.fields["seen"][:, 0], servo_run.fields["confidence"][:, 0]
-    motions = servo_run.description["motions"]
+    seen, confidence = servo_run.fields["seen_motion"][:, 0], servo_run.fields["seen_confidence"][:, 0]
+    motions, known = servo_run.description["motions"], np.isfinite(seen)
     assert motions.index("walk") in seen
-    assert set(seen) <= {-1.0, *range(len(motions))}
-    assert ((confidence >= 0.0) & (confidence < 1.0)).all()
+    assert set(seen[known]) <= {*range(len(motions))}
+    assert ((confidence[known] >= 0.0) & (confidence[known] < 1.0)).all()
 
 
 def test_what_the_phase_was_locked_to_is_recorded(servo_run, run, folder):
     assert set(servo_run.fields["lock_source"][:, 0]) == {LOCK_SOURCES.index("body")}
     # Its second half: a busy machine that misses ticks makes it wait for the body for a moment.
     half = servo_run.ticks // 2
-    locked = servo_run.fields["lock_stage"][half:, 0] == LOCK_STAGES.index("locked")
+    locked = servo_run.fields["lock_state"][half:, 0] == LOCK_STAGES.index("locked")
     assert locked.mean() > 0.5
     assert np.median(np.abs(servo_run.fields["lock_error_ms"][half:, 0][locked])) < 80.0
     free = load_recording(folder / "show.rec").fields
-    assert set(free["lock_source"][:, 0]) == set(free["lock_stage"][:, 0]) == {-1.0}
+    assert np.isnan(free["lock_source"]).all()
     assert np.isnan(free["lock_error_ms"]).all()
 
 

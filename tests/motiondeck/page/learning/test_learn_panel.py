@@ -13,9 +13,11 @@ from bodies import waving
 from controller.library.motion_library import load_library
 from controller.motion.formats.writing import bvh_text
 from controller.wire.messages.commands import LoadLibrary, Pause, ServoTorque
+from hardware.rig.supervision.servo_states import ServoStates
 from motiondeck.page.learning.hand_recorder import HandRecorder
 from motiondeck.page.learning.learn_panel import LearnPanel
 from motiondeck.page.learning.learning_process import LearnRequest, NotLearned, work
+from motiondeck.page.web.page_state import RigDescription, ServoDescription
 from motiondeck.page.web.parts import PageParts
 from motiondeck.page.web.private_page import PrivatePage
 from motiondeck_base.shipped import find_library
@@ -27,11 +29,11 @@ pytestmark = pytest.mark.thorough
 LEARNS = [sys.executable, "-P", "-m", "motiondeck.run.page.learning"]
 
 
-RIG = {
-    "conditions": ["well", "is off on command"],
-    "rate_hz": 100.0,
-    "servos": [{"joint": name} for name in ("neck", "l_elbow", "l_wrist")],
-}
+RIG = RigDescription(
+    ["well", "is off on command"],
+    100.0,
+    [ServoDescription(name, 1, "", -3.14, 3.14, 80.0) for name in ("neck", "l_elbow", "l_wrist")],
+)
 
 
 @dataclass
@@ -88,13 +90,10 @@ def test_a_dropped_recording_is_trimmed_named_learned_and_played(learning):
     assert written.is_file()
 
 
-def rig(loose, angles, seconds=0.0):
-    """A published state of the rig."""
-    return {
-        "servo condition": np.array(loose, dtype=float),
-        "servo position": np.array(angles),
-        "run_s": np.array([seconds]),
-    }
+def rig(loose, angles):
+    """The states of the rig's servos."""
+    states = ServoStates(*np.zeros((8, 3)))
+    return states._replace(conditions=np.array(loose, dtype=float), positions=np.array(angles))
 
 
 def test_the_rig_is_recorded_by_hand_and_the_part_that_was_chosen_is_played(learning):
@@ -102,15 +101,15 @@ def test_the_rig_is_recorded_by_hand_and_the_part_that_was_chosen_is_played(lear
     tab.get_by_role("button", name="Record the rig by hand").click()
     until(lambda: asked, "the question")
     asked.pop()()
-    assert learning.sent == [Pause(), *(ServoTorque(servo["joint"], "off") for servo in RIG["servos"])]
-    hands.see(rig([0, 1, 1], [0.1, 0.0, 0.0]))
+    assert learning.sent == [Pause(), *(ServoTorque(servo.joint, "off") for servo in RIG.servos)]
+    hands.update(rig([0, 1, 1], [0.1, 0.0, 0.0]))
     hands.show()
     tab.get_by_text("2 of 3 joints are loose").wait_for()
     tab.get_by_role("button", name="Start recording").click()
     until(lambda: hands.recording, "the recording")
     for frame in range(8 * 30):
         swing = np.sin(np.pi * frame / 30.0) * (frame > 60)  # rounds of 2 s, after 2 s of rest
-        hands.record(rig([0, 1, 1], [0.1, 0.5 * swing, 0.8 * swing], 10.0 + frame / 30.0))
+        hands.record(10.0 + frame / 30.0, rig([0, 1, 1], [0.1, 0.5 * swing, 0.8 * swing]))
     hands.show()
     tab.get_by_role("button", name="Stop recording").click()
     tab.get_by_text("by-hand-1: 8.0 s").wait_for()

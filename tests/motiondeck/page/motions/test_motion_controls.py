@@ -8,12 +8,13 @@ import pytest
 from controller.deck.routes import Routes
 from controller.library.motion_library import load_library
 from controller.wire.messages.commands import Blend, Jump, Queue, Switch
+from controller.wire.messages.deck_snapshot import DeckSnapshot
 from motiondeck.page.motions.library_glance import MOST, Partners, blends_of, pictures_of
 from motiondeck.page.motions.motion_controls import MotionControls
 from motiondeck.page.panel import Panel
+from motiondeck.page.web.page_state import PageDescription
 from motiondeck.page.web.parts import PageParts
 from motiondeck.page.web.private_page import PrivatePage
-from motiondeck.page.web.state_line import RunState
 from motiondeck_base.shipped import find_library
 from waiting import free_port, until
 
@@ -71,8 +72,8 @@ def test_grid_queue_ring_and_pad_send_commands(browser):
     page, sent = PrivatePage(free_port(), "test"), []
     controls = MotionControls(PageParts(page), MOTIONS, None, has_phase=True, send=sent.append)
     controls._glance = Known()
-    playing = RunState(motion="walk", playing="walk", queue=("jog", "waltz"))
-    controls.show(playing, {"phase": np.array([0.4])})
+    playing = DeckSnapshot(motion="walk", playing="walk", queue=["jog", "waltz"], phase=0.4)
+    controls.show(playing)
     tab = browser.new_page(viewport={"width": 500, "height": 900})
     tab.set_default_timeout(60_000)
 
@@ -143,17 +144,17 @@ def test_grid_queue_ring_and_pad_send_commands(browser):
         tab.keyboard.up("Shift")
         controls._touched = 0.0
         blend = (("jog", 0.4), ("waltz", 0.3))
-        controls.show(RunState(motion="walk", playing="walk", blend=blend), {"phase": np.array([0.4])})
+        controls.show(DeckSnapshot(motion="walk", playing="walk", blend=blend, phase=0.4))
         tab.get_by_text("waltz 30 %").wait_for()
         sends(lambda: (pad.focus(), tab.keyboard.press("ArrowUp")), Blend("walk", "jog", 0.45, also=(("waltz", 0.3),)))
 
         # Where three at once would be refused, the point stays on the line of the nearer name.
         controls._touched = 0.0
-        controls.show(RunState(motion="waltz", playing="waltz"), {"phase": np.array([0.4])})
+        controls.show(DeckSnapshot(motion="waltz", playing="waltz", phase=0.4))
         assert tab.locator(".apart").text_content() == "jog and walk are too far apart"
         sends(lambda: pulled((0.5, 0.4)), Blend("waltz", "jog", 0.3))
         controls._touched = 0.0
-        controls.show(RunState(motion="jog", playing="jog"), {"phase": np.array([0.4])})
+        controls.show(DeckSnapshot(motion="jog", playing="jog", phase=0.4))
         tab.get_by_role("group").get_by_text("jog is a one-shot").first.wait_for()
     finally:
         tab.close()
@@ -169,9 +170,10 @@ class KnownToBeFarApart(Known):
 def test_a_long_list_of_what_cannot_be_blended_makes_the_panel_no_wider(browser):
     """It had the emergency stop half out of sight."""
     page = PrivatePage(free_port(), "test")
-    panel = Panel(page, MOTIONS, [], Mock(), has_phase=True, look_from=Mock())
+    about = PageDescription(model_file="", robot="test", motions=MOTIONS, has_phase=True)
+    panel = Panel(page, about, Mock(), look_from=Mock())
     panel._controls_of_motions._glance = KnownToBeFarApart()
-    panel.show({"playing": np.zeros(1), "motion": np.zeros(1), "phase": np.array([0.4])})
+    panel.show(DeckSnapshot(motion="walk", playing="walk", phase=0.4))
     tab = browser.new_page(viewport={"width": 1000, "height": 700})
     tab.set_default_timeout(60_000)
     stop = tab.get_by_role("button", name="Emergency stop")

@@ -54,7 +54,7 @@ def test_the_centers_turn_with_the_motion(library, motion, centers):
     assert ((later - begins) % 1.0 > 0.1).all()
     apart = np.abs(ends - begins)
     assert np.minimum(apart, 1.0 - apart)[0] < 0.01  # the slowest center of a loop comes back to where it was
-    assert inside.centers("none", 0.0) == inside.centers(motion, np.nan) == []
+    assert inside.centers("none", 0.0) == inside.centers(motion, None) == []
 
 
 def test_a_library_that_has_gone_shows_nothing(page, tmp_path):

@@ -5,33 +5,37 @@ import pytest
 
 from controller.wire.messages.commands import ReadRegisters, ScanPorts, ServoTorque, WriteRegister
 from controller.wire.messages.replies import OnPorts, Registers, ServoOnPort, ServoRegister
+from hardware.rig.supervision.servo_states import ServoStates
 from motiondeck.page.rig.rig_panel import RigPanel
 from motiondeck.page.rig.servo_look import ServoLook, ServoLooks
+from motiondeck.page.web.page_state import RigDescription, ServoDescription
 from motiondeck.page.web.parts import PageParts
 from motiondeck.page.web.private_page import PrivatePage
 from waiting import free_port, until
 from web_pages import coarse
 
 CONDITIONS = ["well", "is getting hot", "is off on command", "does not answer"]
-LIMITS = {"model": "XM430-W350", "lower": -3.14, "upper": 3.14, "hottest": 80.0}
-RIG = {
-    "conditions": CONDITIONS,
-    "servos": [{"joint": name, "id": place} | LIMITS for place, name in enumerate(("neck", "l_knee"), 1)],
-}
+RIG = RigDescription(
+    CONDITIONS,
+    25.0,
+    [
+        ServoDescription(name, place, "XM430-W350", -3.14, 3.14, 80.0)
+        for place, name in enumerate(("neck", "l_knee"), 1)
+    ],
+)
 
 
 def state(conditions, **values):
-    usual = {"goal": 0.5, "position": 0.5, "current": 0.1, "temperature": 41.0, "voltage": 12.0, "error": 0}
-    fields = usual | {"torque": 1.0} | values
-    published = {f"servo {name}": np.full(2, float(value)) for name, value in fields.items()}
-    return published | {"servo condition": np.array([CONDITIONS.index(word) for word in conditions], dtype=float)}
+    usual = {"goals": 0.5, "positions": 0.5, "currents": 0.1, "temperatures": 41.0, "voltages": 12.0, "errors": 0}
+    rows = {name: np.full(2, float(value)) for name, value in (usual | {"torque": 1.0} | values).items()}
+    return ServoStates(**rows, conditions=np.array([float(CONDITIONS.index(word)) for word in conditions]))
 
 
 @pytest.mark.parametrize(
     ("condition", "values", "look"),
     [
         ("well", {}, ServoLook("ok", "ok")),
-        ("well", {"position": 0.2}, ServoLook("warn", "is late")),
+        ("well", {"positions": 0.2}, ServoLook("warn", "is late")),
         ("is getting hot", {}, ServoLook("warn", "is getting hot")),
         ("is off on command", {}, ServoLook("off", "is off on command")),
         ("does not answer", {}, ServoLook("bad", "does not answer")),
@@ -44,7 +48,7 @@ def test_a_servo_looks_as_it_is(condition, values, look):
 
 
 def test_nothing_is_said_of_servos_before_the_rig_has_spoken():
-    assert ServoLooks(RIG).of({"servo condition": np.full(2, np.nan)}, 0.0) == []
+    assert ServoLooks(RIG).of(ServoStates(*np.full((8, 2), np.nan)), 0.0) == []
 
 
 def test_cards_say_how_servos_are_and_torque_is_taken_off_after_a_question(browser):
@@ -75,7 +79,7 @@ def test_cards_say_how_servos_are_and_torque_is_taken_off_after_a_question(brows
         assert "bad" in knee.get_attribute("class")
         knee.click()
         until(lambda: panel.joint == "l_knee", "the choice")
-        panel.show(state(["well", "is getting hot"], temperature=71.0), 0.1)
+        panel.show(state(["well", "is getting hot"], temperatures=71.0), 0.1)
         tab.get_by_role("button", name="l_knee: is getting hot").wait_for()
         assert tab.locator(".servo-card.chosen .alarm").inner_text() == "71°C"
         tab.get_by_role("button", name="Torque off", exact=True).click()

@@ -1,7 +1,7 @@
 import numpy as np
 
 from controller.motion.posture import Pose
-from motiondeck.run.page.late_poses import LatePoses
+from motiondeck.run.page.page import LatePoses
 
 
 def test_the_human_is_shown_as_the_body_is_that_follows_it():

@@ -9,8 +9,8 @@ import synthetic
 from controller.deck.deck import Deck
 from controller.loop.loop import LoopState
 from controller.loop.stop_requests import StopRequest
-from controller.wire.telemetry import StateWriter
-from motiondeck.page.web.state_line import RunState
+from controller.wire.messages.deck_snapshot import SnapshotSource
+from controller.wire.telemetry import StateReader
 from motiondeck.run.page.contents import PageContents
 from motiondeck.run.page.page import Page
 
@@ -22,18 +22,18 @@ def test_a_motion_that_has_begun_is_not_shown_as_the_next_one(tmp_path):
     body = SimpleNamespace(model=SimpleNamespace(nq=7))
     stage = SimpleNamespace(qpos=np.zeros(7), behind_s=0.0)
     simulation = SimpleNamespace(stage=stage, robot=body, root="gantry")
-    robot = SimpleNamespace(simulation=simulation, pushable=None, guard=None)
+    robot = SimpleNamespace(simulation=simulation, pushable=None, guard=None, own_joints=())
     contents = PageContents(deck, [robot], None, None, 0, None, None, learns=False)
-    stop, loop = StopRequest(), LoopState(np.zeros(1), deck.pose)
+    stop, loop, snapshots = StopRequest(), LoopState(np.zeros(1), deck.pose), SnapshotSource(deck)
     deck.enqueue("wave")
     deck.enqueue("march")
     seen = set()
-    with closing(StateWriter.create(tmp_path / "state", {}, contents.numbers())) as writer:
-        page = Page(writer, tmp_path / "reason", contents)
-        for tick in range(500):
+    with closing(Page(tmp_path / "state", contents)) as page:
+        reader = StateReader.open(tmp_path / "state")
+        for _ in range(500):
             deck.update(DT)
-            page.show(loop, stop, deck, health=tick % 12 == 0)
-            shown = RunState.of(writer.fields, list(deck.motions))
-            assert (shown.motion, shown.queue) == (deck.motion, tuple(deck.queue))
-            seen.add((shown.motion, shown.queue))
+            page.show(snapshots.take(stop), loop, None)
+            shown = contents.numbers.read(reader.read())
+            assert (shown.motion, shown.queue) == (deck.motion, deck.queue)
+            seen.add((shown.motion, tuple(shown.queue)))
     assert seen == {("march", ("wave", "march")), ("wave", ("march",)), ("march", ())}

@@ -10,9 +10,9 @@ from controller.loop.loop import run
 from controller.loop.output_channel import Channel
 from controller.loop.safety.safety_envelope import SafetyEnvelope
 from controller.loop.stop_requests import StopRequest
-from motiondeck.page.recognition_text import what_is_seen
+from controller.wire.messages.deck_snapshot import DeckSnapshot, Recognized
+from motiondeck.page.recognition_text import recognition_text
 from motiondeck.run.recognition.recognition_watch import MismatchPolicy, RecognitionWatch, summary_lines
-from motiondeck.run.recognition.watch import NUMBERS
 from synthetic import small_library
 
 RATE = 100.0
@@ -94,37 +94,31 @@ def play(library, at, stop):
 
 
 def test_a_run_in_which_all_joints_follow_is_recognized_without_alarm(library, capsys):
-    watch, request, _, joints = play(library, 1e6, stop=True)
+    watch, request, _, _ = play(library, 1e6, stop=True)
     report = watch.report()
     assert (report["alarms"], report["raised"], report["stopped"], bool(request)) == ([], 0, False, False)
     assert report["right_share"] == 1.0
     assert report["last"]["seen"] == "march"
     assert capsys.readouterr().err == ""
-    fields = {name: np.zeros(1) for name in NUMBERS}
-    watch.show(fields)
-    page = what_is_seen(fields, library.network.motions, joints)
-    assert "march" in page
-    assert "does not follow" not in page
+    assert watch.seen is not None
+    assert (watch.seen.motion, watch.stuck) == ("march", "")
     assert "100.0 % of the ticks" in summary_lines(report)[0]
 
 
 @pytest.mark.parametrize("stop", [False, True])
 def test_a_joint_that_sticks_is_said_once_and_stops_the_run_if_asked(library, stop, capsys):
-    watch, request, joint, joints = play(library, 3.0, stop)
+    watch, request, joint, _ = play(library, 3.0, stop)
     report = watch.report()
     assert [alarm["joint"] for alarm in report["alarms"]] == [joint]
     assert capsys.readouterr().err.count(f"joint {joint} ") == 1
     assert (bool(request), report["stopped"]) == (stop, stop)
-    fields = {name: np.zeros(1) for name in NUMBERS}
-    watch.show(fields)
-    assert f"{joint} does not follow" in what_is_seen(fields, library.network.motions, joints)
+    assert watch.stuck == joint
 
 
 def test_the_page_says_what_is_wrong_and_nothing_of_names_is_taken_for_html():
-    state = {"seen": np.array([1.0]), "confidence": np.array([0.1])}
-    state |= {"mismatch_s": np.array([1.5]), "stuck": np.array([-1.0])}
-    page = what_is_seen(state, ["walk", "<b>jog"], ["knee"])
+    state = DeckSnapshot(motion="walk", seen=Recognized("<b>jog", 0.1), mismatch_s=1.5, stuck="knee")
+    page = recognition_text(state, "standing still")
     assert "&lt;b&gt;jog" in page
     assert "not what was commanded, for 1.5 s" in page
-    state["seen"][0] = -1.0
-    assert "standing still" in what_is_seen(state, ["walk"], ["knee"])
+    assert "knee does not follow" in page
+    assert "standing still" in recognition_text(DeckSnapshot(motion="walk"), "standing still")

@@ -1,0 +1,152 @@
+"""What a run sends its page: once a description, and with every picture a snapshot and the arrays that are drawn."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, fields
+
+import msgspec
+
+from controller.motion.rotations import Array
+from controller.wire.messages.deck_snapshot import DeckSnapshot, SnapshotNumbers
+from hardware.rig.supervision.servo_states import ServoStates
+
+STANDS_STILL, UNCERTAIN = "standing still", "nothing certain"
+
+
+class ServoDescription(msgspec.Struct, frozen=True):
+    """A servo of the rig: its limits, rad, and the highest temperature it bears, degC."""
+
+    joint: str
+    id: int
+    model: str
+    lower: float
+    upper: float
+    hottest: float
+
+
+class RigDescription(msgspec.Struct, frozen=True):
+    """The servos of a rig, their possible conditions, and how often the rig is written to, Hz."""
+
+    conditions: list[str]
+    rate_hz: float
+    servos: list[ServoDescription]
+
+
+class GhostDescription(msgspec.Struct, frozen=True):
+    """The human whose motion a robot plays: model file, bones with their parents, and the robot's size beside it."""
+
+    file: str
+    bones: list[str]
+    parent: list[int]
+    scale: float
+
+
+class PageDescription(msgspec.Struct, frozen=True, kw_only=True):
+    """A run as its page shows it; it does not change.
+
+    Attributes:
+        model_file, follower_file: of the robot, and of the one that mirrors it.
+        robot: its name.
+        rest: its qpos at rest; empty for the model's own.
+        joints, motions, recognizable: the names that a snapshot counts along.
+        unrecognized: what is shown while no motion is recognized.
+        command_port: where the run takes commands.
+        direct: whether the deck switches and blends without motions in between.
+        has_phase: whether motions can be played backwards and sent to a phase.
+        has_network: whether the network can be looked into.
+        library_file: of what is played.
+        learn: the command line of the process that learns a recording, if the page offers that.
+        human: beside the robot, if its motion is known.
+        weight: of a robot that stands on the floor alone, N.
+        push_ns: a push that forces a step, N s; 0 if the body cannot be pushed.
+        rig: the servos.
+        shapes: of the arrays of each picture, by the names of `PictureArrays`.
+    """
+
+    model_file: str
+    robot: str
+    motions: list[str]
+    follower_file: str | None = None
+    rest: list[float] = []
+    joints: list[str] = []
+    recognizable: list[str] = []
+    unrecognized: str = STANDS_STILL
+    command_port: int = 0
+    direct: bool = False
+    has_phase: bool = False
+    has_network: bool = False
+    library_file: str | None = None
+    learn: list[str] = []
+    human: GhostDescription | None = None
+    weight: float | None = None
+    push_ns: float = 0.0
+    rig: RigDescription | None = None
+    shapes: dict[str, list[int]] = {}
+
+
+@dataclass(frozen=True)
+class PictureArrays:
+    """The arrays of a picture; None for what a run does not have.
+
+    Attributes:
+        qpos: MuJoCo's generalised positions of the robot, shape (nq,).
+        follower: those of the robot that mirrors it.
+        human_root: of the played human, shape (3,), m.
+        human_rotation: of its root and bones in the world, shape (1 + B, 4).
+        target: the qpos that simulated servos are to reach.
+        contacts: points where the floor holds the body, m, and the forces there, N, shape (N, 6); NaN for none.
+        activation: of the network's neurons, shape (N,).
+        servos: the rows of `ServoStates`, shape (8, S).
+    """
+
+    qpos: Array
+    follower: Array | None = None
+    human_root: Array | None = None
+    human_rotation: Array | None = None
+    target: Array | None = None
+    contacts: Array | None = None
+    activation: Array | None = None
+    servos: Array | None = None
+
+    @property
+    def shapes(self) -> dict[str, list[int]]:
+        """The shape of each array."""
+        arrays = {field.name: getattr(self, field.name) for field in fields(self)}
+        return {name: list(array.shape) for name, array in arrays.items() if array is not None}
+
+    @property
+    def sizes(self) -> dict[str, int]:
+        """How many numbers each array has."""
+        return {name: getattr(self, name).size for name in self.shapes}
+
+    @classmethod
+    def over(cls, shared: Mapping[str, Array], shapes: Mapping[str, list[int]]) -> PictureArrays:
+        """Views of the fields of a shared state."""
+        return cls(**{name: shared[name].reshape(shape) for name, shape in shapes.items()})
+
+
+@dataclass(frozen=True)
+class Picture:
+    """One published state of a run."""
+
+    snapshot: DeckSnapshot
+    arrays: PictureArrays
+
+    @property
+    def servos(self) -> ServoStates | None:
+        """The states of the rig's servos; None without a rig, or before it has been heard."""
+        rows = self.arrays.servos
+        return ServoStates(*rows) if rows is not None else None
+
+
+class PictureReader:
+    """Reads pictures of a run from the fields of its shared state."""
+
+    def __init__(self, about: PageDescription) -> None:
+        self._shapes = about.shapes
+        self._numbers = SnapshotNumbers(about.motions, recognizable=about.recognizable, joints=about.joints)
+
+    def read(self, shared: Mapping[str, Array]) -> Picture:
+        """The picture in a state."""
+        return Picture(self._numbers.read(shared), PictureArrays.over(shared, self._shapes))
