@@ -28,7 +28,7 @@ def preflight(
         typer.Option(
             "--jobs",
             metavar="N|dask://HOST:PORT",
-            help="Parallel processes, -1 for one per core, or a Dask scheduler; without: as many as pay.",
+            help="Parallel processes, -1 for one per core, or a Dask scheduler; default: as many as save time.",
         ),
     ] = None,
     motions_only: Annotated[bool, typer.Option("--motions-only", help="Check no switches.")] = False,

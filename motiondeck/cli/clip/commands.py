@@ -125,9 +125,10 @@ def plot(
     out: Annotated[Path, typer.Option("--out", metavar="PICTURE", help="The picture to write (.png).")],
     skeleton: SkeletonOption = None,
 ) -> None:
-    """Draw a recording: stick figures, heights, speeds, and gaps of markers.
+    """Draw a recording as stick figures and curves.
 
-    Several recordings make a contact sheet: eight moments of each, played by a mannequin of its body.
+    The curves are heights, speeds, and for markers their gaps. Several recordings make a contact sheet: eight moments
+    of each, played by a mannequin of its body.
 
     Example:  motiondeck clip plot walk.bvh --out walk.png
     """
@@ -155,7 +156,7 @@ def view(
     ] = None,
     port: PagePortOption = PAGE_PORT,
 ) -> None:
-    """View a recording in the browser, and with --robot a robot that follows it.
+    """View a recording in the browser, alone or beside a robot that follows it.
 
     The page has a time bar, single steps, a tempo, footprints and contacts, and a camera that follows. It is served
     on 127.0.0.1 only; Ctrl-C ends it.

@@ -12,14 +12,18 @@ import typer
 from typer.core import TyperArgument, TyperCommand
 
 WIDTH = 78  # columns of an 80-column terminal without its margins
+FEWEST = 4  # options that have panels of their own
 _ON = " \\"
 
 
 class NamedCommand(TyperCommand):
-    """A command whose help shows arguments by name, such as RIG, without a type."""
+    """A command whose help shows arguments by name, such as RIG, without a type, and few options in one panel."""
 
     def __init__(self, *args: Any, **settings: Any) -> None:
         super().__init__(*args, **settings)
+        panels = [parameter for parameter in self.params if getattr(parameter, "rich_help_panel", None)]
+        for parameter in panels if len(panels) < FEWEST else ():
+            parameter.rich_help_panel = None  # type: ignore[attr-defined]
         for parameter in self.params:
             if isinstance(parameter, TyperArgument):
                 parameter.type = copy(parameter.type)  # types are shared with options

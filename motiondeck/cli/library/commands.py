@@ -21,7 +21,7 @@ LibraryArgument = Annotated[
 
 @app.command("list")
 def list_libraries(as_json: JsonOption = False) -> None:
-    """List the included libraries and those in this folder, with their motions.
+    """List the included libraries and those in this folder.
 
     Example:  motiondeck library list
     """
@@ -102,7 +102,7 @@ def add(
     ] = False,
     as_json: JsonOption = False,
 ) -> None:
-    """Add a motion to a library; the weights of the others do not change.
+    """Add a motion to a library; the weights of others do not change.
 
     An autonomous conceptor network loads the motion into the free part of its reservoir and prints what is left; other
     networks get one more readout or one more motion. The new motion has to pass the self-test.

@@ -90,9 +90,10 @@ def run(
     ] = False,
     as_json: JsonOption = False,
 ) -> None:
-    """Name the motion of each recording, its margin over the next best, and whether it is known.
+    """Name the motion of each recording.
 
-    With --stream the recognizer sees one frame after the other, as on a robot, and spans of equal motion are printed.
+    Its margin over the next best motion, and whether it is known at all, are printed too. With --stream the recognizer
+    sees one frame after the other, as on a robot, and spans of equal motion are printed.
 
     [bold]Example[/]
 

@@ -31,10 +31,11 @@ def calibrate(
     out: Annotated[Path, typer.Option("--out", metavar="FILE", help="The rig file to write.")],
     port: PortOption = None,
 ) -> None:
-    """Measure each joint's zero, direction and range by hand, and write a new rig file.
+    """Measure joint ranges by hand, and write a rig file.
 
-    Torque is off while you move the joints. Measurements are kept in FILE.part; after an error or Ctrl-C the same
-    command continues from there. A homing offset and drive mode of another program in the servos are set to 0.
+    Move the joints with torque off, and set their zeros and directions. The old rig file is not changed. Measurements
+    are kept in FILE.part; after an error or Ctrl-C the same command continues from there. A homing offset and drive
+    mode of another program in the servos are set to 0.
 
     Example:  motiondeck rig calibrate servo20 --out my-rig.toml
     """

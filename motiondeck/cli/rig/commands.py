@@ -18,16 +18,7 @@ from motiondeck_base.errors import MotiondeckError
 
 app = typer.Typer(help="Set up, check, teach and play a rig of servos, or emulate one.", no_args_is_help=True)
 
-app.command("scan")(servos.scan)
-app.command("setup")(servos.setup)
-app.command("import")(servos.import_calibration)
-app.command("calibrate")(calibrate.calibrate)
-app.command("teach")(teach.teach)
-app.command("play")(play.play)
-app.command("emulate")(emulate.emulate)
 
-
-@app.command("doctor")
 def doctor(
     rig: RigArgument,
     port: PortOption = None,
@@ -90,7 +81,6 @@ def doctor(
         raise typer.Exit(1)
 
 
-@app.command("monitor")
 def monitor(
     rig: RigArgument,
     port: PortOption = None,
@@ -99,7 +89,9 @@ def monitor(
     ] = 0.0,
     as_json: Annotated[bool, typer.Option("--json", help="Print one JSON object a second.")] = False,
 ) -> None:
-    """Watch position, load, temperature, voltage and errors of every servo; moves nothing.
+    """Watch position, load, temperature and errors of every servo.
+
+    Nothing moves. Voltages are shown too.
 
     Example:  motiondeck rig monitor servo20 --port /dev/pts/3
     """
@@ -121,13 +113,12 @@ def monitor(
             return
 
 
-@app.command("stop")
 def stop(rig: RigArgument, port: PortOption = None, as_json: JsonOption = False) -> None:
-    """Switch the torque of every servo off; exit code 1 if one did not confirm it.
+    """Switch the torque of every servo off.
 
-    The port must be free: a rig that plays is stopped by Ctrl-C there, or from another terminal by `motiondeck send
-    stop` (as Ctrl-C) or `motiondeck send estop` (brake and hold). If a program was killed, the servos' watchdogs have
-    stopped them but left the torque on.
+    The exit code is 1 if a servo did not confirm it. The port must be free: a rig that plays is stopped by Ctrl-C
+    there, or from another terminal by `motiondeck send stop` (as Ctrl-C) or `motiondeck send estop` (brake and hold).
+    If a program was killed, the servos' watchdogs have stopped them but left the torque on.
 
     Example:  motiondeck rig stop servo20
     """
@@ -176,13 +167,14 @@ def _draw(rows: list[dict[str, object]], hz: float) -> None:
     sys.stdout.flush()
 
 
-@app.command("backup")
 def backup(
     rig: RigArgument,
     out: Annotated[Path, typer.Option("--out", metavar="FILE", help="The file to write (JSON).")],
     port: PortOption = None,
 ) -> None:
-    """Save the whole control table of every servo; moves and changes nothing.
+    """Save the control table of every servo.
+
+    Nothing is moved or changed in the servos.
 
     Example:  motiondeck rig backup my-rig.toml --out servos.json
     """
@@ -198,15 +190,14 @@ def backup(
     print(f"wrote {out}: {counted(len(backups), 'servo')}")
 
 
-@app.command("restore")
 def restore(
     rig: RigArgument,
     file: Annotated[Path, typer.Argument(metavar="FILE", help="A file of `rig backup`.")],
     port: PortOption = None,
 ) -> None:
-    """Write the EEPROM registers of a backup into the servos, except IDs and baud rates.
+    """Write a backup into the servos.
 
-    Torque must be off.
+    EEPROM registers are written, except IDs and baud rates. Torque must be off.
 
     Example:  motiondeck rig restore my-rig.toml servos.json
     """
@@ -217,3 +208,21 @@ def restore(
     with ended_by_sigterm(), open_buses(load(rig), port) as parts:
         written = [line for part, bus in parts for line in write_back(part, backups, bus)]
     print("\n".join(written) if written else "nothing differs")
+
+
+_PANELS = {
+    "Set up": {
+        "scan": servos.scan,
+        "setup": servos.setup,
+        "import": servos.import_calibration,
+        "calibrate": calibrate.calibrate,
+        "doctor": doctor,
+        "backup": backup,
+        "restore": restore,
+    },
+    "Use": {"teach": teach.teach, "play": play.play, "monitor": monitor, "stop": stop},
+    "Without hardware": {"emulate": emulate.emulate},
+}
+for _panel, _commands in _PANELS.items():
+    for _name, _command in _commands.items():
+        app.command(_name, rich_help_panel=_panel)(_command)

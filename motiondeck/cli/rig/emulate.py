@@ -41,9 +41,10 @@ def emulate(
     ] = None,
     fresh: Annotated[bool, typer.Option("--fresh", help="Only the first servo, as new: id 1, 57600 baud.")] = False,
 ) -> None:
-    """Emulate a rig: print the port to open, and serve any client until Ctrl-C or SIGTERM.
+    """Emulate a rig for any client, without hardware.
 
-    In the background (&) it outlives its shell, and with nohup its terminal.
+    The port to open is printed; Ctrl-C or SIGTERM ends it. In the background (&) it outlives its shell, and with nohup
+    its terminal.
 
     Type to move joints without torque by hand: `swing pan 0.5 every 2`, `move pan 1 tilt 0 in 1.5` (rad and s),
     `rest`; `where` prints their angles. `pull pan` takes a servo's cable out, `plug pan` puts it back,

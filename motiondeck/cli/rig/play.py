@@ -47,10 +47,10 @@ def play(
     ] = DEFAULT_PORT,
     as_json: JsonOption = False,
 ) -> None:
-    """Play a taught clip once, or a library until Ctrl-C, on a rig without a simulated robot.
+    """Play a taught clip or a library on a rig alone.
 
-    There is no page. The approach to the first pose is slow; every target keeps to the rig file's limits. A clip ends
-    at its last frame, even if limits have held it back.
+    A clip is played once, a library until Ctrl-C, without simulated robot and page. The approach to the first pose is
+    slow; every target keeps to the rig file's limits. A clip ends at its last frame, even if limits have held it back.
 
     `motiondeck send switch nod` (or pause, tempo 0.5, home, estop) commands it.
 

@@ -24,10 +24,11 @@ def scan(
     ] = None,
     as_json: JsonOption = False,
 ) -> None:
-    """List the servos on a port, at any baud rate and protocol; --out writes a rig file of them.
+    """List the servos on a port, and write a rig file of them.
 
-    The rig file has the adapter's permanent name, each servo's whole turn as its range, and 2 rad/s as its speed: name
-    the joints in an editor, then calibrate. Servos that Motiondeck cannot drive are left out, and a note says why.
+    They answer at any baud rate and protocol. The rig file (--out) has the adapter's permanent name, each servo's whole
+    turn as its range, and 2 rad/s as its speed: name the joints in an editor, then calibrate. Servos that Motiondeck
+    cannot drive are left out, and a note says why.
 
     [bold]Examples[/]
 
@@ -116,11 +117,12 @@ def import_calibration(
     out: Annotated[Path, typer.Option("--out", metavar="FILE", help="The rig file to write.")],
     as_json: JsonOption = False,
 ) -> None:
-    """Write a rig file from a calibration of LeRobot; changes nothing in the servos.
+    """Write a rig file from a calibration of LeRobot.
 
-    Names, directions and ranges are LeRobot's, models and baud rate are read from the servos. A reversed motor stays
-    reversed: its angle grows as LeRobot's does. Angle 0 is in the middle of the range. LeRobot's homing offsets and
-    drive modes are still in the servos: `motiondeck rig doctor RIG --fix` sets them as the rig file needs them.
+    Nothing in the servos is changed. Names, directions and ranges are LeRobot's, models and baud rate are read from the
+    servos. A reversed motor stays reversed: its angle grows as LeRobot's does. Angle 0 is in the middle of the range.
+    LeRobot's homing offsets and drive modes are still in the servos: `motiondeck rig doctor RIG --fix` sets them as the
+    rig file needs them.
 
     [bold]Example[/]
 

@@ -50,7 +50,7 @@ def teach(
     ] = True,
     as_json: JsonOption = False,
 ) -> None:
-    """Teach a motion by hand: move the joints with torque off, and save the movement as a clip.
+    """Record a motion that you show by moving the joints.
 
     Hold what would fall before the torque goes off. After each recording, save it, record it again, undo the trim, or
     record another take: takes of one motion (wave.clip, wave.2.clip ...) are averaged when they are learned. With a

@@ -29,7 +29,7 @@ def list_robots(
     ] = False,
     as_json: JsonOption = False,
 ) -> None:
-    """List the included robots, and with --catalogue those that can be downloaded.
+    """List the included robots, and those to download.
 
     `motiondeck robot calibrate NAME` downloads a robot of the catalogue (with the extra `menagerie` installed) and
     writes its robot file.
@@ -59,7 +59,7 @@ def list_robots(
 
 @app.command("show")
 def show(robot: RobotArgument, as_json: JsonOption = False) -> None:
-    """Show a robot's joints, their limits and rest positions, its parts and its solver.
+    """Show a robot's joints, limits, rest pose, parts and solver.
 
     Example:  motiondeck robot show servo20
     """
@@ -127,12 +127,12 @@ def calibrate(
     port: PagePortOption = PAGE_PORT,
     as_json: JsonOption = False,
 ) -> None:
-    r"""Write a robot file for any humanoid model: its limbs, rest pose, size and heading.
+    r"""Write a robot file for any humanoid model.
 
-    The table shows each limb segment beside that of a human of the same height; a mismatch is a warning with the line
-    of the robot file to edit. Then the robot walks and boxes, and the angles between its limbs and the human's are
-    shown in degrees. The exit code is 1 if a limb is missing or implausible, points elsewhere though the joints could
-    turn there, or never points as the human's does.
+    Limbs, rest pose, size and heading are found in an MJCF or URDF. The table shows each limb segment beside that of a
+    human of the same height; a mismatch is a warning with the line of the robot file to edit. Then the robot walks and
+    boxes, and the angles between its limbs and the human's are shown in degrees. The exit code is 1 if a limb is
+    missing or implausible, points elsewhere though the joints could turn there, or never points as the human's does.
 
     Look at the result with --view or --picture, edit the file where it is wrong (a wrong body under \[parts], real
     servo speeds under \[limits]), and check it: motiondeck robot check FILE RECORDINGS.
@@ -186,10 +186,10 @@ def tune_walk(
     jobs: JobsOption = "-1",
     as_json: JsonOption = False,
 ) -> None:
-    """Tune the walk of a robot under pushes, and write the settings into its robot file.
+    """Tune how a robot walks under pushes.
 
-    Longer and longer steps are tried until the robot falls; the kept ones stay 15 % below that. `play --root free
-    --walk` uses them.
+    The settings are written into its robot file. Longer and longer steps are tried until the robot falls; the kept ones
+    stay 15 % below that. `play --root free --walk` uses them.
 
     [bold]Example[/]
 
@@ -220,13 +220,13 @@ def check(
     ] = None,
     as_json: JsonOption = False,
 ) -> None:
-    """Retarget recordings onto a robot and measure how well it follows: one row each.
+    """Measure how well a robot follows recordings.
 
-    The last line says PASSED, or FAILED and why; lines above it name recording, limb, degrees and what to do. A
-    recording fails if it cannot be read, if one of these counts is not zero, or if a limb points further off than 15
-    degrees on average or 45 at worst though its joints' ranges would let it come closer: bad (NaN or infinite), beyond
-    (targets outside a joint's range), fast (steps faster than a joint may go), jumps (a joint goes far in one frame
-    though the human does not). The exit code is 1 if one fails.
+    Each recording is retargeted and has a row in the table. The last line says PASSED, or FAILED and why; lines above
+    it name recording, limb, degrees and what to do. A recording fails if it cannot be read, if one of these counts is
+    not zero, or if a limb points further off than 15 degrees on average or 45 at worst though its joints' ranges would
+    let it come closer: bad (NaN or infinite), beyond (targets outside a joint's range), fast (steps faster than a joint
+    may go), jumps (a joint goes far in one frame though the human does not). The exit code is 1 if one fails.
 
     changed is the share of targets that the safety envelope had to slow down. short and worst are how far inverse
     kinematics missed the ends of the limbs (rms and worst, mm); past is how many goals of the angle solver lay outside

@@ -25,7 +25,7 @@ def retarget(
     robot: Annotated[
         str, typer.Option("--robot", metavar="ROBOT", help="A robot file (.toml), or: mannequin, servo20.")
     ],
-    out: Annotated[Path, typer.Option("--out", metavar="DIR", help="The folder for the files; made if need be.")],
+    out: Annotated[Path, typer.Option("--out", metavar="DIR", help="The folder for the files; created if missing.")],
     format: Annotated[
         Literal["npz", "csv", "mjlab", "qpos"], typer.Option("--format", help="The files' format.")
     ] = "npz",
