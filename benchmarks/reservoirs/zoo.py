@@ -21,7 +21,7 @@ import typer
 from joblib import delayed
 
 from benchmarks import command
-from controller.deck.motion_generator import generate
+from controller.deck.motion_generator import MotionGenerator
 from controller.learning.learn import LearnedLibrary, LearnedMotion, learn, recordings_in
 from controller.learning.measures.self_test import distances
 from controller.learning.preparation.loops import SEAM_SECONDS
@@ -109,7 +109,7 @@ def played_mm(library: MotionLibrary, motion: LearnedMotion, body: Clip) -> floa
     first = round(motion.part.first * rate) + (0 if loop else 1)
     eased = round(SEAM_SECONDS * rate) if loop else 0
     frames = min(round(motion.seconds * rate), len(recorded) - first)
-    shown = joint_features(encoding, generate(library, motion.name, frames / rate, rate))
+    shown = joint_features(encoding, MotionGenerator(library, motion.name).frames(frames / rate, rate))
     off = distances(shown, recorded[first : first + frames])
     return float(off[eased : max(eased + 1, frames - eased)].mean())
 

@@ -6,7 +6,7 @@ import pytest
 
 import synthetic
 from controller.deck.deck import ACROSS_SECONDS, Deck
-from controller.deck.motion_generator import MotionGenerator, generate
+from controller.deck.motion_generator import MotionGenerator
 from controller.learning.preparation.cycles import ground_speed, one_cycle, steps_behind, stretched
 from controller.learning.preparation.training_motion import TrainingMotion, Variant
 from controller.learning.recipe import LibraryRecipe, MotionRecipe, check_recipe
@@ -76,7 +76,7 @@ def ahead(channels):
 
 @pytest.mark.parametrize("speed", SPEEDS)
 def test_each_learned_value_is_played_as_recorded(library, speed):
-    played = generate(library, "gait", 3.0, synthetic.RATE, inputs={"speed": speed})[120:]
+    played = MotionGenerator(library, "gait", inputs={"speed": speed}).frames(3.0, synthetic.RATE)[120:]
     assert off(played, speed) < 1.0
     assert ahead(played) == pytest.approx(ahead(stride(speed)), rel=0.05)
     assert ground_speed(played) == pytest.approx(speed, abs=0.02)
@@ -84,7 +84,7 @@ def test_each_learned_value_is_played_as_recorded(library, speed):
 
 def test_between_two_values_the_motion_lies_between_them(library):
     middle = np.sqrt(0.8 * 2.0)
-    played = generate(library, "gait", 3.0, synthetic.RATE, inputs={"speed": middle})[120:]
+    played = MotionGenerator(library, "gait", inputs={"speed": middle}).frames(3.0, synthetic.RATE)[120:]
     assert ground_speed(played) == pytest.approx(middle, rel=0.1)
     assert ahead(played) == pytest.approx(ahead(stride(middle)), rel=0.15)
 
@@ -100,8 +100,8 @@ def test_the_pace_follows_the_input(library):
 
 
 def test_a_motion_without_an_input_does_not_notice_it(library):
-    plain = generate(library, "wave", 1.0, synthetic.RATE)
-    assert np.array_equal(generate(library, "wave", 1.0, synthetic.RATE, inputs={"speed": 2.0}), plain)
+    plain = MotionGenerator(library, "wave").frames(1.0, synthetic.RATE)
+    assert np.array_equal(MotionGenerator(library, "wave", inputs={"speed": 2.0}).frames(1.0, synthetic.RATE), plain)
 
 
 def test_a_library_keeps_its_inputs(library, tmp_path):
@@ -110,7 +110,8 @@ def test_a_library_keeps_its_inputs(library, tmp_path):
     assert back.info == library.info
     given = {"speed": 1.3}
     assert np.array_equal(
-        generate(back, "gait", 1.0, 120.0, inputs=given), generate(library, "gait", 1.0, 120.0, inputs=given)
+        MotionGenerator(back, "gait", inputs=given).frames(1.0, 120.0),
+        MotionGenerator(library, "gait", inputs=given).frames(1.0, 120.0),
     )
     bad = msgspec.structs.replace(library.info.motions[0], input=DrivingInput("speed", (2.0, 1.0), (1.0, 1.0), 1.0))
     spoilt = msgspec.structs.replace(library.info, motions=[bad, library.info.motions[1]])
