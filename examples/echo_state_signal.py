@@ -9,9 +9,7 @@ from motiondeck import networks
 
 time, ahead, learned = np.arange(3000.0), 10, 2000
 signal = (np.sin(time / 5.0) * np.sin(time / 17.0))[:, None]  # yours: an array (frames, channels)
-reservoir = networks.random_reservoir(
-    100, 1, spectral_radius=0.9, input_scale=0.5, bias_scale=0.2, rng=np.random.default_rng(1)
-)
+reservoir = networks.random_reservoir(100, 1)
 network = networks.learn_response(reservoir, signal[:learned], signal[ahead : learned + ahead])
 predicted = network.respond(signal[:-ahead])
 error = networks.nrmse(predicted[learned:], signal[learned + ahead :])

@@ -1,5 +1,5 @@
 # pyright: strict
-"""Recognition: which motion is this clip, and what is being done in a stream of poses?"""
+"""Recognition of motions: of whole clips, and of streams of frames or poses."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ LONGEST_STEP = 10.0  # s
 
 @dataclass(frozen=True)
 class Recognizer:
-    """Tells motions apart; made by `learn_recognizer` or `load_recognizer`.
+    """Recognizes motions; made by `learn_recognizer` or `load_recognizer`.
 
     Attributes:
         model: its features, experts and threshold.
@@ -46,7 +46,7 @@ class Recognizer:
         return self.model.bank.classes
 
     def recognize(self, clip: Clip) -> RecognitionVerdict:
-        """The motion that a clip shows, how sure that is, and whether it is a known one at all.
+        """The motion of a clip, with its margin, and whether it is a known one.
 
         Raises:
             MotiondeckError: if the clip's skeleton lacks a joint that is compared, or the clip is too short.
@@ -62,7 +62,7 @@ class Recognizer:
         """Recognizes the poses of a body one by one, at any rate.
 
         Raises:
-            MotiondeckError: if the skeleton lacks a joint that is looked at.
+            MotiondeckError: if the skeleton lacks a joint that is compared.
         """
         return PoseStream(BodyRecognizer(self.model, skeleton), len(skeleton))
 
@@ -86,7 +86,7 @@ class Recognizer:
 
 @dataclass
 class RecognitionStream:
-    """Recognition while it happens; the evidence is that of the last 0.15 s."""
+    """Recognition of a stream of features, on the evidence of the last 0.15 s."""
 
     recognizer: Recognizer
     _online: OnlineRecognizer = field(repr=False)
@@ -116,7 +116,7 @@ class RecognitionStream:
 
     @property
     def confidence(self) -> float:
-        """How far the best motion is ahead of the second, in [0, 1)."""
+        """The lead of the best motion over the second, in [0, 1)."""
         return self._online.confidence
 
     def reset(self) -> None:
@@ -126,7 +126,7 @@ class RecognitionStream:
 
 @dataclass
 class PoseStream:
-    """Recognition of poses while they come."""
+    """Recognition of a stream of poses."""
 
     _body: BodyRecognizer = field(repr=False)
     _bones: int = field(repr=False)
@@ -158,7 +158,7 @@ class PoseStream:
 
     @property
     def confidence(self) -> float:
-        """How far the best motion is ahead of the second, in [0, 1)."""
+        """The lead of the best motion over the second, in [0, 1)."""
         return self._body.confidence
 
 
@@ -169,12 +169,12 @@ def learn_recognizer(
     stretches: Collection[float] = STRETCHES,
     seed: int = 1,
 ) -> Recognizer:
-    """Learns to tell motions apart, as `motiondeck recognize train` does.
+    """Learns to recognize motions, as `motiondeck recognize train` does.
 
     Args:
         recordings: a folder with one folder of recordings per motion, or the clips of each motion by its name.
         rate: frames per second that are compared, Hz.
-        stretches: each clip is learned once for each factor, at so many times its duration.
+        stretches: factors of duration; each clip is learned once for each.
         seed: of the reservoir.
 
     Raises:
@@ -196,7 +196,7 @@ def load_recognizer(path: str | Path) -> Recognizer:
 
 
 def _labelled(clips: Mapping[str, Collection[Clip]]) -> Dataset:
-    """Clips as a dataset; who has one skeleton is one actor.
+    """Clips as a dataset, in which each skeleton is one actor.
 
     Raises:
         MotiondeckError: if what is given for a motion is no collection of clips.

@@ -54,7 +54,7 @@ class Rig:
         self._due = time.monotonic()
 
     def read(self) -> Array:
-        """Where the joints are now, shape (J,), rad.
+        """The measured joint positions, shape (J,), rad.
 
         Raises:
             RigError: if no servo answers in time, or the rig has stopped for good; it names the servo.
@@ -89,10 +89,10 @@ class Rig:
         Successive calls keep a steady pace: a loop of `write` and `wait(0.01)` runs at 100 Hz, whatever else it does.
 
         Raises:
-            RigError: if the time is no number of at least 0.
+            RigError: if the time is not >= 0.
         """
         if not 0.0 <= seconds < np.inf:
-            raise RigError(f"nobody can wait for {seconds:g} s. Give a time of 0 or more.")
+            raise RigError(f"wait: seconds must be >= 0, not {seconds:g}")
         rig = self._rig
         if isinstance(rig, SimulatedRig):
             for dt in _portions(seconds, 1.0 / self.config.rate_hz):
@@ -117,7 +117,7 @@ class Rig:
             UnknownNameError, RigError: as `write`, or if the time is not above 0.
         """
         if not 0.0 < seconds < np.inf:
-            raise RigError(f"a movement of {seconds:g} s is not possible. Give a time above 0.")
+            raise RigError(f"move_to: seconds must be > 0, not {seconds:g}")
         start, end = self._goal, np.clip(self._targets(angles), self.lower, self.upper)
         steps = max(1, round(seconds * self.config.rate_hz))
         for step in range(1, steps + 1):
@@ -138,7 +138,7 @@ class Rig:
                 targets[self.joints.index(joint)] = angle
         for joint, angle in zip(self.joints, targets, strict=True):
             if not np.isfinite(angle):
-                raise RigError(f"joint '{joint}': a target of {angle} is no angle. Give one in rad.")
+                raise RigError(f"joint '{joint}': a target of {angle} is not an angle in rad")
         return targets
 
 
@@ -180,6 +180,6 @@ def open_rig(name: str | Path, servos: Servos = "real", ports: Sequence[str] = (
 
 
 def _portions(seconds: float, longest: float) -> list[float]:
-    """A time in parts of at most so many seconds."""
+    """A time in equal parts of at most `longest` s."""
     count = max(1, round(seconds / longest))
     return [seconds / count] * count

@@ -37,7 +37,7 @@ class Deck(Lockable):
         retarget: from the skeleton's poses to the robot's joints.
         motion: the motion to begin with.
         direct: whether every switch goes straight to its motion, at once.
-        joining: how motions are joined; by default, what suits the network.
+        joining: how motions are joined; the default suits the network.
         phase: where in the motion to begin, in [0, 1).
 
     Attributes:
@@ -86,7 +86,7 @@ class Deck(Lockable):
 
     @property
     def playing(self) -> str:
-        """The motion that is played now, perhaps on the way to `motion`."""
+        """The motion that plays now, perhaps on the way to `motion`."""
         return self.performance.here.name
 
     @property
@@ -106,17 +106,17 @@ class Deck(Lockable):
 
     @property
     def phase(self) -> float | None:
-        """How far the motion is: [0, 1) in a loop, 0 to 1 in a one-shot; None if the network runs by itself."""
+        """The phase: [0, 1) in a loop, 0 to 1 in a one-shot; None for an autonomous network."""
         return self.performance.tracks.leading.phase
 
     @property
     def inputs(self) -> dict[str, float]:
-        """The present values of the inputs that motions have besides the phase."""
+        """The present values of the inputs besides the phase."""
         return dict(self._inputs.present)
 
     @property
     def phase_rate(self) -> float | None:
-        """How fast a loop turns, rounds a second, negative backwards; None for a one-shot or without a phase."""
+        """Rounds of a loop per second, negative backwards; None for a one-shot or without a phase."""
         here = self.performance.here
         return self.tempo / here.seconds if here.loop and self.phase is not None else None
 
@@ -233,16 +233,16 @@ class Deck(Lockable):
         super().set_tempo(factor, over)
 
     def set_input(self, name: str, value: float) -> None:
-        """Gives an input of the motions, such as speed, another value; it is reached within a second.
+        """Changes an input of the motions, such as speed; the value is reached within a second.
 
         Raises:
             UnknownNameError: if no motion has such an input.
-            MotiondeckError: if the value lies outside of what was learned.
+            MotiondeckError: if the value is outside the learned range.
         """
         self._inputs.command(name, value)
 
     def jump(self, phase: float) -> None:
-        """Goes to a phase of the motion that is played at the next update, and fades to it from what is shown.
+        """Fades to a phase of the present motion, from the next update on.
 
         Args:
             phase: in [0, 1]; in a loop 1 is 0.
@@ -288,7 +288,7 @@ class Deck(Lockable):
         return targets, self.pose
 
     def _playhead(self, time: float) -> LoopPlace | None:
-        """Where it is, for a lock; None if the network runs by itself."""
+        """The place in the motion, for a lock; None for an autonomous network."""
         here, phase = self.performance.here, self.phase
         if phase is None:
             return None
@@ -300,15 +300,15 @@ class Deck(Lockable):
             raise UnknownNameError.among("motion", motion, self.motions)
 
 
-ACROSS_SECONDS = 1.0  # how long an input takes from one end of what was learned to the other
+ACROSS_SECONDS = 1.0  # s, of an input from one end of its learned range to the other
 
 
 class Inputs:
     """The inputs of a library's motions.
 
     Args:
-        ranges: their names, and between which values each was learned.
-        usual: the value that each has at the beginning.
+        ranges: the learned range of each input, by name.
+        usual: the value of each at the start.
 
     Attributes:
         present: their present values.
@@ -323,7 +323,7 @@ class Inputs:
 
         Raises:
             UnknownNameError: if no motion of the library has such an input.
-            MotiondeckError: if the value lies outside of what was learned.
+            MotiondeckError: if the value is outside the learned range.
         """
         if not self._ranges:
             raise UnknownNameError(f"there is no input '{name}': no motion of this library was learned with one")
@@ -335,7 +335,7 @@ class Inputs:
         self._commanded[name] = value
 
     def advance(self, dt: float) -> dict[str, float]:
-        """Goes dt seconds on; the inputs that have changed, with their present values."""
+        """Advances by dt seconds; the present values of inputs that have changed."""
         changed = {}
         for name, goal in self._commanded.items():
             present = self.present[name]

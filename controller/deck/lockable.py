@@ -17,15 +17,15 @@ from motiondeck_base.errors import MotiondeckError
 
 
 class Lockable(Paced, ABC):
-    """The locks of a deck, as commands see them.
+    """The locks of a deck.
 
     Attributes:
         time: s since the start, summed over updates.
-        due: tells when the present tick was due, by the machine's steady clock, s. Beats and other decks go on while
-            ticks are missed, so locks follow this time; without it they follow that of the deck.
-        phase_at: when the present phase was due by that clock, s; None without one.
-        leader: sees the deck that this one can be locked to, if there is one.
-        measured: tells where the joints are, if that is measured.
+        due: returns the due time of the present tick by the machine's steady clock, s; locks follow it, since beats and
+            other decks go on while ticks are missed. Without it they follow the time of the deck.
+        phase_at: the due time of the present phase by that clock, s; None without one.
+        leader: observes the deck that this one can be locked to, or None.
+        measured: returns the measured joint positions, or None where there are none.
     """
 
     time: float
@@ -41,7 +41,7 @@ class Lockable(Paced, ABC):
 
     @property
     def lock_state(self) -> LockState | None:
-        """What the phase is locked to, and how well; None if to nothing."""
+        """The state of the lock, or None without one."""
         return self._lock.state if self._lock is not None else None
 
     @abstractmethod
@@ -54,10 +54,10 @@ class Lockable(Paced, ABC):
 
     @abstractmethod
     def _playhead(self, time: float) -> LoopPlace | None:
-        """Where the deck is since its latest update, which was at a time, s; None if the network runs by itself."""
+        """The place in the motion at the latest update, at `time` s; None for an autonomous network."""
 
     def lock(self, source: LockSource, phase: float = 0.0, steps: int = 0) -> None:
-        """Locks the phase of loops to something else than the commanded tempo; an earlier lock ends.
+        """Locks the phase of loops to a reference; an earlier lock ends.
 
         Args:
             source: "beat" for the times that `beat` is given, "deck" for the `leader`, "body" for what is `measured`.
@@ -112,7 +112,7 @@ class Lockable(Paced, ABC):
             self._lock = self._beats = None
 
     def _note(self, targets: Array) -> None:
-        """Takes the joint targets (J,), rad, that a tick has led to, for a lock to the body."""
+        """Passes the joint targets (J,), rad, of a tick to a lock to the body."""
         if isinstance(self._lock, BodyLock) and (playhead := self._playhead(self.time)) is not None:
             self._lock.note(playhead, targets)
 

@@ -87,7 +87,7 @@ class Performance:
 
     @property
     def fading(self) -> bool:
-        """Whether the last switch is still under way."""
+        """Whether the last switch is under way."""
         return self._fade is not None or self._switching
 
     @property
@@ -116,7 +116,7 @@ class Performance:
         return completed
 
     def show(self) -> Pose:
-        """Shows what this tick has led to; the pose in the world."""
+        """Ends the tick; the pose in the world."""
         self._before, self.posture = self.posture, self._shown
         self._pose_before, self.pose = self.pose, self._next
         if self._limits is not None:
@@ -166,11 +166,11 @@ class Performance:
 
     @property
     def _onset(self) -> float:
-        """The share of the tempo at which the motion is played: one-shots get going as they are faded in."""
+        """The share of the tempo at which the motion plays: a one-shot starts slowly as it fades in."""
         return self._fade.onset if self._fade is not None and not self.here.loop else 1.0
 
     def _faded(self, target: Posture, dt: float) -> tuple[Posture, bool]:
-        """The target with what is left of the last switch, and whether the switch is now complete."""
+        """The target with the rest of the last fade, and whether the switch is complete."""
         if self._fade is not None:
             self._fade.advance(dt, float(target.turn_rate))
             if self._fade.lasts:
@@ -183,7 +183,7 @@ class Performance:
         return target, True
 
     def _keep_within(self, limits: JoinLimits, dt: float, tempo: float) -> None:
-        """Slows, gives up or replaces a join that takes the joints too near its limits, or beyond them."""
+        """Slows, gives up or replaces a join near or beyond its limits."""
         tracks = self.tracks
         # Played faster, the motions themselves go beyond what they need at their own tempo.
         use = limits.use(self._next, dt) / max(1.0, abs(tempo))
@@ -203,15 +203,15 @@ class Performance:
             self._fade_instead()
 
     def _swing_on(self, dt: float) -> None:
-        """Shows in this tick the body moving on as it did, not what is played."""
+        """Extrapolates the last two postures for this tick."""
         self._take(extrapolated(self._before, self.posture, dt, self.tracks.rest_direction))
 
     def _take(self, shown: Posture) -> None:
-        """Takes a posture for the one of this tick."""
+        """Sets the posture of this tick."""
         self._shown, self._next = shown, advance(self.pose, shown, self._dt)
 
     def _limit(self, *motions: Motion) -> None:
-        """Limits the join that begins, by these motions and by those of a join still under way."""
+        """Sets the limits of a new join, from these motions and those of a join under way."""
         if self._limits is None:
             self._limits = JoinLimits(self._skeleton, self._pose_before, self.pose)
             self._weight_pace = 1.0
@@ -219,7 +219,7 @@ class Performance:
         self._correct_from = CORRECTED_FROM
 
     def _mix_to(self, motion: str, anchor: int) -> None:
-        """Has the network itself change to a motion if it is to morph and can, or mixes both motions."""
+        """Starts a morph of the network if it can, or a crossing of both motions."""
         morphs = self._joining == "morph"
         if morphs and self._morphs_inside:
             self.tracks.playing[0].morph(motion, anchor, MORPH_SECONDS)
@@ -251,7 +251,7 @@ class Performance:
         self._begin_fade(track, onset, track.motion)
 
     def _show_beginning(self, track: Track, tempo: float) -> None:
-        """Has a track that has just been cued take its first two postures: a fade needs a rate of change."""
+        """Steps a track that was just cued to its first two postures: a fade needs a rate of change."""
         track.step(0.0, tempo)
         track.step(self._dt, tempo)
 

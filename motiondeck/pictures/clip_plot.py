@@ -72,7 +72,7 @@ def _figures(axes: Any, clip: Clip) -> None:
 
 
 def _seen(joints: Array, pelvis: Array) -> tuple[Array, Array]:
-    """Joints (N, 3) as someone 50 degrees to the side of where the pelvis faces sees them: across and up, m."""
+    """Joints (N, 3) projected along a view 50 degrees to the side of the pelvis: across and up, m."""
     from controller.motion.rotations import rotate
 
     ahead = rotate(pelvis, np.array([1.0, 0.0, 0.0]))
@@ -105,7 +105,7 @@ def _curves(heights: Any, speeds: Any, clip: Clip) -> None:
 
 
 def _gaps(axes: Any, recording: FittedClip) -> None:
-    """How far markers are from where the fitted body has them, and when some were not seen."""
+    """The residuals of markers on the fitted body, and the number of missing markers."""
     fit = recording.fit
     assert fit is not None
     time = np.arange(len(fit.residual)) / fit.clip.rate

@@ -1,4 +1,4 @@
-"""A recording as something to look at: its body, its bones, its steps, and a robot that does the same beside it."""
+"""Scenes of recordings for the page: body, bones, footprints, and a robot beside the human."""
 
 from __future__ import annotations
 
@@ -26,11 +26,11 @@ GHOST = 0.45  # opacity of the human where a robot or its bones are to be seen
 
 
 def act_of(clip: Clip, robot: Path | None, ghost: bool = True) -> Act:
-    """What is to be shown of a clip.
+    """The scene of a clip.
 
     Args:
         clip: of a body.
-        robot: the file of a robot that does the same beside the human; None for the human alone.
+        robot: the file of a robot beside the human; None for the human alone.
         ghost: whether the human is translucent.
 
     Raises:
@@ -55,7 +55,7 @@ def act_of(clip: Clip, robot: Path | None, ghost: bool = True) -> Act:
 
 
 def act_of_recording(recording: RunRecording, robot: Robot) -> Act:
-    """What is to be shown of a recorded run: the robot where it was told to be, with its steps if they are known.
+    """The scene of a recorded run: the robot at its targets, with footprints if they are known.
 
     Raises:
         MotiondeckError: if nothing was recorded, or it was another robot's.
@@ -89,7 +89,7 @@ def act_of_recording(recording: RunRecording, robot: Robot) -> Act:
 
 
 def _poses(clip: Clip) -> list[Pose]:
-    """The frames of a clip one by one; where a body faces is its root's business here."""
+    """The frames of a clip as poses; the heading is in the rotation of the root."""
     heading = np.zeros(())
     return [Pose(place, heading, turn) for place, turn in zip(clip.root_position, clip.rotation, strict=True)]
 

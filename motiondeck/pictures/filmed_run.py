@@ -1,4 +1,4 @@
-"""`play --video FILE`: a run that is filmed instead of played live."""
+"""`play --video FILE`: films a run instead of playing it live."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ def film_run(
     look: FilmLook,
     staging: Staging,
 ) -> tuple[dict[str, Any], str]:
-    """Films a run of so many seconds, by default of the length of its timeline; its report, and a few words.
+    """Films a run, by default as long as its timeline; its report, and a line for the terminal.
 
     Raises:
         MotiondeckError: if a command of the timeline is not for a film.

@@ -1,4 +1,4 @@
-"""Pictures of what a library plays: contact sheets and films, drawn off screen and as fast as the machine can."""
+"""Contact sheets and films of the motions of a library."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ if TYPE_CHECKING:
     from sim.physics.kinematic_playback import KinematicPlayback
     from sim.robots.robot import Robot
 
-# Pictures a second, and their size: a GIF has to be small to be shown on a page.
+# Frames per second and size, pixels; a GIF is small enough for a web page.
 FILM = {".mp4": (30.0, (1920, 1080)), ".gif": (20.0, (400, 300))}
 STEPS_A_SECOND = 200
 PRINTS = 24  # of the latest footprints are shown
@@ -81,7 +81,7 @@ def draw_sheet(library: str, robot: str, out: Path, blends: Sequence[Blend] = ()
 
 
 def _blended(library: MotionLibrary, body: Robot, blend: Blend) -> Deck:
-    """A deck that plays a blend, or what it has fallen back to."""
+    """A deck that plays a blend, or the motion it has fallen back to."""
     if blend.first not in library.network.motions:
         raise UnknownNameError.among("motion", blend.first, library.network.motions)
     deck = Deck(library, body.retarget, blend.first)
@@ -93,7 +93,7 @@ def _blended(library: MotionLibrary, body: Robot, blend: Blend) -> Deck:
 
 @dataclass(frozen=True)
 class FilmLook:
-    """How a film looks: width and height, pixels; pictures a second; where it is seen from; what is drawn besides."""
+    """Size (pixels), frames per second, camera and additions of a film."""
 
     size: tuple[int, int]
     fps: float
@@ -105,7 +105,7 @@ class FilmLook:
 def film_look(
     out: Path, size: str | None, fps: float | None, camera: str, ghost: bool = False, footprints: bool = False
 ) -> FilmLook:
-    """The look that options ask for; what they leave open follows from the ending of the file.
+    """The look from options; defaults follow from the ending of the file.
 
     Raises:
         MotiondeckError: for a size that is not WIDTHxHEIGHT, or another rate than 1 to 240 Hz.
@@ -125,7 +125,7 @@ def film_look(
 
 @dataclass(frozen=True)
 class Staging:
-    """What carries the robot of a film: as the options of `play` say."""
+    """Simulation of the robot in a film; the attributes are options of `play`."""
 
     physics: bool = True
     root: str = "gantry"
@@ -144,17 +144,17 @@ def film(
     look: FilmLook,
     staging: Staging,
 ) -> dict[str, object]:
-    """Films a run and returns what `play --video --json` says.
+    """Films a run; its report, as `play --video --json` prints it.
 
     Args:
-        library: what is played.
-        robot: whose body plays it.
-        deck_for: the deck of that body's retargeting.
-        timeline: what is commanded when.
-        seconds: how long.
+        library: the motions.
+        robot: a shipped robot, or a robot file.
+        deck_for: makes the deck for the robot's retargeter.
+        timeline: the commands, in order of time.
+        seconds: duration, s.
         out: the film, .mp4 or .gif.
-        look: how it looks.
-        staging: whether in physics, and what holds the robot.
+        look: its size, rate and camera.
+        staging: physics, and what holds the robot.
 
     Raises:
         MotiondeckError: if a command is refused; it says when.
@@ -170,7 +170,7 @@ def film(
 
 
 def film_frames(model: Any, frames: Iterable[Array | Shot], total: int, out: Path, look: FilmLook) -> dict[str, object]:
-    """Films so many pictures of a MuJoCo model."""
+    """Films `total` frames of a MuJoCo model."""
     from motiondeck.pictures.video import render
     from motiondeck_base.progress import progress
 
@@ -182,7 +182,7 @@ def film_frames(model: Any, frames: Iterable[Array | Shot], total: int, out: Pat
 def _shots(
     deck: Deck, body: Robot, timeline: Sequence[Timed], total: int, look: FilmLook, staging: Staging
 ) -> Iterator[Shot]:
-    """The pictures; between them the deck plays on in ticks, as `play` does."""
+    """The frames of the film; between them the deck plays in ticks, as `play` does."""
     from controller.loop.safety.safety_envelope import SafetyEnvelope
     from motiondeck.page.body.footprints import StepWatch
     from motiondeck.pictures.screens import Shot
@@ -225,7 +225,7 @@ def _shots(
 
 
 def _play_on(deck: Deck, stage: KinematicPlayback, body: Robot, seconds: float) -> None:
-    """Lets the deck play for so long, in steps of about a tick, and shows where that ends."""
+    """Plays for some seconds, in steps of about a tick, and places the robot at the end."""
     steps = max(1, round(seconds * STEPS_A_SECOND))
     for _ in range(steps - 1):
         deck.update(seconds / steps)

@@ -1,4 +1,4 @@
-"""Pictures of a robot without a screen: EGL where it works, else OSMesa, with settings made for software rendering."""
+"""Draws models off screen: with EGL where it works, else OSMesa, tuned for software rendering."""
 
 from __future__ import annotations
 
@@ -44,16 +44,16 @@ INSTALL = (
 
 
 class PictureError(MotiondeckError):
-    """A picture that cannot be made here; the message says what is missing."""
+    """A picture that cannot be drawn; the message says what is missing."""
 
 
 class OffScreen:
-    """Draws one model into images; a context manager, because OpenGL wants to be let go in order.
+    """Draws one model into images; a context manager, because OpenGL contexts are freed in order.
 
     Args:
         model: one or more robots on their stage.
         size: width and height of the images, pixels; within the model's off-screen buffer (1920 x 1080).
-        shadows: costs about as much again as everything else.
+        shadows: doubles the cost.
         camera: one of CAMERAS; "three" divides the image into the views of the other three.
 
     Raises:
@@ -243,7 +243,7 @@ def _egl_device_works() -> bool:
 
 
 def with_less_detail(model: mujoco.MjModel, finest: float) -> mujoco.MjModel:
-    """A copy of a model, to be drawn only, whose meshes show nothing finer than so many metres.
+    """A copy of a model for drawing only, whose meshes have no detail finer than `finest` m.
 
     Vertices within one cell of a grid become one of them, and triangles without an area go (Rossignac and Borrel 1993).
     """

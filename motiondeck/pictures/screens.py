@@ -1,4 +1,4 @@
-"""Screens that draw a film together: each draws every second (third ...) picture in a thread of its own.
+"""Draws the frames of a film on several screens in parallel, one thread each.
 
 OpenGL in software does most of its work on one core; two screens on two cores halve the time of a film.
 """
@@ -35,10 +35,10 @@ class Shot:
 
 
 class Screens:
-    """As many screens as there are cores for this process, up to MOST; a context manager.
+    """One screen per core of this process, up to MOST; a context manager.
 
     Args:
-        model: as for OffScreen, and the others too.
+        model, size, shadows, camera: as for OffScreen.
 
     Raises:
         PictureError: where there is no off-screen OpenGL, or the size does not fit.

@@ -1,4 +1,4 @@
-"""Side by side: a robot beside the human whose motion it plays, as one model to be drawn."""
+"""A robot beside the human whose motion it plays, in one model."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ from sim.robots.robot import load_robot
 PREFIX = "robot/"
 APART = 0.9  # heights of the human's root
 
-# What a model may reserve: MuJoCo finds out by itself what is needed.
+# Sizes that a model may reserve; MuJoCo computes those it needs.
 _USERS = ("actuator", "body", "cam", "geom", "jnt", "sensor", "site", "tendon")
 _SIZES = ("memory", "nconmax", "njmax", "nstack", "nkey", "nuserdata", *(f"nuser_{thing}" for thing in _USERS))
 
@@ -31,7 +31,7 @@ class SideBySide:
 
     Attributes:
         model: both of them.
-        human, robot: each for itself; in `model` the robot's names begin with PREFIX.
+        human, robot: both separately; in `model` the robot's names begin with PREFIX.
         scale: the size of the human shown over that of the skeleton.
     """
 
@@ -39,7 +39,7 @@ class SideBySide:
         """Loads both.
 
         Args:
-            skeleton: whose poses will come.
+            skeleton: of the poses.
             human, robot: the robot files of the mannequin and of the robot.
             dt: seconds from one pose to the next.
         """
@@ -62,7 +62,7 @@ class SideBySide:
         self._qpos = np.zeros(self.model.nq)
 
     def qpos(self, pose: Pose, own_path: bool = False) -> Array:
-        """Both as they are in a pose, shape (nq,); overwritten by the next call.
+        """The qpos (nq,) of both in a pose; overwritten by the next call.
 
         The robot is kept beside the human, or goes as far as its own steps carry it: then its feet do not slide.
         """
@@ -78,11 +78,11 @@ class SideBySide:
 
 RATE = 60.0
 MOMENTS = 8
-TILE = (480, 440)  # pixels: knees of a robot beside a human can be told at this size
+TILE = (480, 440)  # pixels: large enough to see the knees
 
 
 def played(library: str, motion: str, seconds: float) -> Clip:
-    """What a library plays of a motion, as a clip at RATE.
+    """A motion as a library plays it, as a clip at RATE.
 
     Raises:
         UnknownNameError: if there is no such library or motion.

@@ -1,4 +1,4 @@
-"""Films and contact sheets: a motion as an mp4, a GIF, or a row of pictures."""
+"""Writes films (mp4, GIF) and contact sheets of MuJoCo models."""
 
 from __future__ import annotations
 
@@ -38,12 +38,12 @@ def render(
     Args:
         model: the robot on its stage.
         frames: one qpos (nq,), or more to be drawn, a picture.
-        path: where to; the name ends in .mp4 or .gif.
+        path: the file, .mp4 or .gif.
         fps: pictures a second.
         size: width and height, pixels; even numbers for mp4.
         shadows: prettier and about twice as slow.
-        progress: told the number of frames done.
-        camera: where it is seen from.
+        progress: called with the number of frames done.
+        camera: one of CAMERAS.
 
     Raises:
         PictureError: for another ending, for no frames, and where OpenGL or ffmpeg is missing.
@@ -79,7 +79,7 @@ def contact_sheet(
     Args:
         model: the robot on its stage.
         rows: a label and up to 8 qpos (nq,) each.
-        path: where to; a name that pillow knows how to write, such as .png.
+        path: the file, of a type that pillow writes, such as .png.
         tile: width and height of one picture, pixels.
 
     Raises:
@@ -91,7 +91,7 @@ def contact_sheet(
 def bodies_sheet(
     rows: Sequence[tuple[str, mujoco.MjModel, Sequence[Array]]], path: Path, tile: tuple[int, int] = (200, 220)
 ) -> None:
-    """As `contact_sheet`, with a body of its own in each row."""
+    """As `contact_sheet`, with a model for each row."""
     if not rows:
         raise PictureError(f"{path}: there are no motions to show")
     if path.suffix.lower() not in Image.registered_extensions():
@@ -112,7 +112,7 @@ def bodies_sheet(
                     for column, qpos in enumerate(poses[:FRAMES_A_ROW]):
                         picture = Image.fromarray(screen.draw(qpos, cut=True))
                         sheet.paste(picture, (margin + column * width, row * height))
-        # A palette of 256 colours makes a quarter of the file, and nobody sees it.
+        # A palette of 256 colours: a quarter of the file without a visible difference.
         small = sheet.quantize(256, dither=Image.Dither.NONE) if path.suffix.lower() == ".png" else sheet
         # As an open file: pillow before 11 looks for the name of a path, and this one may have none.
         with unfinished.open("wb") as file:
@@ -121,13 +121,13 @@ def bodies_sheet(
 
 @contextmanager
 def _written_whole(path: Path) -> Iterator[Path]:
-    """A name to write to that becomes the file only if all went well; a process that is killed leaves nothing."""
+    """A temporary file that becomes the file on success; a killed process leaves nothing."""
     if not path.parent.is_dir():
         raise PictureError(f"{path}: there is no folder {path.parent}")
     unfinished = path.with_name(f".{path.stem}.unfinished{path.suffix}")
     try:
         nameless = _nameless(path.parent)
-        # Better to learn now that nothing can be written here than after minutes of drawing.
+        # Find out before minutes of drawing that nothing can be written here.
         unfinished.touch()
         if nameless is not None:
             unfinished.unlink()
@@ -151,7 +151,7 @@ def _written_whole(path: Path) -> Iterator[Path]:
 
 
 def _nameless(folder: Path) -> int | None:
-    """A file in a folder that has no name yet and goes with its process; None where the system has none."""
+    """An unnamed file in a folder, gone with its process; None where the system has none."""
     flag = getattr(os, "O_TMPFILE", None)
     if flag is None:
         return None

@@ -1,4 +1,4 @@
-"""The motions of a library as the deck sees them: where each can be entered and left, and its largest acceleration."""
+"""The motions of a library for the deck: entry and exit poses, course, peak speed and acceleration."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ from controller.networks.base import AnyNetwork, Channels
 
 @dataclass(frozen=True)
 class BodyCourse:
-    """A body at S moments, seen from its own heading, in one array, so that times between them are found at once.
+    """A body at S moments in its own heading frame, in one array, for fast interpolation.
 
     Attributes:
         rows: of each moment the vector along each bone, m, the height, m, the velocity, m/s, and the turn rate, rad/s,
@@ -92,8 +92,8 @@ class Motion:
         exits: the positions where it may be left: anywhere in a loop, the last pose of a one-shot, shape (E, F), m.
         course, postures: at all anchors, those too where it may not be entered.
         spacing: from anchor to anchor, s.
-        seconds: how long one round of a loop takes, or a one-shot until it holds its last pose.
-        whole: how long it takes until its phase is 1, s.
+        seconds: duration of a round of a loop, or of a one-shot until it holds its last pose, s.
+        whole: time until its phase is 1, s.
         speed, acceleration: the largest of any joint in the world, over PEAKS_OVER, m/s and m/s^2.
     """
 
@@ -136,7 +136,7 @@ class Motion:
 
 
 def rounds_beside(first: Motion, other: Motion) -> float:
-    """How often a loop goes round in each round of another, the first, when both stay in step.
+    """Rounds of a loop per round of the first, when both stay in step.
 
     The shorter goes round a whole number of times in each round of the longer, as often as suits its own tempo best.
     """
@@ -151,7 +151,7 @@ def tempos_in_step(lasts: Sequence[float], weights: Sequence[float]) -> tuple[fl
     Their common round takes the product of T_i^w_i, as in a morph inside the network (`networks.reservoirs`).
 
     Args:
-        lasts: how long each takes at its own tempo for as many rounds as it makes in a common one, s.
+        lasts: duration of each at its own tempo, over its rounds in a common round, s.
         weights: which sum to 1.
     """
     common = math.prod(own**weight for own, weight in zip(lasts, weights, strict=True))
@@ -190,7 +190,7 @@ def read_motions(library: MotionLibrary) -> Mapping[str, Motion]:
 
 
 def _whole(network: AnyNetwork, info: MotionInfo, stored: float, rate: float) -> float:
-    """How long it takes until the phase of a motion that is stored for some seconds is 1, s."""
+    """The time until the phase of a motion is 1, s; `stored` is its stored duration."""
     if (driven := network.as_phase_network) is not None and info.plays == "once":
         return driven.period(info.name) / rate
     return stored

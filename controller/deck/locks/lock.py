@@ -1,4 +1,4 @@
-"""What a deck asks of a lock, whatever it locks to."""
+"""The interface of locks to a deck."""
 
 from __future__ import annotations
 
@@ -10,13 +10,13 @@ from controller.wire.messages.lock_state import LockState
 
 @dataclass(frozen=True, slots=True)
 class LoopPlace:
-    """Where a deck is.
+    """The place of a deck in its motion.
 
     Attributes:
         time: when it was there, by the clock on which ticks are due (the deck's own time without one), s.
-        motion: what is played.
-        phase: how far the motion is, [0, 1) in a loop.
-        seconds: how long one round of the loop, or the one-shot, takes at tempo 1, s.
+        motion: the name of the motion.
+        phase: of the motion, [0, 1) in a loop.
+        seconds: duration of a round or of the one-shot at tempo 1, s.
         loop: whether it is a loop.
         tempo: the commanded tempo.
         alone: whether the motion is played alone: nothing is joined, blended or paused.
@@ -33,7 +33,7 @@ class LoopPlace:
 
 @dataclass(frozen=True, slots=True)
 class Steering:
-    """The tempo that a lock wants now, and the phase that it wants to be fetched to by a jump, if it is far off."""
+    """The tempo that a lock asks for, and the phase of a jump if the error is large."""
 
     tempo: float
     jump: float | None = None
@@ -43,18 +43,18 @@ class Lock(Protocol):
     """Steers the tempo of a deck.
 
     Attributes:
-        rate: how fast it changes the tempo, 1/s.
-        owns_tempo: whether the tempo is no longer that of the commands.
+        rate: the rate of change of the tempo, 1/s.
+        owns_tempo: whether it replaces the commanded tempo.
     """
 
     rate: float
     owns_tempo: bool
 
     def steer(self, playhead: LoopPlace) -> Steering:
-        """What it wants at this tick; called once a tick."""
+        """The steering of this tick; called once a tick."""
         ...
 
     @property
     def state(self) -> LockState:
-        """Whether it is locked, and how far off it is."""
+        """Whether it is locked, and its error."""
         ...

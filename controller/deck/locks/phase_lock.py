@@ -23,7 +23,7 @@ def wrapped(phase: float, modulus: float = 1.0) -> float:
 
 
 def correction(error: float, rate: float) -> float:
-    """By how much the tempo should differ from that of the reference.
+    """The correction to the tempo of the reference for a phase error.
 
     In proportion to small errors; to larger ones as the speed from which a constant deceleration b just ends at zero,
     joined to the line without a kink: the proximate time-optimal servomechanism (Franklin, Powell and Workman,
@@ -55,13 +55,13 @@ _SLOWEST = 0.1  # a reference below this tempo stands: then errors are seconds o
 
 @dataclass(frozen=True, slots=True)
 class Reference:
-    """Where the motion should be.
+    """The phase that a loop should have.
 
     Attributes:
         phase: now.
-        rate: how fast it turns, rounds a second; negative backwards.
+        rate: rounds per second; negative backwards.
         modulus: phases that differ by this are the same; 1 for a round, less where several beats belong to one.
-        steady: whether it is known well enough to be locked to.
+        steady: whether it is known well enough for a lock.
     """
 
     phase: float
@@ -71,7 +71,7 @@ class Reference:
 
 
 class ReferenceSource(Protocol):
-    """Tells where a motion should be."""
+    """A source of reference phases."""
 
     @property
     def name(self) -> Literal["beat", "deck"]:

@@ -36,10 +36,10 @@ class FramePlayer:
     Args:
         network: the network that is played.
         rate: the frames per second of its training.
-        beside: another player of the same library, if there is one: what was found out for it is not found out again.
+        beside: another player of the same library, whose anchors it shares.
 
     Attributes:
-        pace: how many frames are played in the time of one, because of an input.
+        pace: rate factor implied by the input.
     """
 
     def __init__(self, network: FrameNetwork, rate: float, beside: FramePlayer | None = None) -> None:
@@ -134,7 +134,7 @@ class FramePlayer:
             self._phases[place] = self._center.phase
 
     def _turn_round(self) -> None:
-        """Plays the other way from here on: what lay ahead is behind, and the network has to get ahead of it again."""
+        """Reverses the direction of play; the network has to get ahead of the output again."""
         self._forwards = not self._forwards
         self._fraction = 1.0 - self._fraction
         self._frames[:] = self._frames[::-1].copy()
@@ -149,11 +149,11 @@ class FramePlayer:
 
     @property
     def inputs(self) -> dict[str, tuple[float, float]]:
-        """The inputs that the network has besides the phase, and between which values each was learned."""
+        """The learned ranges of the network's inputs besides the phase, by name."""
         return self._driven.inputs if self._driven is not None else {}
 
     def set_input(self, name: str, value: float) -> None:
-        """Gives an input another value: the frames taken from now on follow it.
+        """Changes an input; the next frames follow it.
 
         Raises:
             UnknownNameError: if the network has no such input.

@@ -1,4 +1,4 @@
-"""The tracks that play: one alone, a blend of several, or two of which the second takes over."""
+"""The playing tracks: one alone, a blend, or two of which the second takes over."""
 
 from __future__ import annotations
 
@@ -70,8 +70,8 @@ class PlayingTracks:
         motions: the same as the deck sees them.
 
     Attributes:
-        every: all tracks, those too that do not play.
-        playing: those that play; the first leads, unless another takes over.
+        every: all tracks, playing or idle.
+        playing: the playing tracks; the first leads, unless another takes over.
         rest_direction: the directions of the bones in the rest pose, shape (B, 3), where their twist follows a rule.
     """
 
