@@ -48,9 +48,8 @@ from controller.networks.centralized.satellites import (
     lowest_orders,
     spacing,
 )
-from controller.networks.centralized.switching_commands import clamp, collapse_and_kick, excite
 from controller.networks.centralized.switching_design import ModuleDesign, SwitchingModuleError, design_module
-from controller.networks.centralized.switching_module import Command, SwitchingModule
+from controller.networks.centralized.switching_module import Command, SwitchingModule, clamp, collapse_and_kick, excite
 from controller.networks.conceptor.network import ConceptorNetwork
 from controller.networks.echo_state.network import EchoStateNetwork
 from controller.networks.phase_conceptor.morph import PhaseMorph

@@ -19,7 +19,10 @@ import numpy as np
 
 from controller.library.motion_library import MotionLibrary
 from controller.motion.encodings.motion_matching import joint_features
+from controller.motion.rotations import Array
 from controller.networks.base import AnyNetwork
+from controller.networks.centralized.centers import require_frequencies
+from controller.networks.centralized.centralized import CentralizedMotion
 from controller.networks.centralized.network import CentralizedNetwork
 from controller.networks.reservoirs.phase_driven import PhaseDrivenNetwork
 from motiondeck_base.errors import MotiondeckError
@@ -44,7 +47,7 @@ def restyled(library: MotionLibrary, motion: str, like: str) -> tuple[MotionLibr
             "in a phase-driven one name the same action without the style: --unlike NEUTRAL"
         )
     part, other, name = network[motion], network[like], _new_name(library, motion, like)
-    styled = part.with_frequencies(other.frequency)
+    styled = with_frequencies(part, other.frequency)
     frames = round(styled.seconds * network.rate)
     # A library counts whole frames: the period is rounded to them, and all centers with it.
     seconds = (frames if styled.loop else max(1, frames - 1)) / network.rate
@@ -55,6 +58,20 @@ def restyled(library: MotionLibrary, motion: str, like: str) -> tuple[MotionLibr
     outside = max(0.0, float((after - before.max(0)).max()), float((before.min(0) - after).max()))
     parts = {m: network[m] for m in network.motions} | {name: styled}
     return _grown(library, motion, name, frames, CentralizedNetwork(parts, network.rate)), outside
+
+
+def with_frequencies(part: CentralizedMotion, frequency: Array) -> CentralizedMotion:
+    """The same satellites driven by other frequencies, those of another clip: its style on this motion.
+
+    Raises:
+        MotiondeckError: if there are not as many as centers, or a loop would no longer close.
+    """
+    if frequency.shape != part.frequency.shape:
+        raise MotiondeckError(f"{len(frequency)} frequencies for {len(part.frequency)} centers")
+    require_frequencies(frequency)
+    slowest = int(part.frequency.argmin())
+    seconds = part.seconds * float(part.frequency[slowest] / frequency[slowest])
+    return replace(part, frequency=frequency, seconds=seconds)
 
 
 def in_the_style(

@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
+import json
 import re
 import unicodedata
 from collections.abc import Iterator, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Literal, Union
+from typing import TYPE_CHECKING, Any, Literal, Union
 
 import msgspec
 
@@ -316,3 +317,33 @@ def _network_problems(recipe: LibraryRecipe) -> Iterator[str]:
     if trainer.center_driven and recipe.as_recorded:
         yield "as_recorded is for networks that run by themselves; centers need closed loops and ends that hold"
     yield from trainer.problems(recipe.network, [motion.name for motion in recipe.motions])
+
+
+def recipe_text(recipe: LibraryRecipe) -> str:
+    """The TOML text of a recipe, without fields at their defaults except for the network."""
+    tree = msgspec.to_builtins(recipe)
+    network, motions = tree.pop("network"), tree.pop("motions")
+    defaults = {field.name: field.default for field in msgspec.structs.fields(LibraryRecipe) if not field.required}
+    set_fields = {key: value for key, value in tree.items() if value is not None and value != defaults.get(key)}
+    lines = [_toml_line(key, value) for key, value in set_fields.items()]
+    if "licence" not in set_fields:
+        lines.append(f"{_toml_line('licence', recipe.licence)}  # on what terms may the recordings be passed on?")
+    lines += ["", "[network]", *(_toml_line(key, value) for key, value in network.items() if value is not None)]
+    for motion in motions:
+        lines += [
+            "",
+            "[[motions]]",
+            *(_toml_line(key, value) for key, value in motion.items() if value not in (None, False, {}, (), [])),
+        ]
+    return "\n".join(lines) + "\n"
+
+
+def _toml_line(key: str, value: Any) -> str:
+    return f"{key} = {_toml_value(value)}"
+
+
+def _toml_value(value: Any) -> str:
+    """A string, number, list or table as TOML writes it; JSON's strings, numbers and lists are the same."""
+    if isinstance(value, dict):
+        return "{ " + ", ".join(f"{json.dumps(key)} = {_toml_value(part)}" for key, part in value.items()) + " }"
+    return json.dumps(value)

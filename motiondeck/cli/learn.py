@@ -129,7 +129,7 @@ def _learn_recordings(paths: list[Path], out: Path, reading: ReadingOptions, job
     from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
 
     from controller.learning import learn as learning
-    from controller.learning.recipe_text import recipe_text
+    from controller.learning.recipe import recipe_text
     from controller.library.motion_library import save_library
     from motiondeck.cli.learn_report import report_recordings
     from motiondeck_base.files import write_file
@@ -158,8 +158,7 @@ def _learn_recipe(
         MotiondeckError: if a motion fails its self-test, without --allow-failing.
     """
     from controller.learning import fit as training
-    from controller.learning.recipe import warnings
-    from controller.learning.recipe_text import recipe_text
+    from controller.learning.recipe import recipe_text, warnings
     from controller.learning.training_set import prepare
     from controller.library.motion_library import save_library
     from motiondeck.cli.learn_report import report_recipe

@@ -12,7 +12,7 @@ from benchmarks.centralized.anticipation import Anticipator, foresight
 from benchmarks.centralized.anticipation_trust import Experience, Trust, shares_of
 from benchmarks.centralized.motion_index import load_index, save_index
 from benchmarks.centralized.motion_signature import part_weights, signature
-from benchmarks.centralized.restyling import restyled
+from benchmarks.centralized.restyling import restyled, with_frequencies
 from controller.learning.centralized.centralized_training import CentralizedRecipe, train_centralized_network
 from controller.learning.centralized.model_search import score_models
 from controller.library.motion_library import MotionLibrary, load_library, save_library
@@ -198,3 +198,16 @@ def test_the_criterion_prefers_the_sizes_that_a_motion_needs():
     assert all(a.aicc <= b.aicc for a, b in pairwise(scored))
     with pytest.raises(MotiondeckError, match="too few"):
         score_models(noisy[:8], 120.0, loop=True)
+
+
+def test_frequencies_of_another_clip_change_its_tempo_and_keep_it_closed(library):
+    walk = library.network["march"]
+    seconds = walk.seconds
+    styled = with_frequencies(walk, walk.frequency * 0.5)
+    assert styled.seconds == pytest.approx(2.0 * seconds)
+    assert np.allclose(styled.at(np.array([0.0])), styled.at(np.array([2.0 * seconds])))
+    assert np.allclose(styled.at(np.array([0.2])), walk.at(np.array([0.1])))
+    with pytest.raises(MotiondeckError, match="1 frequencies for 2 centers"):
+        with_frequencies(walk, np.array([1.0]))
+    with pytest.raises(MotiondeckError, match="does not close"):
+        with_frequencies(walk, walk.frequency * np.array([1.0, 1.1]))

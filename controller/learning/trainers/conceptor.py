@@ -85,9 +85,5 @@ class ConceptorTrainer(Trainer[ConceptorRecipe]):
             error = nrmse(before @ loaded.weights.T, what_drove(loaded.reservoir, before, inputs))
         return TrainingError(seed, mabs(readout), nrmse(states @ readout.T, targets), sized, error, network)
 
-    def readout_size(self, network: ConceptorNetwork, scaling: Array) -> float:
-        """The mean absolute readout, of channels scaled to [-1, 1]."""
-        return float(np.mean([mabs(network[name].readout * scaling[:, None]) for name in network.motions]))
-
 
 TRAINER = ConceptorTrainer()

@@ -4,12 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 
-from controller.learning.measures.accuracy import mabs
 from controller.learning.measures.self_test import Judge
 from controller.learning.reservoirs.echo_state_training import EchoStateRecipe, learn_readouts, train_echo_state
 from controller.learning.reservoirs.noise_choice import settled_echo_state
 from controller.learning.trainers.trainer import Lessons, NewMotion, SettledNetwork, Trainer
-from controller.motion.rotations import Array
 from controller.networks.echo_state.network import EchoStateNetwork
 from controller.networks.reservoirs.reservoir import Reservoir
 
@@ -38,10 +36,6 @@ class EchoStateTrainer(Trainer[EchoStateRecipe]):
         rng = np.random.default_rng([motion.seed, len(motion.lengths)])
         part = learn_readouts(reservoir, [motion.scaled(network.normalisation)], recipe, rng)
         return network.with_motions(part), (None, None)
-
-    def readout_size(self, network: EchoStateNetwork, scaling: Array) -> float:
-        """The mean absolute readout, of channels scaled to [-1, 1]."""
-        return float(np.mean([mabs(network[name].readout) for name in network.motions]))
 
 
 TRAINER = EchoStateTrainer()

@@ -11,7 +11,7 @@ import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
-from controller.learning.measures.accuracy import nrmse
+from controller.learning.measures.accuracy import mabs, nrmse
 from controller.learning.measures.self_test import Judge
 from controller.learning.preparation.training_motion import TrainingMotion
 from controller.motion.encodings.encoding import Encoding
@@ -209,6 +209,6 @@ class Trainer(ABC, Generic[Recipe]):
         """The NRMSE of a motion's readout at its anchors beside the frames (T, C) that it learned."""
         return nrmse(network.recall(motion), frames[:: recipe.anchor_every])
 
-    @abstractmethod
     def readout_size(self, network: Any, scaling: Array) -> float:
         """The mean absolute readout, of channels scaled to [-1, 1]."""
+        return float(np.mean([mabs(network[name].readout) for name in network.motions]))

@@ -11,7 +11,7 @@ has come from the one to the other, and the target is entered where it is most l
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
 
@@ -24,9 +24,8 @@ from controller.networks.base import Channels, NamedMotions
 from controller.networks.centralized.centers import pairs_at, require_frequencies
 from controller.networks.centralized.low_rank import LowRankWeights
 from controller.networks.centralized.satellites import GaussianSatellites
-from controller.networks.centralized.switching_commands import clamp
 from controller.networks.centralized.switching_design import design_module
-from controller.networks.centralized.switching_module import SwitchingModule
+from controller.networks.centralized.switching_module import SwitchingModule, clamp
 from controller.networks.entry_points import Entries
 from motiondeck_base.errors import MotiondeckError
 
@@ -91,19 +90,6 @@ class CentralizedMotion:
         if not self.loop:
             time = np.clip(time, 0.0, self.seconds)
         return self.satellites.respond(pairs_at(self.frequency, self.phase, time)) @ self.matrix.T + self.rest
-
-    def with_frequencies(self, frequency: Array) -> CentralizedMotion:
-        """The same satellites driven by other frequencies, those of another clip: its style on this motion.
-
-        Raises:
-            MotiondeckError: if there are not as many as centers, or a loop would no longer close.
-        """
-        if frequency.shape != self.frequency.shape:
-            raise MotiondeckError(f"{len(frequency)} frequencies for {len(self.frequency)} centers")
-        require_frequencies(frequency)
-        slowest = int(self.frequency.argmin())
-        seconds = self.seconds * float(self.frequency[slowest] / frequency[slowest])
-        return replace(self, frequency=frequency, seconds=seconds)
 
     @cached_property
     def linear_form(self) -> tuple[Array, Array]:

@@ -14,8 +14,7 @@ from bodies import waving
 from command_line import invoked
 from controller.learning.fit import fit, fit_prepared
 from controller.learning.learn import learn, recordings_in
-from controller.learning.recipe import LibraryRecipe, MotionRecipe, read_recipe, typeable
-from controller.learning.recipe_text import recipe_text
+from controller.learning.recipe import LibraryRecipe, MotionRecipe, read_recipe, recipe_text, typeable
 from controller.learning.reservoirs.echo_state_training import EchoStateRecipe
 from controller.learning.reservoirs.phase_conceptor_training import PhaseRecipe
 from controller.learning.training_set import prepare

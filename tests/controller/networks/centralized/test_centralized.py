@@ -189,18 +189,6 @@ def test_where_the_module_rests_frequencies_and_weights_are_those_of_its_motion(
         assert np.abs(weights[:, 1 - k]).max() < 1e-3
 
 
-def test_frequencies_of_another_clip_change_its_tempo_and_keep_it_closed():
-    walk, kick = motion(1), motion(2, 2.3)
-    styled = walk.with_frequencies(kick.frequency)
-    assert styled.seconds == pytest.approx(2.3)
-    assert np.allclose(styled.at(np.array([0.0])), styled.at(np.array([2.3])))
-    assert np.allclose(styled.at(np.array([0.23])), walk.at(np.array([0.16])))
-    with pytest.raises(MotiondeckError, match="1 frequencies for 2 centers"):
-        walk.with_frequencies(np.array([1.0]))
-    with pytest.raises(MotiondeckError, match="does not close"):
-        walk.with_frequencies(np.array([1.0, 2.5]))
-
-
 def test_impossible_motions_are_refused():
     part = motion(1)
     with pytest.raises(MotiondeckError, match="does not close"):

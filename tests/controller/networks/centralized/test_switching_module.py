@@ -7,9 +7,14 @@ from hypothesis import strategies as st
 from scipy.integrate import solve_ivp
 from scipy.special import expit
 
-from controller.networks.centralized.switching_commands import clamp, collapse_and_kick, excite
 from controller.networks.centralized.switching_design import SwitchingModuleError, design_module
-from controller.networks.centralized.switching_module import SwitchingModule, advance_state
+from controller.networks.centralized.switching_module import (
+    SwitchingModule,
+    advance_state,
+    clamp,
+    collapse_and_kick,
+    excite,
+)
 
 betas = st.floats(0.02, 0.98)
 
