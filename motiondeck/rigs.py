@@ -16,9 +16,8 @@ from controller.motion.quintic import rise
 from hardware.emulator.process import start_emulator
 from hardware.emulator.simulated_rig import SimulatedRig
 from hardware.errors import RigError, still_on
-from hardware.rig.interface import Rig as ConnectedRig
 from hardware.rig.rig_file import RigConfig, load_rig
-from hardware.rig.supervision.joined_rig import connect_rig
+from hardware.rig.supervision.rig import Rig as ConnectedRig
 from motiondeck_base.errors import UnknownNameError
 from motiondeck_base.shipped import find_rig
 
@@ -44,7 +43,7 @@ class Rig:
         lower, upper: position limits, shape (J,), rad.
     """
 
-    def __init__(self, connected: ConnectedRig) -> None:
+    def __init__(self, connected: ConnectedRig | SimulatedRig) -> None:
         self._rig = connected
         self.config: RigConfig = connected.config
         self.joints = connected.names
@@ -164,11 +163,11 @@ def open_rig(name: str | Path, servos: Servos = "real", ports: Sequence[str] = (
     config = load_rig(file)
     with ExitStack() as opened:
         if servos == "simulated":
-            connected: ConnectedRig = SimulatedRig(config)
+            connected = SimulatedRig(config)
         elif servos == "emulated":
-            connected = connect_rig(config, opened.enter_context(start_emulator(file)).ports)
+            connected = ConnectedRig.connect(config, opened.enter_context(start_emulator(file)).ports)
         else:
-            connected = connect_rig(config, ports)
+            connected = ConnectedRig.connect(config, ports)
         try:
             yield Rig(connected)
         except BaseException as error:

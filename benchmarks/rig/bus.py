@@ -41,9 +41,9 @@ from hardware.bus.sync_write import SyncWrite
 from hardware.emulator.bus import EmulatedBus
 from hardware.protocol2 import instructions as wire
 from hardware.protocol2.group_reply import GroupReply, WholeReply, fast_reply_length, status_length
-from hardware.rig.driving.dynamixel_rig import DynamixelRig
 from hardware.rig.driving.state_block import row_layout
 from hardware.rig.rig_file import RigConfig, RigJoint
+from hardware.rig.supervision.rig import Rig
 
 IDS = list(range(1, 21))
 GOAL, STATE = (116, 4), (126, 10)
@@ -290,7 +290,7 @@ def in_turns(port: str, baud: int) -> Turn:
 
 def whole_rig(port: str, baud: int) -> Turn:
     """One turn of a loop with a rig."""
-    driven = DynamixelRig(rig(baud), Bus(SerialPort(port, baud), baud))
+    driven = Rig(rig(baud), lambda part: Bus(SerialPort(port, baud), baud))
     targets = np.zeros(len(IDS))
 
     def turn() -> bool:

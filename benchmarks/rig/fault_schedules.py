@@ -3,7 +3,7 @@
 Time is simulated; judged is what the shafts really do.
 
 Each schedule is a rig of three or four servos on one or two ports, each left somewhere with an old goal; targets that
-reach beyond the ends of range and speed; faults that overlap; mending in the loop's thread or
+reach beyond the ends of range and speed; faults that overlap; recovery in the loop's thread or
 beside it; and one of several ends. See `schedule_judge`.
 """
 
@@ -30,8 +30,7 @@ from hardware.emulator.faults import Fault, FaultPlan
 from hardware.errors import RigError
 from hardware.rig.rig_file import RigConfig, RigJoint
 from hardware.rig.scale import Array
-from hardware.rig.supervision.joined_rig import JoinedRig
-from hardware.rig.supervision.supervised_rig import SupervisedRig
+from hardware.rig.supervision.rig import Rig
 
 _TICK = 0.01
 SECONDS = 12.0
@@ -60,7 +59,7 @@ class Schedule:
     Attributes:
         config: the rig.
         faults: passing ones, and at most one that lasts; "silence" is a loop that stalls.
-        end: "close", "hold" (close, and the joints hold), "kill" (nobody says a word any more) or "lasting".
+        end: "close", "hold" (close, and the joints hold), "kill" (the bus falls silent) or "lasting".
         start, old_goal: where each joint stands and which goal it has when the rig is switched on, shape (J,), rad.
         targets: over time.
         beside: whether a rig is mended in a thread beside its loop, or in the loop's own.
@@ -164,7 +163,7 @@ def _passing(rng: random.Random, ids: list[int]) -> Fault:
 
 def run(seed: int, until_wrong: bool = False) -> Outcome:
     """Plays one schedule, or only until something is wrong; nothing but a RigError may leave the loop."""
-    turns = Turns("rig-mending")
+    turns = Turns("rig-recovery")
     try:
         return _play(seed, until_wrong, turns)
     finally:
@@ -197,13 +196,9 @@ def _play(seed: int, until_wrong: bool, turns: Turns) -> Outcome:
             if not turns.give(at):
                 break
 
-    rigs = [
-        SupervisedRig(
-            part, partial(_open, port, config.baud), plan.beside, sleep=port.elapse if plan.beside else elapse
-        )
-        for part, port in zip(parts, ports, strict=True)
-    ]
-    rig = rigs[0] if len(rigs) == 1 else JoinedRig(config, rigs)
+    by_name = {port.name: port for port in ports}
+    sleep = ports[0].elapse if plan.beside else elapse
+    rig = Rig(config, lambda part: _open(by_name[part.port], part.baud), plan.beside, sleep)
     stalls = sorted((fault for fault in plan.faults if fault.kind == "silence"), key=lambda fault: fault.at)
     limits = np.array([joint.lower for joint in config.joints]), np.array([joint.upper for joint in config.joints])
     elapse(0.0)
@@ -220,8 +215,8 @@ def _play(seed: int, until_wrong: bool, turns: Turns) -> Outcome:
         if stalls and now >= stalls[0].at:
             elapse(stalls.pop(0).lasts)
         elapse(_TICK)
-        for judge, part, place in zip(judges, rigs, places, strict=True):
-            judge.look(np.clip(targets, *limits)[place], part.faults.unsent)
+        for judge, place in zip(judges, places, strict=True):
+            judge.look(np.clip(targets, *limits)[place], rig.faults.unsent[place])
             if until_wrong and judge.is_wrong:
                 return Outcome(judge.problems)
     outcome.recoveries = rig.recoveries
@@ -257,7 +252,7 @@ def _leave(part: RigConfig, bus: JudgedBus, start: Array, old_goal: Array) -> No
 
 
 def _faults_of(plan: Schedule, part: RigConfig, seed: int) -> FaultPlan:
-    """The faults of a port: its own servos', and in turns those of none."""
+    """The faults of a port: its own servos', and by rotation those of none."""
     ids = [joint.id for joint in part.joints]
     turn, ports = plan.config.ports.index(part.port), len(plan.config.ports)
     last = plan.faults[-1] if plan.faults else None
@@ -284,7 +279,7 @@ def _struck(plan: Schedule, kinds: tuple[str, ...], after: float, now: float) ->
     active = [
         fault for fault in plan.faults if fault.kind in kinds and fault.at <= now < fault.at + fault.lasts + after
     ]
-    # Whoever takes another's ID misleads that one too.
+    # A servo that takes another's ID misleads that one too.
     misled = any(fault.kind == "duplicate" for fault in active)
     ids = {fault.id for fault in active}
     return np.array([misled or joint.id in ids for joint in plan.config.joints])

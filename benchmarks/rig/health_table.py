@@ -22,7 +22,7 @@ from hardware.emulator.port import EmulatedPort
 from hardware.emulator.servos.device import Device
 from hardware.errors import RigError
 from hardware.rig.rig_file import RigConfig, RigJoint
-from hardware.rig.supervision.supervised_rig import SupervisedRig
+from hardware.rig.supervision.rig import Rig
 
 MODELS = ("XM430-W350", "XL330-M288", "XL430-W250", "XC330-T288", "MX-64", "XW540-T260")
 OLD_MODELS = ("AX-12A", "RX-64", "MX-28(1.0)", "MX-64(1.0)", "XL-320", "XM430-W350")
@@ -92,7 +92,7 @@ def run(model: str, fault: str, in_place: bool = False, models: Sequence[str] = 
     for device in port.bus.devices:
         if device.model in P_SERIES:  # most come without heat in their shutdown mask: doctor --fix sets it
             device["shutdown"] |= _HEAT
-    rig = SupervisedRig(config, lambda: Bus(port, config.baud), beside=False, sleep=port.elapse)
+    rig = Rig(config, lambda part: Bus(port, part.baud), beside=False, sleep=port.elapse)
     index = models.index(model)
     device = port.bus.devices[index]
     began, struck, end, target = port.now(), float("inf"), "", 0.0
@@ -108,8 +108,8 @@ def run(model: str, fault: str, in_place: bool = False, models: Sequence[str] = 
             end = str(error)
             break
         port.elapse(_TICK)
-    who = f"{model} (id {index + 1})"
-    named = [incident for incident in rig.incidents if incident.who == who and incident.time >= struck]
+    joint = f"{model} (id {index + 1})"
+    named = [incident for incident in rig.incidents if incident.source == joint and incident.time >= struck]
     joint = config.joints[index]
     shaft = (device["present_position"] - joint.zero) / joint.pulses_per_radian
     follows = not end and abs(shaft - target) < _FOLLOWS
@@ -121,7 +121,7 @@ def run(model: str, fault: str, in_place: bool = False, models: Sequence[str] = 
 
 def main(
     in_place: Annotated[
-        bool, typer.Option("--in-place", help="No servo's indirect cells can be arranged: health is read in turns.")
+        bool, typer.Option("--in-place", help="No servo's indirect cells can be arranged: health is read in rotation.")
     ] = False,
     old: Annotated[
         bool, typer.Option("--old", help="AX, RX and MX servos of Protocol 1.0, an XL-320 and an XM430 on one bus.")

@@ -32,8 +32,8 @@ from controller.loop.stop_requests import StopRequest
 from hardware.bus.servo_bus import Bus
 from hardware.emulator.bus import EmulatedBus
 from hardware.emulator.port import EmulatedPort
-from hardware.rig.driving.dynamixel_rig import DynamixelRig
 from hardware.rig.rig_file import load_rig
+from hardware.rig.supervision.rig import Rig
 from motiondeck.run.recognition.recognition_watch import MismatchPolicy, RecognitionWatch
 from motiondeck.run.robots.rig_output import RigOutput, narrowed
 from motiondeck_base.shipped import find_library, find_rig, find_robot
@@ -44,7 +44,7 @@ RATE = 100.0
 USED = 0.3  # rad: a motion uses a joint that moves at least so far
 SOON = 2.0  # s within which a jam is to be found
 
-PLAYING = StopRequest()  # nobody stops these runs
+PLAYING = StopRequest()  # these runs are not stopped
 
 
 class SimulatedClock(VirtualClock):
@@ -60,14 +60,14 @@ class SimulatedClock(VirtualClock):
 
 
 class Stage:
-    """Robot, library and rig; each run gets a rig, a deck and a watch of its own."""
+    """Robot, library and rig; each run gets a new rig, deck and watch."""
 
     def __init__(self, robot: str, *, rig: bool, tempo: float) -> None:
         self.library = load_library(find_library("thesis15"))
         self.robot = load_robot(find_robot(robot), self.library.skeleton)
         self.config = load_rig(find_rig(robot)) if rig else None
         self.tempo = tempo
-        # As when playing: the servos are never told to go where they cannot.
+        # As when playing: no target is beyond what the servos can reach.
         self.limits = narrowed(self.robot.limits, self.robot, self.config) if self.config else self.robot.limits
 
     def play(
@@ -79,8 +79,9 @@ class Stage:
             channel = Channel(PhysicsPlayback(robot, clock.period))
         else:
             clock.port = EmulatedPort(EmulatedBus(self.config))
-            rig = DynamixelRig(self.config, Bus(clock.port, self.config.baud))
-            output = RigOutput(rig, robot.joints, self.config.rate_hz)  # pyright: ignore[reportArgumentType]
+            port = clock.port
+            rig = Rig(self.config, lambda part: Bus(port, part.baud), beside=False, sleep=port.elapse)
+            output = RigOutput(rig, robot.joints, self.config.rate_hz)
             channel = Channel(output, round(RATE / self.config.rate_hz))
         watch = RecognitionWatch(
             MismatchPolicy(PATIENCE, stop=False),

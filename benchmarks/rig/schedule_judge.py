@@ -25,8 +25,8 @@ from hardware.emulator.faults import FaultPlan
 from hardware.emulator.port import EmulatedPort
 from hardware.emulator.servos.device import Device
 from hardware.emulator.servos.servo_bank import TRIPPED
-from hardware.protocol1 import instructions as old_wire
-from hardware.protocol1.frames import OldParser
+from hardware.protocol1 import instructions as wire1
+from hardware.protocol1.frames import Parser1
 from hardware.protocol2 import instructions as wire
 from hardware.protocol2.frames import Parser
 from hardware.rig.rig_file import RigConfig, RigJoint
@@ -84,7 +84,7 @@ class JudgedPort(EmulatedPort):
         closed: whether it is.
         was_out: whether its adapter was out when it was closed, so that nothing reached the servos.
         watch: called at least every 10 ms of its time.
-        told: called with all that is sent.
+        on_send: called with all bytes sent.
     """
 
     def __init__(self, bus: JudgedBus, name: str, faults: FaultPlan, turns: Turns) -> None:
@@ -93,11 +93,11 @@ class JudgedPort(EmulatedPort):
         self._turns = turns
         self.closed = self.was_out = False
         self.watch: Callable[[], None] = lambda: None
-        self.told: Callable[[bytes], None] = lambda data: None
+        self.on_send: Callable[[bytes], None] = lambda data: None
 
     def send(self, data: bytes) -> bool:
         """Hands the bytes to the wire."""
-        self.told(data)
+        self.on_send(data)
         return super().send(data)
 
     def now(self) -> float:
@@ -160,7 +160,7 @@ class ShaftJudge:
         self._problems: dict[tuple[str, str], str] = {}
         self.fastest = self.hardest = 0.0
         self._holds = {_single_goal(joint): index for index, joint in enumerate(config.joints)}
-        port.watch, port.told = self._watch, self._told
+        port.watch, port.on_send = self._watch, self._note_sent
 
     @property
     def angles(self) -> Array:
@@ -245,7 +245,7 @@ class ShaftJudge:
         """The watchdog registers of the servos, shape (J,)."""
         return np.array([device.bank.registers["bus_watchdog"][device.row] for device in self._bus.devices])
 
-    def _told(self, data: bytes) -> None:
+    def _note_sent(self, data: bytes) -> None:
         """Notes which joint is held: it comes to rest the way it turns now, and catches up slowly."""
         index = next((index for start, index in self._holds.items() if data.startswith(start)), None)
         if index is not None:
@@ -279,7 +279,7 @@ class ShaftJudge:
         self._note("was accelerated too hard", smooth & (change > most), change)
 
     def end(self, closed: bool, hold: bool) -> None:
-        """Judges the two seconds after the end, in which nobody says anything."""
+        """Judges the two seconds after the end, of silence."""
         self._port.elapse(2.0)
         before = self.angles
         self._port.elapse(0.5)
@@ -304,7 +304,7 @@ class ShaftJudge:
     def _goals_beyond(self) -> Sequence[str]:
         """Goals on the wire outside the limits."""
         sent, beyond = b"".join(self._port.sent), 0
-        for protocol, parser in ((1, OldParser), (2, Parser)):
+        for protocol, parser in ((1, Parser1), (2, Parser)):
             joints = [joint for joint in self._config.joints if joint.table.protocol == protocol]
             frames = [frame for frame in parser().feed(sent) if frame.instruction == wire.SYNC_WRITE] if joints else []
             for joint in joints:
@@ -344,6 +344,6 @@ def _has_voltage(device: Device) -> bool:
 
 def _single_goal(joint: RigJoint) -> bytes:
     """How the frame begins that gives this joint's servo alone a goal, as it is held: all but goal and checksum."""
-    goal, words = joint.table["goal_position"], old_wire if joint.table.protocol == 1 else wire
+    goal, words = joint.table["goal_position"], wire1 if joint.table.protocol == 1 else wire
     whole = words.write(joint.id, goal.address, bytes(goal.length))
     return whole[: -goal.length - (1 if joint.table.protocol == 1 else 2)]

@@ -9,11 +9,10 @@ from contextlib import contextmanager
 from types import FunctionType
 from typing import NamedTuple, cast
 
-from hardware.rig.driving.dynamixel_rig import DynamixelRig
-from hardware.rig.supervision.catching_up import CatchingUp
-from hardware.rig.switching.braking import places_of_rest
+from hardware.rig.driving.servo_port import ServoPort
+from hardware.rig.supervision.pace import CatchingUp, JointPace
 from hardware.rig.switching.identities import check_identities
-from hardware.rig.switching.torque import _limit_speed, hold_still, speed_counts
+from hardware.rig.switching.torque import _limit_speed, hold_still, places_of_rest, speed_counts
 
 
 class Mutant(NamedTuple):
@@ -28,7 +27,9 @@ _GOALS = 'write_each(config, bus, "goal_position", [int(pulses) for pulses in sc
 
 MUTANTS = {
     "no clipping": Mutant(
-        DynamixelRig.write, "np.minimum(np.maximum(wanted, self._scale.lower), self._scale.upper)", "wanted"
+        JointPace.bound,
+        "np.maximum(self._lower, goals - reach), np.minimum(self._upper, goals + reach)",
+        "goals - reach, goals + reach",
     ),
     "no goal := present": Mutant(hold_still, _GOALS, "pass"),
     "no braking distance": Mutant(places_of_rest, "np.where(moves, np.clip(ahead, -most, most), 0.0)", "0.0"),
@@ -43,10 +44,10 @@ MUTANTS = {
         "np.where(self.joints, SLOWER, 1.0)",
         "np.ones(len(self.joints))",
     ),
-    "no watchdog": Mutant(DynamixelRig._send, '"bus_watchdog", units)', '"bus_watchdog", 0)'),
+    "no watchdog": Mutant(ServoPort._send, '"bus_watchdog", units)', '"bus_watchdog", 0)'),
     "no identity check": Mutant(check_identities, "identity.model != joint.model", "False"),
-    "no switch-off": Mutant(DynamixelRig.close, "end(self.config, self.bus)", "[]"),
-    "no close": Mutant(DynamixelRig.close, "if self._closed:", "if True:"),
+    "no switch-off": Mutant(ServoPort.close, "end(self.part, self.bus)", "[]"),
+    "no close": Mutant(ServoPort.close, "if self._closed:", "if True:"),
 }
 
 

@@ -24,7 +24,7 @@ class Turns:
         self._name = name
         self._main = threading.current_thread()
         self._changed = threading.Condition()
-        self._due: dict[threading.Thread, float] = {}  # who waits for which time
+        self._due: dict[threading.Thread, float] = {}  # the time that each thread waits for
         self._running: threading.Thread | None = None
         self._over = False
 
@@ -42,7 +42,7 @@ class Turns:
         """Ends the turn of the calling thread until the simulated time `time`, s.
 
         Raises:
-            SystemExit: if nobody wants its end any more; a thread ends by it without a word.
+            SystemExit: if its end is no longer wanted; it ends the thread silently.
         """
         me = threading.current_thread()
         with self._changed:

@@ -1,16 +1,11 @@
-"""A group read: what it asks, and what the bytes that come back mean; `Bus` sends and waits."""
+"""A group read: its instruction frame, and the parsing of the reply; `Bus` sends and waits."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from typing import NamedTuple
 
-from hardware.protocol1 import instructions as old_words
-from hardware.protocol1.frames import OldParser
-from hardware.protocol1.frames import as_status as old_status
-from hardware.protocol1.frames import status_length as old_status_length
-from hardware.protocol2 import instructions
-from hardware.protocol2.frames import StatusPacket
+from hardware.bus.protocol import Protocol
 from hardware.protocol2.group_reply import (
     FastFormat,
     GroupReply,
@@ -20,7 +15,6 @@ from hardware.protocol2.group_reply import (
     fast_reply_length,
     fast_reply_start,
     single_replies,
-    status_length,
 )
 
 Blocks = tuple[tuple[int, int, int], ...]
@@ -35,9 +29,9 @@ class GroupRead(NamedTuple):
         fast: whether it asks for a joint reply.
         ids: of the servos, in the order asked.
         lengths: of what each sends, bytes.
-        whole: takes a reply that is all there and undamaged, else gives None; None where the lengths differ.
-        needed: how many bytes the whole reply has.
-        old: whether it is about servos of Protocol 1.0.
+        whole: takes a reply that is complete and undamaged, else gives None; None where the lengths differ.
+        needed: bytes of the complete reply.
+        protocol: of the servos.
     """
 
     frame: bytes
@@ -46,46 +40,44 @@ class GroupRead(NamedTuple):
     lengths: tuple[int, ...]
     whole: Callable[[bytes], WholeReply | None] | None
     needed: int
-    old: bool
+    protocol: Protocol
 
     def understand(self, received: bytes, late: bool) -> GroupReply | None:
-        """A reply that is not whole as far as it has come: with noise, stuffing, damage or a missing servo.
+        """An incomplete or damaged reply as far as it has come.
 
         None while the rest may still be on its way, which it is not when `late`.
         """
         if len(received) < self.needed and not late:
             return None
-        if self.old:
-            reply, ended = single_replies(received, self.ids, self.lengths, _old_statuses), False
+        ended = False
+        if self.fast:
+            reply = fast_reply(received, self.ids, self.lengths)
+            ended = len(received) - max(0, fast_reply_start(received)) >= self.needed
         else:
-            reply = (fast_reply if self.fast else single_replies)(received, self.ids, self.lengths)
-            ended = self.fast and len(received) - max(0, fast_reply_start(received)) >= self.needed
+            reply = single_replies(received, self.ids, self.lengths, self.protocol.statuses)
         return None if len(reply.statuses) < len(self.ids) and not (ended or late) else reply
 
 
-def group_read(blocks: Blocks, fast: bool, old: bool) -> GroupRead:
+def group_read(blocks: Blocks, fast: bool, protocol: Protocol) -> GroupRead:
     """A sync read where all are asked for the same, else a bulk read; under Protocol 1.0 a read where there is one.
 
     Args:
         blocks: of servos of one protocol.
-        fast: whether all answer in one joint reply.
-        old: whether they speak Protocol 1.0.
+        fast: whether those that can answer in one joint reply.
+        protocol: of the servos.
     """
     lengths = tuple(length for _, _, length in blocks)
     ids = bytes(id for id, _, _ in blocks)
     id, address, length = blocks[0]
-    if old:
-        frame = old_words.read(id, address, length) if len(blocks) == 1 else old_words.bulk_read(blocks)
-        return GroupRead(frame, fast, ids, lengths, None, len(ids) * old_status_length(0) + sum(lengths), True)
+    words = protocol.instructions
+    needed = len(ids) * protocol.status_length(0) + sum(lengths)
+    if not protocol.group_reads:
+        frame = words.read(id, address, length) if len(blocks) == 1 else words.bulk_read(blocks)
+        return GroupRead(frame, False, ids, lengths, None, needed, protocol)
     if all(block[1:] == (address, length) for block in blocks):
-        frame = (instructions.fast_sync_read if fast else instructions.sync_read)(address, length, ids)
+        frame = (words.fast_sync_read if fast else words.sync_read)(address, length, ids)
     else:
-        frame = (instructions.fast_bulk_read if fast else instructions.bulk_read)(blocks)
-    empty = fast_reply_length(len(ids), 0) if fast else len(ids) * status_length(0)
+        frame = (words.fast_bulk_read if fast else words.bulk_read)(blocks)
+    needed = fast_reply_length(len(ids), 0) + sum(lengths) if fast else needed
     whole = (FastFormat if fast else SingleFormat)(ids, length).whole if len(set(lengths)) == 1 else None
-    return GroupRead(frame, fast, ids, lengths, whole, empty + sum(lengths), False)
-
-
-def _old_statuses(received: bytes) -> Iterator[StatusPacket]:
-    """The answers of Protocol 1.0 in what was received."""
-    return (status for frame in OldParser().feed(received) if (status := old_status(frame)) is not None)
+    return GroupRead(frame, fast, ids, lengths, whole, needed, protocol)

@@ -1,4 +1,4 @@
-"""The port through which bytes reach a bus: a serial device, waited for in poll() and never in a busy loop."""
+"""The serial port of a bus: waits in poll(), never in a busy loop."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ _BY_ID = Path("/dev/serial/by-id")
 
 
 class Port(Protocol):
-    """What a bus needs of its port. Any call may raise SerialPortError when the device is gone."""
+    """The interface between a bus and its port. Any call may raise SerialPortError when the device is gone."""
 
     name: str
 
@@ -31,19 +31,19 @@ class Port(Protocol):
         ...
 
     def receive(self, likely: bool = False) -> bytes:
-        """What has arrived since the last call, without waiting; `likely` says that something has, so just read."""
+        """The bytes received since the last call, without waiting; `likely` if some have come."""
         ...
 
     def wait(self, seconds: float) -> bool:
-        """Sleeps until something can be received, at most so long; whether something can."""
+        """Sleeps until bytes can be received, at most `seconds`; whether they can."""
         ...
 
     def now(self) -> float:
-        """The time on the clock that `wait` waits by, s."""
+        """The time on the clock of `wait`, s."""
         ...
 
     def close(self) -> None:
-        """Gives the device back; may be called twice."""
+        """Closes the device; may be called twice."""
         ...
 
 
@@ -71,7 +71,7 @@ class SerialPort:
         self._fd = self._serial.fileno()
         self._available = array("i", [0])  # bytes that wait in the kernel
         self._ready = False  # whether the last wait has seen some
-        self._trusts = True  # whether to believe who says that something has come
+        self._trusts = True  # whether `likely` was right the last time
         self._poll = select.poll()
         self._poll.register(self._fd, select.POLLIN)
 
@@ -85,10 +85,10 @@ class SerialPort:
             raise self._vanished() from error
 
     def receive(self, likely: bool = False) -> bytes:
-        """What has arrived since the last call, without waiting; `likely` says that something has, so just read."""
+        """The bytes received since the last call, without waiting; `likely` if some have come."""
         # read() and poll() on an empty pseudo-terminal wait for a kernel worker that may bring something: on a busy
-        # machine for milliseconds, even with real-time priority. Asking how many bytes there are does not, but takes
-        # time itself: who knows that something has come may just read, until that was wrong once.
+        # machine for milliseconds, even with real-time priority. Asking for the number of bytes does not, but takes
+        # time itself: where bytes are `likely`, they are just read, until that was wrong once.
         try:
             if self._ready or (likely and self._trusts):
                 data = os.read(self._fd, _AT_ONCE)
@@ -104,7 +104,7 @@ class SerialPort:
             raise self._vanished() from error
 
     def wait(self, seconds: float) -> bool:
-        """Sleeps until something can be received, at most so long; whether something can."""
+        """Sleeps until bytes can be received, at most `seconds`; whether they can."""
         if self._fd < 0:
             raise self._vanished()
         events = self._poll.poll(max(0.0, seconds) * 1e3)
@@ -114,7 +114,7 @@ class SerialPort:
         return self._ready
 
     def close(self) -> None:
-        """Gives the device back; may be called twice, and afterwards every other call raises SerialPortError."""
+        """Closes the device; may be called twice, and afterwards every other call raises SerialPortError."""
         # The number may belong to another file soon: no byte meant for servos may reach that.
         if self._fd >= 0:
             # On a pseudo-terminal the other end stays open, and with it this setting.

@@ -6,28 +6,26 @@ Every call has a deadline from the wire time, and one dead servo costs one servo
 from __future__ import annotations
 
 from collections import Counter, deque
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from functools import lru_cache
-from types import ModuleType
 from typing import NamedTuple
 
 from hardware.bus.group_read import Blocks, GroupRead, group_read
 from hardware.bus.port import Port, SerialPort
+from hardware.bus.protocol import PROTOCOLS, Protocol
 from hardware.control_table.models import model_name
 from hardware.errors import NoReplyError, RefusedError
-from hardware.protocol1 import instructions as old_words
-from hardware.protocol1.frames import OldParser
-from hardware.protocol1.frames import as_status as old_status
 from hardware.protocol2 import instructions
-from hardware.protocol2.frames import BROADCAST, Parser, StatusPacket, as_status
+from hardware.protocol2.frames import BROADCAST, StatusPacket
 from hardware.protocol2.group_reply import GroupReply, WholeReply, status_length
 
-UNTOLD = 0
+UNKNOWN_MODEL = 0
 """Instead of a model number: a servo of Protocol 1.0 that answers a ping, which tells no model, and no read."""
+_PROTOCOL1, _PROTOCOL2 = PROTOCOLS[1], PROTOCOLS[2]
 
 
 class Identity(NamedTuple):
-    """Who a servo is; firmware is 0 where the model number is UNTOLD."""
+    """Model and firmware of a servo; the firmware is 0 where the model number is UNKNOWN_MODEL."""
 
     id: int
     model_number: int
@@ -38,7 +36,12 @@ class Identity(NamedTuple):
     @property
     def model(self) -> str:
         """The model's name, or its number where the model is not known."""
-        return model_name(self.model_number) if self.model_number != UNTOLD else "servo that answers only a ping"
+        return model_name(self.model_number) if self.model_number != UNKNOWN_MODEL else "servo that answers only a ping"
+
+    @property
+    def spoken(self) -> str:
+        """The protocol as an addition to a sentence, "" for the usual one."""
+        return "" if self.protocol == 2 else f" in Protocol {self.protocol}.0"
 
 
 _REQUESTS_KEPT = 256
@@ -51,9 +54,9 @@ class Bus:
 
     Calls that wait do so in poll(), until a deadline: the time the bytes need on the wire, plus `margin` for the
     adapter (a USB latency timer may hold a reply for 16 ms) and the servos' return delay. They are repeated at most
-    `retries` times. On a busy machine whoever carries the bytes may stand still for longer: a `ping`, `read` or
-    `write` is waited for patiently once more before it fails, unless it was in vain the last time and nothing has
-    answered since. A servo's hardware problem is a field of its answer (`alert`), never an exception.
+    `retries` times. On a busy machine the adapter's driver may be delayed for longer: a `ping`, `read` or `write` gets
+    one more, long deadline before it fails, unless that failed the last time and no servo has answered since. A
+    servo's hardware problem is a field of its answer (`alert`), never an exception.
 
     For a real-time loop there are calls that never wait: `sync_write`, `request` and `collect`. Any other call
     gives up a request under way. Every call raises SerialPortError when the port is gone.
@@ -62,9 +65,9 @@ class Bus:
     after the other, and a `request` is about one servo, or several MX.
 
     Attributes:
-        port: what carries the bytes.
+        port: carries the bytes.
         baud: bits/s, 10 of which carry a byte.
-        old: IDs of the servos that speak Protocol 1.0; whoever knows them sets it.
+        protocols: the protocol (1 or 2) of servos by ID; an ID that is not in it speaks 2.0.
         garbled: whether bytes have come instead of the last answer that was waited for, or between those of a ping to
             all: two servos may have answered at the same time.
     """
@@ -73,7 +76,7 @@ class Bus:
         self.port = port
         self.baud = baud
         self._byte_time = 10.0 / baud
-        self.old: frozenset[int] = frozenset()
+        self.protocols: Mapping[int, int] = {}
         self.garbled = False
         self._retries = retries
         self._margin = margin
@@ -83,7 +86,7 @@ class Bus:
         self._pending: GroupRead | None = None  # the one whose reply is awaited
         self._due = 0.0  # when all of it has arrived, if nothing holds it up
         self._received = b""
-        self._told: set[int] = set()  # whose answers to it were given before all had come
+        self._given_early: set[int] = set()  # IDs whose statuses `collect_early` has given
         self._may_be_late = True  # whether bytes of an earlier answer may still come, so that they must be discarded
 
     @classmethod
@@ -96,19 +99,21 @@ class Bus:
         return cls(SerialPort(name, baud), baud)
 
     def wire_time(self, count: int) -> float:
-        """How long so many bytes take on the wire, s."""
+        """The time of `count` bytes on the wire, s."""
         return count * self._byte_time
 
     def ping(self, id: int) -> Identity | None:
         """The servo that answers at this ID; None if none does."""
-        if id not in self.old:
-            status = self._ask_patiently(instructions.ping(id), id, 3)
+        protocol = self._protocol(id)
+        ping = protocol.instructions.ping(id)
+        if protocol is _PROTOCOL2:
+            status = self._ask_patiently(ping, id, 3)
             return None if status is None or status.error else self._identity(status)
-        # A ping of Protocol 1.0 says nothing; model number and firmware are the first registers.
-        if self._ask_patiently(old_words.ping(id), id, 0) is None:
+        # The reply to a ping of Protocol 1.0 is empty; model number and firmware are the first registers.
+        if self._ask_patiently(ping, id, 0) is None:
             return None
-        status = self._ask_patiently(old_words.read(id, 0, 3), id, 3)
-        return Identity(id, UNTOLD, 0, False, 1) if status is None or status.error else self._identity(status)
+        status = self._ask_patiently(protocol.instructions.read(id, 0, 3), id, 3)
+        return Identity(id, UNKNOWN_MODEL, 0, False, 1) if status is None or status.error else self._identity(status)
 
     def read(self, id: int, address: int, length: int) -> StatusPacket:
         """Reads `length` bytes of a servo's control table; they are the status' params.
@@ -117,7 +122,7 @@ class Bus:
             NoReplyError: if the servo stays silent.
             RefusedError: if it answers with an error number.
         """
-        frame = self._words(id).read(id, address, length)
+        frame = self._protocol(id).instructions.read(id, address, length)
         return self._insist(frame, id, length, f"read register {address}")
 
     def write(self, id: int, address: int, data: bytes) -> StatusPacket:
@@ -127,16 +132,17 @@ class Bus:
             NoReplyError: if the servo stays silent.
             RefusedError: if it answers with an error number.
         """
-        return self._insist(self._words(id).write(id, address, data), id, 0, f"write register {address}")
+        frame = self._protocol(id).instructions.write(id, address, data)
+        return self._insist(frame, id, 0, f"write register {address}")
 
     def restart(self, id: int) -> None:
-        """Restarts a servo of Protocol 2.0, and waits for its answer; it is deaf and without torque for a while.
+        """Restarts a servo that can be, and waits for its answer; it is deaf and without torque for a while.
 
         Raises:
             NoReplyError: if the servo stays silent.
             RefusedError: if it answers with an error number.
         """
-        self._insist(instructions.reboot(id), id, 0, "restart")
+        self._insist(self._protocol(id).instructions.reboot(id), id, 0, "restart")
 
     def sync_write(self, address: int, length: int, entries: bytes) -> bool:
         """Writes the same registers of many servos of one protocol, without an answer and without waiting.
@@ -149,11 +155,11 @@ class Bus:
         Returns:
             False if the port would not take the bytes: nothing is written then.
         """
-        words = self._words(entries[0]) if self.old else instructions
+        words = self._protocol(entries[0]).instructions
         return self.port.send(words.sync_write(address, length, entries))
 
     def sync_read(self, ids: Sequence[int], address: int, length: int) -> dict[int, StatusPacket]:
-        """Reads the same registers of many servos, one status each; who stays silent is missing from the answer."""
+        """Reads the same registers of many servos, one status each; silent servos are missing from the result."""
         return self._read_group(_alike(bytes(ids), address, length), fast=False)
 
     def fast_sync_read(self, ids: Sequence[int], address: int, length: int) -> dict[int, StatusPacket]:
@@ -161,7 +167,7 @@ class Bus:
         return self._read_group(_alike(bytes(ids), address, length), fast=True)
 
     def bulk_read(self, blocks: Blocks) -> dict[int, StatusPacket]:
-        """Reads (id, address, length) of each servo, one status each; who stays silent is missing from the answer."""
+        """Reads (id, address, length) of each servo, one status each; silent servos are missing from the result."""
         return self._read_group(blocks, fast=False)
 
     def request(self, blocks: Blocks, fast: bool = True, before: bytes = b"") -> bool:
@@ -188,7 +194,7 @@ class Bus:
         self._pending, self._may_be_late = request, True
         self._due = self.port.now() + (len(data) + request.needed) * self._byte_time
         self._received = b""
-        self._told.clear()
+        self._given_early.clear()
         return True
 
     def collect(self) -> WholeReply | GroupReply | None:
@@ -210,21 +216,21 @@ class Bus:
         reply = pending.understand(received, now >= self._due + self._margin)
         if reply is not None:
             self._pending = None
-        return self._new(reply) if reply is not None and self._told else reply
+        return self._new(reply) if reply is not None and self._given_early else reply
 
     def collect_early(self) -> GroupReply | None:
-        """Who has answered `request` while another is overdue, each told once; None while nobody new has."""
+        """New partial replies to an overdue `request`; None without any."""
         pending = self._pending
         if pending is None or not self._received or self.port.now() <= self._due:
             return None
         reply = pending.understand(self._received, True)
         statuses = self._new(reply).statuses if reply is not None else {}
-        self._told.update(statuses)
+        self._given_early.update(statuses)
         return GroupReply(statuses, [], [], []) if statuses else None
 
     def _new(self, reply: GroupReply) -> GroupReply:
-        """The reply without those that were told before."""
-        return reply._replace(statuses={id: each for id, each in reply.statuses.items() if id not in self._told})
+        """The reply without the statuses that `collect_early` has given."""
+        return reply._replace(statuses={id: each for id, each in reply.statuses.items() if id not in self._given_early})
 
     def ping_all(self) -> list[Identity]:
         """The servos of Protocol 2.0 that answer a broadcast ping, in order of ID; waits for the slowest of 253."""
@@ -235,7 +241,7 @@ class Bus:
         # Each waits for its turn, at most its return delay of 508 us and its own 14 bytes.
         deadline = self.port.now() + 253 * (self.wire_time(status_length(3)) + 5.08e-4) + self._margin
         quiet = 0.1 + self._margin
-        parser, found, unread = Parser(), {}, 0
+        parser, found, unread = _PROTOCOL2.parser(), {}, 0
         last = self.port.now()
         while (now := self.port.now()) < min(deadline, last + quiet):
             self.port.wait(min(deadline, last + quiet) - now)
@@ -244,42 +250,43 @@ class Bus:
             for frame in parser.feed(received):
                 last = self.port.now()
                 unread -= status_length(len(frame.params) - 1)
-                status = as_status(frame)
+                status = _PROTOCOL2.as_status(frame)
                 if status is not None and len(status.params) == 3:
                     found[status.id] = self._identity(status)
         self.garbled = unread > 0
         return [found[id] for id in sorted(found)]
 
-    def ping_old(self) -> list[Identity]:
+    def ping_each(self) -> list[Identity]:
         """The servos of Protocol 1.0 that answer, in order of ID.
 
         They answer a broadcast ping all at once, so it tells only whether there are any; then each ID is asked.
         """
         self._pending = None
         self._discard()
-        ping = old_words.ping(BROADCAST)
+        ping = _PROTOCOL1.instructions.ping(BROADCAST)
         if not self.port.send(ping) or not self.port.wait(self.wire_time(2 * len(ping)) + self._margin):
             return []
         self.port.wait(self._margin)
-        before = self.old, self._retries, self._margin
-        self.old, self._retries, self._margin = frozenset(range(BROADCAST)), 0, min(self._margin, _SHORT_MARGIN)
+        before = self.protocols, self._retries, self._margin
+        self.protocols = dict.fromkeys(range(BROADCAST), 1)
+        self._retries, self._margin = 0, min(self._margin, _SHORT_MARGIN)
         try:
-            return [identity for id in sorted(self.old) if (identity := self.ping(id)) is not None]
+            return [identity for id in range(BROADCAST) if (identity := self.ping(id)) is not None]
         finally:
-            self.old, self._retries, self._margin = before
+            self.protocols, self._retries, self._margin = before
 
     def close(self) -> None:
-        """Gives the port back; may be called twice."""
+        """Closes the port; may be called twice."""
         self.port.close()
 
-    def _words(self, id: int) -> ModuleType:
-        """The instructions that this servo understands."""
-        return old_words if id in self.old else instructions
+    def _protocol(self, id: int) -> Protocol:
+        """The protocol of the servo with this ID."""
+        return PROTOCOLS[self.protocols.get(id, 2)]
 
     def _identity(self, status: StatusPacket) -> Identity:
-        """Who says this: model number and firmware."""
+        """Model number and firmware from the reply to a ping."""
         number, firmware = status.params[0] | status.params[1] << 8, status.params[2]
-        return Identity(status.id, number, firmware, status.alert, 1 if status.id in self.old else 2)
+        return Identity(status.id, number, firmware, status.alert, self.protocols.get(status.id, 2))
 
     def _insist(self, frame: bytes, id: int, length: int, what: str) -> StatusPacket:
         """The status a servo answers with, or the reason why there is none."""
@@ -294,7 +301,7 @@ class Bus:
         return status
 
     def _ask_patiently(self, frame: bytes, id: int, length: int) -> StatusPacket | None:
-        """The status of one servo, waited for patiently in the end; a scan, which asks once, has no time for that."""
+        """The status of one servo, with a long last deadline unless there are no retries, as in a scan."""
         status = self._ask(frame, id, length)
         if status is None and self._patient and self._retries:
             status = self._exchange(frame, id, length, _PATIENCE)
@@ -313,7 +320,7 @@ class Bus:
         return None
 
     def _outlast_repeats(self) -> None:
-        """Waits for late answers to a question that was repeated: the next would take them for its own."""
+        """Discards late replies to a repeated request, which the next request would take for its own."""
         end = self.port.now() + 2.0 * self._margin * (1 + self._retries)
         while (left := end - self.port.now()) > 0.0 and self.port.wait(min(left, 2.0 * self._margin)):
             self._discard()
@@ -329,7 +336,8 @@ class Bus:
         if not self.port.send(frame):
             return None
         deadline = self.port.now() + self.wire_time(len(frame) + status_length(length)) + margin
-        parser, read = (OldParser(), old_status) if id in self.old else (Parser(), as_status)
+        protocol = self._protocol(id)
+        parser, read = protocol.parser(), protocol.as_status
         unread = 0
         while (left := deadline - self.port.now()) > 0.0 and self.port.wait(left):
             received = self.port.receive()
@@ -343,15 +351,15 @@ class Bus:
         return None
 
     def _discard(self) -> None:
-        """Throws away what came too late for an earlier call; what is sent next may be answered too late again."""
+        """Discards late replies to an earlier call; the next call may get late ones too."""
         self.port.receive()
         self._may_be_late = True
 
     def _plan(self, blocks: Blocks, fast: bool) -> GroupRead:
-        """What a group read sends and waits for; kept, because a loop asks for the same again and again."""
+        """The cached group read of these blocks."""
         request = self._requests.get((blocks, fast))
         if request is None:
-            request = group_read(blocks, fast, blocks[0][0] in self.old)
+            request = group_read(blocks, fast, self._protocol(blocks[0][0]))
             if len(self._requests) >= _REQUESTS_KEPT:
                 self._requests.clear()
             self._requests[blocks, fast] = request
@@ -364,14 +372,14 @@ class Bus:
         A servo waits for the one before it, so a silent one may silence all behind it: only the first in the line is
         known to be silent itself. It goes to the back, and after `retries` more chances it is given up.
         """
-        if self.old:
-            old_blocks = tuple(block for block in blocks if block[0] in self.old)
-            if old_blocks:
-                heard = self._read_group(tuple(block for block in blocks if block[0] not in self.old), fast)
-                for id, address, length in old_blocks:
-                    status = self._ask(old_words.read(id, address, length), id, length)
+        together = tuple(block for block in blocks if self._protocol(block[0]).group_reads)
+        if len(together) < len(blocks):
+            heard = self._read_group(together, fast)
+            for id, address, length in blocks:
+                if not (protocol := self._protocol(id)).group_reads:
+                    status = self._ask(protocol.instructions.read(id, address, length), id, length)
                     heard |= {} if status is None else {id: status}
-                return heard
+            return heard
         heard = self._ask_group(blocks, fast)
         if len(heard) == len(blocks):
             return heard
@@ -387,7 +395,7 @@ class Bus:
         return heard
 
     def _ask_group(self, blocks: Blocks, fast: bool) -> dict[int, StatusPacket]:
-        """Those that answer a group read."""
+        """The statuses that answer a group read."""
         self._pending = None
         if not blocks or not self.request(blocks, fast) or (request := self._pending) is None:
             return {}

@@ -8,13 +8,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from hardware.protocol1 import instructions as old_words
-from hardware.protocol2 import instructions
-from hardware.protocol2.crc import checksum
-from hardware.protocol2.frames import HEADER
-
-_HEAD = 12  # what stands before the first entry: header, BROADCAST, length, instruction, address, size
-_PATTERN = HEADER[:3]
+from hardware.bus.protocol import PROTOCOLS, Protocol
+from hardware.protocol2.frames import HEADER, STUFFED_PATTERN
 
 
 class SyncWrite:
@@ -24,26 +19,27 @@ class SyncWrite:
         values: what each gets, shape (n,), in counts; written into before `frame`.
     """
 
-    def __init__(self, ids: Sequence[int], address: int, length: int, old: bool = False) -> None:
+    def __init__(self, ids: Sequence[int], address: int, length: int, protocol: Protocol = PROTOCOLS[2]) -> None:
         """All values are 0 at first.
 
         Args:
             ids: of the servos.
             address: of the register.
             length: of the register, 1, 2 or 4 bytes, signed.
-            old: whether they speak Protocol 1.0.
+            protocol: of the servos.
         """
-        self._address, self._length, self._old = address, length, old
+        self._address, self._length, self._protocol = address, length, protocol
+        self._trailer, self._stuffed = protocol.trailer, protocol.stuffed
         empty = b"".join(bytes((id,)) + bytes(length) for id in ids)
-        self._body = bytearray(instructions.sync_write(address, length, empty)[:-2])
-        entries = np.frombuffer(self._body, dtype=[("id", "u1"), ("value", f"<i{length}")], offset=_HEAD)
+        whole = protocol.instructions.sync_write(address, length, empty)
+        self._body = bytearray(whole[: -len(protocol.trailer(whole))])
+        self._head = len(self._body) - len(empty)
+        entries = np.frombuffer(self._body, dtype=[("id", "u1"), ("value", f"<i{length}")], offset=self._head)
         self.values: NDArray[Any] = entries["value"]
 
     def frame(self) -> bytes:
         """The bytes of the frame with the present values."""
         body = self._body
-        if self._old:
-            return old_words.sync_write(self._address, self._length, bytes(body[_HEAD:]))
-        if body.find(_PATTERN, len(HEADER)) >= 0:
-            return instructions.sync_write(self._address, self._length, bytes(body[_HEAD:]))
-        return b"".join((body, checksum(body).to_bytes(2, "little")))
+        if self._stuffed and body.find(STUFFED_PATTERN, len(HEADER)) >= 0:
+            return self._protocol.instructions.sync_write(self._address, self._length, bytes(body[self._head :]))
+        return b"".join((body, self._trailer(body)))

@@ -1,1 +1,1 @@
-"""What stands where in a servo's memory, as data."""
+"""Control tables and facts of servo models, as data."""

@@ -1,8 +1,7 @@
-"""What a register's count means, in words or in a unit; mostly that of the maker's manual."""
+"""Register counts in words or units, mostly those of the maker's manual."""
 
 from __future__ import annotations
 
-from hardware.control_table.baud_rates import baud_of
 from hardware.control_table.register import Register
 from hardware.control_table.table import ControlTable
 
@@ -21,16 +20,14 @@ def meaning(table: ControlTable, register: Register, count: int) -> str:
     """What a count means in a register of a model; "" where it is just a number."""
     name = register.name
     if name == "baud_rate":
-        try:
-            return f"{baud_of(table, count)} baud"
-        except IndexError:
-            return "no baud rate"
+        baud = table.family.baud_of(count)
+        return f"{baud} baud" if baud else "no baud rate"
     if name == "operating_mode":
         return _OPERATING_MODES.get(count, "unknown")
     if name == "hardware_error_status":
-        return describe_errors(table.problems(count))
+        return describe_errors(table.family.usual_problems(count))
     if name == "shutdown":
-        return f"at {describe_errors(table.problems(count), 'nothing')}"
+        return f"at {describe_errors(table.family.usual_problems(count), 'nothing')}"
     if name in _SWITCHES:
         return "on" if count else "off"
     if register.unit == "pulse":

@@ -1,8 +1,8 @@
 """The servo models whose control tables are known: the maker's addresses, and what the maker's files lack.
 
 The `.model` files of the installed dynamixel-sdk give address and length of each register. Sign, access, memory, range,
-default and unit come from the XM430-W350's manual, whose words the others share, with the figures of `servo_traits` in
-place of its own. The P and PRO(A) series and the old models have tables of their own. For the Y series and the
+default and unit come from the XM430-W350's manual, whose register names the others share, with the figures of
+`servo_traits` for each model. The tables of `ax_rx_mx` and `p_series` are complete. For the Y series and the
 RH-P12-RN the range is what the bytes can hold.
 """
 
@@ -13,7 +13,8 @@ from collections.abc import Iterator, Mapping
 from dataclasses import replace
 from functools import cache
 
-from hardware.control_table.old_models import OLD_MODELS
+from hardware.control_table.ax_rx_mx import AX_RX_MX
+from hardware.control_table.family import X
 from hardware.control_table.p_series import P_SERIES
 from hardware.control_table.register import Register
 from hardware.control_table.sdk_models import Row, model_file, model_numbers
@@ -49,9 +50,6 @@ class Models(Mapping[str, ControlTable]):
         return near_names(model, self)
 
 
-# The maker's list of numbers leaves this one out, though its table is there; the number is its manual's.
-_UNLISTED = {"XW430-T200": 1280}
-
 MODELS = Models()
 
 
@@ -62,8 +60,8 @@ def model_name(number: int) -> str:
 
 @cache
 def _numbers() -> dict[str, int]:
-    old = {model: table.number for model, table in OLD_MODELS.items()}
-    return {XM430_W350.model: XM430_W350.number} | _UNLISTED | model_numbers() | old
+    own = {model: traits.figures[0] for model, traits in TRAITS.items() if traits.figures}
+    return {XM430_W350.model: XM430_W350.number} | model_numbers() | own
 
 
 @cache
@@ -75,7 +73,7 @@ def _names() -> dict[int, str]:
 def _table(model: str) -> ControlTable:
     if model == XM430_W350.model:
         return XM430_W350
-    if (own := OLD_MODELS.get(model) or P_SERIES.get(model)) is not None:
+    if (own := AX_RX_MX.get(model) or P_SERIES.get(model)) is not None:
         return own
     file = model_file(model)
     traits = TRAITS.get(model)
@@ -86,7 +84,8 @@ def _table(model: str) -> ControlTable:
     if traits is not None:
         registers = {name: _as_this_model(register, traits) for name, register in registers.items()}
     registers["model_number"] = replace(registers["model_number"], default=_numbers()[model])
-    return ControlTable(model, _numbers()[model], file.pulses_per_turn, registers)
+    family = traits.family if traits is not None else X
+    return ControlTable(model, _numbers()[model], file.pulses_per_turn, registers, family)
 
 
 def _with_cells(rows: tuple[Row, ...], whole: bool) -> Iterator[Row]:

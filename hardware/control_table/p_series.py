@@ -9,6 +9,8 @@ from __future__ import annotations
 
 from dataclasses import replace
 
+from hardware.control_table.family import FAMILIES
+from hardware.control_table.servo_traits import TRAITS, Traits
 from hardware.control_table.table import ControlTable, parse_table
 
 _LAYOUT = """
@@ -76,29 +78,15 @@ _LAYOUT = """
       878     1      backup_ready           R      RAM     0..1                      0        -
 """
 
-_LIMITS = """
-# model         number  half_turn  ends    current  most_acceleration  acceleration  velocity  shutdown
-PH54-200-S500   2020    501923     501433  22740    3992644            3992644       2900      52
-PH54-100-S500   2010    501923     501433  15900    4255632            10639         2920      58
-PH42-020-S300   2000    303750     303454  4500     4306173            10765         2920      58
-PM54-060-S250   2120    251417     251173  7980     4457932            11145         2830      58
-PM54-040-S250   2110    251417     251173  4470     4414976            11037         2840      58
-PM42-010-S260   2100    263187     262931  1461     4346756            10867         2600      58
-H54-200-S500-RA 54025   501923     501433  22740    3992644            9982          2900      52
-H54-100-S500-RA 53769   501923     501433  15900    4255632            10639         2920      52
-H42-20-S300-RA  51201   303750     303454  4500     4306173            10765         2920      52
-M54-60-S250-RA  46353   251417     251173  7980     4457932            11145         2830      52
-M54-40-S250-RA  46097   251417     251173  4470     4414976            11037         2840      52
-M42-10-S260-RA  43289   263187     262931  1461     4346756            10867         2600      52
-"""
 _NOT_IN_PRO_A = ("protocol_type", "startup_configuration", "backup_ready")
 _GAINS = ("velocity_i_gain", "velocity_p_gain", "position_d_gain", "position_i_gain", "position_p_gain",
           "feedforward_2nd_gain", "feedforward_1st_gain")  # fmt: skip
 
 
-def _table(model: str, *figures: int) -> ControlTable:
-    number, half_turn, ends, current, most_acceleration, acceleration, velocity, shutdown = figures
-    table = parse_table(model, number, 2 * half_turn, _LAYOUT)
+def _table(model: str, traits: Traits) -> ControlTable:
+    number, half_turn, ends, most_acceleration, acceleration, shutdown = traits.figures
+    current, velocity = traits.current_limit, traits.velocity_limit
+    table = parse_table(model, number, 2 * half_turn, _LAYOUT, traits.family)
 
     def limit(name: str, minimum: int, maximum: int, default: int | None) -> None:
         table.registers[name] = replace(table[name], minimum=minimum, maximum=maximum, default=default)
@@ -125,8 +113,6 @@ def _table(model: str, *figures: int) -> ControlTable:
 
 
 P_SERIES: dict[str, ControlTable] = {
-    row[0]: _table(row[0], *map(int, row[1:]))
-    for line in _LIMITS.splitlines()
-    if (row := line.partition("#")[0].split())
+    model: _table(model, traits) for model, traits in TRAITS.items() if traits.family is FAMILIES["P"]
 }
 """By model name."""

@@ -56,6 +56,11 @@ class Register:
         """What one count is in SI units (rad/s, rad/s^2, A, s, ...; a pulse stays a pulse)."""
         return self.scale * SI_UNITS[self.unit]
 
+    @property
+    def largest(self) -> int:
+        """The largest size of what may be written, in counts: without the sign bit."""
+        return self.maximum & ((1 << self.sign_bit) - 1) if self.sign_bit else self.maximum
+
     def decode(self, data: bytes) -> int:
         """The count that these `length` bytes hold."""
         count = int.from_bytes(data, "little", signed=self.signed)

@@ -7,12 +7,12 @@ from typing import Any, Literal, cast
 
 import numpy as np
 
+from hardware.control_table.family import Family, X
 from hardware.control_table.register import SI_UNITS, Register
 from hardware.errors import MotiondeckError
 from motiondeck_base.near_names import did_you_mean
 
 _SIGN_BIT = 10
-USUAL_BITS = (1, 4, 32)
 
 
 class UnknownRegisterError(MotiondeckError):
@@ -28,16 +28,14 @@ class ControlTable:
         number: the model number a ping answers with.
         pulses_per_turn: position counts in one turn of the horn.
         registers: by name, in order of address.
-        protocol: 1 or 2, that it speaks.
-        problem_bits: what voltage, heat and overload are in its hardware error status and in its shutdown mask.
+        family: what it shares with other models.
     """
 
     model: str
     number: int
     pulses_per_turn: int
     registers: dict[str, Register]
-    protocol: int = 2
-    problem_bits: tuple[int, int, int] = USUAL_BITS
+    family: Family = X
 
     def __getitem__(self, name: str) -> Register:
         """The register of this name.
@@ -64,17 +62,15 @@ class ControlTable:
             return 0, min(low.maximum, self.pulses_per_turn - 1)
         return -(self.pulses_per_turn // 2), self.pulses_per_turn // 2
 
-    def problems(self, bits: int) -> int:
-        """The model's own problem bits as those of all others."""
-        if self.problem_bits == USUAL_BITS:
-            return bits
-        return sum(usual for own, usual in zip(self.problem_bits, USUAL_BITS, strict=True) if bits & own)
+    @property
+    def protocol(self) -> int:
+        """The protocol that it speaks, 1 or 2."""
+        return self.family.protocol
 
-    def own_problems(self, bits: int) -> int:
-        """The inverse of `problems`."""
-        if self.problem_bits == USUAL_BITS:
-            return bits
-        return sum(own for own, usual in zip(self.problem_bits, USUAL_BITS, strict=True) if bits & usual)
+    def baud_value(self, baud: int) -> int | None:
+        """The value of its register for a baud rate; None if it cannot be so fast, or so slow."""
+        value = self.family.baud_value(baud)
+        return value if value is not None and value <= self["baud_rate"].maximum else None
 
     def place(self, name: str) -> tuple[int, int] | None:
         """Address and length of a register, None where the model has none of this name."""
@@ -102,7 +98,7 @@ class ControlTable:
         )
 
 
-def parse_table(model: str, number: int, pulses_per_turn: int, text: str) -> ControlTable:
+def parse_table(model: str, number: int, pulses_per_turn: int, text: str, family: Family = X) -> ControlTable:
     """Reads rows of  address, length, name, access, memory, range, default, unit;  # starts a comment.
 
     A length of `2s` is two bytes, signed; `2m` two bytes with a size and, in bit 10, its sign; `-` stands for no
@@ -126,7 +122,7 @@ def parse_table(model: str, number: int, pulses_per_turn: int, text: str) -> Con
                 end = register.address + register.length
         except (ValueError, KeyError) as error:
             raise ValueError(f"control table of {model}, row '{line.strip()}': {error}") from error
-    return ControlTable(model, number, pulses_per_turn, registers)
+    return ControlTable(model, number, pulses_per_turn, registers, family)
 
 
 def _registers(row: list[str]) -> list[Register]:

@@ -10,16 +10,15 @@ from __future__ import annotations
 from collections import defaultdict
 from collections.abc import Callable
 
-from hardware.control_table.baud_rates import baud_value
 from hardware.emulator.plant import STEP, Coupling, JointPlant
+from hardware.emulator.servos import protocol1_answers
 from hardware.emulator.servos.device import ACCESS, INSTRUCTION, LENGTH, RANGE, Device
-from hardware.emulator.servos.old_answers import BOOT_TIME, Answer, answer_old, old_status
+from hardware.emulator.servos.protocol1_answers import BOOT_TIME, Answer
 from hardware.emulator.servos.servo_bank import ServoBank
-from hardware.protocol1.frames import BAD_CHECKSUM as OLD_CHECKSUM
-from hardware.protocol1.frames import OldParser
+from hardware.protocol1.frames import BAD_CHECKSUM as BAD_CHECKSUM1
+from hardware.protocol1.frames import Parser1
 from hardware.protocol2 import instructions as wire
-from hardware.protocol2.crc import checksum
-from hardware.protocol2.frames import ALERT, BROADCAST, HEADER, STATUS, Frame, Parser, build_status
+from hardware.protocol2.frames import ALERT, BROADCAST, HEADER, STATUS, Frame, Parser, build_status, checksum
 from hardware.rig.rig_file import RigConfig
 
 LONGEST_GAP = 1.5e-3
@@ -56,7 +55,7 @@ class EmulatedBus:
         self._time = 0.0
         self._heard = 0.0
         self._fed = 0.0
-        self._parser, self._old_parser = Parser(), OldParser()
+        self._parser, self._parser1 = Parser(), Parser1()
         by_model: defaultdict[str, list[int]] = defaultdict(list)
         for index, joint in enumerate(config.joints):
             by_model[joint.model].append(index)
@@ -65,7 +64,7 @@ class EmulatedBus:
         for members in by_model.values():
             joints = [config.joints[index] for index in members]
             bank = ServoBank(joints[0].table, [joint.id for joint in joints], [float(joint.zero) for joint in joints])
-            bank.registers["baud_rate"] = baud_value(bank.table, config.baud)
+            bank.registers["baud_rate"] = bank.table.baud_value(config.baud)
             self._banks.append(bank)
             placed |= {index: Device(bank, row) for row, index in enumerate(members)}
         self.devices = [placed[index] for index in range(len(config.joints))]
@@ -80,9 +79,9 @@ class EmulatedBus:
     def exchange(self, data: bytes, now: float) -> list[Answer]:
         """Puts bytes on the wire, the last one at the time `now` (s), and returns the servos' answers."""
         self.advance(now)
-        waiting = self._parser.waiting or self._old_parser.waiting
+        waiting = self._parser.waiting or self._parser1.waiting
         if self.longest_gap is not None and now - self._heard > self.longest_gap and waiting:
-            self._parser, self._old_parser = Parser(), OldParser()
+            self._parser, self._parser1 = Parser(), Parser1()
         self._heard = now
         answers: list[Answer] = []
         for frame in self._parser.feed(data):
@@ -92,17 +91,17 @@ class EmulatedBus:
         for id in self._parser.damaged:
             for device in self.hearing(id):
                 answers += self._status(device, id, _BAD_CHECKSUM, b"", 2)
-        return answers + self._answer_old(data) if self._speaks_old else answers
+        return answers + self._answer_protocol1(data) if self._speaks_protocol1 else answers
 
-    def _answer_old(self, data: bytes) -> list[Answer]:
-        """What the servos of Protocol 1.0 send back on these bytes."""
+    def _answer_protocol1(self, data: bytes) -> list[Answer]:
+        """The answers of the servos of Protocol 1.0 to these bytes."""
         answers: list[Answer] = []
-        for frame in self._old_parser.feed(data):
+        for frame in self._parser1.feed(data):
             self._fed = self._time
-            answers += answer_old(self, frame)
-        for id in self._old_parser.damaged:
+            answers += protocol1_answers.answer(self, frame)
+        for id in self._parser1.damaged:
             for device in self.hearing(id, 1):
-                answers += old_status(device, OLD_CHECKSUM, b"", 2)
+                answers += protocol1_answers.status(device, BAD_CHECKSUM1, b"", 2)
         return answers
 
     def advance(self, now: float) -> None:
@@ -141,7 +140,7 @@ class EmulatedBus:
             self._by_id[device.id].append(device)
             if device.shadow_id <= 252 and device.shadow_id != device.id:
                 self._shadows[device.shadow_id].append(device)
-        self._speaks_old = any(device.protocol == 1 for device in self.devices)
+        self._speaks_protocol1 = any(device.protocol == 1 for device in self.devices)
 
     def everybody(self, protocol: int) -> list[Device]:
         """The servos that hear and speak this protocol."""

@@ -1,4 +1,4 @@
-"""Faults on purpose: what may go wrong on an emulated rig, when, and how often.
+"""Fault injection for an emulated rig: kind, time, chance.
 
 KIND[:key=value,...]     drop:id=3,chance=0.1     dead:id=5,at=2,for=1     unplug:at=4,for=1     latency:value=16
 """
@@ -29,7 +29,7 @@ KINDS = {
     "jam": "a servo's horn is blocked",
     "duplicate": "a servo takes the ID `value` of another",
     "swap": "a servo is replaced by one from the box, of model number `value` (1190)",
-    "cells": "a servo's indirect cells are not where its table says, as with a firmware that nobody knows",
+    "cells": "a servo's indirect cells are not where its table says, as with an unknown firmware",
     "unplug": "the adapter is pulled, and plugged in again when the time is over",
     "latency": "the USB adapter hands over every `value` ms only (16)",
 }
@@ -170,7 +170,7 @@ class FaultPlan:
                 self._undo.setdefault(key, undo)
 
     def _strike_port(self, fault: Fault) -> Callable[[], None]:
-        """Has a fault happen to the adapter; what undoes it."""
+        """Applies a fault to the adapter; returns what undoes it."""
         if fault.kind == "unplug":
             self.unplugged = True
             return lambda: setattr(self, "unplugged", False)
@@ -179,7 +179,7 @@ class FaultPlan:
 
 
 def _strike(fault: Fault, device: Device, bus: EmulatedBus, now: float) -> Callable[[], None] | None:
-    """Has a fault happen to one servo; what undoes it, if anything does."""
+    """Applies a fault to one servo; returns what undoes it, if anything does."""
     drive, row, value = device.bank.drive, device.row, fault.value
     match fault.kind:
         case "dead":

@@ -39,7 +39,7 @@ class EmulatedPort:
         return self.wire.receive(self._now)
 
     def wait(self, seconds: float) -> bool:
-        """Lets time pass until there is something to receive, at most so many seconds; whether there is."""
+        """Lets time pass until there is something to receive, at most `seconds`; whether there is."""
         self._check()
         due = self.wire.due
         if due is None or due > self._now:

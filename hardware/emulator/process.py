@@ -1,4 +1,4 @@
-"""The emulator in a process of its own."""
+"""The emulator as a child process."""
 
 from __future__ import annotations
 
@@ -47,7 +47,7 @@ class EmulatorProcess:
 
 
 def start_emulator(path: str | Path) -> EmulatorProcess:
-    """Emulates the rig of a rig file in a process of its own.
+    """Emulates the rig of a rig file in a child process.
 
     Raises:
         RigFileError: if the file is not good.
@@ -55,7 +55,7 @@ def start_emulator(path: str | Path) -> EmulatorProcess:
     """
     config = load_rig(path)
     command = [sys.executable, "-P", "-m", "hardware.emulator", str(path)]
-    # In a session of its own: Ctrl-C is for the deck, which still needs its servos to come to rest.
+    # In another session: Ctrl-C is for the deck, which still needs its servos to come to rest.
     process = subprocess.Popen(
         command, stdin=subprocess.DEVNULL, stdout=subprocess.PIPE, text=True, start_new_session=True
     )

@@ -8,7 +8,7 @@ from __future__ import annotations
 import numpy as np
 
 from hardware.emulator.bus import EmulatedBus
-from hardware.rig.faults import RigFaults
+from hardware.rig.counters import RigFaults
 from hardware.rig.rig_file import RigConfig
 from hardware.rig.scale import Array, RigScale
 
@@ -17,7 +17,7 @@ _WATCHDOG_UNIT = 0.02  # s
 
 
 class SimulatedRig:
-    """Servos that are switched on where they stand; fits `hardware.rig.interface.Rig`.
+    """Servos that are switched on where they stand; with the loop's side of `hardware.rig.supervision.rig.Rig`.
 
     Attributes:
         config: the rig file.

@@ -2,9 +2,9 @@
 
     FF FF | ID | LENGTH | INSTRUCTION or ERROR | PARAMETERS ... | CHECKSUM
 
-LENGTH counts what follows it; CHECKSUM is the inverted sum of everything from ID on. Nothing is stuffed, and the answer
-of a servo looks like an instruction: only who has sent it tells them apart. ERROR is a set of bits, of which three are
-about the servo itself, as in its hardware error status under Protocol 2.0, and four about the instruction.
+LENGTH counts what follows it; CHECKSUM is the inverted sum of everything from ID on. Nothing is stuffed, and a status
+looks like an instruction: only the sender tells them apart. ERROR is a set of bits, of which three are about the servo
+itself, as in its hardware error status under Protocol 2.0, and four about the instruction.
 """
 
 from __future__ import annotations
@@ -34,8 +34,13 @@ def build(id: int, instruction: int, params: bytes = b"") -> bytes:
     length = len(params) + 2
     if length > LONGEST:
         raise ValueError(f"a frame of {length} bytes is too long: at most {LONGEST}")
-    body = bytes((id, length, instruction)) + params
-    return HEADER + body + bytes((~sum(body) & 0xFF,))
+    frame = HEADER + bytes((id, length, instruction)) + params
+    return frame + trailer(frame)
+
+
+def trailer(frame: bytes | bytearray) -> bytes:
+    """The checksum byte behind a frame without it."""
+    return bytes((~sum(frame[len(HEADER) :]) & 0xFF,))
 
 
 def status_length(length: int) -> int:
@@ -52,7 +57,7 @@ def as_status(frame: Frame) -> StatusPacket | None:
     return StatusPacket(frame.id, error, bool(hardware), frame.params, hardware)
 
 
-class OldParser(Parser):
+class Parser1(Parser):
     """Finds frames of Protocol 1.0 as `Parser` does those of 2.0: in linear time, and no input makes it raise."""
 
     _header = HEADER

@@ -19,7 +19,7 @@ BULK_READ = 0x92
 
 
 def ping(id: int) -> bytes:
-    """Are you there? Answered without parameters: who it is stands in its control table."""
+    """Answered without parameters: model and firmware are in the control table."""
     return build(id, PING)
 
 
@@ -31,6 +31,11 @@ def read(id: int, address: int, length: int) -> bytes:
 def write(id: int, address: int, data: bytes) -> bytes:
     """Writes bytes into a servo's control table."""
     return build(id, WRITE, bytes((address,)) + data)
+
+
+def reboot(id: int) -> bytes:
+    """Restarts a servo; only MX know it."""
+    return build(id, REBOOT)
 
 
 def sync_write(address: int, length: int, entries: bytes) -> bytes:

@@ -14,14 +14,22 @@ from heapq import heappop, heappush
 from typing import NamedTuple
 
 import msgspec
+from fastcrc import crc16
 
-from hardware.protocol2.crc import checksum
-from hardware.protocol2.stuffing import stuff, unstuff
+checksum = crc16.umts
+"""checksum(data, start) is the CRC-16 (polynomial 0x8005, start 0, not reflected) of bytes, carried on from `start`.
+
+checksum(a + b) == checksum(b, checksum(a)). It is the library's own function, since one more call costs a loop that has
+slept as much as the CRC of a whole reply.
+"""
 
 HEADER = b"\xff\xff\xfd\x00"
 BROADCAST = 0xFE
 STATUS = 0x55
 ALERT = 0x80
+
+STUFFED_PATTERN = b"\xff\xff\xfd"
+_STUFFED = b"\xff\xff\xfd\xfd"
 
 # No frame of a full bus (253 servos, 10 bytes each) comes near this; what claims more is noise.
 LONGEST = 8192
@@ -57,6 +65,25 @@ class StatusPacket(msgspec.Struct, frozen=True, gc=False):
     hardware: int = 0
 
 
+def stuff(body: bytes) -> bytes:
+    """The body as it goes onto the wire: FF FF FD becomes FF FF FD FD, so that a header always means a new frame.
+
+    The pattern cannot overlap itself, and a stuffed FD follows an FD, so it never completes another pattern: one pass
+    from left to right is the same as scanning the output, and `unstuff` is the exact inverse for any bytes.
+    """
+    return body.replace(STUFFED_PATTERN, _STUFFED)
+
+
+def unstuff(body: bytes) -> bytes:
+    """The body as it was before `stuff`."""
+    return body.replace(_STUFFED, STUFFED_PATTERN)
+
+
+def trailer(frame: bytes | bytearray) -> bytes:
+    """The CRC bytes behind a frame without them."""
+    return checksum(frame).to_bytes(2, "little")
+
+
 def build(id: int, instruction: int, params: bytes = b"") -> bytes:
     """The bytes of one frame.
 
@@ -70,7 +97,7 @@ def build(id: int, instruction: int, params: bytes = b"") -> bytes:
     if length > LONGEST:
         raise ValueError(f"a frame of {length} bytes is too long: at most {LONGEST}")
     frame = HEADER + bytes((id, length & 0xFF, length >> 8)) + body
-    return frame + checksum(frame).to_bytes(2, "little")
+    return frame + trailer(frame)
 
 
 def build_status(id: int, error: int = 0, params: bytes = b"", alert: bool = False) -> bytes:

@@ -14,8 +14,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from hardware.protocol2.crc import checksum
-from hardware.protocol2.frames import ALERT, BROADCAST, HEADER, STATUS, Parser, StatusPacket, as_status
+from hardware.protocol2.frames import ALERT, BROADCAST, HEADER, STATUS, Parser, StatusPacket, as_status, checksum
 
 _JOINT = HEADER + bytes((BROADCAST,))  # how every joint reply begins
 _FAST_HEAD = 8  # header, BROADCAST, length, STATUS: what the first servo sends before its piece
@@ -23,7 +22,7 @@ _STATUS_HEAD = 8  # header, ID, length, STATUS: what stands before the error byt
 
 
 class GroupReply(NamedTuple):
-    """What could be understood of the reply to a group read.
+    """The reply to a group read, servo by servo.
 
     Attributes:
         statuses: of the servos that were heard, by ID.
@@ -63,13 +62,13 @@ class WholeReply(NamedTuple):
         return dict(zip(ids, map(StatusPacket, ids, numbers, alerts, data), strict=True))
 
 
-# What the constructors of named tuples call in the end, in a third of the time.
+# The base of the named tuple's constructor, in a third of its time.
 _whole = partial(tuple.__new__, WholeReply)
 
 
 @lru_cache(maxsize=64)
 def _data_of(count: int, data: int, stride: int) -> Struct:
-    """The registers of so many rows; what stands around them is passed over."""
+    """Unpacks the registers of `count` rows; the bytes around them are skipped."""
     return Struct("<" + f"{data}x{stride - 2 - data}s2x" * count)
 
 

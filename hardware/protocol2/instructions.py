@@ -44,7 +44,7 @@ def words(*values: int) -> bytes:
 
 
 def ping(id: int) -> bytes:
-    """Are you there? Answered with model number (2 bytes) and firmware version."""
+    """Answered with model number (2 bytes) and firmware version."""
     return build(id, PING)
 
 
@@ -64,7 +64,7 @@ def reboot(id: int) -> bytes:
 
 
 def factory_reset(id: int, keep: int = RESET_BUT_ID_AND_BAUD) -> bytes:
-    """Puts the EEPROM back to what it was in the box, but for what `keep` names (RESET_...), and restarts the servo."""
+    """Restores the factory EEPROM, but for what `keep` names (RESET_...), and restarts the servo."""
     return build(id, FACTORY_RESET, bytes((keep,)))
 
 

@@ -1,4 +1,4 @@
-"""One register of every servo of a rig: read and written one by one, or told to all at once."""
+"""One register of every servo of a rig: read and written one by one, or broadcast."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ def read_each(config: RigConfig, bus: Bus, name: str) -> list[int]:
 
 
 def return_delays(config: RigConfig, bus: Bus) -> list[float]:
-    """How long each servo waits before it answers, s."""
+    """The return delay of each servo, s."""
     return [count * 2e-6 for count in read_each(config, bus, "return_delay_time")]
 
 

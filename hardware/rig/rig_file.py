@@ -1,4 +1,4 @@
-"""Rig files: which servo on which port is which joint of a robot, and what it may do."""
+"""Rig files: the servo, port and limits of each joint of a robot."""
 
 from __future__ import annotations
 
@@ -12,17 +12,16 @@ from typing import Annotated, Literal
 
 import msgspec
 
-from hardware.control_table.baud_rates import baud_value
 from hardware.control_table.models import MODELS
 from hardware.control_table.servo_traits import TRAITS
 from hardware.control_table.table import ControlTable
-from hardware.errors import RigFileError
-from hardware.rig.rig_lines import line_of
+from hardware.errors import RigError, RigFileError
 from motiondeck_base.file_words import in_file_words
 from motiondeck_base.near_names import did_you_mean
 
 _DRIVEN = "the XL-320 and servos of the X, MX, AX, RX, P and PRO(A) series"
 _WATCHDOG_UNIT_MS = 20  # in which the servos count
+_QUOTED = re.compile(r'"(?:\\.|[^"\\\n])*"|\'[^\'\n]*\'')
 BAUD_RATES = (9600, 57600, 115200, 1_000_000, 2_000_000, 3_000_000, 4_000_000)
 
 
@@ -35,7 +34,7 @@ class RigJoint(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
         model: the maker's name, as in `MODELS`.
         direction: +1 or -1, which way the servo turns when the joint's angle grows.
         zero: the servo's position at angle 0, pulses.
-        lower, upper: what the joint may do, rad; within the servo's one turn.
+        lower, upper: position limits, rad; within the servo's one turn.
         velocity: its limit, rad/s.
         acceleration: its limit, rad/s^2; 0 for none.
         current: its limit, A; 0 for the servo's own.
@@ -134,7 +133,7 @@ class RigConfig(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
         read_hz: how often the state is read; 0 for as often as targets are sent.
         on_exit: what the servos do in the end: "off", or "hold" where they are.
         on_loss: what happens when a joint is lost for good: "stop" the rig, or "go on" without it.
-        reconnect_s: for how long a port that vanished is looked for; 0 for not at all.
+        reconnect_s: how long a vanished port may take to come back; 0 to stop at once.
     """
 
     port: Annotated[str, msgspec.Meta(min_length=1)]
@@ -158,7 +157,7 @@ class RigConfig(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
         if not 0 <= self.read_hz <= self.rate_hz:
             raise ValueError(f"read_hz {self.read_hz:g} must be from 0 to rate_hz, {self.rate_hz:g}")
         for number, joint in enumerate(self.joints, 1):
-            if baud_value(joint.table, self.baud) is None:
+            if joint.table.baud_value(self.baud) is None:
                 raise ValueError(f"joint {number} ({joint.name}): model '{joint.model}' cannot do {self.baud} baud")
         for port in self.ports:
             self._refuse_doubles("id", [joint.id if self._port_of(joint) == port else None for joint in self.joints])
@@ -185,10 +184,22 @@ class RigConfig(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
             parts.append(msgspec.structs.replace(self, port=port, joints=joints))
         return tuple(parts)
 
+    def on_ports(self, ports: Sequence[str] = ()) -> tuple[RigConfig, ...]:
+        """The same as `parts`, on these ports in place of the rig file's own if there are any.
+
+        Raises:
+            RigError: if their number is not that of the rig's ports.
+        """
+        if ports and len(ports) != len(self.ports):
+            raise RigError(f"the rig has {len(self.ports)} ports ({', '.join(self.ports)}), {len(ports)} were given.")
+        return tuple(
+            msgspec.structs.replace(part, port=port) for part, port in zip(self.parts, ports or self.ports, strict=True)
+        )
+
     @property
-    def old_ids(self) -> frozenset[int]:
-        """The IDs that speak Protocol 1.0, for the rig of one port."""
-        return frozenset(joint.id for joint in self.joints if joint.table.protocol == 1)
+    def protocols(self) -> dict[int, int]:
+        """The protocol (1 or 2) of each ID, for the rig of one port."""
+        return {joint.id: joint.table.protocol for joint in self.joints}
 
     def only(self, joints: Sequence[int]) -> RigConfig:
         """The rig reduced to the joints with these indices."""
@@ -201,12 +212,12 @@ class RigConfig(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
         """Raises ValueError where two joints have the same value; None is ignored."""
         twice = [value for value, count in Counter(values).items() if count > 1 and value is not None]
         if twice:
-            who = ", ".join(
+            where = ", ".join(
                 f"joint {number} ({joint.name}, id {joint.id})"
                 for number, (joint, value) in enumerate(zip(self.joints, values, strict=True), 1)
                 if value in twice
             )
-            raise ValueError(f"{key} {', '.join(map(str, twice))} is used more than once: {who}")
+            raise ValueError(f"{key} {', '.join(map(str, twice))} is used more than once: {where}")
 
 
 def load_rig(path: str | Path) -> RigConfig:
@@ -253,8 +264,42 @@ def _line(text: str, where: str, key: str, what: str) -> int | None:
     """The line of the mistake: that of the key, of the joint, or of what the message names first or last."""
     joint = re.search(r"joints\[(\d+)\]", where)
     if joint:
-        return line_of(text, key if not key.startswith("joints[") else "", int(joint[1]) + 1)
+        return _line_of(text, key if not key.startswith("joints[") else "", int(joint[1]) + 1)
     named = re.findall(r"joint (\d+) \(", what)
     if named:
-        return line_of(text, "", int(named[-1]))
-    return line_of(text, key or what.split(" ", 1)[0])
+        return _line_of(text, "", int(named[-1]))
+    return _line_of(text, key or what.split(" ", 1)[0])
+
+
+def _line_of(text: str, key: str, joint: int | None = None) -> int | None:
+    """The line, counted from 1, of a key of the file or of its joint number `joint` (from 1); None if it is not found.
+
+    Where the joint lacks that key, the line on which the joint begins.
+    """
+    lines = [_QUOTED.sub('""', line).partition("#")[0] for line in text.splitlines()]
+    starts = _joint_starts(lines)
+    if joint is None:
+        return _find(lines, key, 0, starts[0][0] if starts else len(lines)) or _find(lines, key, 0, len(lines))
+    if joint > len(starts):
+        return None
+    row, column = starts[joint - 1]
+    end_row, end_column = starts[joint] if joint < len(starts) else (len(lines) - 1, None)
+    part = [*lines[: end_row + 1]]
+    part[end_row] = part[end_row][:end_column]
+    part[row] = " " * column + part[row][column:]
+    return (_find(part, key, row, end_row + 1) if key else None) or row + 1
+
+
+def _joint_starts(lines: list[str]) -> list[tuple[int, int]]:
+    """Row and column, from 0, at which each joint begins."""
+    headed = [(row, 0) for row, line in enumerate(lines) if re.match(r"\s*\[\[\s*joints\s*\]\]", line)]
+    if headed:
+        return headed
+    first = next((row for row, line in enumerate(lines) if re.match(r"\s*joints\s*=", line)), len(lines))
+    return [(row, brace.start()) for row in range(first, len(lines)) for brace in re.finditer("{", lines[row])]
+
+
+def _find(lines: list[str], key: str, start: int, end: int) -> int | None:
+    """The line from 1 in rows start to end - 1 in which a key is given a value."""
+    given = re.compile(rf"(?:^|[\s{{,]){re.escape(key)}\s*=")
+    return next((row + 1 for row in range(start, end) if given.search(lines[row])), None)

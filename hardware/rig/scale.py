@@ -1,4 +1,4 @@
-"""Between the joints' angles and the servos' counts, for a whole rig at once."""
+"""Conversion between joint angles and servo counts, for a whole rig at once."""
 
 from __future__ import annotations
 
@@ -18,8 +18,8 @@ class RigScale:
 
     Attributes:
         lower, upper: limits, shape (J,), rad.
-        rad_per_s: what one count of velocity means, shape (J,), rad/s; its sign is as that of `amperes`.
-        amperes: what one count of current or load means, shape (J,), A, negative where the servo turns the other way.
+        rad_per_s: one count of velocity, shape (J,), rad/s; its sign is as that of `amperes`.
+        amperes: one count of current or load, shape (J,), A, negative where the servo turns the other way.
     """
 
     def __init__(self, config: RigConfig) -> None:
@@ -57,13 +57,13 @@ class RigScale:
 
 
 def _with_sign(counts: NDArray[Any]) -> Array:
-    """Speeds and loads of old models, which hold their size and, in bit 10, their sign."""
+    """Speeds and loads that are stored as size and, in bit 10, sign."""
     size = (counts & 1023).astype(np.float64)
     return np.where(counts & 1024, -size, size)
 
 
 def _ampere(joint: RigJoint) -> float:
-    """What one count of a joint's current is, A; for a model that measures load only, its stall current."""
+    """One count of a joint's current, A; of load, as a part of the stall current."""
     table = joint.table
     if "present_current" in table.registers:
         return table["present_current"].si or 0.0

@@ -1,4 +1,4 @@
-"""A rig's control tables in a file, and back: all registers are kept, and those in EEPROM can be restored."""
+"""Backup of a rig's control tables: all registers are saved, and those in EEPROM can be restored."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from pathlib import Path
 
 import msgspec
 
-from hardware.bus.servo_bus import UNTOLD, Bus
+from hardware.bus.servo_bus import UNKNOWN_MODEL, Bus
 from hardware.errors import NoReplyError, RigError
 from hardware.rig.rig_file import RigConfig, RigJoint
 
@@ -67,7 +67,7 @@ def _read_all(joint: RigJoint, bus: Bus) -> dict[str, int]:
 
 
 def _read_silent(joint: RigJoint, bus: Bus) -> dict[str, int]:
-    """As `_read_all` of a servo that answers a ping but no read: it is told to answer meanwhile, in its RAM."""
+    """As `_read_all` of a servo that answers a ping but no read; its level is raised in RAM meanwhile."""
     level = joint.table["status_return_level"]
     if level.memory != "RAM":
         raise RigError(_MUTE.format(f"{joint.name} (id {joint.id})"))
@@ -97,17 +97,17 @@ def restore(config: RigConfig, backups: Iterable[ServoBackup], bus: Bus) -> list
     for joint in config.joints:
         if joint.name not in kept:
             continue
-        backup, who = kept[joint.name], f"{joint.name} (id {joint.id})"
+        backup, servo = kept[joint.name], f"{joint.name} (id {joint.id})"
         if backup.model != joint.model:
             raise RigError(f"{joint.name} is {joint.model} in the rig file, and {backup.model} in the backup.")
         _check_model(joint.name, joint.id, joint.model, bus)
         torque = joint.table["torque_enable"]
         if bus.read(joint.id, torque.address, torque.length).params != b"\0":
-            raise RigError(f"{who} has its torque on. Take it off with motiondeck rig stop.")
+            raise RigError(f"{servo} has its torque on. Take it off with motiondeck rig stop.")
         for name, value in backup.registers.items():
             register = joint.table.registers.get(name)
             if register is None:
-                raise RigError(f"the backup of {who} has a register '{name}', which a {joint.model} has not.")
+                raise RigError(f"the backup of {servo} has a register '{name}', which a {joint.model} has not.")
             if register.memory != "EEPROM" or register.access == "R" or name in _NOT_RESTORED:
                 continue
             held = register.decode(bus.read(joint.id, register.address, register.length).params)
@@ -116,8 +116,8 @@ def restore(config: RigConfig, backups: Iterable[ServoBackup], bus: Bus) -> list
             try:
                 writes.append((joint.id, register.address, register.encode(value)))
             except ValueError as error:
-                raise RigError(f"the backup of {who} cannot be restored: {error}.") from error
-            lines.append(f"{who}: {name} was {held} and is {value}")
+                raise RigError(f"the backup of {servo} cannot be restored: {error}.") from error
+            lines.append(f"{servo}: {name} was {held} and is {value}")
     for write in writes:
         bus.write(*write)
     return lines
@@ -155,7 +155,7 @@ def _check_model(joint: str, id: int, model: str, bus: Bus) -> None:
     identity = bus.ping(id)
     if identity is None:
         raise RigError(f"{joint} (id {id}) does not answer. Check power, cable, id and baud rate.")
-    if identity.model_number == UNTOLD:
+    if identity.model_number == UNKNOWN_MODEL:
         raise RigError(_MUTE.format(f"{joint} (id {id})"))
     if identity.model != model:
         raise RigError(f"{joint} (id {id}) answers as {identity.model}, not as {model}. Correct the rig file.")

@@ -1,8 +1,8 @@
-"""Calibrating a rig by hand, all joints at once: where each one's zero is, which way it turns, and how far it goes.
+"""Calibration of a rig by hand, all joints at once: zero, direction and range of each.
 
 Positions are the servo's own, without homing offset and reversal (`clear_offsets`), counted on through whole turns
 while torque is off. With torque on only one turn is left (0 to 4095 on most models): what a range has beyond it is
-given up, and said.
+given up, with a note.
 """
 
 from __future__ import annotations
@@ -20,12 +20,12 @@ from hardware.rig.rig_file import RigConfig, RigJoint
 from hardware.rig.switching.audit import audit, settle
 from hardware.tools.loose_joints import whole_turns
 
-LEAST_RANGE = 0.2  # rad: less is a joint that nobody has moved
+LEAST_RANGE = 0.2  # rad: a joint with less was not moved
 _MARGIN = 0.02  # rad kept away from an end that a hand has found
 
 
 class MeasuredJoint(msgspec.Struct, forbid_unknown_fields=True):
-    """What is known of one joint, pulses.
+    """The calibration of one joint so far, pulses.
 
     Attributes:
         id: of its servo.

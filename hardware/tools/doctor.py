@@ -1,4 +1,4 @@
-"""What is wrong with the servos of a rig, and setting right what their registers hold."""
+"""Diagnosis of a rig's servos, and repair of their registers."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from typing import NamedTuple
 
 import msgspec
 
-from hardware.bus.servo_bus import UNTOLD, Bus, Identity
+from hardware.bus.servo_bus import UNKNOWN_MODEL, Bus, Identity
 from hardware.control_table.meanings import describe_errors
 from hardware.errors import NoReplyError, ServoError
 from hardware.rig.driving.state_block import arranged, motion
@@ -67,7 +67,7 @@ class Report(msgspec.Struct, frozen=True):
         latency_ms: of the USB adapter's timer; None where there is none to read.
         rate_hz: asked for by the rig file.
         possible_hz: that the wire allows as it is now.
-        servos: that answered.
+        servos: those that answered.
         problems: each with its remedy.
         notes: what differs from what the rig needs, and is set whenever it is switched on.
         missing: IDs that did not answer.
@@ -97,7 +97,7 @@ class Fixed(NamedTuple):
 
 
 def examine(config: RigConfig, bus: Bus) -> Report:
-    """Asks every servo of a rig how it is, compares its settings, and lists what would go wrong; moves nothing.
+    """Reads every servo of a rig, compares its settings, and lists the problems; moves nothing.
 
     Raises:
         SerialPortError: if the port vanishes.
@@ -107,28 +107,28 @@ def examine(config: RigConfig, bus: Bus) -> Report:
     missing: list[int] = []
     servos: list[ServoReport] = []
     for index, joint in enumerate(config.joints):
-        identity, who = bus.ping(joint.id), f"{joint.name} (id {joint.id})"
+        identity, name = bus.ping(joint.id), f"{joint.name} (id {joint.id})"
         if identity is None:
-            problems.append(f"{who} {_no_answer(bus)}")
+            problems.append(f"{name} {_no_answer(bus)}")
             missing += [] if bus.garbled else [joint.id]
             continue
         if wrong := _not_its_servo(joint, identity):
-            problems.append(f"{who} {wrong}")
+            problems.append(f"{name} {wrong}")
             continue
         try:
             servo = _ask(joint, identity, bus)
             differences = audit(config.only([index]), bus)
             servos.append(servo)
         except NoReplyError:
-            problems.append(f"{who} {_SILENT}")
+            problems.append(f"{name} {_SILENT}")
             continue
         except ServoError as error:
             problems.append(str(error))
             continue
-        problems += _complaints(servo, joint, who, {one.register for one in differences})
+        problems += _complaints(servo, joint, name, {one.register for one in differences})
         problems += [f"{one}: --fix sets it" for one in differences if one.when != "switch-on"]
         if _turns_endlessly(joint, differences):
-            notes.append(f"{who} is set to turn without an end, its position limits are equal: {_SET_ANYWAY}")
+            notes.append(f"{name} is set to turn without an end, its position limits are equal: {_SET_ANYWAY}")
         at_switch_on = [one for one in differences if one.when == "switch-on" and one.register not in _THE_RIGS_OWN]
         notes += [f"{one}: {_SET_ANYWAY}" for one in at_switch_on]
     latency = latency_timer(bus.port.name)
@@ -147,7 +147,7 @@ def examine(config: RigConfig, bus: Bus) -> Report:
 
 
 def _no_answer(bus: Bus) -> str:
-    """What is said of a servo that was not understood, or not heard."""
+    """The problem of a servo whose reply was garbled or missing."""
     if bus.garbled:
         return (
             "gives garbled answers: two servos may have its id; connect one of them alone, then "
@@ -158,7 +158,7 @@ def _no_answer(bus: Bus) -> str:
 
 def _not_its_servo(joint: RigJoint, identity: Identity) -> str:
     """Why what has answered cannot be the servo of a joint, or ""."""
-    if identity.model_number == UNTOLD and identity.protocol == joint.table.protocol:
+    if identity.model_number == UNKNOWN_MODEL and identity.protocol == joint.table.protocol:
         return _SILENT
     if identity.model != joint.model:
         return f"answers as {identity.model}, not as {joint.model}: correct the rig file"
@@ -187,11 +187,11 @@ def look_elsewhere(config: RigConfig, report: Report, open_bus: Callable[[int], 
     known = {joint.id for joint in config.joints} - {*report.missing}
     bauds = list(dict.fromkeys((report.baud, *LIKELY_BAUDS))) if report.missing else []
     return [
-        f"{who.model} answers as id {who.id} at {baud} baud{' in Protocol 1.0' * (who.protocol == 1)}: connect it "
+        f"{found.model} answers as id {found.id} at {baud} baud{found.spoken}: connect it "
         f"alone, then motiondeck rig setup {report.port} "
         f"--id {report.missing[0] if len(report.missing) == 1 else 'ID'} --baud {report.baud}"
-        for baud, who in scan(open_bus, bauds)
-        if baud != report.baud or who.id not in known
+        for baud, found in scan(open_bus, bauds)
+        if baud != report.baud or found.id not in known
     ]
 
 
@@ -278,14 +278,15 @@ def _turns_endlessly(joint: RigJoint, differences: Iterable[Difference]) -> bool
     limits = {one.register: one.found for one in differences}
     low = limits.get("min_position_limit")
     end = joint.table.one_turn[1]
-    return joint.table.protocol == 1 and low is not None and low == limits.get("max_position_limit", end)
+    wheels = "operating_mode" not in joint.table.registers
+    return wheels and low is not None and low == limits.get("max_position_limit", end)
 
 
-def _complaints(servo: ServoReport, joint: RigJoint, who: str, differing: set[str]) -> list[str]:
+def _complaints(servo: ServoReport, joint: RigJoint, name: str, differing: set[str]) -> list[str]:
     """What is wrong with one servo, some of whose registers differ from what the rig needs."""
     found: list[str] = []
     if servo.errors:
-        found.append(f"{who} reports {servo.errors}: mend the cause, then switch its power off and on")
+        found.append(f"{name} reports {servo.errors}: mend the cause, then switch its power off and on")
     position = servo.position
     if "operating_mode" in differing:  # one that counts many turns; in position mode it shows its place in one
         lowest, turn = joint.table.one_turn[0], joint.table.pulses_per_turn
@@ -293,9 +294,9 @@ def _complaints(servo: ServoReport, joint: RigJoint, who: str, differing: set[st
         position = (pulses - joint.zero) / joint.pulses_per_radian
     if not (joint.lower - 0.05 <= position <= joint.upper + 0.05 or differing & _FALSIFIES):
         found.append(
-            f"{who} stands at {position:.2f} rad, its limits are {joint.lower} to {joint.upper}: "
+            f"{name} stands at {position:.2f} rad, its limits are {joint.lower} to {joint.upper}: "
             "move it by hand, or motiondeck rig calibrate"
         )
     if servo.temperature > joint.hottest - _CLOSE_TO_HOT:
-        found.append(f"{who} has {servo.temperature:.0f} degC and shuts down at {joint.hottest:.0f}: let it cool")
+        found.append(f"{name} has {servo.temperature:.0f} degC and shuts down at {joint.hottest:.0f}: let it cool")
     return found

@@ -1,4 +1,4 @@
-"""The latency timer of a USB adapter: how long it holds an answer before the computer gets it."""
+"""The latency timer of a USB adapter: how long it holds received bytes back."""
 
 from __future__ import annotations
 

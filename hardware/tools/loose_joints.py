@@ -1,4 +1,4 @@
-"""Joints without torque: taking it off, and where hands have brought them.
+"""Joints without torque, moved by hand.
 
 With torque off a servo counts its position through whole turns, so a joint that passes its own zero is followed.
 """

@@ -1,4 +1,4 @@
-"""Watching a rig without touching it: what every servo measures, once a second, and how often the wire lets us ask."""
+"""Monitor of a rig: the measurements of every servo once a second, and the rate that the wire allows."""
 
 from __future__ import annotations
 

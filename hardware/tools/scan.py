@@ -1,4 +1,4 @@
-"""Who answers on a bus: every baud rate, both protocols."""
+"""Scan of a bus for servos: every baud rate, both protocols."""
 
 from __future__ import annotations
 
@@ -23,12 +23,12 @@ def scan(
     bauds: Iterable[int] = LIKELY_BAUDS,
     on_garbled: Callable[[int], object] = lambda baud: None,
 ) -> list[Found]:
-    """Who answers at each baud rate, of both protocols; the likely rates first.
+    """The servos that answer at each baud rate, in both protocols; the likely rates first.
 
     Args:
         open_bus: opens the port at a baud rate.
         bauds: where to look.
-        on_garbled: told each baud rate at which some bytes are no answer: two servos may have one ID.
+        on_garbled: called with each baud rate at which some bytes are no answer: two servos may share an ID.
 
     Raises:
         SerialPortError: if the port cannot be opened, or vanishes.
@@ -40,7 +40,7 @@ def scan(
             found += [Found(baud, identity) for identity in bus.ping_all()]
             if bus.garbled:
                 on_garbled(baud)
-            found += [Found(baud, identity) for identity in bus.ping_old()]
+            found += [Found(baud, identity) for identity in bus.ping_each()]
         finally:
             bus.close()
     return found

@@ -4,8 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
-from hardware.bus.servo_bus import UNTOLD, Bus, Identity
-from hardware.control_table.baud_rates import baud_value
+from hardware.bus.servo_bus import UNKNOWN_MODEL, Bus, Identity
 from hardware.control_table.models import MODELS
 from hardware.control_table.table import ControlTable
 from hardware.errors import NoReplyError, RigError
@@ -33,23 +32,22 @@ def set_up(open_bus: Callable[[int], Bus], id: int, baud: int) -> tuple[Found, I
     if not found:
         raise RigError("no servo answers at any baud rate. Check power, cable and adapter.")
     if len(found) > 1:
-        who = ", ".join(f"id {one.identity.id} at {one.baud}" for one in found)
-        raise RigError(f"{len(found)} servos answer ({who}). Connect the one to set up alone.")
+        servos = ", ".join(f"id {one.identity.id} at {one.baud}" for one in found)
+        raise RigError(f"{len(found)} servos answer ({servos}). Connect the one to set up alone.")
     before = found[0]
     bus = open_bus(before.baud)
     try:
-        if before.identity.protocol == 1:
-            bus.old = frozenset((before.identity.id, id))
+        bus.protocols = dict.fromkeys((before.identity.id, id), before.identity.protocol)
         before = Found(before.baud, _who_answers(before.identity, bus))
         table = MODELS[before.identity.model]
-        value = baud_value(table, baud)
+        value = table.baud_value(baud)
         if value is None:
             raise RigError(f"a servo of model {table.model} cannot do {baud} baud.")
         _put(bus, before.identity.id, table, "torque_enable", 0)
         _put(bus, before.identity.id, table, "return_delay_time", 0)
         if before.identity.protocol != table.protocol:
             _put(bus, before.identity.id, table, "protocol_type", table.protocol)
-            bus.old = frozenset()
+            bus.protocols = {}
         if id != before.identity.id:
             _put(bus, before.identity.id, table, "id", id)
         if baud != before.baud:
@@ -58,7 +56,7 @@ def set_up(open_bus: Callable[[int], Bus], id: int, baud: int) -> tuple[Found, I
         bus.close()
     bus = open_bus(baud)
     try:
-        bus.old = frozenset((id,)) if table.protocol == 1 else frozenset()
+        bus.protocols = {id: table.protocol}
         after = bus.ping(id)
     finally:
         bus.close()
@@ -69,7 +67,7 @@ def set_up(open_bus: Callable[[int], Bus], id: int, baud: int) -> tuple[Found, I
 
 def _who_answers(identity: Identity, bus: Bus) -> Identity:
     """The identity of a servo that answers every instruction from now on, whatever its status return level was."""
-    untold = identity.model_number == UNTOLD
+    untold = identity.model_number == UNKNOWN_MODEL
     table = MODELS["AX-12A" if untold else identity.model] if untold or identity.model in MODELS else None
     if table is None:
         raise RigError(f"the servo answers as {identity.model}, whose control table is not known.")

@@ -1,8 +1,7 @@
 """An emergency stop that is wired: a contact on a serial adapter, or a key of an input device.
 
 Both stop where anything fails: the contact is closed while all is well, so that a cut wire or an unplugged adapter is
-the same as a pulled stop. An adapter may take a millisecond to tell its lines, so a thread asks, and the loop looks at
-what it found.
+the same as a pulled stop. An adapter may take a millisecond to report its lines, so a thread polls them for the loop.
 """
 
 from __future__ import annotations

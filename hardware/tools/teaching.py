@@ -1,4 +1,4 @@
-"""Teaching a rig by hand: torque off, the joints' angles recorded while somebody moves them, and prepared for playing.
+"""Teaching a rig by hand: joint angles recorded with the torque off, and prepared for playing.
 
 A joint is counted from the turn in which it was found, which is the one it keeps when torque comes on.
 """

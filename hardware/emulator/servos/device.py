@@ -9,11 +9,8 @@ from __future__ import annotations
 
 import math
 
-from hardware.control_table.baud_rates import BAUD_RATES, baud_of
-from hardware.control_table.p_series import P_SERIES
 from hardware.control_table.register import Register
 from hardware.control_table.servo_traits import TRAITS
-from hardware.emulator.servos.old_servos import is_old
 from hardware.emulator.servos.servo_bank import TRIPPED, ServoBank
 from hardware.protocol2.instructions import (
     BACKUP_RESTORE,
@@ -38,7 +35,7 @@ _MATTERS = frozenset({"torque_enable", "operating_mode", "drive_mode", "homing_o
                       "feedforward_1st_gain"})  # fmt: skip
 _GOALS = frozenset({"goal_pwm", "goal_current", "goal_velocity", "goal_position"})
 _LIMITED_BY = {"goal_pwm": "pwm_limit", "goal_current": "current_limit", "goal_velocity": "velocity_limit"}
-_P_LIMITED_BY = {"profile_velocity": "velocity_limit", "profile_acceleration": "acceleration_limit"}
+_PROFILE_LIMITED_BY = {"profile_velocity": "velocity_limit", "profile_acceleration": "acceleration_limit"}
 
 
 class Device:
@@ -58,8 +55,8 @@ class Device:
         self.model = bank.table.model
         self._table = bank.table
         self._modes = TRAITS[self.model].modes
-        self._has_follower = "540" in self.model
-        self._limited_by = _LIMITED_BY | (_P_LIMITED_BY if self.model in P_SERIES else {})
+        self._family = bank.table.family
+        self._limited_by = _LIMITED_BY | (_PROFILE_LIMITED_BY if self._family.checks_profiles else {})
         self._backup: bytes | None = None
         size = bank.table.size
         self._memory = memoryview(bank.memory)[row * size : (row + 1) * size]
@@ -69,7 +66,6 @@ class Device:
         }
         self._by_address = {register.address: register for register in bank.public.registers.values()}
         self.protocol = bank.table.protocol
-        self._old = is_old(bank.table)
         self._cells = {
             register.address: bank.table[name.replace("data", "address")].address
             for name, register in bank.table.registers.items()
@@ -97,7 +93,7 @@ class Device:
     def __setitem__(self, name: str, value: int) -> None:
         """Puts a value into a register without any rule or effect: for the servo itself, and for tests."""
         self._store(self._table[name], value)
-        if name in _MATTERS or self._old:
+        if name in _MATTERS or self.bank.mapped:
             self.bank.settle()
 
     @property
@@ -113,7 +109,7 @@ class Device:
     @property
     def baud(self) -> int:
         """The speed at which it hears and answers, bits/s."""
-        return baud_of(self._table, self._get("baud_rate"))
+        return self._family.baud_of(self._get("baud_rate")) or 0
 
     @property
     def return_delay(self) -> float:
@@ -127,6 +123,16 @@ class Device:
         return since is not None and self._get("firmware_version") >= since
 
     @property
+    def bulk_reads(self) -> bool:
+        """Whether it answers bulk reads."""
+        return self._family.bulk_reads
+
+    @property
+    def reboots(self) -> bool:
+        """Whether an instruction restarts it."""
+        return self._family.reboots
+
+    @property
     def moving(self) -> bool:
         """Whether it reports that it moves: it turns faster than its moving threshold."""
         return self["moving"] != 0
@@ -134,7 +140,7 @@ class Device:
     @property
     def torque(self) -> bool:
         """Whether torque is on."""
-        return self._get("torque_enable") != 0 and not (self._old and self._get("torque_limit") == 0)
+        return self._get("torque_enable") != 0 and self._get(self._family.shuts_down_by) != 0
 
     @property
     def pulses_per_radian(self) -> float:
@@ -153,12 +159,12 @@ class Device:
 
     def choose_protocol(self) -> None:
         """Speaks from now on what its register says, if it has one."""
-        if "protocol_type" in self._places and not self._old:
+        if "protocol_type" in self._places:
             self.protocol = 1 if self._get("protocol_type") == 1 else 2
 
     def fail(self, bits: int) -> None:
         """Gives the servo a hardware problem: 1 voltage, 4 heat, 8 encoder, 16 shock, 32 overload."""
-        self["hardware_error_status"] = self._get("hardware_error_status") | self._table.own_problems(bits)
+        self["hardware_error_status"] = self._get("hardware_error_status") | self._family.own_problems(bits)
         if self.shut_down and self._get("torque_enable"):
             self.bank.let_go(self.row)
 
@@ -199,7 +205,7 @@ class Device:
         if by_goal and any(register.name in _GOALS for register, _ in plan):
             self._store(self._table["torque_enable"], 1)
             plan.insert(0, (self._table["torque_enable"], 1))
-        if self._old or any(register.name in _MATTERS for register, _ in plan):
+        if self.bank.mapped or any(register.name in _MATTERS for register, _ in plan):
             self.bank.settle()
         for register, value in plan:
             self._take_effect(register.name, value, switched_on=not was_on)
@@ -347,13 +353,13 @@ class Device:
         if name == "operating_mode":
             return 0 if value in self._modes else RANGE
         if name == "drive_mode":
-            return RANGE if value & _FOLLOWER and not self._has_follower else 0
+            return RANGE if value & _FOLLOWER and not self._family.follows else 0
         if name == "baud_rate":
-            return 0 if self.protocol == 1 or value < len(BAUD_RATES) else RANGE
+            return 0 if self._family.baud_of(value) else RANGE
         if name == "lock":
             return 0 if value or not self._get("lock") else RANGE  # only power-up unlocks
         if name == "torque_enable":
-            return RESULT_FAIL if value and self.shut_down and not self._old else 0
+            return RESULT_FAIL if value and self.shut_down and self._family.shuts_down_by == name else 0
         return 0
 
     def _take_effect(self, name: str, value: int, switched_on: bool) -> None:

@@ -96,7 +96,7 @@ class MotorDrive:
         self._sum[row] = 0.0
 
     def advance(self, seconds: float) -> None:
-        """Advances them by so many seconds."""
+        """Advances them by `seconds`."""
         if self.coupled or not self._at_rest():
             steps = math.ceil(seconds / _LONGEST_STEP)
             self._run(steps, seconds / steps)

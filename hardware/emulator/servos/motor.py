@@ -45,4 +45,4 @@ class Motor:
 def motor_of(model: str) -> Motor:
     """The motor of a model that can be a joint of a rig."""
     traits = TRAITS[model]
-    return Motor(traits.no_load_speed, traits.stall_current * 1e3, traits.voltage, traits.full_pwm)
+    return Motor(traits.no_load_speed, traits.stall_current * 1e3, traits.voltage, traits.family.full_pwm)

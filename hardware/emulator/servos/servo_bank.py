@@ -18,7 +18,7 @@ from hardware.control_table.servo_traits import TRAITS
 from hardware.control_table.table import ControlTable
 from hardware.emulator.servos.drive import CURRENT, POSITION_MODES, PWM, VELOCITY, MotorDrive
 from hardware.emulator.servos.motor import motor_of
-from hardware.emulator.servos.old_servos import follow, is_old, whole_table, with_sign
+from hardware.emulator.servos.register_mapping import follow, whole_table, with_sign
 
 TRIPPED = -1
 """The bus watchdog register after it has stopped the servo."""
@@ -26,6 +26,7 @@ TRIPPED = -1
 _CONTROL = ("position_p_gain", "position_i_gain", "position_d_gain", "velocity_p_gain", "velocity_i_gain",
             "feedforward_1st_gain", "feedforward_2nd_gain", "profile_velocity", "profile_acceleration")  # fmt: skip
 _SHORTEST_STEP = 0.001
+_VOLTAGE, _HEAT, _OVERLOAD = 1, 4, 32  # problems
 _IN_POSITION = 0x01
 _PROFILE_ONGOING = 0x02
 _NOT_FOLLOWING = 0x08
@@ -43,7 +44,8 @@ class ServoBank:
 
     Attributes:
         public: their control table, as far as the bus reaches.
-        table: the same with what the bank needs besides (see `old_servos`).
+        table: the same with what the bank needs besides (see `register_mapping`).
+        mapped: whether that is more than the bus reaches.
         memory: all their bytes, `table.size` a servo.
         registers: the same bytes as a numpy record array, shape (n,).
         drive: their motors; its `shaft`, `load`, `jammed`, `supply` and `temperature` may be set from outside.
@@ -70,7 +72,7 @@ class ServoBank:
         self._time = 0.0
         self._shown = False
         self._measures_current = "present_current" in table.registers
-        self._old = is_old(table)
+        self.mapped = table is not self.public
         self._pulses_per_radian = table.pulses_per_turn / (2.0 * math.pi)
         self.settle()
         self.show()
@@ -92,7 +94,7 @@ class ServoBank:
             if register.memory == "RAM":
                 self.registers[register.name][row] = self._at_first(register)
         self.restore_control(row)
-        if self._old:
+        if "torque_limit" in self.table.registers:
             self.registers["torque_limit"][row] = self.registers["max_torque"][row]
         for name, value in (restored or {}).items():
             self.registers[name][row] = value
@@ -104,9 +106,9 @@ class ServoBank:
         self.registers["goal_position"][row] = self.registers["present_position"][row]
 
     def _at_first(self, register: Register) -> int:
-        """What a register holds in a servo from the box; 0 where it is not told, but a motor needs a gain."""
-        told = self._traits.position_p if register.name == "position_p_gain" else 0
-        return told if register.default is None else register.default
+        """The factory value of a register; 0 where it is unknown, but a motor needs a gain."""
+        unknown = self._traits.position_p if register.name == "position_p_gain" else 0
+        return unknown if register.default is None else register.default
 
     def restore_control(self, row: int) -> None:
         """Puts gains, profile, goal PWM and goal current of a servo back, as power-up and a change of mode do."""
@@ -141,7 +143,7 @@ class ServoBank:
     def settle(self) -> None:
         """Copies the registers that matter to the motors to them, after one was written."""
         registers, drive = self.registers, self.drive
-        if self._old:
+        if self.mapped:
             follow(registers, self.table, drive)
         sign = np.where(registers["drive_mode"] & 1, -1.0, 1.0).astype(np.float64)
         drive.mode = registers["operating_mode"].astype(np.int64)
@@ -151,8 +153,8 @@ class ServoBank:
         )
         drive.offset = np.where(one_turn, 0.0, registers["homing_offset"].astype(np.float64))
         drive.on = registers["torque_enable"] != 0
-        gain = self._traits.gain_unit
-        if not self._old:
+        gain = self._traits.family.gain_unit
+        if not self.mapped:
             drive.p_gain = registers["position_p_gain"] / gain
             drive.i_gain = registers["position_i_gain"] / (gain * 0.512)  # a 1 kHz loop sums 512ths of it
             drive.d_gain = registers["position_d_gain"] / (gain * 125.0)  # and takes differences over 1 ms
@@ -248,7 +250,7 @@ class ServoBank:
         registers, drive = self.registers, self.drive
         self._overload = np.where(np.abs(drive.current) > _OVERLOADED, self._overload + seconds, 0.0)
         tenths = drive.supply * 10.0
-        voltage, heat, overload = self.table.problem_bits
+        voltage, heat, overload = (self.table.family.own_problems(bit) for bit in (_VOLTAGE, _HEAT, _OVERLOAD))
         found = heat * (drive.temperature > registers["temperature_limit"])
         found |= overload * (self._overload > _OVERLOAD_TIME)
         found |= voltage * ((tenths > registers["max_voltage_limit"]) | (tenths < registers["min_voltage_limit"]))
@@ -261,8 +263,8 @@ class ServoBank:
         self.browned_out |= set(np.flatnonzero(drive.supply < _LOWEST_VOLTAGE * drive.motor.voltage).tolist())
 
     def let_go(self, rows: NDArray[np.bool_] | int) -> None:
-        """Shuts servos down: an old one loses its torque limit, and may get another; the others need a reboot."""
-        self.registers["torque_limit" if self._old else "torque_enable"][rows] = 0
+        """Shuts servos down; one that loses its torque limit may get another, the others need a reboot."""
+        self.registers[self.table.family.shuts_down_by][rows] = 0
         self.settle()
 
     def show(self) -> None:
@@ -274,8 +276,8 @@ class ServoBank:
         per_speed = 1.0 / (table["present_velocity"].si * self._pulses_per_radian)
         velocity = np.rint(drive.sign * drive.speed * per_speed)
         position = np.rint(drive.sign * drive.shaft + drive.offset)
-        registers["present_position"] = np.clip(position, *table.one_turn) if self._old else position
-        registers["present_velocity"] = with_sign(velocity) if self._old else velocity
+        registers["present_position"] = np.clip(position, *table.one_turn) if self.mapped else position
+        registers["present_velocity"] = with_sign(velocity) if table["present_velocity"].sign_bit else velocity
         registers["position_trajectory"] = np.rint(drive.sign * drive.path + drive.offset)
         registers["velocity_trajectory"] = np.rint(drive.sign * drive.path_speed * per_speed)
         registers["present_pwm"] = np.rint(drive.sign * drive.pwm)
@@ -285,7 +287,7 @@ class ServoBank:
             registers["present_current"] = np.clip(np.rint(drive.sign * drive.current * stall), -most, most)
         else:
             load = np.clip(np.rint(drive.sign * drive.current * 1e3), -1000, 1000)
-            registers["present_load"] = with_sign(load) if self._old else load
+            registers["present_load"] = with_sign(load) if table["present_load"].sign_bit else load
         registers["moving"] = np.abs(velocity) > registers["moving_threshold"]
         arrived = np.abs(drive.target - drive.shaft) <= _IN_POSITION_WINDOW * table.pulses_per_turn
         ongoing = (np.abs(drive.target - drive.path) > 0.5) & drive.on

@@ -1,1 +1,1 @@
-"""Driving a rig of Dynamixel servos: goals out and states in, each tick, by as few packets as can be."""
+"""Driving Dynamixel servos: goals out and states in each tick, in as few packets as possible."""

@@ -1,19 +1,18 @@
-"""All registers of one servo, read while a loop drives the rig: in small parts, one now and then in place of a state.
+"""Reads all registers of one servo while a loop drives the rig, in small parts in place of some state reads.
 
-In such a tick nobody's state is read, so it is one tick older; goals go out as always. What may be written goes out in
-front of the first part, unanswered, and is looked at in what is read then.
+In such a tick no state is read, so states are one tick older; goals go out as always. A write goes out in front of the
+first part, unanswered, and is verified by what is read then.
 
-What may be written is what neither the rig sets nor its safety relies on, and only of a servo that was switched off on
-command. Everything else has a better place: the rig file, `rig doctor --fix`, `rig setup`.
+Only registers that the rig neither sets nor relies on can be written, and only of a servo that was switched off on
+command. For all others there are the rig file, `rig doctor --fix` and `rig setup`.
 """
 
 from __future__ import annotations
 
+from hardware.bus.protocol import PROTOCOLS
 from hardware.control_table.register import Register
 from hardware.control_table.table import ControlTable
 from hardware.errors import RigError
-from hardware.protocol1 import instructions as old_words
-from hardware.protocol2 import instructions
 from hardware.rig.rig_file import RigJoint
 
 WRITABLE = ("led", "led_red", "led_green", "led_blue", "moving_threshold", "position_d_gain")
@@ -24,13 +23,13 @@ _TRIES = 4  # of each part
 
 
 class RegisterReading:
-    """Reads the registers of one servo, part by part; `Readings` asks, and hands over what comes.
+    """The registers of one servo, read part by part by `Readings`.
 
     Attributes:
         joint: its index in the rig file.
-        counts: what is known so far, by the register's name.
-        failure: why there will be no more, or "".
-        write: what goes in front of the next question, once.
+        counts: read so far, by the register's name.
+        failure: why it ended early, or "".
+        write: the frame to send in front of the next request, once.
     """
 
     def __init__(self, joint: int, servo: RigJoint, write: tuple[str, int] | None = None) -> None:
@@ -54,7 +53,7 @@ class RegisterReading:
 
     @property
     def block(self) -> tuple[int, int, int]:
-        """What to ask for next: id, address, length."""
+        """The next part to read: id, address, length."""
         rows = self._parts[0]
         return self._servo.id, rows[0].address, rows[-1].address + rows[-1].length - rows[0].address
 
@@ -104,5 +103,4 @@ def _frame(servo: RigJoint, name: str, count: int) -> bytes:
         entry = bytes((servo.id,)) + register.encode(count)
     except ValueError as error:
         raise RigError(f"{servo.name}: {error}") from error
-    words = old_words if table.protocol == 1 else instructions
-    return words.sync_write(register.address, register.length, entry)
+    return PROTOCOLS[table.protocol].instructions.sync_write(register.address, register.length, entry)

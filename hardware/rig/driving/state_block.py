@@ -1,8 +1,8 @@
-"""What a rig reads from one servo each tick, as one block of bytes.
+"""The block of bytes that a rig reads from one servo each tick.
 
 arranged   the servo's indirect cells show force, velocity, position, and all that health needs, side by side
 motion     force, velocity and position where they stand, for a servo whose cells cannot be arranged
-everything from torque to temperature where they stand; such a servo is asked for it now and then
+everything from torque to temperature where they stand; read of such a servo at intervals
 
 The AX, RX, MX (Protocol 1.0) and XL-320 servos have so few registers that they are always asked for everything.
 """
@@ -15,20 +15,22 @@ from typing import Any
 
 import numpy as np
 
-from hardware.control_table.old_models import OLD_MODELS
+from hardware.bus.servo_bus import Bus
 from hardware.control_table.register import Register
-from hardware.control_table.table import USUAL_BITS, ControlTable
+from hardware.control_table.table import ControlTable
+from hardware.errors import RefusedError
+from hardware.rig.rig_file import RigConfig, RigJoint
 
 FIELDS = ("force", "present_velocity", "present_position", "hardware_error_status", "present_temperature",
-          "torque_enable", "present_input_voltage")  # fmt: skip
-"""Of a block with health; the first three alone without. `force` is current, or load where no current is measured."""
-OLD_FIELDS = (*FIELDS[:3], *FIELDS[4:], "torque_limit")
-"""Of a servo of Protocol 1.0, whose every answer tells its error, and which lets go by a torque limit of 0."""
-XL320_FIELDS = (*OLD_FIELDS, "own_error_status")
-"""Of an XL-320, which has error bits of its own."""
+          "torque_enable", "present_input_voltage", "torque_limit")  # fmt: skip
+"""Of a block with health, as far as a model has them; the first three alone without.
 
-# The firmware from which these have their indirect data cells 16 bytes earlier; the model number does not tell.
-_MOVED_CELLS, _MOVED_SINCE, _MOVED_BY = ("XL330", "XC330"), 52, 16
+`force` is current, or load where no current is measured. In Protocol 1.0 every reply has the error. A torque limit
+of 0 means no torque.
+"""
+
+_ALIKE = {"hardware_error_status": 0, "torque_enable": 0, "present_temperature": 3, "present_input_voltage": 10}
+"""By how many counts two looks at a healthy servo may differ, a few ms apart."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -68,17 +70,20 @@ def arranged(table: ControlTable, firmware: int) -> Arrangement | None:
     size = sum(row.length for row in rows)
     if f"indirect_data_{size}" not in table.registers:
         return None
-    moved = table.model.startswith(_MOVED_CELLS) and firmware >= _MOVED_SINCE
-    cells = table["indirect_data_1"].address - (_MOVED_BY if moved else 0)
+    since, earlier = table.family.cells_moved or (0, 0)
+    cells = table["indirect_data_1"].address - (earlier if firmware >= since else 0)
     places = [place for row in rows for place in range(row.address, row.address + row.length)]
     offsets = np.cumsum([0, *(row.length for row in rows)])[:-1].tolist()
     pointers = b"".join(place.to_bytes(2, "little") for place in places)
-    return Arrangement(_block(cells, size, rows, offsets, FIELDS), table["indirect_address_1"].address, pointers)
+    return Arrangement(
+        _block(cells, size, rows, offsets, _fields(table)), table["indirect_address_1"].address, pointers
+    )
 
 
 def motion(table: ControlTable) -> StateBlock:
     """Force, velocity and position where they stand; everything of a servo with few registers."""
-    return everything(table) if table.model in OLD_MODELS else _in_place(_rows(table)[:3], FIELDS[:3])
+    has_cells = "indirect_data_1" in table.registers
+    return _in_place(_rows(table)[:3], FIELDS[:3]) if has_cells else everything(table)
 
 
 def everything(table: ControlTable) -> StateBlock:
@@ -88,16 +93,13 @@ def everything(table: ControlTable) -> StateBlock:
 
 def _fields(table: ControlTable) -> tuple[str, ...]:
     """What a block with the health of this model has."""
-    if table.protocol == 1:
-        return OLD_FIELDS
-    return FIELDS if table.problem_bits == USUAL_BITS else XL320_FIELDS
+    return tuple(name for name in FIELDS if name == "force" or name in table.registers)
 
 
 def _rows(table: ControlTable) -> list[Register]:
     """The registers of these fields."""
     force = "present_current" if "present_current" in table.registers else "present_load"
-    names = {"force": force, "own_error_status": "hardware_error_status"}
-    return [table[names.get(name, name)] for name in _fields(table)]
+    return [table[force if name == "force" else name] for name in _fields(table)]
 
 
 def _in_place(rows: list[Register], names: tuple[str, ...]) -> StateBlock:
@@ -125,3 +127,36 @@ def row_layout(layout: np.dtype[Any], stride: int, error: int, data: int) -> np.
     fields |= {name: (field[0], data + field[1]) for name, field in (layout.fields or {}).items()}
     formats, offsets = zip(*fields.values(), strict=True)
     return np.dtype({"names": list(fields), "formats": formats, "offsets": offsets, "itemsize": stride})
+
+
+def arrange_state(config: RigConfig, bus: Bus) -> list[StateBlock]:
+    """The block to read of each joint in the loop: its arranged cells, or its registers in place.
+
+    Raises:
+        NoReplyError: if a servo stays silent.
+        SerialPortError: if the port vanishes.
+    """
+    return [_arrange(joint, bus) for joint in config.joints]
+
+
+def _arrange(joint: RigJoint, bus: Bus) -> StateBlock:
+    in_place = motion(joint.table)
+    firmware = joint.table["firmware_version"]
+    version = firmware.decode(bus.read(joint.id, firmware.address, firmware.length).params)
+    plan = arranged(joint.table, version)
+    if plan is None:
+        return in_place
+    try:
+        # Some models keep these pointers in EEPROM, whose cells wear out.
+        if bus.read(joint.id, plan.address, len(plan.pointers)).params != plan.pointers:
+            bus.write(joint.id, plan.address, plan.pointers)
+        shown = _look(joint, bus, plan.block)
+    except RefusedError:
+        return in_place
+    beside = _look(joint, bus, everything(joint.table))
+    alike = all(abs(int(shown[name]) - int(beside[name])) <= counts for name, counts in _ALIKE.items())
+    return plan.block if alike and int(shown["present_input_voltage"]) else in_place
+
+
+def _look(joint: RigJoint, bus: Bus, block: StateBlock) -> np.void:
+    return np.frombuffer(bus.read(joint.id, block.address, block.length).params, dtype=block.layout)[0]

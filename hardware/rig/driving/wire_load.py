@@ -1,7 +1,7 @@
-"""How long a tick of a rig takes on the wire, and a refusal of rigs whose goals would meet the answers to the last.
+"""The load of a rig's tick on its wire, and the refusal of rigs whose goals would collide with replies.
 
-Whoever sends while servos answer loses both. So the goals, the question behind them and all answers must be over within
-a tick, also in the one of each second that tells the servos their speeds and watchdogs again.
+Goals, the read request behind them and all replies must fit into one tick, also into the one of each second that sends
+speeds and watchdogs again: bytes sent during a reply destroy both.
 """
 
 from __future__ import annotations
@@ -11,11 +11,12 @@ from collections.abc import Sequence
 import numpy as np
 
 from hardware.bus.group_read import group_read
+from hardware.bus.protocol import PROTOCOLS
 from hardware.bus.sync_write import SyncWrite
 from hardware.errors import RigError
-from hardware.rig.driving.readings import Readings
+from hardware.rig.counters import RigFaults
+from hardware.rig.driving.readings import Measurements, Readings
 from hardware.rig.driving.state_block import StateBlock
-from hardware.rig.faults import RigFaults
 from hardware.rig.registers import same_place
 from hardware.rig.rig_file import RigConfig
 from hardware.rig.scale import RigScale
@@ -25,28 +26,27 @@ _SHORT_DELAY = 20e-6  # s; a servo's answer that starts so soon costs nothing th
 
 
 def longest_tick(config: RigConfig, blocks: Sequence[StateBlock], fast: bool, return_delays: Sequence[float]) -> float:
-    """The longest that goals, a question and its answers take while all servos answer, s.
+    """The longest time of goals, a request and its replies while all servos answer, s.
 
     Args:
         config: of the servos on one port.
-        blocks: what each joint is asked for.
+        blocks: what is read of each joint.
         fast: whether the servos of Protocol 2.0 answer in one joint reply.
-        return_delays: how long each joint's servo waits before it answers, s.
+        return_delays: of each joint's servo, s.
     """
-    everybody = range(len(config.joints))
-    scale = RigScale(config)
-    readings = Readings(config, scale, RigFaults.none(len(everybody)))
-    readings.start(everybody, np.zeros(len(everybody)), blocks, 0.0)
+    count = len(config.joints)
+    readings = Readings(config, range(count), RigScale(config), Measurements(count), RigFaults.none(count))
+    readings.start(range(count), np.zeros(count), blocks, 0.0)
     written = sum(
-        len(SyncWrite([config.joints[index].id for index in members], address, length, old=protocol == 1).frame())
+        len(SyncWrite([config.joints[index].id for index in members], address, length, PROTOCOLS[protocol]).frame())
         for name in _WRITTEN
         for (protocol, address, length), members in same_place(config, name).items()
     )
     longest = 0.0
-    for question in readings.every_question():
-        read = group_read(question.asked, fast, config.joints[question.joints[0]].table.protocol == 1)
-        delays = [return_delays[index] for index in question.joints]
-        answered_after = max(delays) if fast and not read.old else sum(delays)
+    for request in readings.every_request():
+        read = group_read(request.blocks, fast, PROTOCOLS[config.joints[request.joints[0]].table.protocol])
+        delays = [return_delays[index] for index in request.joints]
+        answered_after = max(delays) if read.fast else sum(delays)
         longest = max(longest, 10.0 * (written + len(read.frame) + read.needed) / config.baud + answered_after)
     return longest
 

@@ -1,1 +1,1 @@
-"""A rig supervised while it moves: health, strain, restarts, and several ports as one rig."""
+"""The policies of a moving rig: health, pace, recovery."""

@@ -1,4 +1,4 @@
-"""Judging the joints of a rig by what they measure: which one needs setting up again, and which one is lost.
+"""The health of a rig's joints: which need setting up again, and which are lost.
 
     limp       torque is off without a reason: the servo has restarted, or something switched it off      set up again
     back       it was cut off for longer than its own watchdog waits, which has stopped it                set up again
@@ -8,8 +8,8 @@
     silent     no answer for 1.6 s                                                                         lost
     restless   set up again five times in ten seconds                                                      lost
 
-Each of these, and what is only worth knowing (pushing against something, getting hot, low voltage), is an incident that
-names the joint.
+Each of these, and each warning (pushing against something, getting hot, low voltage), is an incident that names the
+joint.
 """
 
 from __future__ import annotations
@@ -22,8 +22,8 @@ from numpy.typing import NDArray
 
 from hardware.control_table.meanings import describe_errors
 from hardware.control_table.servo_traits import TRAITS
-from hardware.rig.driving.dynamixel_rig import WATCHDOG_UNIT
-from hardware.rig.driving.readings import Readings
+from hardware.rig.driving.readings import Measurements
+from hardware.rig.driving.servo_port import WATCHDOG_UNIT
 from hardware.rig.rig_file import RigConfig, RigJoint
 from hardware.rig.scale import Array
 from hardware.rig.supervision.servo_states import CONDITIONS
@@ -78,13 +78,13 @@ class Incident(NamedTuple):
 
     Attributes:
         time: on the port's clock, s.
-        who: the joint with its id, or the port.
+        source: the joint with its id, or the port.
         what: in words.
         fault: whether something is wrong; not where it was commanded, or is well again.
     """
 
     time: float
-    who: str
+    source: str
     what: str
     fault: bool = True
 
@@ -104,7 +104,7 @@ class Health:
         count = len(config.joints)
         self.incidents: deque[Incident] = deque(maxlen=_KEPT)
         self.mend, self.fatal, self.lost, self.off = (np.zeros(count, dtype=np.bool_) for _ in range(4))
-        self._who = [f"{joint.name} (id {joint.id})" for joint in config.joints]
+        self._names = [f"{joint.name} (id {joint.id})" for joint in config.joints]
         self._patience = config.watchdog_ms * 1e-3 - WATCHDOG_UNIT
         self._hottest = np.array([joint.hottest for joint in config.joints])
         traits = [TRAITS[joint.model] for joint in config.joints]
@@ -121,35 +121,37 @@ class Health:
         self._mended: list[deque[float]] = [deque(maxlen=_RESTLESS) for _ in range(count)]
         self._reason = [""] * count
 
-    def look(self, readings: Readings, goals: Array, yielding: Mask, now: float) -> None:
-        """Judges the joints by their latest readings at the time `now`, s; sets `mend` and `fatal`.
+    def look(self, measured: Measurements, goals: Array, yielding: Mask, watched: Mask, now: float) -> None:
+        """Judges the joints by their latest measurements at the time `now`, s; sets `mend` and `fatal`.
 
         Args:
-            readings: of the joints.
+            measured: of the joints.
             goals: last sent, shape (J,), rad.
-            yielding: which joints give way to what they push against, shape (J,).
+            yielding: joints that give way to what they push against, shape (J,).
+            watched: joints to judge, shape (J,); the others are being recovered, and stay as they were judged.
+            now: the time, s.
         """
-        missing = readings.missed_in_a_row > 0
+        missing = measured.missed_in_a_row > 0
         silence = now - self._heard
-        # Who was cut off for longer than its watchdog's time may have been stopped by it without a sign.
+        # A servo cut off for longer than its watchdog waits may have been stopped by it without a sign.
         back = self._missing & ~missing & (silence > self._patience)
         self._missing = missing
         self._heard[~missing] = now
         silence[~missing] = 0.0
-        serious = readings.errors & _SERIOUS != 0
-        down = serious | (~readings.torque & (readings.errors != 0))
-        hot = readings.temperatures >= self._hottest + 1.0
+        serious = measured.errors & _SERIOUS != 0
+        down = serious | (~measured.torque & (measured.errors != 0))
+        hot = measured.temperatures >= self._hottest + 1.0
         silent = silence > LOST_AFTER
-        limp = ~readings.torque & ~down & ~missing
-        still = self._still(readings, goals, now) & readings.torque & ~missing & ~yielding
-        self._idle = idle = still & (np.abs(readings.currents) < _IDLE_CURRENT * self._stall)
+        limp = ~measured.torque & ~down & ~missing
+        still = self._still(measured, goals, now) & measured.torque & ~missing & ~yielding
+        self._idle = idle = still & (np.abs(measured.currents) < _IDLE_CURRENT * self._stall)
         restless = limp & self._often_mended(now) if np.logical_or.reduce(limp) else limp
         if np.logical_or.reduce(self.lost):
-            self._return(~missing & ~down, now)
-        alive = ~self.lost
-        self.mend = alive & (back | limp | idle)
+            self._return(~missing & ~down & watched, now)
+        alive = watched & ~self.lost
+        self.mend = np.where(watched, alive & (back | limp | idle), self.mend)
         self.fatal = alive & (down | hot | silent | restless | (idle & self._was_idle))
-        margin = self._hottest - readings.temperatures
+        margin = self._hottest - measured.temperatures
         known, seen = self._known, self._seen
         seen[_SILENT] = silence > _MISSED_AFTER
         seen[_LIMP] = limp
@@ -157,36 +159,39 @@ class Health:
         seen[_STILL] = still
         seen[_YIELDS] = yielding
         seen[_WARM] = margin < EASED_FROM
-        seen[_STARVED] = (readings.voltages < self._lowest) | (readings.errors & 1 != 0)
+        seen[_STARVED] = (measured.voltages < self._lowest) | (measured.errors & 1 != 0)
         seen[_DOWN] = down
         seen &= alive
+        np.copyto(seen, known, where=~watched)
         new = seen & ~known
         if np.logical_or.reduce(new, axis=None):
-            self._report(new, readings, now)
+            self._report(new, measured, now)
         self._known, self._seen = seen, known
         if np.logical_or.reduce(self.fatal):
-            self._explain(readings, down, hot, silent, restless)
+            self._explain(measured, down, hot, silent, restless)
 
-    def mended(self, joints: Mask, now: float) -> None:
-        """Notes that these joints were set up again."""
-        for index in np.flatnonzero(joints).tolist():
+    def recovered(self, joints: NDArray[np.int64], now: float) -> None:
+        """Notes that the joints in `mend` among these indices were set up again."""
+        for index in joints[self.mend[joints]].tolist():
             self._mended[index].append(now)
-        self._was_idle |= joints & self._idle
-        self._heard[:] = self._anchored[:] = now
-        self._anchor[:] = np.inf
-        self._missing[:] = False
+            self._was_idle[index] |= self._idle[index]
+        self._heard[joints] = self._anchored[joints] = now
+        self._anchor[joints] = np.inf
+        self._missing[joints] = False
 
     def give_up(self, now: float) -> None:
         """Goes on without the joints in `fatal`."""
         for index in np.flatnonzero(self.fatal).tolist():
-            self.incidents.append(Incident(now, self._who[index], f"{self._reason[index]}; the rig goes on without it"))
+            self.incidents.append(
+                Incident(now, self._names[index], f"{self._reason[index]}; the rig goes on without it")
+            )
         self._given_up |= self.fatal & (self._was_idle | self._often_mended(now))
         self.lost |= self.fatal
         self.mend &= ~self.lost
 
     def take_out(self, joint: int, now: float) -> None:
         """Goes on without a joint on command."""
-        self.incidents.append(Incident(now, self._who[joint], "was switched off on command", fault=False))
+        self.incidents.append(Incident(now, self._names[joint], "was switched off on command", fault=False))
         self.off[joint] = self.lost[joint] = True
         self.mend[joint] = False
 
@@ -199,52 +204,52 @@ class Health:
 
     @property
     def conditions(self) -> NDArray[np.int64]:
-        """How each joint was when it was last looked at, places in `CONDITIONS`, shape (J,)."""
+        """The condition of each joint, places in `CONDITIONS`, shape (J,)."""
         worst = np.max(np.where(self._known, _SEVERITY[:, None], 0), axis=0)
         return np.where(self.off, _OFF, np.where(self.lost, _LOST, worst))
 
     @property
     def reasons(self) -> str:
         """Why the joints in `fatal` are lost, each named."""
-        return "; ".join(f"{self._who[index]} {self._reason[index]}" for index in np.flatnonzero(self.fatal).tolist())
+        return "; ".join(f"{self._names[index]} {self._reason[index]}" for index in np.flatnonzero(self.fatal).tolist())
 
     def _often_mended(self, now: float) -> Mask:
         """Which joints were set up again too often lately."""
         return np.array([len(times) == _RESTLESS and now - times[0] < _RESTLESS_WITHIN for times in self._mended])
 
-    def _still(self, readings: Readings, goals: Array, now: float) -> Mask:
+    def _still(self, measured: Measurements, goals: Array, now: float) -> Mask:
         """Which joints are far from their goals and have not moved for a while, by readings that are new."""
-        positions = readings.positions
+        positions = measured.positions
         moves = ~(np.abs(positions - self._anchor) < self._moved) | (np.abs(goals - positions) < self._far)
         self._anchor[moves], self._anchored[moves] = positions[moves], now
-        return readings.read_at - self._anchored > _IDLE_AFTER
+        return measured.read_at - self._anchored > _IDLE_AFTER
 
     def _return(self, well: Mask, now: float) -> None:
         """Takes joints back that were lost and answer without an error again."""
         returned = self.lost & well & ~self._given_up & ~self.off
         self.lost &= ~returned
         for index in np.flatnonzero(returned).tolist():
-            self.incidents.append(Incident(now, self._who[index], "answers again", fault=False))
+            self.incidents.append(Incident(now, self._names[index], "answers again", fault=False))
 
-    def _report(self, new: Mask, readings: Readings, now: float) -> None:
+    def _report(self, new: Mask, measured: Measurements, now: float) -> None:
         """Makes incidents of what is new, shape (kinds, J)."""
         for kind, index in zip(*(axis.tolist() for axis in np.nonzero(new)), strict=True):
             detail = ""
             if kind == _DOWN:
-                detail = f": {describe_errors(int(readings.errors[index]))}"
+                detail = f": {describe_errors(int(measured.errors[index]))}"
             elif kind == _WARM:
-                detail = f": {readings.temperatures[index]:.0f} degC, its limit is {self._hottest[index]:.0f}"
+                detail = f": {measured.temperatures[index]:.0f} degC, its limit is {self._hottest[index]:.0f}"
             elif kind == _STARVED:
-                detail = f": {readings.voltages[index]:.1f} V"
-            self.incidents.append(Incident(now, self._who[index], _KINDS[kind] + detail))
+                detail = f": {measured.voltages[index]:.1f} V"
+            self.incidents.append(Incident(now, self._names[index], _KINDS[kind] + detail))
 
-    def _explain(self, readings: Readings, down: Mask, hot: Mask, silent: Mask, restless: Mask) -> None:
+    def _explain(self, measured: Measurements, down: Mask, hot: Mask, silent: Mask, restless: Mask) -> None:
         """Notes why each joint in `fatal` is."""
         for index in np.flatnonzero(self.fatal).tolist():
             if down[index]:
-                reason = f"has shut down: {describe_errors(int(readings.errors[index]))}"
+                reason = f"has shut down: {describe_errors(int(measured.errors[index]))}"
             elif hot[index]:
-                reason = f"is too hot: {readings.temperatures[index]:.0f} degC, its limit is {self._hottest[index]:.0f}"
+                reason = f"is too hot: {measured.temperatures[index]:.0f} degC, its limit is {self._hottest[index]:.0f}"
             elif silent[index]:
                 reason = "does not answer"
             elif restless[index]:

@@ -1,4 +1,4 @@
-"""What each servo of a rig does now, for whoever watches: its goal, what it measures, and how it is, in a word."""
+"""The state of each servo of a rig: goal, measurements, and condition in a word."""
 
 from __future__ import annotations
 

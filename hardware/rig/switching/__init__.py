@@ -1,1 +1,1 @@
-"""Switching a rig on and off: who is there, how the servos are set, and torque only where a joint stands."""
+"""Switching a rig on and off: identities, settings, and torque only where a joint stands."""

@@ -33,8 +33,6 @@ from typing import Literal, NamedTuple
 import numpy as np
 
 from hardware.bus.servo_bus import Bus
-from hardware.control_table.old_models import OLD_MODELS
-from hardware.control_table.p_series import P_SERIES
 from hardware.errors import RefusedError
 from hardware.rig.rig_file import RigConfig, RigJoint
 from hardware.rig.scale import Array, RigScale
@@ -43,9 +41,7 @@ POSITION_MODE = 3
 ANSWER_EVERYTHING = 2
 """The status return level at which a servo answers every instruction."""
 _PROTECTED = 4 | 16 | 32  # heat, shock, overload
-_PROTECTED_OLD = 4 | 32  # old models notice no shock
 _JOINT_MODE = 2  # of an XL-320
-_FASTEST_JOINT = 1023  # counts of speed that an old model takes; the next bit is a direction, for wheels
 _GAINS = ("position_p_gain", "position_i_gain", "feedforward_1st_gain", "feedforward_2nd_gain", "cw_compliance_margin",
           "ccw_compliance_margin", "cw_compliance_slope", "ccw_compliance_slope")  # fmt: skip
 _LAST_ID, _NO_SECOND_ID = 252, 255
@@ -151,11 +147,10 @@ def position_ends(config: RigConfig) -> Array:
 def in_counts(joint: RigJoint, name: str, limit: float) -> int:
     """A limit in SI units as what a register of the joint takes: at most 1 % above it, at least one count; 0 for 0."""
     register = joint.table[name]
-    most = _FASTEST_JOINT if joint.model in OLD_MODELS and name == "profile_velocity" else register.maximum
     exact = limit / register.si
     nearest = round(exact)
     counts = nearest if nearest <= _ROUNDED_UP * exact else math.floor(exact)
-    return max(1 if limit else 0, min(counts, most))
+    return max(1 if limit else 0, min(counts, register.largest))
 
 
 def _read_settings(joint: RigJoint, bus: Bus) -> dict[str, int]:
@@ -195,17 +190,16 @@ def _needs(joint: RigJoint, low: int, high: int, held: dict[str, int]) -> Iterat
         yield "resolution_divider", 1, "refused"
     if held.get("secondary_id", _NO_SECOND_ID) <= _LAST_ID:
         yield "secondary_id", _NO_SECOND_ID, "refused"
-    is_old = joint.model in OLD_MODELS
-    protected = joint.table.own_problems(_PROTECTED_OLD) if is_old else _PROTECTED
-    yield "shutdown", held["shutdown"] | protected, "refused"
+    family = joint.table.family
+    yield "shutdown", held["shutdown"] | family.own_problems(_PROTECTED), "refused"
     hottest, limit = round(joint.hottest), held["temperature_limit"]
     yield "temperature_limit", limit if _COOLEST_LIMIT <= limit <= hottest else hottest, "refused"
     if "velocity_limit" in held:
         fast_enough = in_counts(joint, "velocity_limit", joint.velocity * joint.gear)
-        # The P and PRO(A) series would refuse the profile, with which a joint keeps its limits.
-        when: When = "refused" if joint.model in P_SERIES else "advised"
+        # Without the profile a joint would not keep its limits.
+        when: When = "refused" if family.checks_profiles else "advised"
         yield "velocity_limit", max(held["velocity_limit"], fast_enough), when
-        if joint.model in P_SERIES:
+        if family.checks_profiles:
             quick_enough = in_counts(joint, "acceleration_limit", joint.acceleration * joint.gear)
             yield "acceleration_limit", max(held["acceleration_limit"], quick_enough), when
     for name in ("pwm_limit", "max_torque"):

@@ -95,7 +95,7 @@ def refuse_shut_down(config: RigConfig, bus: Bus) -> None:
     down = [
         f"{joint.name} (id {joint.id}: {describe_errors(found)})"
         for joint, mask in zip(config.joints, read_each(config, bus, "shutdown"), strict=True)
-        if (found := hardware_errors(joint, bus)) & joint.table.problems(mask)
+        if (found := hardware_errors(joint, bus)) & joint.table.family.usual_problems(mask)
     ]
     if down:
         raise RigError(f"shut down: {'; '.join(down)}. Mend the cause, then switch the servo's power off and on.")
@@ -108,6 +108,37 @@ def hardware_errors(joint: RigJoint, bus: Bus) -> int:
         NoReplyError: if it does not answer.
         SerialPortError: if the port vanishes.
     """
-    register = joint.table["torque_enable" if joint.table.protocol == 1 else "hardware_error_status"]
+    # In Protocol 1.0 every reply has the error.
+    error = joint.table.registers.get("hardware_error_status")
+    register = error or joint.table["torque_enable"]
     status = bus.read(joint.id, register.address, register.length)
-    return status.hardware if joint.table.protocol == 1 else joint.table.problems(register.decode(status.params))
+    return joint.table.family.usual_problems(error.decode(status.params)) if error else status.hardware
+
+
+class PortScan:
+    """The servos that answer on the ports of a rig that is switched on, and the joints that do not.
+
+    Every ID is asked at the rig's own baud rate: another would take the port away from the servos. Servos of Protocol
+    1.0 are looked for where the rig has some: 253 IDs one by one take five seconds.
+    """
+
+    def __init__(self, config: RigConfig, ports: int) -> None:
+        self._config, self._ports = config, ports
+        self._found: list[list[tuple[str, Identity]]] = []
+
+    def ask(self, part: RigConfig, bus: Bus) -> None:
+        """Asks on one port; waits for the answers."""
+        identities = bus.ping_all() + (bus.ping_each() if 1 in part.protocols.values() else [])
+        names = {(joint.id, joint.table.protocol): joint.name for joint in part.joints}
+        self._found.append([(names.get((one.id, one.protocol), ""), one) for one in identities])
+
+    @property
+    def found(self) -> list[tuple[str, Identity]] | None:
+        """Name of the joint ("" for a servo that is not in the rig file) and identity; None until all are asked."""
+        return [one for port in self._found for one in port] if len(self._found) == self._ports else None
+
+    @property
+    def missing(self) -> list[str]:
+        """Joints whose servo has not answered."""
+        answered = {name for name, _ in self.found or ()}
+        return [name for name in self._config.names if name not in answered]

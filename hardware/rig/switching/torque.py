@@ -11,20 +11,22 @@ import msgspec
 import numpy as np
 
 from hardware.bus.servo_bus import Bus
-from hardware.errors import RigError, SerialPortError, ServoError
+from hardware.errors import NoReplyError, RigError, SerialPortError, ServoError
 from hardware.rig.registers import list_joints, read_each, tell_all, write_each
 from hardware.rig.rig_file import RigConfig, RigJoint
 from hardware.rig.scale import Array, RigScale
 from hardware.rig.switching.audit import POSITION_MODE, audit, in_counts, position_ends, settle
-from hardware.rig.switching.braking import places_of_rest
 from hardware.rig.switching.identities import check_identities, have_answer, have_old_answer, refuse_shut_down
 
 _NEAR = 0.05  # rad that a joint may stand outside its limits when switched on: play, and the rounding of pulses
+_PATH = ("present_velocity", "present_position", "velocity_trajectory", "position_trajectory")
+_LAG = 0.15  # s that a joint may be behind its path and still follows it
+_UNTIL_TAKEN = 0.02  # s from reading a joint's position to its taking the new goal
 _ROUNDS = 2  # of asking for torque or its end: a servo that has just restarted is deaf for a while
 
 
 def switch_on(config: RigConfig, bus: Bus, cancelled: Callable[[], bool] = lambda: False) -> Array:
-    """Checks who is there, takes torque off, audits and sets the settings, makes each position the goal, torque on.
+    """Checks identities, takes torque off, audits and sets registers, makes each position the goal, takes torque on.
 
     Args:
         config: the rig.
@@ -223,3 +225,53 @@ def _limit_speed(config: RigConfig, bus: Bus, pace: float) -> None:
     ]
     write_each(config, bus, "profile_velocity", speeds)
     write_each(config, bus, "profile_acceleration", rates)
+
+
+def places_of_rest(config: RigConfig, bus: Bus, scale: RigScale) -> tuple[Array, Array]:
+    """Present positions, and where each joint would come to rest if it braked now; both (J,), rad.
+
+    With an acceleration limit a servo runs past any goal nearer than its braking distance v^2 / (2 a), and hurries back
+    to it at up to its speed limit. It brakes along its own path (position and velocity trajectory); a joint without
+    torque, or that does not turn the way of its path, has no braking distance.
+    """
+    torque = np.array(read_each(config, bus, "torque_enable")) != 0
+    rows = _read_path(config, bus)
+    velocity, position, path_velocity, path = (
+        np.array([row[name] for row in rows], dtype=np.float64) for name in _PATH
+    )
+    angles, velocity, path_velocity = (
+        scale.angles(position),
+        velocity * scale.rad_per_s,
+        path_velocity * scale.rad_per_s,
+    )
+    rates = np.array([joint.acceleration for joint in config.joints])
+    braking = np.divide(path_velocity * path_velocity, 2.0 * rates, out=np.zeros(len(rates)), where=rates > 0.0)
+    ahead = scale.angles(path) - angles + np.sign(path_velocity) * braking + path_velocity * _UNTIL_TAKEN
+    # What the path is ahead of a joint that follows it, at most; farther ahead is one that is held up.
+    most = np.abs(path_velocity) * (_LAG + _UNTIL_TAKEN) + braking
+    moves = torque & (velocity * path_velocity > 0.0)
+    return angles, angles + np.where(moves, np.clip(ahead, -most, most), 0.0)
+
+
+def _read_path(config: RigConfig, bus: Bus) -> list[dict[str, int]]:
+    """The registers of `_PATH` of every servo, read at the same time; a model without a path is where it is.
+
+    Raises:
+        NoReplyError: if a servo stays silent; all that do are named.
+    """
+    rows = [[joint.table[name] for name in _PATH if name in joint.table.registers] for joint in config.joints]
+    starts = [min(row.address for row in own) for own in rows]
+    ends = [max(row.address + row.length for row in own) for own in rows]
+    blocks = zip(config.joints, starts, ends, strict=True)
+    statuses = bus.bulk_read(tuple((joint.id, start, end - start) for joint, start, end in blocks))
+    silent = [joint for joint in config.joints if joint.id not in statuses]
+    if silent:
+        raise NoReplyError(f"no position from {list_joints(silent)}. Check their cables and power.")
+    found: list[dict[str, int]] = []
+    for joint, own, start in zip(config.joints, rows, starts, strict=True):
+        data = statuses[joint.id].params
+        values = {row.name: row.decode(data[row.address - start :][: row.length]) for row in own}
+        values.setdefault("velocity_trajectory", values["present_velocity"])
+        values.setdefault("position_trajectory", values["present_position"])
+        found.append(values)
+    return found

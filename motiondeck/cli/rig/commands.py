@@ -123,13 +123,12 @@ def stop(rig: RigArgument, port: PortOption = None, as_json: JsonOption = False)
     Example:  motiondeck rig stop servo20
     """
     from hardware.errors import SerialPortError
-    from hardware.rig.supervision.joined_rig import on_ports
     from hardware.rig.switching.torque import switch_off
 
     config = load(rig)
     unconfirmed: list[str] = []
     remedy = "Cut the power."
-    for part in on_ports(config, port or ()):
+    for part in config.on_ports(port or ()):
         # The servos on other ports are switched off even if one port is gone.
         try:
             with open_buses(part, None) as buses:

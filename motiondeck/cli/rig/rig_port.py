@@ -40,13 +40,12 @@ def load(rig: str) -> RigConfig:
 def open_buses(config: RigConfig, ports: list[str] | None) -> Iterator[list[tuple[RigConfig, Bus]]]:
     """Opens the bus of each port of a rig, with the joints on it, and closes them at the end."""
     from hardware.bus.servo_bus import Bus
-    from hardware.rig.supervision.joined_rig import on_ports
 
     with ExitStack() as opening:
         parts: list[tuple[RigConfig, Bus]] = []
-        for part in on_ports(config, ports or ()):
+        for part in config.on_ports(ports or ()):
             parts.append((part, bus := Bus.open(part.port, part.baud)))
-            bus.old = part.old_ids
+            bus.protocols = part.protocols
             opening.callback(bus.close)
         yield parts
 

@@ -9,7 +9,7 @@ from controller.wire.messages.replies import OnPorts, Refused, Registers, ServoO
 if TYPE_CHECKING:
     from hardware.rig.driving.register_reading import RegisterReading
     from hardware.rig.rig_file import RigJoint
-    from hardware.rig.switching.port_scan import PortScan
+    from hardware.rig.switching.identities import PortScan
 
 
 class RegistersLook:

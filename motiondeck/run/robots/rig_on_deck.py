@@ -78,9 +78,9 @@ def _connect(
     opening: ExitStack, config: RigConfig, ports: list[str], joints: tuple[str, ...]
 ) -> tuple[Array, RigOutput]:
     """Where the rig's joints are, rad, and the rig as an output for a robot's joints."""
-    from hardware.rig.supervision.joined_rig import connect_rig
+    from hardware.rig.supervision.rig import Rig
 
-    rig = connect_rig(config, ports)
+    rig = Rig.connect(config, ports)
     opening.callback(close_rig, rig)
     output = RigOutput(rig, joints, config.rate_hz)
     opening.callback(output.close)

@@ -21,9 +21,8 @@ from motiondeck_base.files import listed
 
 if TYPE_CHECKING:
     from hardware.rig.rig_file import RigConfig
-    from hardware.rig.supervision.joined_rig import JoinedRig
+    from hardware.rig.supervision.rig import Rig
     from hardware.rig.supervision.servo_states import ServoStates
-    from hardware.rig.supervision.supervised_rig import SupervisedRig
     from motiondeck.page.web.page_state import RigDescription
     from sim.robots.robot import Robot
 
@@ -40,7 +39,7 @@ class RigOutput:
         MotiondeckError: if the rig has a joint that the robot has not.
     """
 
-    def __init__(self, rig: SupervisedRig | JoinedRig, joints: tuple[str, ...], hz: float) -> None:
+    def __init__(self, rig: Rig, joints: tuple[str, ...], hz: float) -> None:
         missing = [name for name in rig.names if name not in joints]
         if missing:
             raise MotiondeckError(
@@ -159,12 +158,12 @@ class RigOutput:
     @property
     def incidents(self) -> list[str]:
         """What has happened to its servos lately, in words, in order of time."""
-        return [f"{incident.who} {incident.what}" for incident in self._rig.incidents]
+        return [f"{incident.source} {incident.what}" for incident in self._rig.incidents]
 
     @property
     def news(self) -> list[str]:
         """Those of them that are no faults."""
-        return [f"{incident.who} {incident.what}" for incident in self._rig.incidents if not incident.fault]
+        return [f"{incident.source} {incident.what}" for incident in self._rig.incidents if not incident.fault]
 
     def report(self) -> Mapping[str, object]:
         """The rig's part of the report of the run."""
@@ -188,7 +187,7 @@ class RigOutput:
         close_rig(self._rig)
 
 
-def close_rig(rig: SupervisedRig | JoinedRig) -> None:
+def close_rig(rig: Rig) -> None:
     """Closes a rig and names on stderr the joints that did not confirm it; may be called twice."""
     from hardware.errors import still_on
 
@@ -219,7 +218,7 @@ def open_rig(
     """
     from hardware.emulator.process import start_emulator
     from hardware.rig.rig_file import load_rig
-    from hardware.rig.supervision.joined_rig import connect_rig
+    from hardware.rig.supervision.rig import Rig
 
     config = load_rig(file)
     every = rate / config.rate_hz
@@ -229,7 +228,7 @@ def open_rig(
         )
     limits = narrowed(robot.limits, robot, config)
     ports = opening.enter_context(start_emulator(file)).ports if emulated else ()
-    rig = connect_rig(config, ports)
+    rig = Rig.connect(config, ports)
     opening.callback(close_rig, rig)
     return Channel(RigOutput(rig, robot.joints, config.rate_hz), round(every)), limits
 

@@ -5,6 +5,7 @@ import fcntl
 import os
 import pty
 import struct
+import threading
 
 import msgspec
 import pytest
@@ -14,7 +15,7 @@ from hardware.bus.servo_bus import Bus
 from hardware.emulator.bus import EmulatedBus
 from hardware.emulator.port import EmulatedPort
 from hardware.errors import SerialPortError
-from hardware.rig.supervision.supervised_rig import SupervisedRig
+from hardware.rig.supervision.rig import Rig
 
 _TIOCGEXCL = 0x80045440
 
@@ -78,14 +79,14 @@ def test_a_rig_opens_and_reopens_its_port_by_the_lasting_name(rig_of_four, monke
         opened.append(name)
         return Bus(port, baud)
 
-    monkeypatch.setattr("hardware.rig.supervision.supervised_rig.lasting_name", {"/dev/ttyUSB0": "by-id/U2D2"}.get)
+    monkeypatch.setattr("hardware.rig.supervision.rig.lasting_name", {"/dev/ttyUSB0": "by-id/U2D2"}.get)
     monkeypatch.setattr(Bus, "open", open_bus)
-    rig = SupervisedRig.connect(msgspec.structs.replace(rig_of_four, port="/dev/ttyUSB0"))
+    rig = Rig.connect(msgspec.structs.replace(rig_of_four, port="/dev/ttyUSB0"))
     port.unplug()
     rig.request_state()
     port.plug_in()
-    assert rig._mending.job is not None
-    rig._mending.job.join()
+    (recovery,) = [thread for thread in threading.enumerate() if thread.name == "rig-recovery"]
+    recovery.join()
     assert not rig.collect_state()
     assert rig.recoveries == 1
     assert opened[0] == "by-id/U2D2"

@@ -5,8 +5,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from hardware.bus.protocol import PROTOCOLS
 from hardware.bus.sync_write import SyncWrite
-from hardware.protocol1 import instructions as old_wire
 from hardware.protocol2 import instructions as wire
 
 # -131073 is FF FF FD FF on the wire: a header, unless it is stuffed.
@@ -23,9 +23,8 @@ def test_its_frame_is_that_of_the_present_values(ticks):
         assert write.frame() == wire.sync_write(116, 4, data)
 
 
-@pytest.mark.parametrize("old", [False, True])
-def test_two_byte_registers_of_both_protocols(old):
-    write = SyncWrite([5, 7], 30, 2, old)
+@pytest.mark.parametrize("protocol", PROTOCOLS.values())
+def test_two_byte_registers_of_both_protocols(protocol):
+    write = SyncWrite([5, 7], 30, 2, protocol)
     write.values[:] = np.array([1000.0, 512.0])
-    words = old_wire if old else wire
-    assert write.frame() == words.sync_write(30, 2, bytes((5, 0xE8, 3, 7, 0, 2)))
+    assert write.frame() == protocol.instructions.sync_write(30, 2, bytes((5, 0xE8, 3, 7, 0, 2)))

@@ -90,7 +90,7 @@ def test_models_with_other_places_and_another_protocol_may_too():
     arm = RigJoint("arm", 2, "PH54-200-S500", 1, 0, -1.0, 1.0, 1.0)
     leg = RigJoint("leg", 3, "AX-12A", 1, 512, -1.0, 1.0, 1.0)
     config = RigConfig("port", 1_000_000, 100.0, (joint(1, "XM430-W350"), arm, leg))
-    assert config.old_ids == {3}
+    assert [id for id, protocol in config.protocols.items() if protocol == 1] == [3]
 
 
 @pytest.mark.parametrize(("model", "baud"), [("AX-12A", 4_000_000), ("AX-12A", 3_000_000), ("XL-320", 2_000_000)])
@@ -104,7 +104,7 @@ def test_a_baud_rate_that_a_model_cannot_do_is_refused(model, baud):
     ("model", "number", "baud", "ends"),
     [("AX-12A", 12, 1, (0, 1023)), ("MX-64(1.0)", 310, 34, (0, 4095)), ("XL-320", 350, 3, (0, 1023))],
 )
-def test_old_models_are_as_in_their_manuals(model, number, baud, ends):
+def test_ax_mx_and_xl_320_are_as_in_their_manuals(model, number, baud, ends):
     table = MODELS[model]
     assert (table.number, table["baud_rate"].default, table.one_turn) == (number, baud, ends)
     assert model_name(number) == model
@@ -112,17 +112,17 @@ def test_old_models_are_as_in_their_manuals(model, number, baud, ends):
     assert [speed.decode(count.to_bytes(2, "little")) for count in (0, 300, 1024, 1324)] == [0, 300, 0, -300]
 
 
-def test_an_old_models_counts_are_the_degrees_of_its_manual():
+def test_their_counts_are_the_degrees_of_its_manual():
     assert 1023 / MODELS["AX-12A"].pulses_per_turn * 360.0 == pytest.approx(300.0, abs=0.2)
     assert MODELS["MX-28(1.0)"].pulses_per_turn == 4096
 
 
 def test_the_bits_of_an_xl_320_mean_what_they_mean_elsewhere():
     """In its manual: 1 overload, 2 heat, 4 voltage."""
-    table = MODELS["XL-320"]
-    assert [table.problems(bits) for bits in (1, 2, 4, 7)] == [32, 4, 1, 37]
-    assert table.own_problems(4 | 32) == 3
-    assert MODELS["AX-12A"].problems(36) == 36
+    family = MODELS["XL-320"].family
+    assert [family.usual_problems(bits) for bits in (1, 2, 4, 7)] == [32, 4, 1, 37]
+    assert family.own_problems(4 | 32) == 3
+    assert MODELS["AX-12A"].family.usual_problems(36) == 36
 
 
 def test_cells_that_move_with_the_firmware_are_found_where_they_are():

@@ -20,9 +20,8 @@ from hardware.emulator.process import start_emulator
 from hardware.emulator.pty_server import PtyServer, serve
 from hardware.errors import RigError, RigFileError, SerialPortError
 from hardware.protocol2 import instructions
-from hardware.rig.driving.dynamixel_rig import DynamixelRig
 from hardware.rig.rig_file import load_rig
-from hardware.rig.supervision.supervised_rig import SupervisedRig
+from hardware.rig.supervision.rig import Rig
 
 OK = sdk.COMM_SUCCESS
 GOAL, PRESENT, TORQUE, LIMIT = 116, 132, 64, 48
@@ -158,14 +157,14 @@ def test_the_rig_plays_over_the_wire(servo20_file, monkeypatch):
     server = PtyServer(EmulatedBus(config), paced=False)
     port = PumpedPort(server, clock, config.baud)
     targets = np.linspace(-0.5, 0.5, 20)
-    with DynamixelRig(config, Bus(port, config.baud)) as rig:
+    with Rig(config, lambda part: Bus(port, part.baud)) as rig:
         for _ in range(200):
             rig.collect_state()
             rig.write(targets)
             port.wait(1.0)
             clock.time += 0.01
         assert rig.positions == pytest.approx(targets, abs=3e-3)
-        assert (rig.stopped, rig.faults.total) == (False, 0)
+        assert (rig.recoveries, rig.faults.total) == (0, 0)
         assert rig.close() == []
     port.close()
     server.close()
@@ -335,8 +334,14 @@ def hub(rig_of_four):
 
 def test_after_a_failed_replug_torque_goes_off_over_the_new_port_and_nowhere_else(hub, rig_of_four, tmp_path):
     config = msgspec.structs.replace(rig_of_four, reconnect_s=0.1)
-    rig = SupervisedRig(config, lambda: Bus.open(hub.server.port, config.baud))
-    first = rig._rig.bus.port
+    buses = []
+
+    def open_bus(part):
+        buses.append(Bus.open(hub.server.port, part.baud))
+        return buses[-1]
+
+    rig = Rig(config, open_bus)
+    first = buses[0].port
     assert isinstance(first, SerialPort)
     number = first._fd
     hub.bus[2].dead = True
@@ -368,11 +373,11 @@ def test_after_a_failed_replug_torque_goes_off_over_the_new_port_and_nowhere_els
 
 def test_closing_while_it_mends_leaves_no_torque_on(hub, rig_of_four):
     """The servos have lost torque and power, so mending means switching on: it must not, once the rig is closed."""
-    rig = SupervisedRig(rig_of_four, lambda: Bus.open(hub.server.port, rig_of_four.baud))
+    rig = Rig(rig_of_four, lambda part: Bus.open(hub.server.port, part.baud))
     for id in (1, 2, 3, 4):
         hub.bus[id]["torque_enable"] = 0
     hub.replug()
-    until(lambda: rig.write(np.zeros(4)) or rig.faults.unsent.any(), "the start of mending")
+    until(lambda: rig.write(np.zeros(4)) or rig.faults.unsent.any(), "the start of the recovery")
     assert rig.close() == []
     assert not any(device["torque_enable"] for device in hub.bus.devices)
-    assert not any(thread.name == "rig-mending" for thread in threading.enumerate())
+    assert not any(thread.name == "rig-recovery" for thread in threading.enumerate())

@@ -7,8 +7,7 @@ from hardware.bus.servo_bus import Bus
 from hardware.emulator.bus import EmulatedBus
 from hardware.emulator.port import EmulatedPort
 from hardware.emulator.simulated_rig import SimulatedRig
-from hardware.rig.driving.dynamixel_rig import DynamixelRig
-from hardware.rig.interface import Rig
+from hardware.rig.supervision.rig import Rig
 
 
 @pytest.fixture
@@ -16,19 +15,19 @@ def rig(rig_of_four):
     return SimulatedRig(rig_of_four)
 
 
-def play(rig: Rig, elapse, ticks):
+def play(rig, elapse, ticks):
     seen = []
     for tick in range(ticks):
         rig.collect_state()
         seen.append(rig.positions.copy())
-        rig.write(0.5 * np.sin(0.03 * tick + np.arange(4)))
+        rig.write(0.5 * np.sin(0.015 * tick * np.arange(1, 5)))
         elapse(0.01)
     return np.array(seen)
 
 
 def test_it_moves_as_the_servos_behind_a_bus_do(rig, rig_of_four):
     port = EmulatedPort(EmulatedBus(rig_of_four))
-    wired = play(DynamixelRig(rig_of_four, Bus(port, 1_000_000)), port.elapse, 200)
+    wired = play(Rig(rig_of_four, lambda part: Bus(port, part.baud)), port.elapse, 200)
     plain = play(rig, rig.elapse, 200)
     # The wired state is as old as its request.
     assert np.abs(wired[2:] - plain[1:-1]).max() < 0.02

@@ -5,9 +5,19 @@ import pytest
 from hypothesis import example, given
 from hypothesis import strategies as st
 
-from hardware.protocol2.crc import checksum
-from hardware.protocol2.frames import BROADCAST, HEADER, LONGEST, Frame, Parser, as_status, build, build_status
-from hardware.protocol2.stuffing import stuff, unstuff
+from hardware.protocol2.frames import (
+    BROADCAST,
+    HEADER,
+    LONGEST,
+    Frame,
+    Parser,
+    as_status,
+    build,
+    build_status,
+    checksum,
+    stuff,
+    unstuff,
+)
 
 # Bytes that are mostly the ones a header is made of: where framing goes wrong if it does.
 tricky = st.lists(st.sampled_from([0xFF, 0xFF, 0xFD, 0x00, 0xFE, 0x01, 0x55]), max_size=60).map(bytes)

@@ -5,8 +5,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from hardware.protocol2 import instructions as wire
-from hardware.protocol2.crc import checksum
-from hardware.protocol2.frames import build, build_status
+from hardware.protocol2.frames import build, build_status, checksum
 from hardware.protocol2.group_reply import (
     FastFormat,
     SingleFormat,

@@ -11,7 +11,7 @@ from hardware.bus.servo_bus import Bus
 from hardware.emulator.bus import EmulatedBus
 from hardware.emulator.port import EmulatedPort
 from hardware.errors import RigError
-from hardware.rig.driving.dynamixel_rig import DynamixelRig
+from hardware.rig.supervision.rig import Rig
 from hardware.tools.doctor import examine, fix_settings
 from hardware.tools.latency_timer import latency_timer, shorten_latency
 from hardware.tools.monitor import observe
@@ -57,7 +57,7 @@ def test_two_servos_with_one_id_are_told_from_a_missing_one(rig_of_four, opened,
     assert [one.identity.id for one in scan(opened, [57600, 1_000_000], garbled.append)] == [3, 4]
     assert garbled == [1_000_000]
     with pytest.raises(RigError, match=r"garbled answers from joint_1 \(id 1\).* two servos may have the same id"):
-        DynamixelRig(rig_of_four, bus)
+        Rig(rig_of_four, lambda part: bus)
 
 
 def test_one_of_two_servos_with_one_id_is_not_set_up(rig_of_four, opened, port, doubled):

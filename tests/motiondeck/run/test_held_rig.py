@@ -12,7 +12,7 @@ from hardware.bus.servo_bus import Bus
 from hardware.emulator.bus import EmulatedBus
 from hardware.emulator.port import EmulatedPort
 from hardware.rig.rig_file import load_rig
-from hardware.rig.supervision.supervised_rig import SupervisedRig
+from hardware.rig.supervision.rig import Rig
 from motiondeck.run.robots.rig_output import RigOutput, narrowed
 from motiondeck_base.shipped import find_library, find_rig, find_robot
 from sim.robots.robot import load_robot
@@ -31,7 +31,7 @@ class WalkingRig:
         legs = tuple(joint for joint in whole.joints if joint.name in (*KNEES, "r_hip_pitch", "l_hip_pitch"))
         self.config = msgspec.structs.replace(whole, joints=legs)
         self.port = EmulatedPort(EmulatedBus(self.config), paced=True)
-        rig = SupervisedRig(self.config, lambda: Bus(self.port, self.config.baud), beside=False, sleep=self.port.elapse)
+        rig = Rig(self.config, lambda part: Bus(self.port, part.baud), beside=False, sleep=self.port.elapse)
         self.output = RigOutput(rig, robot.joints, 1.0 / DT)
         limits = narrowed(robot.limits, robot, self.config)
         self.envelope = SafetyEnvelope(limits, DT)

@@ -11,8 +11,7 @@ from hardware.control_table.models import MODELS
 from hardware.emulator.bus import EmulatedBus
 from hardware.emulator.port import EmulatedPort
 from hardware.protocol2 import instructions as wire
-from hardware.protocol2.crc import checksum
-from hardware.protocol2.frames import BROADCAST, Parser, as_status, build
+from hardware.protocol2.frames import BROADCAST, Parser, as_status, build, checksum
 from hardware.protocol2.group_reply import fast_reply, fast_reply_length
 
 XM430 = MODELS["XM430-W350"]

@@ -13,12 +13,13 @@ from hardware.control_table.models import MODELS
 from hardware.emulator.bus import EmulatedBus
 from hardware.emulator.port import EmulatedPort
 from hardware.errors import RigError
-from hardware.rig.driving.readings import Readings
+from hardware.rig.counters import RigFaults
+from hardware.rig.driving.readings import Measurements, Readings
 from hardware.rig.driving.state_block import motion
-from hardware.rig.faults import RigFaults
 from hardware.rig.rig_file import RigConfig, RigJoint
 from hardware.rig.scale import RigScale
-from hardware.rig.supervision.supervised_rig import SupervisedRig
+from hardware.rig.supervision.rig import Rig
+from hardware.rig.supervision.servo_states import CONDITIONS
 from hardware.rig.switching.audit import audit
 from hardware.tools.doctor import examine, fix_settings
 from hardware.tools.monitor import observe
@@ -42,7 +43,7 @@ def port(config):
 @pytest.fixture
 def bus(config, port):
     bus = Bus(port, config.baud)
-    bus.old = config.old_ids
+    bus.protocols = config.protocols
     return bus
 
 
@@ -51,15 +52,16 @@ def test_a_silent_servo_is_asked_again_whichever_turn_it_has(models):
     """Requests go in turns; asked in every thirtieth of them, a servo whose turn is the other one never was again."""
     config = mixed_rig(models=models)
     everybody = range(len(models))
-    readings = Readings(config, RigScale(config), RigFaults.none(len(models)))
+    measured = Measurements(len(models))
+    readings = Readings(config, everybody, RigScale(config), measured, RigFaults.none(len(models)))
     readings.start(everybody, np.zeros(len(models)), [motion(joint.table) for joint in config.joints], 0.0)
     for silent in everybody:
-        readings.missed_in_a_row[:] = 0
-        readings.missed_in_a_row[silent] = 5
+        measured.missed_in_a_row[:] = 0
+        measured.missed_in_a_row[silent] = 5
         asked = []
         for request in range(300):
-            question = readings.next_question()
-            readings.asked(question)
+            question = readings.next_request()
+            readings.requested(question)
             if silent in question.joints:
                 asked.append(request)
         assert len(asked) >= 5
@@ -67,7 +69,7 @@ def test_a_silent_servo_is_asked_again_whichever_turn_it_has(models):
 
 
 def supervised(config, port):
-    return SupervisedRig(config, lambda: Bus(port, config.baud), beside=False, sleep=port.elapse)
+    return Rig(config, lambda part: Bus(port, part.baud), beside=False, sleep=port.elapse)
 
 
 def play(rig, port, target, seconds):
@@ -126,7 +128,7 @@ def test_a_dead_servo_of_one_protocol_costs_the_others_nothing(config, port):
     port.bus[1].dead = True
     play(rig, port, 0.8, 2.3)
     assert np.delete(shafts(config, port), 0) == pytest.approx(np.full(COUNT - 1, 0.8), abs=0.01)
-    assert rig.lost.tolist() == [True] + [False] * (COUNT - 1)
+    assert [CONDITIONS[place] == "is lost" for place in rig.states.conditions] == [True] + [False] * (COUNT - 1)
 
 
 LEFT_BEHIND = {
@@ -227,7 +229,7 @@ def test_shut_down_servos_are_named_and_not_switched_on(config, port):
 def test_a_killed_program_leaves_servos_without_a_watchdog_at_their_last_goal(config, port):
     rig = supervised(config, port)
     play(rig, port, 0.8, 0.3)
-    goals = rig._rig.goals.copy()
+    goals = rig.goals.copy()
     port.elapse(2.0)
     assert shafts(config, port)[:5] == pytest.approx(goals[:5], abs=0.01)
     assert (np.abs(goals) < 0.65).all()

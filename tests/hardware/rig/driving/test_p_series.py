@@ -11,7 +11,7 @@ from hardware.emulator.bus import EmulatedBus
 from hardware.emulator.port import EmulatedPort
 from hardware.errors import RigError, ServoError
 from hardware.rig.rig_file import RigConfig, RigJoint
-from hardware.rig.supervision.supervised_rig import SupervisedRig
+from hardware.rig.supervision.rig import Rig
 from hardware.rig.switching.audit import in_counts
 from hardware.tools.doctor import fix_settings
 
@@ -101,16 +101,16 @@ def test_one_as_it_comes_is_refused_until_it_protects_itself_from_heat():
     config = rig_of("PM54-060-S250")
     port, open_bus = emulated(config)
     with pytest.raises(RigError, match="shutdown is 58, the rig needs 62"):
-        SupervisedRig(config, open_bus, beside=False, sleep=port.elapse)
+        Rig(config, lambda part: open_bus(), beside=False, sleep=port.elapse)
     fix_settings(config, open_bus())
-    assert SupervisedRig(config, open_bus, beside=False, sleep=port.elapse).close() == []
+    assert Rig(config, lambda part: open_bus(), beside=False, sleep=port.elapse).close() == []
 
 
 def test_a_rig_of_pro_a_moves_as_they_come():
     config = rig_of("H54-200-S500-RA", "H54-100-S500-RA", "H42-20-S300-RA", "M54-60-S250-RA", "M54-40-S250-RA",
                     "M42-10-S260-RA", "AX-12A", acceleration=0.0)  # fmt: skip
     port, open_bus = emulated(config)
-    rig = SupervisedRig(config, open_bus, beside=False, sleep=port.elapse)
+    rig = Rig(config, lambda part: open_bus(), beside=False, sleep=port.elapse)
     for _ in range(200):
         rig.collect_state()
         rig.write(np.full(7, 1.2))
@@ -124,13 +124,13 @@ def test_one_that_would_refuse_the_rigs_profile_is_refused_by_name():
     port, open_bus = emulated(config)
     port.bus[1]["acceleration_limit"] = 5000
     with pytest.raises(RigError, match="acceleration_limit is 5000, the rig needs 5730"):
-        SupervisedRig(config, open_bus, beside=False, sleep=port.elapse)
+        Rig(config, lambda part: open_bus(), beside=False, sleep=port.elapse)
 
 
 def test_a_mixed_rig_drives_them_and_none_is_too_fast():
     config = rig_of("PH54-200-S500", "XM430-W350", "PH54-200-S500", acceleration=10.0)
     port, open_bus = emulated(config)
-    rig = SupervisedRig(config, open_bus, beside=False, sleep=port.elapse)
+    rig = Rig(config, lambda part: open_bus(), beside=False, sleep=port.elapse)
     fastest = np.zeros(3)
     for target in (-1.4, 1.4):
         for _ in range(200):

@@ -10,8 +10,8 @@ from hardware.bus.servo_bus import Bus
 from hardware.emulator.bus import EmulatedBus
 from hardware.emulator.port import EmulatedPort
 from hardware.errors import RigError
-from hardware.rig.driving.dynamixel_rig import DynamixelRig
 from hardware.rig.rig_file import RigConfig, RigJoint
+from hardware.rig.supervision.rig import Rig
 from hardware.tools.doctor import fix_settings
 
 RIGS = {
@@ -40,12 +40,12 @@ def collisions(config, delay=250, seconds=1.5):
     for joint in config.joints:
         device = servos[joint.id]
         device.bank.shaft[device.row] = joint.zero
-    bus.old = config.old_ids
+    bus.protocols = config.protocols
     fix_settings(config, bus)
     for joint in config.joints:
         servos[joint.id]["return_delay_time"] = delay
     port.elapse(0.1)
-    with DynamixelRig(config, bus) as rig:
+    with Rig(config, lambda part: bus) as rig:
         before = port.wire.collisions
         for tick in range(round(seconds * config.rate_hz)):
             rig.collect_state()
@@ -73,7 +73,7 @@ def test_at_the_rate_that_a_refusal_names_no_goal_meets_an_answer(name):
 @pytest.mark.parametrize("name", RIGS)
 def test_a_rig_that_is_refused_would_have_met_them(name, monkeypatch):
     rate = possible_rate(name)
-    monkeypatch.setattr("hardware.rig.driving.dynamixel_rig.refuse_slow_wire", lambda *_: None)
+    monkeypatch.setattr("hardware.rig.driving.servo_port.refuse_slow_wire", lambda *_: None)
     assert collisions(rig_file(name, 1.4 * rate)) > 0
 
 

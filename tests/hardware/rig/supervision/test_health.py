@@ -13,8 +13,8 @@ from hardware.emulator.bus import BOOT_TIME, EmulatedBus
 from hardware.emulator.port import EmulatedPort
 from hardware.errors import RigError
 from hardware.protocol2.frames import Parser
-from hardware.rig.driving.dynamixel_rig import DynamixelRig
-from hardware.rig.supervision.supervised_rig import SupervisedRig
+from hardware.rig.driving.state_block import arrange_state
+from hardware.rig.supervision.rig import Rig
 
 TICK = 0.01
 NONE_HIDDEN, ALL_HIDDEN = (), tuple(range(len(MODELS)))
@@ -26,7 +26,7 @@ def build(hidden=(), **settings):
     port = EmulatedPort(EmulatedBus(config))
     for index in hidden:
         port.bus.devices[index].hide_cells()
-    return SupervisedRig(config, lambda: Bus(port, config.baud), beside=False, sleep=port.elapse), port
+    return Rig(config, lambda part: Bus(port, part.baud), beside=False, sleep=port.elapse), port
 
 
 def play(rig, port, seconds, target=0.0):
@@ -37,7 +37,7 @@ def play(rig, port, seconds, target=0.0):
 
 
 def named(rig):
-    return {(incident.who.partition(" ")[0], incident.what.partition(":")[0]) for incident in rig.incidents}
+    return {(incident.source.partition(" ")[0], incident.what.partition(":")[0]) for incident in rig.incidents}
 
 
 @pytest.mark.parametrize(
@@ -55,16 +55,18 @@ def test_a_fault_of_any_model_is_named_within_a_second(model, fault, in_place):
 @pytest.mark.parametrize("hidden", [NONE_HIDDEN, (1,), (0, 1, 3), ALL_HIDDEN])
 def test_position_comes_every_tick_and_health_at_least_once_a_second(hidden):
     rig, port = build(hidden)
-    readings = rig._rig.readings
     play(rig, port, 0.05)
-    oldest = 0.0
+    oldest, since = 0.0, np.full(len(MODELS), port.now())
     for tick in range(60):
         before = [device.bank.shaft[device.row] for device in port.bus.devices]
         play(rig, port, TICK, target=0.002 * tick)
-        oldest = max(oldest, float((port.now() - readings.health_at).max()))
-        seen = 2048 + readings.positions * 2048 / np.pi
+        since[np.isfinite(rig.temperatures)] = port.now()
+        rig.temperatures[:] = np.nan
+        oldest = max(oldest, float((port.now() - since).max()))
+        seen = 2048 + rig.positions * 2048 / np.pi
         assert np.abs(seen - before).max() < 12.0  # pulses: what one or two ticks make
     assert oldest < 0.2
+    play(rig, port, 0.2)
     assert rig.temperatures == pytest.approx(np.full(6, 32.0), abs=1.0)
     assert rig.voltages == pytest.approx([12.0, 5.0, 12.0, 12.0, 12.0, 12.0])
 
@@ -74,7 +76,7 @@ def test_an_alert_is_answered_by_asking_what_it_means_in_the_next_request():
     port = EmulatedPort(EmulatedBus(config))
     for device in port.bus.devices:
         device.hide_cells()
-    rig = DynamixelRig(config, Bus(port, config.baud))
+    rig = Rig(config, lambda part: Bus(port, part.baud), beside=False, sleep=port.elapse)
 
     def tick():
         port.sent.clear()
@@ -89,14 +91,15 @@ def test_an_alert_is_answered_by_asking_what_it_means_in_the_next_request():
     assert tick() == {2}
     assert tick() == {3, 5}
     tick()
-    assert rig.readings.errors.tolist() == [0, 0, 0, 0, 1, 0]
+    assert rig.measured.errors.tolist() == [0, 0, 0, 0, 1, 0]
 
 
 def test_cells_that_show_something_else_are_not_believed():
     """An XL330 with another firmware: its pointers are taken, and its data cells are elsewhere."""
-    rig, port = build(hidden=(1,))
-    play(rig, port, 0.1)
-    lengths = [block.length for block in rig._rig.readings._blocks]
+    config = mixed_rig()
+    bus = Bus(EmulatedPort(EmulatedBus(config)), config.baud)
+    bus.port.bus.devices[1].hide_cells()
+    lengths = [block.length for block in arrange_state(config, bus)]
     assert lengths == [15, 10, 15, 15, 15, 15]
 
 

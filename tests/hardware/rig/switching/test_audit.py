@@ -7,8 +7,8 @@ from hardware.bus.servo_bus import Bus
 from hardware.emulator.bus import EmulatedBus
 from hardware.emulator.port import EmulatedPort
 from hardware.errors import RigError
-from hardware.rig.driving.dynamixel_rig import DynamixelRig
 from hardware.rig.rig_file import RigConfig, RigJoint
+from hardware.rig.supervision.rig import Rig
 from hardware.rig.switching.audit import audit, in_counts, settle
 from hardware.tools.doctor import examine, fix_settings, look_elsewhere
 from hardware.tools.set_up import set_up
@@ -94,7 +94,7 @@ def test_what_other_tools_leave_is_named_and_refused_or_mended_and_never_too_fas
     bus = open_bus(used_rig.baud)
     if then == "refused":
         with pytest.raises(RigError, match=r"joint_1 \(id 1\)"):
-            DynamixelRig(used_rig, bus)
+            Rig(used_rig, lambda part: bus)
         assert [device["torque_enable"] for device in port.bus.devices] == [0, 0]
         if settings.keys() & {"baud_rate", "id", "protocol_type"}:
             port.bus[2].dead = True  # one servo at a time
@@ -102,7 +102,7 @@ def test_what_other_tools_leave_is_named_and_refused_or_mended_and_never_too_fas
             port.bus[2].dead = False
         else:
             assert fix_settings(used_rig, bus).refused == []
-    rig = DynamixelRig(used_rig, open_bus(used_rig.baud))
+    rig = Rig(used_rig, lambda part: open_bus(part.baud))
     assert fastest(rig, port) < 1.05 * LIMIT
     assert rig.positions == pytest.approx([1.4, 1.4], abs=0.01)
 
@@ -125,7 +125,7 @@ def test_the_doctor_lists_the_status_return_level_that_it_has_set(model, level):
     config = RigConfig("emulated", 1_000_000, 100.0, (joint,))
     port = EmulatedPort(EmulatedBus(config), paced=True)
     bus = Bus(port, 1_000_000)
-    bus.old = config.old_ids
+    bus.protocols = config.protocols
     assert not any("status_return_level" in line for line in fix_settings(config, bus).done)
     port.bus[1]["status_return_level"] = level
     report = examine(config, bus)
@@ -139,15 +139,15 @@ def test_a_locked_eeprom_is_named_with_the_remedy(model):
     config = RigConfig("emulated", 1_000_000, 100.0, (joint,))
     port = EmulatedPort(EmulatedBus(config), paced=True)
     bus = Bus(port, 1_000_000)
-    bus.old = config.old_ids
+    bus.protocols = config.protocols
     port.bus[1]["lock"] = 1
     said = r"id 1 keeps its EEPROM locked, and its {} cannot be set: switch its power off and on"
     assert said.format("return_delay_time") in "".join(fix_settings(config, bus).refused)
     with pytest.raises(RigError, match=said.format("min_position_limit")):
-        DynamixelRig(config, bus)
+        Rig(config, lambda part: bus)
     port.bus[1].reboot(port.now())
     assert fix_settings(config, bus).refused == []
-    DynamixelRig(config, bus)
+    Rig(config, lambda part: bus)
 
 
 @pytest.mark.parametrize("model", ["XM430-W350", "XL330-M288", "AX-12A", "PH54-200-S500"])
@@ -172,20 +172,20 @@ def test_what_could_move_a_joint_wrongly_is_refused_and_named_and_fixed_on_reque
     port.bus[1][register] = value
     port.bus.reindex()
     with pytest.raises(RigError, match=r"joint_1 \(id 1\): " + said):
-        DynamixelRig(used_rig, bus)
+        Rig(used_rig, lambda part: bus)
     assert [port.bus[id]["torque_enable"] for id in (1, 2)] == [0, 0]
     assert port.bus[1][register] == value
     assert any(register in problem and "--fix sets it" in problem for problem in examine(used_rig, bus).problems)
     assert fix_settings(used_rig, bus).refused == []
     assert audit(used_rig, bus) == []
-    assert fastest(DynamixelRig(used_rig, bus), port) < 1.05 * LIMIT
+    assert fastest(Rig(used_rig, lambda part: bus), port) < 1.05 * LIMIT
 
 
 @pytest.mark.thorough
 @pytest.mark.parametrize("register", SET_ANYWAY)
 def test_what_the_rig_file_states_or_is_in_ram_is_set_at_switch_on(used_rig, port, bus, register):
     port.bus[1][register] = SET_ANYWAY[register]
-    rig = DynamixelRig(used_rig, bus)
+    rig = Rig(used_rig, lambda part: bus)
     assert fastest(rig, port) < 1.05 * LIMIT
     assert [difference for difference in audit(used_rig, bus) if difference.when == "switch-on"] == []
     assert rig.positions == pytest.approx([1.4, 1.4], abs=0.01)
@@ -196,7 +196,7 @@ def test_a_weaker_or_slower_servo_is_advice_only(used_rig, port, bus):
     problems = "\n".join(examine(used_rig, bus).problems)
     assert "pwm_limit is 600, the rig needs 885 (it is weaker than its model)" in problems
     assert "velocity_limit is 20" in problems
-    DynamixelRig(used_rig, bus)
+    Rig(used_rig, lambda part: bus)
 
 
 def test_a_weak_servo_is_as_strong_as_its_model_after_one_fix(used_rig, port, bus):
@@ -225,7 +225,7 @@ def test_a_servo_that_has_counted_turns_is_where_position_mode_will_show_it(used
     report = examine(used_rig, bus)
     assert report.servos[0].position == pytest.approx(6 * np.pi + 300 * 2 * np.pi / 4096)
     assert not any("stands at" in problem for problem in report.problems)
-    DynamixelRig(used_rig, bus).close()
+    Rig(used_rig, lambda part: bus).close()
     assert examine(used_rig, bus).servos[0].position == pytest.approx(300 * 2 * np.pi / 4096)
     port.bus[1]["operating_mode"] = 4
     bank.shaft[0] = 2048 + 4096 + 1200
@@ -256,4 +256,4 @@ def test_nothing_is_written_where_nothing_differs(used_rig, port, bus):
 def test_every_difference_of_every_joint_is_in_one_message(used_rig, port, bus):
     port.bus[1]["drive_mode"], port.bus[2]["homing_offset"] = 1, -300
     with pytest.raises(RigError, match=r"joint_1 .*drive_mode is 1.*; joint_2 .*homing_offset is -300.*--fix"):
-        DynamixelRig(used_rig, bus)
+        Rig(used_rig, lambda part: bus)

@@ -19,8 +19,7 @@ from hardware.emulator.bus import EmulatedBus
 from hardware.emulator.port import EmulatedPort
 from hardware.errors import SerialPortError
 from hardware.rig.rig_file import load_rig
-from hardware.rig.supervision.joined_rig import JoinedRig
-from hardware.rig.supervision.supervised_rig import SupervisedRig
+from hardware.rig.supervision.rig import Rig
 from hardware.tools.teaching import Moment
 from motiondeck.cli.rig.play import play_clip
 from motiondeck.run.run_settings import RunSettings
@@ -75,13 +74,13 @@ def test_sigterm_ends_a_run_on_the_rig_without_torque_and_with_its_report(rig, p
     save_taught_clip(taught_clip("sway", ("pan", "tilt"), 50.0, np.stack([sway, -sway], axis=1)), clip)
     writes = []
 
-    def write(self, targets, send=JoinedRig.write):
+    def write(self, targets, send=Rig.write):
         writes.append(targets)
         if len(writes) == 20:
             os.kill(os.getpid(), signal.SIGTERM)
         send(self, targets)
 
-    monkeypatch.setattr(JoinedRig, "write", write)
+    monkeypatch.setattr(Rig, "write", write)
     run = motiondeck("rig", "play", rig, clip, *port, "--command-port", "0", "--json")
     assert run["reason"] == "stopped from outside (SIGTERM)"
     assert len(writes) >= 20
@@ -105,17 +104,17 @@ def test_a_clip_that_the_limits_hold_back_comes_to_its_last_frame(rig, tmp_path,
     save_taught_clip(taught_clip("jerk", ("tilt",), 50.0, angles), clip)
     config = msgspec.structs.replace(load_rig(rig), joints=load_rig(rig).joints[1:])
     port = EmulatedPort(EmulatedBus(config))
-    connected = SupervisedRig(config, lambda: Bus(port, config.baud), beside=False)
+    connected = Rig(config, lambda part: Bus(port, part.baud), beside=False)
 
     def write(targets):
         port.elapse(1.0 / config.rate_hz)
-        SupervisedRig.write(connected, targets)
+        Rig.write(connected, targets)
 
     monkeypatch.setattr(connected, "write", write)
-    monkeypatch.setattr("hardware.rig.supervision.joined_rig.connect_rig", lambda config, ports: connected)
+    monkeypatch.setattr("hardware.rig.supervision.rig.Rig.connect", lambda config, ports: connected)
     run = play_clip(config, [], read_taught_clip(clip), RunSettings(rate=config.rate_hz))
     assert run["reason"] == "played to the end"
-    assert connected._rig.goals == pytest.approx([1.2], abs=0.005)
+    assert connected.goals == pytest.approx([1.2], abs=0.005)
 
 
 @pytest.mark.parametrize(
@@ -273,15 +272,15 @@ def test_a_fault_of_one_model_among_others_ends_the_run_with_its_name_and_exit_c
     port = EmulatedPort(EmulatedBus(config))
     writes = []
 
-    def write(self, targets, send=SupervisedRig.write):
+    def write(self, targets, send=Rig.write):
         writes.append(targets)
         if len(writes) == 20:
             port.bus[1].fail(32)
         send(self, targets)
 
-    connected = SupervisedRig(config, lambda: Bus(port, config.baud), beside=False)
-    monkeypatch.setattr(SupervisedRig, "write", write)
-    monkeypatch.setattr("hardware.rig.supervision.joined_rig.connect_rig", lambda config, ports: connected)
+    connected = Rig(config, lambda part: Bus(port, part.baud), beside=False)
+    monkeypatch.setattr(Rig, "write", write)
+    monkeypatch.setattr("hardware.rig.supervision.rig.Rig.connect", lambda config, ports: connected)
     result = invoked("rig", "play", str(rig), str(clip), "--command-port", "0", "--seconds", "4")
     assert result.exit_code == 1
     assert len(writes) <= 22

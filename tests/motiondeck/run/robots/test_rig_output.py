@@ -18,7 +18,7 @@ from hardware.emulator.pty_server import PtyServer
 from hardware.protocol2.frames import Parser
 from hardware.protocol2.instructions import SYNC_WRITE
 from hardware.rig.rig_file import RigConfig, RigJoint, load_rig
-from hardware.rig.supervision.supervised_rig import SupervisedRig
+from hardware.rig.supervision.rig import Rig
 from motiondeck.run.robots.rig_output import RigOutput, narrowed
 from motiondeck_base.errors import MotiondeckError
 from motiondeck_base.shipped import find_rig
@@ -159,7 +159,7 @@ def test_a_loop_that_stalls_and_catches_up_never_asks_the_servo_for_more_than_it
     joint = RigJoint("a", 1, "XM430-W350", 1, 2048, -1.5, 1.5, LIMIT)
     config = RigConfig("emulated", 4_000_000, 200.0, (joint,))
     port = WatchedPort(EmulatedBus(config))
-    rig = SupervisedRig(config, lambda: Bus(port, config.baud), beside=False, sleep=port.elapse)
+    rig = Rig(config, lambda part: Bus(port, part.baud), beside=False, sleep=port.elapse)
     limits = JointLimits(*(np.array([value]) for value in (-1.5, 1.5, LIMIT, 200.0, 20_000.0)))
     clock, output = CatchingUp(port), RigOutput(rig, ("a",), 200.0)
     run(StallingDeck(port), [Channel(output)], clock, SafetyEnvelope(limits, clock.period), seconds=3.0)

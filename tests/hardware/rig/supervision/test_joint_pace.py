@@ -4,7 +4,7 @@ import msgspec
 import numpy as np
 import pytest
 
-from hardware.rig.supervision.strain import Strain
+from hardware.rig.supervision.pace import Strain
 
 
 def held_at(strain, currents, seconds, since=0.0):

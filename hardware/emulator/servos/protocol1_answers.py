@@ -1,4 +1,4 @@
-"""How servos of Protocol 1.0 answer: AX, RX and MX.
+"""The answers of servos of Protocol 1.0: AX, RX and MX.
 
 There is no sync read; MX servos answer a bulk read, each after the one before it in the list. A broadcast ping makes
 all answer at once, and nothing can be understood. A reboot is known to MX only, and a factory reset keeps nothing.
@@ -34,7 +34,7 @@ class Answer(NamedTuple):
     id: int
 
 
-class OldServoBus(Protocol):
+class ServoBus(Protocol):
     """What is needed of the bus."""
 
     strict: bool
@@ -57,26 +57,26 @@ class OldServoBus(Protocol):
         ...
 
     def reindex(self) -> None:
-        """Finds out anew who listens to which ID."""
+        """Updates which servo listens to which ID."""
         ...
 
 
-def answer_old(bus: OldServoBus, frame: Frame) -> list[Answer]:
-    """What the servos send back on one instruction."""
+def answer(bus: ServoBus, frame: Frame) -> list[Answer]:
+    """The servos' answers to one instruction."""
     everybody = frame.id == BROADCAST
     if frame.instruction == wire.SYNC_WRITE:
         return _sync_write(bus, frame.params) if everybody else []
     if frame.instruction == wire.BULK_READ:
         return _bulk_read(bus, frame.params) if everybody else []
     devices = bus.everybody(1) if everybody else bus.hearing(frame.id, 1)
-    answers = [answer for device in devices for answer in _alone(bus, device, frame)]
+    answers = [one for device in devices for one in _alone(bus, device, frame)]
     bus.reindex()
     if everybody and frame.instruction != wire.PING:
         return []
     return answers if len(answers) < 2 else [bus.mixed(answers)]
 
 
-def old_status(device: Device, bits: int, params: bytes, level: int, id: int | None = None) -> list[Answer]:
+def status(device: Device, bits: int, params: bytes, level: int, id: int | None = None) -> list[Answer]:
     """An answer as a servo sends it (by default under its own ID), nothing if its status return level is below."""
     if device["status_return_level"] < level:
         return []
@@ -84,23 +84,23 @@ def old_status(device: Device, bits: int, params: bytes, level: int, id: int | N
     return [Answer(device.return_delay, build(id, bits | device["hardware_error_status"], params), id)]
 
 
-def _alone(bus: OldServoBus, device: Device, frame: Frame) -> list[Answer]:
+def _alone(bus: ServoBus, device: Device, frame: Frame) -> list[Answer]:
     """Carries out an instruction to one servo; it answers under the ID that it had before."""
-    params, id, answer, level = frame.params, device.id, b"", 2
-    done = old_status(device, 0, b"", 2)
+    params, id, data, level = frame.params, device.id, b"", 2
+    done = status(device, 0, b"", 2)
     match frame.instruction:
         case wire.PING:
             bits, level = 0, 0
         case wire.READ if len(params) == 2:
-            data = device.read(params[0], params[1])
-            bits, answer, level = (0 if data else OUT_OF_RANGE), data or b"", 1
+            data, level = device.read(params[0], params[1]) or b"", 1
+            bits = 0 if data else OUT_OF_RANGE
         case wire.WRITE if len(params) > 1:
             bits = _bits(device.write(params[0], params[1:]))
         case wire.REG_WRITE if len(params) > 1:
             bits = _bits(device.register(params[0], params[1:]))
         case wire.ACTION:
             bits = _bits(device.act())
-        case wire.REBOOT if device.model.startswith("MX"):
+        case wire.REBOOT if device.reboots:
             device.reboot(bus.time + BOOT_TIME)
             return done
         case wire.FACTORY_RESET:
@@ -108,7 +108,7 @@ def _alone(bus: OldServoBus, device: Device, frame: Frame) -> list[Answer]:
             return done
         case _:
             bits = BAD_INSTRUCTION
-    return old_status(device, bits, answer, level, id)
+    return status(device, bits, data, level, id)
 
 
 def _bits(error: int) -> int:
@@ -116,7 +116,7 @@ def _bits(error: int) -> int:
     return _ERROR_BITS.get(error, BAD_INSTRUCTION) if error else 0
 
 
-def _sync_write(bus: OldServoBus, params: bytes) -> list[Answer]:
+def _sync_write(bus: ServoBus, params: bytes) -> list[Answer]:
     """Writes the same registers of many servos."""
     if len(params) > 2 and params[1]:
         size = params[1] + 1
@@ -127,16 +127,16 @@ def _sync_write(bus: OldServoBus, params: bytes) -> list[Answer]:
     return []
 
 
-def _bulk_read(bus: OldServoBus, params: bytes) -> list[Answer]:
+def _bulk_read(bus: ServoBus, params: bytes) -> list[Answer]:
     """The statuses of MX servos, one behind the other."""
     answers: list[Answer] = []
     for at in range(1, len(params) - 2, 3):
         length, id, address = params[at : at + 3]
         own: list[Answer] = []
         for device in bus.hearing(id, 1):
-            if device.model.startswith("MX"):
+            if device.bulk_reads:
                 data = device.read(address, length)
-                own += old_status(device, 0 if data else OUT_OF_RANGE, data or b"", 1)
+                own += status(device, 0 if data else OUT_OF_RANGE, data or b"", 1)
         if not own and bus.strict:
             break
         answers += own if len(own) < 2 else [bus.mixed(own)]

@@ -9,8 +9,7 @@ from hardware.emulator.bus import EmulatedBus
 from hardware.emulator.faults import Fault, FaultPlan
 from hardware.emulator.port import EmulatedPort
 from hardware.errors import RigError, SerialPortError
-from hardware.rig.supervision.joined_rig import JoinedRig, connect_rig, on_ports
-from hardware.rig.supervision.supervised_rig import SupervisedRig
+from hardware.rig.supervision.rig import Rig
 
 
 @pytest.fixture
@@ -32,11 +31,8 @@ class Bench:
             EmulatedPort(EmulatedBus(part), paced=True, faults=plan)
             for part, plan in zip(config.parts, plans, strict=True)
         ]
-        parts = zip(config.parts, self.ports, strict=True)
-        self.rig = JoinedRig(config, [self.supervised(part, port) for part, port in parts])
-
-    def supervised(self, part, port):
-        return SupervisedRig(part, lambda: Bus(port, part.baud), beside=False, sleep=self.elapse)
+        ports = dict(zip(config.ports, self.ports, strict=True))
+        self.rig = Rig(config, lambda part: Bus(ports[part.port], part.baud), beside=False, sleep=self.elapse)
 
     def elapse(self, seconds):
         for port in self.ports:
@@ -55,9 +51,9 @@ class Bench:
 def test_the_parts_of_a_rig_are_those_of_its_ports(config):
     assert config.ports == ("second", "emulated")
     assert [part.names for part in config.parts] == [("joint_1", "joint_3"), ("joint_2", "joint_4")]
-    assert [part.port for part in on_ports(config, ("a", "b"))] == ["a", "b"]
+    assert [part.port for part in config.on_ports(("a", "b"))] == ["a", "b"]
     with pytest.raises(RigError, match=r"has 2 ports \(second, emulated\), 1 were given"):
-        on_ports(config, ("a",))
+        config.on_ports(("a",))
     with pytest.raises(ValueError, match="id 1 is used more than once: joint 1"):
         msgspec.structs.replace(config, joints=(config.joints[0], config.joints[2], config.joints[0]))
 
@@ -97,7 +93,7 @@ def test_a_port_that_raises_while_it_closes_keeps_no_other_one_on(config, monkey
     def fail():
         raise RuntimeError("a bug")
 
-    monkeypatch.setattr(bench.rig._parts[0][0], "close", fail)
+    monkeypatch.setattr(bench.ports[0], "close", fail)
     assert bench.rig.close() == ["joint_1", "joint_3"]
     assert not any(device["torque_enable"] for device in bench.ports[1].bus.devices)
 
@@ -113,7 +109,7 @@ def test_a_second_port_that_fails_leaves_no_torque_on_the_first_or_says_so(confi
 
     monkeypatch.setattr(Bus, "open", open_bus)
     with pytest.raises(SerialPortError, match=r"port emulated\. And torque may still be on: joint_1\. Switch"):
-        connect_rig(config)
+        Rig.connect(config)
     assert [device["torque_enable"] for device in first.bus.devices] == [1, 0]
 
 
@@ -121,7 +117,7 @@ def test_a_rig_that_cannot_be_switched_on_names_who_may_still_have_torque(rig_of
     port = EmulatedPort(EmulatedBus(rig_of_four))
     port.bus[2].dead = True
     with pytest.raises(RigError, match=r"no answer .* joint_2 \(id 2\).* torque may still be on: joint_2\."):
-        SupervisedRig(rig_of_four, lambda: Bus(port, rig_of_four.baud))
+        Rig(rig_of_four, lambda part: Bus(port, part.baud))
 
 
 def test_ctrl_c_while_the_second_port_opens_leaves_no_torque_on_the_first(config, monkeypatch):
@@ -135,5 +131,5 @@ def test_ctrl_c_while_the_second_port_opens_leaves_no_torque_on_the_first(config
 
     monkeypatch.setattr(Bus, "open", open_bus)
     with pytest.raises(KeyboardInterrupt):
-        connect_rig(config)
+        Rig.connect(config)
     assert [device["torque_enable"] for device in first.bus.devices] == [0, 0]

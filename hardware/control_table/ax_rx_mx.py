@@ -8,6 +8,8 @@ from __future__ import annotations
 
 from dataclasses import replace
 
+from hardware.control_table.family import FAMILIES
+from hardware.control_table.servo_traits import TRAITS, Traits
 from hardware.control_table.table import ControlTable, parse_table
 
 _EEPROM = """
@@ -47,7 +49,7 @@ _SLOPES = """
       28      1      cw_compliance_slope    RW     RAM     2..254             32       -
       29      1      ccw_compliance_slope   RW     RAM     2..254             32       -
       30      2      goal_position          RW     RAM     0..1023            -        1pulse
-      32      2      profile_velocity       RW     RAM     0..2047            0        0.111rpm     # moving speed
+      32      2m     profile_velocity       RW     RAM     0..2047            0        0.111rpm     # moving speed
 """
 _MX_EEPROM = """
       20      2s     multi_turn_offset      RW     EEPROM  -24576..24576      0        1pulse
@@ -60,7 +62,7 @@ _MX_GAINS = """
       27      1      position_i_gain        RW     RAM     0..254             0        -            # I gain
       28      1      position_p_gain        RW     RAM     0..254             32       -            # P gain
       30      2      goal_position          RW     RAM     0..4095            -        1pulse
-      32      2      profile_velocity       RW     RAM     0..2047            0        0.114rpm     # moving speed
+      32      2m     profile_velocity       RW     RAM     0..2047            0        0.114rpm     # moving speed
 """
 _MX_TICK = """
       50      2      realtime_tick          R      RAM     0..32767           -        1ms
@@ -95,7 +97,7 @@ _XL_320 = """
       28      1      position_i_gain        RW     RAM     0..254             0        -            # I gain
       29      1      position_p_gain        RW     RAM     0..254             32       -            # P gain
       30      2      goal_position          RW     RAM     0..1023            -        1pulse
-      32      2      profile_velocity       RW     RAM     0..2047            0        0.111rpm     # moving speed
+      32      2m     profile_velocity       RW     RAM     0..2047            0        0.111rpm     # moving speed
       35      2      torque_limit           RW     RAM     0..1023            1023     0.1%
       37      2      present_position       R      RAM     0..65535           -        1pulse
       39      2m     present_velocity       R      RAM     0..2047            -        0.111rpm     # present speed
@@ -108,45 +110,55 @@ _XL_320 = """
       51      2      punch                  RW     RAM     0..1023            32       -
 """
 _STEPS = 1228  # to a turn: 1023 of them are 300 degrees
-_NUMBERS = {"AX-12A": 12, "AX-18A": 18, "AX-12W": 300, "RX-10": 10, "RX-24F": 24, "RX-28": 28, "RX-64": 64}
-_MX_NUMBERS = {"MX-28(1.0)": 29, "MX-64(1.0)": 310, "MX-106(1.0)": 320}
-_DEGREES = {"AX-18A": 75, "RX-10": 80, "RX-24F": 80, "RX-28": 80, "RX-64": 80}
 
 
-def _small(model: str, number: int) -> ControlTable:
+def _ax(model: str, traits: Traits) -> ControlTable:
     """An AX or RX servo."""
-    table = parse_table(model, number, _STEPS, _EEPROM + _SLOPES + _MEASURED)
-    table = _with(table, model_number=number, temperature_limit=_DEGREES.get(model, 70))
-    return _with(table, baud_rate=34, max_voltage_limit=240) if model.startswith("RX") else table
+    table = parse_table(model, traits.figures[0], _STEPS, _EEPROM + _SLOPES + _MEASURED, traits.family)
+    _set_defaults(table, traits)
+    return table
 
 
-def _mx(model: str, number: int) -> ControlTable:
+def _rx(model: str, traits: Traits) -> ControlTable:
+    table = _ax(model, traits)
+    _set_defaults(table, traits, baud_rate=34, max_voltage_limit=240)
+    return table
+
+
+def _mx(model: str, traits: Traits) -> ControlTable:
     """An MX servo with firmware of Protocol 1.0."""
+    number = traits.figures[0]
     current = _MX_CURRENT if number != 29 else ""
     reverse = "\n      10      1      drive_mode             RW     EEPROM  0..3               0        -\n"
     eeprom = _EEPROM.replace("\n      11 ", f"{reverse}      11 ") if number == 320 else _EEPROM
     text = eeprom + _MX_EEPROM + _MX_GAINS + _MEASURED + _MX_TICK + current + _MX_ACCELERATION
-    table = parse_table(model, number, 4096, text)
+    table = parse_table(model, number, 4096, text, traits.family)
     registers = table.registers
     for name in ("min_position_limit", "max_position_limit"):
         registers[name] = replace(registers[name], maximum=4095)
     registers["present_velocity"] = replace(registers["present_velocity"], scale=0.114)
-    volts = 240 if model.startswith("MX-64") else 160
-    return _with(
-        table, model_number=number, temperature_limit=80, baud_rate=34, max_position_limit=4095, max_voltage_limit=volts
-    )
+    volts = 240 if number == 310 else 160
+    _set_defaults(table, traits, baud_rate=34, max_position_limit=4095, max_voltage_limit=volts)
+    return table
 
 
-def _with(table: ControlTable, **defaults: int) -> ControlTable:
-    """The table with these defaults, as Protocol 1.0."""
+def _xl320(model: str, traits: Traits) -> ControlTable:
+    return parse_table(model, traits.figures[0], _STEPS, _XL_320, traits.family)
+
+
+def _set_defaults(table: ControlTable, traits: Traits, **defaults: int) -> None:
+    """Puts a model's own defaults into its table."""
+    defaults |= {"model_number": table.number, "temperature_limit": traits.temperature_limit}
     for name, value in defaults.items():
         table.registers[name] = replace(table.registers[name], default=value)
-    return replace(table, protocol=1)
 
 
-OLD_MODELS: dict[str, ControlTable] = {
-    **{model: _small(model, number) for model, number in _NUMBERS.items()},
-    **{model: _mx(model, number) for model, number in _MX_NUMBERS.items()},
-    "XL-320": replace(parse_table("XL-320", 350, _STEPS, _XL_320), problem_bits=(4, 2, 1)),
+_MAKE = (("AX", _ax), ("RX", _rx), ("MX1", _mx), ("XL320", _xl320))
+
+AX_RX_MX: dict[str, ControlTable] = {
+    model: make(model, traits)
+    for model, traits in TRAITS.items()
+    for family, make in _MAKE
+    if traits.family is FAMILIES[family]
 }
 """By model name."""

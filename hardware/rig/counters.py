@@ -1,7 +1,8 @@
-"""What went wrong on a rig, counted a joint: a fault in the loop is a number here and never an exception."""
+"""Fault counts and call durations of a rig: a fault in the loop is a number here, never an exception."""
 
 from __future__ import annotations
 
+import time
 from collections.abc import Sequence
 from dataclasses import dataclass, fields
 
@@ -19,9 +20,9 @@ class RigFaults:
         missed: replies that did not come.
         corrupt: replies with a bad checksum.
         alert: replies in which the servo reported a hardware problem.
-        clipped: targets moved back to a limit of the rig file.
+        clipped: targets beyond a limit of the rig file; the goal stays at the limit.
         refused: targets that were NaN or infinite; the joint kept its last goal.
-        unsent: targets that the port would not take, or that came after the watchdogs had stopped the servos.
+        unsent: targets that the port did not take, or that came while the rig was stopped or recovering.
     """
 
     missed: Counts
@@ -38,7 +39,7 @@ class RigFaults:
 
     @property
     def total(self) -> int:
-        """The sum of all but `clipped`, which is the caller's doing and not the rig's."""
+        """The sum of all but `clipped`, which the caller causes and not the rig."""
         return sum(int(counts.sum()) for kind, counts in self._kinds() if kind != "clipped")
 
     def by_joint(self, names: Sequence[str]) -> dict[str, dict[str, int]]:
@@ -51,3 +52,31 @@ class RigFaults:
 
     def _kinds(self) -> list[tuple[str, Counts]]:
         return [(field.name, getattr(self, field.name)) for field in fields(self)]
+
+
+class Timings:
+    """The latest `capacity` durations of a `with` block, in a fixed array."""
+
+    __slots__ = ("_count", "_microseconds", "_since")
+
+    def __init__(self, capacity: int = 4096) -> None:
+        self._microseconds = np.zeros(capacity, dtype=np.float64)
+        self._count = 0
+        self._since = 0
+
+    def __enter__(self) -> None:
+        self._since = time.perf_counter_ns()
+
+    def __exit__(self, *raised: object) -> None:
+        self._microseconds[self._count % len(self._microseconds)] = (time.perf_counter_ns() - self._since) * 1e-3
+        self._count += 1
+
+    @property
+    def microseconds(self) -> NDArray[np.float64]:
+        """A copy of the durations, shape (up to capacity,), us, in no particular order."""
+        return self._microseconds[: self._count].copy()
+
+    @property
+    def median(self) -> float:
+        """The median, us; 0 before the first call."""
+        return float(np.median(self.microseconds)) if self._count else 0.0

@@ -1,8 +1,8 @@
-"""AX, RX, MX (Protocol 1.0) and XL-320 servos on the motors of the X series.
+"""Servos without an operating mode (AX, RX, MX of Protocol 1.0, XL-320) on the registers of the X series.
 
-A bank computes with an X servo's registers. What an old servo lacks of them stands behind its own memory, out of reach
-of the bus, and follows what its own registers say: the torque limit is a goal PWM, and both angle limits at 0, or
-control mode 1, make a wheel. Of its gains P and the compliance slopes count; offsets and dividers do nothing.
+A bank computes with an X servo's registers. Those that a servo lacks stand behind its own memory, out of reach of the
+bus, and follow its own registers: the torque limit is a goal PWM, and both angle limits at 0, or control mode 1, make
+a wheel. Of its gains P and the compliance slopes count; offsets and dividers do nothing.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ from hardware.control_table.table import ControlTable
 from hardware.control_table.xm430_w350 import XM430_W350
 from hardware.emulator.servos.drive import VELOCITY, MotorDrive
 
-_BEHIND = 1024  # bytes: farther than any old servo's memory reaches
+_BEHIND = 1024  # bytes: farther than the memory of these servos reaches
 _LACKING = ("indirect_", "present_current", "goal_current", "current_limit", "startup_configuration", "backup_ready",
             "protocol_type", "model_information", "acceleration_limit")  # fmt: skip
 _FULL_PWM, _FULL_TORQUE = 885.0, 1023.0
@@ -24,14 +24,9 @@ _STIFF = 850.0 / 128.0 / 32.0 * 4096.0  # PWM per turn of error that a P gain of
 _SIGN = 1024
 
 
-def is_old(table: ControlTable) -> bool:
-    """Whether a table is of one of these servos."""
-    return "torque_limit" in table.registers
-
-
 def whole_table(table: ControlTable) -> ControlTable:
-    """The table of an old servo with the registers of an X servo that it lacks, out of reach; others as they are."""
-    if not is_old(table):
+    """The table with the registers of an X servo that it lacks, out of reach; the same where it has the mode."""
+    if "operating_mode" in table.registers:
         return table
     hidden = {
         name: replace(register, address=_BEHIND + register.address)
@@ -42,7 +37,7 @@ def whole_table(table: ControlTable) -> ControlTable:
 
 
 def follow(registers: np.ndarray[Any, Any], table: ControlTable, drive: MotorDrive) -> None:
-    """Has the hidden registers and the motors of a bank of old servos do what their own registers say."""
+    """Makes the hidden registers and the motors of a bank follow the servos' own registers."""
     wheel = (registers["min_position_limit"] == 0) & (registers["max_position_limit"] == 0)
     if "control_mode" in table.registers:
         wheel = registers["control_mode"] == 1

@@ -1,5 +1,6 @@
 """A rig that looks after itself, in simulated time: what it mends, what stops it, and what it never lets out."""
 
+import threading
 from itertools import count
 
 import msgspec
@@ -14,8 +15,8 @@ from hardware.emulator.port import EmulatedPort
 from hardware.errors import RigError
 from hardware.protocol2.frames import Parser
 from hardware.rig.rig_file import RigJoint
+from hardware.rig.supervision.rig import Rig
 from hardware.rig.supervision.servo_states import CONDITIONS
-from hardware.rig.supervision.supervised_rig import SupervisedRig
 from hardware.rig.switching.torque import speed_counts
 
 TICK = 0.01
@@ -34,7 +35,7 @@ def build(rig_of_four):
             port.receive()
             return Bus(port, config.baud)
 
-        return SupervisedRig(config, open_bus, beside=False, sleep=port.elapse), port
+        return Rig(config, lambda part: open_bus(), beside=False, sleep=port.elapse), port
 
     return make
 
@@ -118,12 +119,12 @@ def test_a_stalled_loop_starts_again_from_where_the_joints_stand_and_slowly(buil
     assert rig.faults.unsent.tolist() == [1] * 4
     rig.collect_state()
     assert rig.recoveries == 1
-    assert (rig._pace.part == 0.25).all()
+    assert (rig.pace == 0.25).all()
     play(rig, port, [1.0] * 4, 0.3)
     # A quarter of 4 rad/s for 0.3 s.
     assert (rig.positions < 0.35).all()
     assert play(rig, port, [1.0] * 4, 2.0) == 0.0
-    assert (rig._pace.part == 1.0).all()
+    assert (rig.pace == 1.0).all()
 
 
 def test_a_joint_that_turns_back_while_it_catches_up_does_not_hurry(build):
@@ -152,7 +153,7 @@ def test_a_joint_whose_goal_arrives_before_it_does_not_hurry_after_it(build, bac
     play(rig, port, [-1.2], 1.8)
     play(rig, port, [1.2], 0.5)
     assert rig.recoveries == 1
-    target = float(rig._rig.goals[0]) - back
+    target = float(rig.goals[0]) - back
     for _ in range(250):
         play(rig, port, [target], TICK)
         speeds.append(float(drive.speed[0]) / joint.pulses_per_radian)
@@ -160,7 +161,7 @@ def test_a_joint_whose_goal_arrives_before_it_does_not_hurry_after_it(build, bac
     quarter, swing = 0.25 * 2.5, 0.1  # rad/s; a shaft swings about its path
     assert quarter - swing < -min(speeds) < quarter + swing
     assert abs(rig.positions[0] - target) < 0.02
-    assert (rig._pace.part == 1.0).all()
+    assert (rig.pace == 1.0).all()
 
 
 def test_a_joint_has_caught_up_with_a_target_that_stands_only_when_it_is_there(build):
@@ -169,8 +170,8 @@ def test_a_joint_has_caught_up_with_a_target_that_stands_only_when_it_is_there(b
     rig, port = build("dead:id=1,at=2.5,for=0.5", joints=(joint,))
     play(rig, port, [-1.2], 2.6)
     play(rig, port, [1.2], 1.0)
-    assert rig._pace.part[0] == 0.25
-    while rig._pace.part[0] < 1.0:
+    assert rig.pace[0] == 0.25
+    while rig.pace[0] < 1.0:
         play(rig, port, [1.2], TICK)
     assert abs(rig.positions[0] - 1.2) < 0.06
 
@@ -203,12 +204,12 @@ def test_a_short_stall_while_catching_up_is_no_reason_for_a_large_step(build):
     play(rig, port, [0.0] * 4, 0.5)
     port.elapse(0.5)
     play(rig, port, [1.4] * 4, 0.2)
-    assert (rig._pace.part == 0.25).all()
-    before = rig._rig.goals.copy()
+    assert (rig.pace == 0.25).all()
+    before = rig.goals.copy()
     port.elapse(0.12)
     play(rig, port, [1.4] * 4, TICK)
     # Two ticks at a quarter of 4 rad/s.
-    assert (rig._rig.goals - before).max() <= 0.25 * 4.0 * 2 * TICK + 1e-9
+    assert (rig.goals - before).max() <= 0.25 * 4.0 * 2 * TICK + 1e-9
 
 
 @pytest.mark.parametrize("model", ["XM430-W350", "XL330-M288", "MX-64"])
@@ -241,7 +242,7 @@ def test_a_target_beyond_a_limit_does_not_keep_a_joint_slow_after_a_recovery(bui
     port.elapse(0.5)
     play(rig, port, [3.0] * 4, 0.3)
     assert rig.recoveries == 1
-    assert (rig._pace.part == 1.0).all()
+    assert (rig.pace == 1.0).all()
 
 
 def test_a_servo_in_another_ones_place_is_not_switched_on_after_replugging(build):
@@ -300,7 +301,7 @@ def test_heat_slows_a_joint_from_12_to_2_degrees_below_its_limit(build, degrees,
     """An XM430 shuts down at 80 degC."""
     rig, port = build(f"overheat:id=1,at=0.5,value={degrees}")
     play(rig, port, [0.0] * 4, 0.6)
-    assert rig._pace.part == pytest.approx([part, 1.0, 1.0, 1.0], abs=0.06)
+    assert rig.pace == pytest.approx([part, 1.0, 1.0, 1.0], abs=0.06)
 
 
 def test_only_the_eased_joint_is_held_back_and_by_its_own_speed(build):
@@ -308,7 +309,7 @@ def test_only_the_eased_joint_is_held_back_and_by_its_own_speed(build):
     play(rig, port, [0.0] * 4, 0.5)
     play(rig, port, [1.0] * 4, 0.1)
     # 4 rad/s for 0.1 s, and a quarter of it.
-    assert rig._rig.goals == pytest.approx([0.1, 0.4, 0.4, 0.4], abs=0.02)
+    assert rig.goals == pytest.approx([0.1, 0.4, 0.4, 0.4], abs=0.02)
 
 
 @pytest.mark.parametrize(("model", "volts"), [("XL-320", 4.0), ("XM430-W350", 6.0), ("AX-12A", 6.0)])
@@ -334,8 +335,8 @@ def test_a_servo_heard_again_before_its_watchdog_has_tripped_is_left_alone(build
 def test_a_hot_joint_gets_slower_before_it_shuts_down(build):
     rig, port = build("overheat:id=1,at=0.5,value=76")
     play(rig, port, [0.0] * 4, 1.0)
-    assert rig._pace.part[0] < 0.5
-    assert (rig._pace.part[1:] == 1.0).all()
+    assert rig.pace[0] < 0.5
+    assert (rig.pace[1:] == 1.0).all()
     play(rig, port, [1.0] * 4, 0.4)
     assert rig.positions[0] < 0.7 * rig.positions[3]
     assert play(rig, port, [1.0] * 4, 2.0) == 0.0
@@ -385,20 +386,22 @@ def test_the_state_is_read_less_often_than_targets_are_sent(build):
 
 def test_a_servo_cut_off_for_longer_than_its_watchdog_follows_again(rig_of_four):
     port = EmulatedPort(EmulatedBus(rig_of_four), faults=FaultPlan([parse_fault("dead:id=2,at=1,for=0.7")]))
-    rig = SupervisedRig(rig_of_four, lambda: Bus(port, rig_of_four.baud), beside=False, sleep=port.elapse)
+    rig = Rig(rig_of_four, lambda part: Bus(port, part.baud), beside=False, sleep=port.elapse)
     play(rig, port, [0.0] * 4, 1.6)
     play(rig, port, [0.3] * 4, 2.5)
     assert rig.positions == pytest.approx(0.3, abs=0.01)
     assert rig.recoveries == 1
 
 
-def test_mending_beside_the_loop_never_holds_it_up(rig_of_four):
+def test_a_recovery_beside_the_loop_never_holds_it_up(rig_of_four):
     port = EmulatedPort(EmulatedBus(rig_of_four))
-    rig = SupervisedRig(rig_of_four, lambda: Bus(port, rig_of_four.baud))
+    rig = Rig(rig_of_four, lambda part: Bus(port, part.baud))
     play(rig, port, [0.0] * 4, 0.2)
     port.elapse(0.5)
     rig.write(np.zeros(4))
-    rig._mending.job.join()
+    for thread in threading.enumerate():
+        if thread.name == "rig-recovery":
+            thread.join()
     play(rig, port, [0.2] * 4, 1.0)
     assert rig.recoveries == 1
     assert rig.positions == pytest.approx(0.2, abs=0.01)
@@ -439,7 +442,7 @@ def test_incidents_name_the_port_that_went_and_came(build):
     rig, port = build("unplug:at=0.5,for=0.4", reconnect_s=2.0)
     play(rig, port, [0.1] * 4, 2.0)
     assert rig.recoveries == 1
-    happened = [incident.what for incident in rig.incidents if incident.who == "the port emulated"]
+    happened = [incident.what for incident in rig.incidents if incident.source == "the port emulated"]
     assert happened == ["is gone", "is back"]
     assert [incident.time for incident in rig.incidents] == sorted(incident.time for incident in rig.incidents)
 
@@ -460,7 +463,7 @@ def test_a_joint_switched_off_on_command_stays_limp_and_comes_back_slowly(build)
     play(rig, port, far, 0.5)
     rig.set_up_again(1)
     play(rig, port, far, 0.2)
-    assert (rig._pace.part[1], rig.positions[1] < 0.6) == (0.25, True)
+    assert (rig.pace[1], rig.positions[1] < 0.6) == (0.25, True)
     assert play(rig, port, far, 2.0) == 0.0
     assert port.bus[2]["torque_enable"] == 1
     assert conditions(rig) == ["well"] * 4

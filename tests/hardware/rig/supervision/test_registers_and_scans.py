@@ -13,7 +13,7 @@ from hardware.emulator.port import EmulatedPort
 from hardware.errors import RigError
 from hardware.rig.driving.register_reading import shown_registers
 from hardware.rig.rig_file import RigJoint
-from hardware.rig.supervision.supervised_rig import SupervisedRig
+from hardware.rig.supervision.rig import Rig
 
 TICK = 0.01
 
@@ -26,7 +26,7 @@ def rig_on_port(rig_of_four):
         config = msgspec.structs.replace(rig_of_four, joints=joints or rig_of_four.joints, on_loss=on_loss)
         port = EmulatedPort(EmulatedBus(config), paced=True, faults=FaultPlan([parse_fault(fault) for fault in faults]))
         own = msgspec.structs.replace(config, joints=config.joints[:count])
-        rig = SupervisedRig(own, lambda: Bus(port, config.baud), beside=False, sleep=port.elapse)
+        rig = Rig(own, lambda part: Bus(port, part.baud), beside=False, sleep=port.elapse)
         return rig, port
 
     return make

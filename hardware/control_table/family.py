@@ -1,0 +1,91 @@
+"""Servo families: what sets their servos apart. Everything outside the control tables asks a property of these."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
+from types import MappingProxyType
+from typing import Literal
+
+BAUD_RATES = (9600, 57600, 115200, 1_000_000, 2_000_000, 3_000_000, 4_000_000, 4_500_000, 6_000_000, 10_500_000)
+"""Bits/s, by the value of the baud rate register of a Protocol 2.0 servo."""
+_DIVIDED = {207: 9600, 34: 57600, 16: 115200, 1: 1_000_000, 0: 2_000_000}
+_VOLTAGE, _HEAT, _ENCODER, _SHOCK, _OVERLOAD = 1, 4, 8, 16, 32
+
+
+@dataclass(frozen=True, slots=True)
+class Family:
+    """The servos of one series.
+
+    Attributes:
+        protocol: 1 or 2, that they speak.
+        baud_rates: bits/s, by the value of the baud rate register.
+        baud_base: bits/s; a value v that is not in `baud_rates` means baud_base / (v + 1). 0 for no such value.
+        problems: the bits that they report of the usual problems (see `meanings`), in their own order.
+        bulk_reads: whether one request may read several of them.
+        reboots: whether an instruction restarts them.
+        shuts_down_by: the register that a shutdown sets to 0.
+        checks_profiles: whether a profile beyond the velocity or acceleration limit is refused.
+        cells_moved: the firmware from which the indirect data cells are some bytes earlier, and how many; or None.
+        follows: whether drive mode bit 1 makes one the follower of another.
+        modes: the operating modes; () for those of a servo with, or without, a current measurement.
+        full_pwm: the count of PWM that means full voltage.
+        gain_unit: the position P gain with which a pulse of error is one count of PWM.
+    """
+
+    protocol: int = 2
+    baud_rates: Mapping[int, int] = field(default_factory=lambda: MappingProxyType(dict(enumerate(BAUD_RATES))))
+    baud_base: float = 0.0
+    problems: Mapping[int, int] = field(
+        default_factory=lambda: MappingProxyType({bit: bit for bit in (_VOLTAGE, _HEAT, _ENCODER, _SHOCK, _OVERLOAD)})
+    )
+    bulk_reads: bool = True
+    reboots: bool = True
+    shuts_down_by: Literal["torque_enable", "torque_limit"] = "torque_enable"
+    checks_profiles: bool = False
+    cells_moved: tuple[int, int] | None = None
+    follows: bool = False
+    modes: tuple[int, ...] = ()
+    full_pwm: float = 885.0
+    gain_unit: float = 128.0
+
+    def baud_of(self, value: int) -> int | None:
+        """The baud rate that a value of the register means, bits/s."""
+        return self.baud_rates.get(value) or (round(self.baud_base / (value + 1)) or None)
+
+    def baud_value(self, baud: int) -> int | None:
+        """The value of the register for a baud rate; None if there is none."""
+        return next((value for value, rate in self.baud_rates.items() if rate == baud), None)
+
+    def usual_problems(self, bits: int) -> int:
+        """Their own problem bits as the usual ones."""
+        return sum(usual for usual, own in self.problems.items() if bits & own)
+
+    def own_problems(self, bits: int) -> int:
+        """The inverse of `usual_problems`, without those that they do not report."""
+        return sum(own for usual, own in self.problems.items() if bits & usual)
+
+
+X = Family()
+AX = Family(
+    protocol=1,
+    baud_rates=MappingProxyType(_DIVIDED),
+    baud_base=2e6,
+    problems=MappingProxyType({bit: bit for bit in (_VOLTAGE, _HEAT, _OVERLOAD)}),
+    bulk_reads=False,
+    reboots=False,
+    shuts_down_by="torque_limit",
+)
+
+FAMILIES: dict[str, Family] = {
+    "X": X,
+    "X330": replace(X, cells_moved=(52, 16)),
+    "X540": replace(X, follows=True),
+    # No manual tells the gain unit; an estimate that makes them about as stiff as the X series.
+    "P": Family(checks_profiles=True, modes=(0, 1, 3, 4, 16), full_pwm=2009.0, gain_unit=2048.0),
+    "XL320": Family(problems=MappingProxyType({_VOLTAGE: 4, _HEAT: 2, _OVERLOAD: 1}), shuts_down_by="torque_limit"),
+    "AX": AX,
+    "RX": replace(AX),
+    "MX1": replace(AX, baud_rates=MappingProxyType(_DIVIDED | {252: 3_000_000}), bulk_reads=True, reboots=True),
+}
+"""By the name that a row of `servo_traits` has."""

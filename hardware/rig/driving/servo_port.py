@@ -1,0 +1,270 @@
+"""The servos of one port as a real-time loop drives them: positions out, states in; nothing waits.
+
+A tick is  collect_state, write(counts):  one read and one write. The goals leave with a request for the state, whose
+reply travels while the loop does other things, and is collected a tick later.
+
+The AX, RX, MX (Protocol 1.0) and XL-320 servos have no watchdog: they go to their last goal, which is near, and hold.
+Each other servo's bus watchdog is armed by the first write, since nothing moves before, and again once a second, with
+the speed that each keeps: a sync write is not answered, so a lost one would go unnoticed. When the loop falls silent
+for longer, the servos stop and hold, and get no more goals until `attach`: a rig never runs after targets that went on
+without it.
+
+A servo that is silent under its own ID may listen to another's, and would take the speed of that joint for its own. So
+speeds are sent only while every servo answers, and again as soon as all do after a silence. Where a servo turns out to
+be silent right behind such a write, all get the slowest of the silent ones' speeds meanwhile.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from hardware.bus.protocol import PROTOCOLS
+from hardware.bus.servo_bus import Bus
+from hardware.bus.sync_write import SyncWrite
+from hardware.errors import MotiondeckError, SerialPortError, with_torque
+from hardware.rig.counters import RigFaults
+from hardware.rig.driving.readings import Measurements, Readings
+from hardware.rig.driving.state_block import StateBlock, arrange_state
+from hardware.rig.driving.wire_load import refuse_slow_wire
+from hardware.rig.registers import return_delays, same_place, tell_all
+from hardware.rig.rig_file import RigConfig
+from hardware.rig.scale import Array, RigScale
+from hardware.rig.switching.identities import knows_fast_reads
+from hardware.rig.switching.torque import hold_each, speed_counts, switch_off, switch_on
+
+WATCHDOG_UNIT = 0.02
+"""s, in which the servos count."""
+_ARM_AGAIN = 1.0  # s
+
+
+class ServoPort:
+    """Servos of a rig that are switched on; arrays have all J joints of the rig, in the order of its file.
+
+    `write`, `request_state` and `collect_state` neither wait nor raise, whatever state the servos are in; only a port
+    that is gone raises SerialPortError, once, and from then on they do nothing.
+
+    Attributes:
+        part: the joints of this port, as a rig of one port.
+        joints: their indices in the rig, shape (n,).
+        places: the same as an index of arrays.
+        held: where they were switched on, shape (n,), rad.
+        readings: their measurements.
+        bus: of this port.
+        gone: whether the port is gone, or closed.
+        pace: the part of its speed limit that each servo keeps on its own, shape (J,); see `keep_pace`.
+        left_out: the joints that the rig goes on without, shape (J,): their silence is expected.
+    """
+
+    def __init__(self, config: RigConfig, part: RigConfig, bus: Bus, measured: Measurements, faults: RigFaults) -> None:
+        """Switches the servos of an open bus on, each where it stands.
+
+        Args:
+            config: the rig.
+            part: the joints of this port.
+            bus: open.
+            measured: of the whole rig; the readings are written into it.
+            faults: of the whole rig; they are counted in it.
+
+        Raises:
+            RigError: if servos are missing, of another model, or not fit to be switched on; it names them all. Or if
+                the wire is too slow for the rate. Torque is taken off again, the bus closed, and joints that did not
+                confirm that are named too.
+            SerialPortError: if the port vanishes; the same.
+        """
+        self.part = part
+        self.joints = np.array([config.names.index(name) for name in part.names])
+        self.places = slice(None) if len(self.joints) == len(config.joints) else self.joints
+        self.bus = bus
+        self._rig = config
+        bus.protocols = part.protocols
+        self._goals = list(_groups(part, "goal_position", self))
+        self._speeds = list(_groups(part, "profile_velocity", self))
+        count = len(config.joints)
+        self.pace, self._paced = np.ones(count), True
+        self._unproven = False  # whether not all have answered since speeds were sent
+        self.left_out = np.zeros(count, dtype=np.bool_)
+        self._own = np.zeros(count, dtype=np.bool_)
+        self._own[self.joints] = True
+        self._last_sent = 0.0
+        self._armed = self._stopped = self.gone = self._closed = False
+        self._arm_next = self._reads_next = 0.0
+        self._switched_on = False
+        try:
+            self.held = switch_on(part, bus)
+            self._fast = knows_fast_reads(part, bus)
+            blocks = arrange_state(part, bus)
+            refuse_slow_wire(part, blocks, self._fast, return_delays(part, bus))
+        except MotiondeckError as error:
+            raise with_torque(error, self.close()) from error
+        except BaseException:
+            self.close()
+            raise
+        self._switched_on = True
+        self.readings = Readings(config, self.joints.tolist(), RigScale(config), measured, faults)
+        self.readings.start(self.joints.tolist(), self.held, blocks, bus.port.now())
+
+    @property
+    def stopped(self) -> bool:
+        """Whether the bus was silent for so long that the servos' watchdogs have stopped them; see `attach`."""
+        # One unit earlier than the servos, which count in units: rather stopped here and not there than the reverse.
+        patience = self.part.watchdog_ms * 1e-3 - WATCHDOG_UNIT
+        return self._stopped or (self._armed and self.bus.port.now() - self._last_sent > patience)
+
+    def write(self, counts: Array) -> bool:
+        """Sends goal positions, shape (J,), pulses, and requests the state in the same write; False if not sent.
+
+        Nothing is requested while a reply is under way, or before it is due by the rig file's `read_hz`.
+        """
+        if self.gone:
+            return False
+        try:
+            return self._send(counts)
+        except SerialPortError:
+            self.gone = True
+            raise
+
+    def request_state(self) -> None:
+        """Requests the state without sending goals; nothing happens while a reply is under way."""
+        if self.gone:
+            return
+        try:
+            self._stopped = self.stopped
+            self._request()
+        except SerialPortError:
+            self.gone = True
+            raise
+
+    def collect_state(self, now: float) -> bool:
+        """Takes the reply if it has come in the meantime, as measured at `now`, s; whether anything new was."""
+        if self.gone:
+            return False
+        try:
+            reply = self.bus.collect() or self.bus.collect_early()
+        except SerialPortError:
+            self.gone = True
+            raise
+        return reply is not None and self.readings.take(reply, now)
+
+    def attach(self, bus: Bus, joints: Sequence[int], held: Array, blocks: Sequence[StateBlock], now: float) -> None:
+        """Goes on over this bus, where these joints hold at these angles, rad; see `Readings.start`."""
+        self.bus = bus
+        self.readings.start(joints, held, blocks, now)
+        self._stopped = self._armed = self.gone = False
+
+    def keep_pace(self, pace: Array) -> None:
+        """Has each servo keep to this part of its speed limit, shape (J,), once every servo answers."""
+        if not np.array_equal(pace, self.pace):
+            self.pace, self._paced = pace, False
+
+    def loosen(self, joints: NDArray[np.bool_]) -> None:
+        """Takes the torque off the servos of these joints, shape (J,), unanswered and without waiting."""
+        own = np.flatnonzero(joints[self.joints]).tolist()
+        if own and not self.gone:
+            tell_all(self.part.only(own), self.bus, "torque_enable", 0)
+
+    def close(self) -> list[str]:
+        """Ends as the rig file asks: torque off, or each joint held where it is; may be called twice.
+
+        Returns:
+            The joints that did not confirm it.
+        """
+        if self._closed:
+            return []
+        self.gone = True
+        end = hold_each if self._switched_on and self.part.on_exit == "hold" else switch_off
+        try:
+            unconfirmed = end(self.part, self.bus)
+        finally:
+            self.bus.close()
+        self._closed = True
+        return unconfirmed
+
+    def _send(self, counts: Array) -> bool:
+        """One sync write of goals, now and then after others of watchdogs and speeds; False if nothing was sent."""
+        self._stopped = self.stopped
+        if self._stopped:
+            return False
+        now = self.bus.port.now()
+        if not self._armed or now >= self._arm_next:
+            units = round(self.part.watchdog_ms * 1e-3 / WATCHDOG_UNIT)
+            self._armed = tell_all(self.part, self.bus, "bus_watchdog", units) or self._armed
+            self._arm_next = now + _ARM_AGAIN
+            self._paced = False
+        data = _frames(self._goals, counts)
+        missed = self.readings.measured.missed_in_a_row
+        if np.logical_or.reduce(missed) and np.logical_or.reduce(silent := (missed > 0) & ~self.left_out & self._own):
+            if self._unproven:
+                data = self._speed_frames(silent) + data
+            self._paced = self._unproven = False
+        elif not self._paced and self._request(self._speed_frames() + data):
+            self._paced = self._unproven = True
+            return True
+        if self._request(data):
+            self._unproven = False
+            return True
+        self._last_sent = now
+        return self.bus.port.send(data)
+
+    def _speed_frames(self, silent: NDArray[np.bool_] | None = None) -> bytes:
+        """The frames that give each servo its part of the speed limit, none more than a silent one keeps."""
+        joints = zip(self._rig.joints, self.pace.tolist(), strict=True)
+        counts = np.array([speed_counts(joint, pace) for joint, pace in joints])
+        if silent is not None:
+            for group in self._speeds:
+                own = counts[group.joints]
+                counts[group.joints] = np.minimum(own, own[silent[group.joints]].min(initial=own.max()))
+        return _frames(self._speeds, counts)
+
+    def _request(self, before: bytes = b"") -> bool:
+        """Sends the next request if it is due, behind these frames; False if nothing was sent."""
+        now = self.bus.port.now()
+        if now < self._reads_next:
+            return False
+        # No servo's reply is missed for registers while speeds have to be proven.
+        if self._paced and not self._unproven and (reading := self.readings.next_register_reading()) is not None:
+            if not self.bus.request((reading.block,), self._fast, before + reading.write):
+                return False
+            reading.write = b""
+            self.readings.requested(reading)
+        else:
+            question = self.readings.next_request()
+            if not self.bus.request(question.blocks, self._fast, before):
+                return False
+            self.readings.requested(question)
+        self._last_sent = now
+        if self.part.read_hz:
+            # Half a tick of grace: a loop's ticks are never quite on time.
+            self._reads_next = now + 1.0 / self.part.read_hz - 0.5 / self.part.rate_hz
+        return True
+
+
+class _Group(NamedTuple):
+    """Joints whose servos keep a register at the same place, and speak the same protocol.
+
+    Attributes:
+        joints: their indices in the rig, shape (n,), or all.
+        write: of their registers, counts.
+    """
+
+    joints: NDArray[np.int64] | slice
+    write: SyncWrite
+
+
+def _groups(part: RigConfig, name: str, port: ServoPort) -> Iterator[_Group]:
+    """The joints by where a register is written."""
+    for (protocol, address, length), members in same_place(part, name).items():
+        write = SyncWrite([part.joints[index].id for index in members], address, length, PROTOCOLS[protocol])
+        yield _Group(port.places if len(members) == len(part.joints) else port.joints[members], write)
+
+
+def _frames(groups: list[_Group], counts: Array) -> bytes:
+    """The sync writes of counts (J,), one a group."""
+    frames = []
+    for group in groups:
+        group.write.values[:] = counts[group.joints]
+        frames.append(group.write.frame())
+    return b"".join(frames)

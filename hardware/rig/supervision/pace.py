@@ -1,0 +1,201 @@
+"""The pace of a rig's joints: how far each goal may go now, eased while a joint is hot, strained or catching up."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+
+from hardware.control_table.servo_traits import TRAITS
+from hardware.rig.rig_file import RigConfig, RigJoint
+from hardware.rig.scale import Array
+from hardware.rig.supervision.health import EASED_FROM
+
+SLOWER = 0.25
+"""The part of its speed limit at which a joint catches up."""
+_LONGEST_STEP = 2.0  # ticks of motion for an eased joint after a stall: the servo would take it at full speed
+_ARRIVED = 0.02  # rad between goal and target
+_LAG, _PLAY, _PATIENCE = 0.15, 0.05, 2.0  # s, rad, s
+_EASED_TO = 2.0  # degC below the servo's limit
+_LEAST = 0.25
+_SAGS_FROM = 0.9  # of the highest voltage seen, because every load takes some
+_SMOOTHED_OVER = 0.25  # s
+_STRAINED, _RELIEVED = 0.75, 0.6
+_GENTLE = 0.5  # of the allowed current
+_MOST = 0.8  # of the stall current, where the rig file has no limit: about where servos report an overload
+
+
+class JointPace:
+    """Bounds the goals of J joints: the only place of a rig that does.
+
+    Attributes:
+        ease: of hot joints and a weak supply.
+        strain: of joints that push against something.
+        catching_up: joints that catch up with their targets after a recovery.
+    """
+
+    def __init__(self, config: RigConfig, now: float) -> None:
+        self.ease, self.strain, self.catching_up = Easing(config), Strain(config), CatchingUp(config)
+        self._lower = np.array([joint.lower for joint in config.joints])
+        self._upper = np.array([joint.upper for joint in config.joints])
+        self._speed = np.array([joint.velocity for joint in config.joints])
+        self._longest = _LONGEST_STEP / config.rate_hz
+        self._last, self._passed = np.full(len(config.joints), now), np.zeros(len(config.joints))
+
+    @property
+    def part(self) -> Array:
+        """The part of its speed limit that each joint may use now, shape (J,)."""
+        return np.minimum(self.ease.part, self.catching_up.pace)
+
+    @property
+    def of_servos(self) -> Array:
+        """The part that the servos themselves keep, shape (J,): a servo would hurry after a goal that turns back.
+
+        A yielding joint gets full speed, because it must let go at once.
+        """
+        return np.where(self.strain.yielding, 1.0, self.catching_up.pace)
+
+    def bound(self, targets: Array, goals: Array, positions: Array, now: float) -> Array:
+        """The next goals: towards the targets, within the limits of position and of speed in real time.
+
+        Args:
+            targets: asked for, shape (J,), rad, finite.
+            goals: last sent, shape (J,), rad, within the limits.
+            positions: last measured, shape (J,), rad.
+            now: the time, s.
+        """
+        passed = self._passed = np.maximum(0.0, now - self._last)
+        self._last[:] = now
+        strain, part = self.strain, self.ease.part
+        if np.logical_or.reduce(self.catching_up.joints):
+            part = self.part
+        if np.logical_or.reduce(strain.yielding):
+            near = np.clip(targets, positions - strain.reach, positions + strain.reach)
+            targets = np.where(strain.yielding, near, targets)
+            self.catching_up.joints |= strain.yielding
+            part = np.where(strain.yielding, 1.0, self.part)
+        reach = self._speed * part * np.where(part < 1.0, np.minimum(self._longest, passed), passed)
+        low, high = np.maximum(self._lower, goals - reach), np.minimum(self._upper, goals + reach)
+        return np.minimum(np.maximum(targets, low), high)
+
+    def beyond(self, targets: Array) -> NDArray[np.bool_]:
+        """Targets outside the position limits, shape (J,)."""
+        return (targets < self._lower) | (targets > self._upper)
+
+    def sent(self, targets: Array, goals: Array, positions: Array) -> None:
+        """Ends the catching up of joints that have: from the targets, the goals sent and the positions, rad."""
+        # A joint that stands at a limit has caught up with a target beyond it.
+        targets = np.clip(targets, self._lower, self._upper)
+        self.catching_up.note(targets, goals, positions, self.strain.yielding, self._passed, self._last)
+
+    def start_again(self, joints: NDArray[np.int64] | slice, now: float) -> None:
+        """Makes these joints catch up."""
+        self._last[joints] = now
+        self.catching_up.joints[joints] = True
+
+
+class CatchingUp:
+    """After a recovery a joint goes to its target at a quarter of its speed limit, until it is there.
+
+    Its goal may reach the target while the joint is still far off, or turns away. It has caught up when it is at most
+    `_LAG` seconds at the speed of its target and `_PLAY` rad behind or, held by a load or a hand, after `_PATIENCE`.
+
+    Attributes:
+        joints: those that catch up, shape (J,).
+    """
+
+    def __init__(self, config: RigConfig) -> None:
+        count = len(config.joints)
+        self.joints = np.zeros(count, dtype=np.bool_)
+        self._speed = SLOWER * np.array([joint.velocity for joint in config.joints])
+        self._since = np.full(count, np.inf)  # when the goal of a joint has arrived at its target, s
+        self._targets = np.full(count, np.nan)  # the last ones, within the limits, rad
+
+    @property
+    def pace(self) -> Array:
+        """The part of its speed limit that each joint may use, shape (J,)."""
+        return np.where(self.joints, SLOWER, 1.0)
+
+    def note(
+        self, targets: Array, goals: Array, positions: Array, kept: NDArray[np.bool_], passed: Array, now: Array
+    ) -> None:
+        """Ends it for the joints that have caught up.
+
+        Args:
+            targets, goals, positions: asked for (within the limits), sent and measured, shape (J,), rad.
+            kept: joints that go on catching up, shape (J,).
+            passed: since the last call, shape (J,), s.
+            now: the time, shape (J,), s.
+        """
+        arrived = np.abs(targets - goals) < _ARRIVED
+        self._since = np.where(arrived & self.joints, np.minimum(self._since, now), np.inf)
+        speed = np.fmin(np.abs(targets - self._targets) / np.maximum(passed, 1e-3), self._speed)
+        self._targets = targets
+        there = np.abs(goals - positions) < _PLAY + _LAG * speed
+        self.joints &= kept | ~(arrived & (there | (now - self._since > _PATIENCE)))
+
+
+class Easing:
+    """The part of its speed limit that a joint may use while it is hot, or while its supply has fallen.
+
+    Heat: full speed up to 12 degC below the servo's limit, a quarter from 2 degC below it on.
+
+    Supply: speed and loop gain of a servo are proportional to its voltage. At V of its V0, a shaft that turns as fast
+    as before is V0 / V times as far behind its path, and when the voltage is back it hurries after it that much too
+    fast. At V / V0 of the speed it is no farther behind than before.
+
+    Attributes:
+        part: of its speed limit that each joint may use now, shape (J,).
+    """
+
+    def __init__(self, config: RigConfig) -> None:
+        self.part = np.ones(len(config.joints))
+        self._hottest = np.array([joint.hottest for joint in config.joints])
+        self._strongest = np.full(len(config.joints), np.nan)
+
+    def note(self, temperatures: Array, voltages: Array) -> None:
+        """Takes in the temperatures, degC, and supply voltages, V, both (J,) and NaN where not measured yet."""
+        self._strongest = np.fmax(self._strongest, voltages)
+        heat = (self._hottest - temperatures - _EASED_TO) / (EASED_FROM - _EASED_TO)
+        supply = voltages / (_SAGS_FROM * self._strongest)
+        self.part = np.maximum(np.fmin(np.fmin(heat, supply), 1.0), _LEAST)
+
+
+class Strain:
+    """A joint that pushes against something yields before its servo shuts down for overload.
+
+    The current of each joint, as a part of the allowed one, is smoothed over a quarter of a second. Above 75 % the
+    joint yields: its goal stays so near its position that it keeps pushing with half the current. Below 60 % it
+    follows its target again.
+
+    Attributes:
+        yielding: joints that yield now, shape (J,).
+        reach: how far from its position the goal of a yielding joint may be, shape (J,), rad.
+    """
+
+    def __init__(self, config: RigConfig) -> None:
+        self._allowed = np.array([_allowed(joint) for joint in config.joints])
+        self.reach = np.array([_reach(joint) for joint in config.joints])
+        self.yielding = np.zeros(len(config.joints), dtype=np.bool_)
+        self._smoothed = np.zeros(len(config.joints))
+        self._noted = -math.inf
+
+    def note(self, currents: Array, now: float) -> None:
+        """Takes in the currents (J,), A, measured at the time `now`, s."""
+        share = -math.expm1(-min(1.0, max(0.0, now - self._noted)) / _SMOOTHED_OVER)
+        self._noted = now
+        self._smoothed += (np.abs(currents) / self._allowed - self._smoothed) * share
+        self.yielding = self._smoothed > np.where(self.yielding, _RELIEVED, _STRAINED)
+
+
+def _allowed(joint: RigJoint) -> float:
+    """The current that a joint may take for long, A."""
+    return min(joint.current or math.inf, _MOST * TRAITS[joint.model].stall_current)
+
+
+def _reach(joint: RigJoint) -> float:
+    """How far from its goal a servo with its default gain draws the gentle current, rad."""
+    traits = TRAITS[joint.model]
+    part = _GENTLE * _allowed(joint) / traits.stall_current
+    return traits.error_for(part) / abs(joint.pulses_per_radian)

@@ -1,0 +1,129 @@
+"""Recovery of one port beside the loop, which goes on with the other ports meanwhile.
+
+The port is opened if it is gone; then every servo is verified, set up and switched on where it stands, again and again
+until it works or the time is over.
+"""
+
+from __future__ import annotations
+
+import threading
+from collections.abc import Callable
+from typing import NamedTuple
+
+import numpy as np
+
+from hardware.bus.servo_bus import Bus
+from hardware.errors import MotiondeckError, RigError, SerialPortError
+from hardware.rig.driving.servo_port import ServoPort
+from hardware.rig.driving.state_block import StateBlock, arrange_state
+from hardware.rig.scale import Array
+from hardware.rig.supervision.health import Health
+from hardware.rig.supervision.pace import SLOWER
+from hardware.rig.switching.torque import resume
+
+_PAUSE = 0.05  # s between two tries
+
+
+class Recovered(NamedTuple):
+    """Joints that are set up again.
+
+    Attributes:
+        bus: open.
+        joints: their indices in the rig file.
+        held: where they hold, rad.
+        blocks: what to read of each in the loop.
+    """
+
+    bus: Bus
+    joints: list[int]
+    held: Array
+    blocks: list[StateBlock]
+
+
+class PortRecovery:
+    """The recovery of one port.
+
+    Attributes:
+        port: its servos.
+        under_way: whether it runs, or its result was not taken yet.
+        failure: why the last try has failed.
+        to_do: another task that waits for answers; it is done first.
+        job: the thread.
+    """
+
+    def __init__(
+        self,
+        port: ServoPort,
+        health: Health,
+        open_bus: Callable[[], Bus],
+        beside: bool,
+        sleep: Callable[[float], None],
+    ) -> None:
+        """Does nothing yet; without `beside` the loop waits for it."""
+        self.port, self._health, self._open_bus = port, health, open_bus
+        self._beside, self._sleep = beside, sleep
+        self._cancelled = self.under_way = False
+        self._recovered: Recovered | None = None
+        self.failure: MotiondeckError | None = None
+        self.to_do: Callable[[Bus], object] | None = None
+        self.job: threading.Thread | None = None
+
+    def start(self, patience: float) -> None:
+        """Starts, for at most `patience` seconds."""
+        self.under_way = True
+        self.failure = self._recovered = None
+        if not self._beside:
+            self._recover(patience)
+        else:
+            self.job = threading.Thread(target=self._recover, args=(patience,), name="rig-recovery", daemon=True)
+            self.job.start()
+
+    @property
+    def over(self) -> bool:
+        """Whether it has ended, well or not."""
+        return self.job is None or not self.job.is_alive()
+
+    def take(self) -> Recovered | None:
+        """The result; None if it failed."""
+        self.under_way, self.job = False, None
+        recovered, self._recovered = self._recovered, None
+        return recovered
+
+    def stop(self) -> None:
+        """Cancels, and waits for the end: before it could still switch something on."""
+        self._cancelled = True
+        if self.job is not None:
+            self.job.join()  # each of its waits for an answer has an end
+
+    def _recover(self, patience: float) -> None:
+        port = self.port
+        bus = None if port.gone else port.bus
+        waited, began = 0.0, port.bus.port.now()
+        to_do, self.to_do = self.to_do, None
+        while not self._cancelled:
+            try:
+                if bus is None:
+                    port.bus.close()
+                    # Given to the port at once, so that `close` always switches off over the port that is open.
+                    port.bus = bus = self._open_bus()
+                    bus.protocols = port.part.protocols
+                if to_do is not None:
+                    do, to_do = to_do, None
+                    do(bus)
+                places = np.flatnonzero(~self._health.lost[port.joints]).tolist()
+                alive = port.part.only(places)
+                held = resume(alive, bus, SLOWER, lambda: self._cancelled)
+                joints = port.joints[places].tolist()
+                self._recovered = Recovered(bus, joints, held, arrange_state(alive, bus))
+                return
+            except MotiondeckError as error:
+                self.failure = error
+                if isinstance(error, SerialPortError):
+                    bus = None
+            except Exception as error:  # whatever ends the thread must reach the loop
+                self.failure = RigError(f"{type(error).__name__}: {error}")
+                return
+            self._sleep(_PAUSE)
+            waited += _PAUSE
+            if max(waited, port.bus.port.now() - began) >= patience:
+                return

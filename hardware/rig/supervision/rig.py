@@ -1,0 +1,408 @@
+"""The rig: servos on one port or several, driven by a loop and kept alive beside it.
+
+Goals follow the targets at each joint's speed limit in real time, however many targets a late loop sends at once; hot,
+strained and weakly supplied joints are eased (see `pace`).
+
+    the bus was silent too long      the watchdogs are cleared; the joints start again from where they stand
+    a servo needs setting up again   it is checked, set up and switched on where it stands (see `health`)
+    the port vanished                it is reopened, after every servo's identity and settings are verified
+    a servo is lost                  the rig stops and names it, or goes on without it, as the rig file asks
+
+After each of these the joints catch up with their targets at a quarter of their speed limits. What waits for replies
+runs beside the loop, never in it; meanwhile nothing is sent there, so the servos' own watchdogs hold them still. The
+ports carry their bytes at the same time; where one stops for good, the whole rig does.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Sequence
+from functools import partial
+from types import TracebackType
+
+import numpy as np
+from numpy.typing import NDArray
+
+from hardware.bus.port import lasting_name
+from hardware.bus.servo_bus import Bus
+from hardware.errors import MotiondeckError, RigError, SerialPortError, with_torque
+from hardware.rig.counters import RigFaults, Timings
+from hardware.rig.driving.readings import Measurements
+from hardware.rig.driving.register_reading import RegisterReading
+from hardware.rig.driving.servo_port import ServoPort
+from hardware.rig.rig_file import RigConfig
+from hardware.rig.scale import Array, RigScale
+from hardware.rig.supervision.health import Health, Incident
+from hardware.rig.supervision.pace import JointPace
+from hardware.rig.supervision.recovery import PortRecovery
+from hardware.rig.supervision.servo_states import CONDITIONS, ServoStates
+from hardware.rig.switching.identities import PortScan
+
+_RECOVERED_WITHIN = 2.0  # s, for all but a vanished port
+_MOST_READINGS = 8  # servos whose registers wait to be read
+_NO_ANSWER = CONDITIONS.index("does not answer")
+
+
+class Rig:
+    """A rig that is switched on; arrays follow the order of the rig file's joints.
+
+    `write`, `request_state` and `collect_state` neither wait nor raise, but for one RigError when the rig has stopped
+    for good; it names the servo, and from then on they do nothing.
+
+    Attributes:
+        config: the rig file.
+        names: of the joints.
+        goals: last sent, shape (J,), rad.
+        positions, velocities, currents: last measured, shape (J,), rad, rad/s, A, in the joint's direction.
+        temperatures, voltages: last measured, shape (J,), degC, V; NaN until first read.
+        measured: all measurements.
+        faults: counts of what went wrong.
+        recoveries: how often something was recovered.
+        write_us, read_us: durations of `write`, and of collecting a state; never the time on the wire.
+    """
+
+    def __init__(
+        self,
+        config: RigConfig,
+        open_bus: Callable[[RigConfig], Bus],
+        beside: bool = True,
+        sleep: Callable[[float], None] = time.sleep,
+        ports: Sequence[str] = (),
+    ) -> None:
+        """Opens the buses and switches the servos on, each where it stands.
+
+        Args:
+            config: the rig file.
+            open_bus: opens the bus of the joints of one port, now and again after the port has vanished.
+            beside: whether a recovery runs in a thread beside the loop; otherwise the loop waits for it.
+            sleep: how to wait where there is no port to wait on.
+            ports: in place of the rig file's own.
+
+        Raises:
+            RigError: as `ServoPort` and `RigConfig.on_ports`; torque is taken off again where it was on, and joints
+                that did not confirm that are named.
+            SerialPortError: if a port cannot be opened, or vanishes; the same.
+        """
+        count = len(config.joints)
+        self.config = config
+        self.names = config.names
+        self.recoveries = 0
+        self.faults, self.measured = RigFaults.none(count), Measurements(count)
+        self.positions, self.velocities = self.measured.positions, self.measured.velocities
+        self.currents, self.temperatures = self.measured.currents, self.measured.temperatures
+        self.voltages = self.measured.voltages
+        self.write_us, self.read_us = Timings(), Timings()
+        self._scale = RigScale(config)
+        self._stopped = False
+        opened: list[ServoPort] = []
+        try:
+            for part in config.on_ports(ports):
+                opened.append(ServoPort(config, part, open_bus(part), self.measured, self.faults))
+        except MotiondeckError as error:
+            raise with_torque(error, _close_all(opened)) from error
+        except BaseException:
+            _close_all(opened)
+            raise
+        self.goals = self.positions.copy()
+        now = opened[0].bus.port.now()
+        self._pace, self._health = JointPace(config, now), Health(config, now)
+        self._recoveries: list[PortRecovery] = []
+        for port in opened:
+            port.left_out = self._health.lost
+            self._recoveries.append(PortRecovery(port, self._health, partial(open_bus, port.part), beside, sleep))
+
+    @classmethod
+    def connect(cls, config: RigConfig, ports: Sequence[str] = ()) -> Rig:
+        """Opens the ports of a rig (its file's own, unless others are given) and switches it on.
+
+        Raises:
+            RigError, SerialPortError: as the constructor.
+        """
+        # The adapter may come back as another tty; by this name it is found again.
+        names = {part.port: lasting_name(part.port) for part in config.on_ports(ports)}
+        return cls(config, lambda part: Bus.open(names[part.port], part.baud), ports=ports)
+
+    def __enter__(self) -> Rig:
+        return self
+
+    def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, at: TracebackType | None) -> None:
+        self.close()
+
+    @property
+    def states(self) -> ServoStates:
+        """The goal, the measurements and the condition of each servo."""
+        conditions, measured = self._health.conditions, self.measured
+        for port in self._all_ports():
+            if port.gone:
+                conditions[port.joints] = np.maximum(conditions[port.joints], _NO_ANSWER)
+        return ServoStates(
+            self.goals,
+            self.positions,
+            self.currents,
+            self.temperatures,
+            self.voltages,
+            measured.errors,
+            measured.torque,
+            conditions,
+        )
+
+    @property
+    def incidents(self) -> Sequence[Incident]:
+        """The latest incidents, each naming its joint or the port, in order of time."""
+        return self._health.incidents
+
+    @property
+    def lost(self) -> NDArray[np.bool_]:
+        """The joints that the rig goes on without, shape (J,)."""
+        return self._health.lost
+
+    @property
+    def yielding(self) -> NDArray[np.bool_]:
+        """Which joints push against something and give way, shape (J,)."""
+        return self._pace.strain.yielding
+
+    @property
+    def pace(self) -> Array:
+        """The part of its speed limit that each joint may use now, shape (J,)."""
+        return self._pace.part
+
+    def write(self, targets: Array) -> None:
+        """Sends the targets (J,), rad, or as far towards them as the joints' limits allow by now, and requests states.
+
+        A target beyond a limit stops there, one that is NaN or infinite leaves the joint's goal; both are counted.
+        """
+        ready = self._ready()
+        if len(ready) < len(self._recoveries):
+            for one in self._recoveries:
+                if one not in ready:
+                    self.faults.unsent[one.port.joints] += 1
+        if not ready:
+            return
+        with self.write_us:
+            pace, finite = self._pace, np.isfinite(targets)
+            wanted = np.where(finite, targets, self.goals)
+            self.faults.refused[:] += ~finite
+            self.faults.clipped[:] += pace.beyond(wanted)
+            goals = pace.bound(wanted, self.goals, self.positions, self._now())
+            counts = self._scale.pulses(goals)
+            for one in ready:
+                port = one.port
+                try:
+                    if port.write(counts):
+                        self.goals[port.places] = goals[port.places]
+                    else:
+                        self.faults.unsent[port.places] += 1
+                except SerialPortError as error:
+                    self._recover_port(one, error)
+            if np.logical_or.reduce(pace.catching_up.joints):
+                pace.sent(wanted, self.goals, self.positions)
+                for one in ready:
+                    one.port.keep_pace(pace.of_servos)
+        for one in ready:
+            if not one.under_way and one.port.stopped:
+                one.start(_RECOVERED_WITHIN)
+
+    def request_state(self) -> None:
+        """Requests the servos' states without sending targets."""
+        for one in self._ready():
+            try:
+                one.port.request_state()
+            except SerialPortError as error:
+                self._recover_port(one, error)
+
+    def collect_state(self) -> bool:
+        """Takes the replies that have come in the meantime; whether anything new was measured."""
+        ready = self._ready()
+        if not ready:
+            return False
+        fresh, now = False, self._now()
+        with self.read_us:
+            for one in ready:
+                try:
+                    fresh |= one.port.collect_state(now)
+                except SerialPortError as error:
+                    self._recover_port(one, error)
+        self._look_after()
+        return fresh
+
+    def switch_off(self, joint: int) -> None:
+        """Has the torque taken off a joint; the rig goes on without it until `set_up_again`."""
+        self._health.take_out(joint, self._now())
+
+    def set_up_again(self, joint: int) -> None:
+        """Counts on a joint again: one without torque is set up and switched on where it stands, beside the loop."""
+        self._health.take_back(joint, self._now())
+
+    def restart(self, joint: int) -> None:
+        """Restarts a joint's servo beside the loop; it is then set up again, and the others of its port hold meanwhile.
+
+        Raises:
+            RigError: if its model cannot be restarted.
+        """
+        servo = self.config.joints[joint]
+        if not servo.table.family.reboots:
+            raise RigError(f"{servo.name} ({servo.model}) cannot be restarted. Switch its power off and on.")
+        self._health.take_back(joint, self._now())
+        self._recovery_of(joint).to_do = lambda bus: bus.restart(servo.id)
+
+    def registers(self, joint: int, write: tuple[str, int] | None = None) -> RegisterReading:
+        """Reads all registers of a servo in the loop's next ticks; before that, writes a count into one of them.
+
+        Raises:
+            RigError: if that is not allowed: see `register_reading`, and the joint must have been switched off.
+        """
+        servo, measured = self.config.joints[joint], self.measured
+        queue = self._recovery_of(joint).port.readings.register_readings
+        reading = RegisterReading(joint, servo, write)
+        if write is not None and (measured.torque[joint] or not self._health.off[joint]):
+            raise RigError(f"registers of {servo.name} are written only while its torque is off: switch it off first.")
+        if measured.missed_in_a_row[joint] > 2:
+            raise RigError(f"{servo.name} (id {servo.id}) does not answer.")
+        if len(queue) >= _MOST_READINGS:
+            raise RigError("the registers of several servos are being read already. Try again.")
+        queue.append(reading)
+        return reading
+
+    def scan(self) -> PortScan:
+        """Pings every ID on the ports, beside the loop; all servos hold meanwhile, as when one is restarted.
+
+        Raises:
+            RigError: if a servo is silent just now, or something else is being done: holding could then end the run.
+        """
+        if self._stopped or any(one.under_way or one.to_do is not None for one in self._recoveries):
+            raise RigError("the rig is busy with its servos. Try again.")
+        if np.logical_or.reduce((self.measured.missed_in_a_row > 0) & ~self._health.lost):
+            raise RigError("a servo does not answer just now. Try again when the rig has recovered or given up on it.")
+        scan = PortScan(self.config, len(self._recoveries))
+        for one in self._recoveries:
+            one.to_do = partial(scan.ask, one.port.part)
+        return scan
+
+    def close(self) -> list[str]:
+        """Ends it as the rig file asks; may be called twice.
+
+        Returns:
+            The joints that did not confirm it.
+        """
+        self._stopped = True
+        for one in self._recoveries:
+            one.stop()
+        return _close_all(self._all_ports())
+
+    def _now(self) -> float:
+        """The time on the clock of the first port, s."""
+        return self._recoveries[0].port.bus.port.now()
+
+    def _all_ports(self) -> list[ServoPort]:
+        return [one.port for one in self._recoveries]
+
+    def _recovery_of(self, joint: int) -> PortRecovery:
+        """The recovery of the port that has a joint."""
+        return next(one for one in self._recoveries if joint in one.port.joints)
+
+    def _ready(self) -> list[PortRecovery]:
+        """Those of the ports that take and give something now; takes over what the others have recovered.
+
+        Raises:
+            RigError: if a recovery has failed.
+        """
+        if self._stopped:
+            return []
+        ready: list[PortRecovery] = []
+        for one in self._recoveries:
+            if one.under_way and one.over:
+                self._take_back(one)
+            if not one.under_way:
+                ready.append(one)
+        return ready
+
+    def _take_back(self, one: PortRecovery) -> None:
+        """Goes on with a port whose recovery is over.
+
+        Raises:
+            RigError: if it has failed.
+        """
+        recovered, port, now = one.take(), one.port, self._now()
+        if recovered is None:
+            self._stopped = True
+            raise RigError(f"the rig has stopped: {one.failure}") from one.failure
+        if port.gone:
+            self._note_port(port, "is back", fault=False)
+        port.attach(*recovered, now)
+        self.goals[recovered.joints] = recovered.held
+        self.recoveries += 1
+        self._health.recovered(port.joints, now)
+        self._pace.start_again(port.joints, now)
+        port.keep_pace(self._pace.of_servos)
+
+    def _recover_port(self, one: PortRecovery, error: SerialPortError) -> None:
+        """Starts to reopen a port that has vanished.
+
+        Raises:
+            RigError: if the rig file does not want that.
+        """
+        self._note_port(one.port, "is gone")
+        if self.config.reconnect_s == 0.0:
+            self._stopped = True
+            raise RigError(f"the rig has stopped: {error}") from error
+        one.start(self.config.reconnect_s)
+
+    def _note_port(self, port: ServoPort, what: str, *, fault: bool = True) -> None:
+        """Makes an incident of a port's state."""
+        self._health.incidents.append(Incident(self._now(), f"the port {port.part.port}", what, fault))
+
+    def _look_after(self) -> None:
+        """Eases hot joints, has joints recovered, and stops the rig for a lost one or goes on without it.
+
+        Raises:
+            RigError: if the rig must stop.
+        """
+        watched = np.ones(len(self.names), dtype=np.bool_)
+        for one in self._recoveries:
+            if one.under_way:
+                watched[one.port.joints] = False
+        if not np.logical_or.reduce(watched):
+            return
+        health, measured, now = self._health, self.measured, self._now()
+        self._pace.strain.note(measured.currents, now)
+        self._pace.ease.note(measured.temperatures, measured.voltages)
+        health.look(measured, self.goals, self._pace.strain.yielding, watched, now)
+        if np.logical_or.reduce(health.fatal):
+            without = health.fatal | health.lost
+            if self.config.on_loss == "stop" or any(without[port.joints].all() for port in self._all_ports()):
+                self._stopped = True
+                raise RigError(f"the rig has stopped: {health.reasons}. Mend the cause and start anew.")
+            health.give_up(now)
+            self._loosen(health.lost)
+        held_on = health.off & measured.torque
+        if np.logical_or.reduce(held_on):
+            self._loosen(held_on)
+        wanted = np.logical_or.reduce(health.mend)
+        for one in self._recoveries:
+            if not one.under_way and (one.to_do is not None or (wanted and health.mend[one.port.joints].any())):
+                one.start(_RECOVERED_WITHIN)
+
+    def _loosen(self, joints: NDArray[np.bool_]) -> None:
+        """Takes the torque off some joints, shape (J,)."""
+        for one in self._recoveries:
+            if not one.under_way:
+                try:
+                    one.port.loosen(joints)
+                except SerialPortError as error:
+                    self._recover_port(one, error)
+
+
+def _close_all(ports: Sequence[ServoPort]) -> list[str]:
+    """Closes every port, also after one has failed; returns the joints that did not confirm it."""
+    unconfirmed: list[str] = []
+    interrupted: BaseException | None = None
+    for port in reversed(ports):
+        try:
+            unconfirmed += port.close()
+        except Exception:  # the torque that is left on matters more than the error
+            unconfirmed += port.part.names
+        except BaseException as error:
+            interrupted = error
+    if interrupted is not None:
+        raise interrupted
+    return unconfirmed
