@@ -233,6 +233,20 @@ def test_what_is_trimmed_is_told_and_can_be_kept(session, tmp_path, option, seco
     assert f"wrote {tmp_path / 'wave.clip'}" in result.stdout
 
 
+def test_taught_clips_are_learned_with_a_recipe_that_can_be_edited(tmp_path):
+    clip, library, recipe = (tmp_path / name for name in ("wave.clip", "hands.safetensors", "hands.toml"))
+    save_taught_clip(taught_clip("wave", ("pan", "tilt"), 50.0, wave(0.5)), clip)
+    result = invoked("learn", str(clip), "--out", str(library), "--json")
+    assert result.exit_code == 0, result.output
+    said = json.loads(result.stdout)
+    assert said["learned"][0]["plays"] == "loop"
+    assert said["learned"][0]["to"] < 4.9
+    assert "exists already" in str(invoked("learn", str(clip), "--out", str(library)).exception)
+    recipe.write_text("loop_keeps = 1.0\n" + recipe.read_text())
+    again = json.loads(invoked("learn", str(recipe), "--out", str(library), "--force", "--json").stdout)
+    assert again["learned_from"]["wave"]["to_s"] > 4.9
+
+
 def test_prompts_leave_stdout_to_the_answer(session, tmp_path):
     result = session(tmp_path / "reach.clip", ["", "", ""], [reach()], "--json")
     said = json.loads(result.stdout)
