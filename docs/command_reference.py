@@ -16,7 +16,7 @@ def command_reference() -> str:
 
 
 def commands(command: Any, words: str = "motiondeck") -> Iterator[tuple[str, Any]]:
-    """Each command under a command of Click, with the words that it is called by."""
+    """Each command under a command of Click, with its full name."""
     for name, below in getattr(command, "commands", {}).items():
         if hasattr(below, "commands"):
             yield from commands(below, f"{words} {name}")
@@ -26,7 +26,7 @@ def commands(command: Any, words: str = "motiondeck") -> Iterator[tuple[str, Any
 
 def _section(words: str, command: Any) -> str:
     records = [parameter.get_help_record(typer.Context(command, info_name=words)) for parameter in command.params]
-    rows = [f"| `{_escaped(names)}` | {_escaped(told)} |" for names, told in records]
+    rows = [f"| `{_escaped(names)}` | {_escaped(text)} |" for names, text in records]
     table = ["| | |", "|---|---|", *rows] if rows else []
     return "\n".join([f"## `{words}`", "", _paragraphs(command.help or ""), "", *table])
 
