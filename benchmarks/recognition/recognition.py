@@ -31,7 +31,7 @@ from controller.learning.recognition.labelled_recordings import Dataset
 from controller.learning.recognition.splits import PROTOCOLS, Protocol
 from motiondeck.cli.common.options import JsonOption
 from motiondeck.cli.common.tables import show_table
-from motiondeck.cli.recognition.recognize import DataArgument, leave, read
+from motiondeck.cli.recognize import DataArgument, leave, read
 from motiondeck.pictures.figures import need_matplotlib
 from motiondeck_base.errors import MotiondeckError, UnknownNameError
 from motiondeck_base.progress import progress

@@ -58,10 +58,10 @@ _PANELS = {
     "Learn": {
         "learn": "learn",
         "clip": "clip.commands",
-        "library": "library.commands",
+        "library": "library",
         "evaluate": "evaluate",
-        "recognize": "recognition.recognize",
-        "segment": "recognition.segment",
+        "recognize": "recognize",
+        "segment": "segment",
     },
     "Robot": {
         "robot": "robot.commands",

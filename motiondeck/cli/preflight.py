@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from motiondeck.cli.common.options import JsonOption
 from motiondeck.cli.common.options_class import grouped
 from motiondeck.cli.preflight_run import PreflightRun
 from motiondeck_base.progress import progress
@@ -32,7 +33,7 @@ def preflight(
         ),
     ] = None,
     motions_only: Annotated[bool, typer.Option("--motions-only", help="Check no switches.")] = False,
-    as_json: Annotated[bool, typer.Option("--json", help="Print one JSON object instead of tables.")] = False,
+    as_json: JsonOption = False,
     plot: Annotated[Path | None, typer.Option("--plot", metavar="FILE", help="Draw it (.png, .svg, .pdf).")] = None,
 ) -> None:
     """Check whether a robot can play a library, and at which tempo.

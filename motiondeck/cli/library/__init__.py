@@ -1,1 +1,0 @@
-"""`motiondeck library`: what a motion library holds."""

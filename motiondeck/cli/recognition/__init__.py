@@ -1,1 +1,0 @@
-"""`motiondeck recognize` and `motiondeck segment`."""
