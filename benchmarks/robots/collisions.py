@@ -24,9 +24,8 @@ from controller.loop.safety.safety_envelope import SafetyEnvelope  # noqa: E402
 from controller.motion.rotations import Array  # noqa: E402
 from motiondeck_base.shipped import find_library, find_robot  # noqa: E402
 from sim.models.overlaps import OVERLAP  # noqa: E402
-from sim.robots.collision_guard import CollisionGuard  # noqa: E402
 from sim.robots.robot import Robot, load_robot  # noqa: E402
-from sim.robots.self_collision import SelfCollision  # noqa: E402
+from sim.robots.self_collision import CollisionGuard, SelfCollision  # noqa: E402
 
 DT = 0.005
 

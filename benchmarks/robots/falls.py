@@ -17,6 +17,7 @@ import mujoco
 import numpy as np
 from joblib import delayed
 
+from benchmarks.robots.largest_push import one_push
 from controller.deck.deck import Deck
 from controller.library.motion_library import load_library
 from controller.loop.safety.safety_envelope import SafetyEnvelope
@@ -24,7 +25,7 @@ from controller.motion.rotations import Array
 from motiondeck_base.jobs import Jobs, spread
 from motiondeck_base.shipped import find_library, find_robot
 from sim.physics.playback import PhysicsPlayback
-from sim.physics.pushes import PUSH_LASTS, one_push, usual_push
+from sim.physics.pushes import PUSH_LASTS, usual_push
 from sim.physics.walk_trial import Course, placed_pose, play_course
 from sim.robots.robot import DT, Robot, load_robot
 

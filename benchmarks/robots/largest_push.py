@@ -17,11 +17,12 @@ from joblib import delayed
 from controller.deck.deck import Deck
 from controller.library.motion_library import load_library
 from controller.loop.safety.safety_envelope import SafetyEnvelope
+from controller.motion.rotations import Array
 from controller.wire.messages.commands import Side
 from motiondeck_base.jobs import Jobs, spread
 from motiondeck_base.progress import progress
 from motiondeck_base.shipped import find_library, find_robot
-from sim.physics.pushes import PUSHES_TOWARDS, one_push, usual_push
+from sim.physics.pushes import PUSH_LASTS, PUSHES_TOWARDS, push_force, usual_push
 from sim.physics.walk_trial import play_course, walk_trial
 from sim.physics.walking.preview import AHEAD
 from sim.robots.robot import DT, load_robot
@@ -30,6 +31,12 @@ from sim.robots.robot import DT, load_robot
 FIRST, LAST, WATCHED = 4.0, 5.5, 5.0
 # In usual pushes.
 STEP, MOST = 0.25, 20.0
+
+
+def one_push(impulse: float, towards: float, at: float) -> Callable[[float], Array]:
+    """The force (3,), N, at a time, s, of a push as `push_force` has it that comes once, at a time, s."""
+    force = push_force(impulse, towards)
+    return lambda now: force if 0.0 <= now - at < PUSH_LASTS else np.zeros(3)
 
 
 def last_survived(survives: Callable[[float], bool]) -> float:

@@ -24,6 +24,7 @@ from typing import Any
 import numpy as np
 from joblib import delayed
 
+from benchmarks.robots.walk_conditions import AS_MODELLED, CONDITIONS
 from controller.deck.deck import Deck
 from controller.library.motion_library import MotionLibrary, load_library
 from controller.loop.safety.safety_envelope import SafetyEnvelope
@@ -33,7 +34,6 @@ from motiondeck_base.jobs import Jobs, spread
 from motiondeck_base.progress import progress
 from motiondeck_base.shipped import find_library, find_robot
 from sim.physics.pushes import usual_push
-from sim.physics.walk_conditions import AS_MODELLED, CONDITIONS
 from sim.physics.walk_trial import Course, Trial, play_course, pushes, walk_trial
 from sim.robots.robot import DT, Robot, load_robot
 
@@ -106,12 +106,14 @@ def measure(case: Case) -> dict[str, Any]:
     robot = load_robot(find_robot(case.robot), library.skeleton)
     course = played(robot, library, motion, case.tempo, case.seconds)
     impulse = case.push * PUSHES.get(case.robot, usual_push(robot.model))
-    trials: list[Trial] = []
+    condition, trials = CONDITIONS[case.condition], list[Trial]()
+    body = condition.applied(robot)
     falls: list[float] = []
     begin = 0
     while not trials or (" " in motion and begin < len(course.targets) - 1):
         rest = Course(course.targets[begin:], course.roots[begin:], course.headings[begin:])
-        trials.append(walk_trial(robot, rest, pushes(impulse, case.seed), condition=CONDITIONS[case.condition]))
+        force = pushes(impulse, case.seed)
+        trials.append(walk_trial(body, rest, force, sensors=condition.sensors, alter=condition.alter))
         begin += round(trials[-1].stood_s / DT)
         if begin < len(course.targets):
             falls.append(round(begin * DT, 1))

@@ -1,7 +1,8 @@
-"""Robot files: what the TOML of a robot may say."""
+"""Robot files: the TOML description of a robot, every key with its checks."""
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Literal
 
@@ -9,16 +10,32 @@ import msgspec
 
 from motiondeck_base.errors import FileFormatError, UnknownNameError
 from motiondeck_base.toml_file import read_toml
-from sim.models.rise_settings import RiseSettings
 from sim.models.servo_motor import ServoMotor
 from sim.models.walk_settings import WalkSettings
+
+Row = tuple[float, float, float, float, float, float]
+"""Duration, s, and the bends of hips, knees, ankles, shoulders and elbows of a human in that pose, rad
+(`symmetric_pose.Bends`)."""
+
+
+class RiseSettings(msgspec.Struct, forbid_unknown_fields=True, frozen=True):
+    """Poses of getting up from the floor; the table [rise].
+
+    Attributes:
+        front: from the belly to a crouch; the rest pose follows. Without them the robot stays down.
+        back: from the back onto the belly.
+    """
+
+    front: tuple[Row, ...] = ()
+    back: tuple[Row, ...] = ()
+
 
 Solver = Literal["angles", "ik"]
 SOLVERS: tuple[Solver, ...] = ("angles", "ik")
 
 
 def solver_named(name: str | None) -> Solver | None:
-    """The solver of a name, none for none; UnknownNameError if there is no such solver."""
+    """The solver of a name, or None for None; UnknownNameError for another name."""
     if name is None:
         return None
     for solver in SOLVERS:
@@ -28,7 +45,7 @@ def solver_named(name: str | None) -> Solver | None:
 
 
 class JointLimit(msgspec.Struct, forbid_unknown_fields=True, frozen=True):
-    """What differs for one joint: rad/s, rad/s^2, rad/s^3; position in rad, in place of the model's range."""
+    """Limits of one joint: rad/s, rad/s^2, rad/s^3; positions, rad, in place of the model's range."""
 
     velocity: float | None = None
     acceleration: float | None = None
@@ -38,7 +55,7 @@ class JointLimit(msgspec.Struct, forbid_unknown_fields=True, frozen=True):
 
 
 class LimitTable(msgspec.Struct, forbid_unknown_fields=True, frozen=True):
-    """What every joint may do at most: rad/s, rad/s^2, rad/s^3, and the joints that differ."""
+    """Limits of all joints, rad/s, rad/s^2, rad/s^3, and of the joints that differ."""
 
     velocity: float
     acceleration: float
@@ -47,7 +64,7 @@ class LimitTable(msgspec.Struct, forbid_unknown_fields=True, frozen=True):
 
 
 class Angle(msgspec.Struct, forbid_unknown_fields=True, frozen=True):
-    """A joint that turns as one of the angle solver's does: q = zero + sign * angle, rad."""
+    """A joint that plays an angle of the angle solver: q = zero + sign * angle, rad."""
 
     joint: str
     sign: Literal[-1, 1] = 1
@@ -58,20 +75,20 @@ class RobotFile(msgspec.Struct, forbid_unknown_fields=True, frozen=True):
     """A robot.
 
     Attributes:
-        name: what it is called.
+        name: as shown.
         kind: a mannequin is built from the skeleton, a humanoid is loaded from its model.
-        limits: what its joints may do at most.
-        model: the humanoid's MJCF or URDF file, from this file's folder.
-        packages: the folder of each package that a URDF's meshes are named by, from this file's folder.
-        solver: how poses are carried onto it: by angles of limbs, or by inverse kinematics.
-        root_height: of its root above the floor when it stands straight, m; none plays paths at their own scale.
-        root_rotation: quaternion of its root body while it stands upright and faces x.
+        limits: of its joints.
+        model: the humanoid's MJCF or URDF file, relative to this file's folder.
+        packages: the folder of each ROS package that its URDF names, relative to this file's folder.
+        solver: of the retargeting: angles of limbs, or inverse kinematics.
+        root_height: of the standing root, m; scales the human's path. Without it paths are not scaled.
+        root_rotation: quaternion of the root body that stands upright and faces x.
         parts: body part to body of the model, for inverse kinematics and for the feet.
-        angles: the angle solver's joints to the model's; none where they have the same names.
-        rest: joint positions to rest in, rad; those not named rest at zero.
-        servo: what each of its servos can do; without it they are as strong as the model has them.
-        walk: how it walks on its own feet.
-        rise: how it gets up from the floor.
+        angles: the angle solver's joints to the model's; empty where they have the same names.
+        rest: joint positions of the rest pose, rad; other joints rest at zero.
+        servo: data of its servos; without it the model's own limits hold.
+        walk: settings of walking.
+        rise: poses of getting up.
     """
 
     name: str
@@ -90,11 +107,14 @@ class RobotFile(msgspec.Struct, forbid_unknown_fields=True, frozen=True):
     rise: RiseSettings = RiseSettings()
 
 
+_POSITIVE = ("velocity", "acceleration", "jerk", "root_height")
+
+
 def read_robot_file(path: Path) -> RobotFile:
     """Reads a robot file.
 
     Raises:
-        FileFormatError: if the file is missing, is no TOML, or a key or a value is none that a robot file has.
+        FileFormatError: if the file is missing or not TOML, or a key or a value is not allowed.
     """
     if not path.exists():
         raise FileFormatError(f"{path}: there is no such robot file. Check the name.")
@@ -104,48 +124,38 @@ def read_robot_file(path: Path) -> RobotFile:
 
 
 def _check_numbers(path: Path, robot: RobotFile) -> None:
-    """No limit may be zero, negative, infinite or no number."""
-    checks = {"limits": robot.limits, **{f"limits.joints.{name}": own for name, own in robot.limits.joints.items()}}
-    for place, table in checks.items():
-        for key in ("velocity", "acceleration", "jerk"):
-            value = getattr(table, key)
-            if value is not None and not 0.0 < value < float("inf"):
-                raise FileFormatError(f"{path}: {place}.{key} is {value}; it must be a positive number")
-    positions = {f"rest.{name}": value for name, value in robot.rest.items()}
-    positions |= {f"angles.{name}.zero": angle.zero for name, angle in robot.angles.items()}
-    for name, own in robot.limits.joints.items():
-        positions |= {
-            f"limits.joints.{name}.{key}": v for key in ("lower", "upper") if (v := getattr(own, key)) is not None
-        }
-    for place, value in positions.items():
-        if not abs(value) < float("inf"):
-            raise FileFormatError(f"{path}: {place} is {value}; it must be a number of rad")
-    servo = msgspec.structs.asdict(robot.servo) if robot.servo is not None else {}
-    for key, value in servo.items():
-        if value is not None and not value < float("inf"):
-            raise FileFormatError(f"{path}: servo.{key} is {value}; it must be a finite number")
-    for key, value in msgspec.structs.asdict(robot.walk).items():
-        if not abs(value) < float("inf"):
-            raise FileFormatError(f"{path}: walk.{key} is {value}; it must be a finite number")
-    for key, rows in msgspec.structs.asdict(robot.rise).items():
+    """Refuses numbers that are not finite, rates, times and heights that are not positive, and what does not fit."""
+    for key, rows in (("front", robot.rise.front), ("back", robot.rise.back)):
         for number, row in enumerate(rows, start=1):
             if not (row[0] > 0.0 and all(abs(value) < float("inf") for value in row)):
                 place = f"{path}: rise.{key}, row {number}: {list(row)}"
                 raise FileFormatError(f"{place}; it must be a time above 0 s and five angles in rad")
+    for place, value in _numbers("", robot):
+        positive = place.rpartition(".")[2] in _POSITIVE
+        if not abs(value) < float("inf") or (positive and value <= 0.0):
+            raise FileFormatError(
+                f"{path}: {place} is {value}; it must be a {'positive' if positive else 'finite'} number"
+            )
     if robot.rise.back and not robot.rise.front:
         raise FileFormatError(f"{path}: rise.back ends on the belly: it needs rise.front to get up from there")
-    if robot.root_height is not None and not 0.0 < robot.root_height < float("inf"):
-        raise FileFormatError(f"{path}: root_height is {robot.root_height}; it must be a positive number of metres")
     if not abs(sum(component**2 for component in robot.root_rotation) - 1.0) < 1e-3:
         raise FileFormatError(f"{path}: root_rotation is {list(robot.root_rotation)}, which is no unit quaternion")
     if (robot.model is None) != (robot.kind == "mannequin"):
-        raise FileFormatError(
-            f"{path}: model: "
-            + (
-                "a mannequin is built, not loaded"
-                if robot.model
-                else f"a robot of kind '{robot.kind}' needs its MJCF or URDF file"
-            )
-        )
+        needs = f"a robot of kind '{robot.kind}' needs its MJCF or URDF file"
+        raise FileFormatError(f"{path}: model: {'a mannequin is built, not loaded' if robot.model else needs}")
     if robot.kind == "mannequin" and robot.solver == "ik":
         raise FileFormatError(f"{path}: solver: a mannequin plays its skeleton's joints exactly and needs no 'ik'")
+
+
+def _numbers(place: str, value: object) -> Iterator[tuple[str, float]]:
+    """All numbers in a value of a robot file, with their keys."""
+    if isinstance(value, msgspec.Struct):
+        value = msgspec.structs.asdict(value)
+    if isinstance(value, dict):
+        for key, inner in value.items():
+            yield from _numbers(f"{place}.{key}".lstrip("."), inner)
+    elif isinstance(value, tuple):
+        for inner in value:
+            yield from _numbers(place, inner)
+    elif isinstance(value, float):
+        yield place, value

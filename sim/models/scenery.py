@@ -59,12 +59,7 @@ def set_stage(spec: mujoco.MjSpec, height: float) -> None:
     )
     floor.textures[mujoco.mjtTextureRole.mjTEXROLE_RGB] = FLOOR
     spec.worldbody.add_geom(
-        name=FLOOR,
-        type=mujoco.mjtGeom.mjGEOM_PLANE,
-        size=[0.0, 0.0, 0.05],
-        material=FLOOR,
-        contype=0,
-        conaffinity=0,
+        name=FLOOR, type=mujoco.mjtGeom.mjGEOM_PLANE, size=[0.0, 0.0, 0.05], material=FLOOR, contype=0, conaffinity=0
     )
 
     # Even light far out; the shadow is the lamp's.

@@ -1,12 +1,11 @@
-"""Balance: a motion on the spot with both feet kept where they are and the centre of mass above them.
+"""Balance: a motion on the spot, with both feet in place and the centre of mass above them.
 
 The posture is that of `WholeBody`, with this goal of the centre of mass:
 
     c = middle of the support - K (xi - xi planned),      xi = com + velocity / omega,      omega^2 = g / height
 
-xi is the capture point (Pratt et al. 2006), as it is on the simulated robot. Held by servos this is the ankle
-strategy: ankles push the centre of mass back. Where xi comes near the border of the support ankles cannot push any
-harder, and the hips bend towards it (the hip strategy): while the trunk is being turned the floor pushes back.
+xi is the capture point (Pratt et al. 2006) of the simulated robot. By the ankle strategy ankles push the centre of mass
+back. Near the border of the support ankles are at their limit, and the hips bend towards xi (the hip strategy).
 """
 
 from __future__ import annotations
@@ -22,31 +21,25 @@ from sim.physics.support_polygon import convex_hull, margin
 from sim.physics.walking.whole_body import WholeBody
 from sim.robots.robot import Robot
 
-# What it costs that the root is a metre higher or lower than it is played.
+# Weight of the root's height, 1/m.
 HEIGHT = 2.0
-# The ankle strategy's gain, and the share of the support that the goal may be moved by.
+# The ankle strategy's gain, and its largest shift of the goal, as a share of the support.
 ANKLE_GAIN, ANKLE_REACH = 1.0, 0.8
 # The hip strategy: rad for each metre (of a leg one metre long) nearer to the border than HIP_FROM of the support.
 HIP_GAIN, HIP_FROM, HIP_MOST = 4.0, 0.5, 0.6
-# Feet stand at least so far apart sideways and at most so far one ahead of the other, in shares of the height of the
-# root, and turned from the heading by at most so much, rad: nobody keeps his balance on a line.
+# Least distance of the feet sideways and largest one ahead, in heights of the root; largest turn from the heading, rad.
 STANCE_WIDTH, STANCE_LENGTH, STANCE_TURN = 0.30, 0.25, 0.6
-# A heel that lands shakes the velocity: the capture point is followed with this time constant, s.
+# Time constant of the capture point, s: a landing heel shakes the velocity.
 SMOOTHING = 0.03
-# Where the capture point is so far off, in heights of the centre of mass, the robot is going to fall.
+# Error of the capture point from which a fall is certain, in heights of the centre of mass.
 LOST = 0.5
 
 
 class Balance:
     """Adjusts the played motion so that a free robot stays on its feet.
 
-    Args:
-        robot: which is to stand.
-        model: the robot with a free root on a solid floor.
-        dt: between two targets, s.
-
     Attributes:
-        falling: whether the capture point is farther off than anything on the spot can bring back.
+        falling: whether the error of the capture point is beyond LOST.
 
     Raises:
         MotiondeckError: if the robot does not have two feet.
@@ -55,6 +48,7 @@ class Balance:
     falling: bool = False
 
     def __init__(self, robot: Robot, model: mujoco.MjModel, dt: float) -> None:
+        """Args: the robot; its model with a free root on a solid floor; the tick, s."""
         feet = feet_of(robot)
         if len(feet) != 2:
             raise MotiondeckError(f"robot '{robot.name}' has {len(feet)} feet; only one that stands on two can balance")
@@ -64,7 +58,7 @@ class Balance:
         self._plan, self._bodies = self._body.plan, self._body.bodies
 
     def start(self, data: mujoco.MjData) -> None:
-        """Plants the feet below where they are in data, and puts the robot there in a stance that balances."""
+        """Plants the feet below their present places, and puts the robot into a balanced stance there."""
         model, plan = self._model, self._plan
         self._heading: float | None = None
         plan.qpos[:] = data.qpos
@@ -81,7 +75,7 @@ class Balance:
         self._first_height: float | None = None
 
     def adjust(self, data: mujoco.MjData, goal: Array, heading: float) -> None:
-        """Makes a goal (nq,) one that balances, given the robot's state and the heading of the played motion, rad."""
+        """Replaces a goal (nq,) by a balanced one, for the robot's state and the heading of the played motion, rad."""
         if self._heading is None:
             self._heading, self._first_height = heading, float(goal[2])
         wanted = goal.copy()
@@ -97,7 +91,7 @@ class Balance:
         goal[:] = self._plan.qpos
 
     def _plant(self) -> None:
-        """Chooses where the feet stay: on the floor below their present places, in a stance that can balance."""
+        """Chooses the places of the feet: on the floor below, in a stance that can balance."""
         plan = self._plan
         turned = multiply(plan.qpos[3:7], conjugate(self._model.qpos0[3:7]))
         facing = _azimuth(rotate(turned, np.array([1.0, 0.0, 0.0])))
@@ -145,7 +139,7 @@ class Balance:
         return self._smooth
 
     def _hips(self, off: Array) -> Array:
-        """The turn of the root, a quaternion, by which the hips help where ankles are at their end."""
+        """The turn of the root by the hip strategy, a quaternion."""
         far = float(np.hypot(*off))
         beyond = max(far - HIP_FROM * self._half, 0.0)
         leg = GRAVITY / self._omega**2
@@ -168,5 +162,5 @@ class Balance:
 
 
 def _azimuth(direction: Array) -> float:
-    """Which way a direction (3,) points, about z from x, rad."""
+    """Azimuth of a direction (3,), rad."""
     return float(np.arctan2(direction[1], direction[0]))

@@ -1,4 +1,4 @@
-"""Contact forces: where the floor holds a simulated body, and how hard."""
+"""Contact forces of the floor on a simulated body."""
 
 from __future__ import annotations
 
@@ -9,12 +9,9 @@ from controller.motion.rotations import Array
 
 
 def contact_forces(model: mujoco.MjModel, data: mujoco.MjData, out: Array) -> None:
-    """Writes where the floor holds the body and how hard, one row (6,) a body part: m and N in the world.
+    """Writes point (m) and force (N) of the floor's contact with each body part into out (N, 6), in the world.
 
-    Args:
-        model: what is simulated.
-        data: its state.
-        out: shape (N, 6); parts beyond N are left out, and rows without one are NaN.
+    Parts beyond N are left out; rows without a part are NaN.
     """
     out[:] = np.nan
     parts: dict[int, int] = {}
@@ -34,7 +31,7 @@ def contact_forces(model: mujoco.MjModel, data: mujoco.MjData, out: Array) -> No
             out[row] = 0.0
         weight = max(float(np.linalg.norm(pushed)), 1e-9)
         total = out[row, 3:] + pushed
-        # The point is the mean of those where it touches, by how hard.
+        # The point is the mean of the contacts, weighted by force.
         sums = float(np.linalg.norm(out[row, 3:]))
         out[row, :3] = (sums * out[row, :3] + weight * contact.pos) / (sums + weight)
         out[row, 3:] = total

@@ -18,7 +18,7 @@ class KinematicPlayback:
         name: "kinematics".
         data: MuJoCo's state, with the position of every body.
         placed: the commanded root of the last write, position (m) and quaternion, shape (7,).
-        behind_s: how far the body is behind what is written, s.
+        behind_s: delay of the body, s.
     """
 
     name = "kinematics"
@@ -35,7 +35,7 @@ class KinematicPlayback:
 
     @property
     def qpos(self) -> Array:
-        """Where the robot is, shape (nq,): MuJoCo's own array, so copy what you keep."""
+        """MuJoCo's own state array, shape (nq,): copy what you keep."""
         return self.data.qpos
 
     def write(self, targets: Array, pose: Pose) -> None:

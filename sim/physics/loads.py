@@ -1,4 +1,4 @@
-"""Loads: what a motion demands of a robot's body and its servos, by inverse dynamics, without simulating it.
+"""Loads: joint torques, contacts and balance that a motion demands, by inverse dynamics instead of simulation.
 
 At a tempo s all velocities are s times and all accelerations s^2 times those at tempo 1, so one pass gives the joint
 torques of every tempo:
@@ -28,32 +28,30 @@ from sim.physics.support_polygon import convex_hull, margin
 from sim.robots.robot import Robot
 from sim.robots.self_collision import SelfCollision
 
-# A sole corner less than this share of the root's height above the lowest one of the moment is pushed by the ground: on
-# a real floor a robot settles onto its soles. What it keeps its balance on must be nearer to the floor: soles that are
-# tilted by more roll over their edges (fitted on every other motion of thesis15).
+# Height of a sole's corner above the lowest one, in heights of the root, below which the floor pushes it, as a robot
+# settles onto its soles, and below which it counts for balance (fitted on every other motion of thesis15).
 CONTACT, STANDS = 0.06, 0.03
 _FRICTION = 0.7
 _CONE = np.array([[_FRICTION, 0.0, 1.0], [-_FRICTION, 0.0, 1.0], [0.0, _FRICTION, 1.0], [0.0, -_FRICTION, 1.0]])
-# A foot slides if a corner this near to the floor moves: a swinging foot is higher, and a rolling one is still.
+# The same below which a moving corner slides.
 TOUCHES = 0.008
-# The cost of uneven forces relative to that of leaving the root unsupported.
+# Weight of even forces beside that of the root's support.
 _EVENLY = 1e-3
 
 
 @dataclass(frozen=True)
 class Loads:
-    """What T samples of a motion demand of J joints at tempo 1.
+    """Loads of T samples of a motion on J joints at tempo 1.
 
     Attributes:
         velocity: of the joints, shape (T, J), rad/s.
         gravity, damping, inertia, friction: joint torques, shape (T, J), N m.
-        collision, colliding: how deep bodies overlap, shape (T,), m, and which ones overlap most.
+        collision, colliding: depth of overlaps, shape (T,), m, and the bodies that overlap most.
         lowest: height of the lowest point, shape (T,), m.
-        slide: how fast the touching parts of the soles move along the ground, shape (T,), m/s.
-        support: the polygon that the robot stands on in each sample, length T.
-        lies: whether something else than its feet is on the ground, shape (T,).
-        com: of the centre of mass along the ground and its height, shape (T, 3), m.
-        com_velocity: along the ground, shape (T, 2), m/s.
+        slide: speed of touching soles along the ground, shape (T,), m/s.
+        support: support polygons, length T.
+        lies: whether other bodies than the feet touch the ground, shape (T,).
+        com, com_velocity: of the centre of mass, shapes (T, 3), m, and (T, 2) along the ground, m/s.
     """
 
     velocity: Array
@@ -76,7 +74,7 @@ class Loads:
         return self.gravity + tempo * self.damping + tempo**2 * self.inertia + drag
 
     def balance(self, tempo: float = 1.0) -> Array:
-        """How far inside the support the capture point is at a tempo, shape (T,), m; -inf for a robot without feet."""
+        """Margin of the capture point inside the support at a tempo, shape (T,), m; -inf for a robot without feet."""
         omega = np.sqrt(GRAVITY / np.maximum(self.com[:, 2], 1e-3))
         capture = self.com[:, :2] + tempo * self.com_velocity / omega[:, None]
         return np.array([margin(hull, point) for hull, point in zip(self.support, capture, strict=True)])
@@ -85,22 +83,14 @@ class Loads:
 def loads_of(
     robot: Robot, played: PlayedMotion, *, free: bool, collisions: SelfCollision, feet: tuple[Foot, ...]
 ) -> Loads:
-    """The loads of a played motion.
-
-    Args:
-        robot: which plays it.
-        played: the motion or switch.
-        free: whether the floor carries the robot, or a gantry.
-        collisions: finds bodies that overlap.
-        feet: those of the robot.
-    """
+    """The loads of a played motion on a robot with these feet, carried by the floor if `free`, else by a gantry."""
     model, data = robot.model, mujoco.MjData(robot.model)
     qpos, qvel, qacc = _motion(robot, played)
     count = len(qpos)
     dof, lowest_point, surface = robot.layout.dof, LowestPoint(model), Surface.of(model)
     soles = [body for foot in feet for body in below(model, model.body(foot.body).id)]
     rest = surface.part(np.setdiff1d(surface.body, soles))
-    near = TOUCHES * float(model.body(int(model.jnt_bodyid[0])).pos[2])
+    near = TOUCHES * robot.root_height
     gravity, inertia = np.empty((2, count, len(dof)))
     depth, lowest, slide = np.zeros(count), np.empty(count), np.zeros(count)
     lies = np.zeros(count, dtype=bool)
@@ -178,7 +168,7 @@ def _rate(values: Array) -> Array:
 
 
 def _corners(model: mujoco.MjModel, data: mujoco.MjData, feet: tuple[Foot, ...]) -> tuple[Array, Array]:
-    """Where the corners of the soles are (C, 3), and how they move with the joints (C, 3, nv)."""
+    """The corners of the soles (C, 3) and their Jacobians (C, 3, nv)."""
     points, jacobians = np.empty((4 * len(feet), 3)), np.empty((4 * len(feet), 3, model.nv))
     for k, foot in enumerate(feet):
         body = model.body(foot.body).id
@@ -192,7 +182,7 @@ def _on_the_ground(corners: Array, robot: Robot, share: float) -> NDArray[np.boo
     """Which corners (C, 3) are within a share of the root's height of the lowest one."""
     if len(corners) == 0:
         return np.zeros(0, dtype=bool)
-    near = share * float(robot.model.body(int(robot.model.jnt_bodyid[0])).pos[2])
+    near = share * robot.root_height
     return corners[:, 2] < corners[:, 2].min() + near
 
 

@@ -1,4 +1,4 @@
-"""The model that physics runs on: a robot's own, held by a gantry, fixed where it stands, or free on the floor."""
+"""The simulated model of a robot: on a gantry, fixed in place, or free on a solid floor."""
 
 from __future__ import annotations
 
@@ -17,11 +17,11 @@ from sim.robots.robot import Robot
 
 ROOTS = ("gantry", "fixed", "free")
 
-# One bit of its own, so that what a model says of contacts between its bodies stays as it is.
+# A separate bit: contacts between the model's own bodies stay as the model has them.
 FLOOR_BIT = 1 << 20
-# Rubber on wood. The second and third figure are MuJoCo's torsional and rolling friction, m.
+# Sliding (rubber on wood), torsional and rolling friction, the last two in m.
 FRICTION = (1.0, 0.005, 0.0001)
-# The sole under a foot of rounded solids is this thick, m, and drawn in a group that is not shown.
+# Thickness, m, and hidden group of the sole under a foot of rounded solids.
 _SOLE = 0.004
 _HIDDEN = 4
 # Contacts need more solver iterations than a robot that hangs in the air.
@@ -36,12 +36,7 @@ def feet_of(robot: Robot) -> tuple[Foot, ...]:
 
 
 def check_root(root: str, *, balance: bool = False, walk: bool = False) -> None:
-    """Checks that a robot with this root can balance or walk, if it is to.
-
-    Raises:
-        MotiondeckError: if root is none of ROOTS, a robot that is not free is to balance or to walk, or one is to do
-            both.
-    """
+    """Refuses, by MotiondeckError, a root outside ROOTS, balance or walking without a free root, and both at once."""
     if root not in ROOTS:
         raise MotiondeckError(f"root '{root}': choose gantry (carried along), fixed (held in place) or free")
     if balance and root != "free":
@@ -56,20 +51,16 @@ Alteration = Callable[[mujoco.MjSpec], None]
 
 
 def physics_model(robot: Robot, root: str = "gantry", alter: Alteration | None = None) -> mujoco.MjModel:
-    """A model of its own to simulate a robot on.
+    """The model to simulate a robot on; the robot's own is not changed.
 
-    Under a free root the floor is solid: the bodies that the robot's model lets collide stand on it, or where it lets
-    none, all of them. A foot of rounded solids gets a flat sole, as wide and long as they are, which stands in place
-    of them and of the toes. Bodies that hang from one another, or overlap in the rest pose, do not push each other:
-    their covers are drawn into one another.
+    With a free root the floor is solid for all bodies that the robot's model lets collide, or for all where it lets
+    none. A foot of rounded solids gets a flat sole in place of them and of the toes. Neighbours, and bodies that
+    overlap in the rest pose, do not collide.
 
     Args:
-        robot: whose; it is not changed.
-        root: whether a gantry carries its root along, holds it where it is, or lets it go.
-        alter: what is different in the world from what the robot's files say.
-
-    Raises:
-        MotiondeckError: for another root.
+        robot: the robot.
+        root: "gantry" carries the root along, "fixed" holds it in place, "free" lets it go; else MotiondeckError.
+        alter: changes to the world that the robot's files do not know.
     """
     check_root(root)
     spec = robot.spec.copy()
@@ -84,14 +75,14 @@ def physics_model(robot: Robot, root: str = "gantry", alter: Alteration | None =
 
 
 def lead_of(model: mujoco.MjModel) -> Array:
-    """How far ahead of its target a servo is sent for each rad/s of its rate, kv / kp, shape (J,), s."""
+    """Lead of each servo's control before its target, kv / kp, shape (J,), s."""
     # Position servos: force = gain * ctrl + bias . (1, length, velocity), with gain = kp and bias[2] = -kv.
     gain = model.actuator_gainprm[:, 0]
     return -model.actuator_biasprm[:, 2] / np.where(gain > 0.0, gain, 1.0)
 
 
 def _drawn_into_one_another(robot: Robot) -> list[tuple[str, str]]:
-    """The pairs of bodies that hang from one another or from the same place, or overlap in the rest pose."""
+    """The pairs of bodies that are neighbours or overlap in the rest pose, by name."""
     rest = robot.model.qpos0.copy()
     robot.layout.place(robot.rest, rest)
     names = [[robot.model.body(body).name for body in pair] for pair in near_bodies(robot.model, rest)]

@@ -16,10 +16,9 @@ from motiondeck_base.errors import MotiondeckError
 from sim.models.surface import LowestPoint
 from sim.physics.balance import Balance
 from sim.physics.contact_forces import contact_forces
-from sim.physics.falls.fallen import has_fallen
-from sim.physics.falls.recovery import Phase, Recovery
 from sim.physics.physics_model import Alteration, check_root, feet_of, lead_of, physics_model
 from sim.physics.pushes import PUSH_LASTS, PUSHES_TOWARDS, push_force, usual_push
+from sim.physics.recovery import Phase, Recovery, has_fallen
 from sim.physics.simulated_servos import Servos
 from sim.physics.walking.preview import AHEAD
 from sim.physics.walking.senses import Sensors

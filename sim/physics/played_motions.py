@@ -25,8 +25,8 @@ class PlayedMotion:
     Attributes:
         name: "walk", or "walk > jog".
         loop: whether its end continues in its beginning.
-        targets: joint targets as retargeted, shape (T, J), rad.
-        poses: of the human, from which the targets come, length T.
+        targets: retargeted joints, shape (T, J), rad.
+        poses: of the human, length T.
     """
 
     name: str
@@ -41,12 +41,12 @@ class PlayedMotion:
 
 
 def load_sampled_robot(path: Path, skeleton: Skeleton) -> Robot:
-    """Loads a robot that is posed once per sample: its joints may move as far as their limits allow in DT."""
+    """Loads a robot that is posed once per sample, every DT."""
     return load_robot(path, skeleton, dt=DT)
 
 
 def onward(poses: Sequence[Pose]) -> Iterator[Pose]:
-    """The poses of a loop, round after round, each of which begins where and as the last one has ended."""
+    """The poses of an endless loop: each round continues place and heading of the last one."""
     first, last, before = poses[0], poses[-1], poses[-2]
     # One sample more than the loop has is the beginning of the next round.
     turn = float(last.heading + (last.heading - before.heading) - first.heading)
@@ -81,7 +81,7 @@ def poses_at(played: PlayedMotion, tempo: float, tick: float) -> list[Pose]:
 
 
 def _ticks(played: PlayedMotion, tempo: float, tick: float) -> tuple[NDArray[np.int64], Array]:
-    """Which sample comes before each of the K ticks of a loop, and how far the tick is on the way to the next one."""
+    """The sample before each of the K ticks, and the tick's share of the way to the next one."""
     at = np.arange(0.0, len(played.targets) - 1, tick * tempo / DT)
     before = at.astype(np.int64)
     return before, at - before

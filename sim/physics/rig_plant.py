@@ -1,7 +1,6 @@
-"""A robot's body as the mechanism that an emulated rig turns: the servos give torques, MuJoCo moves the joints.
+"""A robot's body as the load of an emulated rig: emulated servos give torques, MuJoCo moves the joints.
 
-So a load, a stall or a fall is felt by the servos: as current, heat, and an angle that is not the goal. Fits
-`hardware.emulator.plant.JointPlant`.
+Load, stall and fall show in the servos as current, heat and missed goals. Fits `hardware.emulator.plant.JointPlant`.
 """
 
 from __future__ import annotations
@@ -20,17 +19,17 @@ _LONGEST_STEP = 0.002  # s
 
 
 class RigPlant:
-    """A robot that nothing drives but torques at some of its hinges; it starts with them at 0.
+    """A robot driven by torques at some of its hinges, which start at 0.
 
     Attributes:
-        model, data: MuJoCo's, to look at and to push.
+        model, data: MuJoCo's.
     """
 
     def __init__(self, robot: Robot, joints: Sequence[str], root: str = "fixed") -> None:
-        """Takes a robot's body.
+        """Prepares the simulation.
 
         Args:
-            robot: whose.
+            robot: the robot.
             joints: the hinges that the rig drives, in its order; others swing freely.
             root: "fixed" in place, or "free" to fall.
 
@@ -57,7 +56,7 @@ class RigPlant:
         mujoco.mj_forward(model, self.data)
 
     def advance(self, torques: Array, seconds: float) -> tuple[Array, Array]:
-        """Lets time pass under torques (J,), N·m; angles (J,), rad, and velocities (J,), rad/s, then."""
+        """Advances time under torques (J,), N·m; returns angles (J,), rad, and velocities (J,), rad/s."""
         self.data.qfrc_applied[self._velocities] = torques
         steps = int(np.ceil(seconds / _LONGEST_STEP - 1e-9))
         if steps:

@@ -1,4 +1,4 @@
-"""The servos of a simulated robot at work: their limits, play and delay in each step, and what they have drawn."""
+"""Simulated servos: torque limits, backlash and latency in each step, and statistics of load."""
 
 from __future__ import annotations
 
@@ -10,22 +10,17 @@ import numpy as np
 from controller.motion.rotations import Array
 from sim.models.servo_motor import ROOM, ServoMotor
 
-# A servo that pushes with this share of its present limit counts as at its limit.
+# Share of the present limit from which a servo counts as at its limit.
 _AT_THE_LIMIT = 0.999
 
-_NOTES = 64  # steps that are noted before they are added to the statistics, all at once
+_NOTES = 64  # steps buffered before the statistics are updated
 
 
 class Servos:
-    """One servo an actuator.
-
-    Args:
-        servo: what each can do.
-        model: whose actuators they are; the ranges of its forces become theirs, step by step.
-        dt: how much time passes between two targets, s.
-    """
+    """One servo an actuator."""
 
     def __init__(self, servo: ServoMotor, model: mujoco.MjModel, dt: float) -> None:
+        """Args: data of each servo; the simulated model, whose force ranges are overwritten; the tick, s."""
         self._servo, self._model = servo, model
         own = model.actuator_forcerange.copy()
         own[~model.actuator_forcelimited.astype(bool)] = (-np.inf, np.inf)
@@ -41,7 +36,7 @@ class Servos:
         self.start()
 
     def start(self) -> None:
-        """Begins anew with cool servos and nothing on the bus."""
+        """Resets: cool servos, nothing on the bus."""
         joints = self._model.nu
         self._on_the_bus: deque[Array] = deque(maxlen=self._late + 1)
         self._steps = 0
@@ -51,7 +46,7 @@ class Servos:
         self._forces, self._ranges = np.empty((_NOTES, joints)), np.empty((_NOTES, joints, 2))
 
     def delayed(self, goal: Array) -> Array:
-        """The goal that arrives at the servos when this one is sent, `latency` later; the first ones arrive at once."""
+        """The goal sent `latency` ago; the first ones arrive at once."""
         self._on_the_bus.append(goal.copy())
         return self._on_the_bus[0]
 
@@ -66,7 +61,7 @@ class Servos:
             data.ctrl -= np.minimum(np.maximum(error, -half), half)  # within the play there is no error
 
     def note(self, data: mujoco.MjData) -> None:
-        """Notes the torques of the last step for the statistics."""
+        """Buffers the torques of the last step."""
         self._forces[self._noted], self._ranges[self._noted] = data.actuator_force, self._model.actuator_forcerange
         self._noted += 1
         self._steps += 1
@@ -74,7 +69,7 @@ class Servos:
             self._add_notes()
 
     def _add_notes(self) -> None:
-        """Adds the steps that are noted to the statistics."""
+        """Adds the buffered steps to the statistics."""
         force = self._forces[: self._noted]
         low, high = (_AT_THE_LIMIT * self._ranges[: self._noted, :, end] for end in (0, 1))
         torque = np.abs(force)
@@ -84,7 +79,7 @@ class Servos:
         self._noted = 0
 
     def report(self) -> dict[str, object]:
-        """The load of the servos, for the report."""
+        """Statistics of load."""
         self._add_notes()
         servo, steps = self._servo, max(self._steps, 1)
         square = np.square(servo.drawn(np.sqrt(self._square / steps)))  # A^2, the mean of each servo

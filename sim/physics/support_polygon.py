@@ -1,4 +1,4 @@
-"""Support: the polygon that a body stands on, and how far inside it a point lies."""
+"""Support polygon of a standing body, and the margin of a point inside it."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Walk trials: how far a robot gets on its own feet with a played motion, under pushes from all sides."""
+"""Walk trials: a robot walks a played motion under pushes from all sides."""
 
 from __future__ import annotations
 
@@ -14,26 +14,25 @@ from controller.motion.posture import Pose
 from controller.motion.rotations import Array
 from sim.models.kinematic_tree import path_to
 from sim.models.walk_settings import WalkSettings
-from sim.physics.physics_model import feet_of
+from sim.physics.physics_model import Alteration, feet_of
 from sim.physics.playback import PhysicsPlayback
 from sim.physics.pushes import PUSH_LASTS, push_force
-from sim.physics.walk_conditions import AS_MODELLED, CONDITIONS, Condition
 from sim.physics.walking.preview import AHEAD
+from sim.physics.walking.senses import Sensors
 from sim.robots.robot import DT, Robot
 from sim.robots.target_limiter import Limiter
 
-PERIOD = 5.0  # s from one push to the next
-# Of a push from behind, the right, the front and the left each comes in turn.
-SIDES = 4
+PERIOD = 5.0  # s from push to push
+SIDES = 4  # one after another: behind, right, front, left
 
 
 @dataclass(frozen=True)
 class Course:
-    """A motion as a robot is told to move by it, K ticks of DT.
+    """The commands of a motion, K ticks of DT.
 
     Attributes:
         targets: after the safety envelope, shape (K, J), rad.
-        roots: where the root is put, shape (K, 7), m.
+        roots: position and quaternion of the root, shape (K, 7), m.
         headings: of the motion, shape (K,), rad.
     """
 
@@ -49,14 +48,13 @@ class Course:
 
 @dataclass(frozen=True)
 class Trial:
-    """How a robot walked.
+    """Result of one trial.
 
     Attributes:
-        stood_s: when it fell, or the whole length of the course, s.
-        asked_m, walked_m: how far the motion went, and the robot.
-        upper_deg, legs_deg: how far the joints were from the motion, root mean square over joints and time; legs, and
-            all others.
-        tick_us: what a tick cost with the simulation, at the median.
+        stood_s: time until the fall, or of the whole course, s.
+        asked_m, walked_m: distance of the motion and of the robot.
+        upper_deg, legs_deg: joint error, root mean square over joints and time, of the upper body and the legs.
+        tick_us: median time of a tick, simulation included.
     """
 
     stood_s: float
@@ -68,7 +66,7 @@ class Trial:
 
 
 def play_course(robot: Robot, play: Callable[[float], tuple[Array, Pose]], seconds: float, limiter: Limiter) -> Course:
-    """Plays a motion for a robot without simulating it; `play` gives targets and pose of the next dt seconds."""
+    """Records a motion without simulating it; `play` gives targets and pose of the next dt seconds."""
     limits, limited = robot.limits, limiter(robot.limits, DT)
     qpos = robot.model.qpos0.copy()
     rows: list[tuple[Array, Array, float]] = []
@@ -85,9 +83,9 @@ def play_course(robot: Robot, play: Callable[[float], tuple[Array, Pose]], secon
 
 
 def pushes(impulse: float, seed: int) -> Callable[[float], Array]:
-    """The force (3,), N, on the root at a time, s: pushes of an impulse, N s, in turn from four sides.
+    """The force (3,), N, on the root over time, s: pushes of an impulse, N s, from one side after another.
 
-    The first one comes from behind with seed 0, from any side and at any time with others.
+    The first one comes from behind with seed 0, at a random time from a random side with others.
     """
     random = np.random.default_rng(seed)
     first, late = (random.uniform(0.0, 2.0 * np.pi), random.uniform(0.0, 0.5 * PERIOD)) if seed else (0.0, 0.0)
@@ -111,19 +109,21 @@ def walk_trial(
     course: Course,
     force: Callable[[float], Array] = unpushed,
     settings: WalkSettings | None = None,
-    condition: Condition = CONDITIONS[AS_MODELLED],
+    *,
+    sensors: Sensors | None = None,
+    alter: Alteration | None = None,
 ) -> Trial:
-    """Walks a course until its end or a fall, under a force (3,) on the root, N, by the time, s.
+    """Walks a course until its end or a fall.
 
     Args:
-        robot: which.
-        course: what it is told.
-        force: such as `pushes` gives.
-        settings: how it walks, if not as the robot's own say.
-        condition: what differs from its model.
+        robot: the robot.
+        course: targets and roots to play.
+        force: on the root, shape (3,), N, over time, s, such as `pushes` gives.
+        settings: in place of the robot's own walk settings.
+        sensors, alter: as of `PhysicsPlayback`.
     """
-    body = condition.applied(robot if settings is None else replace(robot, walk=settings))
-    stage = PhysicsPlayback(body, DT, "free", walk=True, sensors=condition.sensors, alter=condition.alter)
+    body = robot if settings is None else replace(robot, walk=settings)
+    stage = PhysicsPlayback(body, DT, "free", walk=True, sensors=sensors, alter=alter)
     lag, legs = round(AHEAD / DT), _legs(robot)
     costs: list[float] = []
     square = np.zeros(len(robot.joints))
@@ -142,7 +142,7 @@ def walk_trial(
 
 
 def placed_pose(root: Array, heading: float) -> PlacedPose:
-    """What a robot is given of a pose whose root, position (m) and quaternion, shape (7,), is known."""
+    """A pose with a known root, position (m) and quaternion, shape (7,)."""
     return PlacedPose(root[:3], np.array(heading), root[None, 3:7], root)
 
 

@@ -1,9 +1,8 @@
-"""Walk tuning: finds the settings with which a robot walks farthest without a fall, and stays away from that edge.
+"""Walk tuning: finds the settings with which a robot walks farthest without a fall, with a margin to that edge.
 
-First the settings that shape a step are searched by small random changes, several at a time, at a pace that grows as
-long as the robot stands: share, longest and fastest times the pace. Then the edge is narrowed down: the quickest pace
-at which the robot stands in every trial. The settings that are kept go at EDGE of it, and are judged under pushes that
-nothing was chosen by.
+Random search over the settings of a step, at a pace (a factor of share, longest and fastest) that grows as long as the
+robot stands; then bisection for the quickest pace at which it stands in every trial. The result walks at EDGE of that
+pace and is judged under pushes that the search did not use.
 """
 
 from __future__ import annotations
@@ -18,9 +17,9 @@ from sim.models.walk_settings import WalkSettings
 from sim.physics.walk_trial import Trial
 
 EDGE = 0.85
-"""The share of the quickest pace that is kept."""
+"""Share of the quickest pace in the result."""
 
-# What changes with the pace, and what is searched, with the least and most that it may be.
+# The settings that scale with the pace, and the searched ones with their bounds.
 PACE = ("share", "longest", "fastest")
 SEARCHED = {
     "slowest": (1.5, 3.5),
@@ -38,25 +37,25 @@ SEARCHED = {
     "toe": (0.05, 0.6),
     "heel": (0.02, 0.3),
 }
-# So many settings are tried at a time, whatever the number of processes: what is found does not depend on it.
+# Candidates a round, independent of the number of processes, so that the result is too.
 TOGETHER = 4
-# By how much settings are changed at first, and how that grows where one of them was better and shrinks where none was.
+# First relative change of a setting, its growth after a success and its decay after none.
 CHANGE, MORE, LESS = 0.15, 1.4, 0.75
-# The pace grows by so much when it stood, and the edge is looked for up to so many times the pace, this often.
+# Growth of the pace while the robot stands; upper bound and rounds of the bisection.
 QUICKER, FARTHEST, NARROWED = 1.1, 1.3, 2
-# From here on count the seeds of pushes that settings are judged by, and not chosen.
+# First seed of the pushes that judge the result.
 FRESH = 1000
 
 
 @dataclass(frozen=True)
 class Tuned:
-    """What was found.
+    """Result of a tuning.
 
     Attributes:
-        settings: that are kept.
-        edge: the quickest pace at which it stood in every trial, relative to what the search found; 0 if it fell at
-            every pace, and then the settings are not slowed down.
-        walked: how far it went with the settings that are kept on each course, under pushes of seeds from FRESH on, m.
+        settings: the settings.
+        edge: the quickest pace at which it stood in every trial, relative to the search's; 0 if it fell at every
+            pace, and then the settings are not slowed down.
+        walked: distance on each course, under pushes of seeds from FRESH on, m.
         stood: whether it stood on all of them.
     """
 
@@ -67,12 +66,12 @@ class Tuned:
 
 
 def paced(settings: WalkSettings, pace: float) -> WalkSettings:
-    """The same settings for steps that are longer by a factor."""
+    """Settings at another pace."""
     return msgspec.structs.replace(settings, **{name: pace * getattr(settings, name) for name in PACE})
 
 
 def changed(settings: WalkSettings, change: float, random: np.random.Generator) -> WalkSettings:
-    """Settings nearby: each one that is searched changes by about this share of itself."""
+    """Settings nearby: each searched one changes by about this share of itself."""
     new = {}
     for name, (least, most) in SEARCHED.items():
         factor = np.exp(change * random.standard_normal())
@@ -81,25 +80,25 @@ def changed(settings: WalkSettings, change: float, random: np.random.Generator) 
 
 
 Walks = Callable[[Sequence[WalkSettings], int], Sequence[Sequence[Trial]]]
-"""Walks all courses with each of some settings, with pushes of a seed for each course, from a first seed on."""
+"""Trials of each of some settings on all courses; the seeds of the pushes count from a first one."""
 
 
 def steps(rounds: int) -> int:
-    """How often `tune_walk` says how it stands."""
+    """The number of progress reports of `tune_walk`."""
     return -(-rounds // TOGETHER) + NARROWED + 1
 
 
 def tune_walk(
-    start: WalkSettings, walks: Walks, seconds: float, rounds: int, told: Callable[[str], object], seed: int = 0
+    start: WalkSettings, walks: Walks, seconds: float, rounds: int, progress: Callable[[str], object], seed: int = 0
 ) -> Tuned:
     """Tunes a robot on courses under pushes.
 
     Args:
-        start: what the search begins with.
-        walks: walks the courses.
+        start: the first settings.
+        walks: runs trials.
         seconds: the length of all courses together.
-        rounds: how many settings are tried.
-        told: is told how it stands, after each of the `steps`.
+        rounds: the number of candidates.
+        progress: receives a line after each of the `steps`.
         seed: of the search.
     """
 
@@ -118,20 +117,20 @@ def tune_walk(
         change = min(change * (MORE if better else LESS), 2.0 * CHANGE)
         if better:
             best, score = tried[quickest], found[quickest]
-        told(f"stands {score[0]:.0%}, {score[1]:.1f} m")
+        progress(f"stands {score[0]:.0%}, {score[1]:.1f} m")
     low, high = 0.0, FARTHEST
     for _ in range(NARROWED):
         paces = np.linspace(low, high, TOGETHER + 2)
         stands = [score[0] == 1.0 for score in scores([paced(best, float(pace)) for pace in paces[1:-1]])]
         slower = stands.index(False) if False in stands else TOGETHER
         low, high = float(paces[slower]), float(paces[slower + 1])
-        told(f"edge at {low:.2f} to {high:.2f}")
+        progress(f"edge at {low:.2f} to {high:.2f}")
     kept = paced(best, EDGE * low) if low > 0.0 else best
     trials = walks([kept], FRESH)[0]
-    told("done")
+    progress("done")
     return Tuned(kept, low, tuple(trial.walked_m for trial in trials), _score(trials, seconds)[0] == 1.0)
 
 
 def _score(trials: Sequence[Trial], seconds: float) -> tuple[float, float]:
-    """The share of the time in which it stood, and how far it went, m: the more the better, in this order."""
+    """Share of the time standing, and distance, m: compared in this order."""
     return sum(trial.stood_s for trial in trials) / seconds, sum(trial.walked_m for trial in trials)

@@ -1,1 +1,1 @@
-"""Poses of a human carried onto the joints of a robot."""
+"""Retargeting: from human poses to a robot's joints and root."""

@@ -1,14 +1,13 @@
-"""Arms of three servos: pitch, roll and elbow that bring upper arm and forearm as close as they can be to a human's.
+"""Arms of three servos: pitch, roll and elbow that best match the directions of a human's upper arm and forearm.
 
     upper arm = Ry(pitch) Rx(roll) (0, 0, -1),   forearm = Ry(pitch) Rx(roll) (sin elbow, 0, -cos elbow)
 
-Three servos cannot give four angles of directions: without a turn about the upper arm, the forearm bends ahead only. So
-wanted are the angles, within their ranges, at which the arms are most alike:
+Three servos cannot give four angles of directions: without a turn about the upper arm, the forearm bends ahead only.
+The angles, within their ranges, maximise
 
-    greatest   upper . Ry(pitch) Rx(roll) (0, 0, -1) + FOREARM fore . Ry(pitch) Rx(roll) (sin elbow, 0, -cos elbow)
+    upper . Ry(pitch) Rx(roll) (0, 0, -1) + FOREARM fore . Ry(pitch) Rx(roll) (sin elbow, 0, -cos elbow)
 
-Each angle in turn has a closed form. Where this ends depends on where it begins: far from the best, other pitches are
-tried.
+One angle after another has a closed form (coordinate ascent); far from the maximum, other pitches are tried.
 """
 
 from __future__ import annotations
@@ -18,12 +17,10 @@ from math import atan2, cos, hypot, pi, sin, sqrt
 
 Vector = Sequence[float]
 
-# How much the forearm counts beside the upper arm, and in how many rounds the angles are found, in a tick and at first.
-FOREARM = 0.7
-ROUNDS, FIRST_ROUNDS = 3, 40
+# Weight of the forearm beside the upper arm; rounds in a tick and at first.
+FOREARM, ROUNDS, FIRST_ROUNDS = 0.7, 3, 40
 UNCERTAIN = 1e-3  # an arm stretched out sideways has no pitch
-# An arm that misses more than this of the greatest likeness is looked at from other pitches; one that misses less than
-# this share of it is better.
+# Missing part of the maximum from which other pitches are tried, and the share of it that is better.
 FAR_OFF, BETTER = 0.1, 0.5
 
 
@@ -35,7 +32,7 @@ class ThreeServoArm:
         self._pitch, self._roll, self._elbow = [(low, high) for low, high in zip(lower, upper, strict=True)]
 
     def first(self, upper: Vector, fore: Vector) -> tuple[float, float, float]:
-        """As `fit`, from the plane that the arm bends in: that which faces ahead along Ry(pitch) (1, 0, 0)."""
+        """As `fit`, from the plane of the bent arm, which faces ahead along Ry(pitch) (1, 0, 0)."""
         (x, y, z), (fx, fy, fz) = upper, fore
         along = x * fx + y * fy + z * fz
         pitch = atan2(-x - FOREARM * (fz - along * z), -z + FOREARM * (fx - along * x))
@@ -44,7 +41,7 @@ class ThreeServoArm:
     def fit(
         self, upper: Vector, fore: Vector, pitch: float, elbow: float, rounds: int = ROUNDS
     ) -> tuple[float, float, float]:
-        """The pitch that fits best near another one, how certain it is, 0 to 1, and an elbow for it."""
+        """The best pitch near another one, its certainty, 0 to 1, and the elbow for it."""
         (x, _, z), (fx, _, fz) = upper, fore
         certain = 0.0
         for _ in range(rounds):
@@ -60,7 +57,7 @@ class ThreeServoArm:
         return pitch, certain, elbow
 
     def at_pitch(self, upper: Vector, fore: Vector, pitch: float, elbow: float) -> tuple[float, float]:
-        """The roll, for this elbow, and then the elbow that fit best at a pitch."""
+        """The best roll at a pitch and elbow, and then the best elbow."""
         (x, y, z), (fx, fy, fz) = upper, fore
         c, s = cos(pitch), sin(pitch)
         up, fore_ahead, fore_up = s * x + c * z, c * fx - s * fz, s * fx + c * fz
@@ -72,7 +69,7 @@ class ThreeServoArm:
         return roll, min(max(elbow, self._elbow[0]), self._elbow[1])
 
     def elsewhere(self, upper: Vector, fore: Vector, pitch: float, elbow: float) -> float | None:
-        """Another pitch, within its range, for an arm that is far off at this one, if it is much better there."""
+        """A much better pitch within its range, for an arm that is far off at this one, or None."""
         missing = self._missing(upper, fore, pitch, elbow)
         if missing < FAR_OFF:
             return None
@@ -86,7 +83,7 @@ class ThreeServoArm:
         return found
 
     def _missing(self, upper: Vector, fore: Vector, pitch: float, elbow: float) -> float:
-        """How much of the greatest likeness is missing at a pitch."""
+        """The missing part of the maximum at a pitch."""
         roll, elbow = self.at_pitch(upper, fore, pitch, elbow)
         (x, y, z), (fx, fy, fz) = upper, fore
         c, s = cos(pitch), sin(pitch)

@@ -1,8 +1,8 @@
-"""Flat feet: how far the foot bones of a human slope down where the soles stand flat on the floor.
+"""Flat feet: slope of a human's foot bones while the soles are flat on the floor.
 
 Skeletons differ: a foot bone ends at the ball, at the toes, or somewhere above them, and slopes by 0.04 to 0.7 rad on
-feet that stand flat. Taken for the same, one human would walk on the heels and another on tiptoe. So the slope is seen
-while a foot stands, and soles that stand flat for the human do so for the robot.
+flat feet. With one slope for all, one human would walk on the heels and another on tiptoe. So it is measured while a
+foot stands, and soles that are flat for the human are flat for the robot.
 """
 
 from __future__ import annotations
@@ -17,13 +17,11 @@ from controller.motion.rest_pose import FOOT_SLOPE
 from controller.motion.rotations import Array
 from sim.retargeting.human_limbs import LIMBS
 
-# How fast a foot that stands with more, or with less, of a slope changes what counts as flat, s: on tiptoe people stand
-# for moments only.
+# Time constants of the slope towards larger and smaller ones, s: people stand on tiptoe for moments only.
 RISES, SINKS = 1.0, 0.2
 STEEPEST = 1.0  # rad
-# In lengths of the leg a second: of a foot that stands flat, ankle and ball are slower than this.
-STILL = 0.15
-ENOUGH = 3  # frames of standing that tell the slope
+# Speed of ankle and ball below which a foot stands flat, lengths of the leg a second, and frames of standing needed.
+STILL, ENOUGH = 0.15, 3
 
 _FEET = ((LIMBS.index("r_shank"), LIMBS.index("r_foot")), (LIMBS.index("l_shank"), LIMBS.index("l_foot")))
 
@@ -46,7 +44,7 @@ class FlatFeet:
         self._rises, self._sinks = 1.0 - exp(-dt / RISES), 1.0 - exp(-dt / SINKS)
 
     def stood(self, foot: int, slope: float) -> None:
-        """A foot (0: right, 1: left) stands, ankle and ball, with its bone sloping down by so much, rad."""
+        """Adds the slope, rad, of a foot (0: right, 1: left) that stands."""
         more = slope - self.slope[foot]
         self.slope[foot] += (self._rises if more > 0.0 else self._sinks) * more
         self.slope[foot] = min(max(self.slope[foot], -STEEPEST), STEEPEST)
@@ -77,7 +75,7 @@ class FlatFeet:
         return turned
 
     def learn(self, clip: Clip) -> None:
-        """Takes the slopes that the feet of a recording have while they stand; those of feet that never do stay."""
+        """Takes the slopes of a recording's standing feet; a foot that never stands keeps its slope."""
         parts, joints = anatomy(clip.skeleton), clip.joints()
         if len(clip) < 2:
             return

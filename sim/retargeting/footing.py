@@ -1,12 +1,11 @@
-"""Footing: where the root of a robot goes so that its feet stand where they stand, neither in the floor nor above it.
+"""Footing: places the root of a robot so that standing feet stay in place, on the floor.
 
-A robot with other proportions than the human's slides and floats if its root just takes the human's path. Here
+A robot with other proportions slides and floats along the human's path. So
 
-- the lowest point of its soles is as high above the floor as that of the human's soles, to scale, and nothing of it is
-  ever below the floor: no fixed offset;
-- what stands stays where it is: the root goes back by as much as the touching points of the robot's skin would have
-  gone on. Those of a foot count as far as the human's heel or ball is still and low, and most where its whole sole is.
-  Where nothing touches, or slides on purpose, the root takes the human's way, to scale.
+- the height of its lowest sole is that of the human's, to scale, and nothing is ever below the floor;
+- the root moves against the displacement of the touching points of the robot's skin. Those of a foot count as far as
+  the human's heel or ball is still and low, and most for a still sole. Where nothing touches, or slides on purpose, the
+  root follows the human's path, to scale.
 """
 
 from __future__ import annotations
@@ -24,13 +23,11 @@ from sim.models.upright_pelvis import UPRIGHT, UprightPelvis
 from sim.retargeting.flat_feet import FlatFeet
 from sim.retargeting.human_stance import HumanStance
 
-# In lengths of the leg: how close to the floor a point of the skin touches it.
-TOUCHES = 0.006
-# So many times as high as that a point counts no more.
-CLOSE = 3.0
-# Hands and knees, whose stillness is not looked at, count as much as a foot of such a share.
+# Height of a touching point of the skin, lengths of the leg, and the multiple of it from which a point is ignored.
+TOUCHES, CLOSE = 0.006, 3.0
+# Weight of hands and knees, whose stillness is not measured, as the share of a standing foot.
 OTHERS = 0.2
-NOWHERE = -1e9  # the radius of what fills up the rows of soles with fewer points, m
+NOWHERE = -1e9  # radius of padding points in the rows of soles, m
 
 
 class Footing:
@@ -45,13 +42,13 @@ class Footing:
         scale: float,
         pelvis: UprightPelvis | None = None,
     ) -> None:
-        """Looks at the robot's skin.
+        """Prepares the robot's skin.
 
         Args:
-            stance: of the human whose poses will come, shared with who poses the robot's joints.
+            stance: of the human, shared with the retargeter.
             model: the robot.
-            feet: the bodies that are its right and left foot; none for a robot without feet.
-            root_rotation: of the root body while the robot stands upright and faces x, shape (4,).
+            feet: its right and left foot, if any.
+            root_rotation: of the root body that stands upright and faces x, shape (4,).
             scale: the robot's size over the human's.
             pelvis: of a robot whose root is above its waist.
         """
@@ -71,7 +68,7 @@ class Footing:
         sides = {body: side for side, foot in enumerate(feet) for body in below(model, foot)}
         sides = {body: side for body, side in sides.items() if (surface.body == body).any()}
         self._feet_known = len(set(sides.values())) == 2 == self.stance.feet
-        if not self._feet_known:  # then whatever is lowest stands
+        if not self._feet_known:  # then the lowest body stands
             sides = dict.fromkeys(sides or map(int, np.unique(surface.body)), 0)
         self._bodies, self._side = np.array([*sides], np.int64), np.array([*sides.values()], np.int64)
         self._side_of_row = [*sides.values()]
@@ -83,7 +80,7 @@ class Footing:
             mine = np.flatnonzero(surface.body == body)
             self._points[row, :, : len(mine)] = surface.centre[mine].T
             self._radius[row, : len(mine)] = surface.radius[mine]
-        # The rest of the skin is looked at only where it comes close to the floor.
+        # The rest of the skin counts only close to the floor.
         self._other = surface.part(np.setdiff1d(surface.body, self._bodies))
         self._other_solids = np.flatnonzero(~np.isin(self._lowest.body, self._bodies))
 
@@ -93,21 +90,17 @@ class Footing:
         return self.stance.flat
 
     def reset(self, dt: float | None = None) -> None:
-        """Forgets where it was, and the human's feet: the next pose stands where the human stands.
-
-        Args:
-            dt: seconds from one pose to the next from now on; by default as before.
-        """
+        """Resets place and stance: the next pose stands where the human stands; poses are dt seconds apart."""
         self.stance.reset(dt)
         self._human: tuple[float, float] | None = None
         self._root = (0.0, 0.0)
 
     def place(self, pose: Pose, qpos: Array) -> None:
-        """Writes the root's position and rotation into qpos (nq,), whose joints are in place already."""
+        """Writes the root's position and rotation into qpos (nq,), whose joints are placed."""
         human = pose.rotation[0]
         qpos[3:7] = human if self._turned is None else _product(human.tolist(), self._turned)
         if len(pose.rotation) == 1:
-            # Of a run recorded by version 1 only the human's root is known: the robot goes along its path.
+            # Runs recorded by version 1 have the human's root only.
             qpos[:3] = self._scale * pose.root_position
             return
         stance, data = self.stance, self._data
@@ -158,7 +151,7 @@ class Footing:
         qpos[0], qpos[1], qpos[2] = *self._root, height
 
     def _others_gone(self, bounds: Array, height: float) -> tuple[float, float, float, float] | None:
-        """What of the other skin touches: how far it has gone, times its weight, x and y; its weight; how close."""
+        """The touching rest of the skin: displacement times weight, x and y; weight; largest contact; or None."""
         if (
             not len(self._other_solids)
             or np.minimum.reduce(bounds.take(self._other_solids)) + height > CLOSE * self._touches

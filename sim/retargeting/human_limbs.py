@@ -1,7 +1,7 @@
-"""Limbs: where the limbs of a human point, as the trunk sees them: all that a robot with limbs is posed by.
+"""Directions of a human's limbs in the frame of the trunk: the input of retargeting.
 
-Arms and head are seen from the chest, legs from the pelvis (the root), the chest from the pelvis: a robot without a
-waist then still holds its arms to its own trunk as the human does.
+Arms and head are seen from the chest, legs and chest from the pelvis (the root): a robot without a waist then holds its
+arms to its trunk as the human does.
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ from controller.motion.rotations import Array, conjugate, multiply
 from controller.motion.skeleton import ROOT, Skeleton
 from motiondeck_base.errors import FileFormatError
 
-# The rows of what a view returns; the last four are axes of head and chest.
+# The rows of a view; the last four are axes of head and chest.
 LIMBS = (
     "r_upper_arm",
     "r_forearm",
@@ -39,13 +39,10 @@ SIGN = np.array([[1.0, 1.0, 1.0, 1.0], [-1.0, 1.0, 1.0, -1.0], [-1.0, -1.0, 1.0,
 
 
 class LimbView:
-    """Sees the limbs of one skeleton.
+    """Directions of one skeleton's limbs; FileFormatError, with its name, if a limb is missing.
 
     Attributes:
         length: of the limbs, shape (14,), m; 1 for the axes of head and chest.
-
-    Raises:
-        FileFormatError: if the skeleton lacks a limb; it names the limb.
     """
 
     def __init__(self, skeleton: Skeleton) -> None:
@@ -69,7 +66,7 @@ class LimbView:
         seen_from = [chest] * len(arms) + [ROOT] * len(legs) + [chest, chest, ROOT, ROOT]
         vector = [*skeleton.rest_direction[[*arms, *legs]], AHEAD, LEFT, AHEAD, LEFT]
         self.length = np.concatenate([skeleton.length[[*arms, *legs]], np.ones(4)])
-        # Where the entries of the quaternions, and of their matrices, are in a pose's rotations laid out flat.
+        # Indices of the quaternions' entries, and of their matrices', in a pose's flat rotations.
         self._quaternions = (4 * (np.array(bones) + 1)[:, None] + np.arange(4))[:, :, None]
         self._entries = 4 * (np.array(seen_from) + 1)[:, None, None] + ENTRY
         self._turn = np.stack([turning(v) for v in vector])
@@ -83,7 +80,7 @@ class LimbView:
 
 
 def up_of(pose: Pose) -> tuple[float, float, float]:
-    """The vertical as the root sees it."""
+    """The vertical in the frame of the root."""
     w, x, y, z = pose.rotation[0].tolist()
     return 2.0 * (x * z - w * y), 2.0 * (y * z + w * x), 1.0 - 2.0 * (x * x + y * y)
 

@@ -1,50 +1,114 @@
-"""The stance of a human: how still heel and ball of each foot are, which feet stand, and how high they are lifted.
+"""The stance of a human: soles, their stillness, which feet stand, and how high they are lifted.
 
 The floor of the human is where its still foot is, because recordings stand a few centimetres off and even drift.
 """
 
 from __future__ import annotations
 
-from math import dist, exp, hypot
+from collections.abc import Sequence
+from dataclasses import dataclass
+from math import atan2, cos, dist, exp, hypot, sin
 
+import numpy as np
+
+from controller.motion.anatomy import anatomy
 from controller.motion.posture import Pose
+from controller.motion.rest_pose import FOOT_SLOPE
 from controller.motion.skeleton import Skeleton
 from sim.retargeting.flat_feet import FlatFeet
-from sim.retargeting.human_soles import Sole, Soles
+from sim.retargeting.human_limbs import turning
 
-# In lengths of the leg: how far a sole may seem to be off the floor and still stand on it.
-STANDS = 0.02
-# Lengths of the leg a second: heel or ball is still below the first; a foot stands flat whose ankle and ball are slower
-# than the second.
+Point = tuple[float, float, float]
+
+HEEL = 1.25 * cos(FOOT_SLOPE)  # lengths of the foot bone from the ball back to the heel
+
+
+@dataclass(slots=True)
+class Sole:
+    """One foot: heel, ball and ankle, x, y, z in m; downward slope of its bone, rad; height of its lowest point, m."""
+
+    heel: Point
+    ball: Point
+    ankle: Point
+    slope: float
+    lowest: float
+
+
+class Soles:
+    """Finds the soles of one skeleton; without feet it stands on its lowest joint."""
+
+    def __init__(self, skeleton: Skeleton) -> None:
+        self._skeleton = skeleton
+        parts = anatomy(skeleton)
+        feet = [foot for side in ("right", "left") if (foot := parts.first("foot", side)) is not None]
+        self.count = len(feet)
+        if not feet:
+            return
+        # The bones from the root to the toes; balls and foot bones are linear in the products of their quaternions.
+        on_way = np.flatnonzero(skeleton.chain[feet].any(axis=0))
+        offset = (skeleton.rest_direction * skeleton.length[:, None])[on_way]
+        self._rows = (4 * (on_way + 1)[:, None] + np.arange(4)).ravel()
+        turn = np.stack([turning(v) for v in offset])  # (B, 16, 3)
+        ball = skeleton.chain[feet][:, on_way, None, None] * turn
+        own = (on_way == np.array(feet)[:, None])[:, :, None, None] * turn
+        self._turn = (
+            np.concatenate([ball, own], axis=3).reshape(len(feet), -1, 6).transpose(1, 0, 2).reshape(-1, 6 * len(feet))
+        )
+        self._back = (HEEL * skeleton.length[feet]).tolist()
+
+    def __call__(self, pose: Pose, flat: Sequence[float]) -> list[Sole]:
+        """The right and the left sole, for the slopes of flat feet, rad; without feet one without length."""
+        if not self.count:
+            joints = self._skeleton.joints(pose.root_position, pose.rotation)
+            x, y, z = joints[np.argmin(joints[:, 2])].tolist()
+            return [Sole((x, y, z), (x, y, z), (x, y, z), 0.0, z)]
+        q = pose.rotation.ravel().take(self._rows).reshape(-1, 4)
+        numbers = ((q[:, :, None] * q[:, None, :]).ravel() @ self._turn).tolist()
+        rx, ry, rz = pose.root_position.tolist()
+        found = []
+        for foot, (back, even) in enumerate(zip(self._back, flat, strict=False)):
+            bx, by, bz, fx, fy, fz = numbers[6 * foot : 6 * foot + 6]
+            x, y, z = rx + bx, ry + by, rz + bz
+            # On a flat foot heel and ball are level.
+            level = hypot(fx, fy)
+            slope = atan2(-fz, level)
+            along = back * cos(slope - even) / level if level > 1e-9 else 0.0
+            heel = (x - along * fx, y - along * fy, z + back * sin(slope - even))
+            found.append(Sole(heel, (x, y, z), (x - fx, y - fy, z - fz), slope, min(heel[2], z)))
+        return found
+
+
+# Heights of a sole that still stands, and of a still foot above the other one that hardly does, lengths of the leg.
+STANDS, NEAR = 0.02, 0.05
+# Speeds below which heel or ball is still, and ankle and ball of a flat foot are, lengths of the leg a second.
 STILL, FLAT = 0.4, 0.15
-NEAR = 0.05  # lengths of the leg above the other foot: so high a still foot hardly stands
-# So much a foot holds that rolls, where the other one stands on its whole sole.
+# Weight of a rolling foot beside one that stands on its whole sole.
 ROLLING = 0.1
-# So fast the floor follows a foot upwards, 1/s, that has been still for so long, s: at the top of a leap it is still
-# for a moment. Down it follows any foot at once.
+# Rate, 1/s, at which the floor follows a foot upwards that is still for some time, s: the top of a leap is still for a
+# moment. Down it follows at once.
 FOLLOWS, SURE = 60.0, 0.08
-TELEPORT = 0.3  # lengths of the leg in one tick: nobody walked there
+TELEPORT = 0.3  # lengths of the leg in one tick: a cut, not a step
 
 
 class HumanStance:
-    """Watches the feet of one human, pose by pose.
+    """Follows the feet of one human, pose by pose.
 
     Attributes:
-        feet: how many the skeleton has, 2 or 0; of one without feet the lowest joint is watched as if it were one.
-        leg: length of the human's, m.
-        flat: the slopes that the feet have while they stand flat.
-        begun: whether the human appeared in the last pose, or came there as nobody walks.
-        standing: how much each foot stands: 1 if its heel or its ball is still, and low; towards 0 the faster both go.
-        planted: how much each foot stands on its whole sole: its heel and its ball are still.
-        holding: how much what touches under each foot is to stay where it is: as it stands, but a foot that rolls, or
-            turns on its ball, holds little while the other one stands on its whole sole.
-        rolled: which part of each foot is stiller: 0 its heel, 1 its ball.
-        heights: of that part of each foot, m.
-        raised: how high the lowest sole is above the floor, m.
+        feet: their number, 2 or 0; without feet the lowest joint counts as one.
+        leg: its length, m.
+        flat: the slopes of flat feet.
+        begun: whether the last pose was the first, or after a cut.
+        standing: of each foot: 1 if heel or ball is still and low, towards 0 the faster both are.
+        planted: the same for heel and ball.
+        holding: weight of each foot's contact: as standing, but little for a foot that rolls, or turns on its ball,
+            while the other one stands on its whole sole.
+        rolled: the stiller part of each foot: 0 heel, 1 ball.
+        heights: of that part, m.
+        raised: height of the lowest sole above the floor, m.
     """
 
     def __init__(self, skeleton: Skeleton, dt: float) -> None:
-        """Args: whose poses will come, and the seconds from one to the next."""
+        """Args: the human's skeleton, and the seconds from pose to pose."""
         self._soles = Soles(skeleton)
         self.feet, self.leg = self._soles.count, max(skeleton.leg_length, 1e-3)
         self.flat = FlatFeet(dt)
@@ -52,35 +116,30 @@ class HumanStance:
         self.reset()
 
     def reset(self, dt: float | None = None) -> None:
-        """Forgets the human; from now on poses are dt seconds apart, by default as before."""
+        """Resets; poses are dt seconds apart from now on, by default as before."""
         self._dt = dt or self._dt
         self.flat.reset(self._dt)
         self._pose: Pose | None = None
-        self._askers: list[str] = []
+        self._users: list[str] = []
         self._before: list[Sole] | None = None
         self._at = (0.0, 0.0)
         self._floor = self._still_for = 0.0
 
-    def __call__(self, pose: Pose, asker: str) -> None:
-        """Looks at the next pose; a pose that two askers have in turn is one moment.
-
-        Args:
-            pose: of the human.
-            asker: who asks: the same one asks once a moment.
-        """
-        if pose is self._pose and asker not in self._askers:
-            self._askers.append(asker)
+    def __call__(self, pose: Pose, user: str) -> None:
+        """Adds the next pose; calls of several users with one pose count once, each user calls once a pose."""
+        if pose is self._pose and user not in self._users:
+            self._users.append(user)
             return
-        self._pose, self._askers = pose, [asker]
+        self._pose, self._users = pose, [user]
         soles = self._soles(pose, self.flat.slope)
         x, y = pose.root_position[:2].tolist()
         self.begun = self._before is None or hypot(x - self._at[0], y - self._at[1]) > TELEPORT * self.leg
         if self.begun or self._before is None:
             self._floor, self._before = min([sole.lowest for sole in soles]), soles
-        self._look(soles, self._before)
+        self._update(soles, self._before)
         self._before, self._at = soles, (x, y)
 
-    def _look(self, soles: list[Sole], before: list[Sole]) -> None:
+    def _update(self, soles: list[Sole], before: list[Sole]) -> None:
         slow, flat_below = STILL * self.leg * self._dt, FLAT * self.leg * self._dt
         still, flat, self.rolled, self.heights = [], [], [], []
         for foot, (now, then) in enumerate(zip(soles, before, strict=True)):

@@ -1,16 +1,16 @@
-"""Inverse kinematics: joint angles at which a robot's limbs lie as a human's do, by a small quadratic programme a tick.
+"""Inverse kinematics: joint angles that match a human's limbs, by a small quadratic programme a tick.
 
-Each limb is a vector v_k(q) between two points of the robot, and has a goal g_k: the human's directions at the lengths
-of the robot's own segments, so that what a human can do is in reach of a robot with as many joints. One step solves
+Each limb is a vector v_k(q) between two points of the robot, and its goal g_k has the human's directions and the
+lengths of the robot's segments. One step solves
 
     min over dq   sum_k w_k^2 |g_k - v_k - J_k dq|^2 + p |q + dq - rest|^2 + d |dq|^2
     such that     lower <= q + dq <= upper,   |q + dq - q_before| <= velocity * dt
 
 (Gauss-Newton, damped; the inequalities as in Kanoun et al. 2011) with the solver DAQP (Arnström et al. 2022). Steps
-start from the last answer and no joint goes faster than it may, so the answer never jumps to another branch. Feet that
-stand have goals of their own: the vector between them, and where their toes point (`planted_feet`). So has the plane in
-which an arm bends: an upper arm that cannot follow would else turn about itself for a little gain, and its elbow would
-be on the wrong side when the arm bends more.
+start from the last answer and keep to the joints' speeds, so the answer never jumps to another branch. Standing feet
+have goals for the vector between them and for their toes (`planted_feet`). The plane of a bent arm is a goal too: an
+upper arm that cannot follow would else twist for a small gain, and put the elbow on the wrong side when the arm bends
+more.
 """
 
 from __future__ import annotations
@@ -33,35 +33,30 @@ from sim.retargeting.robot_limbs import RobotLimbs
 from sim.retargeting.robot_parts import SIDES
 from sim.retargeting.stuck_limbs import StuckLimbs
 
-# How much a vector counts that is as long as a leg. A hand may be where it should be on an arm that is the mirror image
-# of the human's, so both segments of an arm count as much as the whole, and each by its angle, however short it is.
+# Weights of vectors as long as a leg. A hand may be in place on a mirrored arm, so both segments of an arm count as
+# much as the whole, and each by its angle, however short it is.
 WEIGHT = {"leg": 2.5, "thigh": 2.0, "arm": 2.0, "upper_arm": 2.0, "forearm": 2.0, "head": 1.5, "chest": 3.0}
-# A sole must be level where the human's is. Where its toes point is shared with the plane of the knee: few robots can
-# turn a foot in its ankle. Nor do ankles tilt as far as a human's on tiptoe: the shank would lean for it, so the more
-# the human's sole is tilted the less it counts, down to this share.
+# Soles are level with the human's. Toes share their direction with the plane of the knee: few ankles turn a foot. Nor
+# do they tilt as far as on tiptoe: the weight falls with the tilt of the human's sole, down to this share.
 WEIGHT |= {"foot_up": 2.5, "foot_ahead": 0.4}
 TIPTOE = 0.2
-# Of feet that stand: how far they are apart along the floor, how much higher one is, and, besides, where toes point.
+# Weights of standing feet: distance along the floor, difference of height, additional weight of the toes.
 APART, HIGHER, TURNED = 5.0, 3.0, 3.0
-# The plane in which an arm bends, times the sine of the human's bend: a straight arm has none.
+# The plane of an arm, times the sine of the human's bend: a straight arm has none.
 WEIGHT |= {PLANE: 4.0}
 WEIGHT |= {"upper_arm_start": 2.0, "thigh_start": 2.0}
-# What it costs a joint to be 1 rad away from rest, or to move by 1 rad in a step.
+# Weights of 1 rad away from rest, and of 1 rad in a step.
 POSTURE = 3e-4
 DAMPING = 3e-3
 
-# A tick takes one step, and another one if a joint went this far in the first, rad.
+# A tick has a second step if a joint went this far in the first one, rad.
 FAR, STEPS = 0.1, 2
-FIRST_STEPS, FIRST_REACH = 60, 0.3  # on the way to the first pose: at most so many, each joint by at most so much, rad
+FIRST_STEPS, FIRST_REACH = 60, 0.3  # to the first pose: largest number of steps, and of rad in each
 SETTLED = 1e-4  # rad
 
 
 class InverseKinematics:
-    """Carries the poses of one skeleton to the joints of one robot, as a retargeter.
-
-    Attributes:
-        solver: what does it.
-    """
+    """The retargeter from one skeleton to one robot by its `solver`."""
 
     def __init__(
         self,
@@ -72,7 +67,7 @@ class InverseKinematics:
         dt: float,
         stance: HumanStance | None = None,
     ) -> None:
-        """As for the solver, for a skeleton whose feet stand as `stance` says; FileFormatError if it lacks a limb."""
+        """As of `LimbSolver`, for a skeleton with its stance; FileFormatError if it lacks a limb."""
         self._view, self._stance = LimbView(skeleton), stance
         self.solver = LimbSolver(limbs, limits, rest, dt)
         self._planted = None
@@ -81,7 +76,7 @@ class InverseKinematics:
             self._planted = PlantedFeet(stance, limbs, limbs.reach["r_leg"] / leg, dt)
 
     def reset(self) -> None:
-        """Forgets the last pose."""
+        """Resets the last pose."""
         self.solver.reset()
         if self._planted is not None:
             self._planted.reset()
@@ -98,20 +93,20 @@ class InverseKinematics:
 
 
 class LimbSolver:
-    """Finds the joint angles of one robot for limbs that point this way and that.
+    """Joint angles of one robot for directions of its limbs.
 
     Attributes:
-        names: the goals, length K.
+        names: of the goals, length K.
     """
 
     def __init__(self, limbs: RobotLimbs, limits: JointLimits, rest: Array, dt: float) -> None:
         """Prepares the goals.
 
         Args:
-            limbs: those of the robot.
-            limits: of the robot's N joints.
-            rest: where the joints go that no goal needs, shape (N,), rad.
-            dt: seconds from one pose to the next; bounds how far a joint may go meanwhile.
+            limbs: of the robot.
+            limits: of its N joints.
+            rest: of joints that no goal needs, shape (N,), rad.
+            dt: seconds from pose to pose.
         """
         self._goals = Goals(limbs)
         self._limbs, self._limits, self._rest = limbs, limits, rest
@@ -129,7 +124,7 @@ class LimbSolver:
         self._toes = [k for k, kind in enumerate(kinds) if kind == "foot_ahead"]
         self._soles = [k for k, kind in enumerate(kinds) if kind == "foot_up"]
         self._hold = np.zeros((3, 3))
-        # Arms and head are held to the chest: what turns the chest takes their goals along, so it is no way to them.
+        # Goals of arms and head turn with the chest, so joints of the chest do not count for them.
         along = np.outer(self._goals.with_chest, limbs.turns_chest)
         self._slope = self._weight[:, :, None] * ~along[:, None, :]
         self._no_rows = np.zeros((0, len(rest)))
@@ -139,7 +134,7 @@ class LimbSolver:
         self.reset()
 
     def reset(self) -> None:
-        """Forgets the last pose: the next one is reached from rest, however far it is, before it is answered."""
+        """Resets: the next pose is reached from rest within one call."""
         self._q = np.clip(self._rest, self._limits.lower, self._limits.upper)
         self._started = False
         self._stuck.reset()
@@ -149,9 +144,9 @@ class LimbSolver:
         """Targets (N,), rad.
 
         Args:
-            directions: where the limbs are to point, shape (14, 3), seen from the root.
-            up: the vertical, shape (3,), seen from the root.
-            planted: feet that are to stay where they are.
+            directions: of the limbs, shape (14, 3), in the frame of the root.
+            up: the vertical, shape (3,), in the frame of the root.
+            planted: feet to keep in place.
         """
         lower, upper = self._limits.lower, self._limits.upper
         goals, q = self._goals(directions, up), self._q
@@ -190,7 +185,7 @@ class LimbSolver:
         return self._q
 
     def _plant(self, planted: PlantedFeet, goals: Array) -> None:
-        """Sets the goals, and what they count, of feet that stand."""
+        """Sets goals and weights of standing feet."""
         goals[-1] = planted.between
         weights = np.array([APART * planted.apart, APART * planted.apart, HIGHER * planted.higher])
         self._hold = (weights / self._longest)[:, None] * planted.root
@@ -199,7 +194,7 @@ class LimbSolver:
             self._weight[row] = self._slope[row] = (WEIGHT["foot_ahead"] + TURNED * share) / self._longest
 
     def shortfall(self) -> dict[str, dict[str, float]]:
-        """How far the goals were missed since the last reset: root mean square and worst, m, by the goal's name."""
+        """Error of each goal since the last reset: root mean square and worst, m, by its name."""
         rms = np.sqrt(self._square / max(self._count, 1))
         return {
             name: {"rms_m": float(rms[k]), "worst_m": float(np.sqrt(self._worst[k]))}
@@ -237,12 +232,12 @@ class LimbSolver:
 
 
 class Goals:
-    """What the vectors of a robot should be for the limbs of a human.
+    """Goals of a robot's vectors for the limbs of a human.
 
     Attributes:
-        with_chest: which of them turn with the chest, shape (K,).
-        planes: which of them are across the plane of an arm.
-        bent: how far the human's arms of these are bent at the last call, as the sine, an array.
+        with_chest: whether they turn with the chest, shape (K,).
+        planes: the indices of normals to the plane of an arm.
+        bent: sine of the human's bend of these arms at the last call.
     """
 
     def __init__(self, limbs: RobotLimbs) -> None:
@@ -295,13 +290,13 @@ class Goals:
 def sole(thigh: Array, shank: Array, foot: Array, up: Array) -> Array:
     """The axes of the sole, ahead and up, shape (2, 3), for directions of the leg and the vertical (3,).
 
-    Sideways the sole is kept level as far as the leg stands, and follows the leg as it lies.
+    Sideways it is level under a standing leg, and follows a lying one.
     """
     tx, ty, tz = thigh.tolist()
     sx, sy, sz = shank.tolist()
     fx, fy, fz = foot.tolist()
     ux, uy, uz = up.tolist()
-    # Two planes tell which way a leg faces: that of the bent knee and that of the foot; both contain the shank.
+    # A leg faces across the plane of its bent knee and that of its foot; both contain the shank.
     upright = max(-(sx * ux + sy * uy + sz * uz), 0.0) ** 2
     ax, ay, az = 2.0 * tx + fx, 2.0 * ty + fy, 2.0 * tz + fz
     lying = 1.0 - upright + 1e-6

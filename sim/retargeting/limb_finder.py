@@ -1,7 +1,4 @@
-"""Finds the limbs of a robot as vectors between points of its bodies.
-
-Thigh, whole leg, upper arm, forearm and whole arm are such vectors, and so are the axes of feet, head and chest.
-"""
+"""Finds a robot's limbs as vectors between points of its bodies: segments, limbs, axes of feet, head and chest."""
 
 from __future__ import annotations
 
@@ -22,13 +19,13 @@ from sim.retargeting.human_limbs import AHEAD, LEFT
 from sim.retargeting.robot_parts import SIDES
 
 FEET = "feet"
-"""The vector from the right sole to the left one, the last of all: no limb, but what keeps feet where they stand."""
+"""The last vector, from the right sole to the left one: keeps standing feet in place."""
 PLANE = "arm_plane"
-"""The vector across the plane of a bent arm, such as "r_arm_plane": about it the elbow folds."""
-BALL = 0.75  # of the length of a sole from its heel on
+"""The normal of a bent arm's plane, such as "r_arm_plane": the elbow folds about it."""
+BALL = 0.75  # of the length of a sole, from its heel
 CARRIED = 0.5  # lengths of the limb above the knee or elbow
-BALL_HINGES = 3  # so many turn a limb as a ball would
-STEEPEST_SOLE = 0.5  # rad: what slopes more than this at rest is no sole
+BALL_HINGES = 3  # turn a limb like a ball joint
+STEEPEST_SOLE = 0.5  # largest slope of a sole at rest, rad
 
 
 @dataclass(frozen=True)
@@ -36,10 +33,9 @@ class Vectors:
     """K vectors, each from a point of one body to a point of another (or the same).
 
     Attributes:
-        names: what each is, such as "r_leg", length K.
-        rest: what each is when every joint is at zero, shape (K, 3), m.
-        body: of start and end, shape (2, K).
-        point: start and end in the frames of these bodies, shape (2, K, 3), m.
+        names: such as "r_leg", length K.
+        rest: the vectors with all joints at zero, shape (K, 3), m.
+        body, point: bodies of start and end, shape (2, K), and their points in these frames, shape (2, K, 3), m.
         length: shape (K,), m.
     """
 
@@ -60,17 +56,10 @@ class Measured:
 
 
 class LimbFinder:
-    """Finds the limbs of a robot that stands straight.
-
-    Args:
-        path: the robot file, for errors.
-        model: the robot.
-        data: its state while its pelvis is upright and faces x.
-        parts: its parts, each with its body.
-        surface: its skin.
+    """Finds the limbs of a robot that stands straight, its pelvis facing x.
 
     Attributes:
-        reach: length of the legs and arms when stretched, by name ("r_leg"), m.
+        reach: length of the stretched legs and arms, by name ("r_leg"), m.
         segments: thighs, shanks, upper arms and forearms by name ("r_thigh").
         sole_ends: heel and ball of each foot in its own frame, shape (2, 2, 3), m; empty without two feet.
     """
@@ -87,17 +76,12 @@ class LimbFinder:
         self._points: list[tuple[Array, Array]] = []
 
     def find(self) -> Vectors:
-        """All vectors.
-
-        Raises:
-            FileFormatError: if a limb has no joint where it needs one, or nothing tells where it ends.
-        """
+        """All vectors; FileFormatError if a limb lacks a necessary joint, or its end is unknown."""
         leg = 0.0
         for side in SIDES:
             leg = max(leg, self._limb(side, "thigh", "shank", "foot", "leg"))
             if f"{side}_upper_arm" in self._parts and f"{side}_forearm" in self._parts:
                 self._limb(side, "upper_arm", "forearm", "hand", "arm")
-        # An axis counts as much as a limb as long as its vector.
         size = 0.3 * leg
         for side in SIDES:
             if f"{side}_foot" in self._parts:
@@ -119,7 +103,7 @@ class LimbFinder:
 
     @property
     def _axes(self) -> list[str]:
-        """The parts whose axes are vectors; a chest that turns with the pelvis has none of its own."""
+        """The parts with axes among the vectors: the chest only above a waist."""
         above = (set(joints_above(self._model, self._parts[part])) for part in ("chest", "pelvis"))
         waist = set.symmetric_difference(*above)
         return [part for part in ("head", "chest") if part in self._parts and (part == "head" or waist)]
@@ -131,16 +115,16 @@ class LimbFinder:
         self._points.append((self._local(*start), self._local(*end)))
 
     def _add_axis(self, name: str, body: int, axis: Array) -> None:
-        """Adds a vector of one body from its own place."""
+        """Adds an axis of a body."""
         at = self._data.xpos[body]
         self._add(name, (body, at), (body, at + axis))
 
     def _limb(self, side: str, first: str, second: str, third: str, whole: str) -> float:
-        """Adds a limb's upper part, the limb as a whole and an arm's lower part; returns its length when stretched."""
+        """Adds a limb's upper part, the whole limb and an arm's lower part; returns the stretched length."""
         base = self._parts["chest" if whole == "arm" else "pelvis"]
         lower, end = self._parts[f"{side}_{second}"], self._parts.get(f"{side}_{third}")
         knee_joint = self._knee(self._parts[f"{side}_{first}"], lower)
-        # Between the hip and the knee it is one segment: the body above the knee, with what turns it along itself.
+        # The upper segment is the body above the knee, below the hinges that twist it.
         upper = int(self._model.body_parentid[self._model.jnt_bodyid[knee_joint]])
         hips = [joint for joint in hinges_between(self._model, base, upper) if joint != knee_joint]
         if not hips:
@@ -158,8 +142,7 @@ class LimbFinder:
         bent = int(self._model.jnt_bodyid[knee_joint])
         if whole == "arm":
             self._add(f"{side}_{second}", (bent, knee), (tip_body, tip))
-        # What a joint far from it carries along (a clavicle's), the beginning of the limb, is to stay where it is, but
-        # only where the others are enough to point the limb anywhere.
+        # A distant joint (a clavicle's) shall not carry the limb's start along, if the other joints point it anywhere.
         far = CARRIED * float(np.linalg.norm(knee - start))
         carry = [joint for joint in hips if self._lever(joint, start) > far]
         if carry and len(hips) - len(carry) >= BALL_HINGES:
@@ -174,14 +157,11 @@ class LimbFinder:
         return sum(lengths)
 
     def _lever(self, joint: int, point: Array) -> float:
-        """How far a point (3,) is from a joint's axis, m."""
+        """Distance of a point (3,) from a joint's axis, m."""
         return float(np.linalg.norm(np.cross(self._data.xaxis[joint], point - self._data.xanchor[joint])))
 
     def _knee(self, upper: int, lower: int) -> int:
-        """The last hinge across the limb on the way from its upper segment to the body that its knee moves.
-
-        Of several at one body it is the one that turns farthest: beside a knee, a shank may lean aside a little.
-        """
+        """The last hinge across the limb from its upper segment to its knee's body; of several the widest range."""
         way = hinges_between(self._model, upper, lower)
         if not way:
             raise self._no_hinge(lower)
@@ -196,7 +176,7 @@ class LimbFinder:
         return max((j for j in across if body[j] == body[across[0]]), key=lambda j: ranges[j], default=way[0])
 
     def _ankle(self, lower: int, end: int, knee: Array, upper: float) -> int:
-        """The first hinge across the limb on the way from its lower segment to its end."""
+        """The first hinge across the limb from its lower segment to its end."""
         way = hinges_between(self._model, lower, end)
         if not way:
             raise self._no_hinge(end)
@@ -208,7 +188,7 @@ class LimbFinder:
         return FileFormatError(f"{self._path}: parts: there is no hinge joint at body '{name}'; name the body it moves")
 
     def _tip(self, body: int, start: Array) -> Array:
-        """The end of a limb without a hand: the point of its surface, or else the body, farthest from its joint."""
+        """The end of a limb without a hand: the point of its surface, or body, farthest from its joint."""
         mine = below(self._model, body)
         points = self._surface.part(np.array(mine)).positions(self._data)
         if not len(points):
@@ -223,7 +203,7 @@ class LimbFinder:
         return start + float(((points - start) @ direction).max()) * direction
 
     def _sole(self, side: str) -> tuple[Array, Array]:
-        """Which way a foot points, level when it stands flat, and which way is up for it, at rest."""
+        """Axes of a flat foot at rest, ahead and up."""
         shank, foot = self._parts[f"{side}_shank"], self._parts[f"{side}_foot"]
         knee = self._data.xanchor[self._knee(self._parts[f"{side}_thigh"], shank)]
         ankle = self._data.xanchor[self._ankle(shank, foot, knee, 0.0)]
@@ -245,7 +225,7 @@ class LimbFinder:
         return ahead, np.cross(ahead, left)
 
     def _sole_ends(self, side: str) -> Array:
-        """Where heel and ball of a foot touch the floor at rest, shape (2, 3), m."""
+        """Heel and ball of a foot on the floor at rest, shape (2, 3), m."""
         foot = self._parts[f"{side}_foot"]
         mine = self._surface.part(np.array(below(self._model, foot)))
         points = mine.positions(self._data)

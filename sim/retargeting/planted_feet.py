@@ -1,9 +1,8 @@
-"""Planted feet: two feet that stand keep their distance, and a foot that stands on its sole does not turn.
+"""Planted feet: two standing feet keep their distance, and a foot on its sole does not turn.
 
-Legs of other proportions that point as the human's do bring feet that stand together, or apart: then one of them
-slides, wherever the root goes. So while both stand, the vector from one sole to the other is held as it was when they
-began to, and so is the way that a sole points which stands flat. What is held goes along with the robot as far as the
-human's foot does not stand, so that nothing jumps where a foot is put down or lifted.
+Legs of other proportions in the human's directions move standing feet together or apart, so that one slides wherever
+the root goes. So while both stand, the vector between the soles is held, and so is the direction of a flat sole. As far
+as the human's foot does not stand, the held values follow the robot, without a jump when a foot is put down or lifted.
 """
 
 from __future__ import annotations
@@ -19,13 +18,13 @@ from sim.retargeting.limb_finder import FEET
 from sim.retargeting.robot_limbs import RobotLimbs
 from sim.retargeting.robot_parts import SIDES
 
-# How soon a foot that stands is held, and let go, s; how soon what is held goes along with a foot that does not stand.
+# Time constants of holding and releasing a foot, and of held values that follow the robot, s.
 SETTLES, GOES_ALONG = 0.03, 0.01
-# The way that a sole points is let go more slowly, s: let go at once, it would turn before the foot has left the floor.
+# Time constant of releasing a sole's direction, s: at once, it would turn before the foot has left the floor.
 TURNS = 0.2
-# A foot that stands by more than this is held in full; by less than this, not at all.
+# Standing above which a foot is held in full, and below which not at all.
 SURE, DOUBTFUL = 0.6, 0.2
-# A foot is to be as high above the other one as the human's while it is near the floor: in lengths of the leg.
+# Height near the floor in which the difference of the feet's heights is the human's, lengths of the leg.
 LOW = 0.1
 
 
@@ -33,16 +32,14 @@ class PlantedFeet:
     """Holds the feet of one robot while the human's stand.
 
     Attributes:
-        root: the rotation of the root, shape (3, 3).
-        between: from the right sole to the left one, seen from the root, shape (3,), m.
-        apart: how much its part along the floor is held, 0 to 1.
-        higher: how much its height is: both feet are to be as high above the floor as the human's, to scale.
-        ahead: which way the soles point, seen from the root, shape (2, 3), m.
-        turned: how much each of these is held, shape (2,).
+        root: rotation of the root, shape (3, 3).
+        between: from the right sole to the left one, in the frame of the root, shape (3,), m.
+        apart, higher: weights of its parts along the floor and upwards, 0 to 1.
+        ahead, turned: directions of the soles in the frame of the root, shape (2, 3), m, and their weights, shape (2,).
     """
 
     def __init__(self, stance: HumanStance, limbs: RobotLimbs, scale: float, dt: float) -> None:
-        """Args: the human's stance, the robot's limbs, its size over the human's, seconds from one pose to the next."""
+        """Args: the human's stance; the robot's limbs; its size over the human's; seconds from pose to pose."""
         self._stance, self._limbs, self._scale = stance, limbs, scale
         names = limbs.vectors.names
         self._rows = [names.index(name) for name in (FEET, *(f"{side}_foot_ahead" for side in SIDES))]
@@ -57,7 +54,7 @@ class PlantedFeet:
         self._shares, self.higher = np.zeros(3), 0.0
 
     def __call__(self, pose: Pose, q: Array) -> None:
-        """What to hold in the next pose, for a robot whose joints (N,) are still at q, rad."""
+        """Updates the held values for the next pose and the last joints q (N,), rad."""
         stance, limbs = self._stance, self._limbs
         if stance.begun:
             self.reset()
@@ -70,7 +67,7 @@ class PlantedFeet:
         if not self._begun:
             self._held = now
         else:
-            # From heel to ball the foot stands on another part, and stays where it is.
+            # From heel to ball the foot stands on another part, in the same place.
             self._held[0] += self.root @ (vectors[0] - before)
             shares = _certain(np.array([min(stance.standing), *stance.planted]))
             more = shares - self._shares
@@ -87,6 +84,6 @@ class PlantedFeet:
 
 
 def _certain(shares: Array) -> Array:
-    """Shares that are full from SURE on, and nothing below DOUBTFUL."""
+    """Smoothstep of shares from DOUBTFUL to SURE."""
     x = np.clip((shares - DOUBTFUL) / (SURE - DOUBTFUL), 0.0, 1.0)
     return x * x * (3.0 - 2.0 * x)

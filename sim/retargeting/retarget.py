@@ -1,7 +1,6 @@
-"""Retargeting: carries the pose of a human skeleton to the joints of a robot, one call a tick.
+"""Retargeting: from the pose of a human skeleton to the joints of a robot, one call a tick.
 
-Both retargeters remember their last answer, so that where several answers are right they give the one next to it;
-`reset()` forgets it.
+Both retargeters continue from their last answer where several are right; `reset()` clears it.
 """
 
 from __future__ import annotations
@@ -31,16 +30,14 @@ SERVO_HUMANOID_JOINTS = (
 )
 ARMS: tuple[int, int] = (2, 5)  # where the angles of the right and the left arm begin
 
-# An angle may move this many times as far as the bones that lead it ...
-GAIN = 4.0
-# ... and settle this fast besides, rad/s.
-SETTLE = 4.0
-# So far a ball joint is followed past a half turn, rad, before it is brought back by a whole one.
+# Largest motion of an angle over that of its bones, and its largest additional rate, rad/s.
+GAIN, SETTLE = 4.0, 4.0
+# Largest angle of a ball joint past a half turn, rad, before it is unwound.
 FURTHEST = 1.3 * pi
 ROUNDING = 1e-9  # rad
-CLOSE = 0.05  # rad: an arm so close to another pitch has gone over to it
-PAUSE = 0.04  # s: so often at most an arm that is far off is looked at from other pitches
-# So far past the end of its range, rad, a joint waits for its goal to come back before it goes the other way round.
+CLOSE = 0.05  # rad from another pitch at which an arm has arrived there
+PAUSE = 0.04  # s between trials of other pitches
+# Distance of a goal past the end of a range, rad, at which the joint goes the other way round.
 WAIT = 0.6
 
 
@@ -61,7 +58,7 @@ class MannequinRetargeter:
         relative = np.matmul(from_parent, pose.rotation[1:, :, None])[:, :, 0]
         shortest = to_rotation_vector(relative)
         wound = nearest_turn(shortest, self._last)
-        # Wound up so far, a joint is stopped by its limits; once it has got there it would stay there for good.
+        # Wound up this far, a joint would stay at its limits for good.
         far = dot(wound, wound) > FURTHEST**2
         self._last = np.where(far[:, None], shortest, wound)
         return self._last.reshape(-1)
@@ -70,9 +67,9 @@ class MannequinRetargeter:
 class ServoHumanoidRetargeter:
     """A pose as the angles of a humanoid with two servos at each shoulder, one at each elbow and six in each leg.
 
-    Arms are seen from the chest, legs from the pelvis; all angles are closed forms of bone directions. Where a
-    direction says little about an angle (the pitch of an arm held out sideways, say), the angle may move at most GAIN
-    times as far as the bones of its limb did, so that it never jumps; elsewhere the bound is out of its way.
+    Arms are seen from the chest, legs from the pelvis; all angles are closed forms of bone directions. Near a
+    singularity (the pitch of an arm held out sideways) an angle moves at most GAIN times as far as the bones of its
+    limb, so that it never jumps.
     """
 
     def __init__(
@@ -86,16 +83,16 @@ class ServoHumanoidRetargeter:
         flat: FlatFeet | None = None,
         dt: float = 0.005,
     ) -> None:
-        """Finds the limbs, and the joints that turn as these angles do.
+        """Finds the limbs and the joints of the angles.
 
         Args:
-            skeleton: whose poses will come.
+            skeleton: of the poses.
             joints: the robot's J joints.
             lower, upper: their ranges, shape (J,), rad.
-            angles: which of SERVO_HUMANOID_JOINTS is which joint; none where they have the same names.
-            rest: where the joints stay that none of the angles is, shape (J,), rad; by default zero.
-            flat: the slopes of the human's feet; none for feet that slope by FOOT_SLOPE when they are flat.
-            dt: seconds from one pose to the next.
+            angles: SERVO_HUMANOID_JOINTS to joints; None if the names are the same.
+            rest: positions of other joints, shape (J,), rad; by default zero.
+            flat: the slopes of the human's feet; by default FOOT_SLOPE.
+            dt: seconds from pose to pose.
 
         Raises:
             FileFormatError: if the skeleton lacks a limb, or no angles are given and the robot has other joints.
@@ -123,19 +120,18 @@ class ServoHumanoidRetargeter:
         low, high = np.zeros(len(SERVO_HUMANOID_JOINTS)), np.zeros(len(SERVO_HUMANOID_JOINTS))
         low[self._angle], high[self._angle] = ends.min(axis=0), ends.max(axis=0)
         self._limbs = LimbAngles(low, high, dt)
-        # A robot whose joints are these angles, one by one, gets them as they are.
         self._same = len(joints) == len(low) == len(angles) and all(
             angles.get(name) == Angle(joint) for name, joint in zip(SERVO_HUMANOID_JOINTS, joints, strict=True)
         )
         self._targets = np.zeros(len(joints)) if rest is None else rest.copy()
 
     def reset(self) -> None:
-        """Forgets the last pose: the next one is taken as it comes."""
+        """Resets: the next pose is taken without a bound."""
         self._limbs.reset()
 
     @property
     def beyond(self) -> int:
-        """How many goals lay outside their joint's range since the last reset, one a joint and pose."""
+        """Number of goals outside their joint's range since the last reset."""
         return self._limbs.beyond
 
     def __call__(self, pose: Pose) -> Array:
@@ -151,21 +147,17 @@ class ServoHumanoidRetargeter:
 
 
 class LimbAngles:
-    """The angles of SERVO_HUMANOID_JOINTS in closed form.
-
-    Attributes:
-        beyond: how many goals lay outside their joint's range since the last reset.
-    """
+    """The angles of SERVO_HUMANOID_JOINTS in closed form; `beyond` as of `ServoHumanoidRetargeter`."""
 
     def __init__(self, lower: Array, upper: Array, dt: float) -> None:
-        """Args: their ranges, shape (20,), rad, and the seconds from one pose to the next."""
+        """Args: their ranges, shape (20,), rad; seconds from pose to pose."""
         self._lower, self._upper = lower.tolist(), upper.tolist()
         self._dt, self._settle = dt, SETTLE * dt
         self._arms = {at: ThreeServoArm(self._lower[at : at + 3], self._upper[at : at + 3]) for at in ARMS}
         self.reset()
 
     def reset(self) -> None:
-        """Forgets the last pose: the next one is taken as it comes."""
+        """Resets: the next pose is taken without a bound."""
         self.beyond = 0
         self._direction: Array | None = None
         self._last = [0.0] * len(SERVO_HUMANOID_JOINTS)
@@ -193,7 +185,7 @@ class LimbAngles:
         return angles
 
     def _head(self, angles: list[float], ahead: Vector, moved: float) -> None:
-        """Pan and tilt so that the face looks ahead as the human's does."""
+        """Pan and tilt towards the human's direction of view."""
         x, y, z = ahead
         level = hypot(x, y)
         self._follow(angles, 0, (atan2(y, x), atan2(-z, level)), (moved, moved), (level, 1.0))
@@ -201,7 +193,7 @@ class LimbAngles:
     def _arm(
         self, angles: list[float], joint: int, upper: Vector, fore: Vector, upper_moved: float, moved: float
     ) -> None:
-        """Pitch, roll and elbow; an arm that would be much better at another pitch goes over to it."""
+        """Pitch, roll and elbow; the arm goes over to a much better pitch."""
         arm, most, aim = self._arms[joint], max(upper_moved, moved), self._aims.get(joint)
         if self._started:
             pitch = self._last[joint] if aim is None else aim
@@ -237,14 +229,14 @@ class LimbAngles:
         moved: float,
     ) -> None:
         """Thigh frame (x, y, z) = Rz(yaw) Rx(roll) Ry(pitch), with z up the thigh and y across the leg."""
-        # Two planes tell which way a leg faces: that of the bent knee and that of the foot; both contain the shank.
-        # Written out by components, as this is done for each leg in each tick.
+        # A leg faces across the plane of its bent knee and that of its foot; both contain the shank.
+        # By components, for speed.
         (tx, ty, tz), (sx, sy, sz), (fx, fy, fz), (ux, uy, uz) = thigh, shank, foot, up
         bx, by, bz = ty * sz - tz * sy, tz * sx - tx * sz, tx * sy - ty * sx
         x = 2.0 * bx + fy * sz - fz * sy
         y = 2.0 * by + fz * sx - fx * sz
         z = 2.0 * bz + fx * sy - fy * sx
-        # A straight leg with its toes pointed faces nowhere: then it keeps facing where it did.
+        # A straight leg with pointed toes has no such plane, and keeps its last direction.
         ax, ay, az = self._across[leg]
         faint = max(0.5 - sqrt(x * x + y * y + z * z), 0.0)
         x, y, z = x + faint * ax, y + faint * ay, z + faint * az
@@ -273,13 +265,13 @@ class LimbAngles:
         self._follow(angles, joint + 5, (upright * roll,), (moved,), (1.0,))
 
     def _follow(self, angles: list[float], joint: int, goals: Vector, moved: Vector, certain: Vector) -> None:
-        """Moves angles from `joint` on towards their goals, the near way round, within their ranges and their pace."""
+        """Moves angles from `joint` on towards their goals, the short way round, within range and pace."""
         for goal, fast, sure in zip(goals, moved, certain, strict=True):
             last, lower, upper = self._last[joint], self._lower[joint], self._upper[joint]
             if not -pi <= last - goal <= pi:
                 goal += 2.0 * pi * round((last - goal) / (2.0 * pi))
             if not lower <= goal <= upper:
-                # Past the end of its range a joint waits, but not if the goal can be reached from the other side.
+                # Past the end of its range a joint waits, unless its goal is in reach the other way round.
                 other = goal - 2.0 * pi if goal > upper else goal + 2.0 * pi
                 if (goal > upper + WAIT or goal < lower - WAIT) and lower <= other <= upper:
                     goal = other

@@ -1,7 +1,4 @@
-"""A robot's limbs as vectors between points of its bodies, and how they turn with its joints.
-
-They are seen from the pelvis, which stands upright and faces x; `limb_finder` finds them.
-"""
+"""A robot's limbs as vectors between points of its bodies (`limb_finder`), with Jacobian, seen from the pelvis."""
 
 from __future__ import annotations
 
@@ -28,12 +25,11 @@ class RobotLimbs:
 
     Attributes:
         vectors: its limbs.
-        hinges: the names of the hinges that move them, length N: those that are played, in the order of `joints`.
-        reach: length of the legs and arms when stretched, by name ("r_leg"), m.
+        reach: length of the stretched legs and arms, by name ("r_leg"), m.
         surface: the robot's skin.
         segments: thighs, shanks, upper arms and forearms by name ("r_thigh").
         sole_ends: heel and ball of each foot in its own frame, shape (2, 2, 3), m.
-        turns_chest: which of the N joints move the chest, shape (N,).
+        turns_chest: whether the N joints move the chest, shape (N,).
     """
 
     def __init__(
@@ -44,9 +40,9 @@ class RobotLimbs:
         Args:
             path: the robot file, for errors.
             model: the robot.
-            parts: part to body, as `match` gives them.
-            root_rotation: of the root body while the robot stands upright and faces x, shape (4,).
-            joints: the hinges that are played.
+            parts: part to body.
+            root_rotation: of the root body that stands upright and faces x, shape (4,).
+            joints: the N played hinges.
 
         Raises:
             UnknownNameError: if there is no such part or body.
@@ -72,7 +68,7 @@ class RobotLimbs:
         self._joint = np.array(index, np.int64)
         self._qpos = model.jnt_qposadr[self._joint]
         moves = np.array([np.isin(self._joint, joints_above(model, body)) for body in range(model.nbody)], dtype=float)
-        # What hangs from the root beside the pelvis goes the other way, seen from it.
+        # Seen from the pelvis, its own joints move all other bodies the other way.
         moves -= moves[self._parts["pelvis"]]
         led = {one: (leader, curve) for one, (leader, curve) in followers(model).items() if leader in index}
         self._placed = LedJoints.of(led)
@@ -82,7 +78,6 @@ class RobotLimbs:
         self._moves = moves[self.vectors.body][:, :, None, :]
         self._difference = self._moves[1] - self._moves[0]
         self._cross = np.zeros((3, len(index), 3))
-        # Only those that move a vector, as fingers do not, turn it.
         swung = {
             joint: np.isin(self.vectors.body, hanging).astype(float) - float(self._parts["pelvis"] in hanging)
             for joint in led
@@ -96,7 +91,7 @@ class RobotLimbs:
 
     @property
     def moved(self) -> NDArray[np.bool_]:
-        """Which of the N joints turn or move each of the K vectors, shape (K, N)."""
+        """Whether the N joints move each of the K vectors, shape (K, N)."""
         return np.any(self._moves[:, :, 0] != 0.0, axis=0)
 
     @property
@@ -119,7 +114,7 @@ class RobotLimbs:
         return self._data.xmat[self._parts["chest"]].reshape(3, 3) @ self._chest_at_rest.T
 
     def positions(self) -> Array:
-        """Where the vectors start and end, shape (2, K, 3), m."""
+        """Start and end of the vectors, shape (2, K, 3), m."""
         body = self.vectors.body
         rotation = self._data.xmat[body].reshape(*body.shape, 3, 3)
         return self._data.xpos[body] + np.matmul(rotation, self.vectors.point[..., None])[..., 0]
@@ -131,13 +126,13 @@ class RobotLimbs:
         return there - self._data.xpos[right] - self._data.xmat[right].reshape(3, 3) @ start
 
     def stand_on(self, rolled: Sequence[float]) -> None:
-        """From now on the vector FEET goes from and to this part of each sole: 0 is the heel, 1 the ball."""
+        """Sets the ends of the vector FEET on each sole, from 0, the heel, to 1, the ball."""
         for foot, share in enumerate(rolled):
             heel, ball = self.sole_ends[foot]
             self.vectors.point[foot, -1] = (1.0 - share) * heel + share * ball
 
     def jacobian(self, positions: Array) -> Array:
-        """How the vectors turn with the joints, shape (K, 3, N), m/rad."""
+        """Jacobian of the vectors, shape (K, 3, N), m/rad."""
         axis, anchor = self._data.xaxis[self._joint], self._data.xanchor[self._joint]
         start, end = positions
         # a x p = S_a p for each axis a. A joint moves each end of a vector that hangs below it by a x (end - anchor).
@@ -155,7 +150,7 @@ class RobotLimbs:
         return turn
 
     def _turn_of_followers(self, start: Array, end: Array) -> Array:
-        """How the vectors turn with each joint that follows, per turn of its leader, shape (F, K, 3), m/rad."""
+        """Jacobian of the vectors for each following joint, by its leader, shape (F, K, 3), m/rad."""
         follower = self._swung.follower
         axis, anchor = self._data.xaxis[follower, None], self._data.xanchor[follower, None]
         at_start, at_end = self._swung_moves.transpose(1, 0, 2)[..., None]
@@ -166,7 +161,7 @@ class RobotLimbs:
 
 
 def limb_directions(limbs: RobotLimbs) -> Array:
-    """Where a robot's limbs point, as LimbView says it of a human's, shape (14, 3); zero for those it does not have."""
+    """Directions of a robot's limbs, as of LimbView, shape (14, 3); zero for missing limbs."""
     start, end = limbs.positions()
     vector = dict(zip(limbs.vectors.names, end - start, strict=True))
     chest = limbs.chest_rotation()

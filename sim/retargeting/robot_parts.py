@@ -1,4 +1,4 @@
-"""The parts of a robot: what a robot file says which of its bodies are thighs, shanks, feet and so on."""
+"""The parts of a robot: its bodies by the names of a robot file's table [parts]."""
 
 from __future__ import annotations
 
@@ -19,16 +19,11 @@ PARTS = (
 
 
 def bodies_of_parts(path: Path, model: mujoco.MjModel, parts: Mapping[str, str]) -> dict[str, int]:
-    """The body of each part; a robot without a waist has its chest in the pelvis.
-
-    Args:
-        path: the robot file, for errors.
-        model: the robot.
-        parts: part to body, as the robot file names them.
+    """The body of each part of a robot file (`path`, for errors); without a waist the chest is the pelvis.
 
     Raises:
         UnknownNameError: if there is no such part or body.
-        FileFormatError: if a part is missing that every robot needs.
+        FileFormatError: if a necessary part is missing.
     """
     names = [model.body(index).name for index in range(1, model.nbody)]
     found: dict[str, int] = {}

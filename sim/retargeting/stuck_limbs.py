@@ -1,9 +1,8 @@
 """Stuck limbs: a second solution, started from rest, for limbs that small steps do not bring to their goals.
 
-Steps of least squares end where any small step is a loss, and a limb that a joint's range stops there stays there,
-though the goal is in reach by another way: an arm that swung behind the back, say. While a limb is far off, a scout
-follows the same goals from rest, unseen and without limits of speed. If it gets much closer, the limb's own joints go
-over to it as fast as they may.
+Least squares may end in a local minimum at a joint's limit, though the goal is in reach by another way: an arm behind
+the back, say. While a limb is far off, a second solution (the scout) follows the same goals from rest, without limits
+of speed. If it gets much closer, the limb's joints go over to it at full speed.
 """
 
 from __future__ import annotations
@@ -16,10 +15,10 @@ from numpy.typing import NDArray
 from controller.motion.rotations import Array
 from sim.retargeting.limb_finder import FEET
 
-# A limb is far off if one of its vectors misses its goal by this share of its length; a scout that misses by half of
-# what the limb does is better.
+# Error of a vector from which its limb is far off, as a share of its length, and the scout's relative error to take
+# over.
 FAR, BETTER = 0.4, 0.5
-# Steps of the scout in a second, and in how many of them it must find a better way; the seconds until another looks.
+# Steps of the scout a second, their largest number, and the pause until the next scout, s.
 STEP_RATE, LOOKS, PAUSE = 400.0, 20, 0.25
 SETTLED, THERE = 0.02, 0.02  # rad
 
@@ -28,16 +27,16 @@ Advance = Callable[[Array, Array, Array, Array], tuple[Array, Array]]
 
 
 class StuckLimbs:
-    """Watches the limbs of one robot and leads those that are stuck out.
+    """Leads stuck limbs of one robot to a second solution.
 
     Attributes:
-        crossing: the joints that are on their way to another solution, shape (N,).
+        crossing: whether the joints are on their way to it, shape (N,).
     """
 
     def __init__(
         self, names: Sequence[str], moved: NDArray[np.bool_], length: Array, rest: Array, advance: Advance, dt: float
     ) -> None:
-        """Args: the K vectors, which of the N joints move each (K, N), their lengths, the rest pose, one step, tick."""
+        """Args: K vectors, the N joints that move them (K, N), their lengths, the rest pose, the step, the tick."""
         self._rest, self._advance = rest, advance
         self._far, self._pause = np.square(FAR * length), round(PAUSE / dt)
         self._steps = max(round(STEP_RATE * dt), 1)
@@ -55,7 +54,7 @@ class StuckLimbs:
         self.reset()
 
     def reset(self) -> None:
-        """Forgets what it saw."""
+        """Drops the scout."""
         self.crossing = np.zeros(len(self._rest), dtype=bool)
         self._scout: Array | None = None
         self._looked = self._waiting = 0
@@ -63,14 +62,14 @@ class StuckLimbs:
     def __call__(
         self, q: Array, missed: Array, goals: Array, low: Array, high: Array, lowest: Array, highest: Array
     ) -> Array:
-        """The joints (N,), rad, with those of a stuck limb a step of their way further.
+        """The joints (N,), rad, with those of a stuck limb one step on their way.
 
         Args:
             q: the joints after this tick's steps, shape (N,).
-            missed: how far the goals were missed, squared, shape (K,), m^2.
+            missed: squared errors, shape (K,), m^2.
             goals: the goals, shape (K, 3).
             low, high: the joints' range, shape (N,).
-            lowest, highest: where the joints may be after this tick, shape (N,).
+            lowest, highest: bounds of this tick, shape (N,).
         """
         if self._scout is None:
             self._waiting -= 1

@@ -1,7 +1,7 @@
-"""Symmetric poses: a human who bends both legs alike and both arms alike, as who falls or gets up does.
+"""Symmetric poses for falling and rising: both legs alike, both arms alike.
 
-Of the poses tried on servo20, TUCKED lowers the speeds and forces of trunk, head and arms in falls to all sides
-together: legs that are bent further let the trunk hit the floor harder, arms at the sides leave it to the head.
+Of the poses tried on servo20, TUCKED gave the lowest speeds and forces of trunk, head and arms in falls to all sides:
+with more bent legs the trunk hits the floor harder, with arms at the sides the head does.
 """
 
 from __future__ import annotations
@@ -18,15 +18,7 @@ from controller.motion.skeleton import ROOT, Skeleton
 
 
 class Bends(NamedTuple):
-    """How far joints are bent from a body that stands straight with hanging arms, rad.
-
-    Attributes:
-        hip: thighs are raised forwards.
-        knee: bent.
-        ankle: toes are raised towards the shanks.
-        shoulder: upper arms are raised forwards.
-        elbow: bent.
-    """
+    """Bends from a straight body with hanging arms, rad: thighs and upper arms forwards, toes towards the shanks."""
 
     hip: float
     knee: float
@@ -42,7 +34,7 @@ TUCKED = Bends(hip=1.6, knee=1.2, ankle=0.0, shoulder=0.9, elbow=2.2)
 def symmetric_pose(skeleton: Skeleton, bends: Bends) -> Pose:
     """The pose, with an upright trunk at the height of a standing root, heading along x."""
     shank, forearm = bends.hip - bends.knee, bends.shoulder + bends.elbow
-    # How far limbs are raised forwards from where they point straight down; a foot points straight ahead.
+    # Angles forwards from straight down.
     raised: dict[Part, float] = {
         "thigh": bends.hip,
         "shank": shank,

@@ -1,1 +1,1 @@
-"""A robot as the deck uses it, its calibration, and how well it does what the human did."""
+"""A robot as the deck uses it, its calibration, and the fidelity of its motions."""

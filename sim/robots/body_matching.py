@@ -1,16 +1,17 @@
-"""Matching: which body of any robot is the left shank, from the tree of its bodies and the axes of its hinges.
+"""Matching: the parts of any robot's body, from the tree of its bodies and the axes of its hinges.
 
-Looked at is the robot as its file has it (every joint at zero), whichever way it faces and whichever axis is up:
+With every joint at zero, for any heading and any axis up:
 
-- Two limbs of hinges that stand on the floor, point down and part near the root are the legs; where they part is the
-  pelvis. Which is the left one follows from their names, where they differ by left and right; otherwise the soles stick
-  out ahead, or without ankles the knees do as they bend.
-- Of the rest, what reaches farthest to either side is an arm, and what reaches highest near the middle is the head.
-- Where they bend and end is told by `limb_parts`.
+- Two limbs of hinges that stand on the floor, point down and part near the root are the legs; they part at the pelvis.
+  The left one follows from the names, if they differ by left and right; otherwise from soles that stick out ahead, or
+  without ankles from the bend of the knees.
+- Of the rest, the limb that reaches farthest to either side is an arm, and the highest one near the middle is the head.
+- `limb_parts` divides the limbs.
 """
 
 from __future__ import annotations
 
+import re
 from dataclasses import dataclass
 from itertools import combinations
 from pathlib import Path
@@ -23,32 +24,40 @@ from motiondeck_base.errors import FileFormatError
 from sim.models.ball_joints import unplayed_balls
 from sim.models.kinematic_tree import below, hinges_at, hinges_between, path_to
 from sim.robots.limb_parts import ARM, LEG, bend_of, can_bend, divided, end_of, front_of
-from sim.robots.side_names import is_left
 from sim.robots.standing_body import STANDS, RobotLimb, StandingBody
 
-# Of the robot's height: a limb is a leg if it is so long.
-LEG_SHARE = 0.25
-# A leg points down: at least this is the cosine of the angle between it and the vertical.
-DOWN = 0.5
-# Of the robot's height: what starts so close to the middle is no arm yet but a clavicle, and a head is as close.
+# Least length of a leg, in heights of the robot, and least cosine of its angle to the vertical.
+LEG_SHARE, DOWN = 0.25, 0.5
+# Largest distance from the middle of a clavicle's joint, and of a head, in heights of the robot.
 CLAVICLE_SHARE, HEAD_SHARE = 0.03, 0.06
 _ARM_WORDS, _LEG_WORDS = ("shoulder", "elbow", "forearm"), ("leg", "hip", "thigh", "knee", "shin", "ankle", "foot")
-EYES = 0.5  # what moves above the neck and is smaller than this share of the head is an eye
-ALIKE = 0.02  # limbs whose lengths differ by less than this share are of one length
+EYES = 0.5  # share of the head below which a moving body above the neck is an eye
+ALIKE = 0.02  # relative difference of equally long limbs
 
-# From the way a file has its root to each axis being up: z, y, x, -y, -x, -z.
+# Turns of the file's root to each axis up: z, y, x, -y, -x, -z.
 _QUARTER = 0.5 * np.pi
 _TURNS = ((0, 0, 0), (_QUARTER, 0, 0), (0, -_QUARTER, 0), (-_QUARTER, 0, 0), (0, _QUARTER, 0), (np.pi, 0, 0))
+# Left and right in English, German and Dutch, French, Spanish, Italian, Portuguese, Japanese, Chinese, Korean, Russian,
+# Czech, Polish, Hungarian, Swedish, Turkish; the longer of two words in one another first.
+SIDES = (
+    *(("left", "right"), ("links", "rechts"), ("gauche", "droite"), ("izquierda", "derecha"), ("izq", "der")),
+    *(("sinistra", "destra"), ("sx", "dx"), ("esquerda", "direita"), ("hidari", "migi"), ("zuo", "you"), ("左", "右")),
+    *(("왼", "오른"), ("лев", "прав"), ("lev", "prav"), ("lew", "praw"), ("bal", "jobb"), ("vänster", "höger")),
+    *(("sol", "sağ"), ("sol", "sag")),
+    ("l", "r"),
+)
+
+SHORT = 3  # letters of a word that may be part of another one
 
 
 @dataclass(frozen=True)
 class BodyMatch:
-    """What a robot's bodies are.
+    """The parts of a robot.
 
     Attributes:
-        parts: part, such as "l_shank", to the name of its body; "pelvis", "chest" and both legs are always there.
-        root_rotation: the quaternion of the root body while the robot stands upright and faces x, shape (4,).
-        doubts: what the matcher was not sure of, a line each.
+        parts: part, such as "l_shank", to the name of its body; always with "pelvis", "chest" and both legs.
+        root_rotation: the quaternion of the root body that stands upright and faces x, shape (4,).
+        doubts: uncertain decisions, a line each.
     """
 
     parts: dict[str, str]
@@ -57,15 +66,10 @@ class BodyMatch:
 
 
 def match(path: Path, model: mujoco.MjModel) -> BodyMatch:
-    """Matches a robot's bodies to the parts of a body.
-
-    Args:
-        path: the model's file, for errors.
-        model: with a free root, as `read_model` makes it.
+    """Matches the bodies of a model with a free root; `path` is for errors.
 
     Raises:
-        FileFormatError: if there are no two legs, it stands on wheels, or nothing tells ahead from behind; it says what
-            was found.
+        FileFormatError: without two legs, on wheels, or if ahead and behind cannot be told; with the limbs found.
     """
     refusal: FileFormatError | None = None
     found: dict[float, BodyMatch] = {}
@@ -78,8 +82,7 @@ def match(path: Path, model: mujoco.MjModel) -> BodyMatch:
                 raise  # stood on its side, its legs or arms could pass for a human's
             refusal = refusal or error
             continue
-        # A robot that has to be stood up first must show arms too: many a pair of arms could pass for legs. Arms just
-        # like its legs are the other two of a quadruped that stands with its limbs spread out.
+        # A robot turned upright must have arms too, as arms may pass for legs; arms equal to its legs make a quadruped.
         if not any(turn) or (matcher.leg_share and not matcher.limbs_alike):
             found.setdefault(matcher.leg_share, here)
             if matcher.leg_share > 1.0:
@@ -98,8 +101,8 @@ class _Matcher:
     """Matches a robot turned one way.
 
     Attributes:
-        leg_share: how long its legs are, in lengths of its arms; 0 without arms; known after `match`.
-        limbs_alike: whether its arms are as long as its legs and have as many hinges; known after `match`.
+        leg_share: length of its legs over its arms; 0 without arms; set by `match`.
+        limbs_alike: whether arms and legs are equal in length and hinges; set by `match`.
     """
 
     leg_share = 0.0
@@ -265,12 +268,12 @@ class _Matcher:
         return by_names
 
     def _beside(self, limb: RobotLimb, left: Array) -> RobotLimb:
-        """The part of an arm that does not start near the middle of the body, as a clavicle does."""
+        """An arm without its clavicle."""
         first = next((k for k, joint in enumerate(limb.joints) if self._is_beside(joint, left)), 0)
         return RobotLimb(limb.joints[first:], limb.tip) if can_bend(self.model, limb.joints[first:]) else limb
 
     def _called_arm(self, limb: RobotLimb) -> bool:
-        """Whether names of a limb's joints and bodies speak of an arm, and none of a leg."""
+        """Whether the names of a limb's joints and bodies are an arm's, and none a leg's."""
         bodies = (int(self.model.jnt_bodyid[joint]) for joint in limb.joints)
         names = [self.model.joint(joint).name for joint in limb.joints] + [self.body.name(body) for body in bodies]
         words = " ".join(names).lower()
@@ -281,7 +284,7 @@ class _Matcher:
         return abs(away) >= CLAVICLE_SHARE * self.tall
 
     def _refusal(self, why: str) -> str:
-        """What is said of a robot that is no humanoid, with the limbs that were found."""
+        """The message for a robot that is no humanoid, with its limbs."""
         limbs: dict[int, int] = {}
         for end in self.ends:
             branch = next((b for b in path_to(self.model, end) if self._ends_below(b) == 1), end)
@@ -295,3 +298,29 @@ class _Matcher:
 
     def _ends_below(self, body: int) -> int:
         return sum(end in below(self.model, body) for end in self.ends)
+
+
+def is_left(name: str, other: str) -> bool | None:
+    """Whether the first of two names that differ by a word for left and right is the left one; None if unclear.
+
+    One of the words may be missing, as in "foot" and "foot_left"; numbers do not count.
+    """
+    name, other = (re.sub(r"\d+", "", one.lower()) for one in (name, other))
+    for left, right in SIDES:
+        for at in range(len(name)):
+            if name.startswith(left, at) and name[:at] + right + name[at + len(left) :] == other:
+                return True
+            if name.startswith(right, at) and name[:at] + left + name[at + len(right) :] == other:
+                return False
+    words = [(word, word == left) for left, right in SIDES for word in (left, right) if len(word) > SHORT]
+    for word, side in words:
+        if word in name and _bare(name.replace(word, "", 1)) == _bare(other):
+            return side
+        if word in other and _bare(other.replace(word, "", 1)) == _bare(name):
+            return not side
+    return None
+
+
+def _bare(name: str) -> str:
+    """A name without separators."""
+    return re.sub(r"[\W_]+", "", name)

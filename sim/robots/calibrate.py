@@ -1,8 +1,8 @@
 """Calibration: a first robot file for any MJCF or URDF, found from the model alone.
 
-The tree is matched to the parts of a body; inverse kinematics of a human who stands with hanging arms gives the rest
-pose and how high the root stands. If the robot's joints turn its limbs as those of the angle solver do, up to sign and
-zero, that solver fits it too: this is measured by turning each joint a little, and then checked in other poses.
+The tree is matched to the parts of a body; inverse kinematics of a standing human with hanging arms gives the rest pose
+and the root's height. Whether the joints turn the limbs like those of the angle solver, up to sign and zero, is
+measured by turning each joint a little, and checked in other poses.
 """
 
 from __future__ import annotations
@@ -23,8 +23,7 @@ from motiondeck_base.counted import counted
 from motiondeck_base.errors import FileFormatError
 from sim.models.coupled_joints import followers
 from sim.models.formats.model_kind import model_kind
-from sim.models.formats.urdf_speeds import urdf_speeds
-from sim.models.formats.urdf_text import packages_of_looks
+from sim.models.formats.urdf_text import packages_of_looks, urdf_speeds
 from sim.models.formats.urdf_visuals import missing_looks
 from sim.models.joint_layout import JointLayout
 from sim.models.model_file import read_model
@@ -39,11 +38,10 @@ from sim.robots.limb_directions import LimbDirections
 from sim.robots.proportions import Doubt, SegmentPair, doubts, limp, other_units, segments_of, unlike_ranges
 from sim.robots.rest_pose import rest_pose
 
-# What a model does not say: rad/s, rad/s^2, rad/s^3. A robot half as tall moves its limbs 1.4 times as fast.
+# Defaults for what a model does not say: rad/s, rad/s^2, rad/s^3.
 VELOCITY, ACCELERATION, JERK = 10.0, 300.0, 15000.0
 
-# A joint turns as an angle does if it turns it by one within this, and no other joint turns it by more than that; in
-# other poses the angle may be off by so much, rad.
+# Largest error of an angle's slope by its joint, and slope by others; largest error of the angle in other poses, rad.
 SLOPE_ERROR, ANGLE_ERROR = 0.1, 0.06
 PROBE, SPREAD, POSES = 0.02, 0.3, 24
 
@@ -54,27 +52,27 @@ _CLOSING = (int(mujoco.mjtEq.mjEQ_CONNECT), int(mujoco.mjtEq.mjEQ_WELD))
 
 @dataclass(frozen=True)
 class Calibration:
-    """What was found out about a robot.
+    """The result of a calibration.
 
     Attributes:
-        name: what it is called: its model file's name.
+        name: of the model file.
         model: the model file.
         parts: body part to body.
-        root_rotation: of its root body when it faces x, shape (4,).
-        root_height: of the root above the floor when it stands, m.
+        root_rotation: of the root body that faces x, shape (4,).
+        root_height: of the standing root, m.
         joints: its J joints.
-        rest: their positions when it stands with hanging arms, shape (J,), rad.
-        unlimited: joints whose range the model does not give.
-        speeds: how fast each joint may turn of which the model says it, rad/s.
-        unplayed: joints that slide, and ball joints that no actuator drives: nothing moves them.
-        undriven: hinges that no actuator drives though others have one: nothing moves them either.
-        open_chains: how many constraints close a chain of bodies; they hold in physics only.
-        angles: the angle solver's joints, where they fit.
-        missed: how far its limbs point from those of a standing human at best, rad, by limb.
-        packages: the folder of each package that was given for it.
-        mended: whether masses or inertias of the model could not be and were balanced.
-        segments: what its limbs measure, beside a human's.
-        doubts: what does not fit.
+        rest: their positions, standing with hanging arms, shape (J,), rad.
+        unlimited: joints without a range in the model.
+        speeds: speed limits in the model, rad/s, by joint.
+        unplayed: slides, and ball joints without actuators.
+        undriven: hinges without actuators, if others have them.
+        open_chains: number of constraints that close a chain of bodies; they hold in physics only.
+        angles: the angle solver's joints, if they fit.
+        missed: angles of its limbs to those of a standing human, rad, by limb.
+        packages: folders of the given packages.
+        mended: whether impossible masses or inertias were balanced.
+        segments: lengths of its limbs, beside a human's.
+        doubts: implausible findings.
     """
 
     name: str
@@ -102,50 +100,50 @@ class Calibration:
         return not any(doubt.fatal for doubt in self.doubts)
 
     def to_toml(self, folder: Path) -> str:
-        """The robot file, to be kept in a folder: its model is named from there where it lies below."""
+        """The robot file for a folder; a model below it is named relative to it."""
         model = self.model
         if model.is_relative_to(folder.resolve()):
             model = model.relative_to(folder.resolve())
         turned = ", ".join(f"{component:.6g}" for component in self.root_rotation + 0.0)
         lines = [
-            f"# {self.name}: written by `motiondeck robot calibrate`. Mend what it got wrong; `robot check` tells.",
+            f"# {self.name}: written by `motiondeck robot calibrate`. Correct it where `robot check` says so.",
             f"name = {_quoted(self.name)}",
             'kind = "humanoid"',
             f"model = {_quoted(str(model))}",
             *(f"packages.{_key(name)} = {_quoted(str(folder.resolve()))}" for name, folder in self.packages.items()),
             "",
-            "# How poses are carried onto it: ik (inverse kinematics), or angles where there is a table [angles].",
+            "# Retargeting: ik (inverse kinematics), or angles if there is a table [angles].",
             'solver = "ik"',
             "",
-            "# Height of the root above the floor when the robot stands, m: scales the path of the human's root.",
+            "# Height of the standing root above the floor, m: scales the path of the human's root.",
             f"root_height = {self.root_height:g}",
-            "# Quaternion (w, x, y, z) of the root body when the robot stands upright and faces x.",
+            "# Quaternion (w, x, y, z) of the root body that stands upright and faces x.",
             f"root_rotation = [{turned}]",
             "",
-            "# What a joint may do at most: rad/s, rad/s^2, rad/s^3. Mend what the model does not say.",
-            "# A joint of its own: [limits.joints.NAME] velocity = ..., lower = ..., upper = ...",
+            "# Limits of all joints: rad/s, rad/s^2, rad/s^3. Correct those that the model does not have.",
+            "# Limits of one joint: [limits.joints.NAME] velocity = ..., lower = ..., upper = ...",
             "[limits]",
             f"velocity = {VELOCITY}",
             f"acceleration = {ACCELERATION}",
             f"jerk = {JERK}",
         ]
         if self.unlimited:
-            lines += ["", "# lower, upper: where the model gives no range, half a turn either way is a guess."]
+            lines += ["", "# lower, upper: without a range in the model, half a turn either way is a guess."]
         for joint in self.joints:
             own = [f"velocity = {self.speeds[joint]!r}"] if joint in self.speeds else []
             own += ["lower = -3.1416", "upper = 3.1416"] if joint in self.unlimited else []
             if own:
                 lines += [f"[limits.joints.{_key(joint)}]", *own]
-        lines += ["", "# Which body of the model moves with which part of a body."]
+        lines += ["", "# Parts of the body, each with the body of the model that moves with it."]
         lines += ["[parts]", *(f"{part} = {_quoted(body)}" for part, body in sorted(self.parts.items()))]
-        lines += ["", "# Where the joints rest, rad; those not named rest at zero.", "[rest]"]
+        lines += ["", "# The rest pose, rad; joints not named rest at zero.", "[rest]"]
         lines += [
             f"{_key(joint)} = {q!r}" for joint, q in zip(self.joints, self.rest.tolist(), strict=True) if abs(q) > 1e-3
         ]
         if self.angles:
             lines += [
                 "",
-                "# Which joint turns like which angle of the angle solver: joint = zero + sign * angle.",
+                "# The angle solver's angles: joint = zero + sign * angle.",
                 "[angles]",
             ]
             lines += [
@@ -156,7 +154,7 @@ class Calibration:
 
 
 def _unseen(path: Path, packages: Mapping[str, Path]) -> list[Doubt]:
-    """A doubt about the meshes of a URDF's looks that are missing: it can do without."""
+    """A doubt about missing meshes of <visual> shapes."""
     missing = missing_looks(path, packages) if model_kind(path) == "robot" else []
     if not missing:
         return []
@@ -168,11 +166,11 @@ def _unseen(path: Path, packages: Mapping[str, Path]) -> list[Doubt]:
 
 
 def calibrate(path: Path, packages: Mapping[str, Path] | None = None) -> Calibration:
-    """Calibrates the robot in a model file.
+    """Calibrates the robot in an MJCF or URDF file.
 
     Args:
-        path: an MJCF or URDF file.
-        packages: the folder of each package that a URDF names and that is not beside or above it.
+        path: the file.
+        packages: folders of the packages that a URDF names, unless beside or above it.
 
     Raises:
         FileFormatError: if the model cannot be used or its legs are not found.
@@ -199,7 +197,7 @@ def calibrate(path: Path, packages: Mapping[str, Path] | None = None) -> Calibra
         root = found.parts["pelvis"]
         raise FileFormatError(
             f"{path}: body '{root}' would be {height:.3f} m above the floor when the robot stands; the root of a robot "
-            "belongs to its pelvis. Move its origin there, or give the pelvis a free joint of its own."
+            "belongs to its pelvis. Move its origin there, or give the pelvis a free joint."
         )
     there = limb_directions(limbs)
     missed = {
@@ -245,7 +243,7 @@ def calibrate(path: Path, packages: Mapping[str, Path] | None = None) -> Calibra
 
 
 def standing() -> Array:
-    """The limbs of a human who stands with hanging arms, shape (14, 3)."""
+    """The limbs of a standing human with hanging arms, shape (14, 3)."""
     out, bent, knee = 0.12, 0.25, 0.08
     directions = {"head_ahead": (1, 0, 0), "head_left": (0, 1, 0), "chest_ahead": (1, 0, 0), "chest_left": (0, 1, 0)}
     for side, left in zip(SIDES, (-1.0, 1.0), strict=True):
@@ -262,7 +260,7 @@ def standing() -> Array:
 def fitting_angles(
     limbs: RobotLimbs, joints: tuple[str, ...], rest: Array, lower: Array, upper: Array
 ) -> dict[str, Angle]:
-    """Which of the angle solver's joints are joints of a robot; empty if its legs, or the arms it has, do not fit."""
+    """The angle solver's joints of a robot; empty if its legs, or the arms it has, do not fit."""
     free = np.full(len(SERVO_HUMANOID_JOINTS), 4.0 * np.pi)
     up = (0.0, 0.0, 1.0)
 
@@ -276,7 +274,7 @@ def fitting_angles(
         step = np.zeros(len(rest))
         step[joint] = PROBE
         slope[:, joint] = (angles_at(rest + step) - angles_at(rest - step)) / (2.0 * PROBE)
-    # What rolls a sole also turns where the foot points a little, which says nothing of the other angles.
+    # Joints that roll a sole also turn the foot's direction a little.
     found = _ankle_rolls(limbs, joints, rest)
     rolls = [joint for joint, _ in found.values()]
     slope[:, rolls] = 0.0
@@ -316,7 +314,7 @@ def fitting_angles(
 
 
 def _ankle_rolls(limbs: RobotLimbs, joints: tuple[str, ...], rest: Array) -> dict[str, tuple[int, int]]:
-    """The joints that roll the soles: nothing that a human's foot shows tells them, so their axes do."""
+    """The joints that roll the soles, found by their axes."""
     limbs.place(rest)
     turn = limbs.jacobian(limbs.positions())
     found = {}

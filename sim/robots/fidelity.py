@@ -195,11 +195,7 @@ def floor_measures(clip: Clip, robot: Robot, qpos: Array, feet: dict[str, int]) 
                 lowest = sole[np.argmin(heights[sole])]
                 speeds.append(float(np.linalg.norm(points[lowest, :2] - before[lowest, :2])) * clip.rate)
         before = points
-    return {
-        "slide": float(np.mean(speeds)) if speeds else 0.0,
-        "sunk": sunk,
-        "floating": floating / max(len(qpos), 1),
-    }
+    return {"slide": float(np.mean(speeds)) if speeds else 0.0, "sunk": sunk, "floating": floating / max(len(qpos), 1)}
 
 
 def standing_feet(clip: Clip) -> dict[str, NDArray[np.bool_]]:

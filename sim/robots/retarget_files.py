@@ -81,12 +81,7 @@ class _Settings(msgspec.Struct, forbid_unknown_fields=True):
 
 
 def retarget_files(
-    robot: Path,
-    paths: Sequence[Path],
-    out: Path,
-    format: Format,
-    solver: Solver | None = None,
-    jobs: Jobs = EVERY_CORE,
+    robot: Path, paths: Sequence[Path], out: Path, format: Format, solver: Solver | None = None, jobs: Jobs = EVERY_CORE
 ) -> Iterator[RetargetedFile]:
     """Carries recordings onto a robot and writes a training file of each; gives each as soon as it is done.
 

@@ -1,10 +1,18 @@
-"""A robot: its MuJoCo model, its joints and their limits, and the way poses are carried onto it."""
+"""A robot: its MuJoCo model, its joints with their limits, and how human poses become joint targets.
+
+A robot is a file, not code (`sim/models/robot_file.py` lists its keys). From it `load_robot` builds, in this order,
+
+    model (MJCF, URDF or mannequin) -> joint layout -> limits and rest pose -> retargeter -> footing
+
+`sim/robots/calibrate.py` writes a first file for any model.
+"""
 
 from __future__ import annotations
 
 from copy import deepcopy
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from pathlib import Path
+from typing import NamedTuple
 
 import mujoco
 import numpy as np
@@ -20,8 +28,7 @@ from sim.models.formats.urdf_visuals import with_visuals
 from sim.models.joint_layout import JointLayout
 from sim.models.mannequin.mannequin import build_mannequin
 from sim.models.model_file import read_model
-from sim.models.rise_settings import RiseSettings, Row
-from sim.models.robot_file import RobotFile, Solver, read_robot_file
+from sim.models.robot_file import RobotFile, Row, Solver, read_robot_file
 from sim.models.scenery import add_gantry, add_lamp, set_stage
 from sim.models.servo_motor import ServoMotor
 from sim.models.upright_pelvis import UprightPelvis
@@ -32,19 +39,19 @@ from sim.retargeting.retarget import MannequinRetargeter, ServoHumanoidRetargete
 from sim.retargeting.robot_limbs import RobotLimbs
 from sim.retargeting.symmetric_pose import TUCKED, Bends, symmetric_pose
 
-# How often a robot is posed where nobody says, s.
 DT = 0.005
+"""The default time from pose to pose, s."""
 FEET = ("r_foot", "l_foot")
 """The parts that a robot stands on, as a robot file names them."""
 
 
 @dataclass(frozen=True)
 class Rise:
-    """How a robot gets up: how long each posture takes, s, and its joints (J,), rad; then it goes to its rest pose.
+    """Getting up: postures, each with its duration, s, and joints (J,), rad; the rest pose follows.
 
     Attributes:
-        front: from its belly to its feet.
-        back: from its back onto its belly.
+        front: from the belly to the feet.
+        back: from the back onto the belly.
     """
 
     front: tuple[tuple[float, Array], ...]
@@ -56,19 +63,19 @@ class Robot:
     """One robot, ready to be played on.
 
     Attributes:
-        name: what it is called.
-        spec: the model as it can still be changed and saved; save with `spec.to_file(path)`.
+        name: as in its file.
+        spec: the editable model; save with `spec.to_file(path)`.
         model: the same, compiled.
         layout: where each joint lives in qpos and qvel.
-        limits: what each of its J joints may do at most.
+        limits: of its J joints.
         rest: joint positions to start from and return to, shape (J,), rad.
-        tucked: those in which it falls with least harm, shape (J,), rad; where it rests, if its motions are no human's.
+        tucked: joint positions for a fall, shape (J,), rad; the rest pose for motions taught on joints.
         retarget: carries poses to joint targets.
         path_scale: its size over that of the skeleton; scales the path of the root.
-        servo: what each of its servos can do, where that is known.
-        footing: finds its root's place; none for a mannequin, whose root goes where the human's goes.
-        walk: how it walks on its own feet.
-        rise: how it gets up from the floor; None if it cannot, or its motions are no human's.
+        servo: its servos, if the file describes them.
+        footing: places the root; None for a mannequin, whose root follows the human's.
+        walk: settings of walking.
+        rise: postures of getting up; None without them, or for motions taught on joints.
     """
 
     name: str
@@ -91,12 +98,17 @@ class Robot:
         return self.layout.joints
 
     @property
+    def root_height(self) -> float:
+        """Height of the root in the model, standing, m."""
+        return float(self.model.body(int(self.model.jnt_bodyid[0])).pos[2])
+
+    @property
     def drawn(self) -> mujoco.MjModel:
-        """The model for pictures and films: with the visual shapes of its URDF, if it is from one."""
+        """The model for pictures and films: with the visual shapes of its URDF, if any."""
         return with_visuals(self.spec)
 
     def place(self, targets: Array, pose: Pose, qpos: Array) -> None:
-        """Writes targets (J,), rad, and the root that fits them and a pose, or goes with it, into qpos (nq,)."""
+        """Writes targets (J,), rad, and the root that fits them and the pose into qpos (nq,)."""
         self.layout.place(targets, qpos)
         if isinstance(pose, PlacedPose):
             qpos[:7] = pose.robot_root
@@ -109,13 +121,13 @@ class Robot:
 
 
 def load_robot(path: Path, skeleton: Skeleton, solver: Solver | None = None, dt: float = DT) -> Robot:
-    """Loads a robot file and fits the robot to the skeleton whose poses it will play.
+    """Loads a robot file and fits the robot to a skeleton.
 
     Args:
         path: the robot file.
-        skeleton: whose poses will come.
-        solver: how they are carried onto a humanoid, in place of what its file says.
-        dt: seconds from one pose to the next.
+        skeleton: of the poses to be played.
+        solver: of the retargeting, in place of the file's.
+        dt: seconds from pose to pose.
 
     Raises:
         FileFormatError: if the robot file or its model cannot be used, or the skeleton lacks what the robot needs.
@@ -128,34 +140,42 @@ class RobotLoader:
     """Fits one robot to one skeleton after another; a humanoid's model is read and compiled once.
 
     Attributes:
-        file: what the robot file says.
+        file: the robot file's content.
     """
 
     def __init__(self, path: Path) -> None:
         """Reads a robot file; FileFormatError as for `load_robot`."""
         self._path = Path(path)
         self.file = read_robot_file(self._path)
-        self._built: tuple[mujoco.MjSpec, mujoco.MjModel] | None = None
+        self._body: _FittedModel | None = None
 
     def __call__(self, skeleton: Skeleton, solver: Solver | None = None, dt: float = DT) -> Robot:
-        """The robot for one skeleton, as `load_robot` gives it; robots of one loader share their model."""
-        if self.file.kind == "mannequin":
-            return _mannequin(self._path, self.file, skeleton)
-        self._built = self._built or _load_model(self._path, self.file)
-        plain = _PlainRobot.of(self._path, self.file, *self._built)
-        height, leg = self.file.root_height, skeleton.leg_length
+        """The robot for one skeleton, as of `load_robot`; robots of one loader share their model."""
+        path, file = self._path, self.file
+        if file.kind == "mannequin":
+            if skeleton.is_rig:
+                raise FileFormatError(
+                    f"{path}: these motions were taught on the joints {listed(skeleton.bones)}, which a mannequin "
+                    "has not. Give the robot that has them with --robot, or play them on the rig alone: "
+                    "motiondeck rig play."
+                )
+            spec = build_mannequin(skeleton)
+            body = _FittedModel.of(path, file, spec, spec.compile())
+            return _humanoid(file, body, skeleton, MannequinRetargeter(skeleton), 1.0)
+        body = self._body = self._body or _FittedModel.of(path, file, *_load_model(path, file))
+        height, leg = file.root_height, skeleton.leg_length
         scale = height / leg if height and leg > 0.0 else 1.0
         if skeleton.is_rig:
-            return plain.playing(JointRetargeter(skeleton, plain.layout.joints, plain.rest), scale)
-        return _humanoid(plain, skeleton, scale, solver or self.file.solver, dt)
+            retarget = JointRetargeter(skeleton, body.layout.joints, body.rest)
+            return Robot(file.name, *body, body.rest, retarget, scale, file.servo)
+        stance = HumanStance(skeleton, dt)
+        retarget = _retargeter(path, file, body, skeleton, solver or file.solver, dt, stance)
+        return _humanoid(file, body, skeleton, retarget, *_footing(file, body.model, stance, scale))
 
 
-@dataclass(frozen=True)
-class _PlainRobot:
-    """A robot as its file and its model say, whatever motions it is to play; the attributes are those of `Robot`."""
+class _FittedModel(NamedTuple):
+    """The part of a robot that no skeleton changes; attributes as of `Robot`."""
 
-    path: Path
-    file: RobotFile
     spec: mujoco.MjSpec
     model: mujoco.MjModel
     layout: JointLayout
@@ -163,54 +183,35 @@ class _PlainRobot:
     rest: Array
 
     @classmethod
-    def of(cls, path: Path, file: RobotFile, spec: mujoco.MjSpec, model: mujoco.MjModel) -> _PlainRobot:
+    def of(cls, path: Path, file: RobotFile, spec: mujoco.MjSpec, model: mujoco.MjModel) -> _FittedModel:
         layout = JointLayout.of(model)
         limits = _limits(path, file, model, layout)
-        return cls(path, file, spec, model, layout, limits, _rest(path, file, layout, limits))
-
-    def playing(self, retarget: Retargeter, path_scale: float) -> Robot:
-        """The robot that plays what a retargeter makes of poses; it neither protects itself nor gets up."""
-        return Robot(
-            name=self.file.name,
-            spec=self.spec,
-            model=self.model,
-            layout=self.layout,
-            limits=self.limits,
-            rest=self.rest,
-            tucked=self.rest,
-            retarget=retarget,
-            path_scale=path_scale,
-            servo=self.file.servo,
-        )
-
-    def playing_a_human(self, retarget: Retargeter, path_scale: float, skeleton: Skeleton) -> Robot:
-        """The robot that plays a human's poses, tucks itself in as it falls, and walks and gets up as its file says."""
-        return replace(
-            self.playing(retarget, path_scale),
-            tucked=bent_joints(retarget, skeleton, self.limits, TUCKED),
-            walk=self.file.walk,
-            rise=_rise(self.file.rise, retarget, skeleton, self.limits),
-        )
+        return cls(spec, model, layout, limits, _rest(path, file, layout, limits))
 
 
-def _mannequin(path: Path, file: RobotFile, skeleton: Skeleton) -> Robot:
-    """A mannequin, built from the skeleton."""
-    if skeleton.is_rig:
-        raise FileFormatError(
-            f"{path}: these motions were taught on the joints {listed(skeleton.bones)}, which a mannequin "
-            "has not. Give the robot that has them with --robot, or play them on the rig alone: "
-            "motiondeck rig play."
-        )
-    spec = build_mannequin(skeleton)
-    plain = _PlainRobot.of(path, file, spec, spec.compile())
-    return plain.playing_a_human(MannequinRetargeter(skeleton), 1.0, skeleton)
+def _humanoid(
+    file: RobotFile,
+    body: _FittedModel,
+    skeleton: Skeleton,
+    retarget: Retargeter,
+    scale: float,
+    footing: Footing | None = None,
+) -> Robot:
+    """A robot for human poses, which also tucks itself in as it falls, walks and gets up."""
+
+    def bent(bends: Bends) -> Array:
+        # On a copy: a retargeter remembers its last answer.
+        return np.clip(deepcopy(retarget)(symmetric_pose(skeleton, bends)), body.limits.lower, body.limits.upper)
+
+    def postures(rows: tuple[Row, ...]) -> tuple[tuple[float, Array], ...]:
+        return tuple((row[0], bent(Bends(*row[1:]))) for row in rows)
+
+    rise = Rise(postures(file.rise.front), postures(file.rise.back)) if file.rise.front else None
+    return Robot(file.name, *body, bent(TUCKED), retarget, scale, file.servo, footing, file.walk, rise)
 
 
-def _humanoid(plain: _PlainRobot, skeleton: Skeleton, scale: float, solver: Solver, dt: float) -> Robot:
-    """A humanoid of this size over that of the skeleton, with its feet on the ground."""
-    file, model = plain.file, plain.model
-    stance = HumanStance(skeleton, dt)
-    retarget = _retargeter(plain, skeleton, solver, dt, stance)
+def _footing(file: RobotFile, model: mujoco.MjModel, stance: HumanStance, scale: float) -> tuple[float, Footing]:
+    """The size of a robot over the human's, to its pelvis, and what puts its feet on the ground."""
     feet = [model.body(file.parts[foot]).id for foot in FEET if foot in file.parts]
     turned, waist = np.array(file.root_rotation), None
     if "pelvis" in file.parts:
@@ -218,43 +219,27 @@ def _humanoid(plain: _PlainRobot, skeleton: Skeleton, scale: float, solver: Solv
         if pelvis.below_a_waist:
             waist = pelvis
             scale *= 1.0 + pelvis.above_root / file.root_height if file.root_height else 1.0
-    footing = Footing(stance, model, feet, turned, scale, waist)
-    return replace(plain.playing_a_human(retarget, scale, skeleton), footing=footing)
+    return scale, Footing(stance, model, feet, turned, scale, waist)
 
 
-def _retargeter(plain: _PlainRobot, skeleton: Skeleton, solver: Solver, dt: float, stance: HumanStance) -> Retargeter:
-    path, model, parts, joints, limits = plain.path, plain.model, plain.file.parts, plain.layout.joints, plain.limits
-    upright = np.array(plain.file.root_rotation)
-    if solver == "angles":
-        if parts:
-            RobotLimbs(path, model, parts, upright, joints)  # refuses parts that it cannot have
-        try:
-            return ServoHumanoidRetargeter(
-                skeleton, joints, limits.lower, limits.upper, plain.file.angles, plain.rest, stance.flat, dt
-            )
-        except UnknownNameError as error:
-            raise UnknownNameError(f"{path}: {error}") from None
-    from sim.retargeting.inverse_kinematics import InverseKinematics
-
-    if not parts:
+def _retargeter(
+    path: Path, file: RobotFile, body: _FittedModel, skeleton: Skeleton, solver: Solver, dt: float, stance: HumanStance
+) -> Retargeter:
+    joints, limits = body.layout.joints, body.limits
+    if solver == "ik" and not file.parts:
         raise FileFormatError(f"{path}: solver 'ik' needs a table [parts]: `motiondeck robot calibrate` writes one")
-    limbs = RobotLimbs(path, model, parts, upright, joints)
-    return InverseKinematics(skeleton, limbs, limits, plain.rest, dt, stance)
+    # Also refuses wrong parts for the angle solver.
+    limbs = RobotLimbs(path, body.model, file.parts, np.array(file.root_rotation), joints) if file.parts else None
+    if solver == "ik" and limbs is not None:
+        from sim.retargeting.inverse_kinematics import InverseKinematics
 
-
-def bent_joints(retarget: Retargeter, skeleton: Skeleton, limits: JointLimits, bends: Bends) -> Array:
-    """The joints (J,), rad, of a symmetric pose, found by a copy: a retargeter remembers what it was asked."""
-    return np.clip(deepcopy(retarget)(symmetric_pose(skeleton, bends)), limits.lower, limits.upper)
-
-
-def _rise(table: RiseSettings, retarget: Retargeter, skeleton: Skeleton, limits: JointLimits) -> Rise | None:
-    if not table.front:
-        return None
-
-    def postures(rows: tuple[Row, ...]) -> tuple[tuple[float, Array], ...]:
-        return tuple((row[0], bent_joints(retarget, skeleton, limits, Bends(*row[1:]))) for row in rows)
-
-    return Rise(postures(table.front), postures(table.back))
+        return InverseKinematics(skeleton, limbs, limits, body.rest, dt, stance)
+    try:
+        return ServoHumanoidRetargeter(
+            skeleton, joints, limits.lower, limits.upper, file.angles, body.rest, stance.flat, dt
+        )
+    except UnknownNameError as error:
+        raise UnknownNameError(f"{path}: {error}") from None
 
 
 def _load_model(path: Path, file: RobotFile) -> tuple[mujoco.MjSpec, mujoco.MjModel]:

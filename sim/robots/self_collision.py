@@ -1,11 +1,25 @@
-"""Self-collision: how deep the bodies of a robot penetrate each other, whatever its model lets touch."""
+"""Self-collision: the depth of overlaps between a robot's bodies, and a guard that keeps its limbs apart.
+
+Only the joints between two bodies move them against each other. If the bodies overlap, the guard holds those joints
+where they last did not, and all others go on. Held joints that catch up go no faster than their limit: they cannot pass
+through the other limb from tick to tick, as long as a tick's way is less than a limb's thickness.
+
+The guard looks at targets, not at positions, before envelope and servo. A joint that is held cannot stop within one
+tick, so the limbs then go somewhat deeper into each other.
+"""
 
 from __future__ import annotations
 
-import mujoco
+from collections import Counter
 
+import mujoco
+import numpy as np
+from numpy.typing import NDArray
+
+from controller.motion.posture import Pose
 from controller.motion.rotations import Array
-from sim.models.overlaps import near_bodies, overlaps
+from sim.models.coupled_joints import followers
+from sim.models.overlaps import OVERLAP, near_bodies, overlaps
 from sim.models.scenery import FLOOR
 from sim.robots.robot import Robot
 
@@ -22,7 +36,7 @@ class SelfCollision:
         rest = model.qpos0.copy()
         robot.layout.place(robot.rest, rest)
         self._near = near_bodies(model, rest)
-        for a, b in self._near:  # what is never asked need not be computed
+        for a, b in self._near:
             if model.body(a).name and model.body(b).name:
                 spec.add_exclude(bodyname1=model.body(a).name, bodyname2=model.body(b).name)
         self._model = spec.compile()
@@ -45,3 +59,80 @@ class SelfCollision:
         self._data.qpos[:] = qpos
         depths = overlaps(self._model, self._data)
         return {pair: depth for pair, depth in depths.items() if pair not in self._near}
+
+
+ROUNDS = 3  # checks of a pose: holding some joints may bring other limbs together
+
+
+class CollisionGuard:
+    """Carries poses to joints as the robot does, and keeps its limbs apart; fits `interfaces.Retargeter`.
+
+    Attributes:
+        kept_apart: the number of poses with joints held, by the names of the two bodies.
+    """
+
+    def __init__(self, robot: Robot, dt: float) -> None:
+        """A guard for poses dt seconds apart."""
+        self._robot = robot
+        self._collisions = SelfCollision(robot)
+        self._joints_of = _moved_bodies(robot)
+        self._between: dict[tuple[int, int], NDArray[np.bool_]] = {}
+        self._qpos = robot.model.qpos0.copy()
+        self._step = robot.limits.velocity * dt
+        self._good = robot.rest.copy()  # where nothing counts as a collision
+        self._begun = False
+        self.kept_apart: Counter[str] = Counter()
+
+    def __call__(self, pose: Pose) -> Array:
+        """Joint targets (J,), rad, in which no two limbs overlap by more than OVERLAP; copy what you keep."""
+        limits = self._robot.limits
+        asked = np.clip(self._robot.retarget(pose), limits.lower, limits.upper)
+        asked = np.where(np.isfinite(asked), asked, self._good)
+        if self._begun:
+            asked = self._good + np.clip(asked - self._good, -self._step, self._step)
+        self._begun = True
+        held = np.zeros(len(asked), dtype=np.bool_)
+        for _ in range(ROUNDS):
+            targets = np.where(held, self._good, asked)
+            overlapping = self._overlapping(targets)
+            if not overlapping:
+                break
+            for pair in overlapping:
+                self.kept_apart[self._collisions.called(*pair)] += 1
+                held |= self._joints_between(*pair)
+        else:
+            targets = self._good
+        self._good = targets
+        return targets
+
+    def _overlapping(self, targets: Array) -> list[tuple[int, int]]:
+        self._robot.layout.place(targets, self._qpos)
+        return [pair for pair, depth in self._collisions.touching(self._qpos).items() if depth > OVERLAP]
+
+    def _joints_between(self, a: int, b: int) -> NDArray[np.bool_]:
+        """Which joint coordinates move two bodies against each other, shape (J,)."""
+        if (a, b) not in self._between:
+            ways = [_way_to_world(self._robot.model, body) for body in (a, b)]
+            moved = self._joints_of[:, sorted(ways[0] ^ ways[1])]
+            self._between[a, b] = np.asarray(moved.any(axis=1), dtype=np.bool_)
+        return self._between[a, b]
+
+
+def _way_to_world(model: mujoco.MjModel, body: int) -> set[int]:
+    """A body and all that it hangs from."""
+    way = set()
+    while body:
+        way.add(body)
+        body = int(model.body_parentid[body])
+    return way
+
+
+def _moved_bodies(robot: Robot) -> NDArray[np.bool_]:
+    """Which bodies hang from each joint coordinate, or from a joint that follows it, shape (J, bodies)."""
+    model = robot.model
+    moved = np.zeros((model.nu, model.nbody), dtype=np.bool_)
+    driven = model.actuator_trnid[:, 0]
+    moved[np.arange(model.nu), model.jnt_bodyid[driven]] = True
+    for follower, (leader, _) in followers(model).items():
+        moved[driven == leader, model.jnt_bodyid[follower]] = True
+    return moved

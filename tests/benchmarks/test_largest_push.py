@@ -3,8 +3,7 @@
 import numpy as np
 import pytest
 
-from benchmarks.robots.largest_push import MOST, largest, last_survived
-from sim.physics.pushes import one_push
+from benchmarks.robots.largest_push import MOST, largest, last_survived, one_push
 
 
 def test_the_first_fall_ends_the_search_also_where_a_harder_push_is_survived():

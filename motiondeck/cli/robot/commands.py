@@ -65,7 +65,7 @@ def show(robot: RobotArgument, as_json: JsonOption = False) -> None:
     """
     from motiondeck.cli.common.tables import show_table
     from motiondeck_base.shipped import find_robot
-    from sim.models.mannequin.average_body import reference_body
+    from sim.models.mannequin.mannequin import reference_body
     from sim.models.robot_file import read_robot_file
     from sim.robots.robot import load_robot
 

@@ -17,8 +17,8 @@ from controller.motion.rotations import Array
 from motiondeck.run.robots.rig_output import open_rig
 
 if TYPE_CHECKING:
-    from sim.robots.collision_guard import CollisionGuard
     from sim.robots.robot import Robot
+    from sim.robots.self_collision import CollisionGuard
 
 FOLLOWER = "follower "
 """Goes before the names of a second robot's joints and outputs."""
@@ -165,8 +165,8 @@ def open_robot(
     from sim.models.robot_file import solver_named
     from sim.physics.kinematic_playback import KinematicPlayback
     from sim.physics.playback import PhysicsPlayback
-    from sim.robots.collision_guard import CollisionGuard
     from sim.robots.robot import load_robot
+    from sim.robots.self_collision import CollisionGuard
 
     dt = 1.0 / rate
     robot = load_robot(setup.robot, library.skeleton, solver_named(setup.solver), dt)

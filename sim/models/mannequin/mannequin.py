@@ -12,6 +12,7 @@ import numpy as np
 from controller.motion.anatomy import Anatomy, Part, anatomy
 from controller.motion.rotations import Array, from_matrix
 from controller.motion.skeleton import ROOT, Skeleton
+from controller.motion.thesis_body import thesis_skeleton
 from sim.models.gravity import GRAVITY
 from sim.models.mannequin.solids import Solid, flesh, limb_inertia, masses, pelvis
 from sim.models.overlaps import near_bodies
@@ -86,12 +87,7 @@ def build_mannequin(skeleton: Skeleton) -> mujoco.MjSpec:
         parent = int(skeleton.parent[bone])
         start = np.zeros(3) if parent == ROOT else skeleton.rest_direction[parent] * skeleton.length[parent]
         body = bodies[parent].add_body(name=name, pos=start)
-        body.add_joint(
-            name=name,
-            type=mujoco.mjtJoint.mjJNT_BALL,
-            limited=True,
-            range=[0.0, REACH[parts.part[bone]]],
-        )
+        body.add_joint(name=name, type=mujoco.mjtJoint.mjJNT_BALL, limited=True, range=[0.0, REACH[parts.part[bone]]])
         body.add_site(name=name, pos=skeleton.rest_direction[bone] * skeleton.length[bone], size=[0.005] * 3, group=4)
         _dress(body, flesh(skeleton, parts, bone), mass[bone + 1], parts.side[bone])
         spread = limb_inertia(skeleton, parts, bone, mass[bone + 1])
@@ -164,3 +160,16 @@ def _add_servos(spec: mujoco.MjSpec, skeleton: Skeleton, parts: Anatomy, height:
             servo.gear[:] = 0.0
             servo.gear[axis] = 1.0
             servo.set_to_position(kp=kp, kv=2.0 * kp / SERVO_BANDWIDTH)
+
+
+STATURE = 1.75
+# Lengths of the 19 bones over the stature (Drillis and Contini 1966, as in Winter 2009, fig. 4.1): hip, thigh, shank
+# and foot of either side; back, neck and head; shoulder, upper arm, forearm and hand of either side.
+_LEG = (0.0955, 0.245, 0.246, 0.11)
+_TRUNK = (0.144, 0.144, 0.13)
+_ARM = (0.1295, 0.186, 0.146, 0.108)
+
+
+def reference_body() -> Skeleton:
+    """The skeleton, with the bones of Jaeger's patterns."""
+    return thesis_skeleton(STATURE * np.array([*_LEG, *_LEG, *_TRUNK, *_ARM, *_ARM]), "average body")

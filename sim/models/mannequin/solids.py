@@ -145,10 +145,7 @@ def flesh(skeleton: Skeleton, parts: Anatomy, bone: int) -> list[Solid]:
         case "hip":
             return [capsule(0.070, 0.6 * length, tone="body")]
         case "thigh":
-            return [
-                capsule(0.055, 0.03 * s),
-                ellipsoid(0.36 * length, 0.084, 0.080, 0.46 * length, front=0.006),
-            ]
+            return [capsule(0.055, 0.03 * s), ellipsoid(0.36 * length, 0.084, 0.080, 0.46 * length, front=0.006)]
         case "shank":
             return [ball(0.059), capsule(0.039), ellipsoid(0.33 * length, 0.056, 0.050, 0.36 * length, front=-0.012)]
         case "foot":

@@ -1,1 +1,1 @@
-"""What would happen to a robot that plays a motion or a switch, and the tempo at which it goes well."""
+"""Checks of a robot before it plays a motion or a switch, and the tempo at which they pass."""

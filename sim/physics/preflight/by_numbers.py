@@ -1,8 +1,11 @@
-"""What a preflight finds by numbers, without simulation: of joints, servos, collisions and balance."""
+"""Preflight checks without simulation: joints, servos, collisions, balance."""
 
 from __future__ import annotations
 
+from collections.abc import Iterable
+
 import numpy as np
+from numpy.typing import NDArray
 
 from controller.deck.interfaces import JointLimits
 from controller.motion.rotations import Array
@@ -11,9 +14,39 @@ from sim.models.servo_motor import ROOM, strength
 from sim.physics.loads import Loads
 from sim.physics.played_motions import DT, PlayedMotion, targets_at
 from sim.physics.preflight.findings import Finding, limited, of_joints
-from sim.physics.preflight.lasting import TICK, lasting, lasting_until, longest
 from sim.robots.robot import Robot
 from sim.robots.target_limiter import Limiter
+
+TICK = 0.005  # s
+BRIEFLY = 0.05  # s
+
+
+def lasting(off: Array, dt: float = TICK) -> Array:
+    """The largest value that each column of (T, J) exceeds for a whole BRIEFLY, shape (J,)."""
+    window = min(len(off), max(1, round(BRIEFLY / dt)))
+    return np.lib.stride_tricks.sliding_window_view(off, window, axis=0).min(axis=-1).max(axis=0)
+
+
+def lasting_until(off: Iterable[Array], until: float) -> Array:
+    """The same of rows (J,), a tick each; it stops once a column has been above `until` for BRIEFLY."""
+    rows: list[Array] = []
+    long = np.zeros(1, dtype=np.int64)
+    for row in off:
+        rows.append(row)
+        long = np.where(row > until, long + 1, 0)
+        if long.max() >= round(BRIEFLY / TICK):
+            break
+    return lasting(np.array(rows))
+
+
+def longest(flags: NDArray[np.bool_]) -> int:
+    """The length of the longest run of set samples."""
+    most = run = 0
+    for flag in flags:
+        run = run + 1 if flag else 0
+        most = max(most, run)
+    return most
+
 
 TEN_MINUTES = 600.0
 # A motion is not played any more if a joint is farther than this from its target, rad, for longer than BRIEFLY;
@@ -28,14 +61,7 @@ DOWN = 0.7
 
 
 class Numbers:
-    """Judges by numbers what a robot is asked for.
-
-    Args:
-        robot: which robot.
-        limits: of its joints.
-        limiter: bounds its targets.
-        falls: whether nothing but its feet keeps it from falling.
-    """
+    """Judges a motion on a robot; the arguments are those of `Preflight`, `falls` without gantry and controller."""
 
     def __init__(self, robot: Robot, limits: JointLimits, limiter: Limiter, *, falls: bool) -> None:
         self._robot, self._limits, self._limiter, self._falls = robot, limits, limiter, falls
@@ -48,7 +74,7 @@ class Numbers:
         return found + self.standing(loads, tempo)
 
     def pass_at(self, played: PlayedMotion, loads: Loads, tempo: float) -> bool:
-        """Whether all that a tempo can mend are within their limits; it stops at the first that is not."""
+        """Whether all findings that depend on the tempo pass; it stops at the first that fails."""
         found = [*self._servos(loads, tempo), *self.standing(loads, tempo)]
         return all(one.ok for one in found) and self._held_back(played, tempo, until=ASTRAY).max() <= ASTRAY
 
@@ -67,9 +93,9 @@ class Numbers:
         ]
 
     def _held_back(self, played: PlayedMotion, tempo: float, until: float = np.inf) -> Array:
-        """How far the safety envelope keeps each joint from its target for longer than BRIEFLY, shape (J,), rad.
+        """Distance at which the limiter keeps each joint from its target for longer than BRIEFLY, shape (J,), rad.
 
-        It ends when a joint has been kept farther than `until`, rad, for so long.
+        It ends once a joint exceeds `until`, rad, for that long.
         """
         targets = targets_at(played, tempo, TICK)
         inside = np.clip(targets, self._limits.lower, self._limits.upper)
@@ -107,8 +133,7 @@ class Numbers:
     def standing(self, loads: Loads, tempo: float) -> list[Finding]:
         """Findings about feet and balance, without physics."""
         inside = loads.balance(tempo)
-        root = self._robot.model.body(int(self._robot.model.jnt_bodyid[0]))
-        down = loads.lies & (loads.com[:, 2] < DOWN * float(root.pos[2]))
+        down = loads.lies & (loads.com[:, 2] < DOWN * self._robot.root_height)
         off = longest((inside < 0.0) & ~down) * DT / tempo
         slide = tempo * float(np.median(loads.slide))
         margin = float(np.median(inside))
@@ -123,14 +148,10 @@ class Numbers:
 
 
 def servo_lag(drive: Array, dt: float) -> Array:
-    """How far servos fall behind, in no-load speeds times seconds, shape (J,).
+    """Lag of servos, in no-load speeds times seconds, shape (J,).
 
-    A motor needs the share  torque / T + velocity / w  of its voltage. What it needs beyond all of it, it lacks in
-    speed, and what it does not need it has to catch up with.
-
-    Args:
-        drive: that share, shape (T, J).
-        dt: from sample to sample, s.
+    A motor needs the share  torque / T + velocity / w  of its voltage, `drive` (T, J), every dt seconds. Beyond 1 it
+    loses speed, below it catches up.
     """
     behind, worst = np.zeros((2, drive.shape[1]))
     for needed in np.abs(drive):

@@ -1,4 +1,4 @@
-"""Findings of a preflight: numbers with their limits, and the verdict that they lead to."""
+"""Findings of a preflight, the verdict on a motion, and the setup that is judged."""
 
 from __future__ import annotations
 
@@ -15,12 +15,10 @@ class Finding:
 
     Attributes:
         check: its name.
-        value: in the unit.
-        limit: the largest value that passes; None if the number only informs.
-        unit: of both.
+        value, limit, unit: the number and the largest one that passes; no limit if it only informs.
         where: the joint or the bodies concerned, or "".
         ok: whether it is within its limit.
-        cause: why it fails even at the slowest tempo, in words, or "".
+        cause: of a failure even at the slowest tempo, or "".
     """
 
     check: str
@@ -39,9 +37,9 @@ class PreflightVerdict:
     Attributes:
         name: of the motion or switch.
         findings: all of them.
-        passes_at: the largest tempo, up to the judged one, at which all passes; None if no slower tempo helps.
-        by_way_of: the motions on the way of a switch that is not direct; it is judged by its parts.
-        obstacles: where no tempo passes, the findings that fail even at the slowest.
+        passes_at: the largest passing tempo, up to the judged one; None if no tempo passes.
+        by_way_of: the intermediate motions of a switch that is judged by its parts.
+        obstacles: if no tempo passes, the findings that fail even at the slowest.
     """
 
     name: str
@@ -52,7 +50,7 @@ class PreflightVerdict:
 
     @property
     def ok(self) -> bool:
-        """Whether the robot can play it."""
+        """Whether all findings pass."""
         return all(finding.ok for finding in self.findings)
 
     @property
@@ -67,7 +65,7 @@ def limited(check: str, value: float, limit: float, unit: str, where: str = "") 
 
 
 def of_joints(check: str, values: Array, limit: float | None, unit: str, joints: tuple[str, ...]) -> Finding:
-    """The largest of the values of all joints, shape (J,), and whose it is."""
+    """The largest of the values of all joints, shape (J,), with the joint."""
     worst = int(np.argmax(values))
     value = float(values[worst])
     return Finding(check, value, limit, unit, joints[worst], ok=limit is None or value <= limit)

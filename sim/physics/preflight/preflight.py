@@ -1,7 +1,7 @@
-"""Preflight: what would happen to a robot that plays a motion or a switch, and the tempo at which it goes well.
+"""Preflight: checks of a robot that is to play a motion or a switch, and the fastest tempo at which they pass.
 
-Each finding is a number with its limit; beyond the limit the robot would be damaged, or not play the motion any more.
-Findings about standing are judged if the root is free, and only reported otherwise.
+Beyond a finding's limit the robot would be damaged, or leave the motion. Findings about standing are judged with a free
+root, and only reported otherwise.
 """
 
 from __future__ import annotations
@@ -36,14 +36,13 @@ class Preflight:
     """Judges played motions on one robot.
 
     Attributes:
-        robot: which robot.
-        limits: of its joints, narrowed to those of a rig if there is one.
-        limiter: bounds the joint targets that are played.
-        root: "gantry", "fixed" or "free": what holds the robot.
-        balance: whether a free robot keeps its balance.
-        walk: whether a free robot goes where the motion goes, on its own feet.
-        numbers: what it finds without simulation.
-        trials: what it finds in physics.
+        robot: the robot.
+        limits: of its joints, narrowed to those of a rig.
+        limiter: of the joint targets.
+        root: "gantry", "fixed" or "free".
+        balance, walk: the controller of a free robot, if any.
+        numbers: checks without simulation.
+        trials: checks in physics.
     """
 
     robot: Robot
@@ -54,7 +53,7 @@ class Preflight:
     walk: bool = False
 
     def __post_init__(self) -> None:
-        # A footing of its own: what was judged before changes neither what comes next nor how motions are sampled.
+        # A separate footing: earlier motions must not change later verdicts, nor how motions are sampled.
         self.robot = replace(self.robot, footing=deepcopy(self.robot.footing, {id(self.robot.model): self.robot.model}))
         self._collisions, self._feet = SelfCollision(self.robot), feet_of(self.robot)
         falls = self.root == "free" and not (self.balance or self.walk)
@@ -62,13 +61,7 @@ class Preflight:
         self.trials = Trials(self.robot, self.limits, self.limiter, self.root, self.balance, self.walk)
 
     def judge(self, played: PlayedMotion, *, simulate: bool, tempo: float = 1.0) -> PreflightVerdict:
-        """Judges what playing a motion does to the robot.
-
-        Args:
-            played: a motion or a switch.
-            simulate: whether to play it in physics too: once with its servos and, with a free root, for FALL_SECONDS.
-            tempo: at which it is played.
-        """
+        """Judges a motion or a switch at a tempo; `simulate` adds physics, with a free root for FALL_SECONDS."""
         loads = loads_of(self.robot, played, free=self.root == "free", collisions=self._collisions, feet=self._feet)
         findings = tuple(self.numbers.findings(played, loads, tempo))
         if simulate:
@@ -92,7 +85,7 @@ class Preflight:
         return PreflightVerdict(played.name, findings, passes, obstacles=obstacles)
 
     def _obstacles(self, played: PlayedMotion, loads: Loads, *, simulate: bool) -> tuple[Finding, ...]:
-        """The findings that fail at the slowest tempo: those of a simulation only if the others do not tell."""
+        """The findings that fail at the slowest tempo; those of a simulation only if no others do."""
         found = self.numbers.findings(played, loads, SLOWEST)
         if simulate and all(one.ok for one in found):
             found = self.trials.findings(played, SLOWEST)
@@ -100,7 +93,7 @@ class Preflight:
         return tuple(replace(one, cause=self._cause(one, torque)) for one in found if not one.ok)
 
     def _cause(self, finding: Finding, torque: Array) -> str:
-        """What a joint lacks that is asked for so much torque (J,), N m, or ""."""
+        """The cause of a failure under torques (J,), N m, or ""."""
         if finding.check not in ("torque", "physics: off target") or finding.where not in self.robot.joints:
             return ""
         joint = self.robot.joints.index(finding.where)
@@ -116,10 +109,9 @@ class Preflight:
 
 
 def fastest_passing(passes: Callable[[float], bool], tempo: float, within: float) -> float | None:
-    """The fastest tempo from SLOWEST to below the given one that passes, found by halving; None where none does.
+    """The fastest passing tempo from SLOWEST to below the given one, to a ratio `within`, by bisection; None without.
 
-    The tempo returned passes, and one less than `within` times as fast does not; where passing tempos have gaps, it is
-    the upper end of one of their stretches.
+    Where passing tempos have gaps, it is the upper end of one of their stretches.
     """
     low, high = SLOWEST, tempo
     while high > within * low:

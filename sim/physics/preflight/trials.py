@@ -1,4 +1,4 @@
-"""What a preflight finds in simulated physics: whether servos follow, and whether a free robot stands or walks."""
+"""Preflight checks in physics: whether servos follow, and whether a free robot stands or walks."""
 
 from __future__ import annotations
 
@@ -16,27 +16,16 @@ from sim.models.servo_motor import ROOM
 from sim.physics.physics_model import physics_model
 from sim.physics.playback import PhysicsPlayback
 from sim.physics.played_motions import PlayedMotion, onward, poses_at, targets_at
-from sim.physics.preflight.by_numbers import ASTRAY, TEN_MINUTES
+from sim.physics.preflight.by_numbers import ASTRAY, TEN_MINUTES, TICK, lasting_until
 from sim.physics.preflight.findings import Finding, limited
-from sim.physics.preflight.lasting import TICK, lasting_until
 from sim.robots.robot import Robot
 from sim.robots.target_limiter import Limiter
 
-# After so long on a free root, s, a robot that falls has fallen.
-FALL_SECONDS = 10.0
+FALL_SECONDS = 10.0  # simulated on a free root, s
 
 
 class Trials:
-    """Plays motions in physics on one robot.
-
-    Args:
-        robot: which robot.
-        limits: of its joints.
-        limiter: bounds its targets.
-        root: "gantry", "fixed" or "free": what holds the robot.
-        balance: whether a free robot keeps its balance.
-        walk: whether a free robot goes where the motion goes, on its own feet.
-    """
+    """Plays motions in physics on one robot; the arguments are those of `Preflight`."""
 
     def __init__(
         self, robot: Robot, limits: JointLimits, limiter: Limiter, root: str, balance: bool, walk: bool
@@ -58,7 +47,7 @@ class Trials:
         return found
 
     def follow(self, played: PlayedMotion, tempo: float) -> bool:
-        """Whether all `findings` are within its limits; it stops as soon as something is not."""
+        """Whether all `findings` pass; it stops at the first that fails."""
         astray, _, _ = self.play(played, tempo, self._carried(), until=ASTRAY)
         if astray > ASTRAY or self.root != "free":
             return astray <= ASTRAY
@@ -94,19 +83,16 @@ class Trials:
         return stage
 
     def _carried(self) -> str:
-        """What holds the root while it counts whether the servos follow."""
+        """The root for checks of the servos."""
         return self.root if self.root != "free" else "gantry"
 
     def play(
         self, played: PlayedMotion, tempo: float, root: str, seconds: float | None = None, until: float = np.inf
     ) -> tuple[float, int, float | None]:
-        """Plays a motion in physics, once or for some seconds.
-
-        It ends when the robot falls, or when a joint has been farther than `until`, rad, from its target for longer
-        than BRIEFLY.
+        """Plays a motion in physics, once or for some seconds, until a fall or an error above `until`, rad.
 
         Returns:
-            how far a joint was from its target for longer than BRIEFLY, rad; which; when the robot fell, s, or None.
+            a joint's largest error that lasted longer than BRIEFLY, rad; the joint; when the robot fell, s, or None.
         """
         stage = self._stage(root)
         worst = lasting_until(self._played(stage, played, tempo, seconds), until)
@@ -121,7 +107,7 @@ class Trials:
     def _played(
         self, stage: PhysicsPlayback, played: PlayedMotion, tempo: float, seconds: float | None
     ) -> Iterator[Array]:
-        """Plays a motion on a stage until the robot falls: how far joints are from their targets in each tick (J,)."""
+        """Plays a motion on a stage until the robot falls; the joints' errors (J,), rad, in each tick."""
         targets, poses = targets_at(played, tempo, TICK), poses_at(played, tempo, TICK)
         inside = np.clip(targets, self.limits.lower, self.limits.upper)
         limited = self._limiter(self.limits, TICK)

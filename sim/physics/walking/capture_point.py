@@ -1,4 +1,4 @@
-"""The capture point of a body that is carried by a few points on the floor, and what is planned for it.
+"""The capture point of a body that is carried by a few points on the floor, its plan, and its lasting error.
 
 While the centre of mass c stays about as high, h, the divergent component of its motion is the capture point
 
@@ -25,23 +25,25 @@ import numpy as np
 from controller.motion.rotations import Array
 from sim.models.gravity import GRAVITY
 
+# Learning rate of a lasting error, 1/s, and time constant of the error on each foot, s.
+LEARNS, TAKES = 0.5, 0.25
+# Largest error that counts, and largest learned one, in heights of the root.
+BIG, LEARNED = 0.03, 0.12
+
 
 def pendulum_rate(height: float) -> float:
-    """omega of a body whose centre of mass is so high, m; 1/s."""
+    """omega, 1/s, for a height of the centre of mass, m."""
     return float(np.sqrt(GRAVITY / max(height, 0.05)))
 
 
 def planned_capture_point(times: Array, pressure: Array, now: float, omega: float) -> Array:
-    """Equation (3).
+    """Equation (3): the planned capture point (...), m.
 
     Args:
         times: of the knots, ascending, shape (K,), s; the first one is not after now.
         pressure: centres of pressure there, shape (K, ...), m.
         now: s.
         omega: 1/s.
-
-    Returns:
-        where the capture point must be now, shape (...), m.
     """
     after = int(np.searchsorted(times, now, side="right"))
     if after == len(times):
@@ -62,3 +64,27 @@ def follow(centre: Array, capture_point: Array, dt: float, omega: float) -> Arra
 def run_away(capture_point: Array, pressure: Array, seconds: float, omega: float) -> Array:
     """Equation (1): where a capture point (2,) is some seconds later if the centre of pressure (2,) stays."""
     return pressure + np.exp(omega * seconds) * (capture_point - pressure)
+
+
+class LastingError:
+    """The mean error of the capture point, ahead and left of the heading: from a slope, a load or a leaning sensor.
+
+    An error that changes sides with the feet, however slow the steps, does not last, and a push soon passes. So the
+    error e is smoothed on each foot, by its share s_i of the weight, and the mean of the two feet is integrated:
+
+        e_i' = s_i / TAKES (e - e_i),      b' = LEARNS (e_1 + e_2) / 2                                           (16)
+    """
+
+    def __init__(self, height: float, dt: float) -> None:
+        """Args: height of the root, m; the tick, s."""
+        self._dt, self._big, self._most = dt, BIG * height, LEARNED * height
+        self._feet = np.zeros((2, 2))
+        self._learned = np.zeros(2)
+
+    def learn(self, off: Array, standing: Array) -> Array:
+        """The learned error (2,), m, after a tick with the error `off` (2,), m, and the shares (2,) of the feet."""
+        shares = min(1.0, self._dt / TAKES) * standing
+        self._feet += shares[:, None] * (np.clip(off, -self._big, self._big) - self._feet)
+        self._learned += LEARNS * self._dt * self._feet.mean(axis=0)
+        np.clip(self._learned, -self._most, self._most, out=self._learned)
+        return self._learned

@@ -1,7 +1,7 @@
-"""Footfalls: when the feet of a played motion leave the floor, and where they land.
+"""Footfalls: times and places at which the feet of a played motion leave the floor and land.
 
-A foot swings while its sole is the faster one of the two, and moves or is raised; what hardly gets anywhere is no step.
-So there is always a foot that stands, also in a run.
+A foot swings while its sole is the faster one of the two, and moves or is raised; small displacements are no steps. So
+one foot always stands, also in a run.
 """
 
 from __future__ import annotations
@@ -12,34 +12,27 @@ import numpy as np
 
 from controller.motion.rotations import Array
 
-# Speeds of a sole at which it begins and ends to swing, and how far a step goes at least, in heights of the root (a
-# second); how much it turns at least, rad, and how long it takes at least, s.
-BEGINS, ENDS = 0.2, 0.15
-FAR, TURN, LONG = 0.04, 0.15, 0.12
-# What is over sooner is no step but a foot that shuffles while motions are blended, s.
-BRIEF = 0.15
-# A foot that moves on after so long has only paused, s: who shifts a foot twice keeps standing on the other one.
+# Speed of a sole at the beginning and the end of a swing, heights of the root a second, and its time constant, s.
+BEGINS, ENDS, SMOOTHING = 0.2, 0.15, 0.01
+# Least length of a step, heights of the root, or turn, rad; least duration of a swing and of a step, s: blends shuffle.
+FAR, TURN, LONG, BRIEF = 0.04, 0.15, 0.12, 0.15
+# Longest pause within one step, s.
 PAUSE = 0.3
-# A foot that stays where it is for so long, s, is put down, also if it is raised: who pauses stands on both feet.
+# Speed and duration, s, of a rest that ends a swing, also of a raised foot.
 STILL, HOLDS = 0.03, 0.15
 _FLAT = np.zeros(2)
-# The speed is smoothed with this time constant, s.
-SMOOTHING = 0.01
 
 
 @dataclass(eq=False)
 class Swing:
-    """One foot on its way; lengths as in the played motion.
+    """One swing of a foot, in the lengths of the played motion; until it ends, its place is the present one.
 
     Attributes:
         foot: 0 or 1.
-        start: when it leaves the floor, s.
-        end: when it lands, s; None as long as that is not known.
-        from_other: where it lands, or is by now, from the other foot, ahead and left of the heading, shape (2,), m.
-        yaw: which way it points there, rad.
-        heading: of the body there, rad.
-        leaves: how far the sole was turned when it left the floor, toes down, rad.
-        lands: how far it is turned when it lands, or is by now, toes down, rad.
+        start, end: times of leaving the floor and landing, s; the end is None until it is known.
+        from_other: place from the other foot, ahead and left of the heading, shape (2,), m.
+        yaw, heading: of the foot and of the body there, rad.
+        leaves, lands: pitch of the sole, toes down, as it leaves the floor and lands, rad.
     """
 
     foot: int
@@ -53,14 +46,14 @@ class Swing:
 
 
 class Footfalls:
-    """Finds the swings in a motion that is given tick by tick.
+    """Finds the swings in a motion, tick by tick.
 
     Attributes:
-        swings: those that are not forgotten yet, in the order of their starts.
+        swings: in the order of their starts.
     """
 
     def __init__(self, height: float, dt: float) -> None:
-        """Takes the height of the robot's root, m, and the time between two ticks, s."""
+        """Args: height of the root, m; the tick, s."""
         self._height, self._dt = height, dt
         self.swings: list[Swing] = []
         self._before: Array | None = None
@@ -69,14 +62,13 @@ class Footfalls:
         self._went = self._yaw = self._held = 0.0
 
     def add(self, now: float, soles: Array, yaws: Array, heading: float, pitches: Array = _FLAT) -> None:
-        """Takes the next tick.
+        """Adds the next tick.
 
         Args:
-            now: when it is played, s.
-            soles: the middles of the soles, shape (2, 3), m.
-            yaws: which way they point, shape (2,), rad.
+            now: its time, s.
+            soles: middles of the soles, shape (2, 3), m.
+            yaws, pitches: of the soles, toes down, shape (2,), rad.
             heading: of the body, rad.
-            pitches: how the soles are turned, toes down, shape (2,), rad.
         """
         before = soles if self._before is None else self._before
         raw = np.linalg.norm(soles - before, axis=1) / (self._dt * self._height)

@@ -1,4 +1,4 @@
-"""Gait: which foot stands where, which step is under way, and where it has to land to catch the body."""
+"""Gait: places of the feet, the present step, and where it lands to catch the body."""
 
 from __future__ import annotations
 
@@ -13,55 +13,39 @@ from sim.physics.walking.footfalls import Swing
 from sim.physics.walking.rolling import Rolling
 from sim.physics.walking.steps import MEETS, Step, pressure_course, swing_path
 
-# From standing the steps grow: the shares of the first ones.
-GROWS = (0.3, 0.55, 0.8, 1.0)
-# Who has stood for so long starts anew, s.
-STOOD = 0.6
-# A step takes at least so long, s.
-SHORTEST = 0.2
-# A swing that has not ended yet in the preview lasts at least so long, s.
-UNKNOWN = 0.3
-# In the last share of a swing its goal stays where it is.
+# Shares of the first steps after standing for STOOD, s.
+GROWS, STOOD = (0.3, 0.55, 0.8, 1.0), 0.6
+# Least duration of a step, and of a swing whose end is not in the preview yet, s.
+SHORTEST, UNKNOWN = 0.2, 0.3
+# Last share of a swing in which its goal is fixed.
 FROZEN = 0.15
-# In one step the robot turns by at most so much, a foot lands turned by at most so much from its heading, and what
-# stands is at most so much turned from it while it turns on, rad.
+# Largest turn of the robot in a step, of a landing foot from the heading, and of a standing foot from it, rad.
 TURN, FOOT_TURN, TWIST = 0.6, 0.5, 0.6
-# A foot lands at most so much farther to its side than it has to be, in widths, or as far as it lands flat.
+# Largest width of a step beyond the least one, in widths, as far as the foot lands flat.
 APART = 0.9
-# The most that a step is made longer, in heights of the root, and how narrow and how wide it may become, in widths.
+# Largest lengthening of a step by a capture step, heights of the root, and bounds of its width, in widths.
 LONGER, NARROW, WIDE = 0.7, 0.85, 2.2
-# How far apart the feet may land, in longest steps at their least width.
+# Largest distance of the feet, in longest steps at their least width.
 STRETCH = 1.1
-# How uncertain the error of the capture point is, compared with the lengthening of a step that may be needed.
+# Uncertainty of the capture point's error, relative to the lengthening of a step.
 DOUBT = 0.15
-
-
-# Who stands takes a step if the capture point is farther off than this, in heights of the root, and the motion takes
-# none in the preview. Such a step takes so long, s.
+# Error of the capture point, heights of the root, at which a standing robot steps, and that step's duration, s.
 TOO_FAR, QUICK = 0.12, 0.35
 
 
 class Gait:
-    """Steps one after another, on a plane of its own, where the feet never slip.
+    """Plans one step after another, on a plane where the feet never slip.
 
     Attributes:
-        places, yaws: of the soles that stand, shape (2, 2), m, and (2,), rad.
-        step: the one under way.
+        places, yaws: of the standing soles, shape (2, 2), m, and (2,), rad.
+        step: the present one.
         coming: that one and those to come.
-        rolling: how the soles are turned.
-        recoveries: how often it took a step that is not the motion's.
+        rolling: pitches of the soles.
+        recoveries: number of steps that are not the motion's.
     """
 
     def __init__(self, settings: WalkSettings, height: float, sole: float, sides: Array, widest: float) -> None:
-        """Takes a robot.
-
-        Args:
-            settings: how it walks.
-            height: of its root, m.
-            sole: its length, m.
-            sides: which side each foot is on, 1 for left, shape (2,).
-            widest: how far apart its soles may be, side by side, m.
-        """
+        """Args: walk settings; height of the root, m; length of a sole, m; sides (2,), 1 for left; widest stance, m."""
         self._set, self._height, self._sides = settings, height, sides
         self._roll = 0.5 * sole * settings.roll
         self._width = settings.width * height
@@ -70,7 +54,7 @@ class Gait:
         self._slowest = settings.slowest * float(np.sqrt(height / GRAVITY))  # on one foot errors grow
 
     def start(self, middle: Array, facing: float, yaws: Array) -> None:
-        """Stands with both feet beside a point (2,), m, facing a direction, rad; the feet point to yaws (2,), rad."""
+        """Stands with both feet beside a point (2,), m, facing a direction, rad, with the feet at yaws (2,), rad."""
         apart = 0.5 * self._width * np.array([-np.sin(facing), np.cos(facing)])
         self.places = np.array([middle + side * apart for side in self._sides])
         self.yaws = facing + np.array([_clipped(yaw - facing) for yaw in yaws])
@@ -87,7 +71,7 @@ class Gait:
         self.recoveries = 0
 
     def advance(self, now: float, swings: Sequence[Swing], preview: float) -> Swing | None:
-        """Goes on to a time, s, with the swings of the motion until `preview` later; the swing that ended, if any."""
+        """Advances to a time, s, with the motion's swings until `preview` later; the swing that ended, if any."""
         self._horizon = now + preview
         self._now, self._tick = now, now - self._now
         ended = None
@@ -108,18 +92,19 @@ class Gait:
         return ended
 
     def course(self, now: float) -> tuple[Array, Array]:
-        """Where the centre of pressure is to be when; as `pressure_course`."""
+        """The course of the centre of pressure, as of `pressure_course`."""
         return pressure_course(now, self._landed, self.places, self.yaws, self.coming, self._roll)
 
     def catch(self, now: float, off: Array, effect: float) -> Array:
-        """Moves the goal of the step so that the capture point comes back to its plan; by how much it did, (2,), m.
-
-        The goal moves no faster than the foot can follow: a leg that is thrown to and fro pushes the body off its plan.
+        """Moves the step's goal so that the capture point returns to its plan, as fast as the foot can follow.
 
         Args:
             now: s.
-            off: where the capture point is from where it should be with the present goal, shape (2,), m.
-            effect: by how much that changes with the goal.
+            off: error of the capture point with the present goal, shape (2,), m.
+            effect: its change by the goal's.
+
+        Returns:
+            the displacement of the goal, (2,), m.
         """
         step, s = self.step, self._set
         if step is None or now > step.end - FROZEN * (step.end - step.start):
@@ -143,13 +128,7 @@ class Gait:
         return moves
 
     def recover(self, now: float, off: Array, capture: Array) -> None:
-        """Takes a step of its own, and the other foot after it, if it stands and the capture point is too far off.
-
-        Args:
-            now: s.
-            off: how far the capture point is off, shape (2,), m.
-            capture: where it is, shape (2,), m.
-        """
+        """Begins two recovery steps if the robot stands and the capture point (2,), m, is `off` (2,), m, too far."""
         if self.coming or np.hypot(*off) < TOO_FAR * self._height:
             return
         away = self.places - capture
@@ -167,13 +146,13 @@ class Gait:
         self.recoveries += 1
 
     def swing(self, now: float) -> tuple[Array, float, float]:
-        """Where the swinging foot comes from, its yaw then, and what share of its time has passed."""
+        """Start of the swinging foot, (2,), m, its yaw there, rad, and the share of its time that has passed."""
         assert self.step is not None
         place, yaw = self._from
         return place, yaw, (now - self.step.start) / (self.step.end - self.step.start)
 
     def turn(self, now: float, heading: float) -> float:
-        """How far the robot's heading is to be from the motion's, rad: hips turn only so far on a foot that stands."""
+        """The robot's heading relative to the motion's, rad, within what the hips turn on a standing foot."""
         astray, stands = self._astray, self.yaws
         if self.step is not None:
             along, _ = swing_path((now - self.step.start) / (self.step.end - self.step.start))
@@ -186,7 +165,7 @@ class Gait:
 
     @property
     def standing(self) -> Array:
-        """Which feet stand: shares that sum to 1, shape (2,)."""
+        """The feet's shares of the weight, shape (2,)."""
         if self.step is None:
             return np.array([0.5, 0.5])
         return np.array([0.0, 1.0]) if self.step.foot == 0 else np.array([1.0, 0.0])
@@ -235,15 +214,13 @@ class Gait:
         return max(end, start + SHORTEST)
 
     def _planned(self, swing: Swing, other: Array, stands: float, heading: float, astray: float, count: int) -> Step:
-        """The step that a swing of the motion becomes.
+        """The step for a swing of the motion.
 
         Args:
             swing: of the motion.
-            other: where the foot stands that does not swing, shape (2,), m.
-            stands: which way that foot points, rad.
-            heading: of the robot before the step, rad.
-            astray: how far that is from the heading of the motion, rad.
-            count: how many steps there were since it stood.
+            other, stands: place, (2,), m, and yaw, rad, of the standing foot.
+            heading, astray: of the robot before the step, and relative to the motion, rad.
+            count: number of steps since the robot stood.
         """
         turn = _wrapped(swing.heading + astray - heading)
         turned = min(max(turn, -TURN), TURN)
@@ -264,7 +241,7 @@ class Gait:
         far = max(1.0, float(np.hypot(share * x / most, aside / max(self._apart, 1e-9))))
         place = other + _turned((share * x / far, side * (self._width + aside / far)), direction)
         yaw = heading + _clipped(swing.yaw - swing.heading)
-        # Who only follows the other foot, as boxers do, does not roll.
+        # A foot that only follows the other one, as in boxing, does not roll.
         leaves, lands = (max(swing.leaves, 0.0), max(-swing.lands, 0.0)) if x > 0.0 else (0.0, 0.0)
         return Step(swing.foot, swing.start, end, place, yaw, heading, astray, direction, leaves, lands)
 

@@ -1,4 +1,4 @@
-"""Leg swing: how the legs that swing turn the body over, and how the planned capture point makes up for it.
+"""Leg swing: the angular momentum of swinging legs, and the shift of the planned capture point that compensates it.
 
 The angular momentum L about the centre of mass of a robot whose soles move by v_1 and v_2, while its centre of mass
 keeps still, is nearly the same share of them ahead and aside:
@@ -27,16 +27,16 @@ from sim.physics.walking.gait import Gait
 from sim.physics.walking.steps import swing_ramps
 from sim.physics.walking.whole_body import WholeBody
 
-# kappa is measured by a sole that moves so far, in heights of the root.
+# Displacement of a sole that measures kappa, heights of the root.
 MOVES = 0.02
 
 
 class LegSwing(NamedTuple):
-    """What the legs do to the body.
+    """The effect of swinging legs.
 
     Attributes:
         shift: of the planned capture point, shape (2,), m.
-        along: how much of it goes along when the step under way gets longer.
+        along: change of the shift by the present step's length.
         arm: s, shape (2,), m.
     """
 
@@ -46,17 +46,9 @@ class LegSwing(NamedTuple):
 
 
 def legs_carry(
-    model: mujoco.MjModel,
-    body: WholeBody,
-    goal: Array,
-    places: Sequence[Array],
-    turns: Sequence[Array],
-    centre: Array,
+    model: mujoco.MjModel, body: WholeBody, goal: Array, places: Sequence[Array], turns: Sequence[Array], centre: Array
 ) -> float:
-    """kappa of (13), kg m, of a robot that stands as its whole body is solved; the rest as `WholeBody.step`.
-
-    The solution stays what it was.
-    """
+    """kappa of (13), kg m, in the posture of `body`, which is kept; the other arguments are those of `step`."""
     plan, root, far = body.plan, int(model.jnt_bodyid[0]), MOVES * float(goal[2])
     before, jacobian, shares = plan.qpos.copy(), body.jacobian.copy(), np.empty((2, 2))
     for foot, axis in np.ndindex(2, 2):
@@ -76,14 +68,7 @@ def legs_carry(
 
 
 def leg_swing(now: float, omega: float, carried: float, gait: Gait) -> LegSwing:
-    """What the steps of a gait do to the body: (14).
-
-    Args:
-        now: s.
-        omega: of the capture point, 1/s.
-        carried: kappa / W, s^2.
-        gait: after it went on to now.
-    """
+    """(14) for the steps of a gait at a time, s, with omega, 1/s, and carried = kappa / W, s^2."""
     shift, arm, along = np.zeros(2), np.zeros(2), 0.0
     landed: list[Array | None] = [None, None]
     for step in gait.coming:

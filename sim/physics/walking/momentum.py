@@ -1,4 +1,4 @@
-"""Momentum: how much the played motion turns the body over, and what of it the body plays softer.
+"""Momentum: the angular momentum of the played motion, and its softening where it would throw the body over.
 
 A body of weight W on a centre of pressure p, whose angular momentum L about its centre of mass changes, falls like one
 that stands on p + s,
@@ -9,9 +9,9 @@ So by (2) the planned capture point moves by
 
     omega / W (mean of (L_y, -L_x) over the future, weighted by e^(-omega (t' - t)), less (L_y, -L_x) now)         (11)
 
-An s that is longer than the sole throws the body over, whatever is planned. Punches of a person do so, carried to the
-longer arms and the quick joints of a large robot. Where the mean of |s| around a time gets near half the length of the
-sole, the body plays the mean of the motion just before and after. It is not later for that: it knows what comes.
+An s that is longer than the sole throws the body over, whatever is planned. Punches do so with the long arms and quick
+joints of a large robot. Where the mean of |s| around a time gets near half the length of the sole, the body plays the
+mean of the motion just before and after, without delay: the preview knows what comes.
 """
 
 from __future__ import annotations
@@ -22,35 +22,27 @@ import numpy as np
 from controller.motion.rotations import Array
 from sim.models.gravity import GRAVITY
 
-# Root mean square of |s| at which a motion begins to be softened, and is softened as far as it goes, in half soles.
+# Root mean square of |s| from which a motion is softened, and softened fully, in half soles.
 LIGHT, HEAVY = 0.5, 1.0
-# It is taken over so much before and after, and L' over so much, s.
+# Its window before and after, and that of L', s.
 AROUND, RATE = 0.3, 0.05
-# A softened posture is the mean of the motion over so much before and after, s, weighted by a triangle.
+# Window of the softened posture before and after, s, weighted by a triangle.
 SOFT = 0.2
-# How far the planned capture point moves at most, in half soles.
+# Largest shift of the planned capture point, in half soles.
 MOST = 0.4
 
 
 class Momentum:
-    """Follows a motion that is given ahead of the body that plays it.
+    """Momentum of a motion that is known ahead of the body.
 
     Attributes:
-        softened: how far the posture now goes to the mean of the motion around it, 0 to 1.
+        softened: weight of the mean posture, 0 to 1.
     """
 
     softened: float = 0.0
 
     def __init__(self, model: mujoco.MjModel, dt: float, ahead: float, omega: float, sole: float) -> None:
-        """Takes what will move; before the first tick it stood still.
-
-        Args:
-            model: with a free root.
-            dt: from tick to tick, s.
-            ahead: how long before the body the motion is given, s.
-            omega: of the capture point, 1/s.
-            sole: half its length, m.
-        """
+        """Args: a model with a free root; the tick, s; the preview, s; omega, 1/s; half the sole's length, m."""
         self._model, self._dt, self._omega, self._sole = model, dt, omega, sole
         self._root = int(model.jnt_bodyid[0])
         self._weight = float(model.body_subtreemass[self._root]) * GRAVITY
@@ -74,7 +66,7 @@ class Momentum:
         self._moves = later / later.sum() - now, softer / softer.sum() - mean
 
     def add(self, goal: Array) -> None:
-        """Takes the next tick of the motion, a posture (nq,)."""
+        """Adds the next tick of the motion, a posture (nq,)."""
         model, data, dt = self._model, self._data, self._dt
         if not len(self._before):
             self._before = goal.copy()
@@ -94,14 +86,14 @@ class Momentum:
         self.softened = min(max((offset - LIGHT) / (HEAVY - LIGHT), 0.0), 1.0)
 
     def soften(self, posture: Array) -> None:
-        """Moves the posture (nq,) that the motion has now to the mean around it, as far as it has to be."""
+        """Softens the present posture (nq,) of the motion."""
         if self.softened > 0.0:
             way = self.softened * (self._to_mean @ self._velocity)
             mujoco.mj_integratePos(self._model, posture, way, self._dt)
 
     @property
     def shift(self) -> Array:
-        """How far the planned capture point is moved, (2,), m: (11) of a motion that is softened, else nothing."""
+        """Shift of the planned capture point, (2,), m: (11) while the motion is softened, else zero."""
         share = self.softened
         if share == 0.0:
             return np.zeros(2)

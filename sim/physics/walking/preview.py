@@ -1,7 +1,6 @@
-"""Preview: the body is a little behind the motion, so that its next steps are known before they begin.
+"""Preview: the body follows the motion with a delay, so that its next steps are known before they begin.
 
-Nothing has to be asked of what makes the motion: the future of the body is what has been played already, whatever the
-motion, its tempo and the switches.
+This needs no prediction: the future of the body has been played already, whatever motion, tempo and switches.
 """
 
 from __future__ import annotations
@@ -14,30 +13,29 @@ from controller.motion.rotations import Array
 from sim.physics.walking.footfalls import Footfalls, Swing
 
 AHEAD = 1.2
-"""How far the body is behind the motion, s."""
+"""Delay of the body behind the motion, s."""
 
-# The body goes up and down with the mean of the motion over so much before and after, s: at half the tempo a stride
-# takes twice as long, and the body would bob with each step.
+# Window of the root's mean height before and after, s: at half the tempo the body would else bob with each step.
 EVEN = 0.5 * AHEAD
-# The motion's path is smoothed with this time constant, s: the body sways on its way.
+# Time constant of the path, s, against the sway of the body.
 SWAY = 0.5
 
 
 class Travel:
-    """How far a body that sways has gone along the ground.
+    """Distance of a swaying body along the ground.
 
     Attributes:
         metres: so far.
     """
 
     def __init__(self, dt: float) -> None:
-        """Takes the time between two ticks, s."""
+        """Args: the tick, s."""
         self.metres = 0.0
         self._share = 1.0 - float(np.exp(-dt / SWAY))
         self._smooth: Array | None = None
 
     def add(self, place: Array) -> None:
-        """Takes the place of the next tick, shape (2,), m."""
+        """Adds the next place, shape (2,), m."""
         if self._smooth is None:
             self._smooth = place.copy()
         step = self._share * (place - self._smooth)
@@ -46,14 +44,14 @@ class Travel:
 
 
 class Preview:
-    """A motion between the tick that is played to the body and the one that has come last.
+    """The motion from the tick of the body to the latest one.
 
     Attributes:
-        travel: how far the motion has gone by what is played to the body.
+        travel: distance of the motion up to the body's tick.
     """
 
     def __init__(self, height: float, dt: float) -> None:
-        """Takes the height of the robot's root, m, and the time between two ticks, s."""
+        """Args: height of the root, m; the tick, s."""
         self._dt, self._newest = dt, AHEAD
         self._ring: deque[tuple[Array, float]] = deque(maxlen=round(AHEAD / dt) + 1)
         self._near = round(EVEN / dt)
@@ -62,14 +60,9 @@ class Preview:
         self.travel = Travel(dt)
 
     def add(self, goal: Array, heading: float, soles: Array, yaws: Array, pitches: Array) -> None:
-        """Takes the next tick; before the first one, the motion stood still.
+        """Adds the next tick, a posture (nq,) with heading, rad, soles (2, 3), m, their yaws and pitches (2,), rad.
 
-        Args:
-            goal: the posture, shape (nq,).
-            heading: rad.
-            soles: the middles of the soles in it, shape (2, 3), m.
-            yaws: which way they point, shape (2,), rad.
-            pitches: how they are turned, toes down, shape (2,), rad.
+        Before the first one, the motion stood still.
         """
         for _ in range(1 if self._ring else self._ring.maxlen or 1):
             self._ring.append((goal.copy(), heading))
@@ -80,7 +73,7 @@ class Preview:
 
     @property
     def goal(self) -> Array:
-        """The posture that is played to the body, shape (nq,)."""
+        """The posture of the body's tick, shape (nq,)."""
         return self._ring[0][0]
 
     @property
@@ -90,12 +83,12 @@ class Preview:
 
     @property
     def height(self) -> float:
-        """How high the root is in the motion on average around then, m."""
+        """Mean height of the root around the body's tick, m."""
         return float(np.mean(self._heights))
 
     @property
     def swings(self) -> list[Swing]:
-        """The swings that are under way or to come."""
+        """The present and coming swings."""
         return self._footfalls.swings
 
     def forget(self, swing: Swing) -> None:

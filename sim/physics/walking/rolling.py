@@ -1,4 +1,4 @@
-"""Rolling: feet leave the floor over their toes and come down on their heels, so that legs reach farther.
+"""Rolling: feet leave the floor over their toes and land on their heels, so that legs reach farther.
 
 A sole of half length l that is turned by a pitch theta stands on its toe edge where theta > 0, and on its heel edge
 where theta < 0. Its middle is ahead of and above its place on the flat sole by
@@ -17,31 +17,28 @@ import numpy as np
 from controller.motion.rotations import Array
 from sim.physics.walking.steps import Step
 
-# The heel begins to rise so long before the foot leaves the floor, and the toes come down so long after it landed, s.
+# Rise of the heel before the foot leaves the floor, and settling of the toes after it landed, s.
 RISES, SETTLES = 0.12, 0.08
-# At this share of its swing the foot is turned as it will land: toes that hang lower would scuff.
+# Share of a swing after which the foot has its landing pitch: hanging toes would scuff.
 TURNED = 0.8
-# So that a swinging foot does not jerk when it changes from one edge to the other: the sine it is rounded off at.
+# Sine at which (12) is rounded off, against a jerk from edge to edge.
 ROUNDED = 0.05
 
 
 def from_flat(pitch: float, half: float) -> tuple[float, float]:
-    """Equation (12): how far ahead and up the middle of a sole is, m, from its place on the flat sole."""
+    """Equation (12): displacement of the middle of a sole ahead and up, m."""
     up = float(np.hypot(np.sin(pitch), ROUNDED)) - ROUNDED
     return float(np.sign(pitch)) * half * (1.0 - float(np.cos(pitch))), half * up
 
 
 class Rolling:
-    """Turns the soles of a robot that steps.
-
-    Attributes:
-        pitches: of the soles, toes down, shape (2,), rad.
-    """
+    """Pitches of the soles, toes down, shape (2,), rad, in `pitches`."""
 
     def __init__(self, toe: float, heel: float, longest: float) -> None:
-        """Takes how far a foot is turned over its toes when it leaves, and over its heel when it lands, rad, after and
-        before a step of the longest length, m; at shorter ones it is less in proportion, and never more than in the
-        motion."""
+        """Args: pitch over the toes at leaving and over the heel at landing, rad, for a step of the longest length, m.
+
+        Shorter steps have less in proportion, and never more than the motion's.
+        """
         self.pitches, self._rates = np.zeros(2), np.zeros(2)
         self._toe, self._heel, self._longest = toe, heel, longest
         self._now, self._swings = 0.0, [False, False]
@@ -49,14 +46,7 @@ class Rolling:
         self._landed = [(-np.inf, 0.0), (-np.inf, 0.0)]
 
     def advance(self, now: float, places: Array, step: Step | None, coming: Sequence[Step]) -> None:
-        """Goes on to a time, s.
-
-        Args:
-            now: s.
-            places: of the soles that stand, shape (2, 2), m.
-            step: the one under way.
-            coming: that one and those to come.
-        """
+        """Advances to a time, s, with the standing soles (2, 2), m, the present step, and it with those to come."""
         for foot in range(2):
             own = next((number for number, one in enumerate(coming) if one.foot == foot), None)
             pitch, swings = 0.0, step is not None and step.foot == foot
@@ -79,18 +69,18 @@ class Rolling:
         self._now = now
 
     def _stretch(self, ahead: Array, step: Step) -> float:
-        """How long a step is that goes so far (2,), m, compared with the longest one; 0 if it goes back."""
+        """Length of a step by a vector (2,), m, relative to the longest one; 0 if it goes back."""
         along = float(ahead @ (np.cos(step.direction), np.sin(step.direction)))
         return min(max(along / self._longest, 0.0), 1.0)
 
 
 def _swung(pitch: float, rate: float, lands: float, since: float, lasts: float) -> float:
-    """The pitch of a foot that left the floor some seconds ago with a pitch and a rate, and lands with another."""
+    """The pitch of a foot, `since` seconds after leaving with a pitch and a rate, until it lands with another."""
     u = min(since / lasts, 1.0)
     return (1.0 - u) ** 2 * ((1.0 + 2.0 * u) * pitch + u * lasts * rate) + _smooth(u) * lands
 
 
 def _smooth(share: float) -> float:
-    """From 0 to 1, beginning and ending softly."""
+    """Smoothstep from 0 to 1."""
     u = min(max(share, 0.0), 1.0)
     return u * u * (3.0 - 2.0 * u)

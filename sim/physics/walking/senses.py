@@ -1,7 +1,7 @@
-"""Senses: what a robot knows of itself, exactly, or from the angles of its joints and an inertial sensor in its trunk.
+"""State estimation: the exact state, or an estimate from joint angles and an inertial sensor in the trunk.
 
-Nothing measures where the root is, and nothing needs to: the robot is seen from the feet that stand. They also tell how
-fast the root moves, because a sole that stands has no speed, with the shares s_i of the feet that stand:
+The root's place is not measured: the robot is seen from the standing feet. As a standing sole has no speed, they also
+give the root's velocity, with their shares s_i of the weight:
 
     v = - sum of  s_i (omega x r_i + J_i q')                                                                     (8)
 
@@ -10,10 +10,8 @@ still moves, so v is what the accelerometer's a makes of it, and (8) draws it ba
 
     v <- v + a dt,      v <- v + (1 - e^(-dt / T)) (v of (8) - v)                                                (9)
 
-Posture x, the trunk's turn included, is followed the same way, so that its noise does not shake the robot: moved on by
-the speeds x', then drawn back to what the angles and gravity say.
-
-What it sees is `delay` old.
+The posture, with the trunk's turn, is filtered in the same way: integrated from the speeds, then drawn back to angles
+and gravity. Measurements arrive after `delay`.
 """
 
 from __future__ import annotations
@@ -27,14 +25,14 @@ import numpy as np
 
 from controller.motion.rotations import Array, between, multiply, rotate
 
-# How fast the legs correct what the accelerometer says, and angles and gravity what the speeds say, s.
+# Time constant of the corrections of (9) and of the posture, s.
 BLEND = 0.1
 UP = np.array([0.0, 0.0, 1.0])
 
 
 @dataclass(frozen=True)
 class Sensors:
-    """How well a robot measures; standard deviations of what differs from tick to tick, and constant errors.
+    """Errors of a robot's sensors: standard deviations of noise, and constant errors.
 
     Attributes:
         angle: of a joint, rad.
@@ -45,7 +43,7 @@ class Sensors:
         drift: constant error of the trunk's angular velocity, on each axis, rad/s.
         shake: of the trunk's acceleration, m/s^2.
         pull: constant error of the trunk's acceleration, on each axis, m/s^2.
-        delay: how old a measurement is when it arrives, s.
+        delay: age of a measurement when it arrives, s.
         seed: of the noise.
     """
 
@@ -62,23 +60,18 @@ class Sensors:
 
 
 class ExactState:
-    """Sees the state as it is, from where gravity points down."""
+    """The exact state, in a frame in which gravity points down."""
 
     def __init__(self, model: mujoco.MjModel, gravity: Array) -> None:
-        """Takes the robot's own model, and gravity, shape (3,), m/s^2, seen from the floor."""
+        """Args: the robot's own model; gravity in the frame of the floor, shape (3,), m/s^2."""
         self.model, self._data = model, mujoco.MjData(model)
         self._upright = between(-gravity / np.linalg.norm(gravity), UP)
 
     def start(self) -> None:
-        """Forgets what it saw before: the robot is at rest where it is seen next."""
+        """Resets: the robot is next seen at rest."""
 
     def see(self, data: mujoco.MjData, stands: Array) -> mujoco.MjData:
-        """The robot as it knows itself: posture, bodies, centre of mass and its velocity.
-
-        Args:
-            data: the true state.
-            stands: which feet stand, shares that sum to 1, shape (2,).
-        """
+        """Posture, centre of mass and its velocity, from the true state and the feet's shares (2,) of the weight."""
         seen = self._data
         self._read(data.qpos, data.qvel)
         mujoco.mj_kinematics(self.model, seen)
@@ -105,14 +98,7 @@ class Estimate(ExactState):
         soles: Callable[[mujoco.MjData, int], tuple[Array, int]],
         dt: float,
     ) -> None:
-        """Takes what an exact state does, and how it is measured.
-
-        Args:
-            model, gravity: as of `ExactState`.
-            sensors: how well.
-            soles: gives the middle of the sole of a foot in a state, and the foot's body.
-            dt: from tick to tick, s.
-        """
+        """Args: as of `ExactState`; sensors; the middle of a foot's sole in a state, with its body; the tick, s."""
         super().__init__(model, gravity)
         self._sensors, self._soles = sensors, soles
         self._random = np.random.default_rng(sensors.seed)
@@ -126,13 +112,13 @@ class Estimate(ExactState):
         self._posture: Array | None = None
 
     def start(self) -> None:
-        """Forgets what it saw before; as of `ExactState`."""
+        """As of `ExactState`."""
         self._posture = None
         self._line.clear()
         self._root_speed[:] = 0.0
 
     def see(self, data: mujoco.MjData, stands: Array) -> mujoco.MjData:
-        """The robot as its sensors show it; as of `ExactState`."""
+        """The estimate; as of `ExactState`."""
         seen, s, random = self._data, self._sensors, self._random
         self._line.append((data.qpos.copy(), data.qvel.copy(), stands))
         before, (qpos, qvel, stands) = self._line[0], self._line[min(1, len(self._line) - 1)]
@@ -162,7 +148,7 @@ class Estimate(ExactState):
         return seen
 
     def _follow(self, seen: mujoco.MjData) -> None:
-        """Smooths a measured posture with its speeds; the first one is taken as it is."""
+        """Filters a measured posture by its speeds; the first one passes."""
         if self._posture is None:
             self._posture = seen.qpos.copy()
         mujoco.mj_integratePos(self.model, self._posture, seen.qvel, self._dt)

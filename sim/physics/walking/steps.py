@@ -1,4 +1,4 @@
-"""Steps: where the feet of the robot stand and will stand, and so where its centre of pressure is to be when."""
+"""Steps: the coming places of the feet, and the course of the centre of pressure that follows from them."""
 
 from __future__ import annotations
 
@@ -9,17 +9,17 @@ import numpy as np
 
 from controller.motion.rotations import Array
 
-# For so long the centre of pressure moves to the middle between the feet, or from there, s.
+# Time of the centre of pressure from a foot to the middle between both, or back, s.
 SHIFT = 0.25
-# The weight begins to go over to a foot so long before its step ends, s: legs yield, so it meets the floor early.
+# Time before the end of a step at which the foot takes weight, s: legs yield, so it meets the floor early.
 MEETS = 0.03
-# In this share of its time a swinging foot speeds up, and in the last one it slows down.
+# Share of a swing in which the foot accelerates, and that in which it decelerates.
 RAMP = 0.25
-# A foot is lifted by at most so many heights of the root for each second of its swing: a quick one would hit the floor.
+# Largest lift, heights of the root for each second of the swing: a quick foot would hit the floor.
 RISES = 0.3
 
 Knot = tuple[float, float, float]
-"""Where the centre of pressure is, m, and how much of it goes along when the step under way gets longer."""
+"""Centre of pressure, m, and its change by the present step's length."""
 
 
 @dataclass(slots=True)
@@ -28,15 +28,11 @@ class Step:
 
     Attributes:
         foot: 0 or 1.
-        start: when the foot leaves the floor, s.
-        end: when it lands, s.
-        place: where the middle of its sole lands, shape (2,), m.
-        yaw: which way it points then, rad.
-        heading: of the robot then, rad.
-        astray: how far that is from the heading of the motion, rad.
-        direction: in which its length and width are measured: midway from the heading before the step, rad.
-        leaves: how far the motion's sole is turned over its toes when it leaves the floor, rad.
-        lands: how far it is turned over its heel when it lands, rad.
+        start, end: times of leaving the floor and landing, s.
+        place, yaw: of the landed sole, shape (2,), m, and rad.
+        heading, astray: of the robot then, and relative to the motion's, rad.
+        direction: of the step's length: midway from the heading before the step, rad.
+        leaves, lands: pitch of the motion's sole over its toes at leaving, and over its heel at landing, rad.
     """
 
     foot: int
@@ -54,25 +50,21 @@ class Step:
 def pressure_course(
     now: float, last: tuple[float, Array] | None, places: Array, yaws: Array, steps: Sequence[Step], roll: float
 ) -> tuple[Array, Array]:
-    """Where the centre of pressure is to be when.
+    """The course of the centre of pressure.
 
-    Under a foot that stands alone it goes from `roll` behind the middle of the sole to as much before it; while both
-    stand, and MEETS before, to where it is to be in the next step, and on the way there towards the middle between
-    them: all the way if both stand for two SHIFTs, else as far as there is time. So who takes two steps with the same
-    foot does not balance on the other one meanwhile.
+    Under a single standing foot it goes from `roll` behind the middle of the sole to `roll` before it. While both
+    stand, and MEETS before, it goes to its place in the next step by way of the middle between the feet: all the way
+    if both stand for two SHIFTs, else as far as time allows, so that two steps of one foot do not balance on the other.
 
     Args:
         now: s.
-        last: when the centre of pressure began to leave the foot that stood during the last step, s, and where it was
-            then, m; None if there was none.
-        places: of the middles of the soles, shape (2, 2), m.
-        yaws: which way they point, shape (2,), rad.
-        steps: what is to come, in order; the first one may be under way.
+        last: time, s, and place, m, at which it began to leave the foot of the last step; None before the first.
+        places, yaws: of the soles, shape (2, 2), m, and (2,), rad.
+        steps: the present one, if any, and those to come.
         roll: m.
 
     Returns:
-        the times of K knots, shape (K,), s; and at each, shape (K, 3), the centre of pressure, m, and how much of it
-        goes along when the first step gets longer.
+        times of K knots, shape (K,), s; the `Knot` at each, shape (K, 3).
     """
     at: list[Knot] = [(float(x), float(y), 0.0) for x, y in places]
     toes = [(roll * np.cos(yaw), roll * np.sin(yaw)) for yaw in yaws]
@@ -101,7 +93,7 @@ def pressure_course(
         landed = step.end - MEETS
         times += [step.start, landed]
         knots += [heel, (x + u, y + v, share)]
-        # All that comes later goes along with the first step.
+        # All later places move with the first step.
         at[step.foot] = (float(step.place[0]), float(step.place[1]), 1.0)
         toes[step.foot] = (roll * np.cos(step.yaw), roll * np.sin(step.yaw))
         if number > 0:
@@ -116,9 +108,9 @@ def _between(one: Knot, other: Knot, share: float) -> Knot:
 
 
 def swing_path(share: float) -> tuple[float, float]:
-    """How far a swinging foot is along its way, and how high of its lift, at a share of its time.
+    """Share of a swinging foot's way and of its lift, at a share of its time.
 
-    It speeds up, goes evenly and slows down, because its joints have hardly any speed to spare.
+    The speed is a trapezoid, because its joints have hardly any speed to spare.
     """
     u = min(max(share, 0.0), 1.0)
     near = min(u, 1.0 - u)
@@ -127,21 +119,12 @@ def swing_path(share: float) -> tuple[float, float]:
 
 
 def swing_ramps(start: float, end: float) -> tuple[tuple[float, float, float, float], float]:
-    """When a foot on that path speeds up and slows down, and how quickly.
-
-    Args:
-        start: when it leaves the floor, s.
-        end: when it lands, s.
-
-    Returns:
-        when it begins and ends to speed up, and begins and ends to slow down, s; and what its way is divided by to give
-        its acceleration meanwhile, s^2.
-    """
+    """The corners of that trapezoid from start to end, s, and the ratio of way and acceleration in its ramps, s^2."""
     lasts = end - start
     ramp = RAMP * lasts
     return (start, start + ramp, end - ramp, end), ramp * (lasts - ramp)
 
 
 def highest(lift: float, seconds: float) -> float:
-    """How high a foot is lifted whose swing takes so long, at most `lift`; heights of the root."""
+    """Lift of a foot whose swing takes some seconds, at most `lift`; heights of the root."""
     return min(lift, RISES * seconds)

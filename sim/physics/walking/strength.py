@@ -1,13 +1,13 @@
-"""Strength: whether a robot has ankles, and servos that are strong and stiff enough to hold it on one leg.
+"""Strength: refuses to walk with a robot without ankles, or with servos too weak or too soft for one leg.
 
 The plan moves the centre of pressure p from behind the middle of the sole to the front of it, while the centre of mass
 c is between the feet. The servos of that leg then need the torques
 
     tau = W J_c,z - J_p^T f,      f = W ((c - p) / c_z, 1)
 
-Servos that hold their joints are springs, of the stiffnesses K: a horizontal force on the centre of mass moves it by
-J K^-1 J^T of the force, J from the joints of the leg to c over a foot that stays. By as much as it moves, its weight
-leans, as if the force were W / h of it, with the height h of c above the ankle. So the leg gives way where
+Servos are springs of the stiffnesses K: a horizontal force on the centre of mass moves it by J K^-1 J^T of the force, J
+from the joints of the leg to c over a fixed foot. The displaced weight acts like a force of W / h of the displacement,
+with the height h of c above the ankle. So the leg gives way where
 
     the largest eigenvalue of J K^-1 J^T is above h / W                                                         (15)
 """
@@ -26,22 +26,18 @@ from sim.models.servo_motor import strength
 from sim.physics.walking.whole_body import WholeBody
 from sim.robots.robot import Robot
 
-# An ankle is less than this share of the root's height above the sole; a knee is at half of it.
+# Largest height of an ankle above the sole, in heights of the root; a knee is at half of it.
 ANKLE = 0.3
 
 
 def check_legs(robot: Robot, model: mujoco.MjModel, body: WholeBody, feet: tuple[Foot, ...], roll: float) -> None:
-    """Refuses a robot that cannot stand on one leg.
+    """Refuses, by MotiondeckError, a robot that cannot stand on one leg.
 
     Args:
-        robot: which.
+        robot: the robot, with its feet.
         model: the robot with a free root.
         body: the solution in which the robot stands on both feet.
-        feet: of the robot.
-        roll: how far the centre of pressure goes from the middle of the sole, m.
-
-    Raises:
-        MotiondeckError: if it has no ankles, or a servo of its legs is too weak or too soft.
+        roll: largest distance of the centre of pressure from the middle of the sole, m.
     """
     _check_ankles(robot, model, feet)
     plan, root = body.plan, int(model.jnt_bodyid[0])

@@ -1,22 +1,21 @@
 """Walker: a free robot goes where the played motion goes, on its own feet.
 
 Each tick: the footfalls of the motion become steps of the robot (`Gait`), these a course of the centre of pressure, and
-this a planned capture point xi_p (`capture_point`). Where the robot's own xi is off it, the next step lands where that
-is made up for, and the centre of mass is moved against what is left:
+this a planned capture point xi_p (`capture_point`). The next step compensates the error of the robot's own xi, and the
+centre of mass is moved against the rest:
 
     c = c_p - ankle (xi - xi_p) - b                                                                              (6)
 
-with the planned c_p and what was learned of a lasting error, b (`lasting_error`). `WholeBody` finds the posture, and
-the servos of the legs get a share of the torques in advance that carry the weight W along the line from the centre of
-pressure p to the centre of mass:
+with the planned c_p and the lasting error b (16). `WholeBody` finds the posture, and the servos of the legs get a
+feed-forward share of the torques that carry the weight W along the line from the centre of pressure p to the centre of
+mass:
 
     tau = W J_c,z - J_p^T f,      f = W ((c_p - p - s) omega^2 / g, 1)                                           (7)
 
-where s is how the legs that swing throw the body (`leg_swing`). What else turns it over too quickly is played softer
-(`momentum`).
+with the effect s of swinging legs (`leg_swing`). Other quick turns of the body are played softer (`momentum`).
 
-All is planned on a plane where feet never slip: the robot is seen from the feet that stand, so that nothing needs to
-know where in the world it is.
+All is planned on a plane where feet never slip, and the robot is seen from its standing feet: its place in the world is
+not needed.
 """
 
 from __future__ import annotations
@@ -39,36 +38,32 @@ from controller.motion.rotations import (
 from motiondeck_base.errors import MotiondeckError
 from sim.models.feet import Foot
 from sim.models.gravity import GRAVITY
-from sim.physics.walking.capture_point import follow, pendulum_rate, planned_capture_point, run_away
+from sim.physics.walking.capture_point import LastingError, follow, pendulum_rate, planned_capture_point, run_away
 from sim.physics.walking.gait import WIDE, Gait
-from sim.physics.walking.lasting_error import LastingError
 from sim.physics.walking.leg_swing import leg_swing, legs_carry
 from sim.physics.walking.momentum import Momentum
 from sim.physics.walking.preview import AHEAD, Preview, Travel
 from sim.physics.walking.rolling import ROUNDED, from_flat
 from sim.physics.walking.senses import Estimate, ExactState, Sensors
-from sim.physics.walking.spread import widest
 from sim.physics.walking.steps import highest, swing_path
 from sim.physics.walking.strength import check_legs
-from sim.physics.walking.whole_body import WholeBody
+from sim.physics.walking.whole_body import WholeBody, widest
 from sim.robots.robot import Robot
 
-# What it costs that the root is a metre higher or lower than it is to be.
+# Weight of the root's height, 1/m.
 HEIGHT = 15.0
-# How fast the root rises at most, in heights a second, beside the motion's own rise: a knee that lifts the body faster
-# than its servo can under load lags, and the trunk tilts.
+# Largest rise of the root, heights a second, beside the motion's own: under load the knee's servo would lag.
 CLIMBS = 0.35
-# How far ankles move the centre of mass ahead and back at most, in half lengths of the sole.
+# Largest shift of the centre of mass by the ankles ahead and back, in half lengths of the sole.
 REACH = 0.8
-# They act on an error that is smoothed over so long, s, where nothing limits the servos: the noise of its speed would
-# shake them, and the feet would rattle along the floor. Servos with a torque-speed line do not follow it, but what is
-# seen late comes back as an error of the next ticks: it is smoothed over so many times how late it is.
+# Time constant of the error for ideal servos, s, which would shake with its noise; for others LATE times the latency,
+# as a late error returns in the next ticks.
 SMOOTHED, LATE = 0.03, 2.0
-# Where the capture point is so far off, in heights of the root, the robot is going to fall.
+# Error of the capture point from which a fall is certain, in heights of the root.
 LOST = 0.5
-# In the first share of a swing the foot begins to make up for the tilt of the trunk.
+# First share of a swing in which the foot begins to compensate the tilt of the trunk.
 TILT_FROM = 1.0 / 6.0
-# What it has made up for lasts so long after the foot has landed, s: else the foot would be off the floor at once.
+# Decay of that compensation after landing, s: at once, the foot would leave the floor.
 RIGHTS = 0.15
 
 
@@ -76,10 +71,10 @@ class Walker:
     """Adjusts the played motion so that a free robot walks.
 
     Attributes:
-        preview: the motion that is to come.
-        travel: how far the robot has gone.
-        falling: whether the capture point is farther off than any step can reach.
-        worst: how far it has been off, as a share of where the robot is falling.
+        preview: the motion to come.
+        travel: distance of the robot.
+        falling: whether the error of the capture point is beyond LOST.
+        worst: its largest error, as a share of LOST.
     """
 
     preview: Preview
@@ -96,15 +91,15 @@ class Walker:
         gravity: Array | None = None,
         sensors: Sensors | None = None,
     ) -> None:
-        """Takes a robot with its walk settings.
+        """Prepares a robot with its walk settings and feet.
 
         Args:
-            robot: which.
+            robot: the robot.
             model: its own, with a free root on a solid floor.
-            feet: of it.
-            dt: from tick to tick, s.
-            gravity: seen from the floor it walks on, shape (3,), m/s^2, if it is not that of the model.
-            sensors: what it knows itself by; None if it knows its state exactly.
+            feet: of the robot.
+            dt: the tick, s.
+            gravity: in the frame of the floor, shape (3,), m/s^2, if it is not that of the model.
+            sensors: of the state; None for the exact state.
 
         Raises:
             MotiondeckError: if the robot does not have two feet, or its legs cannot hold it, one at a time.
@@ -142,11 +137,11 @@ class Walker:
 
     @property
     def own_steps(self) -> int:
-        """How often it took a step that is not the motion's, to keep on its feet."""
+        """Number of steps that are not the motion's."""
         return self._gait.recoveries
 
     def start(self, data: mujoco.MjData) -> None:
-        """Puts the robot on both its feet, where and as high as it is in data."""
+        """Puts the robot on both feet at its place and height in data."""
         model, plan, height = self._model, self._body.plan, float(data.qpos[2])
         self._senses.start()
         self._height, self._now = height, 0.0
@@ -174,7 +169,7 @@ class Walker:
         self._momentum = Momentum(model, self._dt, AHEAD, self._omega, self._half)
 
     def adjust(self, data: mujoco.MjData, goal: Array, heading: float) -> None:
-        """Puts where the joints are to go into a goal (nq,) of the played motion, given the robot and the heading."""
+        """Replaces a goal (nq,) of the played motion by the walking posture, for the robot's state and heading, rad."""
         gait, omega = self._gait, self._omega
         self._now += self._dt
         self._look_ahead(goal, heading)
@@ -210,7 +205,7 @@ class Walker:
         self.travel.add(data.qpos[:2])
 
     def _find_widest(self) -> float:
-        """How far apart feet that land flat may be, side by side, in heights of the root."""
+        """The widest stance, in heights of the root."""
         goal, settings = self._motion.qpos.copy(), self._set
         height = float(goal[2])
         goal[2] -= settings.bend * height
@@ -224,14 +219,14 @@ class Walker:
         self.preview.add(goal, heading, *self._stance(self._motion), self._pitches(self._motion))
 
     def _stand_where_it_landed(self, foot: int, soles: Array, yaws: Array) -> None:
-        """Plans on from where a foot has really landed, seen from the other one."""
+        """Continues the plan from the foot's real landing place, seen from the other foot."""
         gait, other = self._gait, 1 - foot
         turn = float(_wrapped(gait.yaws[other] - yaws[other]))
         gait.places[foot] = gait.places[other] + _turning(turn) @ (soles[foot] - soles[other])[:2]
         gait.yaws[foot] += float(_wrapped(yaws[foot] + turn - gait.yaws[foot]))
 
     def _measure(self, data: mujoco.MjData, soles: Array, yaws: Array) -> tuple[Array, Array]:
-        """The capture point on the plan's plane, (2,), m, and how the trunk is tilted against the plan there, (3,)."""
+        """The capture point in the plan's plane, (2,), m, and the trunk's tilt against the plan, (3,), rad."""
         gait, standing = self._gait, self._gait.standing
         turns = gait.yaws - yaws
         # Around half a turn, one foot may be just before and the other just after it.
@@ -246,7 +241,7 @@ class Walker:
         return capture, tilt * (1.0, 1.0, 0.0)
 
     def _ankles(self, off: Array) -> Array:
-        """How the centre of mass is moved, (2,), m, against an error of the capture point: (6)."""
+        """The shift of the centre of mass, (2,), m, against an error of the capture point: (6)."""
         heading = self.preview.heading + self._astray
         turning = _turning(heading)
         self._off += self._takes * (off - self._off)
@@ -257,9 +252,9 @@ class Walker:
         return turning @ (np.array([ahead, aside]) / max(far, 1.0) - lasting)
 
     def _feet(self, tilt: Array) -> tuple[list[Array], list[Array]]:
-        """Where the soles are to be and how the feet are to be turned; the swinging one is raised against the tilt.
+        """Goals of the soles and rotations of the feet; the swinging foot is raised against the trunk's tilt.
 
-        It is not turned against it: a sole that lands flat under a tilted trunk keeps it tilted, step after step.
+        It is not turned: a sole that lands flat under a tilted trunk keeps it tilted, step after step.
         """
         gait, step = self._gait, self._gait.step
         places, yaws = [np.array([*place, 0.0]) for place in gait.places], gait.yaws.copy()
@@ -281,7 +276,7 @@ class Walker:
         return places, turns
 
     def _carry(self, goal: Array, pressure: Array, arm: Array) -> None:
-        """Moves the goal of the legs by what their servos yield under the weight and the swing of the legs: (7)."""
+        """Adds the yielding of the legs' servos under the weight and the swing of the legs to a goal: (7)."""
         gait, standing = self._gait, self._gait.standing
         lean = self._omega**2 / GRAVITY * (self._centre - pressure - arm)
         force = self._weight * np.array([*lean, 1.0])
@@ -297,7 +292,7 @@ class Walker:
         mujoco.mj_integratePos(self._model, goal, self._yields * torque, 1.0)
 
     def _stance(self, data: mujoco.MjData) -> tuple[Array, Array]:
-        """The middles of the soles in a state, shape (2, 3), m, and which way they point, shape (2,), rad."""
+        """Middles of the soles, shape (2, 3), m, and their yaws, shape (2,), rad."""
         soles, yaws = np.empty((2, 3)), np.empty(2)
         for foot, body in enumerate(self._body.bodies):
             soles[foot] = self._body.sole(data, foot)
@@ -305,33 +300,33 @@ class Walker:
         return soles, yaws
 
     def _pitches(self, data: mujoco.MjData) -> Array:
-        """How the soles are turned in a state, toes down, shape (2,), rad."""
+        """Pitches of the soles, toes down, shape (2,), rad."""
         toes = [
             data.xmat[body].reshape(3, 3)[2] @ ahead for body, ahead in zip(self._body.bodies, self._toes, strict=True)
         ]
         return -np.arcsin(np.clip(toes, -1.0, 1.0))
 
     def _from_flat(self, yaws: Array, pitches: Array) -> Array:
-        """How far the middles of turned soles are from their places on flat ones, shape (2, 3), m."""
+        """Displacements of the middles of pitched soles from flat ones, shape (2, 3), m."""
         shifts = [from_flat(float(pitch), self._half) for pitch in pitches]
         return np.array(
             [(ahead * np.cos(y), ahead * np.sin(y), up) for (ahead, up), y in zip(shifts, yaws, strict=True)]
         )
 
     def _stands_on(self, data: mujoco.MjData, foot: int) -> tuple[Array, int]:
-        """The middle of the sole, or of the edge that it is turned over, shape (3,), m, and the body of the foot."""
+        """The middle of the sole or of its standing edge, shape (3,), m, and the body of the foot."""
         sole, body = self._body.sole(data, foot), self._body.bodies[foot]
         edge = self._half * min(max(float(self._pitches(data)[foot]) / ROUNDED, -1.0), 1.0)
         return sole + data.xmat[body].reshape(3, 3) @ (edge * self._toes[foot]), body
 
 
 def _azimuth(direction: Array) -> float:
-    """Which way a direction (3,) points, about z from x, rad."""
+    """Azimuth of a direction (3,), rad."""
     return float(np.arctan2(direction[1], direction[0]))
 
 
 def _wrapped(angle: Array) -> Array:
-    """The same angles between half a turn to the right and to the left, rad."""
+    """Angles, rad, wrapped to half a turn."""
     return (angle + np.pi) % (2.0 * np.pi) - np.pi
 
 

@@ -1,13 +1,13 @@
-"""Whole body: joint positions with both feet and the centre of mass where they are wanted, the rest as it is played.
+"""Whole body: joint positions with feet and centre of mass at their goals and all else as played; knees; widest stance.
 
-Each tick makes one damped least-squares step on a robot of its own, from where the last one left it:
+Each tick makes one damped least-squares step on a separate state, from the last solution:
 
     min over dv of   |W_f (J_f dv - e_f)|^2 + |W_c (J_c dv - e_c)|^2 + |W_q (dv - e_q)|^2
 
 where e_f is the distance of the soles from their places, e_c that of the centre of mass from its goal, and e_q that of
 root and joints from the played motion: the legs give way, the rest of the body keeps playing. Long steps of flat feet
-pull the root down. Where it would rise faster than it may, or a knee would become straight (`knees`), the step is
-solved again with that given.
+pull the root down. Where it would rise faster than it may, or a knee would become straight, the step is solved again
+with that as a constraint.
 """
 
 from __future__ import annotations
@@ -16,20 +16,62 @@ from collections.abc import Sequence
 
 import mujoco
 import numpy as np
+from numpy.typing import NDArray
 
-from controller.motion.rotations import Array, conjugate, cross, multiply, to_rotation_vector
+from controller.motion.rotations import Array, conjugate, cross, multiply, rotate, to_rotation_vector
 from sim.models.feet import Foot
-from sim.models.kinematic_tree import path_to
-from sim.physics.walking.knees import bent_knees
+from sim.models.kinematic_tree import hinges_between, path_to
+from sim.models.limb_geometry import bent_by, centre_of, end_hinge
 from sim.robots.robot import Robot
 
 # Weights of one metre or one radian off.
 FOOT, CENTRE, LEAN, LEG, REST = 100.0, 60.0, 3.0, 0.3, 3.0
 STARTING_STEPS = 60
-# Weight of what is given.
+# Weight of constraints.
 HELD = 1e4
 # A leg with fewer hinges cannot put a foot anywhere at any angle: an ankle without roll leaves it at this weight.
 LEG_HINGES, ROLL = 6, 1.0
+# Least bend of a knee, rad, and least share of a leg on either side of it. For a place out of reach a straight leg asks
+# for large turns of its knee, to and fro, and pulls the root down.
+BENT, SHARE = 0.15, 0.25
+# A landing foot is flat if it is turned by less than this, rad, and in place within this many heights of the root.
+FLAT, THERE = 0.05, 0.01
+# The centre of mass as a foot lands, as a share of the way to that foot; bisections of the widest stance.
+SHIFTED, HALVINGS = 0.35, 6
+UP = np.array([0.0, 0.0, 1.0])
+
+
+def knee_of(model: mujoco.MjModel, body: int) -> tuple[int, float] | None:
+    """The hinge that shortens the leg of a foot most, and its angle in the straight leg, rad; None without a knee."""
+    data = mujoco.MjData(model)
+    mujoco.mj_kinematics(model, data)
+    hinges = hinges_between(model, int(model.jnt_bodyid[0]), body)
+    found, most, leg = None, 0.0, 0.0
+    for k in range(1, len(hinges)):
+        joint, at, axis = hinges[k], data.xanchor[hinges[k]], data.xaxis[hinges[k]]
+        up = centre_of(data, hinges[:k], at) - at
+        ankle = end_hinge(data, hinges[k + 1 :], at, float(np.linalg.norm(up)))
+        if ankle is None:
+            continue
+        down = data.xanchor[ankle] - at
+        leg = max(leg, float(np.linalg.norm(up - down)))
+        least = min(float(np.linalg.norm(way - (way @ axis) * axis)) for way in (up, down))
+        if least > most:
+            straight = float(model.qpos0[model.jnt_qposadr[joint]]) - bent_by(axis, -up, down)
+            found, most = (joint, straight), least
+    return found if most > SHARE * leg else None
+
+
+def bent_knees(model: mujoco.MjModel, bodies: Sequence[int]) -> tuple[NDArray[np.int64], Array, Array]:
+    """The knees above feet, K joints of the model, and the bounds that keep them bent, rad, shape (K,) each."""
+    found = [knee for knee in (knee_of(model, body) for body in bodies) if knee is not None]
+    joints = np.array([joint for joint, _ in found], dtype=np.int64)
+    straight = np.array([angle for _, angle in found])
+    limited = model.jnt_limited[joints].astype(bool)[:, None]
+    lower, upper = np.where(limited, model.jnt_range[joints], (-np.pi, np.pi)).T
+    folds = upper - straight > straight - lower
+    bent = np.clip(np.where(folds, straight + BENT, straight - BENT), lower, upper)
+    return joints, np.where(folds, bent, lower), np.where(folds, upper, bent)
 
 
 class WholeBody:
@@ -45,15 +87,7 @@ class WholeBody:
     def __init__(
         self, robot: Robot, model: mujoco.MjModel, feet: Sequence[Foot], dt: float, height_weight: float
     ) -> None:
-        """Takes a robot with two feet.
-
-        Args:
-            robot: which.
-            model: the robot with a free root.
-            feet: of it.
-            dt: between two solutions, s.
-            height_weight: what it costs that the root is a metre higher or lower than it is played.
-        """
+        """Args: the robot; its model with a free root; two feet; the tick, s; the weight of the root's height, 1/m."""
         self._robot, self._model = robot, model
         self.plan = mujoco.MjData(model)
         self.bodies = [int(model.body(foot.body).id) for foot in feet]
@@ -69,7 +103,7 @@ class WholeBody:
         self.jacobian = np.empty((15, model.nv))
 
     def settle(self, goal: Array, places: Sequence[Array], turns: Sequence[Array], centre: Array) -> None:
-        """Solves it to the end, however far joints have to go; as `step`."""
+        """Iterates `step` to convergence, without limits of speed."""
         for _ in range(STARTING_STEPS):
             self.step(goal, places, turns, centre, pace=np.inf)
         mujoco.mj_kinematics(self._model, self.plan)
@@ -83,15 +117,15 @@ class WholeBody:
         rise: float = np.inf,
         pace: float = 1.0,
     ) -> None:
-        """Goes one step from the last solution.
+        """One step from the last solution.
 
         Args:
             goal: the played posture, shape (nq,).
-            places: where the middles of the soles are to be, two of shape (3,), m.
-            turns: the rotations of the feet's bodies, two quaternions.
-            centre: where the centre of mass is to be, shape (2,), m.
-            rise: how far the root may go up in this step, and down to keep knees bent, m.
-            pace: how many ticks the step may take up of the joints' speed.
+            places: goals of the middles of the soles, two of shape (3,), m.
+            turns: goals of the feet's bodies, two quaternions.
+            centre: goal of the centre of mass, shape (2,), m.
+            rise: largest rise of the root, and its largest drop to keep knees bent, m.
+            pace: largest step of the joints, in ticks of their speed.
         """
         model, plan = self._model, self.plan
         mujoco.mj_kinematics(model, plan)
@@ -183,3 +217,35 @@ def _solve(matrix: Array, wanted: Array, given: Sequence[int], to: Sequence[floa
     matrix[given, given] += HELD**2
     wanted[given] += HELD**2 * np.asarray(to)
     return np.linalg.solve(matrix, wanted).astype(np.float64, copy=False)
+
+
+def widest(body: WholeBody, goal: Array, flat: Sequence[Array], sides: Array, least: float, most: float) -> float:
+    """The widest stance, m, into which either foot lands flat: one that lands on its inner edge tips the robot over.
+
+    Args:
+        body: solves for the posture; its last solution is lost.
+        goal: the standing posture, facing x, shape (nq,).
+        flat: the rotations of the feet's bodies with flat soles that point to x, two quaternions.
+        sides: of the feet, 1 for left, shape (2,).
+        least, most: bounds of the answer, m.
+    """
+    if all(_lands_flat(body, goal, flat, sides, most, foot) for foot in range(2)):
+        return most
+    for _ in range(HALVINGS):
+        middle = 0.5 * (least + most)
+        if all(_lands_flat(body, goal, flat, sides, middle, foot) for foot in range(2)):
+            least = middle
+        else:
+            most = middle
+    return least
+
+
+def _lands_flat(body: WholeBody, goal: Array, flat: Sequence[Array], sides: Array, apart: float, foot: int) -> bool:
+    places = [np.array([goal[0], goal[1] + 0.5 * side * apart, 0.0]) for side in sides]
+    stands = places[1 - foot]
+    body.plan.qpos[:] = goal
+    body.settle(goal, places, flat, (stands + SHIFTED * (places[foot] - stands))[:2])
+    turned = multiply(body.plan.xquat[body.bodies[foot]], conjugate(flat[foot]))
+    off_level = float(np.arccos(min(rotate(turned, UP)[2], 1.0)))
+    off_place = float(np.linalg.norm(body.sole(body.plan, foot) - places[foot]))
+    return off_level < FLAT and off_place < THERE * goal[2]

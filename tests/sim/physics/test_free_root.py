@@ -10,9 +10,9 @@ from motiondeck_base.errors import MotiondeckError
 from motiondeck_base.shipped import find_library
 from sim.models.feet import find_feet
 from sim.models.surface import LowestPoint
-from sim.physics.falls.fallen import has_fallen
 from sim.physics.physics_model import feet_of, physics_model
 from sim.physics.playback import PhysicsPlayback
+from sim.physics.recovery import has_fallen
 from sim.robots.robot import load_robot
 from simulated_bodies import HUMAN, ROBOTS, bent_pose, human, skeleton_of
 from small_robots import calibrated, full_humanoid, humanoid

@@ -132,7 +132,7 @@ def test_what_is_out_of_reach_for_an_instant_only_is_let_pass():
 
 def test_poses_go_evenly_from_tick_to_tick():
     from sim.physics.played_motions import poses_at
-    from sim.physics.preflight.lasting import TICK
+    from sim.physics.preflight.by_numbers import TICK
 
     turns = 0.02 * np.arange(9)
     poses = tuple(Pose(np.array([0.01 * k, 0.0, 1.0]), turns[k], yaw(turns[k])[None]) for k in range(9))

@@ -12,8 +12,7 @@ from controller.motion.rotations import from_rotation_vector, multiply, to_rotat
 from sim.models.model_file import read_model
 from sim.models.surface import LowestPoint
 from sim.retargeting.footing import Footing
-from sim.retargeting.human_soles import Soles
-from sim.retargeting.human_stance import FOLLOWS, STANDS, SURE, TELEPORT, HumanStance
+from sim.retargeting.human_stance import FOLLOWS, STANDS, SURE, TELEPORT, HumanStance, Soles
 from simulated_bodies import bent_pose, human, smooth_poses
 from small_robots import humanoid
 

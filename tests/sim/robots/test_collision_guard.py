@@ -9,9 +9,8 @@ from hypothesis import strategies as st
 
 from controller.motion.posture import Pose
 from sim.models.overlaps import OVERLAP
-from sim.robots.collision_guard import CollisionGuard
 from sim.robots.robot import load_robot
-from sim.robots.self_collision import SelfCollision
+from sim.robots.self_collision import CollisionGuard, SelfCollision
 from simulated_bodies import ROBOTS, human
 from small_robots import calibrated, humanoid
 

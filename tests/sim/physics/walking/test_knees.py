@@ -3,7 +3,7 @@ import numpy as np
 import pytest
 
 from sim.physics.physics_model import feet_of, physics_model
-from sim.physics.walking.knees import BENT, bent_knees, knee_of
+from sim.physics.walking.whole_body import BENT, bent_knees, knee_of
 from sim.robots.robot import load_robot
 from simulated_bodies import ROBOTS, human
 

@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from sim.physics.walking.lasting_error import LastingError
+from sim.physics.walking.capture_point import LastingError
 
 DT, HEIGHT = 0.005, 0.9
 LEFT, RIGHT = np.array([1.0, 0.0]), np.array([0.0, 1.0])

@@ -6,8 +6,7 @@ import pytest
 
 from controller.motion.rotations import from_matrix
 from sim.physics.physics_model import feet_of, physics_model
-from sim.physics.walking.spread import SHIFTED, widest
-from sim.physics.walking.whole_body import WholeBody
+from sim.physics.walking.whole_body import SHIFTED, WholeBody, widest
 from sim.robots.robot import load_robot
 from simulated_bodies import ROBOTS, human
 

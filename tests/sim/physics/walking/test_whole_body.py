@@ -4,7 +4,7 @@ import pytest
 
 from controller.motion.rotations import from_matrix
 from sim.physics.physics_model import feet_of, physics_model
-from sim.physics.walking.knees import BENT as BENT_KNEE
+from sim.physics.walking.whole_body import BENT as BENT_KNEE
 from sim.physics.walking.whole_body import WholeBody
 from sim.robots.robot import load_robot
 from simulated_bodies import ROBOTS, human

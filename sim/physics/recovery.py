@@ -19,8 +19,65 @@ import numpy as np
 
 from controller.motion.rotations import Array, conjugate, multiply, rotate
 from sim.models.gravity import GRAVITY
-from sim.physics.falls.fall_guard import FallGuard
 from sim.robots.robot import Robot
+
+SOFT = 0.5
+
+
+class FallGuard:
+    """Takes over the joints of a robot that falls.
+
+    Attributes:
+        active: whether it has taken over.
+        targets: what it told the joints last, shape (J,), rad.
+    """
+
+    active: bool = False
+
+    def __init__(self, robot: Robot, model: mujoco.MjModel, dt: float) -> None:
+        """Args: whose joints; the model that is simulated, whose servos it makes soft; from tick to tick, s."""
+        self._robot, self._model = robot, model
+        self._step = robot.limits.velocity * dt
+        self._gain, self._bias = model.actuator_gainprm[:, 0].copy(), model.actuator_biasprm[:, 1].copy()
+        self.targets = robot.rest.copy()
+
+    def take_over(self, goal: Array) -> None:
+        """Goes soft, and begins with the joints of a goal (nq,)."""
+        self.active = True
+        self._robot.layout.read(goal, near=self.targets, out=self.targets)
+        self._soften(SOFT)
+
+    def let_go(self) -> None:
+        """Makes the servos as strong as before."""
+        self.active = False
+        self._soften(1.0)
+
+    def adjust(self, goal: Array) -> None:
+        """Puts the joints of a goal (nq,) where they are next on the way to the tucked pose."""
+        self.targets += np.clip(self._robot.tucked - self.targets, -self._step, self._step)
+        self._robot.layout.place(self.targets, goal)
+
+    def _soften(self, share: float) -> None:
+        self._model.actuator_gainprm[:, 0] = share * self._gain
+        self._model.actuator_biasprm[:, 1] = share * self._bias
+
+
+# A robot has fallen when its root is lower than this share of the height at which it is played, or when it leans over
+# by so much more than it is played, rad.
+FALLEN_HEIGHT = 0.6
+FALLEN_TILT = 1.0
+
+
+def has_fallen(qpos: Array, played: Array, standing: Array) -> bool:
+    """Whether a root at qpos (>= 7,) is too low or leans too far, compared with the commanded one (>= 7,).
+
+    `standing` is the rotation of a root that is upright, a quaternion: not every model has z up.
+    """
+    up = rotate(conjugate(standing), np.array([0.0, 0.0, 1.0]))
+    upright = rotate(np.stack([qpos[3:7], played[3:7]]), up)[:, 2]
+    lean, played_lean = np.arccos(np.clip(upright, -1.0, 1.0))
+    return bool(qpos[2] < FALLEN_HEIGHT * played[2] or lean > played_lean + FALLEN_TILT)
+
 
 # A body whose root is slower than this, in its heights a second, for so long, s, lies still; it falls for so long at
 # least, s.
@@ -69,7 +126,7 @@ class Recovery:
         """Args: whose joints; the model that is simulated; from tick to tick, s."""
         self._robot, self._model, self._dt = robot, model, dt
         self._guard = FallGuard(robot, model, dt)
-        self._height = float(robot.model.body(int(robot.model.jnt_bodyid[0])).pos[2])
+        self._height = robot.root_height
         self._beat = math.sqrt(self._height / GRAVITY)
         self._upright = conjugate(model.qpos0[3:7])
         self._targets = robot.rest.copy()

@@ -5,10 +5,9 @@ import numpy as np
 import pytest
 
 from controller.motion.rotations import from_rotation_vector, multiply
-from sim.physics.falls.fall_guard import SOFT
-from sim.physics.falls.recovery import TRIES, Phase, Recovery
 from sim.physics.physics_model import physics_model
 from sim.physics.playback import PhysicsPlayback
+from sim.physics.recovery import SOFT, TRIES, Phase, Recovery
 from sim.robots.robot import Rise, load_robot
 from simulated_bodies import ROBOTS, bent_pose, human
 

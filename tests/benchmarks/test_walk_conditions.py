@@ -1,8 +1,8 @@
 import mujoco
 import pytest
 
+from benchmarks.robots.walk_conditions import CONDITIONS
 from motiondeck_base.errors import MotiondeckError
-from sim.physics.walk_conditions import CONDITIONS
 from sim.robots.robot import load_robot
 from simulated_bodies import ROBOTS, human
 

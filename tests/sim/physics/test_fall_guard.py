@@ -1,9 +1,9 @@
 import numpy as np
 import pytest
 
-from sim.physics.falls.fall_guard import SOFT, FallGuard
 from sim.physics.physics_model import physics_model
 from sim.physics.playback import PhysicsPlayback
+from sim.physics.recovery import SOFT, FallGuard
 from sim.robots.robot import load_robot
 from simulated_bodies import ROBOTS, bent_pose, human
 

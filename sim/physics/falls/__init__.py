@@ -1,1 +1,0 @@
-"""Falls: how a robot protects itself in one."""
