@@ -1,8 +1,4 @@
-"""Fidelity: how well a robot does what the human did, measured on what was carried over.
-
-Nothing here looks at how it was carried over: the measures are of the joint positions alone, with the robot's own
-kinematics.
-"""
+"""Fidelity of a retargeted clip, measured from joint positions and the robot's kinematics, without the retargeter."""
 
 from __future__ import annotations
 
@@ -26,10 +22,10 @@ from sim.robots.robot import Robot
 from sim.robots.target_limiter import Limiter
 
 ENDS = {"leg": ("thigh", "shank"), "arm": ("upper_arm", "forearm")}
-# Something is on the floor if it is this close to it, in lengths of the leg; a human's foot stands if its ball is
-# slower than this, in lengths of the leg a second.
+# Height of what touches the floor, lengths of the leg, and speed of a standing foot's ball, lengths of the leg a
+# second.
 STANDS, STILL = 0.01, 0.15
-# A joint jumps if it goes this far in one frame although no limb of the human turns by a tenth of that, rad.
+# A joint jumps by this in one frame, rad, although no limb of the human turns by a tenth of it.
 JUMP = 0.5
 ROUNDING = 1e-9
 
@@ -39,11 +35,11 @@ class Carried:
     """A clip on a robot: T frames of J joints.
 
     Attributes:
-        wanted: what the retargeter gave, clipped to the joints' ranges, shape (T, J), rad.
-        played: what the safety envelope made of it, shape (T, J), rad.
-        qpos: the robot as it plays, shape (T, nq).
-        limbs: where the human's limbs pointed, shape (T, 14, 3).
-        altered: share of the joint targets that the envelope had to change.
+        wanted: retargeted joints, clipped to their ranges, shape (T, J), rad.
+        played: the same after the target limiter, shape (T, J), rad.
+        qpos: the robot that plays them, shape (T, nq).
+        limbs: directions of the human's limbs, shape (T, 14, 3).
+        altered: share of the joint targets that the limiter changed.
     """
 
     wanted: Array
@@ -54,7 +50,7 @@ class Carried:
 
 
 def carry(clip: Clip, robot: Robot, limiter: Limiter) -> Carried:
-    """Carries a clip onto a robot frame by frame, as `play` does: retargeter, target limiter, footing."""
+    """Plays a clip on a robot frame by frame: retargeter, target limiter, footing."""
     view = LimbView(clip.skeleton)
     limits = robot.limits
     limited = limiter(limits, 1.0 / clip.rate)
@@ -78,7 +74,7 @@ def carry(clip: Clip, robot: Robot, limiter: Limiter) -> Carried:
 
 
 def followed(clip: Clip, angles: Array, qpos: Array) -> Carried:
-    """A clip that was carried onto a robot without a safety envelope: joints (T, J), rad, and robot (T, nq)."""
+    """A clip that was retargeted without a limiter: joints (T, J), rad, and robot (T, nq)."""
     view = LimbView(clip.skeleton)
     limbs = [
         view(Pose(place, np.zeros(()), turn)) for place, turn in zip(clip.root_position, clip.rotation, strict=True)
@@ -87,11 +83,11 @@ def followed(clip: Clip, angles: Array, qpos: Array) -> Carried:
 
 
 def joint_measures(clip: Clip, robot: Robot, carried: Carried) -> dict[str, float]:
-    """What must be zero, and how fast the joints go.
+    """Counts of errors, and speeds.
 
     Returns:
-        `bad`: numbers that are not finite; `beyond`: targets outside a joint's range; `too_fast`: steps faster than a
-        joint may go; `jumps`; `speed`: the highest share of a joint's own limit; `altered` as in `Carried`.
+        `bad`: 1 with NaN or infinity; `beyond`: targets outside a range; `too_fast`: steps above a speed limit;
+        `jumps`; `speed`: the highest share of a joint's limit; `altered` as in `Carried`.
     """
     limits, played = robot.limits, carried.played
     finite = bool(np.isfinite(played).all() and np.isfinite(carried.qpos).all())
@@ -113,11 +109,11 @@ def joint_measures(clip: Clip, robot: Robot, carried: Carried) -> dict[str, floa
 
 
 def shortfall(robot: Robot) -> dict[str, float]:
-    """What the robot could not reach of all poses since its retargeter was last reset.
+    """Errors of the retargeter since its last reset.
 
     Returns:
-        For inverse kinematics `short_rms` and `short_worst`: how far its goals were missed, over goals and frames, m;
-        for the angle solver `past_range`: how many of its goals lay outside their joint's range. Else nothing.
+        for inverse kinematics `short_rms` and `short_worst` over goals and frames, m; for the angle solver
+        `past_range`, the number of goals outside their joint's range; else nothing.
     """
     if isinstance(robot.retarget, ServoHumanoidRetargeter):
         return {"past_range": float(robot.retarget.beyond)}
@@ -131,12 +127,10 @@ def shortfall(robot: Robot) -> dict[str, float]:
 
 
 def limb_errors(limbs: RobotLimbs, carried: Carried) -> dict[str, float]:
-    """How far knees, ankles, elbows and wrists are from where they would be on limbs that point as the human's.
-
-    Seen from hip and shoulder, so that it is the posture that counts, on what the retargeter wanted.
+    """Errors of `knee`, `ankle`, `elbow` and `wrist` against limbs in the human's directions, from hip and shoulder on.
 
     Returns:
-        Root mean square over frames and both sides, m: `knee`, `ankle`, `elbow`, `wrist`.
+        root mean square over frames and both sides of the retargeted joints, m.
     """
     names = limbs.vectors.names
     square: dict[str, list[Array]] = {"knee": [], "ankle": [], "elbow": [], "wrist": []}
@@ -162,17 +156,11 @@ def limb_errors(limbs: RobotLimbs, carried: Carried) -> dict[str, float]:
 
 
 def floor_measures(clip: Clip, robot: Robot, qpos: Array, feet: dict[str, int]) -> dict[str, float]:
-    """How the soles stand.
-
-    Args:
-        clip: what is done.
-        robot: who does it.
-        qpos: the robot in each frame, shape (T, nq).
-        feet: the bodies of its feet, "r" and "l", each with all that hangs from it counting as one sole.
+    """Contact of a robot's soles with the floor, for qpos (T, nq) and the bodies of its feet, "r" and "l".
 
     Returns:
-        `slide`: mean speed along the floor of the lowest point of a sole while the human's foot stands, m/s; `sunk`:
-        the deepest any point was in the floor, m; `floating`: share of frames in which nothing was on the floor.
+        `slide`: mean speed of a sole's lowest point while the human's foot stands, m/s; `sunk`: largest depth of a
+        point in the floor, m; `floating`: share of frames without contact.
     """
     model = robot.model
     data, surface, lowest_point = mujoco.MjData(model), Surface.of(model), LowestPoint(model)
@@ -199,7 +187,7 @@ def floor_measures(clip: Clip, robot: Robot, qpos: Array, feet: dict[str, int]) 
 
 
 def standing_feet(clip: Clip) -> dict[str, NDArray[np.bool_]]:
-    """When the human's right and left foot stand: their ball hardly moves, shape (T,) each."""
+    """Whether the human's right and left foot stand, by the speed of their ball, shape (T,) each."""
     parts = anatomy(clip.skeleton)
     found = {}
     sides: tuple[tuple[str, Side], ...] = (("r", "right"), ("l", "left"))

@@ -1,4 +1,4 @@
-"""A clip carried onto a robot: its joint angles and its root over time, ready to be saved."""
+"""A retargeted clip: a robot's joint angles and root over time, as .csv or .clip."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ class JointMotion:
     """T frames of a robot with J joints.
 
     Attributes:
-        name: what is done.
+        name: of the motion.
         joints: the names of the joints.
         rate: frames per second, Hz.
         angles: shape (T, J), rad, within the robot's position limits.
@@ -67,20 +67,13 @@ class JointMotion:
 
 
 def check_ending(path: Path) -> None:
-    """Checks that a joint motion can be written to a file of this name.
-
-    Raises:
-        FileFormatError: for another ending than .csv or .clip.
-    """
+    """Refuses, by FileFormatError, another ending than .csv or .clip."""
     if path.suffix.lower() not in (".csv", ".clip"):
         raise FileFormatError(f"{path}: joint motions are written as .csv or .clip. Name the file so.")
 
 
 def retargeted(robot: Robot, clip: Clip) -> JointMotion:
-    """A clip carried onto a robot that was loaded for the clip's skeleton and rate.
-
-    Angles are kept within the robot's position limits; its limits in time are the safety envelope's, when it is played.
-    """
+    """Retargets a clip to a robot of the clip's skeleton and rate, within its limits of position, not of speed."""
     state = robot.model.qpos0.copy()
     robot.layout.place(robot.rest, state)
     if robot.footing is not None:

@@ -1,8 +1,7 @@
-"""Why a limb points elsewhere than the human's: its joints' ranges, their pace, or how it was carried over.
+"""The cause of a limb's wrong direction: its joints' ranges, their limits of speed, or the retargeter.
 
-The angles within reach that are best for both segments of a limb are found by `reachable`. Of two segments that cannot
-both be right one may do better than in those angles, so limbs are compared as a whole: by the angle whose 1 - cos is
-the mean of both.
+`reachable` finds the best angles within reach for both segments of a limb. As one segment may do better at the other's
+cost, limbs are compared as a whole: by the angle whose 1 - cos is the mean of both.
 """
 
 from __future__ import annotations
@@ -19,21 +18,19 @@ from sim.robots.reachable import ReachableLimb
 from sim.robots.robot import Robot
 
 Cause = Literal["out of reach", "held back", "carried wrongly"]
-# A limb is as good as the best within reach if it is this close to it, degrees, or misses it by this share of what is
-# out of reach anyway. So often it is looked at, Hz.
+# Accepted error beyond the best within reach, degrees, or as a share of what is out of reach; rate of the search, Hz.
 CLOSE, SHARE, RATE = 5.0, 0.25, 30.0
-FULL = 0.99  # of the speed that a joint may have
+FULL = 0.99  # of a joint's speed limit
 
 
 @dataclass(frozen=True)
 class LimbCause:
-    """One limb that is further off than it may be.
+    """One limb beyond the limits.
 
     Attributes:
-        cause: "out of reach": no angles within the joints' ranges are closer; "held back": limits of speed and
-            acceleration keep it from where the retargeter would have it, or from getting there sooner; "carried
-            wrongly": the retargeter.
-        best: mean and worst angle of each of its segments at the best angles, by name, degrees.
+        cause: "out of reach": of the joints' ranges; "held back": by limits of speed and acceleration; "carried
+            wrongly": by the retargeter.
+        best: mean and worst angle of its segments at the best joint angles, by name, degrees.
     """
 
     cause: Cause
@@ -43,13 +40,11 @@ class LimbCause:
 def limb_causes(
     robot: Robot, directions: LimbDirections, wanted: Array, played: Array, limbs: Array, rate: float
 ) -> list[LimbCause]:
-    """The limbs that are off by more than the limits, and why.
+    """The limbs beyond the limits, each with its cause.
 
     Args:
-        robot: whose.
-        directions: its segments.
-        wanted: joints as retargeted, shape (T, J), rad.
-        played: joints as played, shape (T, J), rad.
+        robot, directions: the robot and its segments.
+        wanted, played: retargeted and played joints, shape (T, J), rad.
         limbs: the human's, shape (T, 14, 3).
         rate: of the frames, Hz.
     """
@@ -82,20 +77,20 @@ def limb_causes(
 
 
 def _does_worse(there: Array, goals: Array, least: Array, often: bool, far: NDArray[np.bool_]) -> bool:
-    """Whether limbs (F, s, 3) are further off than the least (F,) they could be: often, or in frames `far` (F,)."""
+    """Whether limbs (F, s, 3) exceed the least error (F,) within reach: often, or in frames `far` (F,)."""
     missing = _as_a_whole(there, goals) - least
     passes = np.maximum(CLOSE, SHARE * least)
     return bool((often and missing.mean() > passes.mean()) or (missing > passes)[far].any())
 
 
 def _on_its_way(wanted: Array, joints: NDArray[np.int64], robot: Robot, rate: float) -> NDArray[np.bool_]:
-    """In which frames (T,) one of the joints goes, or would go, as fast as it may."""
+    """Whether one of the joints is at its speed limit, by frame (T,)."""
     step = np.abs(np.diff(wanted[:, joints], axis=0, prepend=wanted[:1, joints]))
     return np.any(step * rate >= FULL * robot.limits.velocity[joints], axis=1)
 
 
 def _pointing(robot: Robot, directions: LimbDirections, joints: Array) -> Array:
-    """Where the segments point at joints (T, J), shape (T, K, 3)."""
+    """Directions of the segments at joints (T, J), shape (T, K, 3)."""
     qpos, found = robot.model.qpos0.copy(), []
     for q in joints:
         robot.layout.place(q, qpos)
@@ -104,6 +99,6 @@ def _pointing(robot: Robot, directions: LimbDirections, joints: Array) -> Array:
 
 
 def _as_a_whole(there: Array, goals: Array) -> Array:
-    """How far limbs (T, s, 3) are off as a whole, shape (T,), degrees."""
+    """Error of limbs (T, s, 3) as a whole, shape (T,), degrees."""
     angles: Array = np.degrees(np.arccos(np.clip(np.einsum("tsi,tsi->ts", there, goals).mean(axis=1), -1.0, 1.0)))
     return angles

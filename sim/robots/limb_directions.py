@@ -1,9 +1,8 @@
-"""Limb directions: by how many degrees a robot's limbs point elsewhere than the human's.
+"""Limb directions: angles between a robot's limbs and the human's.
 
-The landmarks are found apart from the matcher and from the points that inverse kinematics aims at: a knee is what
-brings the foot closer to the hip. Each hinge of a limb is turned through its range, and the one that changes the
-distance between the limb's beginning and its end most is the knee (elbow). Of the robot file only one body of each limb
-is used, to find the limb, and those of pelvis and chest, from which legs and arms are seen.
+The landmarks are found independently of the matcher and of the points of inverse kinematics, because this checks them:
+the knee (elbow) is the hinge that, turned through its range, changes the distance from the limb's beginning to its end
+most. Of the robot file only one body of each limb, the pelvis and the chest are used.
 """
 
 from __future__ import annotations
@@ -21,13 +20,13 @@ from sim.models.surface import Surface
 from sim.retargeting.human_limbs import LIMBS
 
 SEGMENTS = {"leg": ("thigh", "shank"), "arm": ("upper_arm", "forearm")}
-# A check fails where a limb points further off than this, on average over a recording or in one of its frames, degrees.
+# Largest angle of a limb on average over a recording, and in one frame, degrees.
 MEAN_LIMIT, WORST_LIMIT = 15.0, 45.0
-# A hinge is turned this far either way at most, rad; in so many steps.
+# Largest turn of a hinge either way, rad, and the number of steps through it.
 TURN, STEPS = 2.6, 11
-# Of a limb's length from its end: what counts as its tip where no joint tells.
+# The tip of a limb without an end hinge, as a share of its length.
 TIP = 0.1
-# Of the robot's height: an arm's joint so close to the middle of the body is the clavicle's.
+# Largest distance of a clavicle's joint from the middle of the body, in heights of the robot.
 CLAVICLE = 0.03
 
 
@@ -37,10 +36,10 @@ class LimbSegment:
 
     Attributes:
         name: such as "r_thigh".
-        joint: the name of the hinge at its far end if it is an upper segment, at its near end if it is a lower one.
-        axis: of that hinge while the robot stands straight and faces x, shape (3,).
-        body: which it is fixed to.
-        direction: from its beginning to its end in the frame of that body, shape (3,), of length 1.
+        joint: the name of the limb's knee (elbow).
+        axis: of that hinge, standing straight and facing x, shape (3,).
+        body: of the segment.
+        direction: unit vector from its beginning to its end in the frame of that body, shape (3,).
         length: m.
         trunk: the body from which it is seen.
     """
@@ -55,22 +54,16 @@ class LimbSegment:
 
 
 class LimbDirections:
-    """Measures where the limbs of one robot point.
+    """Directions of one robot's limbs.
 
     Attributes:
         segments: of all its limbs, length K.
-        limbs: the same, those of a limb together.
-        standing: the robot as it stands, joints at zero, facing x.
+        limbs: the same by limb.
+        standing: the robot with joints at zero, facing x.
     """
 
     def __init__(self, model: mujoco.MjModel, parts: Mapping[str, str], root_rotation: Array) -> None:
-        """Finds the landmarks.
-
-        Args:
-            model: the robot.
-            parts: part to body; looked at are "pelvis", "chest" and one body of each limb.
-            root_rotation: of the root body while the robot stands upright and faces x, shape (4,).
-        """
+        """Finds the landmarks; `root_rotation` is that of the root body that stands upright and faces x, shape (4,)."""
         self._model, self._data, self.standing = model, mujoco.MjData(model), mujoco.MjData(model)
         self._surface = Surface.of(model)
         self.standing.qpos[3:7] = root_rotation
@@ -98,15 +91,7 @@ class LimbDirections:
         )
 
     def errors(self, qpos: Array, limbs: Array) -> dict[str, tuple[float, float]]:
-        """How far the robot's limbs point from the human's.
-
-        Args:
-            qpos: the robot in T frames, shape (T, nq).
-            limbs: the human's limbs in the same frames, shape (T, 14, 3).
-
-        Returns:
-            LimbSegment, such as "r_thigh", to the mean and the worst angle over the frames, degrees.
-        """
+        """Mean and worst angle to a human's limbs (T, 14, 3) by segment ("r_thigh"), degrees, for qpos (T, nq)."""
         degrees = self.degrees(qpos, limbs)
         return {
             segment.name: (float(degrees[:, k].mean()), float(degrees[:, k].max()))
@@ -118,12 +103,7 @@ class LimbDirections:
         return degrees_between(np.array([self(q) for q in qpos]), self.goals(limbs))
 
     def trunk_errors(self, qpos: Array, limbs: Array) -> Array:
-        """By how much the chest is turned from the human's, both seen from the pelvis, shape (T,), degrees.
-
-        Args:
-            qpos: the robot in T frames, shape (T, nq).
-            limbs: the human's limbs in the same frames, shape (T, 14, 3).
-        """
+        """Angle of the chest to the human's, both seen from the pelvis, shape (T,), degrees, for qpos (T, nq)."""
         ahead, left = (limbs[:, LIMBS.index(f"chest_{axis}")] for axis in ("ahead", "left"))
         human = np.stack([ahead, left, np.cross(ahead, left)], axis=-1)
         stood, (chest, pelvis) = self.standing.xmat.reshape(-1, 3, 3), self._trunk
@@ -138,7 +118,7 @@ class LimbDirections:
         return angles
 
     def goals(self, limbs: Array) -> Array:
-        """Where a human's limbs (T, 14, 3) want the segments to point, shape (T, K, 3)."""
+        """The segments' directions for a human's limbs (T, 14, 3), shape (T, K, 3)."""
         return limbs[:, [LIMBS.index(segment.name) for segment in self.segments]]
 
     def _found(self, side: str, names: tuple[str, str], body: int, trunk: int) -> list[LimbSegment]:
@@ -183,7 +163,7 @@ class LimbDirections:
         return end
 
     def _fold(self, joint: int, first: int, end: int, tip: Array) -> float:
-        """By how much a hinge changes the distance from the first hinge of a limb to its tip, m."""
+        """Change of the distance from a limb's first hinge to its tip by a hinge, m."""
         model, data = self._model, mujoco.MjData(self._model)
         lower, upper = np.clip(model.jnt_range[joint], -TURN, TURN) if model.jnt_limited[joint] else (-TURN, TURN)
         # Half of a hand or foot counts, so that one that is long does not pass for a shank.
@@ -199,7 +179,7 @@ class LimbDirections:
         return float(np.ptp(reach))
 
     def _tip(self, end: int, start: Array) -> Array:
-        """The middle of what is farthest from the start: a single corner of a hand would turn the forearm."""
+        """The middle of the farthest points: a single corner of a hand would turn the forearm."""
         points = self._surface.part(np.array(below(self._model, end))).positions(self.standing)
         if not len(points):
             return self.standing.xpos[end].copy()
@@ -215,7 +195,7 @@ def degrees_between(a: Array, b: Array) -> Array:
 
 
 def beyond_limits(errors: Mapping[str, tuple[float, float]]) -> list[str]:
-    """What fails the check, a phrase a segment: "l_forearm 17 degrees on average, 52 at worst"."""
+    """The segments beyond the limits: "l_forearm 17 degrees on average, 52 at worst"."""
     return [
         f"{name} {mean:.0f} degrees on average, {worst:.0f} at worst"
         for name, (mean, worst) in errors.items()

@@ -1,8 +1,8 @@
-"""Where a robot's limbs bend and end: the knee and the ankle of a leg, the elbow and the wrist of an arm.
+"""Division of a robot's limbs: knee and ankle of a leg, elbow and wrist of an arm.
 
-A knee (elbow) is the first hinge that lies across its limb and parallel to its twin seen in a mirror, and has much of
-the limb on both of its sides. Hinges along the limb belong to the segment that they turn: the yaw of a thigh, the roll
-of a forearm. The next hinge across the limb is the ankle (wrist); toes and fingers that follow are left alone.
+A knee (elbow) is the first hinge that lies across its limb, parallel to its mirrored twin, with much of the limb on
+both sides. Hinges along the limb (yaw of a thigh, roll of a forearm) belong to the segment that they turn. The next
+hinge across the limb is the ankle (wrist); toes and fingers are ignored.
 """
 
 from __future__ import annotations
@@ -19,26 +19,22 @@ from sim.robots.standing_body import PARALLEL, RobotLimb, StandingBody
 LEG = ("thigh", "shank", "foot")
 ARM = ("upper_arm", "forearm", "hand")
 
-# The knee is the first hinge with at least this share of the most limb on both of its sides.
+# Share of the best hinge's shorter side from which the first hinge is the knee.
 BEND_SHARE = 0.6
-# A joint of the ankle is less than this share of the shank ahead of it (what is farther ahead moves toes), and a joint
-# of the wrist less than that share of the forearm beyond it.
+# Largest distance of further joints ahead of the ankle, in shanks, and from the wrist, in forearms.
 TOES_SHARE, FINGERS_SHARE = 0.15, 0.3
 
 
 def divided(
     body: StandingBody, names: tuple[str, str, str], limbs: dict[str, RobotLimb], ahead: Array
 ) -> dict[str, str]:
-    """The bodies of the three parts of each limb; without an ankle (wrist) only of two.
+    """Part, such as "l_shank", to the name of its body, for the three parts of each limb, or two without an end hinge.
 
     Args:
         body: the robot.
         names: of the parts, LEG or ARM.
-        limbs: side, "l" or "r", to the limb there; each can bend.
-        ahead: where the robot faces, shape (3,).
-
-    Returns:
-        Part, such as "l_shank", to the name of its body.
+        limbs: "l" and "r" to limbs that can bend.
+        ahead: the robot's heading, shape (3,).
     """
     parts, data, moved = {}, body.data, body.model.jnt_bodyid
     for side, limb in limbs.items():
@@ -60,10 +56,7 @@ def divided(
 
 
 def bend_of(body: StandingBody, limb: RobotLimb, twin: RobotLimb) -> int:
-    """Which of the joints of a limb is its knee (elbow): its place among them.
-
-    The limb can bend; its twin on the other side is the limb itself where there is none.
-    """
+    """The index of the knee (elbow) among a limb's joints; a limb without a twin is its own."""
     at = [body.data.xanchor[j] for j in limb.joints]
     between = at[0] - body.data.xanchor[twin.joints[0]]
     mirror = between / max(float(np.linalg.norm(between)), 1e-9)
@@ -77,21 +70,21 @@ def bend_of(body: StandingBody, limb: RobotLimb, twin: RobotLimb) -> int:
         across = min(sine(axis, up), sine(axis, down)) >= ACROSS
         other = body.data.xaxis[twin.joints[k]] if len(twin.joints) == len(limb.joints) else axis
         other = other - 2.0 * (other @ mirror) * mirror
-        # What does not lie across its limb, parallel to its twin, is a knee only where nothing else could be one.
+        # Other hinges are knees only if there is no better one.
         score[k] = share * (1.0 if across and abs(axis @ other) >= PARALLEL else 0.1)
     most = max(score.values())
     return next(k for k, value in score.items() if value >= BEND_SHARE * most)
 
 
 def end_of(body: StandingBody, limb: RobotLimb, knee: int) -> int | None:
-    """The first joint of the ankle (wrist) of a limb whose knee has this place among its joints; None without one."""
+    """The first joint of the ankle (wrist), for the index of the knee; None without one."""
     at = body.data.xanchor[limb.joints[knee]]
     upper = float(np.linalg.norm(farthest([body.data.xanchor[j] for j in limb.joints[:knee]], at) - at))
     return end_hinge(body.data, limb.joints[knee + 1 :], at, upper)
 
 
 def front_of(body: StandingBody, limb: RobotLimb, knee: int) -> Array:
-    """Where the front of a leg without an ankle is, shape (3,), m: its knee folds its end the other way."""
+    """The front of a leg without an ankle, shape (3,), m: away from the fold of its knee."""
     joint = limb.joints[knee]
     axis, at = body.data.xaxis[joint], body.data.xanchor[joint]
     up, down = at - farthest([body.data.xanchor[j] for j in limb.joints[:knee]], at), limb.tip - at
@@ -99,5 +92,5 @@ def front_of(body: StandingBody, limb: RobotLimb, knee: int) -> Array:
 
 
 def can_bend(model: mujoco.MjModel, joints: Sequence[int]) -> bool:
-    """Whether hinges move two bodies or more: those of one body have no knee among them."""
+    """Whether hinges move at least two bodies."""
     return len({int(model.jnt_bodyid[joint]) for joint in joints}) > 1
