@@ -11,7 +11,7 @@ from controller.deck.locks.phase_lock import PhaseLock
 from controller.deck.locks.references import Beats, Leader, OtherDeck
 from controller.deck.tempo import TEMPO_RATE, Paced
 from controller.motion.rotations import Array
-from controller.wire.messages.arguments import AGO, LOCK_PHASE, STEPS
+from controller.wire.messages.arguments import AGO, PHASE, STEPS
 from controller.wire.messages.lock_state import LockSource, LockState
 from motiondeck_base.errors import MotiondeckError
 
@@ -68,7 +68,7 @@ class Lockable(Paced, ABC):
             CommandError: if a number is out of its range.
             MotiondeckError: if the network runs by itself, or there is no such source here.
         """
-        LOCK_PHASE.check(phase)
+        PHASE.check(phase)
         STEPS.check(steps)
         self.require_phase()
         beats: Beats | None = None

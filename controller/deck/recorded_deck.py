@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Sequence
 
 import numpy as np
 
@@ -13,13 +12,12 @@ from controller.deck.tempo import Paced
 from controller.motion.posture import Pose
 from controller.motion.rotations import Array, normalise
 from controller.wire.messages.events import Event
-from controller.wire.messages.lock_state import LockSource
 from controller.wire.run_recording import RunRecording
 from motiondeck_base.errors import MotiondeckError
 
 
 class RecordedDeck(Paced):
-    """Plays the targets of a recording; fits `run_phases.Player` and `loop.commands.interfaces.Commandable`.
+    """Plays the targets of a recording; fits `run_phases.Player` and `loop.commands.commanded_run.Playback`.
 
     Args:
         recording: with at least one tick.
@@ -99,22 +97,6 @@ class RecordedDeck(Paced):
             pose = PlacedPose(pose.root_position, pose.heading, pose.rotation, place)
         return between(self._targets), pose
 
-    def switch(self, to: str, *, direct: bool = False) -> CommandedSwitch:
-        """Refuses.
-
-        Raises:
-            MotiondeckError: always.
-        """
-        raise MotiondeckError(f"a recording is being replayed; {to} cannot be played")
-
-    def enqueue(self, to: str) -> CommandedSwitch:
-        """Refuses.
-
-        Raises:
-            MotiondeckError: always.
-        """
-        return self.switch(to)
-
     @property
     def activation(self) -> None:
         """Always None: no network is playing."""
@@ -125,26 +107,10 @@ class RecordedDeck(Paced):
         """Always None: no network is playing."""
         return
 
-    def jump(self, phase: float) -> None:
-        """Refuses.
-
-        Raises:
-            MotiondeckError: always.
-        """
-        raise MotiondeckError("a recording is being replayed; it has no phase to jump to")
-
     @property
     def inputs(self) -> dict[str, float]:
         """Always empty: no network is playing."""
         return {}
-
-    def set_input(self, name: str, value: float) -> None:
-        """Refuses.
-
-        Raises:
-            MotiondeckError: always.
-        """
-        raise MotiondeckError(f"a recording is being replayed; it has no {name} to set to {value:g}")
 
     @property
     def phase_rate(self) -> None:
@@ -155,25 +121,6 @@ class RecordedDeck(Paced):
     def lock_state(self) -> None:
         """Always None: a recording is locked to nothing."""
         return
-
-    def lock(self, source: LockSource, phase: float = 0.0, steps: int = 0) -> None:
-        """Refuses.
-
-        Raises:
-            MotiondeckError: always.
-        """
-        raise MotiondeckError("a recording is being replayed; it has no phase to lock")
-
-    def unlock(self) -> None:
-        """Does nothing."""
-
-    def beat(self, ago: float = 0.0) -> None:
-        """Refuses.
-
-        Raises:
-            MotiondeckError: always.
-        """
-        self.lock("beat")
 
     @property
     def blend(self) -> tuple[tuple[str, float], ...]:
@@ -189,13 +136,3 @@ class RecordedDeck(Paced):
     def fell_back(self) -> str:
         """Always empty: nothing is blended."""
         return ""
-
-    def blend_in(
-        self, first: str, second: str, weight: float, also: Sequence[tuple[str, float]] = ()
-    ) -> CommandedSwitch:
-        """Refuses.
-
-        Raises:
-            MotiondeckError: always.
-        """
-        return self.switch(" + ".join((first, second, *(name for name, _ in also))))

@@ -16,8 +16,9 @@ from dataclasses import dataclass
 import msgspec
 
 from controller.wire.local_transport import DEFAULT_PORT, LocalConnection, LocalListener, PeerGoneError, SocketError
+from controller.wire.messages.command_row import Natural
 from controller.wire.messages.command_table import read_command
-from controller.wire.messages.commands import MOST_BYTES, CommandError, DeckCommand, EmergencyStop, Natural, encode
+from controller.wire.messages.commands import MOST_BYTES, CommandError, DeckCommand, EmergencyStop, encode
 from controller.wire.messages.replies import Refused, Reply, SecondReply, read_reply
 from controller.wire.network_transport import NetworkConnection, NetworkListener
 

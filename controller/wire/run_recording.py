@@ -38,13 +38,7 @@ _RENAMED = {
     "confidence": "seen_confidence",
 }
 """Names up to version 5, and those of now."""
-COMMANDS = (
-    *("switch", "queue", "tempo", "pause", "resume", "home", "estop", "reset", "stop", "blend", "jump"),
-    *("input", "beat", "lock", "unlock"),
-    *("torque", "restart", "load", "push"),
-    *("write", "scan", "step"),
-)
-"""The field `command` is an index into these, counted from 1; 0 is a tick without a command."""
+
 _MAGIC = b"MDRECORD"
 _HEADER, _CHUNK = struct.Struct("<II"), struct.Struct("<II")
 _MOST_HEADER = 1 << 20

@@ -78,7 +78,7 @@ def _draw(recording: RunRecording, picture: Path) -> None:
     """
     import numpy as np
 
-    from controller.wire.run_recording import COMMANDS
+    from controller.wire.messages.command_table import RECORDED
     from motiondeck.pictures.figures import new_figure, save
 
     fields, motions = recording.fields, list(recording.description["motions"])
@@ -107,7 +107,7 @@ def _draw(recording: RunRecording, picture: Path) -> None:
     playing.set_yticks(range(len(shown)), [motions[index] for index in shown])
     playing.set(xlabel="s", ylim=(-0.5, len(shown) - 0.3))
     for at in np.flatnonzero(fields["command"][:, 0]):
-        name = COMMANDS[int(fields["command"][at, 0]) - 1]
+        name = RECORDED[int(fields["command"][at, 0])]
         colour = "red" if name == "estop" or fields["refused"][at, 0] else "grey"
         playing.axvline(time[at], color=colour, linewidth=0.7)
         playing.annotate(name, (time[at], len(shown) - 0.35), rotation=90, va="top", fontsize=7, color=colour)

@@ -8,7 +8,7 @@ from typing import Any
 
 from controller.deck.deck import Deck
 from controller.library.motion_library import MotionLibrary
-from controller.wire.messages.commands import Blend, Jump, Pause, Queue, Resume, SetTempo, Switch
+from controller.wire.messages.commands import CommandError
 from motiondeck.pictures.library_pictures import FilmLook, Staging, film
 from motiondeck.run.script import Timed
 from motiondeck_base.errors import MotiondeckError
@@ -32,11 +32,10 @@ def film_run(
         MotiondeckError: if a command of the timeline is not for a film.
     """
     for timed in timeline:
-        if not isinstance(timed.message, Switch | Queue | Blend | SetTempo | Jump | Pause | Resume):
-            raise MotiondeckError(
-                f"the command at {timed.at:g} s is not for a film, in which no joint is driven: "
-                "it can have switches, the queue, blends, tempo, jumps, pause and resume"
-            )
+        try:
+            timed.message.row.check_use("film")
+        except CommandError as error:
+            raise MotiondeckError(f"at {timed.at:g} s: {error}") from None
     length = (
         seconds if seconds is not None else max(SHORTEST, max((one.at for one in timeline), default=0) + AFTER_LAST)
     )

@@ -17,7 +17,7 @@ from pathlib import Path
 import msgspec
 
 from controller.wire.messages.command_table import BY_WORD, parse_command
-from controller.wire.messages.commands import AtTime, Blend, CommandError, DeckCommand, Queue, Switch
+from controller.wire.messages.commands import CommandError, DeckCommand
 from motiondeck_base.errors import FileFormatError, MotiondeckError, UnknownNameError
 from motiondeck_base.toml_file import read_toml
 
@@ -69,11 +69,10 @@ def read_timeline(path: Path, motions: Iterable[str]) -> tuple[str, list[Timed]]
             raise FileFormatError(f"{place}: at = {line.at} is not a number of seconds from 0 on")
         try:
             message = parse_command(line.say.split())
+            message.row.check_use("script")
         except CommandError as error:
             raise FileFormatError(f"{place}: {error}") from None
-        if isinstance(message, AtTime):
-            raise FileFormatError(f"{place}: 'say' has a time of its own: give it as the command's 'at'")
-        for name in _named(message):
+        for name in message.motions:
             if name not in known:
                 raise FileFormatError(f"{place}: {UnknownNameError.among('motion', name, known)}")
         timeline.append(Timed(line.at, message))
@@ -114,16 +113,6 @@ def parse_script(text: str, motions: Iterable[str]) -> tuple[list[Cue], float | 
         cues.append(Cue(at, words[0]))
         at += _seconds(words[1], place) if len(words) == 2 else 0.0
     return cues, at if at > cues[-1].at else None
-
-
-def _named(message: DeckCommand) -> tuple[str, ...]:
-    """The motions that a command names."""
-    match message:
-        case Switch(to=to) | Queue(to=to):
-            return (to,)
-        case Blend():
-            return message.motions
-    return ()
 
 
 def _seconds(word: str, place: int) -> float:

@@ -18,8 +18,7 @@ from controller.deck.switch import CommandedSwitch
 from controller.library.motion_library import MotionLibrary
 from controller.loop.clock import Clock, Ticker
 from controller.loop.commands.command_desk import CommandDesk
-from controller.loop.commands.commanded_run import CommandedRun
-from controller.loop.commands.interfaces import Commandable
+from controller.loop.commands.commanded_run import CommandedRun, Playback
 from controller.loop.ensemble import all_limits, together
 from controller.loop.loop import LoopState, run
 from controller.loop.permissions import (
@@ -57,7 +56,7 @@ from motiondeck.run.script import Timed
 from motiondeck.run.wired_stop import WiredStopWatch
 
 
-class PlayableDeck(Player, Commandable, ShownDeck, Protocol):
+class PlayableDeck(Player, Playback, ShownDeck, Protocol):
     """A deck as a session needs it."""
 
     @property

@@ -15,7 +15,7 @@ from motiondeck.shows.member import STOP_AGAIN, STOP_SAID
 from motiondeck.shows.membership import CONDUCTOR
 from motiondeck.shows.messages import About, CommonRound, DeckHealth, EmergencyStopAll, Time, TimedCue, encode, read
 from motiondeck.shows.seen_decks import SeenDeck, SeenDecks
-from motiondeck.shows.show_file import Condition, Show, ShowCue, motions_of, show_command
+from motiondeck.shows.show_file import Condition, Show, ShowCue, show_command
 from motiondeck_base.errors import MotiondeckError
 
 GRID = 0.02
@@ -152,7 +152,7 @@ class Conductor:
             raise MotiondeckError("the emergency stop is on; reset it at each deck, then: go")
         command = show_command(line)
         for deck in decks:
-            for motion in motions_of([command]):
+            for motion in command.motions:
                 self._seen.check_plays(deck, motion)
         self._send(line, _on_grid(self.now() + self.show.lead), names, decks, [command])
         return f"{_told(decks, self._seen.present_names)}: {line}"
@@ -219,7 +219,7 @@ class Conductor:
             return None
         if cue.in_step is not True:
             return CommonRound(at, cue.in_step)
-        seconds = self._seen.round_of(list(motions_of(cue.commands)), decks)
+        seconds = self._seen.round_of(cue.motions, decks)
         if seconds is not None:
             return CommonRound(at, seconds)
         self._tell(f"{cue.name or 'the cue'}: no deck knows how long a round takes, so none are in step")

@@ -34,7 +34,6 @@ from motiondeck.shows.messages import (
     Time,
     TimedCue,
     encode,
-    is_allowed,
     read,
 )
 
@@ -130,8 +129,9 @@ class Member:
             self._take(key, data)
         self._carry_out()
         for message, sender in self._leader.poll():
+            asks = isinstance(message, commands.GetPhase)
             self._leader.reply(
-                sender, self._phase(message.id) if isinstance(message, commands.GetPhase) else _refusal(message)
+                sender, self._phase(message.id) if asks else Refused("this is a show, not a deck", message.id)
             )
         running = self._hear_deck()
         now = self._now()
@@ -216,11 +216,14 @@ class Member:
         if late > LATEST:
             self._note_problem(f"{cue.name} came {late:.1f} s late")
             return
-        if refused := [command for command in cue.say if not is_allowed(command)]:
-            self._note_problem(f"{cue.name} asks for what a show may not: {type(refused[0]).__name__}")
-            cue = msgspec.structs.replace(cue, say=[], step=None)
-        else:
+        try:
+            for command in cue.say:
+                command.row.check_use("cue")
+                command.check()
             self._give(cue)
+        except commands.CommandError as error:
+            self._note_problem(f"{cue.name}: {error}")
+            cue = msgspec.structs.replace(cue, say=[], step=None)
         self._cues.append(cue)
 
     def _carry_out(self) -> None:
@@ -246,8 +249,8 @@ class Member:
         if cue.step is not None:
             self._post(commands.LockPhase("deck"), cue)
 
-    def _post(self, command: msgspec.Struct, cue: TimedCue) -> None:
-        timed = commands.AtTime(self._clock.local(cue.at), command)  # pyright: ignore[reportArgumentType]
+    def _post(self, command: commands.DeckCommand, cue: TimedCue) -> None:
+        timed = commands.AtTime(self._clock.local(cue.at), command)
         self._commands[self._deck.post(timed)] = cue.name
         if len(self._commands) > _REMEMBERED:
             del self._commands[next(iter(self._commands))]
@@ -340,7 +343,7 @@ class Member:
 
 def _plays(cue: TimedCue) -> bool:
     """Whether a cue plays another motion."""
-    return any(isinstance(command, commands.Switch | commands.Queue | commands.Blend) for command in cue.say)
+    return any(command.motions for command in cue.say)
 
 
 def _step_after(step: CommonRound | None, cue: TimedCue) -> CommonRound | None:
@@ -349,7 +352,3 @@ def _step_after(step: CommonRound | None, cue: TimedCue) -> CommonRound | None:
         return cue.step
     ends = _plays(cue) or any(isinstance(command, commands.SetTempo | commands.Unlock) for command in cue.say)
     return None if ends else step
-
-
-def _refusal(message: msgspec.Struct) -> Refused:
-    return Refused("this is a show, not a deck", getattr(message, "id", 0))

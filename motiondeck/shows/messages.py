@@ -14,28 +14,8 @@ from typing import Literal, TypeVar
 
 import msgspec
 
-from controller.wire.messages.command_table import checked
-from controller.wire.messages.commands import (
-    AnyCommand,
-    Blend,
-    CommandError,
-    DeckCommand,
-    Home,
-    Jump,
-    Pause,
-    Push,
-    Queue,
-    Resume,
-    SetInput,
-    SetTempo,
-    Stop,
-    Switch,
-    Unlock,
-)
+from controller.wire.messages.commands import DeckCommand
 from controller.wire.messages.deck_snapshot import Mode
-
-CUE_COMMANDS = (Switch, Queue, Blend, SetTempo, SetInput, Jump, Unlock, Pause, Resume, Home, Push, Stop)
-"""What a show may command: nothing that releases an emergency stop, switches torque or loads files."""
 
 Lost = Literal["go on", "hold", "stop"]
 """What a deck does that has lost the conductor: nothing, a pause, or an emergency stop of its own."""
@@ -110,7 +90,7 @@ class TimedCue(msgspec.Struct, frozen=True):
     name: str
     at: float
     decks: list[str]
-    say: list[AnyCommand]
+    say: list[DeckCommand]
     step: CommonRound | None = None
 
 
@@ -171,12 +151,3 @@ def read(data: bytes, kind: type[T]) -> T | None:
         return msgspec.json.decode(data, type=kind)
     except (msgspec.MsgspecError, UnicodeDecodeError, RecursionError):
         return None
-
-
-def is_allowed(command: DeckCommand) -> bool:
-    """Whether a show may give a command, and its arguments are in their ranges."""
-    try:
-        checked(command)
-    except CommandError:
-        return False
-    return isinstance(command, CUE_COMMANDS)

@@ -27,10 +27,10 @@ from typing import Annotated, Literal
 
 import msgspec
 
-from controller.wire.messages.command_table import parse_command, row_of
-from controller.wire.messages.commands import Blend, CommandError, DeckCommand, Queue, Switch
+from controller.wire.messages.command_table import parse_command
+from controller.wire.messages.commands import CommandError, DeckCommand
 from motiondeck.shows.membership import CONDUCTOR, check_name
-from motiondeck.shows.messages import CUE_COMMANDS, Lost
+from motiondeck.shows.messages import Lost
 from motiondeck_base.errors import FileFormatError, MotiondeckError, UnknownNameError
 from motiondeck_base.toml_file import read_toml
 
@@ -81,6 +81,11 @@ class ShowCue(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
         lines = [self.say] if isinstance(self.say, str) else self.say
         return [show_command(line) for line in lines]
 
+    @property
+    def motions(self) -> list[str]:
+        """The motions that the commands name."""
+        return [name for command in self.commands for name in command.motions]
+
 
 class Show(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     """A show.
@@ -117,9 +122,7 @@ def show_command(line: str) -> DeckCommand:
         CommandError: if it is none, or none that a show may give.
     """
     message = parse_command(line.split())
-    if not isinstance(message, CUE_COMMANDS):
-        words = ", ".join(sorted(str(kind.__struct_config__.tag) for kind in CUE_COMMANDS))
-        raise CommandError(f"'{row_of(message).word}' is not for a show, which may say: {words}")
+    message.row.check_use("cue")
     return message
 
 
@@ -146,19 +149,9 @@ def wrong_motions(show: Show, decks: Mapping[str, Mapping[str, float]]) -> Itera
     for number, cue in enumerate(show.cues, start=1):
         for name in show.members(cue.receivers, list(decks)):
             motions = decks.get(name)
-            for motion in motions_of(cue.commands) if motions is not None else ():
+            for motion in cue.motions:
                 if motions is not None and motion not in motions:
                     yield f"{_place(number, cue)}: {name}: {UnknownNameError.among('motion', motion, motions)}"
-
-
-def motions_of(commands: list[DeckCommand]) -> Iterator[str]:
-    """The motions that commands name."""
-    for command in commands:
-        match command:
-            case Switch(to=to) | Queue(to=to):
-                yield to
-            case Blend():
-                yield from command.motions
 
 
 def _wrong_names(show: Show) -> Iterator[str]:

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from controller.wire.messages.command_table import BY_WORD, parse_command
-from controller.wire.messages.commands import Blend, CommandError, DeckCommand, Queue, Switch
+from controller.wire.messages.commands import CommandError, DeckCommand
 
 _PLACE = re.compile(r"\$([1-9])")
 
@@ -45,16 +45,9 @@ class CommandPattern:
         return _PLACE.search(self.text) is None
 
     @property
-    def motions(self) -> list[str]:
+    def motions(self) -> tuple[str, ...]:
         """The motions that the command names."""
-        message = parse_command(self.text.split()) if self.complete else None
-        match message:
-            case Switch(to=to) | Queue(to=to):
-                return [to]
-            case Blend():
-                return [*message.motions]
-            case _:
-                return []
+        return parse_command(self.text.split()).motions if self.complete else ()
 
     def command(self, arguments: Sequence[object] = ()) -> DeckCommand | None:
         """The command that a signal with these arguments gives.

@@ -1,27 +1,107 @@
-"""The run that is commanded: carries out one command on its deck, its servos, its body or its end."""
+"""Carries out commands on a run: on its deck, its servos, its simulated body, or its end.
+
+The dispatcher is closed: a command without a case in it is a type error.
+"""
 
 from __future__ import annotations
 
 import math
 import random
+from collections import deque
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import NamedTuple
+from typing import NamedTuple, Protocol, assert_never, runtime_checkable
 
-from controller.loop.commands.interfaces import Commandable, Look, Progress, Pushable, RealTime, RigServos
+from controller.loop.commands.interfaces import Look, Progress, Pushable, RealTime, RigServos
 from controller.loop.commands.timed_commands import TimedCommands
 from controller.loop.stop_requests import EmergencyStopError, StopRequest
 from controller.wire.messages import commands
-from controller.wire.messages.command_table import row_of
 from controller.wire.messages.commands import DeckCommand
-from controller.wire.messages.deck_snapshot import SnapshotSource
+from controller.wire.messages.deck_snapshot import DeckState, SnapshotSource
 from controller.wire.messages.events import Event
+from controller.wire.messages.lock_state import LockSource
 from controller.wire.messages.replies import Accepted, PhaseNow, Refused, Reply, State
-from motiondeck_base.errors import MotiondeckError
+from motiondeck_base.errors import MotiondeckError, in_words
+
+
+class Playback(DeckState, Protocol):
+    """The part of any deck that commands need; it raises a MotiondeckError for a command that it cannot carry out.
+
+    Attributes:
+        events: what has happened and is still to be sent.
+        phase_at: when the present phase was due by the machine's steady clock, s; None if that is not known.
+    """
+
+    events: deque[Event]
+    phase_at: float | None
+
+    @property
+    def phase_rate(self) -> float | None:
+        """Rounds of a loop per second, negative backwards; None if that is not known."""
+        ...
+
+    def set_tempo(self, factor: float, over: float = 0.0) -> None:
+        """Plays at another tempo."""
+        ...
+
+    def pause(self) -> None:
+        """Comes to a standstill."""
+        ...
+
+    def step_on(self, seconds: float = 0.0) -> None:
+        """Goes on in a pause for some seconds."""
+        ...
+
+    def resume(self) -> None:
+        """Plays on."""
+        ...
+
+
+@runtime_checkable
+class Commandable(Playback, Protocol):
+    """A deck whose motions can be commanded, unlike the replay of a recording."""
+
+    def switch(self, to: str, *, direct: bool = False) -> Progress:
+        """Starts a switch."""
+        ...
+
+    def enqueue(self, to: str) -> Progress:
+        """Plays a motion after the present and the queued ones."""
+        ...
+
+    def blend_in(self, first: str, second: str, weight: float, also: Sequence[tuple[str, float]] = ()) -> Progress:
+        """Plays a blend of motions."""
+        ...
+
+    def set_input(self, name: str, value: float) -> None:
+        """Changes the value of an input."""
+        ...
+
+    def lock(self, source: LockSource, phase: float = 0.0, steps: int = 0) -> None:
+        """Locks the phase to beats, to another deck, or to the measured joints."""
+        ...
+
+    def unlock(self) -> None:
+        """Ends a lock."""
+        ...
+
+    def beat(self, ago: float = 0.0) -> None:
+        """Takes a beat."""
+        ...
+
+    def jump(self, phase: float) -> None:
+        """Goes to a phase of the motion that is played."""
+        ...
+
+
+def refusal(error: Exception, number: int) -> Refused:
+    """The reply to a command that has raised; what JSON cannot carry of the reason is replaced."""
+    return Refused(in_words(error).encode(errors="replace").decode(), number)
 
 
 class Outcome(NamedTuple):
-    """What a command has led to: its reply; of a switch its progress; of a look at servos that look."""
+    """The reply to a command, and what its second reply waits for: the progress of a switch, or a look at servos."""
 
     reply: Reply
     progress: Progress | None = None
@@ -30,7 +110,7 @@ class Outcome(NamedTuple):
 
 @dataclass
 class CommandedRun:
-    """A run whose deck, servos, body and end are commanded; no command waits or raises.
+    """A run that commands are carried out on; none waits or raises.
 
     Attributes:
         deck: the deck that is commanded.
@@ -42,7 +122,7 @@ class CommandedRun:
         timed: the commands whose time is still to come.
     """
 
-    deck: Commandable
+    deck: Playback
     servos: RigServos | None = None
     body: Pushable | None = None
     restarts: bool = False
@@ -52,16 +132,19 @@ class CommandedRun:
     def __post_init__(self) -> None:
         self._snapshots = self.snapshots or SnapshotSource(self.deck, self.body)
         self.timed = TimedCommands(self.ticks)
-        self._code = 0.0  # that confirms the reset of the present emergency stop from another machine
+        self._commandable = self.deck if isinstance(self.deck, Commandable) else None
+        self._code = 0.0  # confirms the reset of the present emergency stop from another machine
 
     def carry_out(self, message: DeckCommand, stop: StopRequest, *, remote: bool) -> Outcome:
-        """Carries out one command, of another machine if it is `remote`."""
+        """Carries out one command, of another machine if it is `remote`; whatever goes wrong refuses it."""
         try:
-            if stop.mode not in row_of(message).modes:
+            if stop.mode not in message.row.modes:
                 stop.check_released()
+            if self._commandable is None:
+                message.row.check_use("replay")
             return self._carry_out(message, stop, remote)
-        except MotiondeckError as error:
-            return Outcome(Refused(str(error), message.id))
+        except Exception as error:
+            return Outcome(refusal(error, message.id))
 
     def _carry_out(self, message: DeckCommand, stop: StopRequest, remote: bool) -> Outcome:
         deck, done = self.deck, Outcome(Accepted(message.id))
@@ -76,17 +159,34 @@ class CommandedRun:
                 return done._replace(look=self._rig.registers(joint, (register, count)))
             case commands.ScanPorts():
                 return done._replace(look=self._rig.scan())
-            case commands.Switch() | commands.Queue() | commands.Blend():
-                progress = self._play(message, stop)
-                return Outcome(Accepted(message.id, progress.after, list(progress.via)), progress)
-            case commands.Heartbeat() | commands.Subscribe():
-                pass
-            case commands.AlignTicks(here=here, there=there):
-                if self.ticks is None or remote:
-                    raise MotiondeckError("ticks are aligned by programs of this machine, on a deck in real time")
-                self.ticks.align(round(1e9 * here), round(1e9 * there))
-            case commands.AtTime():
-                self.timed.check(message, remote=remote)
+            case commands.Switch(to=to, direct=direct):
+                return self._played(message, self._deck.switch(to, direct=direct), stop)
+            case commands.Queue(to=to):
+                return self._played(message, self._deck.enqueue(to), stop)
+            case commands.Blend(first=first, second=second, weight=weight, also=also):
+                return self._played(message, self._deck.blend_in(first, second, weight, also), stop)
+            case commands.SetTempo(factor=factor, over=over):
+                deck.set_tempo(factor, over)
+            case commands.Jump(phase=phase):
+                self._deck.jump(phase)
+            case commands.SetInput(name=name, value=value):
+                self._deck.set_input(name, value)
+            case commands.GiveBeat(ago=ago):
+                self._deck.beat(ago)
+            case commands.LockPhase(source=source, phase=phase, steps=steps):
+                self._deck.lock(source, phase, steps)
+            case commands.Unlock():
+                self._deck.unlock()
+            case commands.Pause():
+                deck.pause()
+            case commands.StepOn(seconds=seconds):
+                deck.step_on(seconds)
+            case commands.Resume():
+                stop.play()
+                deck.resume()
+            case commands.Home():
+                stop.go_home()
+                deck.pause()
             case commands.EmergencyStop():
                 stop.emergency_stop()
                 deck.pause()
@@ -97,12 +197,14 @@ class CommandedRun:
                 self._code = 0.0
             case commands.Stop():
                 stop.ask("stopped on command")
-            case commands.Home():
-                stop.go_home()
-                deck.pause()
-            case commands.Resume():
-                stop.play()
-                deck.resume()
+            case commands.Heartbeat() | commands.Subscribe():
+                pass  # noted by `Listeners`
+            case commands.AlignTicks(here=here, there=there):
+                if self.ticks is None or remote:
+                    raise MotiondeckError("ticks are aligned by programs of this machine, on a deck in real time")
+                self.ticks.align(round(1e9 * here), round(1e9 * there))
+            case commands.AtTime():
+                self.timed.check(message, remote=remote)
             case commands.ServoTorque(joint=joint, to=to):
                 if to == "on":
                     stop.check_released()
@@ -114,43 +216,20 @@ class CommandedRun:
             case commands.Push():
                 self._push(message)
             case _:
-                self._steer(message)
+                assert_never(message)
         return done
 
-    def _play(self, message: commands.Switch | commands.Queue | commands.Blend, stop: StopRequest) -> Progress:
-        """Plays another motion, which lets the joints follow the deck again."""
-        match message:
-            case commands.Switch(to=to, direct=direct):
-                progress = self.deck.switch(to, direct=direct)
-            case commands.Queue(to=to):
-                progress = self.deck.enqueue(to)
-            case commands.Blend(first=first, second=second, weight=weight, also=also):
-                progress = self.deck.blend_in(first, second, weight, also)
+    @property
+    def _deck(self) -> Commandable:
+        assert self._commandable is not None, "rows keep a replay from such commands"
+        return self._commandable
+
+    def _played(self, message: DeckCommand, progress: Progress, stop: StopRequest) -> Outcome:
+        """The outcome of a command that plays another motion, which lets the joints follow the deck again."""
         if stop.mode != "playing":
             stop.play()
             self.deck.resume()
-        return progress
-
-    def _steer(self, message: DeckCommand) -> None:
-        """Changes how the motion is played."""
-        deck = self.deck
-        match message:
-            case commands.SetTempo(factor=factor, over=over):
-                deck.set_tempo(factor, over)
-            case commands.Jump(phase=phase):
-                deck.jump(phase)
-            case commands.SetInput(name=name, value=value):
-                deck.set_input(name, value)
-            case commands.GiveBeat(ago=ago):
-                deck.beat(ago)
-            case commands.LockPhase(source=source, phase=phase, steps=steps):
-                deck.lock(source, phase, steps)
-            case commands.Unlock():
-                deck.unlock()
-            case commands.StepOn(seconds=seconds):
-                deck.step_on(seconds)
-            case _:
-                deck.pause()
+        return Outcome(Accepted(message.id, progress.after, list(progress.via)), progress)
 
     def _check_code(self, message: commands.Reset, stop: StopRequest) -> None:
         """Refuses a reset from another machine that does not repeat the code of this emergency stop."""

@@ -2,14 +2,10 @@
 
 from __future__ import annotations
 
-from collections import deque
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from typing import Protocol, runtime_checkable
 
 from controller.wire.messages.commands import Side
-from controller.wire.messages.deck_snapshot import DeckState
-from controller.wire.messages.events import Event
-from controller.wire.messages.lock_state import LockSource
 from controller.wire.messages.replies import SecondReply
 
 
@@ -22,71 +18,6 @@ class Progress(Protocol):
     via: tuple[str, ...]
     overtaken: bool
     fell_back: str
-
-
-class Commandable(DeckState, Protocol):
-    """The part of a deck that commands need; it raises a MotiondeckError for a command that it cannot carry out.
-
-    Attributes:
-        events: what has happened; whoever tells it takes it out.
-        phase_at: when the present phase was due by the machine's steady clock, s; None if that is not known.
-    """
-
-    events: deque[Event]
-    phase_at: float | None
-
-    def switch(self, to: str, *, direct: bool = False) -> Progress:
-        """Starts a switch."""
-        ...
-
-    def enqueue(self, to: str) -> Progress:
-        """Plays a motion after the present and the queued ones."""
-        ...
-
-    def blend_in(self, first: str, second: str, weight: float, also: Sequence[tuple[str, float]] = ()) -> Progress:
-        """Plays a blend of motions."""
-        ...
-
-    @property
-    def phase_rate(self) -> float | None:
-        """How many rounds a second a loop makes, negative backwards; None if that is not known."""
-        ...
-
-    def set_tempo(self, factor: float, over: float = 0.0) -> None:
-        """Plays at another tempo."""
-        ...
-
-    def set_input(self, name: str, value: float) -> None:
-        """Gives an input another value."""
-        ...
-
-    def lock(self, source: LockSource, phase: float = 0.0, steps: int = 0) -> None:
-        """Locks the phase to beats, to another deck, or to the measured joints."""
-        ...
-
-    def unlock(self) -> None:
-        """Locks it to nothing."""
-        ...
-
-    def beat(self, ago: float = 0.0) -> None:
-        """Takes a beat."""
-        ...
-
-    def jump(self, phase: float) -> None:
-        """Goes to a phase of the motion that is played."""
-        ...
-
-    def pause(self) -> None:
-        """Comes to a standstill."""
-        ...
-
-    def step_on(self, seconds: float = 0.0) -> None:
-        """Goes on in a pause for so long."""
-        ...
-
-    def resume(self) -> None:
-        """Plays on."""
-        ...
 
 
 class Look(Protocol):

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import msgspec
 
 from controller.loop.commands.client import Client
-from controller.loop.commands.interfaces import Commandable
+from controller.loop.commands.commanded_run import Playback
 from controller.wire.command_socket import Address
 from controller.wire.messages.commands import DeckCommand, Heartbeat, Subscribe
 from controller.wire.messages.events import Event, EventKind
@@ -45,7 +45,7 @@ class Listeners:
         known: each by its address.
     """
 
-    def __init__(self, deck: Commandable, now: Callable[[], float]) -> None:
+    def __init__(self, deck: Playback, now: Callable[[], float]) -> None:
         self._deck, self._now = deck, now
         self.known: dict[Address, _Listener] = {}
         self._number = 0

@@ -8,8 +8,9 @@ from collections.abc import Callable
 import msgspec
 
 from controller.loop.commands.client import Client
+from controller.loop.commands.commanded_run import refusal
 from controller.loop.commands.interfaces import Look, Progress
-from controller.wire.messages.commands import Blend, DeckCommand, Queue, Switch
+from controller.wire.messages.commands import DeckCommand
 from controller.wire.messages.replies import Refused, SecondReply, Settled
 
 _LOOKED_WITHIN = 15.0  # s, for a look at servos
@@ -34,10 +35,7 @@ class SecondReplies:
 
     def await_switch(self, client: Client, message: DeckCommand, progress: Progress) -> None:
         """Replies once more when a switch, a queued motion or a blend has settled."""
-        if isinstance(message, Switch | Queue):
-            self.switches.append((client, message.id, message.to, progress))
-        elif isinstance(message, Blend):
-            self.switches.append((client, message.id, " + ".join(message.motions), progress))
+        self.switches.append((client, message.id, " + ".join(message.motions), progress))
 
     def await_look(self, client: Client, message: DeckCommand, look: Look) -> None:
         """Replies once more when the servos have answered."""
@@ -60,7 +58,11 @@ class SecondReplies:
         """Replies with what looks have found, or that nothing came of them."""
         for _ in range(len(self.looks)):
             client, number, look, began = waiting = self.looks.popleft()
-            answer: SecondReply | None = look.answer()
+            answer: SecondReply | None
+            try:
+                answer = look.answer()
+            except Exception as error:
+                answer = refusal(error, number)
             if answer is None and self._now() - began > _LOOKED_WITHIN:
                 answer = Refused("the rig has not answered")
             if answer is None:

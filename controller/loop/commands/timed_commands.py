@@ -8,7 +8,7 @@ import msgspec
 
 from controller.loop.commands.client import Client
 from controller.loop.commands.interfaces import RealTime
-from controller.wire.messages.commands import AtTime, Timeable
+from controller.wire.messages.commands import AtTime, DeckCommand
 from motiondeck_base.errors import MotiondeckError
 
 _AHEAD = 60.0  # s, of a command that is given ahead of its time
@@ -46,7 +46,7 @@ class TimedCommands:
         """Keeps one until its time."""
         self.waiting.append((client, message))
 
-    def take_due(self) -> Iterator[tuple[Client, Timeable]]:
+    def take_due(self) -> Iterator[tuple[Client, DeckCommand]]:
         """Takes those whose time is nearer to this tick than to the next one, in their order, of clients still there.
 
         A command has the number with which it was given.

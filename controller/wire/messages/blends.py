@@ -1,14 +1,13 @@
-"""A blend of motions: its weights, and how it is told to a person."""
+"""A blend of motions: its weights and their description."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 
-from controller.wire.messages.arguments import PART, WEIGHT
-from controller.wire.messages.commands import CommandError
+from controller.wire.messages.arguments import PART, WEIGHT, CommandError
 
 MOST_BLENDED = 4
-"""No blend has more motions."""
+"""The most motions of a blend."""
 
 
 def blend_weights(first: str, second: str, weight: float, also: Sequence[tuple[str, float]] = ()) -> dict[str, float]:
@@ -33,6 +32,6 @@ def blend_weights(first: str, second: str, weight: float, also: Sequence[tuple[s
 
 
 def described(first: str, blend: Sequence[tuple[str, float]]) -> str:
-    """A motion and what is blended into it, for a person: "walk with 0.30 of jog and 0.20 of waltz"."""
+    """A motion and what is blended into it, in words: "walk with 0.30 of jog and 0.20 of waltz"."""
     parts = [f"{weight:.2f} of {name}" for name, weight in blend]
     return f"{first} with {' and '.join(parts)}" if parts else first

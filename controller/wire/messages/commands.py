@@ -1,57 +1,68 @@
-"""The commands that a deck takes.
+"""The commands that a deck takes: each is a message with its row.
 
-`command_table` has what a person types for each of them, the ranges of its arguments and when it is allowed.
+To add one: write its class here, add it to `DeckCommand`, and carry it out in `loop/commands/commanded_run.py`.
 """
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Annotated, Literal, Union, get_args
+from typing import Annotated, Literal, get_args
 
 import msgspec
 
-from controller.wire.messages.lock_state import LockSource
-from motiondeck_base.errors import MotiondeckError
+from controller.wire.messages.arguments import (
+    AGO,
+    PART,
+    PHASE,
+    STEP_SECONDS,
+    STEPS,
+    TEMPO,
+    TEMPO_SECONDS,
+    WEIGHT,
+    Choice,
+    Flag,
+    MotionName,
+    Number,
+    Text,
+    WeightedMotions,
+    WholeCommand,
+)
+from controller.wire.messages.arguments import CommandError as CommandError
+from controller.wire.messages.blends import MOST_BLENDED, blend_weights
+from controller.wire.messages.command_row import ALWAYS, CommandMessage, CommandRow
+from controller.wire.messages.lock_state import LOCK_SOURCES, LockSource
 
 MOST_BYTES = 2048
-"""No command is longer than this."""
+"""The longest command, bytes."""
 
 encode = msgspec.json.Encoder().encode
 """A command, a reply or an event as it is sent."""
 
-Natural = Annotated[int, msgspec.Meta(ge=0, lt=2**53)]
-"""A whole number from 0 on that JSON carries exactly."""
+_CLOCK = -1e12, 1e12  # s
+_JOINT = Text("JOINT", "the name of a joint")
 
 
-class CommandError(MotiondeckError):
-    """A command that cannot be read, or an argument out of its range; the message names what is allowed."""
-
-
-class DeckCommand(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
-    """A command to a deck; its replies repeat its number, `id`."""
-
-    id: Natural = 0
-
-
-class Switch(DeckCommand, frozen=True, tag="switch"):
-    """Play another motion now, or when a one-shot has ended; the queue is cleared.
+class Switch(CommandMessage, frozen=True, tag="switch"):
+    """Play a motion now, or when a one-shot has ended; direct: at once, without motions in between.
 
     Attributes:
-        to: the motion.
-        direct: whether to go there at once and straight, however far it is.
+        to: the motion; the queue is cleared.
+        direct: whether to switch at once, whatever the distance.
     """
 
-    to: str
-    direct: bool = False
+    row = CommandRow(("timed", "cue", "script", "film"), record=1, second_reply="settled")
+    to: Annotated[str, MotionName()]
+    direct: Annotated[bool, Flag("direct")] = False
 
 
-class Queue(DeckCommand, frozen=True, tag="queue"):
-    """Play a motion after the present and the queued ones: a loop goes round to its end, a one-shot is finished."""
+class Queue(CommandMessage, frozen=True, tag="queue"):
+    """Play a motion after the present and the queued ones: a loop finishes its round, a one-shot its motion."""
 
-    to: str
+    row = CommandRow(("timed", "cue", "script", "film"), record=2, second_reply="settled")
+    to: Annotated[str, MotionName()]
 
 
-class Blend(DeckCommand, frozen=True, tag="blend"):
-    """Play a blend of loops.
+class Blend(CommandMessage, frozen=True, tag="blend"):
+    """Play a blend of loops with the WEIGHT of B; of three or four motions each has its own, and A the rest.
 
     Attributes:
         first: the motion that is switched to first, if it is not playing.
@@ -60,179 +71,211 @@ class Blend(DeckCommand, frozen=True, tag="blend"):
         also: further motions that are blended in, each with its weight; then no weight is below 0 or above 1.
     """
 
-    first: str
-    second: str
-    weight: float = msgspec.field(name="share")
-    also: tuple[tuple[str, float], ...] = ()
+    row = CommandRow(("timed", "cue", "script", "film"), record=10, second_reply="settled")
+    first: Annotated[str, MotionName("A")]
+    second: Annotated[str, MotionName("B")]
+    weight: Annotated[float, WEIGHT] = msgspec.field(name="share")
+    also: Annotated[tuple[tuple[str, float], ...], WeightedMotions(MotionName("C"), PART, MOST_BLENDED - 2)] = ()
 
     @property
     def motions(self) -> tuple[str, ...]:
         """All its motions, the first first."""
         return self.first, self.second, *(name for name, _ in self.also)
 
+    def check(self) -> None:
+        """Raises a CommandError also where the weights or motions do not make a blend."""
+        super().check()
+        blend_weights(self.first, self.second, self.weight, self.also)
 
-class SetTempo(DeckCommand, frozen=True, tag="tempo"):
-    """Play at another tempo.
+
+class SetTempo(CommandMessage, frozen=True, tag="tempo"):
+    """Play at -3 to 3 times the recorded tempo, reached smoothly or within SECONDS; below 0 backwards.
 
     Attributes:
         factor: 1 is as fast as recorded, 0 stands still, negative plays backwards.
-        over: how many seconds the change takes; 0 for as quickly as is smooth.
+        over: duration of the change, s; 0 for as quickly as is smooth.
     """
 
-    factor: float
-    over: float = 0.0
+    row = CommandRow(("timed", "cue", "script", "film", "replay"), record=3)
+    factor: Annotated[float, TEMPO]
+    over: Annotated[float, TEMPO_SECONDS] = 0.0
 
 
-class Jump(DeckCommand, frozen=True, tag="jump"):
-    """Go to a phase of the motion that is played, through a join.
-
-    Attributes:
-        phase: from 0 to 1.
-    """
-
-    phase: float
-
-
-class SetInput(DeckCommand, frozen=True, tag="input"):
-    """Give an input of the motions another value.
+class SetInput(CommandMessage, frozen=True, tag="input"):
+    """Change an input that motions were learned with, such as speed 1.4 (m/s); it is reached smoothly.
 
     Attributes:
         name: of the input, such as "speed".
         value: in its own unit.
     """
 
-    name: str
-    value: float
+    row = CommandRow(("timed", "cue", "script"), record=12)
+    name: Annotated[str, Text("INPUT", "the name of an input")]
+    value: Annotated[float, Number("VALUE", -1000.0, 1000.0)]
 
 
-class GiveBeat(DeckCommand, frozen=True, tag="beat"):
-    """A beat of what the motion is to be locked to; the first one locks it, if it is not locked to beats yet.
+class Jump(CommandMessage, frozen=True, tag="jump"):
+    """Go to a phase (0 to 1) of the present motion, by a transition."""
 
-    Attributes:
-        ago: how many seconds ago it was; negative for one that is still to come.
-    """
-
-    ago: float = 0.0
+    row = CommandRow(("timed", "cue", "script", "film"), record=11)
+    phase: Annotated[float, PHASE]
 
 
-class LockPhase(DeckCommand, frozen=True, tag="lock"):
-    """Lock the phase of the motion to beats, to another deck, or to the measured joints.
+class GiveBeat(CommandMessage, frozen=True, tag="beat"):
+    """A beat, now or AGO seconds ago (-2 to 2); the first one locks the motion to the beats.
 
     Attributes:
-        source: which of them.
-        phase: the phase that falls on a beat, or how far to be ahead of the other deck.
-        steps: how many beats a round of the motion has; 0 for what keeps the tempo nearest to 1.
+        ago: s since the beat; negative for one to come.
     """
 
-    source: LockSource
-    phase: float = 0.0
-    steps: int = 0
+    row = CommandRow(("script",), aliases=("tap",), record=13)
+    ago: Annotated[float, AGO] = 0.0
 
 
-class Unlock(DeckCommand, frozen=True, tag="unlock"):
-    """Play at the commanded tempo again."""
+class LockPhase(CommandMessage, frozen=True, tag="lock"):
+    """Lock the phase to: beat (PHASE falls on it, STEPS beats a round, 0: automatic), deck (PHASE ahead), body.
+
+    Attributes:
+        source: beats, another deck, or the measured joints.
+        phase: the phase that falls on a beat, or the lead over the other deck.
+        steps: beats in a round of the motion; 0 for what keeps the tempo nearest to 1.
+    """
+
+    row = CommandRow(("timed", "script"), record=14)
+    source: Annotated[LockSource, Choice("SOURCE", LOCK_SOURCES)]
+    phase: Annotated[float, PHASE] = 0.0
+    steps: Annotated[int, STEPS] = 0
 
 
-class Pause(DeckCommand, frozen=True, tag="pause"):
+class Unlock(CommandMessage, frozen=True, tag="unlock"):
+    """End a lock and play at the commanded tempo."""
+
+    row = CommandRow(("timed", "cue", "script"), record=15)
+
+
+class Pause(CommandMessage, frozen=True, tag="pause"):
     """Come to a standstill."""
 
+    row = CommandRow(("timed", "cue", "script", "film", "replay"), record=4)
 
-class StepOn(DeckCommand, frozen=True, tag="step"):
-    """Go on in a pause, and stand still again.
+
+class StepOn(CommandMessage, frozen=True, tag="step"):
+    """In a pause: go on for one tick, or for SECONDS (up to 1), and stand still again.
 
     Attributes:
         seconds: of the motion; 0 for one tick.
     """
 
-    seconds: float = 0.0
+    row = CommandRow(("script", "replay"), record=22)
+    seconds: Annotated[float, STEP_SECONDS] = 0.0
 
 
-class Resume(DeckCommand, frozen=True, tag="resume"):
-    """Go on after a pause, from home, or after the emergency stop was reset."""
+class Resume(CommandMessage, frozen=True, tag="resume"):
+    """Play on after a pause, from home, or after a reset."""
+
+    row = CommandRow(("timed", "cue", "script", "film", "replay"), record=5)
 
 
-class Home(DeckCommand, frozen=True, tag="home"):
-    """Go slowly to the rest pose and stay there."""
+class Home(CommandMessage, frozen=True, tag="home"):
+    """Go slowly to the rest pose and stay there until resume or a motion."""
+
+    row = CommandRow(("timed", "cue", "script", "replay"), record=6)
 
 
-class EmergencyStop(DeckCommand, frozen=True, tag="estop"):
-    """Brake every joint at once, as hard as its limits allow, and hold it until Reset."""
+class EmergencyStop(CommandMessage, frozen=True, tag="estop"):
+    """Emergency stop: brake every joint at once, as hard as its limits allow, and hold until reset."""
+
+    row = CommandRow(("script", "replay"), ALWAYS, record=7)
 
 
-class Reset(DeckCommand, frozen=True, tag="reset"):
-    """Release the emergency stop; nothing moves before Resume, Switch or Home.
-
-    Attributes:
-        code: from another machine, what the refusal of a reset without one says; it belongs to one emergency stop.
-    """
-
-    code: float = 0.0
-
-
-class Stop(DeckCommand, frozen=True, tag="stop"):
-    """Bring the joints to rest and end the run."""
-
-
-class Heartbeat(DeckCommand, frozen=True, tag="heartbeat"):
-    """Pause when the sender is not heard from any more, whatever it sends.
+class Reset(CommandMessage, frozen=True, tag="reset"):
+    """Release the emergency stop; nothing moves before resume, home or a motion.
 
     Attributes:
-        within: s in which it will be heard from again; 0 ends this.
+        code: needed from another machine; the refusal of a reset without one names it, anew for each emergency stop.
     """
 
-    within: float
+    row = CommandRow(("script", "replay"), frozenset({"emergency stop"}), record=8)
+    code: Annotated[float, Number("CODE", 0.0, 999999.0)] = 0.0
 
 
-class AlignTicks(DeckCommand, frozen=True, tag="align"):
-    """Move the ticks of the loop onto the multiples of their period on another clock.
+class Stop(CommandMessage, frozen=True, tag="stop"):
+    """Bring the joints to rest, go to the rest pose, and end the run."""
+
+    row = CommandRow(("timed", "cue", "script", "replay"), ALWAYS, aliases=("quit",), record=9)
+
+
+class Heartbeat(CommandMessage, frozen=True, tag="heartbeat"):
+    """Pause when the sender ends or sends nothing for SECONDS (up to 60); 0 ends that.
+
+    Attributes:
+        within: the longest silence, s.
+    """
+
+    row = CommandRow(("script", "replay"), ALWAYS)
+    within: Annotated[float, Number("SECONDS", 0.0, 60.0)]
+
+
+class AlignTicks(CommandMessage, frozen=True, tag="align"):
+    """Move ticks onto those of a clock that shows THERE when this machine's shows HERE, s (for programs).
 
     Attributes:
         here: a time of this machine's steady clock, s.
-        there: the time of the other clock then, s.
+        there: the time of the other clock then, s; the ticks become multiples of their period on that clock.
     """
 
-    here: float
-    there: float
+    row = CommandRow(("script", "replay"), ALWAYS)
+    here: Annotated[float, Number("HERE", *_CLOCK)]
+    there: Annotated[float, Number("THERE", *_CLOCK)]
 
 
-class Subscribe(DeckCommand, frozen=True, tag="subscribe"):
-    """Ask for Events from now on; over a network again within a minute."""
+class Subscribe(CommandMessage, frozen=True, tag="subscribe"):
+    """Receive the events of the deck; over a network again within a minute."""
+
+    row = CommandRow(("script", "replay"), ALWAYS)
 
 
-class GetStatus(DeckCommand, frozen=True, tag="status"):
-    """Ask for the State."""
+class GetStatus(CommandMessage, frozen=True, tag="status"):
+    """Show what is played, and all motions."""
+
+    row = CommandRow(("script", "replay"), ALWAYS)
 
 
-class GetPhase(DeckCommand, frozen=True, tag="phase"):
-    """Ask for the PhaseNow."""
+class GetPhase(CommandMessage, frozen=True, tag="phase"):
+    """Show the phase of the motion and its rounds per second."""
+
+    row = CommandRow(("script", "replay"), ALWAYS)
 
 
-class ServoTorque(DeckCommand, frozen=True, tag="torque"):
-    """Take the torque off a servo of the rig, or set it up again and switch it on where it stands.
+class ServoTorque(CommandMessage, frozen=True, tag="torque"):
+    """Switch a servo's torque off (it goes limp), or check the servo and switch it on where it stands.
 
     Attributes:
         joint: its name in the rig file.
         to: on or off.
     """
 
-    joint: str
-    to: Literal["on", "off"]
+    row = CommandRow(("script", "replay"), ALWAYS, record=16)
+    joint: Annotated[str, _JOINT]
+    to: Annotated[Literal["on", "off"], Choice("on|off", ("on", "off"))]
 
 
-class RestartServo(DeckCommand, frozen=True, tag="restart"):
-    """Restart a servo of the rig, and set it up again; the others hold meanwhile."""
+class RestartServo(CommandMessage, frozen=True, tag="restart"):
+    """Restart a servo and set it up again; the others hold meanwhile."""
 
-    joint: str
-
-
-class ReadRegisters(DeckCommand, frozen=True, tag="registers"):
-    """Read all registers of a servo of the rig; answered once more by Registers."""
-
-    joint: str
+    row = CommandRow(("script", "replay"), record=17)
+    joint: Annotated[str, _JOINT]
 
 
-class WriteRegister(DeckCommand, frozen=True, tag="write"):
-    """Write a register of a servo whose torque was switched off; answered once more by Registers.
+class ReadRegisters(CommandMessage, frozen=True, tag="registers"):
+    """Show all registers of a servo; they are read between the positions."""
+
+    row = CommandRow(("script", "replay"), ALWAYS, second_reply="servos")
+    joint: Annotated[str, _JOINT]
+
+
+class WriteRegister(CommandMessage, frozen=True, tag="write"):
+    """Write a register of a servo whose torque is off; only what the rig does not rely on.
 
     Attributes:
         joint: its name in the rig file.
@@ -240,67 +283,101 @@ class WriteRegister(DeckCommand, frozen=True, tag="write"):
         count: the new value, in the register's own counts.
     """
 
-    joint: str
-    register: str
-    count: int
+    row = CommandRow(("script", "replay"), ALWAYS, record=20, second_reply="servos")
+    joint: Annotated[str, _JOINT]
+    register: Annotated[str, Text("REGISTER", "the name of a register")]
+    count: Annotated[int, Number("COUNT", -32768, 65535, whole=True)]
 
 
-class ScanPorts(DeckCommand, frozen=True, tag="scan"):
-    """Ask who is on the ports of the rig, while all servos hold; answered once more by OnPorts."""
+class ScanPorts(CommandMessage, frozen=True, tag="scan"):
+    """List the servos on the rig's ports; all servos hold meanwhile."""
+
+    row = CommandRow(("script", "replay"), record=21, second_reply="servos")
 
 
 Side = Literal["front", "back", "left", "right"]
 SIDES: tuple[Side, ...] = get_args(Side)
 
 
-class Push(DeckCommand, frozen=True, tag="push"):
-    """Push the simulated body.
+class Push(CommandMessage, frozen=True, tag="push"):
+    """Push the simulated body from its front, back, left or right with IMPULSE N s (default: forces a step).
 
     Attributes:
         side: of the body, where the push meets it.
-        impulse: N s; 0 for one that a person would have to step against.
-        towards: where it drives the body, rad from the world's x to its y axis; None for straight away from that side.
+        impulse: N s; 0 for one that forces a step.
+        towards: direction of the push, rad from the world's x to its y axis; None for straight away from that side.
     """
 
-    side: Side
-    impulse: float = 0.0
+    row = CommandRow(("timed", "cue", "script", "replay"), ALWAYS, record=19)
+    side: Annotated[Side, Choice("SIDE", SIDES)]
+    impulse: Annotated[float, Number("IMPULSE", 0.0, 1000.0)] = 0.0
     towards: float | None = None
 
 
-class LoadLibrary(DeckCommand, frozen=True, tag="load"):
-    """Come to rest, and start again with another library.
+class LoadLibrary(CommandMessage, frozen=True, tag="load"):
+    """Come to rest, and start again with another library file (path from the deck's folder).
 
     Attributes:
-        library: its file, seen from the folder in which the deck was started.
+        library: its path.
         to: the motion that is played first.
     """
 
-    library: str
-    to: str
+    row = CommandRow(("script", "replay"), record=18)
+    library: Annotated[str, Text("LIBRARY", "a path", longest=1500)]
+    to: Annotated[str, Text("MOTION", "the name of a motion")]
 
 
-Timeable = (
-    Switch | Queue | Blend | SetTempo | SetInput | Jump | LockPhase | Unlock | Pause | Resume | Home | Push | Stop
-)
-"""Commands that can be given ahead of their time."""
-
-
-class AtTime(DeckCommand, frozen=True, tag="at"):
-    """Carry out a command in the tick that is due at a time; in the next one if that has passed.
+class AtTime(CommandMessage, frozen=True, tag="at"):
+    """Carry out a command in the tick due at WHEN by this machine's clock, s (for programs).
 
     It is accepted at once, and refused later where it cannot be carried out; a switch is answered once more when it
-    has settled. An emergency stop ends it, and so does its sender by leaving.
+    has settled. An emergency stop cancels it, and so does its sender by leaving. A time that has passed means now.
 
     Attributes:
         when: by this machine's steady clock, s.
         say: the command.
     """
 
-    when: float
-    say: Timeable
+    row = CommandRow(("replay",))
+    when: Annotated[float, Number("WHEN", *_CLOCK)]
+    say: Annotated[DeckCommand, WholeCommand("'COMMAND'")]
+
+    def check(self) -> None:
+        """Raises a CommandError also where the command is not for a later time, or is out of its own ranges."""
+        super().check()
+        self.say.row.check_use("timed")
+        self.say.check()
 
 
-if TYPE_CHECKING:
-    AnyCommand = DeckCommand
-else:
-    AnyCommand = Union[tuple(DeckCommand.__subclasses__())]  # noqa: UP007  (as msgspec reads it, by its tag)
+DeckCommand = (
+    Switch
+    | Queue
+    | Blend
+    | SetTempo
+    | SetInput
+    | Jump
+    | GiveBeat
+    | LockPhase
+    | Unlock
+    | Pause
+    | StepOn
+    | Resume
+    | Home
+    | EmergencyStop
+    | Reset
+    | Heartbeat
+    | AlignTicks
+    | AtTime
+    | Subscribe
+    | GetStatus
+    | GetPhase
+    | ServoTorque
+    | RestartServo
+    | ReadRegisters
+    | WriteRegister
+    | ScanPorts
+    | Push
+    | LoadLibrary
+    | Stop
+)
+"""All commands, in the order of the help."""

@@ -11,14 +11,27 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from operator import attrgetter
 from types import NoneType, UnionType
-from typing import Annotated, Any, Literal, NamedTuple, Protocol, Union, get_args, get_origin, get_type_hints
+from typing import (
+    TYPE_CHECKING,
+    Annotated,
+    Any,
+    Literal,
+    NamedTuple,
+    Protocol,
+    Union,
+    get_args,
+    get_origin,
+    get_type_hints,
+)
 
 import msgspec
-import numpy as np
-from numpy.typing import NDArray
 
 from controller.wire.messages.blends import MOST_BLENDED
 from controller.wire.messages.lock_state import LockState
+
+if TYPE_CHECKING:
+    import numpy as np
+    from numpy.typing import NDArray
 
 Mode = Literal["playing", "home", "held", "emergency stop"]
 MODES: tuple[Mode, ...] = get_args(Mode)

@@ -6,7 +6,7 @@ from typing import Literal
 
 import msgspec
 
-from controller.wire.messages.commands import Natural
+from controller.wire.messages.command_row import Natural
 
 EventKind = Literal[
     "motion",

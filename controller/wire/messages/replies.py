@@ -10,7 +10,8 @@ from collections.abc import Sequence
 
 import msgspec
 
-from controller.wire.messages.commands import CommandError, Natural
+from controller.wire.messages.arguments import CommandError
+from controller.wire.messages.command_row import Natural
 from controller.wire.messages.deck_snapshot import DeckSnapshot
 from controller.wire.messages.events import Event
 

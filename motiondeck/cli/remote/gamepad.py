@@ -12,7 +12,6 @@ import typer
 from controller.wire.command_socket import DEFAULT_PORT, CommandClient
 from controller.wire.messages import commands
 from controller.wire.messages.arguments import TEMPO
-from controller.wire.messages.command_table import row_of
 from controller.wire.messages.commands import DeckCommand
 from controller.wire.messages.replies import Refused, State
 from motiondeck.cli.remote.gamepad_device import Button, EventDevice, Stick, events, open_gamepad
@@ -122,7 +121,7 @@ def _print_lock(client: CommandClient) -> None:
 
 def _typed(message: DeckCommand) -> str:
     """A command as a person would type it."""
-    word = row_of(message).word
+    word = message.row.word
     return f"{word} {message.to}" if isinstance(message, commands.Switch) else word
 
 

@@ -58,7 +58,7 @@ def send(
     import msgspec
 
     from controller.wire.messages.command_table import parse_command
-    from controller.wire.messages.commands import Blend, Queue, ReadRegisters, ScanPorts, Switch, WriteRegister
+    from controller.wire.messages.commands import Blend
     from controller.wire.messages.replies import Accepted, Refused, Settled
     from motiondeck.run.terminal import describe, help_on
     from motiondeck_base.errors import MotiondeckError
@@ -73,13 +73,13 @@ def send(
     client = client_of(command_port, host, token_file)
     try:
         answer = client.request(request, _STARTING)
-        if wait and isinstance(request, Switch | Queue | Blend) and isinstance(answer, Accepted):
+        if wait and request.row.second_reply == "settled" and isinstance(answer, Accepted):
             if answer.after or answer.via:
                 print(describe(answer), file=sys.stderr)
             answer = client.wait_settled(answer.id, _LONGEST_WAIT)
             if answer is None:
                 raise MotiondeckError(f"it has not settled after {_LONGEST_WAIT:g} s; is the deck paused?")
-        elif isinstance(request, ReadRegisters | WriteRegister | ScanPorts) and isinstance(answer, Accepted):
+        elif request.row.second_reply == "servos" and isinstance(answer, Accepted):
             answer = client.wait_settled(answer.id, _LONGEST_WAIT)
             if answer is None:
                 raise MotiondeckError("the rig does not answer. Is it connected? See: motiondeck send status")

@@ -14,36 +14,16 @@ import numpy as np
 
 from controller.loop.loop import LoopState
 from controller.motion.rotations import Array
-from controller.wire.messages.commands import (
-    AlignTicks,
-    AtTime,
-    Blend,
-    DeckCommand,
-    GetPhase,
-    GetStatus,
-    GiveBeat,
-    Heartbeat,
-    Jump,
-    LockPhase,
-    Push,
-    Queue,
-    ReadRegisters,
-    SetInput,
-    SetTempo,
-    Subscribe,
-    Switch,
-)
+from controller.wire.messages.arguments import Number
+from controller.wire.messages.commands import DeckCommand
 from controller.wire.messages.deck_snapshot import DeckSnapshot, SnapshotNumbers
 from controller.wire.messages.replies import Refused, Reply
 from controller.wire.recorder import reason_file
 from controller.wire.run_folder import run_folder
-from controller.wire.run_recording import COMMANDS, check_replaceable
+from controller.wire.run_recording import check_replaceable
 from controller.wire.telemetry import StateWriter
 from motiondeck.run.beside.child_process import child_process
 from motiondeck_base.errors import FileFormatError
-
-ASKS = (GetStatus, GetPhase, Heartbeat, AlignTicks, AtTime, Subscribe, ReadRegisters)
-"""Messages that command nothing now; they are not recorded."""
 
 KEPT_SECONDS = 8.0
 """How far the recorder may fall behind before ticks are lost, s."""
@@ -97,29 +77,14 @@ class TickRecorder:
 
     def note(self, message: DeckCommand, reply: Reply) -> None:
         """Remembers a command and whether it was refused."""
-        if isinstance(message, ASKS):
+        if not message.row.record:
             return
         fields = self._writer.fields
-        fields["command"][0] = COMMANDS.index(message.__struct_config__.tag) + 1  # a tag is a command's name
+        fields["command"][0] = message.row.record
         fields["refused"][0] = isinstance(reply, Refused)
-        match message:
-            case Switch(to=to) | Queue(to=to):
-                argument = self._motions.index(to) if to in self._motions else math.nan
-            case SetTempo(factor=factor):
-                argument = factor
-            case Blend(weight=weight):
-                argument = weight  # of the second; what is blended then is recorded with every tick
-            case GiveBeat(ago=ago):
-                argument = ago
-            case Jump(phase=phase) | LockPhase(phase=phase):
-                argument = phase
-            case SetInput(value=value):
-                argument = value
-            case Push(impulse=impulse):
-                argument = impulse
-            case _:
-                argument = math.nan
-        fields["argument"][0] = argument
+        numbers = (getattr(message, one.field) for one in message.row.arguments if isinstance(one.argument, Number))
+        motion = (float(self._motions.index(name)) for name in message.motions if name in self._motions)
+        fields["argument"][0] = next(numbers, next(motion, math.nan))
 
     def record(self, snapshot: DeckSnapshot, loop: LoopState, measured: Array | None, placed: Array) -> None:
         """Hands one tick over.

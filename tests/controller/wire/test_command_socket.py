@@ -106,8 +106,15 @@ class TinyDeck:
         self.queue.append(to)
         return Progress(self.time)
 
+    def blend_in(self, first, second, weight, also=()):
+        self.blend = ((second, weight), *also)
+        return self.switch(first)
+
     def set_tempo(self, factor, over=0.0):
         self.tempo, self.ramp = factor, over
+
+    def step_on(self, seconds=0.0):
+        self.time += seconds
 
     def set_input(self, name, value):
         if name != "speed":

@@ -12,6 +12,10 @@ from hypothesis import strategies as st
 
 from controller.deck.interfaces import PlacedPose
 from controller.deck.recorded_deck import RecordedDeck
+from controller.loop.commands.commanded_run import CommandedRun
+from controller.loop.stop_requests import StopRequest
+from controller.wire.messages.commands import Blend, GiveBeat, Jump, Queue, SetTempo, Switch, Unlock
+from controller.wire.messages.replies import Accepted
 from controller.wire.recorder import main, record
 from controller.wire.run_recording import RecordingWriter, RunRecording, check_replaceable, load_recording
 from controller.wire.telemetry import StateReader, StateWriter
@@ -238,9 +242,11 @@ def test_a_recorded_deck_can_be_paused_and_played_slowly_but_not_switched():
     assert not deck.over
     moved = [deck.update(0.01)[0] for _ in range(100)][-1]
     assert 0.3 < moved[0] - held[0] < 0.52
-    for command in (deck.switch, deck.enqueue):
-        with pytest.raises(MotiondeckError, match="being replayed"):
-            command("jog")
+    run, stop = CommandedRun(deck), StopRequest()
+    for refused in (Switch("jog"), Queue("jog"), Blend("walk", "jog", 0.5), Jump(0.5), GiveBeat(), Unlock()):
+        reply = run.carry_out(refused, stop, remote=False).reply
+        assert reply.reason.startswith(f"'{refused.row.word}' is not for the replay of a recording, which takes: tempo")
+    assert isinstance(run.carry_out(SetTempo(1.0), stop, remote=False).reply, Accepted)
     with pytest.raises(MotiondeckError, match="empty"):
         RecordedDeck(recorded(0))
 

@@ -70,7 +70,7 @@ def test_the_look_of_a_film_is_checked_before_it_is_made(tmp_path):
 def test_what_drives_no_deck_is_refused(tmp_path):
     script = tmp_path / "run.toml"
     script.write_text('motion = "walk"\n[[commands]]\nat = 1.0\nsay = "home"\n')
-    with pytest.raises(MotiondeckError, match="the command at 1 s is not for a film"):
+    with pytest.raises(MotiondeckError, match="at 1 s: 'home' is not for a film"):
         play(context=None, script=str(script), video=tmp_path / "film.mp4", mismatch_after=1.0)
 
 

@@ -7,20 +7,36 @@ import subprocess
 import sys
 import time
 from dataclasses import replace
+from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from hypothesis import given
 
 import synthetic
 from command_line import motiondeck
+from command_strategies import commands
 from controller.deck.recorded_deck import RecordedDeck
 from controller.library.motion_library import load_library, save_library
-from controller.wire.messages.commands import DeckCommand
+from controller.wire.messages.command_table import RECORDED
+from controller.wire.messages.commands import (
+    Blend,
+    GetStatus,
+    Heartbeat,
+    Jump,
+    LockPhase,
+    Pause,
+    Queue,
+    SetTempo,
+    Switch,
+)
 from controller.wire.messages.deck_snapshot import MODES
 from controller.wire.messages.lock_state import LOCK_SOURCES, LOCK_STAGES
-from controller.wire.run_recording import COMMANDS, load_recording
+from controller.wire.messages.replies import Accepted
+from controller.wire.run_recording import load_recording
 from motiondeck.pictures.clip_scene import act_of_recording
-from motiondeck.run.beside.tick_recorder import ASKS
+from motiondeck.run.beside.tick_recorder import TickRecorder
 from motiondeck_base.shipped import find_library, find_robot
 from sim.physics.kinematic_playback import KinematicPlayback
 from sim.robots.robot import load_robot
@@ -96,10 +112,20 @@ def run(runs):
     return runs[0]
 
 
-def test_every_message_is_a_recorded_command_or_commands_nothing():
-    """A message that is neither would end a run that is recorded."""
-    told = {kind.__struct_config__.tag for kind in DeckCommand.__subclasses__()}
-    assert told == {*COMMANDS} | {kind.__struct_config__.tag for kind in ASKS}
+@given(commands())
+def test_any_command_is_noted_with_its_first_number_or_its_motion(message):
+    """One that cannot be noted would be refused after it was carried out."""
+    fields = {name: np.zeros(1) for name in ("command", "argument", "refused")}
+    recorder = TickRecorder(SimpleNamespace(fields=fields), ["walk", "jog"], None, Path(), Path())
+    recorder.note(message, Accepted(message.id))
+    assert fields["command"][0] == message.row.record
+    match message:
+        case Switch(to="jog") | Queue(to="jog"):
+            assert fields["argument"][0] == 1.0
+        case SetTempo(factor=number) | Blend(weight=number) | Jump(phase=number) | LockPhase(phase=number):
+            assert fields["argument"][0] == number
+        case Pause() | GetStatus() | Heartbeat():
+            assert np.isnan(fields["argument"][0])
 
 
 @pytest.mark.thorough
@@ -108,7 +134,7 @@ def test_every_tick_is_recorded_with_its_commands(run, folder):
     fields = recording.fields
     assert recording.complete
     assert fields["tick"][:, 0].tolist() == list(range(run["ticks"]))
-    given = [COMMANDS[int(n) - 1] for n in fields["command"][:, 0] if n]
+    given = [RECORDED[int(n)] for n in fields["command"][:, 0] if n]
     assert given == ["blend", "queue", "tempo", "estop", "switch", "reset", "resume"]
     assert run["refused"] == [{"at": 1.9, "reason": "the emergency stop is on; release it with: reset"}]
     assert [MODES[int(m)] for m in np.unique(fields["mode"])] == ["playing", "held", "emergency stop"]

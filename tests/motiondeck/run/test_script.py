@@ -84,7 +84,10 @@ def test_a_timeline_says_what_is_commanded_when(tmp_path):
             "command 1: tempo: TEMPO must be",
         ),
         ('motion = "walk"\n[[commands]]\nat = 1.0\nsay = "queue jig"', "command 1: unknown motion 'jig'"),
-        ('motion = "walk"\n[[commands]]\nat = 1.0\nsay = "at 5 pause"', "command 1: 'say' has a time of its own"),
+        (
+            'motion = "walk"\n[[commands]]\nat = 1.0\nsay = "at 5 pause"',
+            "command 1: 'at' is not for a timeline file",
+        ),
         ('motion = "walk"\n[[commands]]\nat = 1.0\nsay = ""', "command 1: '' is not a command"),
     ],
 )

@@ -1,14 +1,23 @@
 """The desk beside its commands: events for who subscribes, heartbeats that are missed, resets that are confirmed."""
 
+import json
 import re
+import subprocess
+import sys
 from collections import deque
+from pathlib import Path
 
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
+from command_strategies import commands
+from controller.loop.commands import commanded_run
 from controller.loop.commands.command_desk import CommandDesk
 from controller.loop.commands.commanded_run import CommandedRun
+from controller.loop.fault_counter import FaultCounter
 from controller.loop.stop_requests import StopRequest
-from controller.wire.messages.command_table import COMMANDS
+from controller.wire.messages.command_table import COMMANDS, RECORDED
 from controller.wire.messages.commands import (
     AlignTicks,
     AtTime,
@@ -27,10 +36,10 @@ from controller.wire.messages.commands import (
     Subscribe,
     Switch,
     WriteRegister,
+    encode,
 )
 from controller.wire.messages.events import Event
-from controller.wire.messages.replies import Accepted, Refused, Registers
-from controller.wire.run_recording import COMMANDS as RECORDED
+from controller.wire.messages.replies import Accepted, PhaseNow, Refused, Registers, State
 from motiondeck.run.wired_stop import WiredStopWatch
 
 
@@ -342,9 +351,9 @@ def test_another_library_ends_the_run_where_it_can_be_started_again(desk, tmp_pa
     assert (bool(desk.stop), desk.stop.then) == (True, (mine.library, "swing"))
 
 
-def test_every_command_that_changes_something_can_be_recorded():
-    looks = {"status", "phase", "heartbeat", "align", "at", "subscribe", "registers"}
-    assert {command.word for command in COMMANDS} - looks == set(RECORDED)
+def test_every_command_that_changes_something_is_recorded():
+    asks = {"status", "phase", "heartbeat", "align", "at", "subscribe", "registers"}
+    assert {row.word for row in COMMANDS} - asks == set(RECORDED.values())
 
 
 def test_ticks_are_aligned_on_a_deck_in_real_time_by_programs_of_its_machine():
@@ -411,3 +420,86 @@ def test_commands_for_a_time_are_bounded_and_for_programs_of_this_machine():
     assert "64 commands wait" in desk.ask(AtTime(110.0, Pause())).reason
     for other in (Desk(), Desk(remote=True, ticks=ticks)):
         assert "programs of this machine" in other.ask(AtTime(100.0, Pause())).reason
+
+
+class FailingParts(Deck):
+    """A deck, servos, a body and a clock of which each command raises an error."""
+
+    period, fallen, phase_rate, phase_at = 0.01, False, None, None
+
+    def __init__(self, error):
+        super().__init__()
+        self.error = error
+
+    def fail(self, *_, **__):
+        raise self.error
+
+    switch = enqueue = blend_in = set_tempo = set_input = lock = unlock = beat = jump = fail
+    step_on = resume = restart = registers = scan = push_from = due = align = fail
+
+
+ERRORS = st.sampled_from(
+    [OSError(36, "File name too long", "\udcff"), ValueError("embedded null byte"), KeyError("walk"), RecursionError()]
+)
+PATHS = st.one_of(
+    st.just("a" * 300),
+    st.just("a\0b"),
+    st.text(st.characters(exclude_categories=["Cs"], exclude_characters=" "), min_size=1, max_size=400),
+)
+
+
+@given(st.lists(commands(PATHS), max_size=30), ERRORS, st.booleans())
+def test_whatever_a_command_raises_refuses_that_command_only(given, error, remote):
+    parts = FailingParts(error)
+    server, stop, counter = Server(remote), StopRequest(), FaultCounter()
+    desk = CommandDesk(CommandedRun(parts, servos=parts, body=parts, restarts=True, ticks=parts), [server])
+    for message in given:
+        server.commands.append((message, "somebody"))
+        counter.call(desk, stop)
+        (reply,) = [reply for _, reply in server.replies if not isinstance(reply, Event)]
+        assert isinstance(reply, Accepted | Refused | State | PhaseNow)
+        assert encode(reply)
+        server.replies.clear()
+    assert counter.faults == 0
+
+
+def test_names_that_are_no_paths_do_not_make_the_deck_deaf():
+    desk = Desk(restarts=True)
+    for _ in range(25):
+        assert "File name too long" in desk.ask(LoadLibrary("a" * 300, "walk")).reason
+        assert "no such file" in desk.ask(LoadLibrary("a\0b", "walk")).reason
+    assert isinstance(desk.ask(GetStatus()), State)
+
+
+def test_a_look_that_fails_is_answered_and_forgotten():
+    class FailingLook:
+        def answer(self):
+            raise OSError("the port is gone")
+
+    class Servos:
+        def scan(self):
+            return FailingLook()
+
+    desk = Desk(servos=Servos())
+    desk.ask(ScanPorts(id=4))
+    assert [reply for _, reply in desk.server.replies][1:] == [Refused("OSError: the port is gone", 4)]
+    desk.tick()
+    assert desk.server.replies == []
+
+
+@pytest.mark.thorough
+def test_a_command_without_a_handler_is_a_type_error(tmp_path):
+    path = Path(commanded_run.__file__)
+    complete = path.read_text()
+    lacking = complete.replace("            case commands.Unlock():\n                self._deck.unlock()\n", "")
+    (tmp_path / "complete.py").write_text(complete)
+    (tmp_path / "lacking.py").write_text(lacking)
+    (tmp_path / "pyrightconfig.json").write_text(json.dumps({"extraPaths": [str(path.parents[3])]}))
+    checked = subprocess.run(
+        [sys.executable, "-m", "pyright", "--outputjson", "--pythonpath", sys.executable, "-p", tmp_path],
+        capture_output=True,
+        check=False,
+    )
+    (error,) = json.loads(checked.stdout)["generalDiagnostics"]
+    assert Path(error["file"]).name == "lacking.py"
+    assert '"Unlock" is not assignable to type "Never"' in " ".join(error["message"].split()).replace("Type ", "")

@@ -1,25 +1,71 @@
-"""The command table: complete, and the same limits for typed commands and for those on the wire."""
+"""The rows of commands: complete, and the same limits for typed commands and for those on the wire."""
 
 import re
+import runpy
+from pathlib import Path
+from typing import get_args
 
 import msgspec
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from controller.wire import run_recording
-from controller.wire.messages.arguments import Choice, Flag, FurtherParts, Number, Text
-from controller.wire.messages.command_table import BY_WORD, COMMANDS, WholeCommand, parse_command, read_command, row_of
-from controller.wire.messages.commands import Blend, CommandError, DeckCommand, EmergencyStop, Pause, Reset, encode
+from command_strategies import typed_argument
+from controller.wire.messages.arguments import CommandError, Number
+from controller.wire.messages.command_row import CommandMessage
+from controller.wire.messages.command_table import BY_WORD, COMMANDS, RECORDED, parse_command, read_command
+from controller.wire.messages.commands import AtTime, Blend, DeckCommand, EmergencyStop, Reset, Switch, encode
 from motiondeck.run.terminal import HELP
 
 NAMES = st.text("abc-1", min_size=1, max_size=100).filter(lambda name: name not in BY_WORD)
+DECK_PAGE = Path(__file__).parents[4] / "docs" / "deck.md"
 
 
-def test_every_message_has_one_row_and_its_tag_is_the_word():
-    assert {command.message for command in COMMANDS} == set(DeckCommand.__subclasses__())
-    assert all(command.message.__struct_config__.tag == command.word for command in COMMANDS)
-    assert set(run_recording.COMMANDS) <= set(BY_WORD)
+def test_every_message_is_a_command_with_a_row_and_a_word():
+    assert set(get_args(DeckCommand)) == set(CommandMessage.__subclasses__())
+    assert [row.message for row in COMMANDS] == list(get_args(DeckCommand))
+    assert len(BY_WORD) == sum(1 + len(row.aliases) for row in COMMANDS)
+    assert all(row.help.endswith(".") for row in COMMANDS)
+
+
+def test_numbers_in_recordings_stay_what_they_are():
+    """Recordings are read for years: a number once given never means another command."""
+    first = (
+        "switch queue tempo pause resume home estop reset stop blend jump input beat lock unlock torque restart load"
+    )
+    words = [*first.split(), "push", "write", "scan", "step"]
+    assert [RECORDED[number] for number in range(1, len(words) + 1)] == words
+    assert len(RECORDED) == sum(row.record > 0 for row in COMMANDS)
+
+
+@pytest.mark.parametrize(
+    ("use", "words"),
+    [
+        ("timed", "switch queue blend tempo input jump lock unlock pause resume home push stop"),
+        ("cue", "switch queue blend tempo input jump unlock pause resume home push stop"),
+        ("film", "switch queue blend tempo jump pause resume"),
+    ],
+)
+def test_a_command_is_taken_where_its_row_says_so(use, words):
+    assert {row.word for row in COMMANDS if use in row.uses} == set(words.split())
+    with pytest.raises(CommandError, match=r"'estop' is not for .*, which takes: switch, queue, blend"):
+        EmergencyStop.row.check_use(use)
+
+
+def test_a_script_takes_all_but_another_time_and_a_replay_all_but_what_a_network_plays():
+    assert {row.word for row in COMMANDS if "script" not in row.uses} == {"at"}
+    steered = {"switch", "queue", "blend", "input", "jump", "beat", "lock", "unlock"}
+    assert {row.word for row in COMMANDS if "replay" not in row.uses} == steered
+
+
+def test_only_a_command_for_a_later_time_goes_into_at():
+    assert parse_command(["at", "5", "switch jog"]) == AtTime(5.0, Switch("jog"))
+    for inner in ("estop", "at 5 pause", "tempo 9"):
+        with pytest.raises(CommandError):
+            parse_command(["at", "5", inner])
+    for inner in ('"estop"', '"at","when":5,"say":{"type":"pause"}', '"tempo","factor":9'):
+        with pytest.raises(CommandError):
+            read_command(f'{{"type":"at","when":5,"say":{{"type":{inner}}}}}'.encode())
 
 
 def test_the_help_has_a_line_for_each_command():
@@ -27,31 +73,25 @@ def test_the_help_has_a_line_for_each_command():
     assert all(f"{command.usage} {command.help}" in lines for command in COMMANDS)
 
 
-def typed(argument):
-    if isinstance(argument, Text):
-        return NAMES
-    if isinstance(argument, Flag):
-        return st.just(argument.name)
-    if isinstance(argument, Choice):
-        return st.sampled_from(argument.words)
-    if isinstance(argument, WholeCommand):
-        return st.sampled_from(["pause", "tempo 1.5 2", "switch jog", "jog", "lock beat 0.5 4"])
-    if argument.whole:
-        return st.integers(argument.lowest, argument.highest).map(str)
-    return st.floats(argument.lowest, argument.highest).map(repr)
+def test_the_page_of_the_deck_has_the_table_of_the_rows():
+    """Made anew with: python docs/deck_commands.py"""
+    assert runpy.run_path(str(DECK_PAGE.with_name("deck_commands.py")))["with_table"](DECK_PAGE.read_text()) == (
+        DECK_PAGE.read_text()
+    )
 
 
 @given(st.data())
 def test_every_command_in_its_ranges_is_read_alike_typed_and_from_the_wire(data):
-    command = data.draw(st.sampled_from(COMMANDS))
-    count = data.draw(st.integers(sum(not a.optional for a in command.arguments), len(command.arguments)))
-    words = [data.draw(typed(one)) for one in command.arguments[:count] if not isinstance(one, FurtherParts)]
-    if command.word == "blend":
+    row = data.draw(st.sampled_from(COMMANDS))
+    required = sum(not one.optional for one in row.arguments)
+    count = data.draw(st.integers(required, len(row.arguments)))
+    words = [data.draw(typed_argument(one.argument)) for one in row.arguments[:count]]
+    if row.word == "blend":
         names = data.draw(st.lists(NAMES, min_size=2, max_size=4, unique=True))
         parts = [data.draw(st.floats(0.0, 1.0 / 3.0).map(repr)) for _ in names[1:]]
         words = [names[0], *(word for part in zip(names[1:], parts, strict=True) for word in part)]
-    message = parse_command([command.word, *words])
-    assert row_of(message) is command
+    message = parse_command([row.word, *words])
+    assert message.row is row
     assert read_command(encode(message)) == message
 
 
@@ -78,33 +118,29 @@ def test_a_blend_of_several_is_typed_as_motions_with_their_weights():
     assert read_command(b'{"type":"blend","first":"a","second":"b","share":0.4}') == Blend("a", "b", 0.4)
 
 
-def required(command):
-    """Values for the arguments that a command must have."""
-    examples = {
-        Text: lambda a: a.name,
-        Number: lambda a: a.lowest,
-        Choice: lambda a: a.words[0],
-        WholeCommand: lambda a: Pause(),
-    }
-    return {a.field: examples[type(a)](a) for a in command.arguments if not a.optional}
-
-
-@pytest.mark.parametrize("argument", [a for c in COMMANDS for a in c.arguments if isinstance(a, Number)])
+@pytest.mark.parametrize(
+    ("row", "number"),
+    [(row, one) for row in COMMANDS for one in row.arguments if isinstance(one.argument, Number)],
+    ids=lambda case: getattr(case, "word", None) or case.field,
+)
 @given(st.data())
-def test_a_number_out_of_range_is_refused_typed_and_on_the_wire(argument, data):
-    (command,) = (c for c in COMMANDS if argument in c.arguments)
-    outside = st.one_of(
-        st.floats(max_value=argument.lowest, exclude_max=True),
-        st.floats(min_value=argument.highest, exclude_min=True),
-        st.just(float("nan")),
+def test_a_number_out_of_range_is_refused_typed_and_on_the_wire(row, number, data):
+    lowest, highest = number.argument.lowest, number.argument.highest
+    value = data.draw(
+        st.one_of(
+            st.floats(max_value=lowest, exclude_max=True),
+            st.floats(min_value=highest, exclude_min=True),
+            st.just(float("nan")),
+        )
     )
-    value = data.draw(outside)
-    message = command.message(**(required(command) | {argument.field: value}))
-    lowest = re.escape(f"{argument.lowest:g}")
-    with pytest.raises(CommandError, match=f"{argument.name} must be a (whole )?number from {lowest} to"):
-        argument.check(value)
-    with pytest.raises(CommandError):  # JSON has no NaN: there it is not a number at all
-        read_command(encode(message))
+    before = row.arguments[: row.arguments.index(number)]
+    after = [one for one in row.arguments[len(before) + 1 :] if not one.optional]
+    words = [[data.draw(typed_argument(one.argument)) for one in part] for part in (before, after)]
+    expected = rf"{number.argument.name} must be a (whole )?number from {re.escape(f'{lowest:g}')} to"
+    with pytest.raises(CommandError, match=expected):
+        parse_command([row.word, *words[0], repr(value), *words[1]])
+    with pytest.raises(CommandError):
+        read_command(b'{"type":"%b","%b":%b}' % (row.word.encode(), number.field.encode(), repr(value).encode()))
 
 
 def test_the_blend_weight_keeps_its_name_on_the_wire():
@@ -112,9 +148,9 @@ def test_the_blend_weight_keeps_its_name_on_the_wire():
 
 
 def test_the_emergency_stop_is_always_allowed_and_its_reset_only_while_it_is_on():
-    assert "emergency stop" in row_of(EmergencyStop()).modes
-    assert "playing" in row_of(EmergencyStop()).modes
-    assert row_of(Reset()).modes == {"emergency stop"}
+    assert "emergency stop" in EmergencyStop.row.modes
+    assert "playing" in EmergencyStop.row.modes
+    assert Reset.row.modes == {"emergency stop"}
     moving = [c.word for c in COMMANDS if "emergency stop" not in c.modes]
     plays = ["switch", "queue", "blend", "tempo", "input", "jump", "beat", "lock", "unlock"]
     assert moving == [*plays, "pause", "step", "resume", "home", "at", "restart", "scan", "load"]
