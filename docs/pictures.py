@@ -27,7 +27,7 @@ from controller.networks.orbits import orbits
 from motiondeck.pictures.figures import new_figure, save
 from motiondeck.pictures.library_pictures import draw_sheet
 from motiondeck.pictures.offscreen import OffScreen
-from motiondeck.pictures.video import bodies_sheet
+from motiondeck.pictures.video import contact_sheet
 from motiondeck_base.shipped import find_library, find_robot
 from sim.physics.playback import PhysicsPlayback
 from sim.physics.walking.preview import AHEAD
@@ -103,7 +103,7 @@ def beside() -> None:
             stage.write(*deck.update(DT))
             qpos[:] = stage.qpos
         rows.append((name, robot.model, [walked[tick + lag] for tick in ticks]))
-    bodies_sheet(rows, PICTURES / "walk-beside-human.webp", (170, 190))
+    contact_sheet(rows, PICTURES / "walk-beside-human.webp", (170, 190))
 
 
 def rise() -> None:

@@ -223,9 +223,18 @@ class Deck(DeckCommands[CommandedSwitch]):
         return progress
 
     def _carry_out(self, message: DeckCommand) -> Outcome:
+        """Carries out a command, and adds the events of a changed mode or pause."""
+        if isinstance(message, commands.Heartbeat | commands.Subscribe):
+            raise CommandError("heartbeats and subscriptions are for the clients of a live deck")
+        deck, mode, paused = self._deck, self._stop.mode, self._deck.paused
         outcome = self._commanded_run.carry_out(checked(with_right_types(message)), self._stop, remote=False)
         if isinstance(outcome.reply, Refused):
             raise CommandError(outcome.reply.reason)
+        if self._stop.mode != mode:
+            deck.events.append(DeckEvent("mode", self._stop.mode, at=deck.time))
+        if deck.paused != paused:
+            kind, text = ("paused", "paused") if deck.paused else ("resumed", "plays on")
+            deck.events.append(DeckEvent(kind, text, deck.motion, deck.time))
         return outcome
 
     @property

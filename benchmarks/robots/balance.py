@@ -156,7 +156,7 @@ def draw(cases: list[tuple[str, str, str]], found: Any, path: Path) -> None:
                 ]
         if rows:
             robot, _ = player("thesis15", "box1", name)
-            contact_sheet(robot.model, rows, path.with_stem(f"{path.stem}-{name}"))
+            contact_sheet([(label, robot.model, poses) for label, poses in rows], path.with_stem(f"{path.stem}-{name}"))
 
 
 if __name__ == "__main__":

@@ -46,6 +46,7 @@ class Deck(Lockable):
         time: s since the start, summed over updates.
         switches: the latest REMEMBERED_SWITCHES commanded switches.
         events: the latest events, at most REMEMBERED_EVENTS; their reader removes them.
+        plan: decides what is played when.
         performance: plays the motions and joins them.
         pose: the pose that is shown.
     """
@@ -66,8 +67,8 @@ class Deck(Lockable):
         self.performance = Performance(library, motion, joining, phase)
         routes = Routes.of(library)
         self._routes = routes.direct if direct else routes
-        self._plan = SwitchPlan(self.performance, self._routes, direct=direct)
-        self.switches, self.events = self._plan.commanded, self._plan.events
+        self.plan = SwitchPlan(self.performance, self._routes, direct=direct)
+        self.switches, self.events = self.plan.commanded, self.plan.events
         self.direct = direct
         usual = {motion.input.name: motion.input.usual for motion in library.info.motions if motion.input}
         self._inputs = Inputs(self.performance.tracks.leading.player.inputs, usual)
@@ -81,7 +82,7 @@ class Deck(Lockable):
     @property
     def motion(self) -> str:
         """The motion that is played or being switched to."""
-        current = self._plan.current
+        current = self.plan.current
         return current.to if current is not None else self.playing
 
     @property
@@ -97,7 +98,7 @@ class Deck(Lockable):
     @property
     def settled(self) -> bool:
         """Whether no switch is under way."""
-        return self._plan.current is None and not self.performance.fading
+        return self.plan.current is None and not self.performance.fading
 
     @property
     def activation(self) -> Activation | None:
@@ -128,7 +129,7 @@ class Deck(Lockable):
     @property
     def fell_back(self) -> str:
         """Why the last blend was given up and what was played instead, or ""."""
-        blended = self._plan.blended
+        blended = self.plan.blended
         return blended.fell_back if blended is not None else ""
 
     @property
@@ -139,12 +140,12 @@ class Deck(Lockable):
     @property
     def way(self) -> list[str]:
         """The motions that the switch under way has still to begin."""
-        return [*self._plan.ahead]
+        return [*self.plan.ahead]
 
     @property
     def queue(self) -> list[str]:
         """The motions that are played after the present one."""
-        return [switch.to for switch in self._plan.queued]
+        return [switch.to for switch in self.plan.queued]
 
     def switch(self, to: str, *, direct: bool = False) -> CommandedSwitch:
         """Starts a switch at the next update, or when the present one-shot has ended; the queue is cleared.
@@ -162,12 +163,12 @@ class Deck(Lockable):
         self._check(to)
         direct = direct or self.direct
         loop = self.performance.motions[to].loop
-        current = self._plan.current
+        current = self.plan.current
         goes_there = current is not None and current.to == to and not current.blend and loop
-        if current is not None and goes_there and not (direct and self._plan.ahead):
-            self._plan.clear_queue(self.time)
+        if current is not None and goes_there and not (direct and self.plan.ahead):
+            self.plan.clear_queue(self.time)
             return current
-        return self._plan.command(CommandedSwitch(to, self.time), direct=direct)
+        return self.plan.command(CommandedSwitch(to, self.time), direct=direct)
 
     def blend_in(
         self, first: str, second: str, weight: float, also: Sequence[tuple[str, float]] = ()
@@ -195,7 +196,7 @@ class Deck(Lockable):
         if self.blend and self.playing in weights:
             first = self.playing
         blend = tuple((name, part) for name, part in weights.items() if name != first)
-        return self._plan.command(CommandedSwitch(first, self.time, blend=blend), direct=self.direct)
+        return self.plan.command(CommandedSwitch(first, self.time, blend=blend), direct=self.direct)
 
     def enqueue(self, to: str) -> CommandedSwitch:
         """Plays a motion after what is played and queued.
@@ -205,12 +206,12 @@ class Deck(Lockable):
             MotiondeckError: if MOST_QUEUED are waiting.
         """
         self._check(to)
-        if len(self._plan.queued) >= MOST_QUEUED:
+        if len(self.plan.queued) >= MOST_QUEUED:
             raise MotiondeckError(
                 f"the queue is full: {MOST_QUEUED} motions are waiting; wait until one of them begins"
             )
         self.performance.tracks.leading.finish_round()
-        return self._plan.enqueue(CommandedSwitch(to, self.time))
+        return self.plan.enqueue(CommandedSwitch(to, self.time))
 
     def require_phase(self) -> None:
         """Checks that the network has a phase.
@@ -263,7 +264,7 @@ class Deck(Lockable):
         if jump is not None:
             self._jump = jump
         self.time += dt
-        playing, plan = self.performance, self._plan
+        playing, plan = self.performance, self.plan
         if self._inputs.present:
             for name, value in self._inputs.advance(dt).items():
                 playing.tracks.set_input(name, value)

@@ -43,14 +43,14 @@ def plot_clip(recording: FittedClip, out: Path) -> None:
 def plot_sheet(clips: Sequence[Clip], out: Path) -> None:
     """Draws one row a clip: its mannequin at moments spread over it."""
     from motiondeck.pictures.clip_scene import act_of
-    from motiondeck.pictures.video import FRAMES_A_ROW, bodies_sheet
+    from motiondeck.pictures.video import FRAMES_A_ROW, contact_sheet
 
     rows = []
     for clip in clips:
         act = act_of(clip, None, ghost=False)
         moments = np.linspace(0, len(clip) - 1, FRAMES_A_ROW).astype(int)
         rows.append((clip.name.replace("_", " "), act.model, list(act.qpos[moments])))
-    bodies_sheet(rows, out)
+    contact_sheet(rows, out)
 
 
 def _figures(axes: Any, clip: Clip) -> None:

@@ -76,7 +76,8 @@ def draw_sheet(library: str, robot: str, out: Path, blends: Sequence[Blend] = ()
         # A third of what a single act was learned from is the pose that it holds in the end.
         seconds = lasts[motion.name] * SHEET_SECONDS[motion.plays]
         draw(motion.name, Deck(loaded, body.retarget, motion.name), seconds)
-    contact_sheet(body.drawn, rows, out)
+    model = body.drawn
+    contact_sheet([(label, model, poses) for label, poses in rows], out)
     print(f"wrote {out} ({len(rows)} {'blends' if blends else 'motions'})", file=sys.stderr)
 
 

@@ -107,4 +107,4 @@ def draw_beside(clip: Clip, robot: Path, out: Path) -> None:
         qpos = both.qpos(Pose(clip.root_position[frame], np.zeros(()), clip.rotation[frame]))
         if frame % every == every - 1:
             row.append(qpos.copy())
-    contact_sheet(both.model, [(clip.name, row[:4]), ("", row[4:])], out, TILE)
+    contact_sheet([(clip.name, both.model, row[:4]), ("", both.model, row[4:])], out, TILE)

@@ -69,29 +69,18 @@ def render(
 
 
 def contact_sheet(
-    model: mujoco.MjModel,
-    rows: Sequence[tuple[str, Sequence[Array]]],
-    path: Path,
-    tile: tuple[int, int] = (200, 220),
+    rows: Sequence[tuple[str, mujoco.MjModel, Sequence[Array]]], path: Path, tile: tuple[int, int] = (200, 220)
 ) -> None:
     """Draws one row a motion, its label on the left, into one picture.
 
     Args:
-        model: the robot on its stage.
-        rows: a label and up to 8 qpos (nq,) each.
+        rows: a label, a model, and up to 8 qpos (nq,) each.
         path: the file, of a type that pillow writes, such as .png.
         tile: width and height of one picture, pixels.
 
     Raises:
         PictureError: for no rows, for another file type, and where OpenGL is missing.
     """
-    bodies_sheet([(label, model, poses) for label, poses in rows], path, tile)
-
-
-def bodies_sheet(
-    rows: Sequence[tuple[str, mujoco.MjModel, Sequence[Array]]], path: Path, tile: tuple[int, int] = (200, 220)
-) -> None:
-    """As `contact_sheet`, with a model for each row."""
     if not rows:
         raise PictureError(f"{path}: there are no motions to show")
     if path.suffix.lower() not in Image.registered_extensions():

@@ -118,7 +118,15 @@ def test_it_is_commanded_by_text_by_messages_and_by_methods():
     assert deck.locked_to.source == "beat"
     deck.pause()
     deck.step_paused(0.2)
-    for refused in (Jump(1.5), "switch bo", "load other.safetensors walk", "push left", "scan"):
+    for refused in (
+        Jump(1.5),
+        "switch bo",
+        "heartbeat 1",
+        "subscribe",
+        "load other.safetensors walk",
+        "push left",
+        "scan",
+    ):
         with pytest.raises(CommandError):
             deck.send(refused)
     with pytest.raises(CommandError, match="Did you mean wave"):
@@ -173,6 +181,10 @@ def test_an_emergency_stop_brakes_and_holds_until_it_is_reset():
     deck.reset()
     assert deck.status().mode == "held"
     deck.resume()
+    assert [(event.kind, event.text) for event in deck.events()] == [
+        *(("mode", "emergency stop"), ("paused", "paused")),
+        *(("mode", "held"), ("mode", "playing"), ("resumed", "plays on")),
+    ]
     for _ in range(200):
         deck.step(0.01)
     assert deck.status().mode == "playing"

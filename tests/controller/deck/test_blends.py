@@ -110,7 +110,7 @@ def test_a_switch_leaves_a_blend_of_several(library):
 def test_a_blend_of_several_that_is_given_up_falls_back_to_the_one_with_most_weight(library):
     deck = new_deck(library)
     settle(deck, deck.blend_in("walk", "slow-walk", 0.3, [("jog", 0.5)]))
-    deck._plan.give_up_blend("turns over", deck.time)
+    deck.plan.give_up_blend("turns over", deck.time)
     assert deck.fell_back == "walk with 0.50 of jog and 0.30 of slow-walk turns over, fell back to jog"
 
 

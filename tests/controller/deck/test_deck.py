@@ -460,7 +460,7 @@ def test_what_happens_is_told_in_order(library):
     deck.events.clear()
     deck.blend_in("march", "wave", 0.5)
     ticks_until(deck, lambda: deck.settled)
-    deck._plan.give_up_blend("stands still", deck.time)
+    deck.plan.give_up_blend("stands still", deck.time)
     told = {event.kind: event.text for event in deck.events}
     assert told["settled"].startswith("march with 0.50 of wave after")
     assert told["gave up"] == "march with 0.50 of wave stands still, fell back to march"

@@ -30,6 +30,6 @@ def test_commands_leave_nothing_behind_once_the_record_is_full():
         return sys.getallocatedblocks()
 
     assert deck.switches.maxlen == REMEMBERED_SWITCHES
-    deck._plan.commanded = deque(maxlen=20)  # it is full sooner
+    deck.plan.commanded = deque(maxlen=20)  # it is full sooner
     before = command(50)
     assert (command(200) - before) / 200 < 0.5

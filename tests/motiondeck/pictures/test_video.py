@@ -117,8 +117,8 @@ def test_without_opengl_the_packages_are_named(model, monkeypatch):
 
 
 def test_a_contact_sheet_has_a_row_a_motion(model, tmp_path):
-    rows = [("stand", [standing(model)] * 8), ("lean", [standing(model, 0.1)] * 3)]
-    contact_sheet(model, rows, tmp_path / "sheet.png", tile=(40, 50))
+    rows = [("stand", model, [standing(model)] * 8), ("lean", model, [standing(model, 0.1)] * 3)]
+    contact_sheet(rows, tmp_path / "sheet.png", tile=(40, 50))
     with Image.open(tmp_path / "sheet.png") as sheet:
         assert sheet.height == 100
         pixels = np.asarray(sheet.convert("L"), dtype=int)
@@ -130,9 +130,9 @@ def test_a_contact_sheet_has_a_row_a_motion(model, tmp_path):
 
 def test_a_contact_sheet_of_nothing_or_of_another_kind_is_refused(model, tmp_path):
     with pytest.raises(PictureError, match="no motions"):
-        contact_sheet(model, [], tmp_path / "sheet.png")
+        contact_sheet([], tmp_path / "sheet.png")
     with pytest.raises(PictureError, match=r"ends in \.png"):
-        contact_sheet(model, [("x", [standing(model)])], tmp_path / "sheet.txt")
+        contact_sheet([("x", model, [standing(model)])], tmp_path / "sheet.txt")
 
 
 def test_a_film_that_is_killed_leaves_nothing_behind(model, tmp_path):
