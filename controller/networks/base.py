@@ -224,9 +224,14 @@ class Network(NamedMotions[Motion], ABC):
     def displace(self, noise: Activation, weights: Activation | None = None) -> None:
         """Adds noise to the state; `weights` is W (N, N), for a network that keeps only directions of it."""
 
-    @abstractmethod
     def arrays(self) -> dict[str, NDArray[Any]]:
-        """The stored arrays by name."""
+        """The stored arrays by name: by default those of the motions, which are dataclasses of arrays."""
+        from controller.networks.storage import arrays_of  # what plays needs none of it
+
+        found: dict[str, NDArray[Any]] = {}
+        for name in self.motions:
+            found |= arrays_of(self[name], f"motion/{name}/")
+        return found
 
     def header_fields(self) -> dict[str, Any]:
         """Fields of the library's header that belong to this kind."""

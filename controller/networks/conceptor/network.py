@@ -32,14 +32,8 @@ from numpy.typing import NDArray
 
 from controller.motion.encodings.normalisation import Normalisation
 from controller.networks.base import Channels, Rows
-from controller.networks.reservoirs.reservoir_network import (
-    AutonomousReservoir,
-    Float32,
-    lead_shape,
-    require_playing,
-    squared_length,
-)
-from controller.networks.storage import StoredNetwork, arrays_of, normalisation_arrays
+from controller.networks.reservoirs.reservoir_network import DirectionMorph, DirectionReservoir, Float32, lead_shape
+from controller.networks.storage import StoredNetwork, normalisation_arrays
 
 LARGEST_NOISE = 2.0  # beyond it |s + noise| > 1, which tanh never gives: |s| <= 1
 
@@ -66,11 +60,6 @@ class ConceptorMotion:
     rest: Float32
     states: Float32
 
-    @property
-    def reach(self) -> float:
-        """The largest |z| that playing leads to, with room to spare."""
-        return 2.0 * float(np.sqrt(np.square(self.states).sum(1).max()))
-
 
 @dataclass(frozen=True)
 class Memory:
@@ -89,7 +78,7 @@ class Memory:
     normalisation: Normalisation
 
 
-class ConceptorNetwork(AutonomousReservoir[ConceptorMotion]):
+class ConceptorNetwork(DirectionReservoir[ConceptorMotion]):
     """Plays the motions of one reservoir frame by frame; fits `base.AutonomousNetwork`.
 
     Args:
@@ -106,10 +95,9 @@ class ConceptorNetwork(AutonomousReservoir[ConceptorMotion]):
         first = next(iter(motions.values()))
         super().__init__(motions, len(first.bias), len(first.rest), runs)
         self.memory = memory
-        self._reach = {name: part.reach**2 for name, part in motions.items()}
         self._push: Float32 | None = None  # within tanh in the next step
         self._outside: Any = False  # runs that a displacement took out of the range of tanh
-        self._start(first, self._reach[self.motions[0]], first.states[0])
+        self.cue(self.motions[0], 0)
 
     def with_motions(self, more: dict[str, ConceptorMotion], runs: int | None = None) -> ConceptorNetwork:
         """The same reservoir with further motions, of one run or of several."""
@@ -122,13 +110,15 @@ class ConceptorNetwork(AutonomousReservoir[ConceptorMotion]):
 
     def cue(self, motion: str, anchor: Any, rows: Rows = ...) -> None:
         """Puts the network into the stored state of an anchor; of several runs, some of them, one anchor each."""
-        part = self[motion]
-        if rows is ...:
-            self._start(part, self._reach[motion], part.states[anchor])
-            return
-        self._z[rows] = part.states[anchor]
+        super().cue(motion, anchor, rows)
         if self._push is not None:
             self._push[rows], self._outside[rows] = 0.0, False
+
+    def start(self, part: ConceptorMotion, bound: float, state: Float32) -> None:
+        """Plays a motion from a state on."""
+        super().start(part, bound, state)
+        self._recurrent, self._project, self._readout = part.recurrent.T, part.project.T, part.readout.T
+        self._push, self._outside = None, False
 
     def advance(self, out: Channels, noise: Float32 | None = None) -> None:
         """x(n+1) = m + C (tanh(W x(n) + b) + noise - m),  y(n+1) = W_out x(n+1)."""
@@ -159,31 +149,15 @@ class ConceptorNetwork(AutonomousReservoir[ConceptorMotion]):
 
     def astray(self) -> Any:
         """Whether |z| is larger than in undisturbed playing, or some |x| than tanh allows, or NaN."""
-        return ~(squared_length(self._z) <= self._bound) | self._outside
+        return super().astray() | self._outside
 
     def morph(self, source: str, target: str) -> _ConceptorMorph:
         """A morph that starts where the network is in the source."""
         return _ConceptorMorph(self, source, target)
 
-    def snapshot(self) -> tuple[ConceptorMotion, float, Float32]:
-        """A copy of the state."""
-        return self._playing, self._bound, self._z.copy()
-
-    def restore(self, snapshot: Any) -> None:
-        """Puts the state back to a snapshot."""
-        self._start(*snapshot)
-
-    def _start(self, part: ConceptorMotion, bound: float, state: Float32) -> None:
-        self._playing, self._bound = part, bound
-        self._recurrent, self._project, self._readout = part.recurrent.T, part.project.T, part.readout.T
-        self._z = np.broadcast_to(state, (*self.runs, state.shape[-1])).copy()
-        self._push, self._outside = None, False
-
     def arrays(self) -> dict[str, NDArray[Any]]:
         """The stored arrays by name."""
-        found: dict[str, NDArray[Any]] = {}
-        for name in self.motions:
-            found |= arrays_of(self[name], f"motion/{name}/")
+        found = super().arrays()
         if (memory := self.memory) is not None:
             found |= {f"memory/{name}": getattr(memory, name) for name in ("estimate", "readout", "means")}
             found |= normalisation_arrays(memory.normalisation, "memory/")
@@ -211,14 +185,8 @@ class ConceptorNetwork(AutonomousReservoir[ConceptorMotion]):
         return cls(motions, Memory(**found, normalisation=stored.normalisation("memory/")))
 
 
-class _ConceptorMorph:
-    def __init__(self, network: ConceptorNetwork, source: str, target: str) -> None:
-        self._network = network
-        self._source, self._target, self._to = network[source], network[target], target
-        playing, self._bound, self._z_source = network.snapshot()
-        require_playing(playing is self._source, source)
-        self._z_target = np.zeros_like(self._target.offset)
-        self._mu = 0.0
+class _ConceptorMorph(DirectionMorph[ConceptorMotion]):
+    _mu = 0.0
 
     def advance(self, mu: float, out: Channels) -> None:
         a, b = self._source, self._target
@@ -230,15 +198,6 @@ class _ConceptorMorph:
         self._z_target = mu * (b.project @ hidden - b.offset)
         out[:] = a.readout @ self._z_source + b.readout @ self._z_target + (1.0 - mu) * a.rest + mu * b.rest
         self._mu = mu
-
-    def settle(self) -> None:
-        # What is left outside of the target's directions is dropped, as at mu = 1.
-        self._network.cue(self._to, 0)
-        playing, bound, _ = self._network.snapshot()
-        self._network.restore((playing, bound, self._z_target.astype(np.float32)))
-
-    def give_up(self) -> None:
-        self._network.restore((self._source, self._bound, self._z_source.astype(np.float32)))
 
 
 KIND = ConceptorNetwork

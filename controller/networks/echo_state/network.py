@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 from controller.motion.encodings.normalisation import Normalisation
 from controller.networks.base import Channels, Rows
 from controller.networks.reservoirs.reservoir_network import AutonomousReservoir, Float32, lead_shape, require_playing
-from controller.networks.storage import StoredNetwork, arrays_of, normalisation_arrays
+from controller.networks.storage import StoredNetwork, normalisation_arrays
 
 OUTPUT_BOUND = 1.05
 
@@ -150,10 +150,8 @@ class EchoStateNetwork(AutonomousReservoir[EchoStateMotion]):
 
     def arrays(self) -> dict[str, NDArray[Any]]:
         """The stored arrays by name."""
-        found = {"weights": self.weights, "feedback": self.feedback, "bias": self.bias}
-        for name in self.motions:
-            found |= arrays_of(self[name], f"motion/{name}/")
-        return found | normalisation_arrays(self.normalisation)
+        shared = {"weights": self.weights, "feedback": self.feedback, "bias": self.bias}
+        return super().arrays() | shared | normalisation_arrays(self.normalisation)
 
     def header_fields(self) -> dict[str, Any]:
         """Leak and clipping."""

@@ -19,14 +19,8 @@ from typing import Any, Self
 import numpy as np
 from numpy.typing import NDArray
 
-from controller.networks.base import Channels, Rows
-from controller.networks.reservoirs.reservoir_network import (
-    AutonomousReservoir,
-    Float32,
-    lead_shape,
-    require_playing,
-    squared_length,
-)
+from controller.networks.base import Channels
+from controller.networks.reservoirs.reservoir_network import DirectionMorph, DirectionReservoir, Float32, lead_shape
 from controller.networks.storage import StoredNetwork, arrays_of
 
 FeatureRows = tuple[Float32, Float32, Float32]
@@ -69,7 +63,7 @@ class FeatureMotion:
     states: Float32
 
 
-class RandomFeatureNetwork(AutonomousReservoir[FeatureMotion]):
+class RandomFeatureNetwork(DirectionReservoir[FeatureMotion]):
     """Plays the motions of one reservoir frame by frame; fits `base.AutonomousNetwork`.
 
     Args:
@@ -85,7 +79,6 @@ class RandomFeatureNetwork(AutonomousReservoir[FeatureMotion]):
     ) -> None:
         super().__init__(motions, len(reservoir.bias), len(reservoir.rest), runs)
         self.reservoir = reservoir
-        self._reach = {name: 4.0 * float(np.square(part.states).sum(1).max()) for name, part in motions.items()}
         # The rows that a motion uses, side by side: gathered at a cue, so that a step runs through memory in order.
         most = max(len(part.uses) for part in motions.values())
         # Those of a second motion, for a morph, are not touched before there is one.
@@ -93,7 +86,7 @@ class RandomFeatureNetwork(AutonomousReservoir[FeatureMotion]):
         self._first, self._second = (
             tuple(np.zeros((most, shared.shape[1]), dtype=np.float32) for shared in self._shared) for _ in range(2)
         )
-        self._playing: FeatureMotion | None = None
+        self._gathered: FeatureMotion | None = None
         self.cue(self.motions[0], 0)
 
     def with_motions(self, more: dict[str, FeatureMotion], runs: int | None = None) -> RandomFeatureNetwork:
@@ -105,14 +98,6 @@ class RandomFeatureNetwork(AutonomousReservoir[FeatureMotion]):
         part = self[motion]
         frames = part.states @ self.reservoir.readout[part.uses] + self.reservoir.rest
         return frames.astype(np.float64)
-
-    def cue(self, motion: str, anchor: Any, rows: Rows = ...) -> None:
-        """Puts the network into the stored state of an anchor; of several runs, some of them, one anchor each."""
-        part = self[motion]
-        if rows is ...:
-            self._start(part, self._reach[motion], part.states[anchor])
-        else:
-            self._z[rows] = part.states[anchor]
 
     def advance(self, out: Channels, noise: Float32 | None = None) -> None:
         """r(n+1) = tanh(G z(n) + b) + noise,  z(n+1) = c F' r(n+1) + (1 - c) m,  y(n+1) = W_out z(n+1)."""
@@ -142,28 +127,15 @@ class RandomFeatureNetwork(AutonomousReservoir[FeatureMotion]):
         """Those of a second motion, in the same memory at each call, so that a morph in a tick allocates none."""
         return self._gather(self[motion], self._second)
 
-    def astray(self) -> Any:
-        """Whether |z| is larger than in undisturbed playing, or NaN."""
-        return ~(squared_length(self._z) <= self._bound)
-
     def morph(self, source: str, target: str) -> _FeatureMorph:
         """A morph that starts where the network is in the source."""
         return _FeatureMorph(self, source, target)
 
-    def snapshot(self) -> tuple[FeatureMotion, float, Float32]:
-        """A copy of the state."""
-        assert self._playing is not None
-        return self._playing, self._bound, self._z.copy()
-
-    def restore(self, snapshot: Any) -> None:
-        """Puts the state back to a snapshot."""
-        self._start(*snapshot)
-
-    def _start(self, part: FeatureMotion, bound: float, state: Float32) -> None:
-        self._bound = bound
-        self._z = np.broadcast_to(state, (*self.runs, state.shape[-1])).copy()
-        if part is not self._playing:
-            self._playing, self._conception, self._offset = part, part.conception, part.offset
+    def start(self, part: FeatureMotion, bound: float, state: Float32) -> None:
+        """Plays a motion from a state on."""
+        super().start(part, bound, state)
+        if part is not self._gathered:
+            self._gathered, self._conception, self._offset = part, part.conception, part.offset
             self._features, self._feedback, self._readout = self._gather(part, self._first)
 
     def _gather(self, part: FeatureMotion, into: tuple[Float32, ...]) -> FeatureRows:
@@ -175,10 +147,7 @@ class RandomFeatureNetwork(AutonomousReservoir[FeatureMotion]):
 
     def arrays(self) -> dict[str, NDArray[Any]]:
         """The stored arrays by name."""
-        found = arrays_of(self.reservoir, "")
-        for name in self.motions:
-            found |= arrays_of(self[name], f"motion/{name}/")
-        return found
+        return super().arrays() | arrays_of(self.reservoir, "")
 
     @classmethod
     def load(cls, stored: StoredNetwork) -> Self:
@@ -196,13 +165,10 @@ class RandomFeatureNetwork(AutonomousReservoir[FeatureMotion]):
         return cls(FeatureReservoir(**reservoir), motions)
 
 
-class _FeatureMorph:
+class _FeatureMorph(DirectionMorph[FeatureMotion]):
     def __init__(self, network: RandomFeatureNetwork, source: str, target: str) -> None:
+        super().__init__(network, source, target)
         self._network = network
-        self._source, self._target, self._to = network[source], network[target], target
-        playing, self._bound, self._z_source = network.snapshot()
-        require_playing(playing is self._source, source)
-        self._z_target = np.zeros_like(self._target.offset)
         # Views: the network plays the source and stands still meanwhile.
         self._rows_source, self._rows_target = network.rows(), network.rows_beside(target)
 
@@ -213,14 +179,6 @@ class _FeatureMorph:
         self._z_source = np.float32(1.0 - mu) * (a.conception * (features_a @ hidden) + a.offset)
         self._z_target = np.float32(mu) * (b.conception * (features_b @ hidden) + b.offset)
         out[:] = self._z_source @ readout_a + self._z_target @ readout_b + shared.rest
-
-    def settle(self) -> None:
-        self._network.cue(self._to, 0)
-        playing, bound, _ = self._network.snapshot()
-        self._network.restore((playing, bound, self._z_target))
-
-    def give_up(self) -> None:
-        self._network.restore((self._source, self._bound, self._z_source))
 
 
 KIND = RandomFeatureNetwork
