@@ -83,13 +83,13 @@ def learn(options: LearnOptions, reading: Reading, as_json: JsonOption = False) 
     if options.out is not None:
         check_ending(options.out, "a library")
     endings = {path.suffix.lower() for path in options.what}
+    if reading != Reading() and endings in ({".toml"}, {".clip"}):
+        raise MotiondeckError("--skeleton, --unit, --up and --rename are for recordings; in a recipe they are keys")
     if ".toml" not in endings and options.data is not None:
         raise MotiondeckError(f"--data {options.data} is the folder of a recipe's recordings; no recipe is given")
     if ".toml" in endings:
         if len(options.what) > 1:
             raise MotiondeckError(f"give one recipe alone, or recordings, not {', '.join(map(str, options.what))}")
-        if reading != Reading():
-            raise MotiondeckError("with a recipe, skeleton, unit, up and rename are keys of its motions")
         file = options.what[0]
         folder = file.parent if options.data is None else options.data
         if not folder.is_dir():
@@ -176,7 +176,7 @@ def _learn_recipe(
         save_library(library, out)
     if taught:
         write_file(file, recipe_text(recipe).encode())
-    report_recipe(library, recipe, training_set, out if written else None, taught, as_json)
+    report_recipe(library, recipe, training_set, out if written else None, file if taught else None, as_json)
     if not written:
         raise MotiondeckError(
             f"{', '.join(failing)} failed the self-test, so {out} was not written. "

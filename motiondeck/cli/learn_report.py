@@ -32,10 +32,19 @@ def report_recipe(
     recipe: LibraryRecipe,
     training_set: TrainingSet,
     written: Path | None,
-    taught: bool,
+    taught: Path | None,
     as_json: bool,
 ) -> None:
-    """Reports a library that was trained by a recipe: its self-tests, and how close it is to the recordings."""
+    """Reports a library that was trained by a recipe: its self-tests, and how close it is to the recordings.
+
+    Args:
+        library: the trained library.
+        recipe: its recipe.
+        training_set: the recordings.
+        written: the file of the library, if it was written.
+        taught: the recipe that was written for clips taught by hand.
+        as_json: print one JSON object.
+    """
     closeness = _compare(library, training_set, recipe.network.anchor_every)
     learned = _learned_parts(recipe, training_set) if taught else None
     worst = worst_join(library)
@@ -52,7 +61,8 @@ def report_recipe(
     if worst is not None:
         print(join_line(worst))
     if written:
-        print(f"wrote {written} ({written.stat().st_size / 1e6:.1f} MB, seed {library.info.seed})")
+        recipe_too = f" and its recipe {taught}" if taught else ""
+        print(f"wrote {written} ({written.stat().st_size / 1e6:.1f} MB, seed {library.info.seed}){recipe_too}")
 
 
 def report_recordings(learned: LearnedLibrary, out: Path, recipe: Path, as_json: bool) -> None:

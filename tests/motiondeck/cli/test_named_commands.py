@@ -1,4 +1,4 @@
-"""Commands and options that texts name exist: in configs, pages, docstrings, comments, help and error messages."""
+"""Commands, options and benchmarks that texts name exist: in configs, pages, docstrings, help and error messages."""
 
 import re
 from pathlib import Path
@@ -6,6 +6,7 @@ from pathlib import Path
 import pytest
 import typer
 
+from benchmarks.__main__ import find_benchmarks
 from motiondeck.cli.main import app
 
 ROOT = Path(__file__).parents[3]
@@ -73,4 +74,6 @@ def test_what_a_text_names_exists(program, elsewhere, path):
     assert [problem for words in mentions(program, text) if (problem := wrong(program, words))] == []
     named = set(re.findall(r"(?:`|^ +|: +)motiondeck ([a-z]+)\b", text, flags=re.M))
     assert named - set(program.commands) == set()
+    benchmarks = set(re.findall(r"python -m benchmarks ([a-z_0-9]+)", text))
+    assert benchmarks - set(find_benchmarks()) == set()
     assert set(OPTION.findall(text)) - options_of(program) - elsewhere == set()
