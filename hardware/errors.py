@@ -12,7 +12,7 @@ class RigFileError(MotiondeckError):
 
 
 class SerialPortError(MotiondeckError):
-    """A serial port that cannot be opened, or that vanished while in use."""
+    """A serial port that cannot be opened, or that vanished in use: whatever takes a bus may raise it."""
 
 
 class ServoError(MotiondeckError):

@@ -8,10 +8,15 @@ from hardware.bus.servo_bus import Bus
 from hardware.rig.rig_file import RigConfig, RigJoint
 
 
+def read_register(joint: RigJoint, bus: Bus, name: str) -> int:
+    """A register of one servo, in counts."""
+    register = joint.table[name]
+    return register.decode(bus.read(joint.id, register.address, register.length).params)
+
+
 def read_each(config: RigConfig, bus: Bus, name: str) -> list[int]:
-    """A register of every servo."""
-    rows = [(joint.id, joint.table[name]) for joint in config.joints]
-    return [row.decode(bus.read(id, row.address, row.length).params) for id, row in rows]
+    """A register of every servo, in counts."""
+    return [read_register(joint, bus, name) for joint in config.joints]
 
 
 def return_delays(config: RigConfig, bus: Bus) -> list[float]:
@@ -22,10 +27,8 @@ def return_delays(config: RigConfig, bus: Bus) -> list[float]:
 def write_each(config: RigConfig, bus: Bus, name: str, values: Sequence[int]) -> None:
     """Writes a register of every servo that has it and waits for each answer."""
     for joint, value in zip(config.joints, values, strict=True):
-        register = joint.table.registers.get(name)
-        if register is None:
-            continue
-        bus.write(joint.id, register.address, register.encode(value))
+        if (register := joint.table.registers.get(name)) is not None:
+            bus.write(joint.id, register.address, register.encode(value))
 
 
 def tell_all(config: RigConfig, bus: Bus, name: str, value: int) -> bool:
@@ -49,4 +52,4 @@ def same_place(config: RigConfig, name: str) -> dict[tuple[int, int, int], list[
 
 def list_joints(joints: Iterable[RigJoint]) -> str:
     """Joints in words, each with its ID."""
-    return ", ".join(f"{joint.name} (id {joint.id})" for joint in joints)
+    return ", ".join(joint.label for joint in joints)

@@ -101,6 +101,11 @@ class RigJoint(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
                 )
 
     @property
+    def label(self) -> str:
+        """Name and ID for a message."""
+        return f"{self.name} (id {self.id})"
+
+    @property
     def table(self) -> ControlTable:
         """The control table of this servo's model."""
         return MODELS[self.model]
@@ -115,6 +120,11 @@ class RigJoint(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     def pulses_per_radian(self) -> float:
         """Pulses for one rad, negative where the servo turns the other way."""
         return self.direction * self.gear * self.table.pulses_per_turn / (2.0 * math.pi)
+
+    def whole_turns(self, pulses: float) -> int:
+        """The pulses of the whole turns between a position and the servo's one turn."""
+        turn = self.table.pulses_per_turn
+        return int((pulses - self.table.one_turn[0]) // turn) * turn
 
     def pulses(self, angle: float) -> float:
         """The servo's position (not rounded) at a joint angle in rad."""

@@ -9,7 +9,9 @@ import msgspec
 
 from hardware.bus.servo_bus import UNKNOWN_MODEL, Bus
 from hardware.errors import NoReplyError, RigError
+from hardware.rig.registers import read_register
 from hardware.rig.rig_file import RigConfig, RigJoint
+from motiondeck_base.files import write_file
 
 _CHUNK = 64  # bytes a read
 _NOT_RESTORED = ("id", "baud_rate", "protocol_type")  # the servo would be gone from its place on the bus
@@ -40,11 +42,10 @@ def back_up(config: RigConfig, bus: Bus) -> list[ServoBackup]:
     Raises:
         RigError: if a servo is missing or of another model.
         ServoError: if one stays silent, or refuses to be read.
-        SerialPortError: if the port vanishes.
     """
     backups: list[ServoBackup] = []
     for joint in config.joints:
-        _check_model(joint.name, joint.id, joint.model, bus)
+        _check_model(joint, bus)
         try:
             held = _read_all(joint, bus)
         except NoReplyError:
@@ -70,7 +71,7 @@ def _read_silent(joint: RigJoint, bus: Bus) -> dict[str, int]:
     """As `_read_all` of a servo that answers a ping but no read; its level is raised in RAM meanwhile."""
     level = joint.table["status_return_level"]
     if level.memory != "RAM":
-        raise RigError(_MUTE.format(f"{joint.name} (id {joint.id})"))
+        raise RigError(_MUTE.format(joint.label))
     answers, mute = (bytes((joint.id,)) + level.encode(value) for value in (2, 0))
     bus.sync_write(level.address, level.length, answers)
     try:
@@ -89,20 +90,18 @@ def restore(config: RigConfig, backups: Iterable[ServoBackup], bus: Bus) -> list
         RigError: if a servo is missing or of another model, or has its torque on, or the backup has what it cannot
             take; nothing is written then.
         ServoError: if one stays silent, or refuses a value.
-        SerialPortError: if the port vanishes.
     """
     kept = {backup.joint: backup for backup in backups}
-    lines = [f"{joint.name} (id {joint.id}): not in the backup" for joint in config.joints if joint.name not in kept]
+    lines = [f"{joint.label}: not in the backup" for joint in config.joints if joint.name not in kept]
     writes: list[tuple[int, int, bytes]] = []
     for joint in config.joints:
         if joint.name not in kept:
             continue
-        backup, servo = kept[joint.name], f"{joint.name} (id {joint.id})"
+        backup, servo = kept[joint.name], joint.label
         if backup.model != joint.model:
             raise RigError(f"{joint.name} is {joint.model} in the rig file, and {backup.model} in the backup.")
-        _check_model(joint.name, joint.id, joint.model, bus)
-        torque = joint.table["torque_enable"]
-        if bus.read(joint.id, torque.address, torque.length).params != b"\0":
+        _check_model(joint, bus)
+        if read_register(joint, bus, "torque_enable"):
             raise RigError(f"{servo} has its torque on. Take it off with motiondeck rig stop.")
         for name, value in backup.registers.items():
             register = joint.table.registers.get(name)
@@ -110,7 +109,7 @@ def restore(config: RigConfig, backups: Iterable[ServoBackup], bus: Bus) -> list
                 raise RigError(f"the backup of {servo} has a register '{name}', which a {joint.model} has not.")
             if register.memory != "EEPROM" or register.access == "R" or name in _NOT_RESTORED:
                 continue
-            held = register.decode(bus.read(joint.id, register.address, register.length).params)
+            held = read_register(joint, bus, name)
             if held == value:
                 continue
             try:
@@ -124,17 +123,12 @@ def restore(config: RigConfig, backups: Iterable[ServoBackup], bus: Bus) -> list
 
 
 def save_backups(backups: list[ServoBackup], path: Path) -> None:
-    """Writes backups as JSON, whole or not at all.
+    """Writes backups as JSON.
 
     Raises:
-        RigError: if the file cannot be written.
+        FileFormatError: if the file cannot be written.
     """
-    draft = path.with_name(f".{path.name}.draft")
-    try:
-        draft.write_bytes(msgspec.json.format(msgspec.json.encode(backups)))
-        draft.replace(path)
-    except OSError as error:
-        raise RigError(f"cannot write the backup {path}: {error.strerror}.") from error
+    write_file(path, msgspec.json.format(msgspec.json.encode(backups)))
 
 
 def load_backups(path: Path) -> list[ServoBackup]:
@@ -151,11 +145,11 @@ def load_backups(path: Path) -> list[ServoBackup]:
         raise RigError(f"{path} is not a backup of motiondeck rig backup: {error}.") from error
 
 
-def _check_model(joint: str, id: int, model: str, bus: Bus) -> None:
-    identity = bus.ping(id)
+def _check_model(joint: RigJoint, bus: Bus) -> None:
+    identity = bus.ping(joint.id)
     if identity is None:
-        raise RigError(f"{joint} (id {id}) does not answer. Check power, cable, id and baud rate.")
+        raise RigError(f"{joint.label} does not answer. Check power, cable, id and baud rate.")
     if identity.model_number == UNKNOWN_MODEL:
-        raise RigError(_MUTE.format(f"{joint} (id {id})"))
-    if identity.model != model:
-        raise RigError(f"{joint} (id {id}) answers as {identity.model}, not as {model}. Correct the rig file.")
+        raise RigError(_MUTE.format(joint.label))
+    if identity.model != joint.model:
+        raise RigError(f"{joint.label} answers as {identity.model}, not as {joint.model}. Correct the rig file.")

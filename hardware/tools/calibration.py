@@ -18,7 +18,7 @@ from hardware.bus.servo_bus import Bus
 from hardware.errors import RigError
 from hardware.rig.rig_file import RigConfig, RigJoint
 from hardware.rig.switching.audit import audit, settle
-from hardware.tools.loose_joints import whole_turns
+from motiondeck_base.files import write_file
 
 LEAST_RANGE = 0.2  # rad: a joint with less was not moved
 _MARGIN = 0.02  # rad kept away from an end that a hand has found
@@ -153,7 +153,7 @@ def measured_joint(
         RigError: if nothing is left of its range.
     """
     bottom, top = joint.table.one_turn
-    turns = whole_turns(joint, zero)
+    turns = joint.whole_turns(zero)
     zero, low, high = zero - turns, low - turns, high - turns
     kept_low, kept_high = max(low, bottom), min(high, top)
     per_radian = abs(joint.pulses_per_radian) * direction
@@ -188,7 +188,6 @@ def clear_offsets(config: RigConfig, bus: Bus) -> list[str]:
 
     Raises:
         ServoError: if a servo stays silent, or refuses.
-        SerialPortError: if the port vanishes.
     """
     left = [one for one in audit(config, bus) if one.register in ("homing_offset", "drive_mode")]
     settle(left, config, bus)
@@ -196,17 +195,12 @@ def clear_offsets(config: RigConfig, bus: Bus) -> list[str]:
 
 
 def save_progress(sweep: Sweep, path: Path) -> None:
-    """Keeps what was measured so far, whole or not at all.
+    """Writes what was measured so far.
 
     Raises:
-        RigError: if it cannot be written.
+        FileFormatError: if it cannot be written.
     """
-    draft = path.with_name(f".{path.name}.draft")
-    try:
-        draft.write_bytes(msgspec.json.format(msgspec.json.encode(sweep.measured)))
-        draft.replace(path)
-    except OSError as error:
-        raise RigError(f"cannot keep the calibration in {path}: {error.strerror}.") from error
+    write_file(path, msgspec.json.format(msgspec.json.encode(sweep.measured)))
 
 
 def load_progress(config: RigConfig, path: Path) -> Sweep:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Sequence
+from functools import partial
 from typing import NamedTuple
 
 import msgspec
@@ -12,6 +13,7 @@ from hardware.control_table.meanings import describe_errors
 from hardware.errors import NoReplyError, ServoError
 from hardware.rig.driving.state_block import arranged, motion
 from hardware.rig.driving.wire_load import longest_tick
+from hardware.rig.registers import read_register
 from hardware.rig.rig_file import RigConfig, RigJoint
 from hardware.rig.switching.audit import ANSWER_EVERYTHING, Difference, audit, settle
 from hardware.rig.switching.identities import hardware_errors, have_answer, have_old_answer, know_fast_reads
@@ -97,17 +99,13 @@ class Fixed(NamedTuple):
 
 
 def examine(config: RigConfig, bus: Bus) -> Report:
-    """Reads every servo of a rig, compares its settings, and lists the problems; moves nothing.
-
-    Raises:
-        SerialPortError: if the port vanishes.
-    """
+    """Reads every servo of a rig, compares its settings, and lists the problems; moves nothing."""
     problems: list[str] = []
     notes: list[str] = []
     missing: list[int] = []
     servos: list[ServoReport] = []
     for index, joint in enumerate(config.joints):
-        identity, name = bus.ping(joint.id), f"{joint.name} (id {joint.id})"
+        identity, name = bus.ping(joint.id), joint.label
         if identity is None:
             problems.append(f"{name} {_no_answer(bus)}")
             missing += [] if bus.garbled else [joint.id]
@@ -179,11 +177,7 @@ def _longest_tick(config: RigConfig, servos: Sequence[ServoReport]) -> float:
 
 
 def look_elsewhere(config: RigConfig, report: Report, open_bus: Callable[[int], Bus]) -> list[str]:
-    """Servos that answer at another ID, baud rate or protocol, one line each; not looked for if none is missing.
-
-    Raises:
-        SerialPortError: if the port cannot be opened, or vanishes.
-    """
+    """Servos that answer at another ID, baud rate or protocol, one line each; not looked for if none is missing."""
     known = {joint.id for joint in config.joints} - {*report.missing}
     bauds = list(dict.fromkeys((report.baud, *LIKELY_BAUDS))) if report.missing else []
     return [
@@ -196,11 +190,7 @@ def look_elsewhere(config: RigConfig, report: Report, open_bus: Callable[[int], 
 
 
 def fix_settings(config: RigConfig, bus: Bus) -> Fixed:
-    """Sets every register in which a servo differs from what the rig needs (see `audit`); torque must be off there.
-
-    Raises:
-        SerialPortError: if the port vanishes.
-    """
+    """Sets every register in which a servo differs from what the rig needs (see `audit`); torque must be off there."""
     done: list[str] = []
     refused: list[str] = []
     for index, joint in enumerate(config.joints):
@@ -210,11 +200,10 @@ def fix_settings(config: RigConfig, bus: Bus) -> Fixed:
             have_old_answer(one, bus)
             have_answer(one, bus)
             if level != _answer_level(joint, bus) == ANSWER_EVERYTHING:
-                done.append(f"{joint.name} (id {joint.id}): status_return_level was {level} and is {ANSWER_EVERYTHING}")
-            torque = joint.table["torque_enable"]
+                done.append(f"{joint.label}: status_return_level was {level} and is {ANSWER_EVERYTHING}")
             differences = audit(one, bus)
-            if differences and bus.read(joint.id, torque.address, torque.length).params != b"\0":
-                refused.append(f"{joint.name} (id {joint.id}) has its torque on: motiondeck rig stop takes it off")
+            if differences and read_register(joint, bus, "torque_enable"):
+                refused.append(f"{joint.label} has its torque on: motiondeck rig stop takes it off")
                 continue
             limits = [difference for difference in differences if difference.when != "switch-on"]
             done.extend(_settle_each(limits, one, bus))
@@ -227,9 +216,8 @@ def fix_settings(config: RigConfig, bus: Bus) -> Fixed:
 
 def _answer_level(joint: RigJoint, bus: Bus) -> int:
     """The status return level of a servo: 0, a ping, if it answers no read."""
-    register = joint.table["status_return_level"]
     try:
-        return register.decode(bus.read(joint.id, register.address, register.length).params)
+        return read_register(joint, bus, "status_return_level")
     except NoReplyError:
         return 0
 
@@ -243,16 +231,9 @@ def _settle_each(differences: Iterable[Difference], config: RigConfig, bus: Bus)
 
 def _ask(joint: RigJoint, identity: Identity, bus: Bus) -> ServoReport:
     """Reads the report of one servo."""
-
-    def value(name: str) -> int:
-        register = joint.table[name]
-        return register.decode(bus.read(joint.id, register.address, register.length).params)
-
-    bits, temperature, voltage = (
-        hardware_errors(joint, bus),
-        float(value("present_temperature")),
-        value("present_input_voltage") / 10.0,
-    )
+    value = partial(read_register, joint, bus)
+    bits = hardware_errors(joint, bus)
+    temperature, voltage = float(value("present_temperature")), value("present_input_voltage") / 10.0
     why: list[str] = []
     if bits & _VOLTAGE:
         low, high = value("min_voltage_limit") / 10.0, value("max_voltage_limit") / 10.0

@@ -19,7 +19,6 @@ def loosen(config: RigConfig, bus: Bus) -> None:
 
     Raises:
         RigError: if one is missing or of another model, or does not confirm it; it is named.
-        SerialPortError: if the port vanishes.
     """
     check_identities(config, bus)
     unconfirmed = switch_off(config, bus)
@@ -28,20 +27,10 @@ def loosen(config: RigConfig, bus: Bus) -> None:
 
 
 def positions(part: RigConfig, bus: Bus) -> Iterator[tuple[RigJoint, int]]:
-    """The joints of one port that answer, and where their servos stand, pulses.
-
-    Raises:
-        SerialPortError: if the port vanishes.
-    """
+    """The joints of one port that answer, and where their servos stand, pulses."""
     registers = {joint.id: joint.table["present_position"] for joint in part.joints}
     statuses = bus.bulk_read(tuple((id, register.address, register.length) for id, register in registers.items()))
     for joint in part.joints:
         status = statuses.get(joint.id)
         if status is not None and not status.error:
             yield joint, registers[joint.id].decode(status.params)
-
-
-def whole_turns(joint: RigJoint, pulses: float) -> int:
-    """The pulses of the whole turns that a position is away from the servo's one turn."""
-    turn = joint.table.pulses_per_turn
-    return int((pulses - joint.table.one_turn[0]) // turn) * turn

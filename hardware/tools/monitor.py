@@ -24,9 +24,6 @@ def observe(config: RigConfig, bus: Bus, share: float = 1.0) -> Iterator[tuple[l
         config: the joints of one port.
         bus: that port's.
         share: of each second that is spent on this port, where several are watched one after another.
-
-    Raises:
-        SerialPortError: if the port vanishes.
     """
     scale = RigScale(config)
     lasting = share * _SHOWN_EVERY

@@ -12,6 +12,7 @@ from hardware.control_table.models import MODELS
 from hardware.errors import RigError
 from hardware.rig.rig_file import RigConfig, RigJoint, load_rig
 from hardware.tools.scan import Found
+from motiondeck_base.files import write_file
 
 FIRST_VELOCITY = 2.0  # rad/s: what a joint may do until somebody knows better; every model can
 _RATE = 100.0  # Hz
@@ -77,10 +78,10 @@ def assembled(joints: Iterable[RigJoint], port: str, baud: int) -> RigConfig:
 
 
 def save_rig(config: RigConfig, path: Path) -> None:
-    """Writes a rig file, whole or not at all.
+    """Writes a rig file.
 
     Raises:
-        RigError: if it cannot be written.
+        FileFormatError: if it cannot be written.
     """
     settings = msgspec.structs.asdict(config)
     lines = [f"{key} = {_toml(value)}" for key, value in settings.items() if key != "joints"]
@@ -90,7 +91,7 @@ def save_rig(config: RigConfig, path: Path) -> None:
         own = {key: value for key, value in msgspec.structs.asdict(joint).items() if value != usual.get(key)}
         row = ", ".join(f"{key} = {_toml(value)}" for key, value in own.items())
         lines.append(f"  {{ {row} }},")
-    _replace(path, "\n".join([*lines, "]", ""]))
+    write_file(path, "\n".join([*lines, "]", ""]).encode())
 
 
 def set_port(path: Path, port: str) -> str:
@@ -101,24 +102,15 @@ def set_port(path: Path, port: str) -> str:
 
     Raises:
         RigFileError: if it is not a rig file.
-        RigError: if it has several ports, or cannot be written.
+        RigError: if it has several ports.
+        FileFormatError: if it cannot be written.
     """
     config = load_rig(path)
     if config.ports != (config.port,):
         raise RigError(f"{path} has the ports {', '.join(config.ports)}: write {port} where it belongs.")
     line = f"port = {_toml(port)}"
-    _replace(path, _PORT_LINE.sub(lambda _: line, path.read_text(encoding="utf-8"), count=1))
+    write_file(path, _PORT_LINE.sub(lambda _: line, path.read_text(encoding="utf-8"), count=1).encode())
     return config.port
-
-
-def _replace(path: Path, text: str) -> None:
-    """Puts a text in the place of a file, whole or not at all."""
-    draft = path.with_name(f".{path.name}.draft")
-    try:
-        draft.write_text(text, encoding="utf-8")
-        draft.replace(path)
-    except OSError as error:
-        raise RigError(f"cannot write the rig file {path}: {error.strerror}.") from error
 
 
 def _toml(value: object) -> str:

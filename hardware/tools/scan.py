@@ -29,9 +29,6 @@ def scan(
         open_bus: opens the port at a baud rate.
         bauds: where to look.
         on_garbled: called with each baud rate at which some bytes are no answer: two servos may share an ID.
-
-    Raises:
-        SerialPortError: if the port cannot be opened, or vanishes.
     """
     found: list[Found] = []
     for baud in bauds:

@@ -21,7 +21,6 @@ def set_up(open_bus: Callable[[int], Bus], id: int, baud: int) -> tuple[Found, I
         RigError: if there is no servo, or more than one, or its model is not known.
         RefusedError: if it does not take a value.
         NoReplyError: if it does not answer afterwards.
-        SerialPortError: if the port cannot be opened, or vanishes.
     """
     garbled: list[int] = []
     found = scan(open_bus, on_garbled=garbled.append)

@@ -15,7 +15,7 @@ from hardware.bus.servo_bus import Bus
 from hardware.errors import RigError
 from hardware.rig.rig_file import RigConfig
 from hardware.rig.scale import Array
-from hardware.tools.loose_joints import positions, whole_turns
+from hardware.tools.loose_joints import positions
 
 _SILENT = 0.5  # s without an answer from one servo
 _SMOOTHED_OVER = 0.21  # s, by a cubic: a hand's tremor and the counts' steps go, what a joint can follow stays
@@ -47,7 +47,6 @@ def watch_hands(
 
     Raises:
         RigError: if a servo is silent for half a second; it is named.
-        SerialPortError: if the port vanishes.
     """
     clock = parts[0][1].port
     turns: dict[str, int] = {}
@@ -58,11 +57,11 @@ def watch_hands(
         angles = np.full(len(config.joints), np.nan)
         for part, bus in parts:
             for joint, pulses in positions(part, bus):
-                turns.setdefault(joint.name, whole_turns(joint, pulses))
+                turns.setdefault(joint.name, joint.whole_turns(pulses))
                 angle = (pulses - turns[joint.name] - joint.zero) / joint.pulses_per_radian
                 angles[config.names.index(joint.name)] = angle
                 heard[joint.name] = now
-        silent = [f"{joint.name} (id {joint.id})" for joint in config.joints if now - heard[joint.name] > _SILENT]
+        silent = [joint.label for joint in config.joints if now - heard[joint.name] > _SILENT]
         if silent:
             raise RigError(f"{', '.join(silent)} does not answer any more. Check the cable, then teach again.")
         yield Moment(now - start, angles)

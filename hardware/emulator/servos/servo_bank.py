@@ -16,8 +16,7 @@ from numpy.typing import NDArray
 from hardware.control_table.register import Register
 from hardware.control_table.servo_traits import TRAITS
 from hardware.control_table.table import ControlTable
-from hardware.emulator.servos.drive import CURRENT, POSITION_MODES, PWM, VELOCITY, MotorDrive
-from hardware.emulator.servos.motor import motor_of
+from hardware.emulator.servos.drive import CURRENT, POSITION_MODES, PWM, VELOCITY, MotorDrive, motor_of
 from hardware.emulator.servos.register_mapping import follow, whole_table, with_sign
 
 TRIPPED = -1

@@ -62,7 +62,7 @@ class RegisterReading:
         if data is None or len(data) != self.block[2]:
             self._tries -= 1
             if not self._tries:
-                self.failure = f"{self._servo.name} (id {self._servo.id}) does not let its registers be read"
+                self.failure = f"{self._servo.label} does not let its registers be read"
             return
         rows, self._tries = self._parts.pop(0), _TRIES
         start = rows[0].address

@@ -19,6 +19,7 @@ from hardware.bus.servo_bus import Bus
 from hardware.control_table.register import Register
 from hardware.control_table.table import ControlTable
 from hardware.errors import RefusedError
+from hardware.rig.registers import read_register
 from hardware.rig.rig_file import RigConfig, RigJoint
 
 FIELDS = ("force", "present_velocity", "present_position", "hardware_error_status", "present_temperature",
@@ -134,16 +135,13 @@ def arrange_state(config: RigConfig, bus: Bus) -> list[StateBlock]:
 
     Raises:
         NoReplyError: if a servo stays silent.
-        SerialPortError: if the port vanishes.
     """
     return [_arrange(joint, bus) for joint in config.joints]
 
 
 def _arrange(joint: RigJoint, bus: Bus) -> StateBlock:
     in_place = motion(joint.table)
-    firmware = joint.table["firmware_version"]
-    version = firmware.decode(bus.read(joint.id, firmware.address, firmware.length).params)
-    plan = arranged(joint.table, version)
+    plan = arranged(joint.table, read_register(joint, bus, "firmware_version"))
     if plan is None:
         return in_place
     try:

@@ -104,7 +104,7 @@ class Health:
         count = len(config.joints)
         self.incidents: deque[Incident] = deque(maxlen=_KEPT)
         self.mend, self.fatal, self.lost, self.off = (np.zeros(count, dtype=np.bool_) for _ in range(4))
-        self._names = [f"{joint.name} (id {joint.id})" for joint in config.joints]
+        self._names = [joint.label for joint in config.joints]
         self._patience = config.watchdog_ms * 1e-3 - WATCHDOG_UNIT
         self._hottest = np.array([joint.hottest for joint in config.joints])
         traits = [TRAITS[joint.model] for joint in config.joints]

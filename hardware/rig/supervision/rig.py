@@ -257,7 +257,7 @@ class Rig:
         if write is not None and (measured.torque[joint] or not self._health.off[joint]):
             raise RigError(f"registers of {servo.name} are written only while its torque is off: switch it off first.")
         if measured.missed_in_a_row[joint] > 2:
-            raise RigError(f"{servo.name} (id {servo.id}) does not answer.")
+            raise RigError(f"{servo.label} does not answer.")
         if len(queue) >= _MOST_READINGS:
             raise RigError("the registers of several servos are being read already. Try again.")
         queue.append(reading)

@@ -106,7 +106,6 @@ def audit(config: RigConfig, bus: Bus) -> list[Difference]:
 
     Raises:
         ServoError: if a servo stays silent, or does not let itself be read.
-        SerialPortError: if the port vanishes.
     """
     found: list[Difference] = []
     for joint, (low, high) in zip(config.joints, position_ends(config).T, strict=True):
@@ -122,7 +121,6 @@ def settle(differences: Iterable[Difference], config: RigConfig, bus: Bus) -> No
 
     Raises:
         ServoError: if a servo stays silent, or refuses; an old one may keep its EEPROM locked until its power is off.
-        SerialPortError: if the port vanishes.
     """
     tables = {joint.id: joint.table for joint in config.joints}
     for difference in differences:

@@ -8,7 +8,7 @@ from hardware.bus.servo_bus import Bus, Identity
 from hardware.control_table.meanings import describe_errors
 from hardware.control_table.servo_traits import TRAITS
 from hardware.errors import RigError, ServoError
-from hardware.rig.registers import list_joints, read_each, tell_all
+from hardware.rig.registers import list_joints, read_each, read_register, tell_all
 from hardware.rig.rig_file import RigConfig, RigJoint
 from hardware.rig.switching.audit import ANSWER_EVERYTHING
 
@@ -33,7 +33,7 @@ def check_identities(config: RigConfig, bus: Bus) -> None:
             "Check power, cables and ids; motiondeck rig doctor finds servos at other ids and baud rates."
         )
     others = [
-        f"{joint.name} (id {joint.id}) answers as {identity.model}, not as {joint.model}"
+        f"{joint.label} answers as {identity.model}, not as {joint.model}"
         for joint in config.joints
         if (identity := found[joint.id]) is not None and identity.model != joint.model
     ]
@@ -55,9 +55,8 @@ def have_old_answer(config: RigConfig, bus: Bus) -> None:
     for index, joint in enumerate(config.joints):
         if index in newer:
             continue
-        level = joint.table["status_return_level"]
         try:
-            right = level.decode(bus.read(joint.id, level.address, level.length).params) == ANSWER_EVERYTHING
+            right = read_register(joint, bus, "status_return_level") == ANSWER_EVERYTHING
         except ServoError:
             right = False
         if not right:
@@ -75,7 +74,6 @@ def knows_fast_reads(config: RigConfig, bus: Bus) -> bool:
 
     Raises:
         RigError: if a servo does not answer.
-        SerialPortError: if the port vanishes.
     """
     try:
         return know_fast_reads(config, read_each(config, bus, "firmware_version"))
@@ -106,7 +104,6 @@ def hardware_errors(joint: RigJoint, bus: Bus) -> int:
 
     Raises:
         NoReplyError: if it does not answer.
-        SerialPortError: if the port vanishes.
     """
     # In Protocol 1.0 every reply has the error.
     error = joint.table.registers.get("hardware_error_status")

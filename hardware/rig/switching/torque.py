@@ -12,7 +12,7 @@ import numpy as np
 
 from hardware.bus.servo_bus import Bus
 from hardware.errors import NoReplyError, RigError, SerialPortError, ServoError
-from hardware.rig.registers import list_joints, read_each, tell_all, write_each
+from hardware.rig.registers import list_joints, read_each, read_register, tell_all, write_each
 from hardware.rig.rig_file import RigConfig, RigJoint
 from hardware.rig.scale import Array, RigScale
 from hardware.rig.switching.audit import POSITION_MODE, audit, in_counts, position_ends, settle
@@ -39,7 +39,6 @@ def switch_on(config: RigConfig, bus: Bus, cancelled: Callable[[], bool] = lambd
     Raises:
         RigError: if servos are missing, of another model, shut down, set so that they could move wrongly (see `audit`),
             or outside their limits, it names them all; or if it was cancelled.
-        SerialPortError: if the port vanishes.
     """
     have_old_answer(config, bus)
     check_identities(config, bus)
@@ -74,7 +73,6 @@ def hold_still(config: RigConfig, bus: Bus, pace: float = 1.0) -> Array:
 
     Raises:
         RigError: if a servo does not answer, or stands outside its limits.
-        SerialPortError: if the port vanishes.
     """
     scale = RigScale(config)
     try:
@@ -111,7 +109,6 @@ def resume(config: RigConfig, bus: Bus, pace: float, cancelled: Callable[[], boo
 
     Raises:
         RigError: as `switch_on`.
-        SerialPortError: if the port vanishes.
     """
     check_identities(config, bus)
     have_answer(config, bus)
@@ -203,11 +200,8 @@ def _is_set(joint: RigJoint, bus: Bus, low: int, high: int) -> bool:
         "min_position_limit": low,
         "max_position_limit": high,
     }
-    rows = [(value, joint.table.registers.get(name)) for name, value in wanted.items()]
     return all(
-        row.decode(bus.read(joint.id, row.address, row.length).params) == value
-        for value, row in rows
-        if row is not None
+        read_register(joint, bus, name) == value for name, value in wanted.items() if name in joint.table.registers
     )
 
 

@@ -83,9 +83,9 @@ def emulate(
 
 def _hands(config: RigConfig) -> Callable[[Sequence[EmulatedBus]], None]:
     """Moves joints by the lines of standard input, until it ends."""
-    from hardware.emulator.hands import HELP, Hands, HandsError
+    from hardware.emulator.handling import HELP, Handling, HandlingError
 
-    hands = Hands(config)
+    hands = Handling(config)
     typed: LineInput | None = LineInput()
     if sys.stdin.isatty():
         print(HELP, file=sys.stderr)
@@ -98,8 +98,8 @@ def _hands(config: RigConfig) -> Callable[[Sequence[EmulatedBus]], None]:
                 if words == "where":
                     print(hands.where(buses), flush=True)
                 else:
-                    hands.tell(words)
-        except HandsError as error:
+                    hands.command(words)
+        except HandlingError as error:
             print(error, file=sys.stderr, flush=True)
         except MotiondeckError:
             typed = None

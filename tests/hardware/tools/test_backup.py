@@ -3,7 +3,7 @@
 import pytest
 
 from hardware.control_table.models import MODELS
-from hardware.errors import RigError
+from hardware.errors import MotiondeckError, RigError
 from hardware.tools.backup import back_up, load_backups, restore, save_backups
 
 
@@ -83,5 +83,5 @@ def test_a_file_that_is_no_backup_is_named(tmp_path):
         load_backups(tmp_path / "notes.json")
     with pytest.raises(RigError, match="cannot read the backup"):
         load_backups(tmp_path / "none.json")
-    with pytest.raises(RigError, match="cannot write the backup"):
+    with pytest.raises(MotiondeckError, match="cannot be written"):
         save_backups([], tmp_path / "none" / "servos.json")

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from hardware.bus.servo_bus import Bus
-from hardware.emulator.hands import Hands
+from hardware.emulator.handling import Handling
 from hardware.errors import RigError
 from hardware.tools.loose_joints import loosen
 from hardware.tools.teaching import Moment, beyond_limits, taught, watch_hands
@@ -30,8 +30,8 @@ def test_what_a_hand_did_is_written_down(rig_of_four, port):
     for device in port.bus.devices:
         device["torque_enable"] = 1
     loosen(rig_of_four, Bus(port, rig_of_four.baud))
-    hands = Hands(rig_of_four)
-    hands.tell("swing joint_1 0.4 joint_2 -0.4 joint_3 0.4 joint_4 0.4 every 2")
+    hands = Handling(rig_of_four)
+    hands.command("swing joint_1 0.4 joint_2 -0.4 joint_3 0.4 joint_4 0.4 every 2")
     moments = watch(rig_of_four, port, 4.0, hands)
     assert len(moments) == pytest.approx(400, abs=5)
     motion = taught(moments, 100.0)

@@ -11,7 +11,7 @@ import pytest
 from command_line import invoked
 from hardware.bus.servo_bus import Bus
 from hardware.emulator.bus import EmulatedBus
-from hardware.emulator.hands import Hands
+from hardware.emulator.handling import Handling
 from hardware.emulator.port import EmulatedPort
 from hardware.rig.rig_file import load_rig
 from hardware.tools.rig_writing import save_rig
@@ -25,7 +25,7 @@ class Somebody:
     """
 
     def __init__(self, config, port, script):
-        self.hands, self.port, self.script = Hands(config), port, list(script)
+        self.hands, self.port, self.script = Handling(config), port, list(script)
         self.asked = []
 
     def __call__(self):
@@ -46,7 +46,7 @@ class Somebody:
             return None
         _, words, lasts = step
         if words:
-            self.hands.tell(words)
+            self.hands.command(words)
         if lasts > 0.0:
             self.script.insert(0, ("hands", "", lasts - 0.05))
             self.port.elapse(0.05)

@@ -1,13 +1,11 @@
-"""Hands on an emulated rig: what somebody does to its joints and servos, in words.
+"""Manual handling of an emulated rig, by commands. Only joints without torque are moved.
 
-Hands move only joints that have no torque.
-
-swing pan 0.5 tilt -0.2 every 2     to 0.5 rad from where it is and back, every 2 s, until it is told otherwise
+swing pan 0.5 tilt -0.2 every 2     to 0.5 rad from the present angle and back, every 2 s, until the next command
 move pan 1.2 tilt 0 in 1.5          to these angles, rad, in 1.5 s
 rest                                lets go
-pull pan                            takes the servo's cable out
-plug pan                            and puts it back
-warm pan 70                         has the servo at so many degC
+pull pan                            unplugs the servo's cable
+plug pan                            and plugs it in
+warm pan 70                         sets the servo's temperature, degC
 """
 
 from __future__ import annotations
@@ -18,16 +16,16 @@ from typing import NamedTuple
 
 from hardware.emulator.bus import EmulatedBus
 from hardware.errors import MotiondeckError
-from hardware.rig.rig_file import RigConfig, RigJoint
+from hardware.rig.rig_file import RigConfig
 
 HELP = (
-    "hands: swing JOINT RAD ... every SECONDS; move JOINT RAD ... in SECONDS; rest; where; "
+    "commands: swing JOINT RAD ... every SECONDS; move JOINT RAD ... in SECONDS; rest; where; "
     "pull JOINT; plug JOINT; warm JOINT DEGC"
 )
 
 
-class HandsError(MotiondeckError):
-    """Words that hands do not understand."""
+class HandlingError(MotiondeckError):
+    """An unknown command, joint or number."""
 
 
 class _Grip(NamedTuple):
@@ -54,8 +52,8 @@ class _Grip(NamedTuple):
         return self.start + self.way * share
 
 
-class Hands:
-    """Moves horns that have no torque, and does things to servos."""
+class Handling:
+    """Moves horns that have no torque, unplugs and warms servos."""
 
     def __init__(self, config: RigConfig) -> None:
         self._joints = {joint.name: joint for joint in config.joints}
@@ -65,11 +63,11 @@ class Hands:
         self._grips: dict[str, _Grip] = {}
         self._deeds: list[tuple[str, str, float]] = []
 
-    def tell(self, words: str) -> None:
-        """Does something else from now on.
+    def command(self, words: str) -> None:
+        """Replaces the movement under way, or does something to a servo.
 
         Raises:
-            HandsError: if the words are not understood; it names what is.
+            HandlingError: if the command is unknown; it names those that are.
         """
         verb, *rest = words.split() or [""]
         if verb == "rest" and not rest:
@@ -80,10 +78,10 @@ class Hands:
             return
         word = {"swing": "every", "move": "in"}.get(verb)
         if word is None or len(rest) < 4 or len(rest) % 2 or rest[-2] != word:
-            raise HandsError(f"'{words}' is not understood. {HELP}")
+            raise HandlingError(f"'{words}' is not understood. {HELP}")
         seconds = _number(rest[-1], words)
         if seconds <= 0.0:
-            raise HandsError(f"'{words}': {rest[-1]} s is no time")
+            raise HandlingError(f"'{words}': {rest[-1]} s is no time")
         wanted: dict[str, tuple[float, float, bool]] = {}
         for name, angle in zip(rest[:-2:2], rest[1:-2:2], strict=True):
             wanted[self._known(name)] = (_number(angle, words), seconds, verb == "swing")
@@ -91,11 +89,11 @@ class Hands:
 
     def _known(self, name: str) -> str:
         if name not in self._joints:
-            raise HandsError(f"there is no joint '{name}': {', '.join(self._joints)}")
+            raise HandlingError(f"there is no joint '{name}': {', '.join(self._joints)}")
         return name
 
     def where(self, buses: Sequence[EmulatedBus]) -> str:
-        """Where the joints really are, rad; a bus for each port of the rig."""
+        """The true joint angles, rad; a bus for each port of the rig."""
         places: list[str] = []
         for name, joint in self._joints.items():
             device = buses[self._bus[name]][joint.id]
@@ -104,7 +102,7 @@ class Hands:
         return " ".join(places)
 
     def move(self, buses: Sequence[EmulatedBus], now: float) -> None:
-        """Brings the joints where the hands have them at the time `now`, s; a bus for each port of the rig."""
+        """Moves the joints as commanded at the time `now`, s; a bus for each port of the rig."""
         while self._deeds:
             verb, name, value = self._deeds.pop(0)
             device = buses[self._bus[name]][self._joints[name].id]
@@ -123,17 +121,11 @@ class Hands:
             grip = self._grips.get(name)
             if grip is None:
                 start = float(shaft[row])
-                # Angles are counted on from the turn in which a hand first found the joint.
-                turns = self._turns.setdefault(name, _whole_turns(joint, start))
+                # Angles are counted on from the turn in which the joint was first grasped.
+                turns = self._turns.setdefault(name, float(joint.whole_turns(start)))
                 way = angle * joint.pulses_per_radian if swings else joint.pulses(angle) + turns - start
                 grip = self._grips[name] = _Grip(now, start, way, seconds, swings)
             shaft[row] = grip.place(now)
-
-
-def _whole_turns(joint: RigJoint, start: float) -> float:
-    """The pulses of the whole turns that a position is away from the servo's one turn."""
-    turn = joint.table.pulses_per_turn
-    return math.floor((start - joint.table.one_turn[0]) / turn) * turn
 
 
 def _number(text: str, words: str) -> float:
@@ -142,5 +134,5 @@ def _number(text: str, words: str) -> float:
     except ValueError:
         number = math.nan
     if not math.isfinite(number):
-        raise HandsError(f"'{words}': '{text}' is not a number")
+        raise HandlingError(f"'{words}': '{text}' is not a number")
     return number
