@@ -6,11 +6,12 @@ Their equations are in the files of `controller/networks`.
 
 from __future__ import annotations
 
-from controller.learning.centralized.centralized_training import CentralizedRecipe
 from controller.learning.centralized.motion_training import train_centralized
 from controller.learning.centralized.primitive_learning import learn_primitive
 from controller.learning.measures.accuracy import nrmse
-from controller.learning.own_signals import (
+from controller.learning.reservoirs.completion_training import CompletionRecipe, learn_completion
+from controller.learning.reservoirs.conceptor_training import ConceptorRecipe
+from controller.learning.signal_training import (
     SMALL_RESERVOIR,
     ReservoirResponse,
     learn_response,
@@ -18,12 +19,11 @@ from controller.learning.own_signals import (
     load_signals,
     run_free,
 )
-from controller.learning.reservoirs.completion_training import CompletionRecipe, learn_completion
-from controller.learning.reservoirs.conceptor_training import ConceptorRecipe
-from controller.learning.reservoirs.echo_state_training import EchoStateRecipe
-from controller.learning.reservoirs.phase_conceptor_training import PhaseRecipe
-from controller.learning.reservoirs.phase_echo_state_training import PhaseEchoStateRecipe
-from controller.learning.reservoirs.random_feature_training import RandomFeatureRecipe
+from controller.learning.trainers.centralized import CentralizedRecipe
+from controller.learning.trainers.echo_state import EchoStateRecipe
+from controller.learning.trainers.phase_conceptor import PhaseRecipe
+from controller.learning.trainers.phase_echo_state import PhaseEchoStateRecipe
+from controller.learning.trainers.random_feature import RandomFeatureRecipe
 from controller.networks.base import AnyNetwork, FrameNetwork, Generator, Morph
 from controller.networks.centralized.centers import (
     Duffing,

@@ -68,7 +68,7 @@ class Recognizer:
 
     def frames(self, clip: Clip) -> NDArray[np.float64]:
         """The input of a stream: the features of a clip at `rate` frames per second, shape (T, C)."""
-        return self.model.look(the_clip(clip))
+        return self.model.features(the_clip(clip))
 
     @property
     def rate(self) -> float:

@@ -27,8 +27,7 @@ def read_recording(
 ) -> Clip:
     """The clip in a recording.
 
-    Read are .amc (Acclaim), .bvh, .c3d, .clip (taught by hand), .csv (our own positions), .glb, .gltf, .vrm and .vrma,
-    .mat (Jaeger's patterns), .mvnx (Xsens), .npz (AMASS, SMPL-H, SMPL-X) and .trc (OpenSim).
+    The table in docs/clips.md lists the formats.
 
     Args:
         path: the file.

@@ -77,8 +77,8 @@ def listed(names: Iterable[str]) -> str:
     return ", ".join(every[:8]) + (", ..." if len(every) > 8 else "")
 
 
-def read_bytes(path: str | Path, largest: int = LARGEST) -> bytes:
-    """The content of a file.
+def read_bytes(path: str | Path, largest: int = LARGEST, *, archive: bool = False) -> bytes:
+    """The content of a file; a zip archive is refused unless `archive`.
 
     Raises:
         FileFormatError: if it cannot be opened, is empty, is larger than `largest` bytes, or is plainly something else
@@ -98,7 +98,7 @@ def read_bytes(path: str | Path, largest: int = LARGEST) -> bytes:
             f"{path}: larger than {largest // 2**20} MiB, the most that is read. Is it the right file? "
             "Cut a longer recording into pieces."
         )
-    if found := what_it_is(path, content):
+    if found := what_it_is(path, content, archive=archive):
         raise FileFormatError(f"{path}: {found}")
     return content
 

@@ -9,19 +9,20 @@ _WEB_PAGES = (b"<!doctype html", b"<html")
 _FBX = (b"Kaydara FBX Binary", b"; FBX ")
 
 
-def what_it_is(path: str | Path, content: bytes) -> str | None:
+def what_it_is(path: str | Path, content: bytes, *, archive: bool = False) -> str | None:
     """What a file is instead of what its name says, and the remedy; None if it begins as no such file.
 
     Args:
-        path: the file; some kinds are zip archives themselves.
+        path: the file.
         content: its beginning, or all of it.
+        archive: whether a zip archive is expected.
     """
     beginning = content[:1024].lstrip().lower()
     if content.startswith(b"version https://git-lfs.github.com/spec/"):
         return "a Git LFS pointer, which stands for the file. Fetch the file itself: git lfs pull"
     if content.startswith(GZIP):
         return f"the file is packed by gzip. Unpack it: gunzip < {Path(path).name} > NEW."
-    if content.startswith(ZIP) and Path(path).suffix.lower() not in (".npz", ".zip"):
+    if content.startswith(ZIP) and not archive:
         return "a zip archive. Unpack it, and give the files in it."
     if beginning.startswith(_WEB_PAGES):
         return "a web page, such as a site sends instead of a file. Fetch the file again."

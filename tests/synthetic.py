@@ -9,9 +9,9 @@ import numpy as np
 from controller.learning.preparation.loops import hold_end
 from controller.learning.preparation.training_motion import TrainingMotion
 from controller.learning.reservoirs.conceptor_training import ConceptorRecipe, conceptor_network, load_reservoir
-from controller.learning.reservoirs.phase_conceptor_training import PhaseRecipe
-from controller.learning.reservoirs.phase_echo_state_training import PhaseEchoStateRecipe
-from controller.learning.reservoirs.phase_training import train_phase_driven
+from controller.learning.trainers.phase_conceptor import PhaseRecipe
+from controller.learning.trainers.phase_driven import train_phase_driven
+from controller.learning.trainers.phase_echo_state import PhaseEchoStateRecipe
 from controller.library.library_header import VERSION, LibraryInfo, MotionInfo
 from controller.library.motion_library import MotionLibrary
 from controller.motion.encodings.bone_directions import BoneDirections

@@ -11,8 +11,8 @@ import msgspec
 import numpy as np
 from threadpoolctl import threadpool_limits
 
-from controller.learning.centralized.centralized_training import CentralizedRecipe
 from controller.learning.recipe import LibraryRecipe
+from controller.learning.trainers.centralized import CentralizedRecipe
 from controller.learning.trainers.registry import trainer_of
 from controller.learning.trainers.trainer import Lessons
 from controller.learning.training_set import TrainingSet

@@ -24,11 +24,11 @@ import typer
 from threadpoolctl import threadpool_limits
 
 from benchmarks import command
-from controller.learning.preparation.cycles import in_step, steps_behind
-from controller.learning.preparation.people import in_the_manner_of
+from controller.learning.preparation.cycles import aligned_cycles, phase_lag
+from controller.learning.preparation.person_styles import person_variants
 from controller.learning.preparation.training_motion import TrainingMotion, Variant
-from controller.learning.reservoirs.phase_conceptor_training import PhaseRecipe
-from controller.learning.reservoirs.phase_training import train_phase_driven
+from controller.learning.trainers.phase_conceptor import PhaseRecipe
+from controller.learning.trainers.phase_driven import train_phase_driven
 from controller.motion.canonical.canonical_body import carried, to_canonical
 from controller.motion.canonical.clip_edits import resampled
 from controller.motion.encodings.encoding import Encoding, encoding_of
@@ -65,7 +65,7 @@ def family(data: Path, files: Sequence[str]) -> tuple[Encoding, list[Variant]]:
     """Recordings in step."""
     clips = [resampled(read_clip(data / file), RATE) for file in files]
     encoding = encoding_of(to_canonical(clips[0]).skeleton)
-    return encoding, in_step(encoding, [carried(clip, encoding.skeleton) for clip in clips], (), RATE)
+    return encoding, aligned_cycles(encoding, [carried(clip, encoding.skeleton) for clip in clips], (), RATE)
 
 
 @dataclass(frozen=True)
@@ -89,7 +89,7 @@ class Case:
         if {*self.people} == {self.person}:
             return sorted(self.rest, key=speed_of)
         values = sorted({one.value for one in self.rest})
-        return in_the_manner_of(str(self.person), self.rest, [str(one) for one in self.people], values)
+        return person_variants(str(self.person), self.rest, [str(one) for one in self.people], values)
 
 
 def cases(variants: list[Variant], people: Sequence[int], *, known: bool, held: Sequence[int] = ()) -> list[Case]:
@@ -147,7 +147,7 @@ def mixed(variants: list[Variant], value: float) -> Array:
 def error_mm(encoding: Encoding, frames: Array, wanted: Array) -> float:
     """The mean distance of joints from those wanted, once both run in step, mm."""
     ours, theirs = (joint_features(encoding, one) for one in (frames, wanted))
-    ours = np.roll(ours, steps_behind(ours, theirs), axis=0)
+    ours = np.roll(ours, phase_lag(ours, theirs), axis=0)
     return float(np.linalg.norm((ours - theirs)[:, :-1].reshape(len(ours), -1, 3), axis=-1).mean())
 
 

@@ -41,9 +41,9 @@ from controller.learning.measures.intervals import wilson
 from controller.learning.measures.self_test import Judge, after_disturbance, self_test
 from controller.learning.recipe import MotionRecipe, NetworkRecipe, read_recipe
 from controller.learning.reservoirs.conceptor_training import ConceptorRecipe
-from controller.learning.reservoirs.echo_state_training import EchoStateRecipe
-from controller.learning.reservoirs.phase_conceptor_training import PhaseRecipe
-from controller.learning.reservoirs.phase_echo_state_training import PhaseEchoStateRecipe
+from controller.learning.trainers.echo_state import EchoStateRecipe
+from controller.learning.trainers.phase_conceptor import PhaseRecipe
+from controller.learning.trainers.phase_echo_state import PhaseEchoStateRecipe
 from controller.learning.trainers.registry import trainer_of
 from controller.learning.trainers.trainer import Lessons
 from controller.learning.training_set import TrainingSet, prepare, to_learn

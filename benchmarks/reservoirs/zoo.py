@@ -30,7 +30,8 @@ from controller.motion.canonical.canonical_body import CANONICAL_BONES, carried,
 from controller.motion.canonical.clip_edits import resampled
 from controller.motion.clip import Clip
 from controller.motion.encodings.motion_matching import joint_features
-from controller.motion.formats.reading import read_clip, skeleton_of
+from controller.motion.formats.acclaim.amc import skeleton_of
+from controller.motion.formats.reading import read_clip
 from controller.motion.reading_options import ReadingOptions
 from controller.motion.rotations import rotate
 from motiondeck.cli.common.options import JobsOption

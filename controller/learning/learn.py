@@ -1,7 +1,7 @@
-"""A library of any recordings, with nothing to choose: `examine` finds out what a recipe would have to say.
+"""Learns any recordings as one library, without a recipe.
 
-Recordings are resampled to one rate and carried to one body. What was found out is written into the recipe, so that it
-can be edited and trained again.
+Recordings are analysed (`recording_analysis`), resampled to one rate and carried to one body. The resulting recipe can
+be edited and trained again.
 """
 
 from __future__ import annotations
@@ -14,11 +14,11 @@ from pathlib import Path
 import numpy as np
 from joblib import delayed
 
-from controller.learning.examine import LOOP_KEEPS, Examined, examine
 from controller.learning.fit import fit_prepared
 from controller.learning.preparation.takes import by_motion
 from controller.learning.recipe import LibraryRecipe, NetworkRecipe, check_recipe, typeable
-from controller.learning.reservoirs.phase_conceptor_training import PhaseRecipe
+from controller.learning.recording_analysis import LOOP_KEEPS, AnalysedRecording, analyse_recording
+from controller.learning.trainers.phase_conceptor import PhaseRecipe
 from controller.learning.training_set import (
     COMMON_RATE,
     LearnedPart,
@@ -27,7 +27,7 @@ from controller.learning.training_set import (
     prepare,
 )
 from controller.library.motion_library import MotionLibrary
-from controller.motion.formats.reading import CONVERTIBLE, RECORDINGS, recordings_below
+from controller.motion.formats.reading import CONVERTIBLE, FORMATS, recordings_below
 from controller.motion.reading_options import AS_FOUND, ReadingOptions
 from motiondeck_base.errors import MotiondeckError
 from motiondeck_base.jobs import ALONE, Jobs, spread
@@ -35,19 +35,18 @@ from motiondeck_base.jobs import ALONE, Jobs, spread
 
 @dataclass(frozen=True)
 class LearnedMotion:
-    """One recording and what became of it.
+    """The result for one recording.
 
     Attributes:
         name: of the motion; of the file, if it was not learned.
         file: the recording.
         plays: "loop" or "once"; "" if it was not learned.
-        seconds: how long one round of the loop takes, or the one-shot without the hold at its end.
-        part: which part of the recording was learned, without still ends; at its best seam, how far joints are apart
-            on average, and the bone that is most. None if it was not learned.
+        seconds: duration of a round of the loop, or of the one-shot without the hold at its end.
+        part: the learned part of the recording, and the errors at its best seam; None if it was not learned.
         error_mm: of the free run.
         passed: whether the motion may be played.
-        remedy: what to do if it may not.
-        doubts: what looks wrong about the body, each with the bone and the reason.
+        remedy: if it may not.
+        doubts: warnings about the body.
     """
 
     name: str
@@ -63,7 +62,7 @@ class LearnedMotion:
 
 @dataclass(frozen=True)
 class LearnedLibrary:
-    """A library, the recipe it was trained by, and a line for each recording."""
+    """A library, its recipe, and the result for each recording."""
 
     library: MotionLibrary
     recipe: LibraryRecipe
@@ -71,12 +70,12 @@ class LearnedLibrary:
 
     @property
     def failed(self) -> list[LearnedMotion]:
-        """The recordings that were not read or not learned well enough."""
+        """The recordings that were not read, or failed the self-test."""
         return [motion for motion in self.motions if not motion.passed]
 
 
 def recordings_in(paths: Iterable[Path]) -> list[Path]:
-    """Files, and the recordings in folders and below, in order and once each; those that must be converted last.
+    """Files, and the recordings in folders and below, without repetitions; those that must be converted last.
 
     Raises:
         MotiondeckError: if a path does not exist, or there is no recording.
@@ -93,7 +92,7 @@ def recordings_in(paths: Iterable[Path]) -> list[Path]:
             raise MotiondeckError.missing(path, "file or folder")
     if not found:
         where = ", ".join(map(str, paths)) or "nothing was given"
-        raise MotiondeckError(f"{where}: no recording found. Recordings end in {', '.join(sorted(RECORDINGS))}.")
+        raise MotiondeckError(f"{where}: no recording found. Recordings end in {', '.join(sorted(FORMATS))}.")
     return list(dict.fromkeys(found))
 
 
@@ -108,18 +107,16 @@ def learn(
     progress: Progress = lambda _: None,
     jobs: Jobs = ALONE,
 ) -> LearnedLibrary:
-    """Learns every recording of some files and folders as one library.
-
-    A recording that cannot be read or used is left out and named with the reason.
+    """Learns every recording of some files and folders as one library; unusable ones are listed with the reason.
 
     Args:
-        paths: recordings, and folders that hold some.
+        paths: recordings, and folders of recordings.
         name: of the library.
-        options: what overrules the files, for all of them.
-        within: the only part of each to take, from and to, s; all of it by default.
-        network: its kind and sizes; None takes a recipe's default.
-        seeds: tried in turn until every motion passes the self-test.
-        progress: called with each step in a few words.
+        options: override all files.
+        within: part of each to use, from and to, s; by default all.
+        network: its kind and sizes; None is the default of a recipe.
+        seeds: tried until every motion passes the self-test.
+        progress: called with each step.
         jobs: where recordings are read; the network is trained here.
 
     Raises:
@@ -128,7 +125,7 @@ def learn(
     takes = _takes(recordings_in(paths))
     files = list(takes)
     names = _names(files)
-    examined: list[Examined] = []
+    examined: list[AnalysedRecording] = []
     left_out: list[LearnedMotion] = []
     tasks = (delayed(_examined)(file, names[file], options, takes[file], within) for file in files)
     for file, read in zip(files, spread(tasks, jobs, ordered=True), strict=True):
@@ -162,11 +159,11 @@ def learn(
 
 
 def _named(one: LearnedMotion) -> str:
-    """Why a recording was left out, with its file, which some reasons already name with a line."""
+    """The reason why a recording was left out, with its file unless the reason names it."""
     return one.remedy if one.remedy.startswith(f"{one.file} ") else f"{one.file}: {one.remedy}"
 
 
-def _row(one: Examined, training_set: TrainingSet, library: MotionLibrary) -> LearnedMotion:
+def _row(one: AnalysedRecording, training_set: TrainingSet, library: MotionLibrary) -> LearnedMotion:
     info = next(info for info in library.info.motions if info.name == one.motion.name)
     part = training_set.parts[info.name]
     if part.seam_mm is None:
@@ -184,15 +181,15 @@ def _row(one: Examined, training_set: TrainingSet, library: MotionLibrary) -> Le
     )
 
 
-def _remedy(one: Examined) -> str:
-    """What to do about a motion that failed its self-test."""
+def _remedy(one: AnalysedRecording) -> str:
+    """The remedy for a motion that failed its self-test."""
     if one.motion.plays == "loop":
         return "Set plays = 'once' in the recipe, or frames to some whole cycles, and learn the recipe."
     return "Give it frames without pauses, more neurons or a shorter piece_seconds in the recipe, and learn the recipe."
 
 
 def _takes(files: list[Path]) -> dict[Path, list[Path]]:
-    """The recordings to learn, each with the further takes of its motion, which only clips taught to a rig have."""
+    """The recordings to learn, each with further takes of a motion taught to a rig."""
     groups = by_motion(file for file in files if file.suffix.lower() == ".clip")
     further = {takes[0]: takes[1:] for takes in groups}
     taken = {take for takes in further.values() for take in takes}
@@ -201,16 +198,16 @@ def _takes(files: list[Path]) -> dict[Path, list[Path]]:
 
 def _examined(
     file: Path, name: str, options: ReadingOptions, takes: list[Path], within: tuple[float, float] | None = None
-) -> Examined | LearnedMotion:
-    """A recording that can be learned, or one that is left out, with the reason."""
+) -> AnalysedRecording | LearnedMotion:
+    """An analysed recording, or one that is left out, with the reason."""
     try:
-        return examine(file, name, options, within, takes)
+        return analyse_recording(file, name, options, within, takes)
     except MotiondeckError as error:
         return LearnedMotion(name, file, remedy=str(error).removeprefix(f"{file}: "))
 
 
 def _names(files: list[Path]) -> dict[Path, str]:
-    """A name for each file that can be typed: its stem, with its folder or a number where stems are alike."""
+    """A name for each file that can be typed: its stem, with its folder or a number if stems are equal."""
     plain = {file: typeable(file.stem) for file in files}
     shared = Counter(plain.values())
     names: dict[Path, str] = {}

@@ -11,13 +11,13 @@ from typing import TYPE_CHECKING, Any, Literal, Union
 
 import msgspec
 
-from controller.learning.centralized.centralized_training import CentralizedRecipe
 from controller.learning.preparation.takes import by_motion, motion_of
-from controller.learning.reservoirs.phase_conceptor_training import PhaseRecipe
+from controller.learning.trainers.centralized import CentralizedRecipe
+from controller.learning.trainers.phase_conceptor import PhaseRecipe
 from controller.learning.trainers.registry import network_recipes, trainer_of
 from controller.learning.trainers.trainer import NetworkRecipe
-from controller.motion.encodings.joint_angles import how_taught
 from controller.motion.formats.reading import read_clip
+from controller.motion.formats.taught_clip import taught_mode
 from controller.motion.up_axis import Up
 from motiondeck_base.errors import FileFormatError, MotiondeckError
 from motiondeck_base.toml_file import read_toml, shaped
@@ -148,7 +148,7 @@ def gesture_recipe(name: str, clips: Sequence[Path], trim: bool = True) -> Libra
         MotionRecipe(
             name=motion_of(takes[0]),
             file=str(takes[0]),
-            plays=how_taught(takes[0]),
+            plays=taught_mode(takes[0]),
             takes=tuple(map(str, takes[1:])),
         )
         for takes in by_motion(clips)

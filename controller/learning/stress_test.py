@@ -1,8 +1,7 @@
-"""The second half of the self-test: a motion started from noise, or disturbed while it plays, must return.
+"""The second part of the self-test: a motion must return from a noisy start and from disturbances.
 
-Both disturbances are the thesis's (`disturbance.py`). One-shots of a network that runs by itself are not
-tested: after a disturbance they may be anywhere along their course, and only a guard that knows the time can put them
-back. A center does know it.
+Both disturbances are the thesis's (`disturbance.py`). One-shots of autonomous networks are not tested: after a
+disturbance they may be at any phase. Centers keep the phase.
 """
 
 from __future__ import annotations
@@ -24,14 +23,7 @@ _WORDS: dict[Kind, str] = {"robustness": "started from noise", "stability": "dis
 def stress_test(
     network: AnyNetwork, verdicts: dict[str, MotionVerdict], judge: Judge, seed: int
 ) -> dict[str, MotionVerdict]:
-    """The verdicts of the free runs, made worse where a motion does not survive a disturbance.
-
-    Args:
-        network: what is tested.
-        verdicts: of `self_test`.
-        judge: of its motions.
-        seed: of the noise.
-    """
+    """The verdicts of `self_test`, failed for motions that do not survive a disturbance, with noise of a seed."""
     knows_phase = network.as_phase_network is not None
     return {
         name: _stressed(network, name, verdict, judge, seed)

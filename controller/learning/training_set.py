@@ -1,4 +1,4 @@
-"""What a trainer is given: a recipe's recordings read, carried to one body and rate, cut, closed or brought to rest."""
+"""The training set of a recipe: recordings on one body at one rate, cut, closed or brought to rest."""
 
 from __future__ import annotations
 
@@ -8,9 +8,9 @@ from pathlib import Path
 
 import numpy as np
 
-from controller.learning.preparation.cycles import in_step
+from controller.learning.preparation.cycles import aligned_cycles
 from controller.learning.preparation.loops import Seam, best_seam, close_loop, hold_end
-from controller.learning.preparation.people import in_the_manner_of
+from controller.learning.preparation.person_styles import person_variants
 from controller.learning.preparation.takes import read_takes
 from controller.learning.preparation.training_motion import TrainingMotion, Variant
 from controller.learning.recipe import LibraryRecipe, MotionRecipe, find_recording
@@ -21,7 +21,8 @@ from controller.motion.clip import Clip
 from controller.motion.encodings.encoding import Encoding, encoding_of
 from controller.motion.encodings.motion_matching import joint_features
 from controller.motion.encodings.normalisation import Normalisation
-from controller.motion.formats.reading import read_clip, skeleton_of
+from controller.motion.formats.acclaim.amc import skeleton_of
+from controller.motion.formats.reading import read_clip
 from controller.motion.reading_options import ReadingOptions
 from controller.motion.rotations import Array, dot
 from controller.motion.skeleton import Skeleton
@@ -37,13 +38,13 @@ Reader = Callable[[MotionRecipe], Clip]
 
 @dataclass(frozen=True)
 class LearnedPart:
-    """Which part of a recording a motion is learned from, and how well it closes.
+    """The part of a recording that is learned.
 
     Attributes:
-        first, end: where it begins and ends in the recording, s.
-        recorded: how long the recording is, s.
-        seam_mm, seam_degrees: how far joints are apart (on average) and bones are turned (at most) where a loop is
-            closed, before the mismatch is eased out; None of a one-shot.
+        first, end: in the recording, s.
+        recorded: duration of the recording, s.
+        seam_mm, seam_degrees: mean distance of joints, and largest angle of a bone, at the seam of a loop before the
+            mismatch is eased out; None for a one-shot.
     """
 
     first: float
@@ -55,18 +56,18 @@ class LearnedPart:
 
 @dataclass(frozen=True)
 class TrainingSet:
-    """The frames that a recipe wants learned.
+    """The training frames of a recipe.
 
     Attributes:
         encoding: of the channels.
-        rate: frames per second.
-        frames: what each motion is learned from, shape (T, channels), in the encoding's units.
-        loops: whether it is a loop.
-        before: what was recorded before those frames, of each motion, or nothing.
-        parts: which part of its recording each motion is learned from; not of recordings learned as they are.
+        rate: frames per second, Hz.
+        frames: of each motion, shape (T, channels), in the encoding's units.
+        loops: whether each motion is a loop.
+        before: recorded frames before those, if any.
+        parts: learned part of each recording; not for recordings learned as recorded.
         least_range: of a channel, for its normalisation, in its unit.
-        variants: of motions with an input, the loop at each of its values, the first as in `frames`; and
-        inputs: what their inputs are called.
+        variants: of motions with an input, the loop at each of its values, the first as in `frames`.
+        inputs: names of the inputs.
     """
 
     encoding: Encoding
@@ -80,7 +81,7 @@ class TrainingSet:
     inputs: dict[str, str] = field(default_factory=dict[str, str])
 
     def normalised(self) -> tuple[list[TrainingMotion], Normalisation]:
-        """What a trainer is given, and the normalisation of its channels."""
+        """The normalised training motions, and the normalisation."""
         variants = [variant.frames for loops in self.variants.values() for variant in loops]
         normalisation = Normalisation.fit([*self.frames.values(), *self.before.values(), *variants], self.least_range)
         return [
@@ -108,18 +109,16 @@ class TrainingSet:
 def prepare(
     recipe: LibraryRecipe, data: Path, progress: Progress = lambda _: None, read: Reader | None = None
 ) -> TrainingSet:
-    """Reads a recipe's recordings, carries them to one body and rate, and closes their loops or holds their ends.
-
-    A recipe that wants them as recorded gets them so.
+    """Reads a recipe's recordings, carries them to one body and rate, and closes loops or holds ends.
 
     Args:
-        recipe: what to read.
-        data: the folder that its files lie in.
-        progress: called with each step in a few words.
-        read: gives the clip of a motion; None reads its file.
+        recipe: of the library; `as_recorded` leaves the frames unchanged.
+        data: folder of its files.
+        progress: called with each step.
+        read: returns the clip of a motion; None reads its file.
 
     Raises:
-        FileFormatError: one line for each recording that is missing, damaged or lacks the frames that are wanted.
+        FileFormatError: one line for each recording that is missing, damaged or lacks frames of the recipe.
     """
     clips: dict[str, Clip] = {}
     problems: list[str] = []
@@ -147,7 +146,7 @@ def prepare(
         if motion.input:
             takes = [clip, *(read_clip(find_recording(data, take)) for take in motion.takes)]
             alike = [carried(resampled(take, rate), encoding.skeleton) for take in takes]
-            variants[motion.name] = _of_one_person(motion, in_step(encoding, alike, motion.values, rate))
+            variants[motion.name] = _of_one_person(motion, aligned_cycles(encoding, alike, motion.values, rate))
             usual = variants[motion.name][0]
             frames[motion.name] = usual.frames
             parts[motion.name] = LearnedPart(0.0, usual.seconds, clip.duration)
@@ -169,15 +168,15 @@ def prepare(
 
 
 def _of_one_person(motion: MotionRecipe, recorded: list[Variant]) -> list[Variant]:
-    """A motion at each of its values as the first of its people does it; as recorded, where none are given."""
+    """A motion at each of its values as done by the first of its people; as recorded, if none are named."""
     if not motion.people:
         return recorded
     values = list(dict.fromkeys(one.value for one in recorded))
-    return in_the_manner_of(motion.people[0], recorded, motion.people, values)
+    return person_variants(motion.people[0], recorded, motion.people, values)
 
 
 def read_motion(data: Path, motion: MotionRecipe) -> Clip:
-    """The recording of a motion, all of its frames, or its takes joined; mirrored if it is to be."""
+    """The recording of a motion, or its joined takes; mirrored if the recipe says so."""
     path = find_recording(data, motion.file)
     takes = [path, *(find_recording(data, take) for take in motion.takes)]
     clip = (
@@ -189,13 +188,13 @@ def read_motion(data: Path, motion: MotionRecipe) -> Clip:
 
 
 def reading_options(data: Path, path: Path, motion: MotionRecipe) -> ReadingOptions:
-    """How the recording of a motion is to be read."""
+    """The reading options of a motion."""
     skeleton = skeleton_of(path, data) if motion.skeleton is None else find_recording(data, motion.skeleton)
     return ReadingOptions(skeleton, motion.unit, motion.up, motion.rename)
 
 
 def _body(recipe: LibraryRecipe, data: Path, clips: dict[str, Clip]) -> Skeleton:
-    """The skeleton that a recipe's motions are carried to."""
+    """The skeleton of a recipe's motions."""
     if recipe.body:
         path = find_recording(data, recipe.body)
         motion = next((one for one in recipe.motions if one.file == recipe.body), MotionRecipe(name="", file=""))
@@ -207,17 +206,14 @@ def _body(recipe: LibraryRecipe, data: Path, clips: dict[str, Clip]) -> Skeleton
 def to_learn(
     encoding: Encoding, clip: Clip, motion: MotionRecipe, rate: float, loop_keeps: float
 ) -> tuple[Array, LearnedPart]:
-    """The frames to learn of a recording: a closed loop, or a motion that holds its end.
+    """The training frames (T, C) of a recording, a closed loop or a motion with a hold, and their part of it.
 
     Args:
         encoding: of the channels; the clip is carried to its body.
-        clip: all frames of the recording, left and right exchanged already where that is wanted.
-        motion: which of them are wanted, and how they play.
-        rate: of the frames to learn, Hz.
-        loop_keeps: the least share of them that a loop keeps.
-
-    Returns:
-        Shape (T, C), and where in the recording they are.
+        clip: of the recording, already mirrored if wanted.
+        motion: its frames and mode.
+        rate: of the training frames, Hz.
+        loop_keeps: the least share of the frames that a loop keeps.
     """
     channels = encoding.encode(carried(resampled(cut(clip, motion), rate), encoding.skeleton))
     begin, recorded = (motion.frames or (0, 0))[0] / clip.rate, len(clip) / clip.rate
@@ -227,19 +223,15 @@ def to_learn(
     features = joint_features(encoding, channels)
     seam = best_seam(features, rate, at_least=loop_keeps)
     part = LearnedPart(
-        begin + seam.start / rate, begin + seam.end / rate, recorded, *apart_at(encoding, channels, features, seam)
+        begin + seam.start / rate, begin + seam.end / rate, recorded, *seam_error(encoding, channels, features, seam)
     )
     return close_loop(channels, seam, encoding.velocities, rate), part
 
 
-def apart_at(encoding: Encoding, channels: Array, features: Array, seam: Seam) -> tuple[float, float]:
-    """How far joints are apart on average where a loop is closed, mm, and by how much the bone that is most, degrees.
+def seam_error(encoding: Encoding, channels: Array, features: Array, seam: Seam) -> tuple[float, float]:
+    """Mean distance of joints, mm, and largest angle of a bone, degrees, at a seam of channels (T, C).
 
-    Args:
-        encoding: of the channels.
-        channels: shape (T, C).
-        features: their joint positions, shape (T, F), mm.
-        seam: where the loop begins and ends.
+    `features` are the joint positions, shape (T, F), mm.
     """
     ends = [seam.start, seam.end]
     first, last = features[ends]
@@ -249,10 +241,10 @@ def apart_at(encoding: Encoding, channels: Array, features: Array, seam: Seam) -
 
 
 def cut(clip: Clip, motion: MotionRecipe) -> Clip:
-    """The frames of a clip that a recipe wants.
+    """The frames of a clip in a recipe.
 
     Raises:
-        FileFormatError: if they are not in it, too few, or the body or a limb jumps in them.
+        FileFormatError: if they are not in the clip, are too few, or have a jump or a spike.
     """
     first, end = motion.frames or (0, len(clip))
     if not 0 <= first < end <= len(clip):

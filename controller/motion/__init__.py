@@ -1,1 +1,1 @@
-"""Motion capture: skeletons, clips, one reader per file format, and the encodings that networks learn."""
+"""Motion capture: skeletons, clips, a reader for each file format, and the encodings that networks learn."""

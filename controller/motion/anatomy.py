@@ -1,15 +1,14 @@
-"""Anatomy: which bone of a skeleton is the thigh, by the usual names, and by its shape where names tell nothing.
+"""Anatomy: the body part of each bone of a skeleton, by usual names or else by shape.
 
-Names count where both legs bear them (`bone_names`); arms without such names are found by their shape, and a spine
-without them leads to the arms. A bone without a name of its own belongs to what it leads to: on the way to a thigh it
-is hip, on the way to an upper arm clavicle, on the way to the head trunk or neck. Fingers belong to the hand, toes to
-the foot.
+Names are used if both legs have them (`bone_names`); arms without such names are found by shape, and a spine without
+them leads to the arms. An unnamed bone belongs to the part that it leads to: towards a thigh it is hip, towards an
+upper arm clavicle, towards the head trunk or neck. Fingers belong to the hand, toes to the foot.
 
-By shape: limbs come in twos of the same length. Two that branch off at the root are the legs, two that branch off
-further up the arms, and the spine is the way between them and on to the highest end near the middle. Where that is not
-clear, the body is taken to stand with its arms out: what branches off at the root and ends below it is a leg, what
-branches off further up is an arm; the longest on each side, for faces and twist bones branch off too. Along a leg the
-two neighbours that are longest together are thigh and shank; along an arm the longest bone is the upper arm.
+By shape: limbs are pairs of chains of the same length. The pair that branches off at the root is the legs, the pair
+further up the arms, and the spine connects them and continues to the highest end near the middle. If that is ambiguous,
+the body is assumed to stand with its arms out: chains from the root that end below it are legs, chains from further up
+are arms; the longest on each side, since faces and twist bones branch off too. Thigh and shank are the two neighbours
+of a leg with the largest sum of lengths; the upper arm is the longest bone of an arm.
 """
 
 from __future__ import annotations
@@ -25,10 +24,9 @@ from controller.motion.bone_names import NamedPart, named_parts
 from controller.motion.rotations import Array
 from controller.motion.skeleton import ROOT, Skeleton
 
-SHORTEST_LIMB = 0.25  # of the longest way through the body: fingers and eyes come in twos as well
-SAME_LENGTH = 0.06  # the share by which a limb's length may differ from its counterpart's
-# Forearm and hand, as recorded mostly without the fingers, over the upper arm.
-BEYOND_ELBOW = 1.25
+SHORTEST_LIMB = 0.25  # of the longest path through the body: fingers and eyes are pairs as well
+SAME_LENGTH = 0.06  # relative difference between the lengths of a pair of limbs
+BEYOND_ELBOW = 1.25  # forearm and hand, mostly recorded without fingers, over the upper arm
 
 Part = Literal[
     "trunk", "neck", "head", "hip", "thigh", "shank", "foot", "clavicle", "upper arm", "forearm", "hand", "other"
@@ -39,12 +37,7 @@ SIDES: tuple[Side, Side] = ("left", "right")
 
 @dataclass(frozen=True)
 class Anatomy:
-    """What each of the B bones of a skeleton is.
-
-    Attributes:
-        part: the body part each bone belongs to, length B.
-        side: the side each bone is on, length B.
-    """
+    """Body part and side of each of the B bones of a skeleton, length B each."""
 
     part: tuple[Part, ...]
     side: tuple[Side, ...]
@@ -54,7 +47,7 @@ class Anatomy:
         return next(iter(self.all(part, side)), None)
 
     def all(self, part: Part, side: Side | None = None) -> list[int]:
-        """The bones of a part, from the root outwards; of both sides where no side is given."""
+        """The bones of a part, from the root outwards; by default of both sides."""
         return [
             bone
             for bone, (p, s) in enumerate(zip(self.part, self.side, strict=True))
@@ -63,12 +56,12 @@ class Anatomy:
 
 
 def anatomy(skeleton: Skeleton) -> Anatomy:
-    """The parts of any skeleton, by names and else by shape; what resembles no part of a human is "other"."""
+    """The parts of any skeleton, by names or else by shape; other bones are "other"."""
     return named_anatomy(skeleton) or shaped_anatomy(skeleton)
 
 
 def named_anatomy(skeleton: Skeleton) -> Anatomy | None:
-    """The parts of a skeleton whose names say what both legs are; None for others."""
+    """The parts of a skeleton whose names identify both legs; None for others."""
     named = named_parts(skeleton.bones)
     bones = {(of.part, of.side): bone for bone, of in reversed(list(enumerate(named))) if of is not None}
 
@@ -97,7 +90,7 @@ def named_anatomy(skeleton: Skeleton) -> Anatomy | None:
         of = named[bone]
         if part[bone] != "other":
             continue
-        # Blender's rigs call it spine up to the head.
+        # Blender's rigs name bones spine up to the head.
         above = place > level and not heads
         if of is not None and of.part in ("trunk", "neck", "head") and not above:
             part[bone] = of.part
@@ -109,7 +102,7 @@ def named_anatomy(skeleton: Skeleton) -> Anatomy | None:
 
 
 def leg_without_name(skeleton: Skeleton) -> Side | None:
-    """The side whose leg names do not tell though they tell the other: by shape, some other limb would pass for it."""
+    """The side of the only leg without usual names: by shape, another limb would pass for it."""
     named = set(named_parts(skeleton.bones))
     has = {side: {("thigh", side), ("shank", side)} <= named for side in SIDES}
     return next((side for side in SIDES if not has[side]), None) if any(has.values()) else None
@@ -127,7 +120,7 @@ def _name_limb(
     part: list[Part],
     side: list[Side],
 ) -> bool:
-    """Names a leg or an arm from its two long bones; False if the names do not give them one after the other."""
+    """Labels a leg or an arm from its two long bones; False if they are not named, or not in one chain."""
     upper, lower = first(kinds[1], which), first(kinds[2], which)
     if upper is None or lower is None or not skeleton.chain[lower, upper] or upper == lower:
         return False
@@ -153,9 +146,9 @@ def _name_limb(
 
 
 def _level(skeleton: Skeleton, spine: list[int], arm: int) -> int:
-    """The place in the spine of the last bone of the trunk, by an arm that branches off.
+    """The index in the spine of the last bone of the trunk, from an arm that branches off.
 
-    Bones "A-B" and "A-C" begin in one joint (`joint_tree`): up to the neck it is trunk beside a collar bone.
+    Bones "A-B" and "A-C" begin in one joint (`joint_tree`): beside a collar bone the spine is still trunk.
     """
     place = spine.index(_parent(skeleton, arm))
     start, way, _ = skeleton.bones[arm].partition("-")
@@ -166,14 +159,14 @@ def _level(skeleton: Skeleton, spine: list[int], arm: int) -> int:
 def _belongs(
     skeleton: Skeleton, bone: int, upper: int, first: Callable[[Part, Side], int | None], which: Side, kind: Part
 ) -> bool:
-    """Whether a bone above a thigh or an upper arm leads to it alone: to no other limb and no head."""
+    """Whether a bone above a thigh or an upper arm leads to no other limb and no head."""
     others = [first("thigh", side) for side in SIDES] + [first("upper arm", side) for side in SIDES]
     others += [first("head", "middle"), first("neck", "middle")]
     return not any(o is not None and o != upper and skeleton.chain[o, bone] for o in others)
 
 
 def _main_end(skeleton: Skeleton, bone: int, named: list[NamedPart | None]) -> int:
-    """The end of the way up from a bone of the spine, as far as names go."""
+    """The last named bone up from a bone of the spine."""
     while True:
         up = [int(b) for b in skeleton.children(bone) if (of := named[b]) is not None and of.part in ("neck", "head")]
         if not up:
@@ -182,7 +175,7 @@ def _main_end(skeleton: Skeleton, bone: int, named: list[NamedPart | None]) -> i
 
 
 def _way_up(skeleton: Skeleton, part: list[Part]) -> list[int]:
-    """A spine that no name tells: the way to where the arms branch off, and on to the highest end beyond."""
+    """An unnamed spine: the path to the fork of the arms, and on to the highest end beyond."""
     arms = [bone for bone in range(len(skeleton)) if part[bone] in _ARM]
     shared = [b for b in range(len(skeleton)) if part[b] == "other" and arms and skeleton.chain[arms, b].all()]
     if not shared:
@@ -202,7 +195,7 @@ def shaped_anatomy(skeleton: Skeleton) -> Anatomy:
     leaves = [bone for bone in range(len(skeleton)) if len(skeleton.children(bone)) == 0]
     pairs = _limb_pairs(skeleton, leaves)
     limbs = [branch for pair in pairs for branch in pair]
-    # With both arms known, the head is what else there is beyond them, wherever a hand is raised to.
+    # With both arms known, the head is what else lies beyond them, even with raised hands.
     beyond = [leaf for leaf in leaves if pairs and skeleton.chain[leaf, _parent(skeleton, limbs[-1])]]
     beyond = [leaf for leaf in beyond if not skeleton.chain[leaf, limbs].any()]
     top = max(beyond or leaves, key=lambda leaf: ends[leaf, 2] - abs(ends[leaf, 1]))
@@ -219,7 +212,7 @@ def shaped_anatomy(skeleton: Skeleton) -> Anatomy:
     for pair in pairs:
         left = max(pair, key=lambda branch: _first_aside(ends, ways[pair[0]], ways[pair[1]], branch == pair[1]))
         on_left |= {branch: branch == left for branch in pair}
-    arms: list[int] = []  # how far up the spine they branch off
+    arms: list[int] = []  # indices in the spine where they branch off
     for branch, way in ways.items():
         which: Side = "left" if on_left[branch] else "right"
         limb = np.flatnonzero(skeleton.chain[:, branch])
@@ -231,12 +224,12 @@ def shaped_anatomy(skeleton: Skeleton) -> Anatomy:
             if on_left[other] == on_left[branch]
             and (_parent(skeleton, other) == ROOT) == (_parent(skeleton, branch) == ROOT)
         ]
-        # Breasts, faces and twist bones branch off too: a limb is the longest of its side.
+        # Breasts, faces and twist bones branch off too: a limb is the longest chain of its side.
         if branch not in (limbs or [max(rivals, key=lambda other: skeleton.length[ways[other]].sum())]):
             continue
         if branch in limbs[2:] or (not limbs and _parent(skeleton, branch) != ROOT):
             _name_arm(skeleton, way, limb, part)
-            # Some skeletons fork below the chest: what goes up beside the arms is then trunk too.
+            # Some skeletons fork below the chest: the bone that rises beside the arms is then trunk too.
             rises = float(skeleton.rest_direction[branch, 2]) > 0.7
             arms.append(spine.index(_parent(skeleton, branch)) + rises)
         elif limbs or ends[limb, 2].min() < 0.0:
@@ -251,9 +244,9 @@ def shaped_anatomy(skeleton: Skeleton) -> Anatomy:
 
 
 def _limb_pairs(skeleton: Skeleton, leaves: list[int]) -> list[tuple[int, int]]:
-    """The branches that are both legs, then those that are both arms; empty where two such pairs are not clear.
+    """The pair of legs and the pair of arms; empty if they are ambiguous.
 
-    Limbs come in twos of the same length, whatever the pose. Legs fork off at the root, arms farther up.
+    The limbs of a pair have the same length, in any pose. Legs fork off at the root, arms further up.
     """
     length = {bone: skeleton.length[_main_path(skeleton, bone, leaves)] for bone in range(len(skeleton))}
     least = SHORTEST_LIMB * max((float(way.sum()) for way in length.values()), default=0.0)
@@ -270,13 +263,13 @@ def _limb_pairs(skeleton: Skeleton, leaves: list[int]) -> list[tuple[int, int]]:
 
 
 def _unlike(one: Array, other: Array) -> float:
-    """By what share two limbs differ in their whole length and in their longest bones."""
+    """The relative difference of two limbs, in total length or in their longest bones."""
     sums = [abs(a - b) / max(a, b) for a, b in ((one.sum(), other.sum()), (one.max(), other.max()))]
     return float(max(sums))
 
 
 def _first_aside(ends: Array, one: Sequence[int], other: Sequence[int], second: bool) -> float:
-    """How far left a limb of a pair is of its counterpart, where they first come apart: at the hips, the shoulders."""
+    """How far left a limb is of its counterpart where they first separate: at the hips or the shoulders."""
     apart = [float(ends[a, 1] - ends[b, 1]) for a, b in zip(one, other, strict=False)]
     size = max(map(abs, apart), default=0.0)
     first = next((way for way in apart if abs(way) > 0.1 * size), 0.0)
@@ -296,7 +289,7 @@ def _path(skeleton: Skeleton, bone: int) -> list[int]:
 
 
 def _main_path(skeleton: Skeleton, branch: int, leaves: list[int]) -> list[int]:
-    """The longest way down a limb, from where it branches off."""
+    """The longest path down a limb, from its branch."""
     ways = [_path(skeleton, leaf) for leaf in leaves if skeleton.chain[leaf, branch]]
     ways = [way[way.index(branch) :] for way in ways]
     return max(ways, key=lambda way: skeleton.length[way].sum())
@@ -312,7 +305,7 @@ def _name_arm(skeleton: Skeleton, main: Sequence[int], limb: np.ndarray, part: l
     length = skeleton.length[list(main)]
     upper = 0
     if len(main) > 1:
-        # The longest bone; a collar bone or a forearm may be as long, but what lies beyond it tells them apart.
+        # The longest bone; a collar bone or a forearm may be as long, but the length beyond it distinguishes them.
         ratio = np.maximum(length.sum() - np.cumsum(length), 1e-9)[:-1] / np.maximum(length[:-1], 1e-9)
         nearly_longest = length[:-1] >= 0.9 * length[:-1].max()
         upper = int(np.argmin(np.where(nearly_longest, np.abs(np.log(ratio / BEYOND_ELBOW)), np.inf)))
@@ -327,10 +320,10 @@ def _name(
     part: list[Part],
     names: tuple[Part, Part, Part, Part],
 ) -> None:
-    """Names a limb: what comes before its first long bone, the two long bones, and all that follows them."""
+    """Labels a limb: bones before its first long bone, the two long bones, and all that follow."""
     for place, bone in enumerate(main):
         part[bone] = names[min(max(place - first + 1, 0), 3)]
     for bone in limb:
-        # Whatever fingers and toes begin at the wrist or beyond; what branches off before is no part of its own.
+        # Fingers and toes begin at the wrist or beyond; other branches stay unlabelled.
         if bone not in main and any(part[above] in names[2:] for above in _path(skeleton, bone)[:-1]):
             part[bone] = names[3]

@@ -1,13 +1,12 @@
-"""What the usual names of bones and joints mean: which part of the body, and which side.
+"""Body part and side of bones and joints, by their usual names.
 
 One table serves CMU and HDM05, LAFAN1, SOMA, Mixamo, MotionBuilder, 3ds Max Biped, Rokoko, Xsens, SMPL, Bandai-Namco,
-VRM, iClone and the names of OpenSim and OpenPose: prefixes and separators are dropped, the side is taken from words
-such as "Left", "L" or "lt", and what is left is looked up. A bone is called after the joint that it starts from
-("LeftLeg" is a shank) or after itself ("ltibia"); where a joint has several bones each bears both names
-("Hips-LeftUpLeg"). Some words depend on the others: a "leg" above a "shin" is a thigh, a "foot" below an "ankle" are
-the toes, a "shoulder" above an "elbow" is an upper arm. A word that most names share ("Robot_Hips") says nothing, nor
-do words without which most parts are found ("LeftLeg_bind" beside "hair_1"). Names in other languages are translated
-(`foreign_names`).
+VRM, iClone, OpenSim and OpenPose: prefixes and separators are dropped, the side is taken from words such as "Left", "L"
+or "lt", and the rest is looked up. A bone is named after the joint that it starts from ("LeftLeg" is a shank) or after
+itself ("ltibia"); several bones of one joint have both names ("Hips-LeftUpLeg"). Some words depend on the others: a
+"leg" above a "shin" is a thigh, a "foot" below an "ankle" the toes, a "shoulder" above an "elbow" an upper arm. Words
+that most names share ("Robot_Hips"), and words besides most part names ("LeftLeg_bind" beside "hair_1"), are ignored.
+Names in other languages are translated (`foreign_names`).
 """
 
 from __future__ import annotations
@@ -75,14 +74,14 @@ _PREFIXES = re.compile(
 _RIGGED = re.compile(r"^(DEF|ORG|MCH)-")  # Blender's rigs
 _LEFT = foreign_names.LEFT | {"left", "l", "lt", "lf", "lft"}
 _RIGHT = foreign_names.RIGHT | {"right", "r", "rt", "rg", "rgt"}
-# Another part, or one at all, only where the side is said apart: "r_larm" is a lower arm, "LArm" a left one.
+# Another part with a separate side: "r_larm" is a lower arm, "LArm" a left arm.
 _SIDED_ONLY: dict[str, Part] = {"hip": "thigh", "thorax": "clavicle", "larm": "forearm", "lleg": "shank"}
 # "LFArm" is a left forearm, though "lf" elsewhere means left.
 _WHOLE = {f"{letter}{key}" for letter in "lr" for key in ("farm", "uarm")}
 _KNOWN = frozenset(_KEYS) | frozenset(ENGLISH)
 _SILENT = ("c", "m", "x", "stretch")  # the middle; a bone of Auto-Rig Pro that deforms
-_SHARED = 0.6  # of the names bear a word that says nothing
-# What a bone may lead to: a bone "A-B" belongs to A only where B continues it.
+_SHARED = 0.6  # of the names contain a word that is ignored
+# The next parts: a bone "A-B" belongs to A only if B continues it.
 _FOLLOWS: dict[Part, tuple[Part, ...]] = {
     "pelvis": ("trunk", "neck", "head", "pelvis"),
     "trunk": ("trunk", "neck", "head"),
@@ -102,7 +101,7 @@ _THESIS: dict[str, NamedPart] = {
     "head": NamedPart("head", "middle"),
 }
 LimbPart = Literal["hip", "thigh", "shank", "foot", "clavicle", "upper arm", "forearm", "hand"]
-# How the thesis's bones of either side end, and which parts they are.
+# Suffixes of the thesis's bones on either side, and their parts.
 THESIS_LIMBS: tuple[tuple[str, LimbPart], ...] = (
     ("hip", "hip"),
     ("kne", "thigh"),
@@ -118,7 +117,7 @@ for _letter, _side in _SIDES:
     _THESIS |= {_letter + end: NamedPart(part, _side) for end, part in THESIS_LIMBS}
 
 
-# Sides as they are written together with a part, the longest first: "links" before "l".
+# Sides written together with a part, the longest first: "links" before "l".
 _SPELLED: tuple[tuple[frozenset[str], Side], ...] = ((_LEFT, "left"), (_RIGHT, "right"))
 _AFFIXES: list[tuple[str, Side]] = [
     (word, side) for words, side in _SPELLED for word in sorted(words, key=len, reverse=True)
@@ -126,14 +125,14 @@ _AFFIXES: list[tuple[str, Side]] = [
 
 
 class _Style(NamedTuple):
-    """What the names of one skeleton have in common.
+    """The naming convention of a skeleton.
 
     Attributes:
-        shared: words that say nothing, because most names bear them.
-        joints: a shoulder is the upper arm, because bones are called after joints, or collar bones have other names.
-        shins: a leg is a thigh, because what follows it is called shin or knee.
-        ankles: a foot is what follows the ankle: the toes.
-        thighs: a hip of a side is what carries the thigh, because thighs have names of their own.
+        shared: ignored words, because most names contain them.
+        joints: a shoulder is the upper arm, because bones are named after joints, or collar bones have other names.
+        shins: a leg is a thigh, because a shin or knee follows.
+        ankles: a foot is the toes, because an ankle precedes it.
+        thighs: a hip with a side is above the thigh, because thighs have other names.
     """
 
     shared: frozenset[str]
@@ -144,7 +143,7 @@ class _Style(NamedTuple):
 
     @classmethod
     def of(cls, names: Iterable[str]) -> _Style:
-        """The style of some names, of joints or of bones between two ("A-B")."""
+        """The convention of names of joints or of bones between two joints ("A-B")."""
         joints = {joint for name in names for joint in _RIGGED.sub("", name).split("-")}
         said = [frozenset(_words(joint)) for joint in joints]
         counts = Counter(word for words in said for word in words)
@@ -165,7 +164,7 @@ class _Style(NamedTuple):
         return cls(shared, joints, "leg" in keys and shins and not thighs, "ankle" in keys, thighs)
 
     def part(self, name: str) -> NamedPart | None:
-        """What the name of a joint means."""
+        """The part of a joint."""
         key, side = _key(name, self.shared)
         if side == "middle":
             part = _KEYS.get(key)
@@ -185,11 +184,11 @@ class _Style(NamedTuple):
 
 
 def named_parts(names: Iterable[str]) -> list[NamedPart | None]:
-    """The part that each name of a skeleton means; None where it means none of a human's."""
+    """The body part of each name of a skeleton, or None."""
     return list(_named_parts(tuple(names)))
 
 
-@lru_cache(maxsize=64)  # while a recording is read, its body is looked at in many poses
+@lru_cache(maxsize=64)  # reading one recording evaluates its body in many poses
 def _named_parts(names: tuple[str, ...]) -> tuple[NamedPart | None, ...]:
     if set(_THESIS) <= set(names):
         return tuple(_THESIS.get(name) for name in names)
@@ -198,7 +197,7 @@ def _named_parts(names: tuple[str, ...]) -> tuple[NamedPart | None, ...]:
 
 
 def _named(name: str, style: _Style) -> NamedPart | None:
-    """The part of one bone: its own, or that of the way to the joint it leads to."""
+    """The part of one bone: its own, or that of the joint it leads to."""
     start, *end = _RIGGED.sub("", name).split("-", 1)
     own = style.part(start)
     if not end:
@@ -218,7 +217,7 @@ def _named(name: str, style: _Style) -> NamedPart | None:
 
 @lru_cache(maxsize=4096)
 def _words(name: str) -> tuple[str, ...]:
-    """The words of a name in small letters, without the prefixes of the usual exporters."""
+    """The words of a name in lower case, without the prefixes of common exporters."""
     name = without_accents(re.split("[:|/]", name)[-1])
     name = re.sub(r"([a-z0-9])([A-Z])", r"\1 \2", name)
     name = re.sub(r"([A-Z])([A-Z][a-z])", r"\1 \2", name)
@@ -230,7 +229,7 @@ def _words(name: str) -> tuple[str, ...]:
 
 @lru_cache(maxsize=4096)
 def _key(name: str, shared: frozenset[str]) -> tuple[str, Side]:
-    """A name in English without prefix, separators, numbers and side; and the side."""
+    """A name in English without prefix, separators, numbers and side; and its side."""
     return _english_key(tuple(word for word in _words(name) if word not in shared))
 
 
@@ -241,7 +240,7 @@ def _english_key(words: tuple[str, ...]) -> tuple[str, Side]:
 
 
 def _besides_parts(names: Iterable[tuple[str, ...]]) -> frozenset[str]:
-    """The words that the names of most parts bear besides the part: a prefix, or what an exporter adds."""
+    """The words that most names contain besides the part: a prefix or suffix of an exporter."""
     parts: dict[frozenset[str], set[tuple[str, Side]]] = {}
     for words in names:
         found = _besides_part(words)
@@ -253,7 +252,7 @@ def _besides_parts(names: Iterable[tuple[str, ...]]) -> frozenset[str]:
 
 @lru_cache(maxsize=4096)
 def _besides_part(words: tuple[str, ...]) -> tuple[frozenset[str], tuple[str, Side]] | None:
-    """The words of a name besides the most that together name a part, and that part; None if none do."""
+    """The words of a name besides the longest sequence that names a part, and that part; or None."""
     for count in range(len(words), 0, -1):
         for at in range(len(words) - count + 1):
             key, side = _english_key(words[at : at + count])

@@ -1,4 +1,4 @@
-"""A clip: one recorded motion of one skeleton at a steady rate."""
+"""A clip: one recorded motion of a skeleton at a constant rate."""
 
 from __future__ import annotations
 
@@ -16,12 +16,12 @@ class Clip:
     """T frames of a skeleton with B bones.
 
     Attributes:
-        name: what is done.
-        skeleton: who does it.
-        rate: frames per second.
+        name: of the motion.
+        skeleton: of the body.
+        rate: frames per second, Hz.
         root_position: shape (T, 3), m; z up.
         rotation: world rotation of the root and of each bone, shape (T, 1 + B, 4).
-        source: where it comes from, for provenance.
+        source: file name, for provenance.
 
     Raises:
         FileFormatError: if shapes disagree, a number is not finite, the rate is not positive, or there are no frames.

@@ -1,4 +1,4 @@
-"""Names of the body in other languages than English, and the English word that `bone_names` knows for each."""
+"""Names of body parts in other languages, and the English word of `bone_names` for each."""
 
 from __future__ import annotations
 
@@ -40,7 +40,7 @@ _SIDES = {
 
 
 def without_accents(name: str) -> str:
-    """A name without the marks that letters bear; letters of other alphabets stay."""
+    """A name without accents; letters of other alphabets stay."""
     if name.isascii():
         return name
     marked = unicodedata.normalize("NFKD", name.replace("ß", "ss"))

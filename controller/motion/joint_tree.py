@@ -1,37 +1,41 @@
-"""A recorded tree of joints, whatever file it came from, made into bones.
+"""Turns a recorded tree of joints, of any file, into a clip of rigid bones.
 
-A reader gives where every joint is and how it is turned, frame by frame; here joints become rigid bones:
+A reader gives the world position and rotation of every joint in every frame:
 
-- The root is the joint called hips or pelvis, or else the first fork; what is above it ("Reference", "Armature", a root
-  on the floor) only carries the body, and its movement is in the positions.
-- A joint becomes the bone from itself to its children. Where these begin in different places there is one bone for each
-  of them, called after both joints ("Hips-LeftUpLeg"); children that begin where their parent does add no bone.
-- A joint that ends the tree without an end site is a bone too if it is a hand or a head: how it is turned is recorded,
-  only its length is not. It continues the bone before it, in the zero pose where that is a body's, else on average.
-- Where a bone changes its length or bends (position channels), it is as long as in the median frame, and turned in each
-  frame to where it points there.
+- The root is the joint called hips or pelvis, or else the first fork; joints above it ("Reference", "Armature", a root
+  on the floor) only carry the body, and their movement is in the positions.
+- A joint becomes the bone from itself to its children. Children in different places give one bone each, named after
+  both joints ("Hips-LeftUpLeg"); children in the same place as their parent add no bone.
+- A last joint without an end site is a bone too if it is a hand or a head: its rotation is recorded, not its length. It
+  continues the bone before it, in the zero pose if that is one of a body, else on average.
+- A bone that changes its length or bends (position channels) has the length of the median frame, and its recorded
+  direction in each frame.
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from pathlib import Path
 from typing import TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
 
 from controller.motion.bone_names import NamedPart, named_parts
-from controller.motion.rest_pose import RecordedBody
-from controller.motion.rotations import Array, between, conjugate, dot, multiply, normalise, rotate
+from controller.motion.clip import Clip
+from controller.motion.reading_options import ReadingOptions
+from controller.motion.rest_pose import RecordedBody, rest_skeleton
+from controller.motion.rotations import Array, between, conjugate, continuous, dot, multiply, normalise, rotate
+from controller.motion.up_axis import Up
 from motiondeck_base.errors import FileFormatError
 
-MOST_POSES = 15_000_000  # joints times frames: what fits into the memory of a laptop
-COINCIDENT = 1e-4  # of the body's size: exporters write 0.000069 for joints that sit in one place
-Parts: TypeAlias = list[NamedPart | None]  # what the name of each joint means
-# How long a bone is whose end the file does not give: a head against the spine below it, a hand against its arm.
+MOST_POSES = 15_000_000  # joints times frames that fit into the memory of a laptop
+COINCIDENT = 1e-4  # of the body's size: exporters write 0.000069 for joints in one place
+Parts: TypeAlias = list[NamedPart | None]  # body part of each joint, by its name
+# Assumed length of a bone without an end: a head relative to the spine below it, a hand to its arm.
 HEAD_PER_SPINE, HAND_PER_ARM = 0.25, 0.35
-BENT = 0.5  # cosine: nobody's wrist or neck is bent by more than 60 degrees on average
+BENT = 0.5  # cosine: wrists and necks are bent by less than 60 degrees on average
 
 
 @dataclass(frozen=True, eq=False)
@@ -39,11 +43,11 @@ class JointTree:
     """J joints over T frames, in the axes and the unit of a file.
 
     Attributes:
-        names: of the joints, no two alike.
-        parent: of each joint, shape (J,), parents first; -1 for the one at the top.
+        names: of the joints, unique.
+        parent: of each joint, shape (J,), parents first; -1 at the top.
         position: world positions, shape (T, J, 3).
         rotation: world rotations, shape (T, J, 4).
-        turns: whether a joint's own rotation is recorded (an end site's is not), shape (J,).
+        turns: whether the rotation of a joint is recorded (not of an end site), shape (J,).
     """
 
     names: tuple[str, ...]
@@ -56,14 +60,12 @@ class JointTree:
 def played(
     names: Sequence[str], parent: Sequence[int], place: Array, turn: Array, turns: NDArray[np.bool_]
 ) -> JointTree:
-    """The tree whose joints stand and turn as given against their parents.
+    """Forward kinematics: the tree of joints whose poses relative to their parents are known.
 
     Args:
-        names: of the joints, no two alike.
-        parent: of each joint, parents first; -1 for the one at the top.
-        place: of each joint seen from its parent, shape (T, J, 3); overwritten by the tree's own positions.
-        turn: of each joint against its parent, shape (T, J, 4); overwritten by the tree's own rotations.
-        turns: whether a joint's own rotation is recorded, shape (J,).
+        names, parent, turns: as in JointTree.
+        place: position of each joint in its parent, shape (T, J, 3); overwritten by world positions.
+        turn: rotation of each joint relative to its parent, shape (T, J, 4); overwritten by world rotations.
     """
     for joint, above in enumerate(parent):
         if above >= 0:
@@ -73,7 +75,7 @@ def played(
 
 
 def distinct(names: Iterable[str]) -> list[str]:
-    """Names of which no two are alike: a name that was there before gets a number."""
+    """Unique names: a repeated name gets a number."""
     found: dict[str, None] = {}
     for name in names:
         number = 2
@@ -85,12 +87,36 @@ def distinct(names: Iterable[str]) -> list[str]:
     return list(found)
 
 
-def body_of(tree: JointTree, path: object) -> RecordedBody:
-    """The bones of a tree.
+def clip_of(
+    tree: JointTree,
+    rate: float,
+    path: str | Path,
+    options: ReadingOptions,
+    *,
+    unit: float | None = None,
+    up: Up | None = None,
+) -> Clip:
+    """The clip of a tree of joints.
+
+    Args:
+        tree: the joints, in the axes and the unit of the file.
+        rate: frames per second, Hz.
+        path: of the file, which names the clip.
+        options: override the file.
+        unit: of length, m, by the file or its format; None detects it.
+        up: vertical axis, by the file or its format; None detects it.
 
     Raises:
         FileFormatError: naming the file, if no body has such joints.
     """
+    name = Path(path).stem
+    tree = replace(tree, names=options.renamed(tree.names, path))
+    skeleton, position, rotation = rest_skeleton(name, _body_of(tree, path), options.unit or unit, options.up or up)
+    return Clip(name, skeleton, rate, position, continuous(rotation), Path(path).name)
+
+
+def _body_of(tree: JointTree, path: str | Path) -> RecordedBody:
+    """The bones of a tree."""
     children = [np.flatnonzero(tree.parent == joint).tolist() for joint in range(len(tree.names))]
     above = np.maximum(tree.parent, 0)
     offset = rotate(conjugate(tree.rotation[:, above]), tree.position - tree.position[:, above])
@@ -136,12 +162,12 @@ def body_of(tree: JointTree, path: object) -> RecordedBody:
 
 
 def _median(frames: Array) -> Array:
-    """The median over some hundred frames: enough to see past a few bad ones."""
+    """The median over some hundred frames, which ignores a few bad ones."""
     return np.median(frames[:: max(1, len(frames) // 400)], axis=0)
 
 
 def _root(tree: JointTree, parts: Parts, children: list[list[int]]) -> int:
-    """The joint that the body hangs from: the hips, or what is above them if thighs or a spine hang from there."""
+    """The root of the body: the hips, or their ancestor that also carries the thighs and the spine."""
     named = (
         joint for joint, part in enumerate(parts) if part is not None and part.part == "pelvis" and children[joint]
     )
@@ -159,7 +185,7 @@ def _root(tree: JointTree, parts: Parts, children: list[list[int]]) -> int:
 
 
 def _above(tree: JointTree, joint: int) -> list[int]:
-    """A joint and what it hangs from."""
+    """A joint and its ancestors."""
     way = [joint]
     while tree.parent[way[-1]] >= 0:
         way.append(int(tree.parent[way[-1]]))
@@ -181,7 +207,7 @@ def _bones(
     root: int,
     names: list[str],
 ) -> Iterator[tuple[int, int | None, int]]:
-    """Names each bone and gives the joints it leads from and to (None: assumed), and the bone it hangs from."""
+    """Names each bone and yields the joints it leads from and to (None: assumed), and its parent bone."""
     waiting = [(root, -1)]  # a joint, and the bone that ends in it
     while waiting:
         joint, above = waiting.pop()
@@ -192,7 +218,7 @@ def _bones(
             names.append(tree.names[joint])
             yield joint, None, above
         below: list[tuple[int, int]] = []
-        begun: list[tuple[Array, int]] = []  # where the joint's bones end, and which bones they are
+        begun: list[tuple[Array, int]] = []  # ends and indices of the joint's bones
         for child in children[joint]:
             bone = above
             if child in apart:
@@ -211,7 +237,7 @@ def _bones(
 
 
 def _called(tree: JointTree, parts: Parts, children: list[list[int]], joint: int, offset: Array, least: float) -> str:
-    """What a bone that begins in a joint is called: the joint, or one in the same place of which only it hangs."""
+    """The name of a bone that begins in a joint: of the joint, or of its only-child ancestor in the same place."""
     place = joint
     while parts[place] is None and tree.parent[place] >= 0 and np.abs(offset[place]).max() <= least:
         place = int(tree.parent[place])
@@ -242,7 +268,7 @@ def _unfinished(tree: JointTree, parts: Parts, children: list[list[int]], joint:
 
 
 def _leading(tree: JointTree, parts: Parts, joint: int, offset: Array, least: float, root: int) -> list[int]:
-    """The joints in which the bones end that lead to a joint from the trunk, the last one first."""
+    """The ends of the bones that lead from the trunk to a joint, the last one first."""
     way = _above(tree, joint)
     way = way[: way.index(root)]
     names = [parts[above] for above in way]
@@ -251,9 +277,9 @@ def _leading(tree: JointTree, parts: Parts, joint: int, offset: Array, least: fl
 
 
 def _ways_on(tree: JointTree, ends: dict[int, list[int]], offset: Array) -> dict[int, Array]:
-    """Where bones point that continue those before them, seen from their own joints: in the zero pose, or on average.
+    """Directions of bones that continue those before them, in their own joints: in the zero pose, or on average.
 
-    A zero pose that bends one of them is none of a body: there the joints' axes have directions of their own.
+    A zero pose that bends one of them is not that of a body: there the axes of joints are arbitrary.
     """
     straight = {joint: normalise(offset[before[0]]) for joint, before in ends.items()}
     mean: dict[int, Array] = {}
@@ -264,7 +290,7 @@ def _ways_on(tree: JointTree, ends: dict[int, list[int]], offset: Array) -> dict
 
 
 def _assumed_length(part: NamedPart | None, before: Array) -> float:
-    """How long a bone without an end is, after those before it, shape (N, 3)."""
+    """The length of a bone without an end, from the bones before it, shape (N, 3)."""
     hand = part is not None and part.part == "hand"
     before, share = (before[:2], HAND_PER_ARM) if hand else (before, HEAD_PER_SPINE)
     return share * float(np.linalg.norm(before, axis=1).sum())

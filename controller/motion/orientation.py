@@ -1,22 +1,21 @@
-"""From bone directions to bone rotations: what marker positions leave open is settled the same way every time.
+"""Bone rotations from bone directions, with one rule for the twist.
 
 A direction fixes two of a bone's three angles. The third, the twist, follows this rule:
 
-- the root is turned so that the bones that hang from it fit best;
-- a bone swings the shortest way from where its parent carries it;
-- a bone with several children is then twisted about itself so that they fit best (a chest follows the shoulders).
+- the root has the rotation that best fits the bones at the root;
+- a bone swings by the least rotation from where its parent carries it;
+- a bone with several children is then twisted about itself to fit them best (a chest follows the shoulders).
 
-The quaternions q that turn a rest direction r onto a goal g, q r = g q, fill a plane of four-dimensional space. Two
+The quaternions q that rotate a rest direction r onto a goal g, q r = g q, fill a plane of four-dimensional space. Two
 orthogonal vectors of equal length span it, for any quaternion u whose e is not zero:
 
     e = u - g u r,    f = g e
 
-Of its unit quaternions the one with the largest <q, p> swings the shortest way from where the parent's p carries the
-bone: the projection of p,  q ~ <e, p> e + <f, p> f. Lengths matter to none of this and are made 1 in the end.
+Of its unit quaternions the one with the largest <q, p> is the least rotation from where the parent's p carries the
+bone: the projection of p,  q ~ <e, p> e + <f, p> f. Lengths are normalised at the end.
 
-The loop asks for one frame at a time, and there numpy's calls on arrays of three numbers would cost ten times more than
-the arithmetic. So the walk along the bones is written component by component: for one frame the components are plain
-numbers, for many frames they are arrays, and the same lines serve both.
+The loop needs one frame at a time, where numpy's calls on arrays of three numbers would cost ten times more than the
+arithmetic. So the walk along the bones is written by components: plain numbers for one frame, arrays for many.
 """
 
 from __future__ import annotations
@@ -32,17 +31,17 @@ from controller.motion.skeleton import Skeleton
 Vector: TypeAlias = Iterable[Any]  # x, y, z: each a float, or an array over the frames
 Quaternion: TypeAlias = Iterable[Any]  # w, x, y, z
 
-# With u = 1 the square of the length of e is 2 (1 + g . r); below half of this it is not known well.
+# With u = 1 the squared length of e is 2 (1 + g . r); below half of this it is inaccurate.
 _OPPOSITE = 0.01
 
 
 def orient(skeleton: Skeleton, direction: Array) -> Array:
-    """Rotations of the root and of each bone that turn the rest pose into the given directions.
+    """Rotations of the root and of each bone that rotate the rest pose into the given directions.
 
     Args:
         skeleton: with B bones.
-        direction: unit vectors of the bones, shape (..., B, 3), finite; a bone whose vector is zero stays where its
-            parent carries it.
+        direction: unit vectors of the bones, shape (..., B, 3), finite; a bone with a zero vector moves with its
+            parent.
 
     Returns:
         Unit quaternions, shape (..., 1 + B, 4), with rotate(result[..., 1:, :], rest_direction) == direction.
@@ -54,7 +53,7 @@ def orient(skeleton: Skeleton, direction: Array) -> Array:
     goal: Any = direction.tolist() if one_frame else np.ascontiguousarray(np.moveaxis(direction, (-2, -1), (0, 1)))
     rotation: list[Quaternion] = [root.tolist() if one_frame else np.moveaxis(root, -1, 0)]
     for (parent, (rx, ry, rz), children), target in zip(skeleton.walk, goal, strict=True):
-        # All in one piece: the loop does nothing more often, and calls would cost as much as what they do.
+        # In one piece: this is the hottest code of the loop, and calls would double its cost.
         pw, px, py, pz = rotation[parent + 1]
         gx, gy, gz = target
         w = 1.0 + gx * rx + gy * ry + gz * rz  # e with u = 1; the real part of f is zero
@@ -75,7 +74,7 @@ def orient(skeleton: Skeleton, direction: Array) -> Array:
 
 
 def _swung(carried: Any, rest: Any, goal: Any) -> Any:
-    """The least rotation from where a bone is carried to its goal, also for half turns and where there is no goal."""
+    """The least rotation from where a bone is carried to its goal, also for half turns and zero goals."""
     p, r, g = (np.stack(np.broadcast_arrays(*of), axis=-1) for of in (carried, (0.0, *rest), (0.0, *goal)))
     across = np.zeros(4)
     across[1:] = np.cross(rest, np.eye(3)[np.abs(rest).argmin()])
@@ -83,19 +82,19 @@ def _swung(carried: Any, rest: Any, goal: Any) -> Any:
     e = u - multiply(multiply(g, u), r)
     f = multiply(g, e)
     q = dot(e, p)[..., None] * e + dot(f, p)[..., None] * f
-    q = normalise(np.where(q.any(axis=-1, keepdims=True), q, e))  # after half a turn any axis will do
+    q = normalise(np.where(q.any(axis=-1, keepdims=True), q, e))  # after half a turn any axis is right
     q = np.where(g.any(axis=-1, keepdims=True), q, p)
     return q.tolist() if q.ndim == 1 else np.moveaxis(q, -1, 0)
 
 
 def _twisted(swung: Quaternion, axis: Vector, skeleton: Skeleton, children: list[int], goal: Any) -> Quaternion:
-    """A bone's rotation, of any length, turned on about the bone so that its children come nearest to their goals."""
+    """A bone's rotation, of any length, twisted about the bone so that its children come nearest to their goals."""
     w, x, y, z = swung
     ax, ay, az = axis
     cosine = sine = 0.0
     for child in children:
         (vx, vy, vz), (gx, gy, gz) = skeleton.walk[child][1], goal[child]
-        # Where the child is carried, seen across the axis, and by which angle it is off.
+        # The carried child, projected across the axis, and its angle to the goal.
         own, twice = w * w - x * x - y * y - z * z, 2.0 * (x * vx + y * vy + z * vz)
         sx = own * vx + twice * x + 2.0 * w * (y * vz - z * vy)
         sy = own * vy + twice * y + 2.0 * w * (z * vx - x * vz)
@@ -105,7 +104,7 @@ def _twisted(swung: Quaternion, axis: Vector, skeleton: Skeleton, children: list
         cosine += sx * gx + sy * gy + sz * gz
         sine += (ay * sz - az * sy) * gx + (az * sx - ax * sz) * gy + (ax * sy - ay * sx) * gz
     turn = cosine + 1j * sine
-    # The root of a complex number has half its angle; no turn where none is better.
+    # The root of a complex number has half its angle; no twist if none is better.
     half = (turn + (turn == 0.0)) ** 0.5
     half = half / abs(half)
     c, s = half.real, half.imag

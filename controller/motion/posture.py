@@ -1,4 +1,4 @@
-"""A body at one instant: a posture is how it is held; a pose also has its place and heading."""
+"""A body at one instant: a posture is relative to the heading; a pose also has a position and heading."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from controller.motion.rotations import Array, multiply, yaw
 
 @dataclass(slots=True)
 class Posture:
-    """How a body is held and how it moves along, seen from its own heading; leading axes (...) may be time.
+    """Rotations and velocities of a body relative to its heading; leading axes (...) may be time.
 
     Attributes:
         height: of the root above the ground, shape (...), m.
@@ -26,7 +26,7 @@ class Posture:
     rotation: Array
 
     def __getitem__(self, times: slice) -> Posture:
-        """The postures at some of the times, where the first axis is time."""
+        """A slice of the postures along the first axis, time."""
         return Posture(self.height[times], self.velocity[times], self.turn_rate[times], self.rotation[times])
 
 
@@ -36,7 +36,7 @@ class Pose:
 
     Attributes:
         root_position: shape (..., 3), m, z up.
-        heading: which way the body faces, about z from x, shape (...), rad.
+        heading: of the body, about z from x, shape (...), rad.
         rotation: of the root and of each bone in the world, shape (..., 1 + B, 4).
     """
 
@@ -48,8 +48,8 @@ class Pose:
 def walk_path(posture: Posture, dt: float, speed: float = 1.0) -> Pose:
     """The poses of a posture sequence of shape (T, ...) that starts at the origin facing x.
 
-    Heading and path are sums of the postures' turn rates and velocities over steps of dt seconds; the first frame's own
-    step is included, as in Jaeger's patterns.
+    Heading and path integrate the turn rates and velocities in steps of dt seconds, the first frame included, as in
+    Jaeger's patterns.
     """
     heading = np.cumsum(posture.turn_rate * dt * speed)
     step = posture.velocity * dt * speed

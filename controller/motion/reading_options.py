@@ -1,4 +1,4 @@
-"""What a person knows about a recording that its file does not say, or says wrongly."""
+"""Options that override or complete what the file of a recording says."""
 
 from __future__ import annotations
 
@@ -13,16 +13,16 @@ from motiondeck_base.files import listed
 
 @dataclass(frozen=True)
 class ReadingOptions:
-    """How to read a recording; what is None is found out from the file.
+    """How to read a recording; None detects a value from the file.
 
     Attributes:
-        skeleton: the .asf file that an .amc recording belongs to, or the body model (.npz) of an .npz.
-        unit: what one length of the file is, m, such as 0.01 for a file in cm.
-        up: the file's axis that is up.
-        rename: other names for joints, bones or markers, by the names in the file.
+        skeleton: the .asf file of an .amc recording, or the body model (.npz) of an .npz.
+        unit: unit of length of the file, m, such as 0.01 for a file in cm.
+        up: vertical axis of the file.
+        rename: new names of joints, bones or markers, by the names in the file.
 
     Raises:
-        FileFormatError: if the unit is no length that a file could be in, or the axis is another.
+        FileFormatError: if the unit or the axis is not possible.
     """
 
     skeleton: Path | None = None
@@ -39,10 +39,10 @@ class ReadingOptions:
             raise FileFormatError(f"the axis '{self.up}' cannot be up: give y or z")
 
     def renamed(self, names: tuple[str, ...], path: str | Path) -> tuple[str, ...]:
-        """Names with those replaced that have another.
+        """The names after `rename`.
 
         Raises:
-            FileFormatError: if a name to be replaced is not among them, or two would be alike.
+            FileFormatError: if a name to be replaced is not among them, or two would be equal.
         """
         missing = [old for old in self.rename if old not in names]
         if missing:
@@ -53,6 +53,11 @@ class ReadingOptions:
             raise FileFormatError(f"{path}: '{twice}' would be the name of two. Rename the other one too.")
         return new
 
+    def refuse(self, path: str | Path) -> None:
+        """Raises FileFormatError if a unit, axis or name is given, for a format that fixes all three."""
+        if self.unit is not None or self.up is not None or self.rename:
+            raise FileFormatError(f"{path}: a {Path(path).suffix} has fixed unit, axes and names: omit the options.")
+
 
 AS_FOUND = ReadingOptions()
-"""Everything is found out from the file."""
+"""Everything is detected from the file."""

@@ -1,13 +1,13 @@
-"""The rest pose of a recorded body whose file gives only some zero pose: standing, arms out, facing x, in metres.
+"""The rest pose of a recorded body from the zero pose of its file: standing, arms out, facing x, in metres.
 
-A file's zero pose may serve (the usual T or A pose), or mean nothing (bones along their own axes, as iClone writes
-them). Then the most upright frame of the recording is taken and straightened: legs down, trunk up, arms out. Of a body
-that never stands (it lies, crawls, does a handstand) frames are first turned until the pelvis is upright, if names tell
-its limbs. Which way is up is read from how the body stands and touches the ground (`up_axis`), which way it faces from
-its feet, and what one unit is from its size.
+A zero pose may be usable (the usual T or A pose) or arbitrary (bones along their own axes, as in iClone's files). Then
+the most upright frame of the recording is straightened: legs down, trunk up, arms out. For a body that never stands (it
+lies, crawls, does a handstand) frames are first rotated until the pelvis is upright, if its limbs have usual names. The
+vertical axis is detected from standing and ground contact (`up_axis`), the heading from the feet, the unit from the
+size.
 
-With K the turn of a bone from its zero pose to the rest pose, P the turn of the file's axes to ours and R the rotation
-recorded, the bone rests along K v and moves by P R K^-1, so that every joint stays where the file has it.
+With K the rotation of a bone from its zero pose to the rest pose, P that of the file's axes to ours and R the recorded
+rotation, the bone rests along K v and moves by P R K^-1, which keeps every joint where the file has it.
 """
 
 from __future__ import annotations
@@ -34,21 +34,21 @@ from controller.motion.rotations import (
 from controller.motion.skeleton import ROOT, Skeleton
 from controller.motion.up_axis import AXES, TO_OURS, UPRIGHT, Up, up_in_recording
 
-# What one unit of length may be, m: metre, centimetre, millimetre; seldom inch, and the inch / 0.45 of CMU's skeletons.
+# Units of length, m: metre, centimetre, millimetre; rarely inch, and the inch / 0.45 of CMU's skeletons.
 UNITS = (1.0, 0.01, 0.001, 0.0254, 0.0254 / 0.45)
-SELDOM = 1.8  # by this factor a seldom unit must come nearer to a person's size, or children in cm would be giants
+SELDOM = 1.8  # factor by which a rare unit must be nearer to a person's size, or children in cm would be giants
 STATURE = 1.70  # m, of a person
 LEG_PER_STATURE = 0.245 + 0.246  # thigh and shank (Winter 2009, fig. 4.1)
-SPINE_PER_STATURE = 0.470  # from the hips to the top of the head; of a short-legged character it tells the size
+SPINE_PER_STATURE = 0.470  # from the hips to the top of the head; gives the size of short-legged characters
 
 FRAMES_TRIED = 24
-FRAMES_JUDGED = 200  # at most, by which the up axis is told
-STANDING = 0.5  # of a frame that can be straightened into standing
-RAISED = -0.9  # the same where names tell the limbs and the pelvis is set upright: whatever bends can be straightened
+FRAMES_JUDGED = 200  # at most, for the vertical axis
+STANDING = 0.5  # least uprightness of a frame that can be straightened
+RAISED = -0.9  # the same for named limbs and an upright pelvis: any bend can be straightened
 # A foot bone runs from the ankle down to the toes: this far below the horizontal when the sole is flat, rad.
 FOOT_SLOPE = 0.30
-KNEES_TELL = 0.3  # what a bent knee counts against a foot when it is asked which way is ahead
-NEARLY = np.radians(10.0)  # a body turned by less than this already faces ahead
+KNEE_WEIGHT = 0.3  # of a bent knee, relative to a foot, for the heading
+NEARLY = np.radians(10.0)  # a smaller heading counts as straight ahead
 
 
 @dataclass(frozen=True, eq=False)
@@ -72,7 +72,7 @@ class RecordedBody:
 
 @dataclass(frozen=True, eq=False)
 class _Stance:
-    """One pose in which the body might rest: turns from the zero pose, (1 + B, 4), and how upright it then stands."""
+    """A candidate rest pose: rotations from the zero pose, (1 + B, 4), and its uprightness (the least cosine)."""
 
     up: Up
     turn: Array
@@ -80,16 +80,16 @@ class _Stance:
     parts: Anatomy | None
 
 
-def stand(
+def rest_skeleton(
     name: str, body: RecordedBody, unit: float | None = None, up: Up | None = None
 ) -> tuple[Skeleton, Array, Array]:
-    """A skeleton, and its root positions (T, 3), m, and rotations (T, 1 + B, 4) that move as the body does.
+    """The skeleton of a body with at least one bone, its root positions (T, 3), m, and rotations (T, 1 + B, 4).
 
     Args:
         name: of the skeleton.
-        body: with at least one bone.
-        unit: length of one of its units, m; None finds out.
-        up: the file's axis that is up; None finds out.
+        body: as recorded.
+        unit: of length, m; None detects it.
+        up: vertical axis of the file; None detects it.
     """
     zero = np.tile(IDENTITY, (1 + len(body.bones), 1))
     stances = [_stance(body, axis, zero) for axis in AXES]
@@ -114,7 +114,7 @@ def stand(
 
 
 def _stance(body: RecordedBody, up: Up, pose: Array) -> _Stance:
-    """How the body stands in a pose (1 + B, 4), turned about the vertical until it faces x."""
+    """The stance of a pose (1 + B, 4), rotated about the vertical to face x."""
     turn = multiply(TO_OURS[up], pose)
     vector = rotate(turn[1:], body.vector)
     facing = _facing(body, vector)
@@ -139,7 +139,7 @@ def _stance(body: RecordedBody, up: Up, pose: Array) -> _Stance:
 
 
 def _raised(body: RecordedBody, pose: Array) -> _Stance:
-    """How the body stands in a pose (1 + B, 4) that is turned until its pelvis is upright; by names alone."""
+    """The stance of a pose (1 + B, 4), rotated until its pelvis is upright; for usual names only."""
     vector = rotate(pose[1:], body.vector)
     skeleton = _as_skeleton(body, vector)
     parts = named_anatomy(skeleton)
@@ -156,7 +156,7 @@ def _raised(body: RecordedBody, pose: Array) -> _Stance:
 
 
 def _agreed(stances: list[_Stance]) -> _Stance:
-    """The most upright stance among those with the anatomy that most of the upright frames show."""
+    """The most upright stance with the anatomy of the majority of upright frames."""
     upright = [stance for stance in stances if stance.upright > STANDING and stance.parts is not None]
     votes = Counter(stance.parts for stance in upright)
     if not votes:
@@ -170,12 +170,12 @@ def _as_skeleton(body: RecordedBody, vector: Array) -> Skeleton:
 
 
 def _facing(body: RecordedBody, vector: Array) -> float | None:
-    """Which way a body faces whose bones are (B, 3), about z from x, rad; None if it has no two legs to tell by."""
+    """The heading of a body with bones (B, 3), about z from x, rad; None without two legs."""
     skeleton = _as_skeleton(body, vector)
     sided = _named_across(skeleton, vector)
     if sided is not None:
         return float(np.arctan2(-sided[0], sided[1]))
-    legs: list[tuple[float, Array, Array]] = []  # how long it is, where its thigh begins, what points ahead
+    legs: list[tuple[float, Array, Array]] = []  # length, start of the thigh, direction ahead
     for branch in skeleton.children(ROOT):
         limb = np.flatnonzero(skeleton.chain[:, branch])
         way = np.flatnonzero(skeleton.chain[max(limb, key=lambda bone: skeleton.chain[bone] @ skeleton.length)])
@@ -184,7 +184,7 @@ def _facing(body: RecordedBody, vector: Array) -> float | None:
             long = skeleton.length[way].sum()
             # Feet point ahead, and knees bend so that they do.
             knee = skeleton.rest_direction[way[thigh]] - skeleton.rest_direction[way[thigh + 1]]
-            ahead = vector[way[thigh + 2 :]].sum(axis=0) + KNEES_TELL * long * knee
+            ahead = vector[way[thigh + 2 :]].sum(axis=0) + KNEE_WEIGHT * long * knee
             legs.append((long, vector[way[:thigh]].sum(axis=0), ahead))
     if len(legs) < 2:
         return None
@@ -201,7 +201,7 @@ def _facing(body: RecordedBody, vector: Array) -> float | None:
 
 
 def _named_across(skeleton: Skeleton, vector: Array) -> Array | None:
-    """The way from the right thigh to the left one, flat, shape (2,), where names tell the sides."""
+    """From the right thigh to the left one, horizontally, shape (2,); None without usual names."""
     parts = named_anatomy(skeleton)
     if parts is None:
         return None
@@ -213,11 +213,11 @@ def _named_across(skeleton: Skeleton, vector: Array) -> Array | None:
 
 
 def _straightened(body: RecordedBody, stance: _Stance) -> _Stance:
-    """The stance with legs down, trunk up and arms out; what hangs from these goes along."""
+    """The stance with legs down, trunk up and arms out; other bones move with their parents."""
     parts = stance.parts
     assert parts is not None
     vector = rotate(stance.turn[1:], body.vector)
-    more = np.tile(IDENTITY, (1 + len(vector), 1))  # what each bone is turned by on top of the stance
+    more = np.tile(IDENTITY, (1 + len(vector), 1))  # additional rotation of each bone
     trunk = parts.all("trunk")
     spine = vector[trunk].sum(axis=0) if trunk else np.zeros(3)
     down, up = np.array([0.0, 0.0, -1.0]), np.array([0.0, 0.0, 1.0])
@@ -228,7 +228,7 @@ def _straightened(body: RecordedBody, stance: _Stance) -> _Stance:
         goal = {"thigh": down, "shank": down, "trunk": up, "foot": flat, "upper arm": out, "forearm": out}.get(part)
         start = vector[bone]
         if part in ("trunk", "foot"):
-            # A back keeps its curve and a foot its toes: they turn as one, where they begin.
+            # A back keeps its curve and a foot its toes: each rotates as one, at its first bone.
             first = parts.all(part, side)[0]
             start = spine if part == "trunk" else vector[first]
             goal = goal if body.parent[bone] == body.parent[first] else None
@@ -239,7 +239,7 @@ def _straightened(body: RecordedBody, stance: _Stance) -> _Stance:
 
 
 def _up_in_recording(body: RecordedBody, rest: _Stance, stands: bool, skeleton: Skeleton, unit: float) -> Up:
-    """The axis that is up while the body moves."""
+    """The vertical axis while the body moves."""
     spine = [] if rest.parts is None else rest.parts.all("trunk")
     if rest.parts is None or not spine:
         return rest.up
@@ -252,7 +252,7 @@ def _up_in_recording(body: RecordedBody, rest: _Stance, stands: bool, skeleton: 
 
 
 def _unit(body: RecordedBody, vector: Array, parts: Anatomy | None) -> float:
-    """The unit in which the body, by its legs or by its trunk and head, comes closest to a person's size."""
+    """The unit in which the body, by its legs or by its trunk and head, is nearest to a person's size."""
     skeleton = _as_skeleton(body, vector)
     legs = [] if parts is None else [*parts.all("thigh"), *parts.all("shank")]
     spine = [] if parts is None else [bone for part in ("trunk", "neck", "head") for bone in parts.all(part)]

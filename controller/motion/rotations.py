@@ -1,6 +1,6 @@
 """Unit quaternions (w, x, y, z) on the last axis of arrays, fast enough for the loop.
 
-All functions broadcast over the leading axes. A quaternion turns a vector by  v' = q v q*.
+All functions broadcast over the leading axes. A quaternion rotates a vector by  v' = q v q*.
 """
 
 from __future__ import annotations
@@ -15,16 +15,15 @@ Array = NDArray[np.float64]
 
 IDENTITY = np.array([1.0, 0.0, 0.0, 0.0])
 
-_TINY = 1e-150  # instead of nothing, where something is divided by it
+_TINY = 1e-150  # replaces 0 in divisors
 
-# In how many rounds of Newton's method the turn of one body is found, and how far apart the best and the second turn
-# have to be for that.
+# Of Newton's method in `best_fit`: iterations, and the least distance between the best and the second rotation.
 _MOST_ROUNDS = 50
 _CERTAIN = 1e-3
 
 
 def cross(a: Array, b: Array) -> Array:
-    """The vector product of (..., 3) arrays, without the overhead of numpy's general one."""
+    """The vector product of (..., 3) arrays, faster than numpy's general one."""
     out = np.empty(np.broadcast_shapes(a.shape, b.shape))
     ax, ay, az = a[..., 0], a[..., 1], a[..., 2]
     bx, by, bz = b[..., 0], b[..., 1], b[..., 2]
@@ -40,9 +39,9 @@ def dot(a: Array, b: Array) -> Array:
 
 
 def multiply(p: Array, q: Array) -> Array:
-    """The rotation that turns by q first and by p then, shapes (..., 4)."""
+    """The rotation by q, then by p, shapes (..., 4)."""
     if p.ndim == 1:
-        # One rotation for all of q is one matrix product, which the loop has ten times sooner.
+        # One rotation for all of q is one matrix product, ten times faster in the loop.
         w, x, y, z = p.tolist()
         return q @ np.array([[w, x, y, z], [-x, w, z, -y], [-y, -z, w, x], [-z, y, -x, w]])
     out = np.empty(np.broadcast_shapes(p.shape, q.shape))
@@ -61,23 +60,19 @@ def conjugate(q: Array) -> Array:
 
 
 def rotate(q: Array, v: Array) -> Array:
-    """Vectors (..., 3) turned by q (..., 4)."""
+    """Vectors (..., 3) rotated by q (..., 4)."""
     t = 2.0 * cross(q[..., 1:], v)
     return v + q[..., :1] * t + cross(q[..., 1:], t)
 
 
 class FixedVectors:
-    """Vectors that are turned again and again, each by a rotation of its own.
-
-    Args:
-        vectors: shape (n, 3).
-    """
+    """Constant vectors (n, 3) for repeated rotation, each by its own quaternion."""
 
     def __init__(self, vectors: Array) -> None:
         self.vectors = vectors
 
     def turned(self, q: Array) -> Array:
-        """The vectors turned by q (..., n, 4), as by `rotate`; by q (n, 4), if n is small, six times as fast."""
+        """The vectors rotated by q (..., n, 4), as by `rotate`; for q (n, 4) and small n six times as fast."""
         if q.ndim != 2:
             return rotate(q, self.vectors)
         products = (q[:, :, None] * q[:, None, :]).reshape(len(q), 1, 16)
@@ -85,7 +80,7 @@ class FixedVectors:
 
     @cached_property
     def _turned_by_products(self) -> Array:
-        """What each product of two parts of a quaternion makes of the vectors, shape (n, 16, 3)."""
+        """The bilinear form of the rotation: coefficients of q_i q_j for each vector, shape (n, 16, 3)."""
         vectors = self.vectors
         units, made = np.eye(4), np.empty((len(vectors), 4, 4, 3))
         for i, j in np.ndindex(4, 4):
@@ -111,10 +106,10 @@ def from_rotation_vector(v: Array) -> Array:
 
 
 def to_rotation_vector(q: Array) -> Array:
-    """Rotation vectors (..., 3) of quaternions (..., 4), the short way round: |angle| <= pi."""
+    """Rotation vectors (..., 3) of quaternions (..., 4), with |angle| <= pi."""
     cosine, axis = q[..., :1], q[..., 1:]
     sine = np.sqrt(dot(axis, axis))[..., None]
-    # q and -q are one rotation: of the two the one with a positive cosine turns the short way.
+    # q and -q are one rotation: the one with a positive cosine has the smaller angle.
     around = 2.0 * np.arctan2(sine, np.abs(cosine)) / np.maximum(sine, _TINY)
     return np.where(cosine < 0.0, -around, around) * axis
 
@@ -122,7 +117,7 @@ def to_rotation_vector(q: Array) -> Array:
 def nearest_rotation_vector(vector: Array, other: Array) -> Array:
     """Of the two rotation vectors (|angle| < 2 pi) of one rotation the one nearer to another, shapes (..., 3).
 
-    Between two instants a difference may pass half a turn, where the short way round changes sides.
+    Keeps differences continuous when they pass half a turn, where the smaller angle changes sign.
     """
     angle = np.linalg.norm(vector, axis=-1, keepdims=True)
     around = vector * (1.0 - 2.0 * np.pi / np.maximum(angle, 1e-9))
@@ -131,17 +126,14 @@ def nearest_rotation_vector(vector: Array, other: Array) -> Array:
 
 
 def about(axis: Array, angle: Array | float) -> Array:
-    """Quaternions (..., 4) that turn by angle (...) rad about unit axes (..., 3)."""
+    """Quaternions (..., 4) of rotations by angle (...) rad about unit axes (..., 3)."""
     half = 0.5 * np.asarray(angle)[..., None]
     vector = np.sin(half) * axis
     return np.concatenate([np.broadcast_to(np.cos(half), (*vector.shape[:-1], 1)), vector], axis=-1)
 
 
 def between(a: Array, b: Array) -> Array:
-    """The least rotation (..., 4) that turns unit vectors a onto unit vectors b, shapes (..., 3).
-
-    Where b = -a every axis across a would do; one of them is taken.
-    """
+    """The least rotation (..., 4) of unit vectors a onto unit vectors b, shapes (..., 3); for b = -a any of them."""
     cosine = dot(a, b)
     q = np.concatenate([1.0 + cosine[..., None], cross(a, b)], axis=-1)
     opposite = cosine < -0.99
@@ -152,10 +144,10 @@ def between(a: Array, b: Array) -> Array:
 
 
 def _nearly_opposite(a: Array, b: Array) -> Array:
-    """As `between`, for b near -a, where 1 + a . b and a x b are too small to be known well.
+    """As `between`, for b near -a, where 1 + a . b and a x b are inaccurate.
 
-    With p a unit vector across a such that b = cos t a + sin t p, turning by t about a x p gives b to the last digit
-    even if p itself is not known that well.
+    With p a unit vector across a such that b = cos t a + sin t p, rotating by t about a x p gives b to the last digit
+    even if p itself is inaccurate.
     """
     cosine = dot(a, b)
     across = b - cosine[..., None] * a
@@ -179,16 +171,15 @@ def _davenport(m: Array) -> Array:
     return k
 
 
-# It is linear in m, so what it makes of the nine unit matrices says it all: in the loop one product does the work.
+# It is linear in m, so its values for the nine unit matrices make it one product in the loop.
 _DAVENPORT = _davenport(np.eye(9).reshape(9, 3, 3)).reshape(9, 16)
 
 
 def best_fit(m: Array) -> Array:
     """Quaternions (..., 4), w >= 0, that maximise trace(R' m) for matrices m (..., 3, 3).
 
-    With m = sum_i d_i r_i' this is the rotation that best turns directions r_i onto d_i (Wahba's problem, solved by
-    Davenport's q-method: the largest eigenvector of a symmetric 4 x 4 matrix). Nothing is divided by, so half turns
-    are as safe as any other rotation.
+    With m = sum_i d_i r_i' this is the best rotation of directions r_i onto d_i (Wahba's problem, solved by Davenport's
+    q-method: the largest eigenvector of a symmetric 4 x 4 matrix). There is no division, so half turns are safe.
     """
     if m.ndim == 2 and (found := _best_fit_of_one(m)) is not None:
         return found
@@ -198,7 +189,7 @@ def best_fit(m: Array) -> Array:
 
 
 def _best_fit_of_one(m: Array) -> Array | None:
-    """As `best_fit` for one matrix, in plain numbers, twice as fast; None where that would not be exact.
+    """As `best_fit` for one matrix, in plain numbers, twice as fast; None where that is inexact.
 
     The largest eigenvalue of Davenport's matrix K is found by Newton's method from above, on the characteristic
     polynomial, which has no cubic term (Theobald 2005); its eigenvector is the first column of the adjugate of
@@ -232,7 +223,7 @@ def _best_fit_of_one(m: Array) -> Array | None:
     qy = -(x * my + y * (xx * zz - xz * xz) + z * (xy * xz - xx * yz))
     qz = -(x * mz + y * (xy * xz - xx * yz) + z * (xx * yy - xy * xy))
     length = sqrt(w * w + qx * qx + qy * qy + qz * qz)
-    # The adjugate's trace is the slope: so much of a turn is left in the first column.
+    # The adjugate's trace is the slope, a bound on the first column.
     if not abs(w) > 0.1 * slope:
         return None
     scale = 1.0 / length if w > 0.0 else -1.0 / length
@@ -250,8 +241,8 @@ def to_matrix(q: Array) -> Array:
 
 
 def yaw(angle: Array | float) -> Array:
-    """Quaternions (..., 4) that turn by angle (...) rad about z, the vertical."""
-    if np.ndim(angle) == 0:  # plain numbers spare the loop most of the time
+    """Quaternions (..., 4) of rotations by angle (...) rad about z, the vertical."""
+    if np.ndim(angle) == 0:  # plain numbers are faster in the loop
         half_angle = 0.5 * float(angle)
         return np.array([cos(half_angle), 0.0, 0.0, sin(half_angle)])
     half = 0.5 * np.asarray(angle, dtype=np.float64)
@@ -260,13 +251,13 @@ def yaw(angle: Array | float) -> Array:
 
 
 def turned_about_vertical(q: Array, angle: float) -> Array:
-    """Rotations (..., 4) turned on by an angle (rad) about z: multiply(yaw(angle), q), in one step."""
+    """multiply(yaw(angle), q) for q (..., 4) and an angle in rad, in one step."""
     c, s = cos(0.5 * angle), sin(0.5 * angle)
     return q @ np.array([[c, 0.0, 0.0, s], [0.0, c, s, 0.0], [0.0, -s, c, 0.0], [-s, 0.0, 0.0, c]])
 
 
 def continuous(q: Array) -> Array:
-    """Flips signs along the first axis so that neighbours in time agree (q and -q are one rotation)."""
+    """Flips signs along the first axis, time, so that neighbours agree (q and -q are one rotation)."""
     sign = np.where(dot(q[1:], q[:-1]) < 0.0, -1.0, 1.0)
     out = q.copy()
     out[1:] *= np.cumprod(sign, axis=0)[..., None]

@@ -1,8 +1,8 @@
-"""Where one motion of a recording ends and the next begins: by hand, by labels, or found.
+"""Segments a recording into motions by the planes that they stay near.
 
-What is found follows J. Barbic et al., "Segmenting motion capture data into distinct behaviors" (Graphics Interface
-2004): a simple motion stays near a plane of few dimensions, and a border is where that plane changes. Where they walk
-on greedily, here the borders with the least total residual are computed exactly, by dynamic programming.
+After J. Barbic et al., "Segmenting motion capture data into distinct behaviors" (Graphics Interface 2004): a simple
+motion stays near a plane of few dimensions, and a border is where that plane changes. The borders with the least total
+residual are computed exactly, by dynamic programming, instead of greedily.
 """
 
 from __future__ import annotations
@@ -21,28 +21,14 @@ PLANE = 4
 SHORTEST_SECONDS = 1.0
 REDUCED = 16
 
-# A further border has to remove this share of the residual of the undivided recording.
-WORTH = 0.03
+WORTH = 0.03  # share of the residual of the undivided recording that a further border has to remove
 MOST_SEGMENTS = 40
 
 Bounds = tuple[tuple[int, int], ...]
 
 
-def by_hand(borders: list[int], frames: int) -> Bounds:
-    """Segments (first frame, end) between borders.
-
-    Raises:
-        FileFormatError: if the borders do not rise, or lie outside the recording.
-    """
-    ends = [0, *borders, frames]
-    for first, end in pairwise(ends):
-        if first >= end:
-            raise FileFormatError(f"segment {first} to {end}: borders must rise between 0 and {frames} frames")
-    return tuple(pairwise(ends))
-
-
 def body_features(clip: Clip) -> Array:
-    """Joints relative to the root and seen from its heading, and their rates over 0.1 s, shape (T, 6 B), m."""
+    """Joints relative to the root in its heading frame, and their rates over 0.1 s, shape (T, 6 B), m."""
     forward = rotate(clip.rotation[:, 0], np.array([1.0, 0.0, 0.0]))
     heading = np.arctan2(forward[:, 1], forward[:, 0])
     turned = multiply(conjugate(yaw(heading))[:, None, :], clip.rotation)
@@ -53,13 +39,13 @@ def body_features(clip: Clip) -> Array:
 
 
 def find_segments(features: Array, rate: float, count: int | None = None, plane: int = PLANE) -> Bounds:
-    """The segments of a recording that lie nearest to planes of few dimensions, each to its own.
+    """The segments (first frame, end) of a recording with the least residual from a plane each.
 
     Args:
         features: of each frame, shape (T, F); `body_features`, or any channels of the same unit.
-        rate: frames per second.
-        count: how many segments; None adds borders as long as they are worth it (WORTH).
-        plane: how many dimensions a simple motion has.
+        rate: frames per second, Hz.
+        count: of segments; None adds borders by WORTH.
+        plane: dimensions of a simple motion.
 
     Raises:
         FileFormatError: if the recording is too short for that many segments of a second each.
@@ -78,17 +64,18 @@ def find_segments(features: Array, rate: float, count: int | None = None, plane:
     if count is None:
         worth = WORTH * float(residual[0, -1])
         count = 1 + int(np.argmin(totals + worth * np.arange(0.0, len(totals))))
-    borders, end = [], len(seen)
+    borders: list[int] = []
+    end = len(seen)
     for k in range(count - 1, 0, -1):
         end = int(before[k, end])
         borders.append(end * stride)
-    return by_hand(borders[::-1], len(features))
+    return tuple(pairwise([0, *reversed(borders), len(features)]))
 
 
 def _residuals(seen: Array, plane: int, shortest: int) -> Array:
-    """What the best plane leaves of frames i to j, shape (T + 1, T + 1); infinite where j - i is too short.
+    """The residual of the best plane for frames i to j, shape (T + 1, T + 1); infinite where j - i is too short.
 
-    It is measured in the REDUCED directions in which the whole recording moves most.
+    Measured in the first REDUCED principal directions of the recording.
     """
     centred = seen - seen.mean(0)
     _, _, axes = np.linalg.svd(centred, full_matrices=False)
@@ -106,7 +93,7 @@ def _residuals(seen: Array, plane: int, shortest: int) -> Array:
 
 
 def _best_borders(residual: Array, most: int) -> tuple[Array, NDArray[np.int64]]:
-    """The least residual of 1 to `most` segments, and where the last of k segments that end at j begins."""
+    """The least residual of 1 to `most` segments, and the start of the last of k segments that end at j."""
     frames = len(residual) - 1
     least = np.full((most, frames + 1), np.inf)
     before = np.zeros((most, frames + 1), dtype=np.int64)

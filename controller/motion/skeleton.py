@@ -1,4 +1,4 @@
-"""A skeleton: a tree of rigid bones that hangs from one root joint."""
+"""A skeleton: a tree of rigid bones with one root joint."""
 
 from __future__ import annotations
 
@@ -30,17 +30,16 @@ class SkeletonInfo(msgspec.Struct, forbid_unknown_fields=True, frozen=True):
 
 @dataclass(frozen=True, eq=False)
 class Skeleton:
-    """B bones in an order in which a parent always precedes its children.
+    """B bones, each parent before its children.
 
-    A bone starts where its parent ends (or at the root) and ends in the joint that bears its name.
+    A bone starts where its parent ends (or at the root) and ends in the joint of its name.
 
     Attributes:
-        name: what the skeleton is called.
-        bones: the names of the bones, length B.
-        parent: the index of each bone's parent, shape (B,); ROOT for those that hang from the root.
-        rest_direction: each bone's unit vector in the rest pose, arms out sideways, shape (B, 3); x forward, y left,
-            z up.
-        length: each bone's length, shape (B,), m.
+        name: of the skeleton.
+        bones: names, length B.
+        parent: index of each bone's parent, shape (B,); ROOT at the root.
+        rest_direction: unit vectors in the rest pose, arms out sideways, shape (B, 3); x forward, y left, z up.
+        length: shape (B,), m.
 
     Raises:
         FileFormatError: if the shapes disagree, a parent follows its child, a name is used twice, or a number is not
@@ -104,17 +103,17 @@ class Skeleton:
             raise KeyError(bone) from None
 
     def children(self, bone: int) -> NDArray[np.int64]:
-        """The indices of the bones that hang from a bone (or from ROOT)."""
+        """The indices of the children of a bone (or of ROOT)."""
         return np.flatnonzero(self.parent == bone)
 
     @cached_property
     def first(self) -> NDArray[np.int64]:
-        """The bones that hang from the root."""
+        """The bones at the root."""
         return self.children(ROOT)
 
     @cached_property
     def walk(self) -> tuple[tuple[int, list[float], list[int]], ...]:
-        """Parent, rest direction and children of each bone as plain numbers, for code that goes bone by bone."""
+        """Parent, rest direction and children of each bone as plain numbers."""
         return tuple(
             (int(parent), rest.tolist(), self.children(bone).tolist())
             for bone, (parent, rest) in enumerate(zip(self.parent, self.rest_direction, strict=True))
@@ -122,7 +121,7 @@ class Skeleton:
 
     @cached_property
     def chain(self) -> Array:
-        """Which bones lead from the root to the end of each bone: 1 where column is row or above it, shape (B, B)."""
+        """Ancestors of each bone: 1 where the column's bone is the row's or above it, shape (B, B)."""
         chain = np.eye(len(self))
         for bone, parent in enumerate(self.parent):
             if parent != ROOT:
@@ -136,11 +135,11 @@ class Skeleton:
 
     @cached_property
     def leg_length(self) -> float:
-        """How far the skeleton reaches below its root in the rest pose, m."""
+        """Depth of the skeleton below its root in the rest pose, m."""
         return float(-np.min((self.chain @ self._vectors.vectors)[:, 2]))
 
     def joints(self, root_position: Array, rotation: Array) -> Array:
-        """Forward kinematics: where the root and the end of each bone are.
+        """Forward kinematics: positions of the root and of the ends of the bones.
 
         Args:
             root_position: shape (..., 3), m.

@@ -1,4 +1,4 @@
-"""The body of the thesis: the 19 bones of Jaeger's patterns, with a rest pose of ours."""
+"""The body of the thesis: the 19 bones of Jaeger's patterns, with a rest pose."""
 
 from __future__ import annotations
 
@@ -7,8 +7,8 @@ import numpy as np
 from controller.motion.rotations import Array
 from controller.motion.skeleton import ROOT, Skeleton
 
-# Bone, the bone it hangs from, and where it points with arms out sideways, legs down and feet forward. Order and tree
-# are those of Jaeger's patterns; the rest pose is ours, because they have none.
+# Bone, parent, and direction in the rest pose: arms out sideways, legs down, feet forward. Order and tree are those of
+# Jaeger's patterns, which have no rest pose.
 _TREE: tuple[tuple[str, str, tuple[float, float, float]], ...] = (
     ("rhip", "root", (0.0, -1.0, 0.0)),
     ("rkne", "rhip", (0.0, 0.0, -1.0)),

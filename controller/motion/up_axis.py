@@ -1,4 +1,4 @@
-"""Which axis of a file is up: along which the body stands while it moves, and along which it touches the ground."""
+"""Detects the vertical axis of a file from how the body stands and touches the ground."""
 
 from __future__ import annotations
 
@@ -12,37 +12,35 @@ from controller.motion.rotations import IDENTITY, Array, conjugate, multiply, no
 
 Up = Literal["y", "z"]
 AXES: tuple[Up, ...] = ("y", "z")
-# The turns that bring a file's axes to ours (z up): (x, y, z) becomes (z, x, y), or stays.
+# Rotations from the axes of a file to ours (z up): (x, y, z) becomes (z, x, y), or stays.
 TO_OURS = {"y": np.array([0.5, 0.5, 0.5, 0.5]), "z": IDENTITY}
 
 UPRIGHT = 0.8  # cosine: a trunk within 37 degrees of the vertical stands
-ERECT = 0.5  # cosine: one that is farther from it lies, crawls or hangs head down
-HIPS = (0.6, 1.3)  # how high the root of somebody who stands is, in legs
-# A body is on the ground where its lowest joint is mostly this near to the origin's height, in legs.
-GROUND = 0.2
+ERECT = 0.5  # cosine: a trunk farther from it lies, crawls or hangs head down
+HIPS = (0.6, 1.3)  # height of the root of a standing body, in legs
+GROUND = 0.2  # legs: a body is on the ground if its lowest joint is mostly this near to the height of the origin
 MOSTLY = (10.0, 50.0, 90.0)  # percentiles of time
-IN_PLACE = 0.05  # legs: a root that stays this close to the origin has lost its place, and tells no ground
+IN_PLACE = 0.05  # legs: a root that stays this near to the origin has lost its position
 
 
 def turned_up(clip: Clip, was: Up, up: Up) -> Clip:
-    """A clip that was read with one axis of its file taken for up, as if with another."""
+    """A clip that was read with one vertical axis of its file, as if read with another."""
     turn = multiply(TO_OURS[up], conjugate(TO_OURS[was]))
     rotation = multiply(np.broadcast_to(turn, clip.rotation.shape), clip.rotation)
     return replace(clip, root_position=rotate(turn, clip.root_position), rotation=rotation)
 
 
 def up_in_recording(rest: Up, certain: bool, trunk: Array, root: Array, joints: Array, leg: float) -> Up:
-    """The axis that is up while the body moves: that of its rest pose, unless the recording clearly says the other.
+    """The vertical axis while the body moves: that of its rest pose, unless the recording clearly has the other.
 
-    A body that stands along an axis may as well lie along it, if that is not up: then it touches the ground along the
-    other one.
+    A trunk along an axis may stand or lie: a lying body touches the ground along the other axis.
 
     Args:
-        rest: the axis that is up in the rest pose.
-        certain: whether the file itself has a pose that stands along that axis.
-        trunk: the line along the trunk, shape (T, 3), in the file's axes.
-        root: where the root is, shape (T, 3), m.
-        joints: where the joints of limbs and head are, shape (T, J, 3), m.
+        rest: vertical axis of the rest pose.
+        certain: whether the zero pose of the file stands along that axis.
+        trunk: direction of the trunk, shape (T, 3), in the axes of the file.
+        root: position of the root, shape (T, 3), m.
+        joints: positions of the joints of limbs and head, shape (T, J, 3), m.
         leg: length of a leg, m.
     """
     other: Up = "z" if rest == "y" else "y"
@@ -58,11 +56,11 @@ def up_in_recording(rest: Up, certain: bool, trunk: Array, root: Array, joints: 
 
 
 def _uprightness(up: Up, trunk: Array) -> float:
-    """The cosine between the trunk, on average, and an axis."""
+    """The cosine between the mean trunk and an axis."""
     return float(rotate(TO_OURS[up], trunk.mean(axis=0))[2])
 
 
 def _grounded(up: Up, joints: Array, leg: float) -> bool:
-    """Whether the body touches the ground most of the time, with one axis up."""
+    """Whether the body touches the ground most of the time with this vertical axis."""
     lowest = np.percentile(rotate(TO_OURS[up], joints)[..., 2].min(axis=1), MOSTLY)
     return bool(np.abs(lowest).max() < GROUND * leg)

@@ -161,7 +161,7 @@ def _streamed(recognizer: Recognizer, clip: Any) -> dict[str, Any]:
     online = OnlineRecognizer(recognizer.bank, recognizer.threshold, recognizer.recipe.rate)
     spans: list[dict[str, Any]] = []
     took: list[float] = []
-    for number, frame in enumerate(recognizer.look(clip)):
+    for number, frame in enumerate(recognizer.features(clip)):
         start = time.perf_counter()
         online.update(frame)
         seen = online.motion if online.known else None

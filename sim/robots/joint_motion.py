@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 
 from controller.motion.clip import Clip
-from controller.motion.encodings.joint_angles import Plays, save_taught_clip, taught_clip
+from controller.motion.formats.taught_clip import Plays, save_taught_clip, taught_clip
 from controller.motion.posture import Pose
 from controller.motion.rotations import Array
 from motiondeck_base.errors import FileFormatError

@@ -18,8 +18,7 @@ import msgspec
 import numpy as np
 from joblib import delayed
 
-from controller.motion.canonical.breaks import breaks
-from controller.motion.canonical.clip_edits import resampled, without_reference_pose
+from controller.motion.canonical.clip_edits import breaks, resampled, without_reference_pose
 from controller.motion.clip import Clip
 from controller.motion.formats.reading import read_clip, recordings_below
 from motiondeck_base.errors import MotiondeckError

@@ -13,8 +13,8 @@ from benchmarks.centralized.anticipation_trust import Experience, Trust, shares_
 from benchmarks.centralized.motion_index import load_index, save_index
 from benchmarks.centralized.motion_signature import part_weights, signature
 from benchmarks.centralized.restyling import restyled, with_frequencies
-from controller.learning.centralized.centralized_training import CentralizedRecipe, train_centralized_network
 from controller.learning.centralized.model_search import score_models
+from controller.learning.trainers.centralized import CentralizedRecipe, train_centralized_network
 from controller.library.motion_library import MotionLibrary, load_library, save_library
 from motiondeck_base.errors import MotiondeckError, UnknownNameError
 

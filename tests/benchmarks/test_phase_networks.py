@@ -6,7 +6,7 @@ import pytest
 import synthetic
 from benchmarks.reservoirs.phase_morphs import mixtures
 from benchmarks.reservoirs.phase_networks import ABLATION, channels_mb, clip_row, line, measured
-from controller.learning.reservoirs.phase_conceptor_training import PhaseRecipe
+from controller.learning.trainers.phase_conceptor import PhaseRecipe
 from controller.learning.training_set import TrainingSet
 
 LOOPS = {name: name != "bow" for name in synthetic.MOTIONS}

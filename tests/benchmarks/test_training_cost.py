@@ -6,8 +6,8 @@ import synthetic
 from benchmarks.papers import cost_measurement as cost
 from benchmarks.papers.cost_measurement import TrainingCost
 from benchmarks.papers.training_cost import cost_figure, cost_table
-from controller.learning.centralized.centralized_training import CentralizedRecipe
 from controller.learning.recipe import LibraryRecipe, MotionRecipe
+from controller.learning.trainers.centralized import CentralizedRecipe
 from controller.learning.training_set import TrainingSet
 
 LOOPS = {name: name != "bow" for name in synthetic.MOTIONS}

@@ -14,7 +14,7 @@ from benchmarks.centralized import frequencies
 from bodies import waving
 from command_line import invoked
 from controller.learning.learn import learn
-from controller.learning.reservoirs.echo_state_training import EchoStateRecipe
+from controller.learning.trainers.echo_state import EchoStateRecipe
 from controller.library.motion_library import save_library
 from controller.motion.clip import Clip
 from controller.motion.formats.writing import bvh_text, write_clip

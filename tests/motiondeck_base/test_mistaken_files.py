@@ -5,12 +5,12 @@ from pathlib import Path
 import pytest
 
 from controller.library.motion_library import load_library
-from controller.motion.formats.reading import RECORDINGS, read_clip
+from controller.motion.formats.reading import FORMATS, read_clip
 from motiondeck_base.errors import FileFormatError
 from recordings import ASF
 
 LFS = b"version https://git-lfs.github.com/spec/v1\noid sha256:4d7a\nsize 12345\n"
-ENDINGS = sorted(RECORDINGS - {".clip"})
+ENDINGS = sorted(FORMATS.keys() - {".clip"})
 
 
 @pytest.mark.parametrize("ending", ENDINGS)

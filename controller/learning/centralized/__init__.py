@@ -1,1 +1,1 @@
-"""Trainers of centralized networks: frequencies, satellites, weights, and how many are worth it."""
+"""Training of centralized networks: frequencies, satellites, weights, and their numbers."""

@@ -1,15 +1,15 @@
-"""Learns satellites together with weights of low rank, as few numbers as a motion is worth.
+"""Trains satellites together with weights of low rank, with few parameters.
 
-1. The motion is turned into its principal curves (its singular vectors): curve j says S_j^2 of the sum of squares, and
+1. The motion is decomposed into principal curves (singular vectors): curve j explains S_j^2 of the sum of squares, and
    V_ij^2 S_j^2 of it in channel i.
-2. Satellites are ranked by orthogonal least squares for all curves together; what each explains of each curve is known.
-3. A price decides everything: a channel has a share in a curve where V_ij^2 S_j^2 is above it, a curve is a sum of
-   the first satellites, up to the number that explains most for its price, and a curve that is not worth what it
-   costs is left out. A lower price gives a larger network: one price after the other is a path of networks.
-4. The network on that path is taken that Akaike's criterion prefers, or the largest within a number of parameters.
-   How much dearer the weights of curves are than shares is not known before satellites have moved: three are tried.
-5. Its satellites, frequencies and phases are moved by variable projection, where the best weights of nested sums come
-   from one Cholesky factor (its leading blocks are those of the shorter sums); then every channel gets its shares anew.
+2. Satellites are ranked by orthogonal least squares for all curves together, with the gain of each for each curve.
+3. A price per parameter determines a network: a channel has a share in a curve if V_ij^2 S_j^2 is above the price, a
+   curve is a sum of the first satellites, up to the best number for the price, and a curve whose gain is below its cost
+   is left out. Falling prices give a path of growing networks.
+4. Akaike's criterion, or a bound on the number of parameters, selects a network of the path. The price of a weight of a
+   curve, relative to a share, is not known before satellites have moved: three are tried.
+5. Its satellites, frequencies and phases are optimised by variable projection, where the best weights of nested sums
+   come from one Cholesky factor (its leading blocks are those of the shorter sums); then the shares are computed again.
 """
 
 from __future__ import annotations
@@ -38,24 +38,19 @@ from controller.networks.ridge import ridge
 from motiondeck_base.errors import MotiondeckError
 
 MOST_CURVES = 40
-# A slow center passes its states in a fraction of a turn, where satellites have to be sharper.
+# A slow center uses a fraction of a turn, where satellites have to be sharper.
 SHARPER = (*WIDTHS, 24.0, 48.0)
 PRICES = np.geomspace(1e-13, 1e-2, 881)  # of a share, as parts of the motion's sum of squares
-# A weight of a curve costs so many shares: moving satellites makes fewer of them do, and nothing does so for shares.
+# Price of a weight of a curve, in shares: moved satellites need fewer weights, but not fewer shares.
 WEIGHT_PRICES = (0.7, 1.5, 3.0)
 
-# Frequencies are ranked with so many satellites on about so many frames.
+# Number of satellites, and approximate number of frames, for ranking frequencies.
 FEW, THINNED = 25, 150
 
 
 @dataclass(frozen=True, eq=False)
 class LowRankNetwork:
-    """What was learned of one motion.
-
-    Attributes:
-        satellites: with their centers.
-        weights: W in two factors.
-    """
+    """Satellites with their centers, and W in two factors, for one motion."""
 
     satellites: LearnedSatellites
     weights: LowRankWeights
@@ -66,14 +61,14 @@ class LowRankNetwork:
 
     @property
     def numbers(self) -> int:
-        """How many numbers it takes to store it, beside the mean: weights, satellites, frequencies and phases."""
+        """The number of stored parameters besides the mean: weights, satellites, frequencies and phases."""
         places = self.satellites.satellites.places
         return self.weights.numbers + places.size + len(places) + 2 * len(self.satellites.frequency)
 
 
 @dataclass(frozen=True, eq=False)
 class _Plan:
-    """A network of the path: which shares are kept, of which curves, and how many satellites each curve gets."""
+    """A network of the path: kept shares, their curves, and the number of satellites of each curve."""
 
     kept: NDArray[np.bool_]  # (D, r)
     curves: NDArray[np.int64]  # (r,)
@@ -99,21 +94,18 @@ def learn_low_rank(
     iterations: int = 200,
     move_frequencies: bool = True,
 ) -> LowRankNetwork:
-    """A network with few weights for a motion.
+    """A network with few weights for a motion; the error of its satellites is that of the network.
 
     Args:
         target: the motion without its mean, shape (K, D); columns count by their size.
         time: of each frame, shape (K,), s.
         starts: frequency vectors to try, shape (n,) each, rad/s.
         satellites: m at most.
-        parameters: how many numbers it may take at most; without it Akaike's criterion chooses.
-        independent: of how many frames the criterion takes K for; all, if not given.
-        keep: how many frequency vectors go through the whole recipe; the one with the least error is kept.
+        parameters: at most this many; by default Akaike's criterion chooses.
+        independent: effective sample size K for Akaike's criterion (default: all frames).
+        keep: number of frequency vectors for the full optimisation; the best result is kept.
         iterations: of L-BFGS for each.
-        move_frequencies: whether frequencies and phases move too; they must not where the motion is a closed loop.
-
-    Returns:
-        The network, its satellites' error that of the whole network.
+        move_frequencies: whether frequencies and phases are optimised too; not for closed loops.
 
     Raises:
         MotiondeckError: if there are too few frames for a satellite, or too few parameters for a curve, or nothing
@@ -165,7 +157,7 @@ def _learn_at(
     iterations: int,
     move_frequencies: bool,
 ) -> LowRankNetwork:
-    """The recipe for one frequency vector and one price of a weight."""
+    """The optimisation for one frequency vector and one price of a weight."""
     left, size, directions = np.linalg.svd(target, full_matrices=False)
     curves = min(MOST_CURVES, int((size > 1e-9 * size[0]).sum()))
     scores, energy = left[:, :curves] * size[:curves], np.square(size[:curves])
@@ -181,7 +173,7 @@ def _learn_at(
 
     m = int(plan.used.max())
     start = LearnedSatellites(frequency, phase, GaussianSatellites(ranked.places[:m], ranked.sharpness[:m]), 0.0)
-    # A curve counts by what channels keep of it.
+    # The weight of a curve is the norm of its kept shares.
     shares = np.where(plan.kept, directions[plan.curves].T, 0.0)
     wanted = scores[:, plan.curves] * np.linalg.norm(shares, axis=0)
 
@@ -190,7 +182,7 @@ def _learn_at(
 
     moved = learn_jointly(start, wanted, time, iterations, move_frequencies=move_frequencies, read_out=read_out)
     response = moved.respond(time)
-    # Rounded as they are stored, curves first: the shares then make up for it.
+    # Rounded as stored, curves first: the shares then compensate.
     curves_of = read_out(response, wanted).astype(np.float32).astype(np.float64)
     shares = _shares(response @ curves_of.T, target, plan.kept).astype(np.float32).astype(np.float64)
     weights = LowRankWeights(shares, curves_of)
@@ -199,10 +191,10 @@ def _learn_at(
 
 
 def _path(by_channel: Array, energy: Array, explained: Array, whole: float, weight_price: float) -> list[_Plan]:
-    """The networks of falling sizes.
+    """The path of networks of falling sizes.
 
     Args:
-        by_channel: how much of the sum of squares each channel has of each curve, shape (D, r).
+        by_channel: part of the sum of squares of each channel and curve, shape (D, r).
         energy: of each curve, shape (r,).
         explained: of each curve by each further satellite, shape (m, r).
         whole: the sum of squares.
@@ -261,7 +253,7 @@ def nested_readout(response: Array, target: Array, used: NDArray[np.int64]) -> A
 
 
 def _shares(curves: Array, target: Array, kept: NDArray[np.bool_]) -> Array:
-    """How much each channel of a target (K, D) has of the curves (K, r) that it keeps, shape (D, r)."""
+    """The shares of the channels of a target (K, D) in their kept curves (K, r), shape (D, r)."""
     shares = np.zeros(kept.shape)
     regulariser = 1e-9 * float(np.square(curves).sum())
     for channel, these in enumerate(kept):

@@ -1,4 +1,4 @@
-"""How well a centralized network reproduces a motion, and how many satellites are worth it (Vakulenko 2017)."""
+"""Accuracy measures of centralized networks, and Akaike's criterion for their size (Vakulenko 2017)."""
 
 from __future__ import annotations
 
@@ -10,10 +10,7 @@ from controller.motion.skeleton import Skeleton
 
 
 def hands_and_feet(skeleton: Skeleton) -> list[int]:
-    """The bones that the paper looks at the ends of: feet and wrists, or what comes nearest to them.
-
-    Of a body without them it is the first four bones.
-    """
+    """The bones of feet and wrists, or the first four bones of a body without them."""
     body = anatomy(skeleton)
     found = [body.first(part, side) for part in ("foot", "hand") for side in ("right", "left")]
     bones = [bone for bone in found if bone is not None]
@@ -23,11 +20,8 @@ def hands_and_feet(skeleton: Skeleton) -> list[int]:
 def relative_accuracy(output: Array, markers: Array) -> Array:
     """The integral relative accuracy of each marker (eqs 20-26), shape (M,).
 
-    It depends on where the origin lies: a marker that stays near it has a small sum of squares. So say mm as well. A
-    coordinate that is 0 throughout (a joint of a taught rig turns about one axis) has no share of its own to miss.
-
-    Args:
-        output, markers: shape (K, M, 3), the same unit.
+    It depends on the origin: a marker near it has a small sum of squares. So report mm as well. A coordinate that is
+    constantly 0 (a joint of a taught rig turns about one axis) is ignored. Shapes (K, M, 3), in the same unit.
     """
     missed = np.square(markers - output).sum(0)
     size = np.square(markers).sum(0)
@@ -35,20 +29,20 @@ def relative_accuracy(output: Array, markers: Array) -> Array:
 
 
 def mean_absolute(output: Array, markers: Array) -> float:
-    """The mean absolute error of a coordinate, in the unit given: most likely what the paper calls its mm."""
+    """The mean absolute error of a coordinate: most likely the paper's error in mm."""
     return float(np.abs(output - markers).mean())
 
 
 def mean_distance(output: Array, markers: Array) -> float:
-    """The mean distance of a marker from where it should be, shape (K, M, 3), in the unit given."""
+    """The mean distance of markers (K, M, 3) from their targets."""
     return float(np.linalg.norm(output - markers, axis=-1).mean())
 
 
 def aicc(squared_error: float, samples: int, parameters: int) -> float:
     """Akaike's information criterion for small samples, K ln(SSE/K) + 2 p + 2 p (p + 1) / (K - p - 1); lower is better.
 
-    Residuals of motions hang together in time, so frames count for more than they are worth and the criterion favours
-    many satellites: always say the frame rate with it. It is infinite where samples do not suffice.
+    Residuals of motions are correlated in time, which favours many satellites: always report the frame rate with it. It
+    is infinite for too few samples.
     """
     if samples <= parameters + 1:
         return np.inf

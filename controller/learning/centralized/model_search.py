@@ -1,4 +1,4 @@
-"""How many centers and satellites a motion is worth: Akaike's criterion over both (Vakulenko et al. 2017, fig. 13)."""
+"""Chooses the numbers of centers and satellites by Akaike's criterion (Vakulenko et al. 2017, fig. 13)."""
 
 from __future__ import annotations
 
@@ -16,8 +16,7 @@ from motiondeck_base.errors import MotiondeckError
 CENTERS = (1, 2, 3)
 SATELLITES = (9, 16, 25, 36, 49, 64, 81, 100)
 
-# Of the refinement of a network that is only to be compared.
-ITERATIONS = 15
+ITERATIONS = 15  # of the refinement of compared networks
 
 
 @dataclass(frozen=True)
@@ -27,7 +26,7 @@ class Scored:
     Attributes:
         centers, satellites: n and m.
         aicc: the criterion at RATE; the least is best.
-        error: root mean square error over the channels' spread.
+        error: root mean square error over the standard deviation of the channels.
         motion: the network.
     """
 
@@ -48,10 +47,10 @@ def score_models(
     iterations: int = ITERATIONS,
     seed: int = 0,
 ) -> list[Scored]:
-    """Every choice of sizes for a motion (K, D) that its frames suffice for, the best first.
+    """Every choice of sizes with enough frames for a motion (K, D), the best first.
 
     Raises:
-        MotiondeckError: if they suffice for none.
+        MotiondeckError: if there is none.
     """
     stride = max(1, round(rate / RATE))
     seen = channels[::stride]

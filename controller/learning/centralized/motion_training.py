@@ -1,8 +1,7 @@
-"""Teaches one motion to a centralized network: rest, centers, satellites and weights.
+"""Trains a centralized network on one motion: rest, centers, satellites and weights.
 
-A loop gets a slow center that turns once in its period and fast ones that make whole numbers of turns, so that the
-curve on their torus is closed and the motion can go on for ever. A one-shot gets a slow center that
-starts with a quarter, 0.45 or one turn and is moved with everything else.
+A loop gets a slow center with one turn in its period and fast ones with whole numbers of turns, so that the curve on
+their torus is closed. A one-shot gets a slow center that starts with a quarter, 0.45 or one turn and is optimised too.
 """
 
 from __future__ import annotations
@@ -20,13 +19,9 @@ from controller.networks.centralized.low_rank import LowRankWeights
 from controller.networks.signals import sampling_rate, time_series
 from motiondeck_base.errors import MotiondeckError
 
-# Weights of normalised channels beyond this stand for satellites that cancel each other.
-LARGEST_WEIGHT = 1e3
-
+LARGEST_WEIGHT = 1e3  # of normalised channels: larger weights are those of satellites that cancel each other
 MOST_TURNS = 8
-
-# Neighbouring frames of a fast recording say the same twice and would be counted twice: criteria see so many, Hz.
-RATE = 30.0
+RATE = 30.0  # Hz, for criteria: neighbouring frames of faster recordings are redundant
 
 Rank = Literal["full", "auto"]
 FREQUENCY_TRIES = 30
@@ -46,13 +41,13 @@ def train_centralized(
     """The network of one motion.
 
     Args:
-        channels: the motion, shape (K, D); of a loop one period, whose first frame follows its last.
-        rate: frames per second.
-        loop: whether it goes on for ever.
-        centers, satellites: n and m; with a rank that is chosen, m at most.
-        rank: of W; "auto" takes the curves, satellites and shares that Akaike's criterion prefers, seen at 30 Hz.
+        channels: the motion, shape (K, D); of a loop one period.
+        rate: frames per second, Hz.
+        loop: whether the first frame follows the last.
+        centers, satellites: n and m; with rank "auto", m at most.
+        rank: of W; "auto" selects curves, satellites and shares by Akaike's criterion at 30 Hz.
         iterations: of the joint refinement of all satellites.
-        seed: of the frequencies that are tried.
+        seed: of the tried frequencies.
 
     Raises:
         MotiondeckError: if the motion is not of shape (K, D), a number is not finite, there are fewer frames than
@@ -97,7 +92,7 @@ def train_centralized(
 
 
 def _closed(seconds: float, centers: int, seed: int) -> list[Array]:
-    """Frequencies that make whole turns in a period: one turn, and each choice of faster ones (at most a few dozen)."""
+    """Frequencies of whole turns in a period: one turn, and each choice of faster ones (at most a few dozen)."""
     base = 2.0 * np.pi / seconds
     choices = [np.array((1, *faster)) for faster in combinations(range(2, MOST_TURNS + centers), centers - 1)]
     if len(choices) > FREQUENCY_TRIES:

@@ -1,4 +1,4 @@
-"""Learns a movement primitive: satellites that suit all demonstrations of a motion, and the weights of each."""
+"""Trains a movement primitive: common satellites for all demonstrations of a motion, and weights for each."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from controller.networks.centralized.movement_primitive import MovementPrimitive
 from controller.networks.signals import sampling_rate, time_series
 from motiondeck_base.errors import MotiondeckError
 
-# How far a channel may be bent beyond what was demonstrated, as a share of its own standard deviation.
+# Deviation of a channel from the demonstrations, relative to its standard deviation.
 BEND = 0.3
 
 
@@ -22,14 +22,13 @@ def learn_primitive(
     """The primitive of some demonstrations of one motion.
 
     Args:
-        demonstrations: shape (K_i, D) each; the first and last frames of all correspond.
-        rate: frames per second.
-        satellites: m; a third of the frames of the shortest demonstration at most.
+        demonstrations: shape (K_i, D) each, from the same first to the same last frame.
+        rate: frames per second, Hz.
+        satellites: m, at most a third of the frames of the shortest demonstration.
         iterations: of L-BFGS.
 
     Raises:
-        MotiondeckError: if there is none, one is too short, their channels differ or a number is not finite; it says
-            which.
+        MotiondeckError: if there is none, one is too short, their channels differ or a number is not finite.
     """
     if len(demonstrations) == 0:
         raise MotiondeckError("a movement primitive needs one demonstration at least, two for a spread")
@@ -62,6 +61,6 @@ def learn_primitive(
 
 
 def _at(demonstration: Array, phase: Array) -> Array:
-    """A demonstration at phases (T,), straight between its frames, shape (T, D)."""
+    """A demonstration at phases (T,), by linear interpolation, shape (T, D)."""
     own = np.linspace(0.0, 1.0, len(demonstration))
     return np.stack([np.interp(phase, own, column) for column in demonstration.T], axis=-1)

@@ -1,16 +1,14 @@
-"""Fills in markers that are missing for a while from those that are there (Vakulenko et al. 2017, section 4).
+"""Fills gaps of markers from the other markers (Vakulenko et al. 2017, section 4).
 
-1. Around a gap the markers that are there are shifted and turned, frame by frame, onto their mean shape (Kabsch 1976):
-   where the body goes and turns is of no use for telling where a marker on it is.
-2. Centers and satellites are learned from them. What these say moves in few directions, the scores; the marker that
-   is missing is a weighted sum of the scores. So it is the frequencies and satellites of the others that tell where it
-   was.
-3. By how much the weighted sum is off on both sides of the gap is carried over it, by a cubic or by a line.
-4. How much ridge the weights get, and which of the two it is, is found without the gap: stretches as long as it are
-   hidden where the marker is seen, and filled in every way. The largest ridge leaves nothing but the marker's mean.
-5. A cubic or a line through the marker's own path in the world is tried there, too. What fills the gap is a mean of
-   the best of both kinds, each weighted by how well it filled the hidden stretches; which one has more weight, the gap
-   says.
+1. Around a gap the other markers are aligned, frame by frame, with their mean shape (Kabsch 1976), which removes the
+   motion of the body as a whole.
+2. Centers and satellites are trained on them. Their output has few principal components, the scores; the missing marker
+   is a weighted sum of the scores.
+3. The residual of that sum on both sides of the gap is interpolated over it, by a cubic or a line.
+4. The ridge of the weights, and cubic or line, are chosen by cross-validation: intervals as long as the gap are hidden
+   where the marker is seen, and filled by every method. The largest ridge leaves only the marker's mean.
+5. A cubic or a line through the marker's own path in the world is evaluated there, too. The gap is filled by a mean of
+   the best methods of both kinds, weighted by their errors on the hidden intervals.
 """
 
 from __future__ import annotations
@@ -28,10 +26,8 @@ from controller.learning.centralized.satellite_learning import learn, ridge_read
 from controller.motion.rotations import Array
 from controller.networks.ridge import ridge
 
-# What is looked at on both sides of a gap, s, beside as much as the gap is long.
-CONTEXT_S = 3.0
-# Gaps that lie within so much, s, are filled from one network.
-TOGETHER_S = 3.0
+CONTEXT_S = 3.0  # on both sides of a gap, besides the length of the gap
+TOGETHER_S = 3.0  # gaps within this time are filled from one network
 
 CENTERS = 2
 SATELLITES_A_SECOND = 12.0
@@ -40,24 +36,24 @@ TRIES = 20
 ITERATIONS = 60
 SCORES = 24
 
-HIDDEN = 8  # stretches that are hidden to find the way
-EAGERNESS = 1.0  # log weight for an error by so much larger as the smaller of the two is
-EDGE = 4  # frames on each side of a gap that its cubic starts from
+HIDDEN = 8  # intervals for cross-validation
+EAGERNESS = 1.0  # log weight per relative difference of the two errors
+EDGE = 4  # frames on each side of a gap for its cubic
 
-FEWEST_SEEN = 30  # frames of a marker, to learn its weights from
-FEWEST_OTHERS = 3  # markers, to know how the body lies
-BRIDGED = 0.1  # of the others may be missing so much outside the gap; straight lines bridge it
+FEWEST_SEEN = 30  # frames of a marker, for its weights
+FEWEST_OTHERS = 3  # markers, for the pose of the body
+BRIDGED = 0.1  # largest missing share of the other markers outside the gap; interpolated linearly
 
 Flags = NDArray[np.bool_]
 
 
 @dataclass(frozen=True)
 class FillMethod:
-    """How a gap may be filled.
+    """A method to fill a gap.
 
     Attributes:
-        ridge_share: of the weights, for each frame that is seen; without it only the marker's own path is used.
-        cubic: whether a cubic carries what they are off, or the path; otherwise a line.
+        ridge_share: of the weights, per seen frame; None interpolates the marker's own path.
+        cubic: whether the residual or the path is interpolated by a cubic; otherwise by a line.
     """
 
     ridge_share: float | None
@@ -73,14 +69,14 @@ WAYS = [
 
 @dataclass(frozen=True)
 class Gap:
-    """A marker that is not seen from one frame to before another.
+    """A marker that is not seen from frame `first` to before frame `end`.
 
     Attributes:
-        marker, first, end: where it is.
-        expected: mean absolute error of a coordinate, in the unit of the markers, with which stretches as long as the
-            gap were filled where the truth is known; None if there was none to try, or the gap could not be filled.
-        filled: whether it was.
-        by: what filled it for the greater part: "network", or the marker's own path, as a "cubic" or a "line".
+        marker, first, end: the gap.
+        expected: mean absolute error of a coordinate on hidden intervals of the same length, in the unit of the
+            markers; None if there was none, or the gap was not filled.
+        filled: whether it was filled.
+        by: the method with the larger weight: "network", or the marker's own path, as a "cubic" or a "line".
     """
 
     marker: int
@@ -92,12 +88,12 @@ class Gap:
 
     @property
     def frames(self) -> int:
-        """How long it is."""
+        """The length of the gap."""
         return self.end - self.first
 
 
 def gaps_of(markers: Array) -> list[Gap]:
-    """What is missing of markers (K, M, 3), by its beginning."""
+    """The gaps of markers (K, M, 3), by their first frames."""
     missing: Flags = np.asarray(np.isnan(markers).any(axis=-1))
     return sorted(
         (Gap(m, first, end) for m in range(markers.shape[1]) for first, end in _runs(missing[:, m])),
@@ -106,31 +102,23 @@ def gaps_of(markers: Array) -> list[Gap]:
 
 
 def fill_missing(markers: Array, rate: float, tick: Callable[[], None] = lambda: None) -> tuple[Array, list[Gap]]:
-    """Fills the gaps in markers.
+    """Fills the gaps of markers (K, M, 3), which are NaN; returns the markers and the gaps.
 
-    A gap stays open where fewer than FEWEST_OTHERS markers are seen through it, or its own in fewer than FEWEST_SEEN
-    frames around it.
-
-    Args:
-        markers: shape (K, M, 3); coordinates of a missing one are NaN.
-        rate: frames per second.
-        tick: is called once a gap.
-
-    Returns:
-        The markers, and the gaps that there were.
+    A gap stays open if fewer than FEWEST_OTHERS markers are seen through it, or its own in fewer than FEWEST_SEEN
+    frames around it. `tick` is called once a gap.
     """
     filled, done = markers.copy(), []
     for group in _groups(gaps_of(markers), round(TOGETHER_S * rate)):
         tried = _fill_group(markers, filled, group, rate)
         for gap in tried:
-            # What no three markers were seen through may still be filled piece by piece.
+            # With fewer than three markers seen through a group, its gaps may still be filled one by one.
             done += [gap] if gap.filled or len(group) == 1 else _fill_group(markers, filled, [gap], rate)
             tick()
     return filled, done
 
 
 def _groups(gaps: list[Gap], most: int) -> list[list[Gap]]:
-    """Gaps that lie within so many frames together."""
+    """Groups of gaps that lie within `most` frames."""
     groups: list[list[Gap]] = []
     for gap in gaps:
         if groups and gap.end - groups[-1][0].first <= most:
@@ -177,7 +165,7 @@ def _fill_group(markers: Array, filled: Array, group: list[Gap], rate: float) ->
 
 
 def _onto_mean_shape(markers: Array) -> tuple[Array, Array, Array]:
-    """Where markers (K, M, 3) are, how they are turned, (K, 3) and (K, 3, 3), and what is left: their shape."""
+    """Centers (K, 3), rotations (K, 3, 3) and aligned shapes of markers (K, M, 3)."""
     base = markers.mean(1)
     centred = markers - base[:, None]
     mean = centred[len(centred) // 2]
@@ -191,14 +179,14 @@ def _onto_mean_shape(markers: Array) -> tuple[Array, Array, Array]:
 
 
 def _turned(path: Array, turn: Array) -> Array:
-    """Each place of a path (K, 3) turned by its own matrix."""
+    """The points of a path (K, 3), each rotated by its own matrix."""
     return (path[:, None] @ turn)[:, 0]
 
 
 def _scores(flat: Array, rate: float) -> Array:
-    """What networks of their own say of coordinates (K, F) in the SCORES strongest directions, shape (K, SCORES).
+    """The first SCORES principal components of the networks' output for coordinates (K, F), shape (K, SCORES).
 
-    One network for each piece of PIECE_S at most.
+    One network for each piece of at most PIECE_S.
     """
     target = flat - flat.mean(0)
     pieces = np.array_split(target, max(1, int(np.ceil(len(flat) / (PIECE_S * rate)))))
@@ -208,7 +196,7 @@ def _scores(flat: Array, rate: float) -> Array:
 
 
 def _predicted(target: Array, rate: float) -> Array:
-    """What a network makes of coordinates (K, F)."""
+    """The output of a network that is trained on coordinates (K, F)."""
     middle = target.mean(0)
     time = np.arange(len(target)) / rate
     satellites = int(np.clip(SATELLITES_A_SECOND * time[-1], 4, max(1, len(target) // 3)))
@@ -220,9 +208,9 @@ def _predicted(target: Array, rate: float) -> Array:
 
 @dataclass(frozen=True)
 class _Mixture:
-    """What fills a gap: the best way by the network, the best along the marker's own path, and the former's share.
+    """The best methods by the network and along the marker's own path, and the share of the former.
 
-    Of `expected`, the mean absolute error of both by their shares, the mixture has at most as much.
+    `expected` is the mean absolute error of both by their shares, a bound on that of the mixture.
     """
 
     network: FillMethod
@@ -232,15 +220,13 @@ class _Mixture:
 
 
 def _choose(scores: Array, body: Array, world: Array, missing: Flags, gap: int) -> _Mixture:
-    """How to fill a gap, by how well hidden stretches as long as it are filled in every way.
-
-    Where the marker is never seen for so long, shorter stretches are hidden.
+    """The methods to fill a gap, by their errors on hidden intervals of its length, or shorter ones if none is seen.
 
     Args:
-        scores: what the network says of the others, shape (K, SCORES).
-        body, world: the marker's path as seen from the others, and in the world, shape (K, 3) each.
-        missing: where it is not seen, shape (K,).
-        gap: how long the gap is, frames.
+        scores: of the other markers, shape (K, SCORES).
+        body, world: the marker's path relative to the others, and in the world, shape (K, 3) each.
+        missing: whether it is not seen, shape (K,).
+        gap: length of the gap, frames.
     """
     longest = max((end - first for first, end in _runs(~missing)), default=0)
     length = min(gap, longest - 2 * EDGE)
@@ -266,7 +252,7 @@ def _choose(scores: Array, body: Array, world: Array, missing: Flags, gap: int) 
 
 
 def _fill(scores: Array, path: Array, missing: Flags, way: FillMethod) -> Array:
-    """A path (K, 3) without gaps: what the scores say of it, and over each gap what they were off on both sides."""
+    """A path (K, 3) without gaps: predicted from the scores, with the residual interpolated over each gap."""
     predicted = np.zeros_like(path)
     if way.ridge_share is not None:
         there = path[~missing]
@@ -285,7 +271,7 @@ def _fill(scores: Array, path: Array, missing: Flags, way: FillMethod) -> Array:
 
 
 def _bridged(markers: Array, missing: Flags) -> Array:
-    """Markers (K, M, 3) with straight lines where they are missing."""
+    """Markers (K, M, 3) with linearly interpolated gaps."""
     whole, frames = markers.copy(), np.arange(len(markers))
     for m in np.flatnonzero(missing.any(0)):
         there = ~missing[:, m]
@@ -295,6 +281,6 @@ def _bridged(markers: Array, missing: Flags) -> Array:
 
 
 def _runs(flags: Flags) -> list[tuple[int, int]]:
-    """From where to before where flags (K,) are set."""
+    """The runs (first, end) of set flags (K,)."""
     change = np.flatnonzero(np.diff(np.concatenate([[0], flags.astype(np.int8), [0]])))
     return [(int(first), int(end)) for first, end in change.reshape(-1, 2)]

@@ -1,11 +1,11 @@
-"""Learns where satellites sit and how sharp they are, together with frequencies and phases.
+"""Trains positions and sharpness of satellites, together with frequencies and phases.
 
 1. Greedy orthogonal least squares (Chen, Cowan and Grant 1991, reference 18 of Vakulenko et al. 2017): candidates are
-   states that the centers visit, with several widths; the one that explains most of what is left is taken, m times.
-2. Variable projection: places, sharpness, frequencies and phases are moved by L-BFGS while the weights W are
+   states that the centers visit, with several widths; the one that explains most of the residual is added, m times.
+2. Variable projection: positions, sharpness, frequencies and phases are optimised by L-BFGS while the weights W are
    eliminated by ridge regression. With J(theta) = min_W |Y - Phi W'|^2 + ridge |W|^2 the gradient needs only
-   dJ/dPhi = -2 (Y - Phi W') W, because J is at its minimum in W. What is minimised is log J: J itself soon becomes so
-   small that stopping criteria mistake it for done.
+   dJ/dPhi = -2 (Y - Phi W') W, because J is at its minimum in W. The objective is log J: J itself soon becomes so small
+   that stopping criteria end too early.
 """
 
 from __future__ import annotations
@@ -26,10 +26,7 @@ from motiondeck_base.errors import MotiondeckError
 WIDTHS = (0.7, 1.5, 3.0, 6.0, 12.0)
 RIDGE_SHARE = 1e-9
 
-# A candidate of which less than this share lies outside what is already chosen adds only rounding.
-LEAST_NEW = 1e-6
-
-# The logarithm of the sharpness stays within these bounds.
+LEAST_NEW = 1e-6  # share outside the span of the chosen satellites, below which a candidate adds only rounding
 LEAST_SHARPNESS, GREATEST_SHARPNESS = 0.05, 60.0
 
 ReadOut = Callable[[Array, Array], Array]
@@ -37,7 +34,7 @@ ReadOut = Callable[[Array, Array], Array]
 
 
 def principal_scores(target: Array, keep: int = 40) -> Array:
-    """At most `keep` columns that stand in for target (K, D); what they leave out, every network leaves out."""
+    """The first `keep` principal components of a target (K, D), or the target if it has fewer columns."""
     if target.shape[1] <= keep:
         return target
     left, size, _ = np.linalg.svd(target, full_matrices=False)
@@ -51,7 +48,7 @@ class LearnedSatellites:
     Attributes:
         frequency, phase: of the centers, shape (n,), rad/s and rad.
         satellites: in the 2 n coordinates of the centers.
-        error: the squared error left over, as a share of the motion's sum of squares.
+        error: the squared error over the motion's sum of squares.
     """
 
     frequency: Array
@@ -65,15 +62,7 @@ class LearnedSatellites:
 
 
 def choose_satellites(states: Array, target: Array, count: int) -> tuple[GaussianSatellites, float]:
-    """The `count` visited states and widths that explain a motion best, one after another.
-
-    Args:
-        states: of the centers, shape (K, d).
-        target: the motion, shape (K, D).
-        count: m < K.
-
-    Returns:
-        The satellites, and the share of the sum of squares left over.
+    """The `count` best satellites of `rank_satellites`, and their relative squared error.
 
     Raises:
         MotiondeckError: if there are fewer frames than satellites.
@@ -83,7 +72,7 @@ def choose_satellites(states: Array, target: Array, count: int) -> tuple[Gaussia
     left = size - float(explained.sum())
     spare = count - len(satellites)
     if spare:
-        # Everything is explained already; what is still wanted is spread over the visited states.
+        # Everything is explained already; the remaining satellites are spread over the visited states.
         places, sharpness = _candidates(states, count, WIDTHS)
         more = (np.arange(spare) * len(places)) // spare
         satellites = GaussianSatellites(
@@ -95,16 +84,16 @@ def choose_satellites(states: Array, target: Array, count: int) -> tuple[Gaussia
 def rank_satellites(
     states: Array, target: Array, count: int, widths: tuple[float, ...] = WIDTHS
 ) -> tuple[GaussianSatellites, Array]:
-    """At most `count` satellites, each the one that explains most of what those before it leave.
+    """At most `count` satellites, each with the largest gain after those before it.
 
     Args:
         states: of the centers, shape (K, d).
         target: the motion, shape (K, D).
-        count: m < K; there are fewer where nothing is left that one could explain.
-        widths: how sharp they may be.
+        count: m < K; fewer if nothing is left to explain.
+        widths: candidates of the sharpness.
 
     Returns:
-        The satellites in their order, and how much of the sum of squares of each column each explains, shape (m, D).
+        The satellites in their order, and the sum of squares of each column that each explains, shape (m, D).
 
     Raises:
         MotiondeckError: if there are fewer frames than satellites.
@@ -156,8 +145,8 @@ def learn_jointly(
         target: the motion, shape (K, D).
         time: of each frame, shape (K,), s.
         iterations: of L-BFGS at most.
-        move_frequencies: whether frequencies and phases move too; they must not where the motion is a closed loop.
-        read_out: the best W for responses and target; without it any W may be, by ridge regression.
+        move_frequencies: whether frequencies and phases are optimised too; not for closed loops.
+        read_out: the best W for responses and target, by default by ridge regression.
     """
     scores = target if read_out is not None else principal_scores(target)
     problem = _Projection(start, scores, time, move_frequencies, read_out or ridge_readout)
@@ -175,14 +164,14 @@ def learn_jointly(
 
 
 def ridge_readout(response: Array, target: Array) -> Array:
-    """W, shape (D, m), for responses (K, m): the weights that variable projection stands on."""
+    """W, shape (D, m), for responses (K, m), by ridge regression with RIDGE_SHARE."""
     return ridge(response, target, RIDGE_SHARE * len(response))
 
 
 def slow_and_fast(duration: float, centers: int, tries: int, seed: int, *, turns: float = 12.0) -> list[Array]:
-    """Frequency vectors worth trying: a slow center that tells where in the motion we are, and faster ones.
+    """Candidate frequency vectors, shape (centers,) each: a slow center, which gives the phase, and faster ones.
 
-    The slow center turns 1/4, 0.45 or once in the duration; the fast ones up to `turns` times. Shape (centers,) each.
+    The slow center makes 1/4, 0.45 or one turn in the duration, the fast ones up to `turns`.
     """
     base = 2.0 * np.pi / duration
     slow = (0.25, 0.45, 1.0)
@@ -205,14 +194,14 @@ def learn(
     iterations: int = 200,
     move_frequencies: bool = True,
 ) -> LearnedSatellites:
-    """The whole recipe: ranks frequency vectors, then chooses and moves satellites for the best few.
+    """Ranks frequency vectors, then chooses and optimises satellites for the best few.
 
     Args:
         target: the motion, shape (K, D).
         time: of each frame, shape (K,), s.
         count: m satellites.
         starts: frequency vectors, shape (n,) each, rad/s.
-        keep: how many of them go through the whole recipe.
+        keep: number of frequency vectors for the full optimisation.
         iterations: of L-BFGS for each.
         move_frequencies: see `learn_jointly`.
 
@@ -223,7 +212,7 @@ def learn(
         raise MotiondeckError(f"{count} satellites cannot be learned from {len(target)} frames")
     for frequency in starts:
         require_frequencies(frequency)
-    # Two BLAS threads wait for each other longer than they help with matrices as small as these.
+    # With matrices as small as these, two BLAS threads are slower than one.
     with threadpool_limits(1):
         return _learn(principal_scores(target), time, count, starts, keep, iterations, move_frequencies)
 
@@ -233,7 +222,7 @@ def _learn(
 ) -> LearnedSatellites:
     """`learn` for the principal scores of a motion."""
     if not scores.any():
-        # Nothing moves: any satellites do, with weights of 0. The logarithm of the error would have no gradient.
+        # Nothing moves: any satellites are right, with weights of 0. The logarithm of the error would have no gradient.
         phase = np.zeros(len(starts[0]))
         return LearnedSatellites(starts[0], phase, *choose_satellites(pairs_at(starts[0], phase, time), scores, count))
     few = min(count, 25)
@@ -280,7 +269,7 @@ class _Projection:
         return satellites, np.exp(x[-2 * n : -n]), x[-n:]
 
     def bounds(self) -> list[tuple[float, float]]:
-        """Satellites stay near what is visited, sharpness within reason, frequencies within a factor of their own."""
+        """Bounds of positions, of the logarithms of sharpness and frequencies, and of phases."""
         m, d = self.shape
         bounds = [(-4.0, 4.0)] * (m * d) + [(np.log(LEAST_SHARPNESS), np.log(GREATEST_SHARPNESS))] * m
         if self.move:
@@ -289,7 +278,7 @@ class _Projection:
         return bounds
 
     def unpack(self, x: Array) -> LearnedSatellites:
-        """The result, with the error its weights leave."""
+        """The result with its error."""
         satellites, frequency, phase = self.split(x)
         learned = LearnedSatellites(frequency, phase, satellites, 0.0)
         response = learned.respond(self.time)

@@ -1,1 +1,1 @@
-"""Clips made ready for a trainer: loops closed, channels as a network sees them."""
+"""Preparation of clips for training: cycles, closed loops, joined takes."""

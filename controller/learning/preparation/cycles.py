@@ -1,7 +1,7 @@
-"""One cycle of a motion that repeats itself, brought onto the time and phase of another.
+"""Cycles of periodic motions, aligned in duration and phase.
 
-Recordings that differ in an input, such as speed, become one motion: of each a single cycle is cut out (a stride, not
-two), stretched to the same number of frames, and turned round until it runs in step with the first.
+Recordings that differ in an input, such as speed, become one motion: a single cycle of each (a stride, not two) is cut
+out, stretched to the same number of frames, and shifted to the phase of the first.
 """
 
 from __future__ import annotations
@@ -20,11 +20,11 @@ from controller.motion.rotations import Array
 from motiondeck_base.errors import FileFormatError
 
 SHORTEST_SECONDS = 0.4  # of a cycle
-AS_WELL = 2.0  # the shortest way back that returns as well as the best one, up to this factor, is one cycle
+AS_WELL = 2.0  # a cycle is the shortest period with a mismatch up to this factor of the least
 
 
 def one_cycle(features: Array, rate: float, name: str) -> Seam:
-    """Where a recording is cut to one cycle.
+    """The seam of one cycle of a recording.
 
     Args:
         features: joint positions, shape (T, F).
@@ -32,7 +32,7 @@ def one_cycle(features: Array, rate: float, name: str) -> Seam:
         name: of the recording, for the error.
 
     Raises:
-        FileFormatError: if the recording is shorter than a cycle may be.
+        FileFormatError: if the recording is too short.
     """
     seen = with_velocities(features, rate)
     shortest, longest = round(SHORTEST_SECONDS * rate), len(seen) - 1
@@ -52,32 +52,29 @@ def one_cycle(features: Array, rate: float, name: str) -> Seam:
 
 
 def stretched(loop: Array, frames: int) -> Array:
-    """A loop (P, C) in another number of frames, by a periodic cubic spline, shape (frames, C)."""
+    """A loop (P, C) resampled by a periodic cubic spline, shape (frames, C)."""
     closed = np.concatenate([loop, loop[:1]])
     at = np.arange(frames) * (len(loop) / frames)
     return CubicSpline(np.arange(len(closed)), closed, bc_type="periodic")(at)
 
 
-def steps_behind(loop: Array, reference: Array) -> int:
-    """By how many frames a loop (T, F) has to be rolled forward to run in step with another one (T, F)."""
+def phase_lag(loop: Array, reference: Array) -> int:
+    """The number of frames by which to roll a loop (T, F) to the phase of another one (T, F)."""
     own, other = (np.fft.rfft(a - a.mean(0), axis=0) for a in (loop, reference))
     return int(np.fft.irfft((other * own.conj()).sum(1), n=len(loop)).argmax())
 
 
-def in_step(encoding: Encoding, clips: Sequence[Clip], values: Sequence[float], rate: float) -> list[Variant]:
-    """One cycle of each of some recordings of a loop, in step with the first and with as many frames.
+def aligned_cycles(encoding: Encoding, clips: Sequence[Clip], values: Sequence[float], rate: float) -> list[Variant]:
+    """One cycle of each recording of a loop, with the phase and number of frames of the first.
 
     Args:
         encoding: of the channels.
-        clips: of its body, at a rate of `rate` Hz.
-        values: of the input in each recording; without any, the speed of each, m/s.
-        rate: of the clips.
-
-    Returns:
-        The variants in the order of the clips.
+        clips: of its body.
+        values: of the input in each recording; by default the speed, m/s.
+        rate: of the clips, Hz.
 
     Raises:
-        FileFormatError: if a recording is shorter than a cycle may be.
+        FileFormatError: if a recording is too short.
     """
     found: list[Variant] = []
     reference: Array | None = None
@@ -89,10 +86,10 @@ def in_step(encoding: Encoding, clips: Sequence[Clip], values: Sequence[float], 
         loop = stretched(loop, len(found[0].frames) if found else len(loop))
         features = joint_features(encoding, loop)
         reference = features if reference is None else reference
-        found.append(Variant(value, seconds, np.roll(loop, steps_behind(features, reference), axis=0)))
+        found.append(Variant(value, seconds, np.roll(loop, phase_lag(features, reference), axis=0)))
     return found
 
 
 def ground_speed(channels: Array) -> float:
-    """How fast a body gets along in channels (T, C) of bone directions, m/s."""
+    """The mean horizontal speed in channels (T, C) of bone directions, m/s."""
     return float(np.hypot(*channels[:, 2:4].mean(0)))

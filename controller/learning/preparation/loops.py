@@ -1,11 +1,10 @@
-"""Closing a clip, so that a motion can go on for ever or come to rest.
+"""Closes loops, and brings one-shots to rest.
 
-A recording ends; a network must not. A periodic motion is cut where it comes nearest to itself, and what mismatch is
-left there, in value and slope, is shared by both sides of the seam and eased out along a quintic, so that neither
-jumps. A one-shot is eased into a hold after it has ended: the network learns to rest there.
+A periodic motion is cut where it is nearest to itself; the remaining mismatch in value and slope is shared by both
+sides of the seam and eased out along a quintic. A one-shot is eased into a hold at its end.
 
-Channels that are velocities (of the path, of the turn) are differences of recorded frames, and noisy. Their values at a
-seam are means over SLOPE_SECONDS, and what both sides share cancels out: a loop turns as far as its recording did.
+Channels that are velocities (of the path, of the heading) are noisy differences of frames. Their values at a seam are
+means over SLOPE_SECONDS, and the corrections on both sides cancel: a loop turns as far as its recording.
 """
 
 from __future__ import annotations
@@ -19,20 +18,20 @@ from controller.motion.rotations import Array
 
 HOLD_SECONDS = 1.0  # at rest after a one-shot
 EASE_SECONDS = 0.3  # in which a one-shot comes to rest
-SEAM_SECONDS = 0.4  # on either side of a seam, over which the mismatch is eased out
-VELOCITY_SECONDS = 1.0 / 15.0  # what a mismatch in velocity counts: as far as it leads in this time
+SEAM_SECONDS = 0.4  # on either side of a seam, in which the mismatch is eased out
+VELOCITY_SECONDS = 1.0 / 15.0  # weight of a mismatch in velocity
 SLOPE_SECONDS = 1.0 / 15.0  # over which a slope is measured
-ALIKE = 1e-6  # m: of seams whose mismatches differ by less, the one that keeps most of the recording is taken
-MOST_STARTS = 1200  # that are tried one by one; in longer clips every second or third and so on, then those around
+ALIKE = 1e-6  # m: of seams with more similar mismatches the longest loop is taken
+MOST_STARTS = 1200  # tried first; longer clips are searched with a stride, then around the best
 
 
 @dataclass(frozen=True)
 class Seam:
-    """Where a clip is cut into a loop.
+    """The cut of a clip into a loop.
 
     Attributes:
-        start, end: the loop's first frame, and the one that is nearest to it and is left out.
-        mismatch: of the features between both, velocities included (root of the sum of squares).
+        start, end: the loop's first frame, and the frame nearest to it, which is left out.
+        mismatch: of their features, velocities included (root of the sum of squares).
     """
 
     start: int
@@ -41,12 +40,12 @@ class Seam:
 
 
 def best_seam(features: Array, rate: float, *, at_least: float) -> Seam:
-    """Where a clip comes nearest to itself.
+    """The seam with the least mismatch.
 
     Args:
-        features: what the cut is judged by (joint positions), shape (T, F).
+        features: joint positions, shape (T, F).
         rate: frames per second, Hz.
-        at_least: how much of the clip the loop keeps, in (0, 1).
+        at_least: share of the clip that the loop keeps, in (0, 1).
     """
     seen = with_velocities(features, rate)
     frames = len(features)
@@ -60,17 +59,12 @@ def best_seam(features: Array, rate: float, *, at_least: float) -> Seam:
 
 
 def with_velocities(features: Array, rate: float) -> Array:
-    """Features (T, F) at a rate in Hz, and how far their velocities lead in VELOCITY_SECONDS, shape (T, 2 F)."""
+    """Features (T, F) at a rate in Hz, and their velocities times VELOCITY_SECONDS, shape (T, 2 F)."""
     return np.concatenate([features, VELOCITY_SECONDS * rate * slopes(features, rate)], axis=1)
 
 
-def farthest_left_out(seen: Array, cut: Seam) -> float:
-    """How far what a loop leaves out of a clip is from the loop, at most.
-
-    Args:
-        seen: features with velocities, shape (T, F).
-        cut: where the loop begins and ends.
-    """
+def largest_omission(seen: Array, cut: Seam) -> float:
+    """The largest distance from the loop of features with velocities (T, F) outside the cut."""
     stride = max(1, -(-len(seen) // MOST_STARTS))
     loop = seen[cut.start : cut.end : stride]
     square, farthest = np.square(loop).sum(1), 0.0
@@ -94,12 +88,12 @@ def slopes(values: Array, rate: float) -> Array:
 
 
 def _reach(rate: float) -> int:
-    """How many frames on either side of one a slope is measured over."""
+    """The number of frames on either side of one for a slope."""
     return max(1, round(0.5 * SLOPE_SECONDS * rate))
 
 
 def _best_of(seen: Array, starts: range, shortest: int, stride: int) -> Seam:
-    """The best seam that begins at one of some frames; of seams that are alike, the longest loop's."""
+    """The best seam with one of the starts; of similar seams, that of the longest loop."""
     best, best_rank = Seam(0, len(seen) - 1, np.inf), (np.inf, 0)
     for start in starts:
         mismatch = np.sqrt(np.square(seen[start + shortest :: stride] - seen[start]).sum(1))
@@ -112,17 +106,7 @@ def _best_of(seen: Array, starts: range, shortest: int, stride: int) -> Seam:
 
 
 def close_loop(channels: Array, cut: Seam, velocities: slice, rate: float) -> Array:
-    """The periodic part of a clip.
-
-    Args:
-        channels: the clip, shape (T, C).
-        cut: where the loop begins and ends.
-        velocities: the channels that are velocities.
-        rate: frames per second, Hz.
-
-    Returns:
-        One period, shape (P, C): its frame 0 follows its last one.
-    """
+    """One period (P, C) of a clip (T, C) at a rate in Hz, whose frame 0 follows its last one."""
     loop = channels[cut.start : cut.end].copy()
     ease = max(1, min(round(SEAM_SECONDS * rate), len(loop) // 2))
     (value, slope), (end_value, end_slope) = (
@@ -137,17 +121,11 @@ def close_loop(channels: Array, cut: Seam, velocities: slice, rate: float) -> Ar
 
 
 def hold_end(channels: Array, velocities: slice, rate: float) -> Array:
-    """A clip that comes to rest: its frames, an eased stop, a second of still frames.
-
-    Args:
-        channels: the clip, shape (T, C).
-        velocities: the channels that are velocities, zero while resting.
-        rate: frames per second, Hz.
-    """
+    """A clip (T, C) at a rate in Hz with an eased stop and a second of still frames, velocities zero."""
     ease = max(2, round(EASE_SECONDS * rate))
     value, slope = _course(channels, len(channels) - 1, velocities, rate)
     s = np.arange(1, ease + 1)[:, None] / ease
-    # The slope runs out as (1 - s)^2 (1 + 2 s): what is walked on the way is its integral.
+    # The slope decays as (1 - s)^2 (1 + 2 s); the distance is its integral.
     way = s - s**3 + 0.5 * s**4
     stopping = value + slope * ease * way
     stopping[:, velocities] = value[velocities] * (1.0 - s) ** 2 * (1.0 + 2.0 * s)

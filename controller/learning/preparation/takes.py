@@ -1,9 +1,8 @@
-"""Several takes of one motion: carried onto the time of one of them, and averaged.
+"""Averages several takes of a motion on the time of one of them.
 
-Hands never do the same twice at the same pace. Each take is laid over the reference by dynamic time warping: frames are
-paired in order, so that the sum of squared differences is least (Sakoe and Chiba 1978). What hands did differently is
-halved by four takes, what they did alike stays. Of a loop the takes need neither begin in the same phase nor last
-equally many periods. The takes of a motion are NAME.clip, NAME.2.clip, NAME.3.clip and so on.
+Each take is aligned with the reference by dynamic time warping: frames are paired in order with the least sum of
+squared differences (Sakoe and Chiba 1978). Four takes halve their random differences. Takes of a loop may have any
+phase and number of periods. The takes of a motion are NAME.clip, NAME.2.clip, NAME.3.clip and so on.
 """
 
 from __future__ import annotations
@@ -19,18 +18,19 @@ from numpy.typing import NDArray
 
 from controller.learning.preparation.loops import best_seam, with_velocities
 from controller.motion.clip import Clip
-from controller.motion.encodings.joint_angles import JointAngles, JointBody, Plays, how_taught, taught_clip
+from controller.motion.encodings.joint_angles import JointAngles, JointBody
 from controller.motion.formats.reading import read_clip
+from controller.motion.formats.taught_clip import Plays, taught_clip, taught_mode
 from controller.motion.rotations import Array
 from motiondeck_base.errors import FileFormatError
 
 _TAKE = re.compile(r"\.(\d+)$")
-RETURNS = 0.2  # a motion is a loop if it returns to itself as well as this share of how far it spreads
-_SHORTEST_LOOP = 0.15  # of a take; the shortest part that returns as well as any is one period
+RETURNS = 0.2  # largest mismatch at the seam of a loop, relative to the spread of the motion
+_SHORTEST_LOOP = 0.15  # of a take; the shortest part with about the least mismatch is one period
 _AS_WELL = 1.5
-_TOLD_APART = 0.5  # a take differs from the reference by less than this share of how far that spreads
+_LARGEST_DIFFERENCE = 0.5  # of a take from the reference, relative to its spread
 _WARPED_AT = 150  # frames at most; warping costs their square
-_PACES = np.linspace(0.6, 1.6, 21)  # of a take beside the reference
+_PACES = np.linspace(0.6, 1.6, 21)  # of a take relative to the reference
 
 
 class JoinedTakes(NamedTuple):
@@ -38,7 +38,7 @@ class JoinedTakes(NamedTuple):
 
     Attributes:
         channels: shape (T, C); of a loop one period and a part of the next.
-        apart: how far each take is from the result on average, a value a take (root mean square over channels).
+        apart: mean distance of each take from the result (root mean square over channels).
     """
 
     channels: Array
@@ -46,12 +46,12 @@ class JoinedTakes(NamedTuple):
 
 
 def motion_of(file: Path) -> str:
-    """The motion that a clip is a take of: its name without ".clip" and the take's number."""
+    """The name of the motion of a take: without ".clip" and the number of the take."""
     return _TAKE.sub("", file.stem)
 
 
 def by_motion(files: Iterable[Path]) -> list[list[Path]]:
-    """Clips by the motion that they are takes of, in one folder; each in the order of the takes and once."""
+    """Clips grouped by motion and folder, in the order of the takes, without repetitions."""
     found: dict[Path, list[Path]] = {}
     for file in dict.fromkeys(files):
         found.setdefault(file.with_name(motion_of(file)), []).append(file)
@@ -59,19 +59,18 @@ def by_motion(files: Iterable[Path]) -> list[list[Path]]:
 
 
 def read_takes(files: Sequence[Path]) -> tuple[Clip, Plays]:
-    """The motion of some clips that are takes of it, and how it is to be played.
+    """The motion of some takes, and whether it loops.
 
     Raises:
-        FileFormatError: if one cannot be read, or they are of different joints, rates or motions, or are to be played
-            differently.
+        FileFormatError: if one cannot be read, or joints, rates, motions or modes differ.
     """
     clips = [read_clip(file) for file in files]
-    plays: list[Plays] = [how_taught(file) for file in files]
+    plays: list[Plays] = [taught_mode(file) for file in files]
     for file, clip, how in zip(files, clips, plays, strict=True):
         same = (clip.skeleton.bones, clip.rate, how) == (clips[0].skeleton.bones, clips[0].rate, plays[0])
         if not same or not clip.skeleton.is_rig:
             raise FileFormatError(
-                f"{file} is no other take of {files[0]}: takes of a motion have the same joints in the same order, the "
+                f"{file} is not a take of {files[0]}: takes of a motion have the same joints in the same order, the "
                 "same rate, and are all taught with --loop or all with --once."
             )
     if len(clips) == 1:
@@ -81,8 +80,8 @@ def read_takes(files: Sequence[Path]) -> tuple[Clip, Plays]:
     return taught_clip(motion_of(files[0]), clips[0].skeleton.bones, clips[0].rate, joined.channels), plays[0]
 
 
-def returns(channels: Array, rate: float, at_least: float) -> bool:
-    """Whether a recording (T, C) comes back to where it was, so that it can go on for ever."""
+def is_periodic(channels: Array, rate: float, at_least: float) -> bool:
+    """Whether a recording (T, C) at a rate in Hz returns to an earlier state."""
     return best_seam(channels, rate, at_least=at_least).mismatch < RETURNS * _spread(with_velocities(channels, rate))
 
 
@@ -93,14 +92,14 @@ def join_takes(takes: Sequence[Array], names: Sequence[str], rate: float, *, loo
         takes: each of shape (T_i, C).
         names: of the takes, for messages.
         rate: frames per second, Hz.
-        loop: whether it goes on for ever.
+        loop: whether the motion loops.
 
     Raises:
-        FileFormatError: if a take differs from the others too much to be the same motion; it is named.
+        FileFormatError: if a take differs too much from the others.
     """
     periods = [_period(take, rate) for take in takes] if loop else list(takes)
     reference = _middle_length(periods)
-    within = _TOLD_APART * _spread(periods[reference])
+    within = _LARGEST_DIFFERENCE * _spread(periods[reference])
     laid: list[Array] = []
     for number, take in enumerate(takes):
         if number == reference:
@@ -112,7 +111,7 @@ def join_takes(takes: Sequence[Array], names: Sequence[str], rate: float, *, loo
             more = math.ceil(100.0 * (differs / within - 1.0))
             raise FileFormatError(
                 f"{names[number]} is not the motion of {names[reference]}: they differ by {more} % more than takes of "
-                "a motion may. Teach it again, or give it a name of its own."
+                "a motion may. Teach it again, or give it another name."
             )
         laid.append(over)
     mean = np.mean(laid, axis=0)
@@ -126,7 +125,7 @@ def _number_of(file: Path) -> int:
 
 
 def _period(take: Array, rate: float) -> Array:
-    """One period of a loop: the shortest part of a take that returns about as well as any."""
+    """One period of a loop: the shortest part of a take with about the least mismatch."""
     best = best_seam(take, rate, at_least=0.5)
     for share in (_SHORTEST_LOOP, 0.25, 0.35):
         seam = best_seam(take, rate, at_least=share)
@@ -136,12 +135,12 @@ def _period(take: Array, rate: float) -> Array:
 
 
 def _middle_length(takes: Sequence[Array]) -> int:
-    """The take whose length has as many shorter as longer ones."""
+    """The index of the take of median length."""
     return sorted(range(len(takes)), key=lambda number: len(takes[number]))[len(takes) // 2]
 
 
 def _best_part(take: Array, reference: Array) -> Array:
-    """The part of a take that is most like one period of a loop, whatever its pace."""
+    """The part of a take that is nearest to one period of a loop, at any pace."""
     step = max(1, len(reference) // 40)
     wanted = reference[::step]
     best, found = np.inf, take
@@ -159,11 +158,11 @@ def _best_part(take: Array, reference: Array) -> Array:
 
 
 def _laid_over(take: Array, reference: Array) -> Array:
-    """A take on the time of the reference, shape of the reference."""
+    """A take warped to the time of the reference."""
     few = min(_WARPED_AT, len(take), len(reference))
     coarse = [_resampled(one, few) for one in (reference, take)]
     own, other = _path(*coarse)
-    # Where a frame of the reference has several partners, their middle.
+    # The mean of several partners of a frame of the reference.
     partner = np.array([other[own == frame].mean() for frame in range(few)]) / (few - 1)
     smooth = np.interp(np.linspace(0, 1, len(reference)), np.linspace(0, 1, few), partner)
     place = smooth * (len(take) - 1)
@@ -171,12 +170,12 @@ def _laid_over(take: Array, reference: Array) -> Array:
 
 
 def _path(reference: Array, take: Array) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
-    """The pairs of frames of the cheapest way through two motions, first with first and last with last."""
+    """The pairs of frames of the warping path with the least cost."""
     cost = np.square(reference[:, None] - take[None]).sum(axis=2)
     total = np.full((len(reference) + 1, len(take) + 1), np.inf)
     total[0, 0] = 0.0
     for row in range(len(reference)):
-        # From above or from the corner all at once; along the row one after the other.
+        # From above or from the corner vectorised; along the row sequentially.
         above = np.minimum(total[row, 1:], total[row, :-1]) + cost[row]
         best = np.inf
         for column, (arrive, here) in enumerate(zip(above.tolist(), cost[row].tolist(), strict=True)):
@@ -197,10 +196,10 @@ def _resampled(channels: Array, frames: int) -> Array:
 
 
 def _spread(channels: Array) -> float:
-    """How far a motion goes from its mean, root mean square over frames of the sum over channels."""
+    """Root mean square distance of a motion from its mean, over all channels."""
     return float(np.sqrt(np.square(channels - channels.mean(0)).sum(1).mean()))
 
 
 def _distance(one: Array, other: Array) -> float:
-    """Root mean square over frames of the distance over all channels."""
+    """Root mean square distance of two motions, over all channels."""
     return float(np.sqrt(np.square(one - other).sum(1).mean()))

@@ -1,4 +1,4 @@
-"""One motion as a trainer sees it, and the signal that drives a reservoir with it."""
+"""A motion as input of a trainer."""
 
 from __future__ import annotations
 
@@ -15,9 +15,9 @@ class Variant:
     """A loop at one value of its input.
 
     Attributes:
-        value: of the input, in its own unit.
-        seconds: how long a round takes.
-        frames: channels, shape (T, C), in step with the other variants.
+        value: of the input, in its unit.
+        seconds: duration of a round.
+        frames: channels, shape (T, C), aligned with the other variants.
     """
 
     value: float
@@ -32,10 +32,10 @@ class TrainingMotion:
     Attributes:
         name: of the motion.
         frames: normalised channels, shape (T, C): one period of a loop, or all of a one-shot.
-        loop: which of the two it is.
-        before: what was recorded before the frames, shape (T', C), or None.
-        driving: its input besides the phase, if it has one; its frames are those at the usual value.
-        variants: the motion at each of the input's values, normalised too.
+        loop: whether it is a loop.
+        before: recorded frames before these, shape (T', C), or None.
+        driving: its input besides the phase, if any; `frames` are those at the usual value.
+        variants: the motion at each value of the input, normalised too.
     """
 
     name: str
@@ -46,11 +46,7 @@ class TrainingMotion:
     variants: tuple[Variant, ...] = ()
 
     def lead_in(self, washout: int) -> Array:
-        """What precedes the frames while the reservoir forgets its start, shape (washout, C).
-
-        Where nothing was recorded before them, a loop is preceded by its own end, a one-shot by its
-        first frame.
-        """
+        """The frames for the washout, shape (washout, C): as recorded, the end of a loop, or the first frame."""
         if self.before is not None:
             return self.before
         if self.loop:

@@ -1,1 +1,1 @@
-"""Recognition: which motion is this? Echo-state experts, what they look at, and how streams are cut with them."""
+"""Recognition of motions by echo-state experts: features, training, online use, and segmentation of streams."""

@@ -1,33 +1,32 @@
-"""Recognition of a body while it moves: poses come at any pace, and a saved recognizer says which motion they show."""
+"""Online recognition of a body from poses at any rate, by a saved recognizer."""
 
 from __future__ import annotations
 
 import numpy as np
 
 from controller.learning.recognition.features import POSITION_UNIT, VELOCITY_UNIT, still_features
-from controller.learning.recognition.frame_times import FrameTimes
-from controller.learning.recognition.online_recognizer import OnlineRecognizer
+from controller.learning.recognition.online_recognizer import FrameTimes, OnlineRecognizer
 from controller.learning.recognition.recognizer import Recognizer
 from controller.motion.clip import Clip
 from controller.motion.rotations import Array
 from controller.motion.skeleton import Skeleton
 
-STEADY = 0.06  # s for which a verdict must have been the same before it is told
+STEADY = 0.06  # s for which a verdict must be constant before it is reported
 
 
 class BodyRecognizer:
-    """Says of a body of B bones which of a recognizer's motions it does.
+    """Recognizes the motion of a body of B bones.
 
     Args:
-        recognizer: trained on recordings of whatever bodies.
-        skeleton: of the body that is looked at.
+        recognizer: trained on recordings of any bodies.
+        skeleton: of the body.
 
     Attributes:
-        seen: the motion that has been the verdict for STEADY seconds, or None while nothing is sure.
+        seen: the motion that has been the verdict for STEADY seconds, or None.
         online: the verdict of the last frame.
 
     Raises:
-        MotiondeckError: if the skeleton lacks a joint that the recognizer looks at.
+        MotiondeckError: if the skeleton lacks a joint of the recognizer's features.
     """
 
     def __init__(self, recognizer: Recognizer, skeleton: Skeleton) -> None:
@@ -35,7 +34,6 @@ class BodyRecognizer:
         self.online = OnlineRecognizer(recognizer.bank, recognizer.threshold, recognizer.recipe.rate)
         self._times = FrameTimes(recognizer.recipe.rate)
         self._frame: Array | None = None
-        # The last pose and this one.
         self._root, self._rotation = np.zeros((2, 3)), np.zeros((2, 1 + len(skeleton), 4))
         self._rotation[..., 0] = 1.0
         self._still()  # names a joint that is missing, before anything moves
@@ -46,19 +44,18 @@ class BodyRecognizer:
 
     @property
     def motions(self) -> tuple[str, ...]:
-        """What can be seen."""
+        """The known motions."""
         return self.online.classes
 
     @property
     def confidence(self) -> float:
-        """How much smaller the best expert's error is than the second's, in [0, 1)."""
+        """As `OnlineRecognizer.confidence`."""
         return self.online.confidence
 
     def update(self, root_position: Array, rotation: Array, dt: float) -> str | None:
-        """Takes the pose dt >= 0 seconds after the last one; what is `seen` then.
+        """Processes the pose dt >= 0 seconds after the last one and returns `seen`.
 
-        A frame for the experts is read between two poses where it is due, linearly. A pose with a number that is not
-        finite is left out, and the time it stands for with it.
+        Frames for the experts are interpolated linearly. A pose that is not finite is skipped with its time.
 
         Args:
             root_position: shape (3,), m.
@@ -82,11 +79,11 @@ class BodyRecognizer:
         return self.seen
 
     def _still(self) -> Array:
-        """The features of the last two poses, without velocities, shape (2, C)."""
+        """The features of the last pose and this one, without velocities, shape (2, C)."""
         return still_features(Clip("now", self._skeleton, 1.0, self._root, self._rotation), self._recipe)
 
     def _take(self, frame: Array) -> None:
-        """Hands a frame at the recognizer's rate, without velocities, to the experts."""
+        """Passes a frame at the recognizer's rate, without velocities, to the experts."""
         before = self._frame if self._frame is not None else frame
         self._frame = frame
         if self._recipe.velocity:

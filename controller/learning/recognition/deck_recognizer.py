@@ -1,7 +1,6 @@
-"""Recognition on a robot: experts on its own joint angles, trained on its own library.
+"""Recognition on a robot: experts on its joint angles, trained on the library that it plays.
 
-There is one body only, and its joints have no angles that flip, so what fails across people works here as it stands:
-the measured joint positions are the features.
+With one body, whose angles do not flip, the measured joint positions are the features.
 """
 
 from __future__ import annotations
@@ -14,19 +13,18 @@ from controller.deck.tracks.frame_player import FramePlayer
 from controller.learning.recognition.expert_bank import ExpertBank, teach
 from controller.learning.recognition.experts import ExpertRecipe
 from controller.learning.recognition.features import ANGLE_UNIT
-from controller.learning.recognition.frame_times import FrameTimes
-from controller.learning.recognition.online_recognizer import OnlineRecognizer
+from controller.learning.recognition.online_recognizer import FrameTimes, OnlineRecognizer
 from controller.library.motion_library import MotionLibrary
 from controller.motion.posture import Pose, walk_path
 from controller.motion.rotations import Array
 from motiondeck_base.errors import MotiondeckError
 
 RATE = 30.0  # Hz
-LOOPS = 2.0  # a loop is learned for this many times its length
+LOOPS = 2.0  # repetitions of a loop in the training
 THRESHOLD = 0.3
-MEMORY = 0.1  # s; a longer one sees a switch later and nothing better
+MEMORY = 0.1  # s; a longer one detects a switch later and nothing better
 
-# On one body single frames tell motions apart; a reservoir that forgets fast settles sooner after a switch.
+# On one body single frames suffice; a reservoir that forgets fast settles sooner after a switch.
 EXPERTS = ExpertRecipe(leak=1.0)
 
 
@@ -47,12 +45,11 @@ def joint_motions(library: MotionLibrary, retarget: Retargeter, rate: float = RA
 def unwind(joints: Array, balls: NDArray[np.int64]) -> None:
     """Replaces the rotation vectors of ball joints, v = angle axis, by sin(angle) axis, in place.
 
-    A rotation has many rotation vectors, whole turns apart, and on which of them a joint is hangs on where it has been;
-    this is the same for all of them, and smooth.
+    That is smooth, and the same for all rotation vectors of a rotation, which are whole turns apart.
 
     Args:
         joints: shape (..., J), rad.
-        balls: which of them are rotation vectors, shape (N, 3).
+        balls: indices of rotation vectors, shape (N, 3).
     """
     if len(balls):
         vectors = joints[..., balls]
@@ -63,7 +60,7 @@ def teach_joints(motions: dict[str, Array], recipe: ExpertRecipe = EXPERTS) -> E
     """Experts on joint positions (T, J), rad, with ball joints unwound.
 
     Raises:
-        MotiondeckError: if there are fewer than two motions to tell apart.
+        MotiondeckError: if there are fewer than two motions.
     """
     if len(motions) < 2:
         raise MotiondeckError("a library of one motion leaves nothing to recognize")
@@ -72,15 +69,15 @@ def teach_joints(motions: dict[str, Array], recipe: ExpertRecipe = EXPERTS) -> E
 
 
 class JointWatcher:
-    """Takes measured joints at any pace and keeps an online recognizer fed at its own rate.
+    """Passes joints measured at any rate to an online recognizer at its own rate.
 
     Args:
         bank: experts on joint positions; see `teach_joints`.
         rate: frames per second of their training, Hz.
-        threshold: the margin below which nothing is claimed.
+        threshold: the margin below which a motion is unknown.
 
     Attributes:
-        recognizer: what is seen.
+        recognizer: with the verdict.
     """
 
     def __init__(self, bank: ExpertBank, rate: float = RATE, threshold: float = THRESHOLD) -> None:
@@ -91,10 +88,9 @@ class JointWatcher:
         self._scaled = np.zeros(self.recognizer.channels)
 
     def update(self, joints: Array, dt: float) -> None:
-        """Takes the joints (J,), rad, measured dt >= 0 seconds after the last ones.
+        """Processes joints (J,), rad, measured dt >= 0 seconds after the last ones.
 
-        A frame for the recognizer is read between two measurements where it is due, linearly. A measurement with a
-        number that is not finite is left out, and the time it stands for with it.
+        Frames are interpolated linearly. A measurement that is not finite is skipped with its time.
         """
         if not np.isfinite(joints).all():
             self.recognizer.skipped += 1

@@ -1,7 +1,6 @@
-"""Watches whether the robot does its motion: experts recognise the measured joints, and each joint has to follow.
+"""Detects that the robot does not do the commanded motion: by recognition of its joints, and by joints that lag.
 
-One call a tick, at the same cost. Where the targets stand still (a pause, the end of a one-shot) there
-is nothing to be recognized, and nothing is claimed.
+One call a tick, at constant cost. While the targets stand still (a pause, the end of a one-shot) nothing is recognized.
 """
 
 from __future__ import annotations
@@ -20,21 +19,21 @@ from controller.learning.recognition.online_recognizer import MismatchWatch
 from controller.motion.rotations import Array
 
 PATIENCE = 0.5  # s
-STILL = 0.02  # rad: no joint's targets of the last quarter second lie further apart
-CALM = 3.0  # s without cause after which an alarm is over
+STILL = 0.02  # rad: largest range of a joint's targets in the last quarter second at rest
+CALM = 3.0  # s without cause after which an alarm ends
 MOST_ALARMS = 100
 
 
 @dataclass(frozen=True)
 class Alarm:
-    """What was found.
+    """A joint that does not follow, or another motion than the commanded one.
 
     Attributes:
-        at: s of the deck's time.
-        commanded: the motion that should have been done.
-        seen: the motion that the joints looked like most.
-        joint: the joint that did not follow, or "" where the motion as a whole is another one.
-        text: all this in a line.
+        at: time of the deck, s.
+        commanded: motion.
+        seen: the recognized motion.
+        joint: that does not follow, or "" for another motion.
+        text: one line for the user.
     """
 
     at: float
@@ -45,20 +44,20 @@ class Alarm:
 
 
 class DeckWatch:
-    """Watches J joints of a robot that plays a library.
+    """Monitors J joints of a robot that plays a library.
 
     Args:
         bank: experts on these joints; see `deck_recognizer.teach_joints`.
-        joints: their names, length J.
-        rate: ticks a second, Hz.
-        patience: how long the joints may look like another motion than the commanded one, s.
+        joints: names, length J.
+        rate: of ticks, Hz.
+        patience: duration of another motion until an alarm, s.
 
     Attributes:
-        seen: the motion that the joints look like, or None while they stand still or nothing is known yet.
-        confidence: how much smaller the best expert's error is than the second's, in [0, 1).
+        seen: the recognized motion, or None at rest or before the first verdict.
+        confidence: as `OnlineRecognizer.confidence`.
         alarms: the latest MOST_ALARMS.
-        raised: how many there were.
-        seen_after: of each switch that was seen, s from the first tick of the new motion until it was recognized.
+        raised: number of alarms.
+        seen_after: recognition time of each switch, from the first tick of the new motion, s.
     """
 
     def __init__(self, bank: ExpertBank, joints: Sequence[str], rate: float, patience: float = PATIENCE) -> None:
@@ -68,7 +67,7 @@ class DeckWatch:
         self._recognizer = self._watcher.recognizer
         self._mismatch = MismatchWatch(self._recognizer, patience=patience)
         self._following = FollowingWatch(len(joints), rate)
-        self._calm = np.full(len(joints) + 1, CALM)  # s since each joint, and at last the whole, gave cause
+        self._calm = np.full(len(joints) + 1, CALM)  # s since the last cause, of each joint and of the motion
         self._on = np.zeros(len(joints) + 1, dtype=np.bool_)
         self._cause = np.zeros(len(joints) + 1, dtype=np.bool_)
         self._commanded: str | None = None
@@ -82,28 +81,28 @@ class DeckWatch:
 
     @property
     def mismatch(self) -> float:
-        """For how long another motion has been seen, s."""
+        """Duration of another motion so far, s."""
         return self._mismatch.mismatch
 
     @property
     def stuck(self) -> NDArray[np.bool_]:
-        """Which joints do not follow, shape (J,); one is among them until it has followed for CALM seconds."""
+        """Whether each joint does not follow, shape (J,); reset after CALM seconds of following."""
         return self._on[:-1]
 
     @property
     def right(self) -> float | None:
-        """The share of ticks, beyond a switch and its grace, in which the commanded motion was seen."""
+        """The share of ticks, except switches and their grace, in which the commanded motion was recognized."""
         return self._right / self._asked if self._asked else None
 
     def update(self, targets: Array, measured: Array, commanded: str, *, settled: bool, at: float) -> Sequence[Alarm]:
-        """Goes one tick on; the alarms that begin with it.
+        """Processes a tick and returns the alarms that begin with it.
 
         Args:
             targets: of the joints, shape (J,), rad.
-            measured: where they are, shape (J,), rad; NaN where that is not known.
-            commanded: the motion that should be done now.
-            settled: whether it is really being played, and no switch is under way.
-            at: s of the deck's time.
+            measured: positions, shape (J,), rad; NaN if unknown.
+            commanded: motion.
+            settled: whether it is playing, and no switch is under way.
+            at: time of the deck, s.
         """
         watch = self._mismatch
         self._watcher.update(measured, self._period)
@@ -127,7 +126,7 @@ class DeckWatch:
         return alarms
 
     def _count(self, commanded: str, counting: bool) -> None:
-        """Keeps the figures of the report."""
+        """Updates the statistics of the report."""
         if commanded != self._commanded:
             # The first motion was not switched to.
             self._since_command = None if self._commanded is None else 0.0

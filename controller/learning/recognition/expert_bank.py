@@ -1,4 +1,4 @@
-"""A bank of experts: what is known of each class, and which class a motion is taken for."""
+"""A bank of experts: the moments of each class, and the classification of motions."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ class ExpertBank:
     """M experts that share a reservoir.
 
     Attributes:
-        recipe: how they are made.
+        recipe: parameters.
         reservoir: N neurons, C channels.
         classes: the names of the motions, length M.
         moments: of each class's training motions.
@@ -47,12 +47,12 @@ class ExpertBank:
 
     @property
     def together(self) -> int:
-        """How many neighbouring channels are judged together."""
+        """Number of adjacent channels with a common error."""
         return self.recipe.together(len(self.moments[0].yy))
 
     @cached_property
     def centre(self) -> Array:
-        """How well each expert guesses on the average class, shape (M,); see `experts.centre`."""
+        """The mean log error of each expert over all classes, shape (M,); see `experts.centre`."""
         return centre(self.readouts, self.moments, self.together)
 
     def force(self, signals: list[Array]) -> list[Forced]:
@@ -64,11 +64,11 @@ class ExpertBank:
         return log_errors(self.readouts, self.force(signals), self.together) - self.centre
 
     def confidences(self, costs: Array) -> Array:
-        """How sure a verdict on costs (signals, M) is, shape (signals,): what the threshold is compared with."""
+        """The confidence of verdicts on costs (signals, M), shape (signals,), for comparison with the threshold."""
         return margins(costs) - self.recipe.doubt * costs.min(1)
 
     def learned(self, label: str, signals: list[Array]) -> ExpertBank:
-        """The bank that has seen more motions of a class, known or new; no other class's readout changes."""
+        """The bank with more motions of a class, known or new; the readouts of other classes stay."""
         more = total(moments(forced) for forced in self.force(signals))
         known = dict(zip(self.classes, self.moments, strict=True))
         known[label] = known[label] + more if label in known else more
@@ -85,7 +85,7 @@ def teach(recipe: ExpertRecipe, signals: list[Array], labels: Sequence[str]) -> 
 
 
 def margins(costs: Array) -> Array:
-    """How far the best expert is ahead of the second, shape (signals,), >= 0."""
+    """The difference between the second-least and the least cost, shape (signals,)."""
     if costs.shape[1] < 2:
         return np.zeros(len(costs))
     two = np.partition(costs, 1, axis=1)[:, :2]

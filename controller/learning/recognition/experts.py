@@ -1,20 +1,20 @@
-"""Echo-state experts: one readout a motion, which predicts the next frame of it (Rodriguez 2012, section 4).
+"""Echo-state experts: one readout a motion, which predicts its next frame (Rodriguez 2012, section 4).
 
-A reservoir without input is forced along the motion that is to be recognized (teacher forcing):
+A reservoir is driven by the motion to recognize (teacher forcing):
 
     x(t+1) = (1 - a) x(t) + a tanh(W x(t) + W_back y(t) + b)
     y_m(t) = W_m x(t),      e_m = mean over t of |y(t) - y_m(t)|^2
 
-Expert m was trained on motion m, so the expert that errs least names the motion. All experts share one reservoir, which
-is therefore driven once, and their readouts are ridge regressions from the moments X'X and X'Y that each class keeps: a
-clip or a class is added without touching the others.
+Expert m was trained on motion m, so the expert with the least error gives the class. All experts share one reservoir,
+and their readouts are ridge regressions from the moments X'X and X'Y of each class: a clip or a class is added without
+touching the others.
 
-Some experts are better guessers than others, whatever they see. So each is judged against itself: its log error less
-the mean over all classes of its log error on their training motions ("centred"). The moments know those errors too.
+Experts differ in their mean error on any motion. So costs are centred: the log error of an expert less the mean over
+all classes of its log error on their training motions, which follows from the moments.
 
-An expert may be a committee: the neurons are split into groups, each with a readout of its own, and the logarithm of
-the error is averaged over groups and joints. One group's chance errors are averaged out, and a joint that hardly moves
-counts as much as one that swings. That tells known motions from unknown ones better (docs/recognition.md).
+An expert may be a committee: the neurons are split into groups with separate readouts, and the logarithm of the error
+is averaged over groups and joints. That averages out chance errors of a group, and gives a joint that hardly moves the
+weight of one that swings, which separates known from unknown motions better (docs/recognition.md).
 """
 
 from __future__ import annotations
@@ -35,13 +35,13 @@ from motiondeck_base.errors import MotiondeckError
 SMALLEST_ERROR = 1e-12
 A_JOINT = 3  # channels: a position, or a velocity
 COMMITTEE_DOUBT = 0.1
-STRETCHES = (0.5, 0.7, 1.0, 1.4, 2.0)  # durations at which motions are learned, so that they are known at all between
-STRETCHED_LEAK = 1.0  # neurons without a time constant of their own suit motions that are learned at several durations
-WASHOUT_SHARE = 3  # no more than a third of a clip is spent on washing the reservoir's start out
+STRETCHES = (0.5, 0.7, 1.0, 1.4, 2.0)  # relative durations in the training
+STRETCHED_LEAK = 1.0  # neurons without a time constant suit motions learned at several durations
+WASHOUT_SHARE = 3  # the washout is at most a third of a clip
 
 
 class ExpertRecipe(msgspec.Struct, forbid_unknown_fields=True, frozen=True, kw_only=True):
-    """How experts are made.
+    """Parameters of experts.
 
     Attributes:
         neurons: N.
@@ -50,9 +50,9 @@ class ExpertRecipe(msgspec.Struct, forbid_unknown_fields=True, frozen=True, kw_o
         bias_scale: of b.
         leak: a, in (0, 1].
         ridge: relative to the mean diagonal of X'X.
-        washout: frames that are not counted, at most a third of a clip.
+        washout: uncounted frames at the start, at most a third of a clip.
         seed: of the reservoir.
-        groups: into how many groups the neurons are split; those left over are not read.
+        groups: number of groups of neurons; neurons left over are not read.
     """
 
     neurons: int = 100
@@ -66,12 +66,12 @@ class ExpertRecipe(msgspec.Struct, forbid_unknown_fields=True, frozen=True, kw_o
     groups: int = 1
 
     def together(self, channels: int) -> int:
-        """How many neighbouring channels are judged together: all, or those of a joint by a committee."""
+        """Number of adjacent channels with a common error: all, or those of a joint for a committee."""
         return A_JOINT if self.groups > 1 and channels % A_JOINT == 0 else channels
 
     @property
     def doubt(self) -> float:
-        """The share of the best cost that is taken from the margin: experts predict an unknown motion badly."""
+        """The share of the least cost that is subtracted from the margin: unknown motions have a large one."""
         return COMMITTEE_DOUBT if self.groups > 1 else 0.0
 
     def __post_init__(self) -> None:
@@ -86,7 +86,7 @@ class ExpertRecipe(msgspec.Struct, forbid_unknown_fields=True, frozen=True, kw_o
 def committee_recipe(
     stretches: Sequence[float] = STRETCHES, *, neurons: int = 200, groups: int = 8, seed: int = 1
 ) -> ExpertRecipe:
-    """How experts of people's recordings are made, unless other things are asked for."""
+    """The default parameters for recordings of people."""
     leak = STRETCHED_LEAK if len(set(stretches)) > 1 else ExpertRecipe().leak
     return ExpertRecipe(neurons=neurons, groups=groups, seed=seed, leak=leak)
 
@@ -106,10 +106,10 @@ def expert_reservoir(recipe: ExpertRecipe, channels: int) -> Reservoir:
 
 @dataclass(frozen=True)
 class Forced:
-    """A motion forced through the reservoir: what it knew, and what came next.
+    """A motion driven through the reservoir: states and the frames that follow.
 
     Attributes:
-        states: x(t), which has seen y up to t - 1, shape (T', N).
+        states: x(t), a function of y up to t - 1, shape (T', N).
         targets: y(t), shape (T', C).
     """
 
@@ -118,7 +118,7 @@ class Forced:
 
 
 def force(reservoir: Reservoir, signals: list[Array], washout: int) -> list[Forced]:
-    """Teacher-forces signals (T_j, C); the washout of a short one is cut to a third of it.
+    """Drives the reservoir with signals (T_j, C); the washout of a short one is a third of it.
 
     Raises:
         MotiondeckError: if a signal has fewer than two frames or a number that is not finite.
@@ -138,13 +138,13 @@ def force(reservoir: Reservoir, signals: list[Array], washout: int) -> list[Forc
 
 @dataclass(frozen=True)
 class Moments:
-    """What readouts need to know of some motions, to be trained on them or judged by them.
+    """Moments of some motions, from which readouts and their errors follow.
 
     Attributes:
         xx: sum of x x', shape (N, N).
         xy: sum of x y', shape (N, C).
         yy: sum of y^2, shape (C,).
-        count: how many numbers y were summed, C a frame.
+        count: number of values y, C a frame.
     """
 
     xx: Array
@@ -187,7 +187,7 @@ def frame_errors(readouts: Array, forced: Forced, together: int) -> Array:
     Args:
         readouts: shape (M, G, C, N / G).
         forced: the motion.
-        together: how many neighbouring channels are averaged; see `ExpertRecipe.together`.
+        together: number of adjacent channels to average; see `ExpertRecipe.together`.
     """
     experts, groups, channels, size = readouts.shape
     found = np.empty((len(forced.states), experts, groups, channels // together))
@@ -208,7 +208,7 @@ def log_errors(readouts: Array, forced: list[Forced], together: int) -> Array:
 
 
 def mean_errors(readouts: Array, of: Moments, together: int) -> Array:
-    """The mean squared errors of one expert's readouts (G, C, N / G) on the motions behind some moments, shape (K,)."""
+    """The mean squared errors of one expert's readouts (G, C, N / G) on the motions of some moments, shape (K,)."""
     groups, channels, size = readouts.shape
     found = np.empty((groups, channels))
     for group, weights in enumerate(readouts):
@@ -219,5 +219,5 @@ def mean_errors(readouts: Array, of: Moments, together: int) -> Array:
 
 
 def centre(readouts: Array, classes: Sequence[Moments], together: int) -> Array:
-    """What each expert's log error is on the average class, shape (M,): how good a guesser it is, whatever it sees."""
+    """The mean over all classes of each expert's log error, shape (M,)."""
     return np.log([[mean_errors(own, of, together) for of in classes] for own in readouts]).mean((1, 2))

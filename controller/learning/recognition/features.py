@@ -1,7 +1,7 @@
-"""What a recognizer looks at: numbers made of a clip that mean the same for every person.
+"""Features of a clip for recognition, comparable between people.
 
-The angles of a recording do not: they flip between equivalent triples and hang on how the markers sat. Joint positions,
-seen from the root and turned into the body's heading, do; see docs/recognition.md for the figures.
+Recorded angles are not: they flip between equivalent triples and depend on the placement of markers. Joint positions
+relative to the root in the heading frame are; see docs/recognition.md for the figures.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ from controller.motion.clip import Clip
 from controller.motion.rotations import Array, conjugate, multiply, normalise, rotate, to_rotation_vector, yaw
 from motiondeck_base.errors import FileFormatError, MotiondeckError
 
-# Fourteen joints that show what a body does; each name is the bone that ends there.
+# Fourteen joints, each named after the bone that ends there.
 JOINTS = tuple(side + bone for bone in ("femur", "tibia", "foot", "humerus", "radius", "wrist") for side in "lr")
 JOINTS = (*JOINTS, "thorax", "head")
 # The same joints of the canonical body, which every recording of a human has.
@@ -29,23 +29,22 @@ CANONICAL = {side + bone: side + end for bone, end in _ENDS.items() for side in 
 }
 ENDS = ("lfoot", "rfoot", "lwrist", "rwrist", "head")
 
-# A step of this much makes 1: an arm's swing and an arm's speed then weigh alike.
+# Units of the features, in which swing and speed of an arm have equal weight.
 POSITION_UNIT = 0.3  # m
 VELOCITY_UNIT = 2.25  # m/s
 ANGLE_UNIT = 0.5  # rad
 
 
 class FeatureRecipe(msgspec.Struct, forbid_unknown_fields=True, frozen=True, kw_only=True):
-    """Which features.
+    """Parameters of features.
 
     Attributes:
-        kind: "positions" of joints, or "rotations" of bones against their parents (rotation vectors).
-        joints: the bones whose ends are looked at; empty takes the fourteen of JOINTS where the skeleton has them,
-            else all.
-        heading: whether positions are turned into the body's heading.
-        height: whether the root's height above the ground is a channel.
+        kind: "positions" of joints, or "rotations" of bones relative to their parents (rotation vectors).
+        joints: names of the bones that end there; by default JOINTS if the skeleton has them, else all.
+        heading: whether positions are in the heading frame.
+        height: whether the height of the root is a channel.
         velocity: whether the velocity of each channel is one too.
-        rate: frames per second that are looked at, Hz.
+        rate: frames per second, Hz.
     """
 
     kind: Literal["positions", "rotations"] = "positions"
@@ -61,12 +60,12 @@ class FeatureRecipe(msgspec.Struct, forbid_unknown_fields=True, frozen=True, kw_
 
 
 def joints_of(bones: tuple[str, ...]) -> tuple[str, ...]:
-    """The joints looked at when a recipe names none."""
+    """The default joints."""
     return JOINTS if set(JOINTS) <= set(bones) else bones
 
 
 def common_joints(clips: Sequence[Clip]) -> tuple[str, ...]:
-    """The joints looked at in recordings of several kinds: their own where they share them, else the canonical ones."""
+    """The joints for recordings of several kinds: their own if they share them, else the canonical ones."""
     bones = [clip.skeleton.bones for clip in clips]
     if all(set(JOINTS) <= set(own) for own in bones) or all(set(own) == set(bones[0]) for own in bones):
         return joints_of(bones[0])
@@ -76,22 +75,22 @@ def common_joints(clips: Sequence[Clip]) -> tuple[str, ...]:
 def features(clip: Clip, recipe: FeatureRecipe, stretch: float = 1.0) -> Array:
     """The features of a clip, shape (frames at the recipe's rate, channels).
 
-    A clip that lacks the recipe's joints is looked at on the canonical body, which has the same ones.
+    A clip that lacks the recipe's joints is converted to the canonical body, which has the same ones.
 
     Args:
-        clip: what is looked at.
-        recipe: which features.
-        stretch: as if the motion took that many times as long (time warp).
+        clip: recording.
+        recipe: parameters.
+        stretch: factor on the duration of the motion (time warp).
 
     Raises:
-        MotiondeckError: if the skeleton lacks a joint of the recipe; it names both.
+        MotiondeckError: if the skeleton lacks a joint of the recipe.
     """
     base = resampled(still_features(clip, recipe), clip.rate / stretch, recipe.rate)
     return with_velocity(base, recipe.rate) if recipe.velocity else base
 
 
 def still_features(clip: Clip, recipe: FeatureRecipe) -> Array:
-    """The features of each frame of a clip by itself, shape (T, channels without velocities); see `features`."""
+    """The features without velocities of each frame of a clip, shape (T, channels); see `features`."""
     joints = recipe.joints or joints_of(clip.skeleton.bones)
     if not set(joints) <= set(clip.skeleton.bones):
         with contextlib.suppress(FileFormatError):
@@ -124,7 +123,7 @@ def with_velocity(base: Array, rate: float) -> Array:
 
 
 def resampled(frames: Array, rate: float, wanted: float) -> Array:
-    """Frames (T, C) at one rate, read at another one (linearly between frames); the first frame stays the first."""
+    """Frames (T, C) at one rate, linearly interpolated at another; the first frame stays."""
     at = np.arange(int(np.floor((len(frames) - 1) * wanted / rate + 1e-9)) + 1) * (rate / wanted)
     low = np.minimum(at.astype(np.int64), len(frames) - 1)
     high = np.minimum(low + 1, len(frames) - 1)
@@ -133,7 +132,7 @@ def resampled(frames: Array, rate: float, wanted: float) -> Array:
 
 
 def heading_of(clip: Clip) -> Array:
-    """Which way the root faces, shape (T,), rad: its forward axis, flat on the floor."""
+    """The heading of the root, shape (T,), rad: its forward axis, projected onto the floor."""
     forward = rotate(clip.rotation[:, 0], np.array([1.0, 0.0, 0.0]))
     return np.arctan2(forward[:, 1], forward[:, 0])
 

@@ -1,9 +1,8 @@
-"""Checks that every joint follows its target; a jammed or unplugged one does not.
+"""Detects joints that do not follow their targets, because they are jammed or unplugged.
 
-A joint that follows, with whatever delay up to `lag`, is always where its target was at some time within the last `lag`
-seconds. So its distance is counted from the range of its own latest targets; a delay costs nothing, a jam shows as soon
-as the target has moved away. The experts are no help here: they are shown the stuck joint's own past and soon expect it
-to stay where it is (see docs/recognition.md).
+A joint that follows with a delay of up to `lag` is always within the range of its targets of the last `lag` seconds.
+Its error is the distance from that range: a delay adds nothing, a jam shows as soon as the target has moved away. The
+experts cannot detect it: they see the past of the stuck joint and soon expect it to stay (docs/recognition.md).
 """
 
 from __future__ import annotations
@@ -16,22 +15,22 @@ from motiondeck_base.errors import MotiondeckError
 
 LAG = 0.25  # s
 TOLERANCE = 0.1  # rad
-PATIENCE = 0.08  # s; slow walking moves an ankle off its place for 0.1 s only
+PATIENCE = 0.08  # s; in slow walking an ankle moves for only 0.1 s
 
 
 class FollowingWatch:
-    """Watches J joints; each tick costs the same.
+    """Monitors J joints at constant cost.
 
     Args:
         joints: J.
-        rate: ticks per second, Hz.
-        lag: how old a target may be that a joint still follows, s.
-        tolerance: how far off a joint may be, rad.
-        patience: for how long it may be further off, s; the count falls as fast as it rises.
+        rate: of ticks, Hz.
+        lag: largest delay of a joint that follows, s.
+        tolerance: error of a joint that follows, rad.
+        patience: duration of a larger error until detection, s; the count falls as fast as it rises.
 
     Attributes:
-        off: how far each joint is from its target, shape (J,), rad.
-        moved: how far each joint's targets of the last `lag` seconds lie apart, shape (J,), rad.
+        off: error of each joint, shape (J,), rad.
+        moved: range of each joint's targets of the last `lag` seconds, shape (J,), rad.
     """
 
     def __init__(
@@ -49,11 +48,11 @@ class FollowingWatch:
         self.moved = np.zeros(joints)
 
     def update(self, targets: Array, measured: Array) -> NDArray[np.bool_]:
-        """Goes one tick on; which joints do not follow, shape (J,), bool; the next call changes it.
+        """Processes a tick and returns whether each joint does not follow, shape (J,); the next call overwrites it.
 
         Args:
-            targets: what was commanded in this tick, shape (J,), rad.
-            measured: where the joints are, shape (J,), rad; one that is not finite counts as not following.
+            targets: of this tick, shape (J,), rad.
+            measured: positions, shape (J,), rad; NaN counts as not following.
         """
         if self._tick == 0:
             self._targets[:] = targets

@@ -1,8 +1,8 @@
-"""Labelled recordings: a folder a class, and the skeletons of the people who were recorded.
+"""Labelled recordings: a folder for each class, and a skeleton for each actor.
 
-A recording belongs to the class its folder is named after. Its skeleton is the .asf file in its own folder or one above
-(up to the folder of the whole set) whose name begins the recording's name (HDM_bd.asf for HDM_bd_squat_001.amc), else
-the only one there. Who has one skeleton is one actor.
+The class of a recording is the name of its folder. Its skeleton is the .asf file in its folder or one above (up to the
+folder of the set) whose name begins the recording's name (HDM_bd.asf for HDM_bd_squat_001.amc), else the only one
+there. Each skeleton is one actor.
 """
 
 from __future__ import annotations
@@ -16,7 +16,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from controller.motion.clip import Clip
-from controller.motion.formats.reading import read_clip, recordings_below, skeleton_of
+from controller.motion.formats.acclaim.amc import skeleton_of
+from controller.motion.formats.reading import read_clip, recordings_below
 from controller.motion.reading_options import ReadingOptions
 from motiondeck_base.errors import FileFormatError, MotiondeckError
 
@@ -28,10 +29,10 @@ class Example:
     """One labelled recording.
 
     Attributes:
-        clip: what was recorded.
-        label: which motion it is.
-        actor: who does it.
-        path: the file.
+        clip: recording.
+        label: class.
+        actor: name of the skeleton.
+        path: file.
     """
 
     clip: Clip
@@ -42,11 +43,11 @@ class Example:
 
 @dataclass(frozen=True, eq=False)
 class Dataset:
-    """Labelled recordings, and what was left out.
+    """Labelled recordings.
 
     Attributes:
         examples: in the order of their paths.
-        skipped: a line for each file that could not be used; it names the file and the reason.
+        skipped: a line for each unusable file, with the reason.
     """
 
     examples: list[Example]
@@ -54,7 +55,7 @@ class Dataset:
 
     @cached_property
     def classes(self) -> list[str]:
-        """The names of the motions, in alphabetical order."""
+        """The class names in alphabetical order."""
         return sorted({example.label for example in self.examples})
 
     @cached_property
@@ -64,7 +65,7 @@ class Dataset:
 
     @cached_property
     def actors(self) -> NDArray[np.int64]:
-        """Who does each example, an index into the sorted names of the actors."""
+        """The actor of each example, an index into the sorted names of the actors."""
         names = sorted({example.actor for example in self.examples})
         return np.array([names.index(example.actor) for example in self.examples])
 
@@ -72,14 +73,14 @@ class Dataset:
 def read_dataset(folder: Path, progress: Callable[[int, int], None] = lambda done, total: None) -> Dataset:
     """Reads a folder of recordings, one folder a class.
 
-    A file that cannot be read, or is shorter than SHORTEST frames, is left out and named in `skipped`.
+    Files that cannot be read, or are shorter than SHORTEST frames, are listed in `skipped`.
 
     Args:
-        folder: of the whole set.
+        folder: of the set.
         progress: called with the number of files done and of all files.
 
     Raises:
-        MotiondeckError: if there is no such folder, or not a single usable recording in it.
+        MotiondeckError: if there is no such folder, or no usable recording in it.
     """
     if not folder.is_dir():
         raise MotiondeckError(f"{folder}: there is no such folder. Check the name.")

@@ -1,17 +1,17 @@
-"""Recognition while it happens: one frame in, the state of the verdict out, at the same small cost every frame.
+"""Online recognition, frame by frame at constant cost.
 
-Each expert's squared error is averaged over the recent past,
+Each expert's squared error is averaged over the last `memory` seconds,
 
     E_m(t) = (1 - k) E_m(t-1) + k |y(t) - W_m x(t)|^2 / C,      cost_m = log E_m - centre_m
 
-(of a committee for each group of neurons and each joint, and the mean of their logarithms),
-so that the evidence is that of the last `memory` seconds. Nothing grows, and a frame costs one step of the reservoir
-and one product with all readouts.
+(of a committee for each group of neurons and each joint, and the mean of their logarithms). A frame costs one step of
+the reservoir and one product with all readouts.
 """
 
 from __future__ import annotations
 
 import math
+from collections.abc import Iterator
 
 import numpy as np
 
@@ -23,20 +23,36 @@ from motiondeck_base.errors import MotiondeckError
 MEMORY = 0.15  # s
 
 
+class FrameTimes:
+    """Times of frames at a rate, Hz, between measurements at any pace; the first is at the first measurement."""
+
+    def __init__(self, rate: float) -> None:
+        self._period = 1.0 / rate
+        self._since = 0.0
+
+    def due(self, dt: float) -> Iterator[float]:
+        """Advances by dt >= 0 s; yields the shares of dt at which frames are due, in (0, 1]. Exhaust the iterator."""
+        due = self._period - self._since
+        while due <= dt:
+            yield due / dt if dt > 0.0 else 1.0
+            due += self._period
+        self._since = self._period - (due - dt)
+
+
 class OnlineRecognizer:
     """Recognizes a stream of feature frames.
 
     Args:
         bank: the experts.
-        threshold: the confidence (`ExpertBank.confidences`) below which nothing is claimed.
-        rate: frames per second the experts were trained at, Hz.
-        memory: over how long the evidence is averaged, s.
+        threshold: the confidence (`ExpertBank.confidences`) below which a motion is unknown.
+        rate: frames per second of the training, Hz.
+        memory: averaging time, s.
 
     Attributes:
-        classes: the motions it knows.
+        classes: the known motions.
         costs: the centred log error of each expert, shape (M,); NaN until the first frame is predicted.
-        frames: how many frames were taken.
-        skipped: how many were not, for a number in them that is not finite.
+        frames: number of frames processed.
+        skipped: number of frames with NaN or infinite values.
     """
 
     def __init__(self, bank: ExpertBank, threshold: float, rate: float, memory: float = MEMORY) -> None:
@@ -48,7 +64,7 @@ class OnlineRecognizer:
         self.rate = rate
         experts, groups, self.channels, size = bank.readouts.shape
         neurons = len(reservoir.bias)
-        # One matrix for all that is linear in the state, one for all that is linear in the frame; single precision.
+        # One matrix for state and frame, in single precision.
         self._step = np.ascontiguousarray(np.hstack([reservoir.weights, reservoir.input_weights]), dtype=np.float32)
         self._bias = reservoir.bias.astype(np.float32)
         by_group = bank.readouts.transpose(1, 0, 2, 3).reshape(groups, -1, size)
@@ -77,7 +93,7 @@ class OnlineRecognizer:
         self.skipped = 0
 
     def reset(self) -> None:
-        """Forgets everything that was seen."""
+        """Returns to the initial state."""
         self._state[:] = 0.0
         self._error[:] = 0.0
         self._weight = 0.0
@@ -85,8 +101,8 @@ class OnlineRecognizer:
         self.frames = self.skipped = 0
 
     def update(self, frame: Array) -> None:
-        """Takes the next frame, shape (C,); one with a number that is not finite is skipped and counted."""
-        if not math.isfinite(frame.sum()):  # half the time of asking each number
+        """Processes the next frame, shape (C,); one that is not finite is skipped and counted."""
+        if not math.isfinite(frame.sum()):  # half the time of checking each number
             self.skipped += 1
             return
         neurons, state = self._neurons, self._state
@@ -117,17 +133,17 @@ class OnlineRecognizer:
 
     @property
     def ready(self) -> bool:
-        """Whether anything has been predicted yet."""
+        """Whether a frame has been predicted."""
         return self._weight > 0.0
 
     @property
     def motion(self) -> str | None:
-        """The nearest class, or None before the first verdict; see `known` for whether to believe it."""
+        """The nearest class, or None before the first verdict; reliable if `known`."""
         return self.classes[int(self.costs.argmin())] if self.ready else None
 
     @property
     def margin(self) -> float:
-        """How far the best expert is ahead of the second, in log error."""
+        """The difference of log errors between the second-best and the best expert."""
         if not self.ready or len(self.costs) < 2:
             return 0.0
         first, second = sorted(self.costs.tolist())[:2]
@@ -135,34 +151,34 @@ class OnlineRecognizer:
 
     @property
     def confidence(self) -> float:
-        """How much smaller the best expert's error is than the second's, in [0, 1): 1 - exp(-margin)."""
+        """1 - exp(-margin), in [0, 1)."""
         return -math.expm1(-self.margin)
 
     @property
     def known(self) -> bool:
-        """Whether the verdict is sure enough to be believed."""
+        """Whether the confidence reaches the threshold."""
         return self.ready and self.margin - self._doubt * float(self.costs.min()) >= self.threshold
 
     def behind(self, motion: str) -> float:
-        """How far a motion's expert is behind the best one, in log error; 0 if it is the best."""
+        """The difference of log errors between a motion's expert and the best one."""
         if not self.ready:
             return 0.0
         return float(self.costs[self.classes.index(motion)] - self.costs.min())
 
 
 class MismatchWatch:
-    """Notices when what is done is not what was commanded, for longer than a set time.
+    """Detects that another motion than the commanded one is recognized for a set time.
 
-    Time does not count while a switch is under way, nor for `grace` seconds after it.
+    Time does not count during a switch and for `grace` seconds after it.
 
     Args:
-        recognizer: what sees the measured joints.
-        behind: from this many log units behind the best expert on, the commanded motion is not the one that is done.
-        patience: how long that must last, s.
-        grace: how long after a switch nothing counts, s.
+        recognizer: of the measured joints.
+        behind: log error behind the best expert from which the commanded motion counts as not done.
+        patience: time until detection, s.
+        grace: s.
 
     Attributes:
-        mismatch: s for which it has lasted.
+        mismatch: duration of the mismatch so far, s.
     """
 
     def __init__(
@@ -176,14 +192,14 @@ class MismatchWatch:
 
     @property
     def counting(self) -> bool:
-        """Whether a mismatch would count: the last switch is long enough ago."""
+        """Whether the grace after the last switch is over."""
         return self._since_switch > self._grace
 
     def update(self, commanded: str, settled: bool, dt: float) -> bool:
-        """Goes dt seconds on; whether a mismatch has lasted for longer than the patience.
+        """Advances by dt seconds; whether a mismatch has outlasted the patience.
 
         Args:
-            commanded: the motion that should be done; one the recognizer does not know is not watched.
+            commanded: motion; an unknown one is not checked.
             settled: whether no switch is under way.
             dt: s since the last call.
         """

@@ -1,10 +1,11 @@
-"""A recognizer: clip in, verdict out, which may be "unknown"."""
+"""A recognizer of clips, whose verdict may be "unknown"."""
 
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 
+import msgspec
 import numpy as np
 
 from controller.learning.recognition.expert_bank import ExpertBank, margins, teach
@@ -16,23 +17,23 @@ from controller.motion.clip import Clip
 from controller.motion.rotations import Array
 from motiondeck_base.errors import MotiondeckError
 
-# A known motion of somebody new is called unknown this often, by the training set; where that has one actor only, a
-# motion of the same actor that was never learned is taken for a known one this often.
+# Shares in the training set: known motions of a new actor called unknown; with one actor only, unlearned motions of
+# that actor called known.
 FALSE_REJECTIONS = 0.05
 FALSE_ACCEPTANCES = 0.1
-LEAST_CONFIDENCE = -1e3  # nothing falls short of it
+LEAST_CONFIDENCE = -1e3  # below every confidence
 SHORTEST_STRETCH, LONGEST_STRETCH = 0.1, 10.0
 
 
 @dataclass(frozen=True)
 class RecognitionVerdict:
-    """What a motion is taken for.
+    """The classification of a motion.
 
     Attributes:
         motion: the nearest class.
-        known: whether it is sure enough to be believed.
-        margin: how far the best expert is ahead of the second, in log error.
-        costs: the centred log error of each class, least is nearest.
+        known: whether the confidence reaches the threshold.
+        margin: difference of log errors between the second-best and the best expert.
+        costs: the centred log error of each class; the least is nearest.
     """
 
     motion: str
@@ -46,11 +47,11 @@ class Recognizer:
     """A trained recognizer.
 
     Attributes:
-        recipe: what it looks at; its joints are spelled out.
+        recipe: of its features, with explicit joints.
         bank: its experts.
         threshold: the confidence (`ExpertBank.confidences`) below which a motion is called unknown.
-        clips: how many clips it was trained on.
-        sources: the names of their files.
+        clips: number of training clips.
+        sources: names of their files.
     """
 
     recipe: FeatureRecipe
@@ -65,9 +66,9 @@ class Recognizer:
         Raises:
             MotiondeckError: if its skeleton lacks a joint the features need, or it is too short to predict anything.
         """
-        return self.verdict(self.bank.costs([self.look(clip)])[0])
+        return self.verdict(self.bank.costs([self.features(clip)])[0])
 
-    def look(self, clip: Clip) -> Array:
+    def features(self, clip: Clip) -> Array:
         """The features of a clip, shape (T, C), T >= 2.
 
         Raises:
@@ -94,13 +95,11 @@ def train_recognizer(
 ) -> Recognizer:
     """A recognizer of the classes of a dataset.
 
-    Its threshold is that of `rejection_threshold`.
-
     Args:
-        dataset: what is learned.
-        look: the features.
-        experts: their recipe.
-        stretches: each clip is learned as if it took so many times as long, once for each factor; at least one.
+        dataset: training clips.
+        look: parameters of the features.
+        experts: their parameters.
+        stretches: factors on the duration of each clip, one copy each; at least one.
 
     Raises:
         MotiondeckError: if there are fewer than two classes, a clip lacks a joint the features need, or a stretch is
@@ -114,14 +113,8 @@ def train_recognizer(
     if len(dataset.classes) < 2:
         there = f"there is only one class, '{dataset.classes[0]}'" if dataset.classes else "there is no class"
         raise MotiondeckError(f"{there}; a recognizer needs two folders or more.")
-    look = FeatureRecipe(
-        kind=look.kind,
-        joints=look.joints or common_joints([example.clip for example in dataset.examples]),
-        heading=look.heading,
-        height=look.height,
-        velocity=look.velocity,
-        rate=look.rate,
-    )
+    joints = look.joints or common_joints([example.clip for example in dataset.examples])
+    look = msgspec.structs.replace(look, joints=joints)
     signals = [[features(example.clip, look, stretch) for stretch in stretches] for example in dataset.examples]
     short = [e.path for e, own in zip(dataset.examples, signals, strict=True) if min(map(len, own)) < 2]
     if short:
@@ -135,7 +128,7 @@ def train_recognizer(
 def _trained_bank(
     signals: list[list[Array]], learn: Iterable[int], dataset: Dataset, experts: ExpertRecipe
 ) -> ExpertBank:
-    """A bank that has learned all signals of some examples."""
+    """A bank trained on all signals of some examples."""
     pairs = [(signal, dataset.examples[i].label) for i in learn for signal in signals[i]]
     return teach(experts, [signal for signal, _ in pairs], [label for _, label in pairs])
 
@@ -143,10 +136,9 @@ def _trained_bank(
 def rejection_threshold(signals: list[list[Array]], dataset: Dataset, experts: ExpertRecipe) -> float:
     """The confidence below which a motion is called unknown, by cross-validation.
 
-    With several actors a share of FALSE_REJECTIONS of the clips falls short of it, each asked of experts that have not
-    seen its actor. The clips of a single actor do not tell how far others' fall short, but what is not known falls
-    short of it in whoever does it: all but FALSE_ACCEPTANCES of the clips, each asked of experts that have not seen its
-    class. LEAST_CONFIDENCE, which rejects nothing, where the set is too small to be split.
+    With several actors it is the FALSE_REJECTIONS quantile over all clips, tested on experts that were trained without
+    their actor. With one actor it rejects all but FALSE_ACCEPTANCES of the clips, tested on experts trained without
+    their class. LEAST_CONFIDENCE, which rejects nothing, if the set is too small to be split.
     """
 
     def seen(learn: Iterable[int], ask: Iterable[int]) -> Array:

@@ -1,4 +1,4 @@
-"""A recognizer in one file: safetensors with a JSON header, checked on load; loading executes nothing."""
+"""The file of a recognizer: safetensors with a JSON header, checked on loading, which executes nothing."""
 
 from __future__ import annotations
 
@@ -28,13 +28,12 @@ class RecognizerInfo(msgspec.Struct, forbid_unknown_fields=True, frozen=True, kw
 
     Attributes:
         version: of the format.
-        classes: the motions it knows.
-        features: what it looks at.
-        experts: how its experts are made.
+        classes: known motions.
+        features, experts: their parameters.
         threshold: the confidence below which a motion is called unknown.
-        clips: how many clips it was trained on.
-        sources: the names of their files.
-        licence: terms of the recordings, if they were given.
+        clips: number of training clips.
+        sources: names of their files.
+        licence: terms of the recordings, if given.
     """
 
     version: int
@@ -48,7 +47,7 @@ class RecognizerInfo(msgspec.Struct, forbid_unknown_fields=True, frozen=True, kw
 
 
 def save_recognizer(recognizer: Recognizer, path: Path, licence: str = "") -> None:
-    """Writes a recognizer under a temporary name and renames it, so that a file is whole or not there.
+    """Writes a recognizer atomically.
 
     Raises:
         FileFormatError: if the folder cannot be written.
@@ -80,7 +79,7 @@ def load_recognizer(path: Path) -> Recognizer:
     """Reads and checks a recognizer.
 
     Raises:
-        FileFormatError: one line that names the file and what is wrong with it.
+        FileFormatError: one line that names the file and the error.
     """
     header, stored = read_arrays(path, KIND)
     info = _read_info(path, header)

@@ -1,8 +1,8 @@
-"""How a set of examples is split into training and test examples.
+"""Protocols that split examples into training and test sets.
 
-actor-out   each actor in turn is asked, the others are learned: will it know somebody new?
-one-actor   one actor is learned, all others are asked: the hardest, and the one that still tells good methods apart
-half        a random half of each class is learned, three times over; the same people are on both sides
+actor-out   each actor is tested once, after training on the others: generalisation to a new person
+one-actor   training on one actor, testing on all others: the hardest, which still separates good methods
+half        training on a random half of each class, three times; the same people are in both sets
 """
 
 from __future__ import annotations
@@ -17,32 +17,30 @@ from motiondeck_base.errors import MotiondeckError
 Protocol: TypeAlias = Literal["actor-out", "one-actor", "half"]
 PROTOCOLS: tuple[Protocol, ...] = ("actor-out", "one-actor", "half")
 Indices: TypeAlias = NDArray[np.int64]
-Fold: TypeAlias = tuple[Indices, Indices]  # which examples are learned, which are asked
+Fold: TypeAlias = tuple[Indices, Indices]  # training and test examples
 
 HALVES = 3
 
 
 def folds(protocol: Protocol, labels: Indices, actors: Indices, seed: int = 0) -> list[Fold]:
-    """The splits of a protocol.
-
-    An example whose class is not among the learned ones cannot be named rightly and is not asked.
+    """The splits of a protocol; examples whose class is not in the training set are not tested.
 
     Args:
-        protocol: which one.
+        protocol: name.
         labels, actors: of each example, shape (n,).
         seed: of the random halves.
 
     Raises:
-        MotiondeckError: if there is only one actor where two are needed, or nothing is left to ask.
+        MotiondeckError: if there is only one actor and two are needed, or no test example is left.
     """
-    everyone = np.unique(actors)
-    if protocol != "half" and len(everyone) < 2:
+    names = np.unique(actors)
+    if protocol != "half" and len(names) < 2:
         raise MotiondeckError(f"protocol '{protocol}' needs recordings of two actors or more; use 'half'.")
     if protocol == "half":
         rng = np.random.default_rng(seed)
         learned = [_half(labels, rng) for _ in range(HALVES)]
     else:
-        learned = [np.flatnonzero((actors == who) == (protocol == "one-actor")) for who in everyone]
+        learned = [np.flatnonzero((actors == name) == (protocol == "one-actor")) for name in names]
     out = []
     for learn in learned:
         rest = np.setdiff1d(np.arange(len(labels)), learn)
@@ -57,10 +55,7 @@ def folds(protocol: Protocol, labels: Indices, actors: Indices, seed: int = 0) -
 
 
 def inner_folds(labels: Indices, actors: Indices, seed: int = 0) -> list[Fold]:
-    """Splits of the learned examples themselves, to choose settings without looking at what will be asked.
-
-    By actors where there are several, else into random halves.
-    """
+    """Splits of the training set for choosing parameters: by actors if there are several, else random halves."""
     several = len(np.unique(actors)) > 1
     return folds("actor-out" if several else "half", labels, actors, seed)
 

@@ -1,1 +1,1 @@
-"""Trainers of reservoir networks: conceptors, random feature conceptors, echo-state networks."""
+"""Conceptors: loading of reservoirs, and choice of apertures and ranks; completion of bodies."""

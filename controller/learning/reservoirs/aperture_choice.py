@@ -1,13 +1,12 @@
-"""Which aperture for which motion? One that holds in trials; they go in the order of Jaeger's attenuation criterion.
+"""Chooses the aperture of each motion by trials, in the order of Jaeger's attenuation criterion.
 
-With too small an aperture a conceptor takes parts of the motion away, with too large a one it lets through what does
-not belong to it; either way what comes out of a step, h = tanh(W x + b), is not what is let through,
-x = m + C (h - m). The attenuation
+A conceptor with too small an aperture removes parts of the motion, one with too large an aperture passes other signals;
+either way the result of a step, h = tanh(W x + b), differs from its projection x = m + C (h - m). The attenuation
 
     E|h - x|^2 / E|h - m|^2
 
-of the network running free is least in between (Jaeger 2014, section 3.8.5). It shows where a motion loses little,
-not whether it survives a disturbance, so every choice is tried: run free, started from noise, and disturbed.
+of the free-running network is least in between (Jaeger 2014, section 3.8.5). It does not show whether a motion survives
+a disturbance, so every choice is tested: run free, started from noise, and disturbed.
 """
 
 from __future__ import annotations
@@ -33,10 +32,10 @@ from controller.networks.conceptor.network import ConceptorNetwork
 
 APERTURES = (5.0, 7.0, 10.0, 14.0, 20.0, 30.0, 50.0, 80.0)
 
-# How long each is run for its attenuation, and from when on it counts.
+# Steps of each run for its attenuation, and the first step that counts.
 STEPS, SETTLED = 400, 60
 
-# What a loop has to survive. A one-shot may be anywhere along its course after a disturbance.
+# Trials of a loop. A one-shot may be at any phase after a disturbance.
 LOOP: tuple[Kind, ...] = ("robustness", "stability")
 
 
@@ -48,15 +47,10 @@ def settled_network(
     judge: Judge,
     seed: int,
 ) -> tuple[ConceptorNetwork, dict[str, int]]:
-    """The network of a loaded reservoir, and how many trials of each motion fail, if the recipe chooses apertures.
+    """The network of a loaded reservoir, and the failed trials of each motion if the recipe chooses apertures.
 
-    A motion that fails a trial gets the first aperture at which it does not; where there is none, that with the fewest
-    failures. Then all are cut to the rank that the recipe's tolerance allows, if it has one, and tried once more.
-
-    Args:
-        loaded, to_learn, normalisation, recipe: as for `conceptor_network`.
-        judge: of the motions.
-        seed: of the noise in the trials.
+    A motion that fails a trial gets the first aperture with which it passes all, else that with the fewest failures.
+    Then all are cut to the rank that the recipe's tolerance allows, if it has one, and tested again.
     """
     network, failed = conceptor_network(loaded, to_learn, normalisation, recipe), {}
     if recipe.choose_apertures:
@@ -64,7 +58,7 @@ def settled_network(
     if recipe.rank_tolerance_mm is not None:
         network = cut_to_tolerance(network, judge.encoding, recipe.rank_tolerance_mm)
         if failed:
-            # What was tried were the whole conceptors; what counts is how the cut ones hold.
+            # The trials were those of the uncut conceptors.
             weights = loaded.weights.astype(np.float32)
             failed = {
                 motion.name: failures(network, motion.name, _survives(motion), judge, seed, weights)
@@ -86,7 +80,7 @@ def _tried(
     judge: Judge,
     seed: int,
 ) -> tuple[ConceptorNetwork, dict[str, int]]:
-    """The network with other apertures where its own do not hold, and how many trials of each motion fail then."""
+    """The network with the best apertures, and the failed trials of each motion."""
     weights = loaded.weights.astype(np.float32)
     motions = {name: network[name] for name in network.motions}
     left: dict[str, int] = {}

@@ -1,4 +1,4 @@
-"""Learns to complete a body: ridge regression on the states that measured joints leave in a reservoir."""
+"""Trains the reconstruction of unmeasured channels: ridge regression on a reservoir driven by the measured ones."""
 
 from __future__ import annotations
 
@@ -22,11 +22,11 @@ class CompletionRecipe(msgspec.Struct, forbid_unknown_fields=True, frozen=True, 
 
     Attributes:
         neurons: N.
-        spectral_radius: of W; 0 makes it a function of the present measurement, if `memory_seconds` is 0 as well.
+        spectral_radius: of W; with 0, and `memory_seconds` 0, only the present measurement counts.
         memory_seconds: time constant of the neurons, s.
         input_scale: of W_in, for one channel of deviation 1; it shrinks with the square root of their number.
         bias_scale: of b.
-        ridge: gamma of the regression, for each frame that is learned.
+        ridge: gamma of the regression, per training frame.
     """
 
     neurons: int = 600
@@ -37,7 +37,7 @@ class CompletionRecipe(msgspec.Struct, forbid_unknown_fields=True, frozen=True, 
     ridge: float = 0.03
 
     def leak(self, rate: float) -> float:
-        """a of neurons that forget within `memory_seconds` at a rate, Hz."""
+        """The leak a of neurons with a time constant of `memory_seconds` at a rate, Hz."""
         return 1.0 - float(np.exp(-1.0 / (rate * self.memory_seconds))) if self.memory_seconds > 0.0 else 1.0
 
 
@@ -48,18 +48,16 @@ def learn_completion(
     recipe: CompletionRecipe | None = None,
     seed: int = 0,
 ) -> Completion:
-    """Learns to tell the whole (T, D) from what is measured of it (T, C).
+    """Trains the reconstruction of all channels (T, D) from measured ones (T, C).
 
     Args:
-        examples: of recordings, what would be measured in them and the whole. If measurements are noisy, give noisy
-            ones.
+        examples: measured and all channels of each recording; for noisy measurements give noisy ones.
         rate: frames per second of all of them, Hz.
         recipe: sizes and scales.
         seed: of the reservoir.
 
     Raises:
-        MotiondeckError: if there is no example, the two arrays of one do not fit each other or those before, a number
-            is not finite, or the rate is none; it says which.
+        MotiondeckError: if there is no example, shapes do not fit, a number is not finite, or the rate is invalid.
     """
     if len(examples) == 0:
         raise MotiondeckError("there are no recordings to learn to complete a body from")

@@ -1,10 +1,10 @@
-"""Loading motions into a reservoir and computing their conceptors (Deliallisi 2017, eqs 3.8 - 3.13).
+"""Loads motions into a reservoir and computes their conceptors (Deliallisi 2017, eqs 3.8 - 3.13).
 
-Two ways to learn what the input did, so that the network goes on without it:
+Two ways to internalise the input, so that the network runs without it:
 
-- "weights", the thesis's: a whole new W by ridge regression on  W* x(n-1) + W_in p(n)  (eqs 3.11, 3.12);
-- "input", ours:  W = W* + W_in V,  where V predicts the driving signal from the state: the same regression restricted
-  to what the input can do. It needs C N instead of N^2 numbers and plays as well.
+- "weights", as in the thesis: a new W by ridge regression on  W* x(n-1) + W_in p(n)  (eqs 3.11, 3.12);
+- "input":  W = W* + W_in V,  where V predicts the driving signal from the state: the same regression restricted to the
+  effect of the input. It needs C N instead of N^2 numbers and plays equally well.
 """
 
 from __future__ import annotations
@@ -33,15 +33,14 @@ class ConceptorRecipe(msgspec.Struct, forbid_unknown_fields=True, frozen=True, k
         input_scale, bias_scale: of W_in and b.
         form: "affine" conceptors act about the mean state of their motion, "plain" ones about zero.
         learns: "input" learns V only, "weights" all of W.
-        aperture: alpha, for every motion that has none of its own.
+        aperture: alpha, by default.
         apertures: alpha of single motions.
-        choose_apertures: whether a motion that fails with it is tried with others (`aperture_choice.py`).
+        choose_apertures: whether a motion that fails its trials gets another one (`aperture_choice`).
         ridge: gamma of both regressions.
-        rank: k, how many directions of a conceptor are kept, or may be.
-        rank_tolerance_mm: how far off after a step, as a root mean square over the joints, a motion may be to get
-            fewer, mm (`learning/reservoirs/rank_choice.py`).
-        washout: frames until the state has forgotten its start.
-        anchor_every: frames between the states that are stored for starting.
+        rank: k, the largest number of directions kept of a conceptor.
+        rank_tolerance_mm: selects the smallest rank with which the joints of a step are within it, mm (`rank_choice`).
+        washout: frames until the state is independent of its start.
+        anchor_every: frames between stored start states.
     """
 
     neurons: int = 1000
@@ -62,14 +61,14 @@ class ConceptorRecipe(msgspec.Struct, forbid_unknown_fields=True, frozen=True, k
 
 @dataclass(frozen=True)
 class LoadedReservoir:
-    """A reservoir that goes on by itself as its motions drove it.
+    """A reservoir that reproduces its motions without input.
 
     Attributes:
-        reservoir: as it was drawn, with W*, W_in and b.
+        reservoir: as drawn, with W*, W_in and b.
         weights: W, shape (N, N).
         readout: W_out, shape (C, N).
-        before, states: of each motion, shape (T_j, N): the state before and after each frame.
-        estimate: V, shape (C, N), or None where all of W was learned.
+        before, states: states before and after each frame of each motion, shape (T_j, N).
+        estimate: V, shape (C, N), or None if all of W was learned.
     """
 
     reservoir: Reservoir
@@ -101,22 +100,22 @@ def load_reservoir(to_learn: list[TrainingMotion], recipe: ConceptorRecipe, seed
     was, inputs = np.concatenate(before), np.concatenate([motion.frames for motion in to_learn])
     readout = ridge(np.concatenate(states), inputs, recipe.ridge)
     if recipe.learns == "weights":
-        weights = ridge(was, what_drove(reservoir, was, inputs), recipe.ridge)
+        weights = ridge(was, input_targets(reservoir, was, inputs), recipe.ridge)
         return LoadedReservoir(reservoir, weights, readout, before, states)
     estimate = ridge(was, inputs, recipe.ridge)
     weights = reservoir.weights + reservoir.input_weights @ estimate
     return LoadedReservoir(reservoir, weights, readout, before, states, estimate)
 
 
-def what_drove(reservoir: Reservoir, before: Array, inputs: Array) -> Array:
-    """D = W* x(n-1) + W_in p(n), shape (T, N): what a new W has to say from the state alone (eq. 3.11)."""
+def input_targets(reservoir: Reservoir, before: Array, inputs: Array) -> Array:
+    """D = W* x(n-1) + W_in p(n), shape (T, N): the targets of a new W (eq. 3.11)."""
     return before @ reservoir.weights.T + inputs @ reservoir.input_weights.T
 
 
 def conceptor_network(
     loaded: LoadedReservoir, to_learn: list[TrainingMotion], normalisation: Normalisation, recipe: ConceptorRecipe
 ) -> ConceptorNetwork:
-    """The conceptors of all motions of a loaded reservoir, as a network that plays."""
+    """The network of all motions of a loaded reservoir."""
     motions = {
         motion.name: conceptor_motion(
             states, loaded, normalisation, recipe, recipe.apertures.get(motion.name, recipe.aperture)
@@ -131,7 +130,7 @@ def conceptor_network(
 
 
 def mean_state(states: Array, recipe: ConceptorRecipe) -> Array:
-    """m of a motion's states (T, N): what its conceptor acts about."""
+    """m, the center of a conceptor, from the states (T, N) of its motion."""
     return states.mean(0) if recipe.form == "affine" else np.zeros(states.shape[1])
 
 
@@ -144,7 +143,7 @@ def conceptor_motion(
     values, directions = principal_directions(centred, recipe.rank)
     singular = values / (values + aperture**-2)
     project = singular[:, None] * directions.T
-    # Going back to the encoding's units is affine, so it can be part of the readout.
+    # The inverse normalisation is affine and becomes part of the readout.
     zero = normalisation.invert(np.zeros(len(loaded.readout)))
     channels = (normalisation.invert((loaded.readout @ directions).T) - zero).T
     return ConceptorMotion(

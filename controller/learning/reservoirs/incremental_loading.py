@@ -1,13 +1,12 @@
-"""Loads one more motion into a conceptor network that has been trained, without the recordings of the others.
+"""Loads one more motion into a trained conceptor network, without the recordings of the others.
 
-The stored motions tell all that is needed of them: of motion j the correlation  X_j' X_j = N U diag(l) U' + T m m'.
-Summed up to G, it is what the old V was learned from, so that the new motion's states X and inputs P change V as if all
-had been learned together (recursive ridge regression, cf. Jaeger 2014, section 3.11):
+The stored parameters of motion j give its correlation  X_j' X_j = N U diag(l) U' + T m m'. From their sum G, the states
+X and inputs P of the new motion update V as in joint training (recursive ridge regression, cf. Jaeger 2014, section
+3.11):
 
     V' = V + E' X (G + X' X + gamma I)^-1,      E = P - X V'
 
-and W_out alike. Where the stored motions live G is large and V hardly changes. What they play by, their own W U, is
-left as it is, bit by bit.
+and W_out likewise. In the space of the stored motions G is large and V hardly changes. Their own W U stays bit by bit.
 """
 
 from __future__ import annotations
@@ -31,11 +30,8 @@ from controller.networks.conceptor.network import ConceptorMotion, ConceptorNetw
 from controller.networks.reservoirs.reservoir import Reservoir, drive
 from motiondeck_base.errors import MotiondeckError
 
-# Singular values below this are directions that a motion does not use.
-UNUSED = 1e-6
-
-# Weights that were drawn again may differ from the stored ones by single precision, not by this.
-REDRAWN = 1e-2
+UNUSED = 1e-6  # a motion does not use directions with smaller singular values
+REDRAWN = 1e-2  # largest relative difference between redrawn and stored weights, which have single precision
 
 
 def load_one_more(
@@ -44,9 +40,9 @@ def load_one_more(
     """The network with one more motion.
 
     Args:
-        network: as it was trained or added to.
-        lengths: how many frames each of its motions was learned from.
-        motion: the new motion, normalised by the network's memory.
+        network: trained or added to.
+        lengths: frames of each of its motions.
+        motion: normalised by the network's memory.
         recipe, seed: of the network.
 
     Raises:
@@ -81,7 +77,7 @@ def load_one_more(
 
 
 def quota(network: ConceptorNetwork, lengths: dict[str, int], recipe: ConceptorRecipe) -> float:
-    """The share of the reservoir's space that the stored motions claim together, in [0, 1).
+    """The share of the reservoir's space that the stored motions use, in [0, 1).
 
     The mean eigenvalue of the conceptor of everything stored (Jaeger 2014, section 3.11).
 
@@ -94,10 +90,10 @@ def quota(network: ConceptorNetwork, lengths: dict[str, int], recipe: ConceptorR
 
 
 def memory_of(network: ConceptorNetwork) -> Memory:
-    """What adding a motion needs.
+    """The memory of a network, for adding a motion.
 
     Raises:
-        MotiondeckError: if it was not kept.
+        MotiondeckError: if it was not stored.
     """
     if network.memory is None:
         raise MotiondeckError("this network was stored without what adding a motion needs; train it again with learn")
@@ -122,11 +118,11 @@ def used_directions(network: ConceptorNetwork, lengths: dict[str, int], recipe: 
 
 
 def _aperture(states: Array, singular: Array, frames: int, recipe: ConceptorRecipe, name: str, neurons: int) -> float:
-    """The aperture of a stored motion; a chosen one is not written down, but what was stored tells it.
+    """The aperture of a stored motion; a chosen one follows from the stored states.
 
-    With l the mean energy of the stored states along a direction,  aperture^-2 = l (1 - s) / s.
+    With l their mean energy along a direction,  aperture^-2 = l (1 - s) / s.
     """
-    # A motion that stands still uses no direction.
+    # A motion at rest uses no direction.
     if name in recipe.apertures or not recipe.choose_apertures or not len(singular):
         return recipe.apertures.get(name, recipe.aperture)
     energy = np.square(states).mean(0) * frames / neurons
@@ -139,7 +135,7 @@ def _correction(stored: Array, states: Array, error: Array) -> Array:
 
 
 def _check_redrawn(network: ConceptorNetwork, reservoir: Reservoir, estimate: Array) -> None:
-    """The newest motion was made with the present V: its W U can be made again, if the weights are the same."""
+    """Raises MotiondeckError if W U of the newest motion, computed with the present V, differs from the stored one."""
     newest: ConceptorMotion = network[network.motions[-1]]
     project = newest.project.astype(np.float64)
     strength = np.square(project).sum(1)

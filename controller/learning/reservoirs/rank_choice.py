@@ -1,8 +1,7 @@
-"""Which rank? The smallest whose playback stays within a tolerance of the whole conceptor's, in mm of the joints.
+"""Chooses the smallest rank of a conceptor within a tolerance of the full one, in mm of the joints.
 
-A motion is learned with as many directions as its recipe allows and then cut. From each stored state both take one
-step, the whole and the cut one, and their frames are compared joint by joint. One step is judged and not a run, because
-two networks that play the same loop at a slightly other pace are soon far apart although neither is wrong.
+From each stored state the full and the cut conceptor take one step, and the joints are compared. A run would not do:
+two correct networks at slightly different tempos soon differ.
 """
 
 from __future__ import annotations
@@ -20,7 +19,7 @@ from controller.networks.conceptor.network import ConceptorMotion, ConceptorNetw
 def cut_to_tolerance(
     network: ConceptorNetwork, encoding: Encoding, tolerance_mm: float, motions: Iterable[str] | None = None
 ) -> ConceptorNetwork:
-    """The network with some motions, or all, cut to the smallest rank that keeps joints within a tolerance, in mm."""
+    """The network with some motions, or all, cut to the smallest rank within a tolerance of their joints, mm."""
     parts = {name: network[name] for name in network.motions}
     for name in network.motions if motions is None else motions:
         parts[name] = cut(parts[name], rank_within(parts[name], encoding, tolerance_mm))
@@ -28,7 +27,7 @@ def cut_to_tolerance(
 
 
 def rank_within(part: ConceptorMotion, encoding: Encoding, tolerance_mm: float) -> int:
-    """The smallest rank k >= 1 at which and above which no stored state's next frame is off by more, in mm."""
+    """The smallest rank k >= 1 from which on the next frame of every stored state is within the tolerance, mm."""
     exact = _joints_after_a_step(part, len(part.offset), encoding)
     for rank in range(len(part.offset) - 1, 0, -1):
         if off_mm(exact, _joints_after_a_step(part, rank, encoding)) > tolerance_mm:
@@ -42,7 +41,7 @@ def off_mm(exact: Array, cut_off: Array) -> float:
 
 
 def cut(part: ConceptorMotion, rank: int) -> ConceptorMotion:
-    """A motion in its first k directions only."""
+    """A motion in its first k directions."""
     return ConceptorMotion(
         recurrent=np.ascontiguousarray(part.recurrent[:, :rank]),
         bias=part.bias,

@@ -12,8 +12,8 @@ from controller.learning.reservoirs.aperture_choice import settled_network
 from controller.learning.reservoirs.conceptor_training import (
     ConceptorRecipe,
     conceptor_network,
+    input_targets,
     load_reservoir,
-    what_drove,
 )
 from controller.learning.reservoirs.incremental_loading import load_one_more, memory_of, quota
 from controller.learning.reservoirs.rank_choice import cut_to_tolerance
@@ -82,7 +82,7 @@ class ConceptorTrainer(Trainer[ConceptorRecipe]):
         if recipe.learns == "weights":
             before = np.concatenate(loaded.before)
             sized = mabs(loaded.weights)
-            error = nrmse(before @ loaded.weights.T, what_drove(loaded.reservoir, before, inputs))
+            error = nrmse(before @ loaded.weights.T, input_targets(loaded.reservoir, before, inputs))
         return TrainingError(seed, mabs(readout), nrmse(states @ readout.T, targets), sized, error, network)
 
 

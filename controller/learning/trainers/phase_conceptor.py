@@ -1,9 +1,169 @@
-"""Trains phase-driven conceptors."""
+"""Trains phase-driven conceptors: each piece of a motion learns its conceptor, its input and its channels.
+
+The reservoir is driven with the channels and the phase of a motion. A piece then learns from its own states X alone:
+
+    C = R (R + aperture^-2 I)^-1,  R = (X - m)(X - m)' / N,  cut to k directions U    (Deliallisi 2017, eqs 3.9, 3.10)
+    V, v: the channels of a frame from the state before it, and
+    R, r: the channels of a frame from the state of the network when it plays by itself,
+
+both by ridge regression on z = U' (x - m).
+"""
 
 from __future__ import annotations
 
-from controller.learning.reservoirs.phase_conceptor_training import PhaseRecipe
-from controller.learning.trainers.phase_driven import PhaseDrivenTrainer
+from dataclasses import fields
+
+import msgspec
+import numpy as np
+from numpy.typing import NDArray
+
+from controller.learning.preparation.training_motion import TrainingMotion
+from controller.learning.reservoirs.conceptor_training import principal_directions
+from controller.learning.trainers.phase_driven import (
+    PhaseDrivenRecipe,
+    PhaseDrivenTrainer,
+    affine_ridge,
+    course_of,
+    with_readouts,
+)
+from controller.motion.encodings.normalisation import Normalisation
+from controller.motion.rotations import Array
+from controller.networks.driving_input import DrivingInput
+from controller.networks.phase_conceptor.network import PhaseConceptorMotion, PhaseConceptorNetwork, StoredPieces
+from controller.networks.reservoirs.phase_reservoir import PhaseCourse, PhaseReservoir, PhaseScales
+from controller.networks.reservoirs.reservoir import Reservoir, drive
+
+# Overlap of pieces on either side of a seam, and washout of the reservoir, s.
+OVERLAP_SECONDS = 0.2
+WASHOUT_SECONDS = 0.8
+
+# Of W_in, if motions have inputs: channels at other values of the input must not dominate it.
+DRIVEN_INPUT_SHARE = 0.1
+
+
+class PhaseRecipe(PhaseDrivenRecipe, frozen=True, kw_only=True, tag="phase-conceptor"):
+    """The parameters of phase-driven conceptors.
+
+    Attributes:
+        input_scale: of W_in.
+        aperture: alpha.
+        rank: k, number of directions kept of a conceptor.
+    """
+
+    plays = PhaseConceptorNetwork
+    sizes = tuple(
+        {"neurons": neurons, "rank": rank}
+        for neurons, rank in (
+            *((80, 20), (110, 25), (150, 28), (200, 32), (250, 36)),
+            *((300, 40), (360, 46), (440, 54), (540, 62), (660, 72)),
+        )
+    )
+
+    neurons: int = 300
+    harmonics: int = 3
+    spectral_radius: float = 1.6
+    input_scale: float = 1.0
+    aperture: float = 30.0
+    rank: int = 40
+
+    def scales(self, *, driven: bool) -> PhaseScales:
+        """The scales of the shared weights; driven, if a motion has an input besides the phase."""
+        share = DRIVEN_INPUT_SHARE if driven else 1.0
+        return msgspec.structs.replace(super().scales(driven=driven), input_scale=share * self.input_scale)
+
+    def learn(
+        self, motion: TrainingMotion, reservoir: PhaseReservoir, normalisation: Normalisation, rate: float
+    ) -> PhaseConceptorMotion:
+        """One motion in a reservoir."""
+        course, washout = course_of(motion, self.piece_seconds * rate), round(WASHOUT_SECONDS * rate)
+        if motion.driving is not None:
+            stored = _learn_driven(motion, motion.driving, course, reservoir, self, washout)
+        else:
+            stored = _learn_pieces(motion, course, reservoir, self, washout, round(OVERLAP_SECONDS * rate))
+        unread = PhaseConceptorMotion(stored, course, reservoir, motion.driving)
+        return with_readouts(unread, motion, normalisation, self.ridge)
+
+
+def _learn_pieces(
+    motion: TrainingMotion,
+    course: PhaseCourse,
+    reservoir: PhaseReservoir,
+    recipe: PhaseRecipe,
+    washout: int,
+    overlap: int,
+) -> StoredPieces:
+    """A motion piece by piece, each from its own states."""
+    many = int(course.piece[-1]) + 1
+    overlap = 0 if motion.loop and many == 1 else overlap
+    states, first = _driven_states(motion, course, reservoir, washout, overlap)
+    pieces: list[StoredPieces] = []
+    for piece in range(many):
+        at = _window(course, piece, overlap)
+        inputs = motion.frames[at % len(course.phase) if motion.loop else np.maximum(at, 0)]
+        pieces.append(_learn_piece(states[first + at - 1], states[first + at], inputs, recipe))
+    return StoredPieces(
+        *(np.concatenate([getattr(piece, field.name) for piece in pieces]) for field in fields(StoredPieces))
+    )
+
+
+def _learn_driven(
+    motion: TrainingMotion,
+    driving: DrivingInput,
+    course: PhaseCourse,
+    reservoir: PhaseReservoir,
+    recipe: PhaseRecipe,
+    washout: int,
+) -> StoredPieces:
+    """A loop with an input: one conceptor and V for all recorded values."""
+    before, after = [], []
+    for variant in motion.variants:
+        one = TrainingMotion(motion.name, variant.frames, loop=True)
+        states, first = _driven_states(one, course, reservoir, washout, 0, driving.level(variant.value))
+        before.append(states[first - 1 : -1])
+        after.append(states[first:])
+    frames = np.concatenate([variant.frames for variant in motion.variants])
+    return _learn_piece(np.concatenate(before), np.concatenate(after), frames, recipe)
+
+
+def _driven_states(
+    motion: TrainingMotion,
+    course: PhaseCourse,
+    reservoir: PhaseReservoir,
+    washout: int,
+    overlap: int,
+    level: float = 0.0,
+) -> tuple[Array, int]:
+    """The states of the driven reservoir, and the index of the motion's first frame."""
+    channels, phase = [motion.lead_in(washout), motion.frames], [course.before(washout), course.phase]
+    if motion.loop:
+        channels.append(motion.frames[:overlap])
+        phase.append(course.phase[:overlap])
+    inputs = np.hstack([reservoir.input_weights, reservoir.phase_weights])
+    bias = reservoir.bias + level * reservoir.drive_weights.sum(1)
+    signal = np.hstack([np.concatenate(channels), reservoir.harmonics_of(np.concatenate(phase))])
+    (states,) = drive(Reservoir(reservoir.weights, inputs, bias), [signal.astype(np.float64)])
+    return states.astype(np.float64), len(channels[0])
+
+
+def _window(course: PhaseCourse, piece: int, overlap: int) -> NDArray[np.int64]:
+    """The frames of a piece and its overlap; negative ones lie before the motion."""
+    own = np.flatnonzero(course.piece == piece)
+    last = own[-1] + overlap
+    return np.arange(own[0] - overlap, 1 + (last if course.loop else min(last, len(course.phase) - 1)))
+
+
+def _learn_piece(before: Array, states: Array, inputs: Array, recipe: PhaseRecipe) -> StoredPieces:
+    """A piece, without its readout, from the states (T, N) before and after its inputs (T, C)."""
+    # The regressions use mean and directions as they are stored.
+    mean = states.mean(0).astype(np.float16)
+    values, directions = principal_directions(states - mean, recipe.rank)
+    kept = np.zeros((len(mean), recipe.rank), dtype=np.float16)
+    kept[:, : len(values)] = directions
+    strength = np.zeros(recipe.rank, dtype=np.float32)
+    strength[: len(values)] = values / (values + recipe.aperture**-2)
+    estimate = affine_ridge((before - mean) @ kept.astype(np.float64), inputs, recipe.ridge)
+    unread = np.zeros_like(estimate)
+    return StoredPieces(kept[None], strength[None], mean[None], estimate.astype(np.float16)[None], unread[None])
 
 
 class PhaseConceptorTrainer(PhaseDrivenTrainer[PhaseRecipe]):

@@ -1,19 +1,189 @@
-"""Trains phase-driven networks: each motion for itself in a reservoir that a phase drives."""
+"""Trains phase-driven networks: the parts that both kinds share.
+
+The phase assigns each state to a frame of the recording, so readouts are learned from the states of the playing
+network. Motions are independent of each other.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import Any, TypeVar
+from dataclasses import replace
+from typing import Any, ClassVar, TypeVar
 
+import msgspec
 import numpy as np
+from numpy.typing import NDArray
 
 from controller.learning.measures.accuracy import mabs
-from controller.learning.measures.self_test import Judge
-from controller.learning.reservoirs.phase_training import PhaseDrivenRecipe, train_phase_driven
-from controller.learning.reservoirs.size_choice import smallest_within
+from controller.learning.measures.self_test import Judge, self_test
+from controller.learning.preparation.training_motion import TrainingMotion
 from controller.learning.trainers.trainer import Lessons, NewMotion, Trainer
+from controller.motion.encodings.normalisation import Normalisation
 from controller.motion.rotations import Array
-from controller.networks.reservoirs.phase_driven import PhaseDrivenNetwork
+from controller.networks.reservoirs.phase_driven import PhaseDrivenNetwork, PhaseMotion
+from controller.networks.reservoirs.phase_reservoir import (
+    ANCHOR_EVERY,
+    Float32,
+    PhaseCourse,
+    PhaseReservoir,
+    PhaseScales,
+)
+from controller.networks.ridge import ridge
+
+# Frames on either side of a seam and their weight for a readout, so that both pieces meet there.
+SEAM_FRAMES, SEAM_WEIGHT = 3, 100.0
+
+FEWEST_PIECE_FRAMES = 8  # a shorter piece does not determine its directions
+
+Motion = TypeVar("Motion", bound=PhaseMotion)
+
+
+class PhaseDrivenRecipe(msgspec.Struct, forbid_unknown_fields=True, frozen=True, kw_only=True):
+    """The parameters that both phase-driven networks have.
+
+    Attributes:
+        plays: type of the network.
+        sizes: parameters of networks of rising size, whose stored size grows by about 1.4 from one to the next.
+        neurons: N.
+        harmonics: H of the phase.
+        spectral_radius: of W.
+        phase_scale, bias_scale: of W_phi and b.
+        piece_seconds: approximate duration of the pieces of a motion, s.
+        ridge: gamma of all regressions.
+        drive_scale: of W_u, if a motion has an input besides the phase.
+        tolerance_mm: selects the smallest size with which no motion has a larger error, mm.
+    """
+
+    plays: ClassVar[type[PhaseDrivenNetwork[Any]]]
+    sizes: ClassVar[tuple[dict[str, int], ...]]
+
+    neurons: int
+    harmonics: int
+    spectral_radius: float
+    phase_scale: float = 3.0
+    bias_scale: float = 0.8
+    piece_seconds: float = 1.5
+    ridge: float = 1e-3
+    drive_scale: float = 1.0
+    tolerance_mm: float | None = None
+
+    @property
+    def anchor_every(self) -> int:
+        """Frames between the states at which a motion can start."""
+        return ANCHOR_EVERY
+
+    def scales(self, *, driven: bool) -> PhaseScales:
+        """The scales of the shared weights; driven, if a motion has an input besides the phase."""
+        return PhaseScales(
+            self.neurons,
+            self.harmonics,
+            self.spectral_radius,
+            0.0,
+            self.phase_scale,
+            self.bias_scale,
+            self.drive_scale if driven else 0.0,
+        )
+
+    def learn(
+        self, motion: TrainingMotion, reservoir: PhaseReservoir, normalisation: Normalisation, rate: float
+    ) -> PhaseMotion:
+        """One motion in a reservoir."""
+        raise NotImplementedError
+
+
+def train_phase_driven(
+    to_learn: list[TrainingMotion], normalisation: Normalisation, recipe: PhaseDrivenRecipe, rate: float, seed: int
+) -> PhaseDrivenNetwork[Any]:
+    """One network of all motions."""
+    scales = recipe.scales(driven=any(one.driving is not None for one in to_learn))
+    reservoir = PhaseReservoir.draw(scales, to_learn[0].frames.shape[1], seed)
+    motions = {one.name: recipe.learn(one, reservoir, normalisation, rate) for one in to_learn}
+    return recipe.plays(scales, seed, normalisation, motions)
+
+
+def course_of(motion: TrainingMotion, piece_frames: float) -> PhaseCourse:
+    """The course of the phase for pieces of about `piece_frames`; a motion with an input is one piece."""
+    frames, piece_frames = len(motion.frames), max(piece_frames, FEWEST_PIECE_FRAMES)
+    if motion.driving is not None:
+        return PhaseCourse.of(frames, 1, loop=True)
+    if not motion.loop:
+        held = _frames_held(motion.frames)
+        return PhaseCourse.of(frames, max(1, round((frames - held) / piece_frames)), loop=False, held=held)
+    # A loop of half turns closes after an even number of them.
+    pieces = 2 * round(0.5 * frames / piece_frames)
+    return PhaseCourse.of(frames, max(1, pieces), loop=True)
+
+
+def _frames_held(frames: Array) -> int:
+    """The number of constant frames at the end."""
+    moving = np.flatnonzero((np.diff(frames, axis=0) != 0.0).any(1))
+    return len(frames) - 1 - (int(moving[-1]) + 1) if len(moving) else len(frames) - 2
+
+
+def with_readouts(unread: Motion, motion: TrainingMotion, normalisation: Normalisation, regulariser: float) -> Motion:
+    """The motion `unread` with readouts from its settled states, at each value of its input."""
+    states, frames, piece = unread.states, motion.frames, unread.course.piece
+    if (driving := motion.driving) is not None:
+        states = np.concatenate([unread.settled_at(driving.level(variant.value)) for variant in motion.variants])
+        frames = np.concatenate([variant.frames for variant in motion.variants])
+        piece = np.tile(piece, len(motion.variants))
+    readout = learn_readouts(states, piece, normalisation.invert(frames), regulariser)
+    return type(unread)(replace(unread.stored, readout=readout), unread.course, unread.reservoir, driving)
+
+
+def learn_readouts(states: Float32, piece: NDArray[np.int64], frames: Array, regulariser: float) -> Float32:
+    """A readout (R, r) for each piece of a motion, shape (P, C, k + 1).
+
+    Args:
+        states: settled state at each frame, shape (T, k).
+        piece: of each frame, shape (T,).
+        frames: targets, shape (T, C).
+        regulariser: of the ridge regressions.
+    """
+    pieces = [np.flatnonzero(piece == one) for one in range(int(piece.max()) + 1)]
+    weight = np.ones(len(frames))
+    for own in pieces if len(pieces) > 1 else []:
+        weight[own[:SEAM_FRAMES]] = weight[own[-SEAM_FRAMES:]] = SEAM_WEIGHT
+    found = [affine_ridge(states[own].astype(np.float64), frames[own], regulariser, weight[own]) for own in pieces]
+    # In the memory layout of a loaded network, which then plays bit by bit the same.
+    return np.ascontiguousarray(np.stack(found))
+
+
+def affine_ridge(states: Array, targets: Array, regulariser: float, weight: Array | None = None) -> Float32:
+    """(W, w) with targets ~ W states + w by weighted ridge regression, w not regularised, shape (C, k + 1)."""
+    centre, middle = (np.average(a, axis=0, weights=weight) for a in (states, targets))
+    root = 1.0 if weight is None else np.sqrt(weight)[:, None]
+    weights = ridge(root * (states - centre), root * (targets - middle), regulariser)
+    return np.column_stack([weights, middle - weights @ centre]).astype(np.float32)
+
+
+Recipe = TypeVar("Recipe", bound=PhaseDrivenRecipe)
+
+
+def smallest_within(
+    tolerance_mm: float,
+    motions: list[TrainingMotion],
+    normalisation: Normalisation,
+    recipe: Recipe,
+    rate: float,
+    seed: int,
+    judge: Judge,
+    progress: Callable[[str], None] = lambda _: None,
+) -> Recipe:
+    """The recipe with the smallest size whose network passes with every motion within a tolerance, else the largest.
+
+    The tolerance is the mean distance of joints at the same phase; `progress` gets each size that is tried.
+    """
+    sized = recipe
+    for size in recipe.sizes:
+        progress("trying " + ", ".join(f"{name} {value}" for name, value in size.items()))
+        changes: Any = size
+        sized = msgspec.structs.replace(recipe, **changes)
+        verdicts = self_test(train_phase_driven(motions, normalisation, sized, rate, seed), judge)
+        if all(verdict.passed and verdict.error_mm <= tolerance_mm for verdict in verdicts.values()):
+            break
+    return sized
+
 
 Recipe = TypeVar("Recipe", bound=PhaseDrivenRecipe)
 

@@ -1,1 +1,1 @@
-"""One body for all recordings: carried to it, cut, resampled and mirrored on it, and what is doubtful about it."""
+"""The canonical body: conversion of recordings to it, edits of clips, and warnings about recorded bodies."""

@@ -1,6 +1,6 @@
-"""What looks wrong about a recorded body: sizes, sides, height, angles, the up axis, and parts that were not found.
+"""Warnings about a recorded body: sizes, sides, height, angles, the vertical axis, and missing parts.
 
-Each doubt is one line that names the bone, the reason and the remedy. Judged over the whole recording.
+Each is one line that names the bone, the reason and the remedy.
 """
 
 from __future__ import annotations
@@ -15,21 +15,21 @@ from controller.motion.rotations import Array, dot, normalise, rotate
 from controller.motion.skeleton import Skeleton
 from motiondeck_base.errors import FileFormatError
 
-SHORTEST_LEG, LONGEST_LEG = 0.35, 1.15  # m, thigh and shank: of a child of three, and of the tallest
+SHORTEST_LEG, LONGEST_LEG = 0.35, 1.15  # m, thigh and shank: of a child of three, and of the tallest person
 FLOATS = 0.3  # m: the lowest joint above the ground, nearly all the time
 DEEPEST = 0.3  # m: the lowest joint below the ground, in the middle of the recording
 NEARLY_NEVER = 5.0  # percent of the time
-LIES = 0.5  # sine: neck and ankles rise and fall by less than 30 degrees from the hips
+LIES = 0.5  # sine: neck and ankles within 30 degrees of the horizontal from the hips
 STEADY = 0.7  # length of the mean of directions that hardly change
-UPSIDE_DOWN = 0.4  # legs: a head this far below the feet; of somebody who lies it may be a little
+UPSIDE_DOWN = 0.4  # legs: a head this far below the feet; that of a lying body may be a little
 SIDES_DIFFER = 1.25  # a bone over its counterpart
-# Degrees: in radians no joint turns farther than that number says, in degrees those of a moving body do.
+# Degrees: angles below 6.3 that move by more than 0.2 may be radians.
 WITHIN_A_TURN, MOVES = 6.3, 0.2
 PROPORTIONS = (("kne", "ank", 0.6, 1.7), ("elb", "wri", 0.6, 2.2))  # thigh over shank, upper arm over forearm
 
 
 def doubts(clip: Clip) -> list[str]:
-    """What looks wrong about the body of a clip."""
+    """Warnings about the body of a clip."""
     skeleton = clip.skeleton
     found: list[str] = []
     try:
@@ -79,9 +79,9 @@ def doubts(clip: Clip) -> list[str]:
 
 
 def _lie(lines: Array) -> bool:
-    """Whether lines (T, N, 3) lie: nearly all the time all of them, or on the whole, each for ever the same way.
+    """Whether lines (T, N, 3) are horizontal: nearly always all of them, or on average with constant directions.
 
-    The legs of somebody who walks with another axis up swing up and down.
+    The legs of a body that walks with another vertical axis swing up and down.
     """
     steepest = np.abs(lines[..., 2]).max(axis=1)
     whole = lines.mean(axis=0)
@@ -90,7 +90,7 @@ def _lie(lines: Array) -> bool:
 
 
 def _arms_by_shape(skeleton: Skeleton, marks: Landmarks) -> str:
-    """The arms that were found though names do not tell their upper arm and forearm; empty for none."""
+    """The arms that were found by shape instead of names, in words; or an empty string."""
     named = set(named_parts(skeleton.bones))
     arms = [
         f"the {side} arm"
@@ -101,9 +101,9 @@ def _arms_by_shape(skeleton: Skeleton, marks: Landmarks) -> str:
 
 
 def _toes_ahead(own: Clip) -> float:
-    """How far the toes of a canonical clip point ahead of the body: cosine, median over time.
+    """The median cosine between the toes of a canonical clip and the heading.
 
-    Only what points aside of the shank counts: the feet of somebody who crawls or kneels point behind him.
+    Only the part across the shank counts: the feet of a crawling or kneeling body point backwards.
     """
     line = {
         bone: rotate(
@@ -120,13 +120,13 @@ def _toes_ahead(own: Clip) -> float:
 
 
 def _turns(clip: Clip) -> Array:
-    """How far each bone is turned from its rest pose against what it hangs from, shape (T, B), degrees."""
+    """The angle of each bone from its rest pose relative to its parent, shape (T, B), degrees."""
     own, above = clip.rotation[:, 1:], clip.rotation[:, 1 + clip.skeleton.parent]
     return np.degrees(2.0 * np.arccos(np.clip(np.abs(dot(own, above)), 0.0, 1.0)))
 
 
 def _sizes(own: Clip, recorded: Skeleton, marks: Landmarks) -> list[str]:
-    """Implausible lengths, on the canonical body, with the names of the recorded one."""
+    """Warnings about implausible lengths of the canonical body, with the names of the recorded one."""
     found: list[str] = []
     length = dict(zip(CANONICAL_BONES, own.skeleton.length.tolist(), strict=True))
     name = {bone: recorded.bones[marks.bone[bone]] for bone in marks.joint if marks.bone.get(bone, -1) >= 0}
@@ -160,8 +160,8 @@ def _called(bone: str) -> str:
     return side + _NAMES[bone[1:]] if bone[1:] in _NAMES else {"neck": "chest"}.get(bone, bone)
 
 
-def taken_for(clip: Clip) -> dict[str, str]:
-    """The recorded bone that each part of the canonical body was found in, by the part's name."""
+def recorded_parts(clip: Clip) -> dict[str, str]:
+    """The recorded bone of each part of the canonical body, by the name of the part."""
     marks = landmarks_of(clip.skeleton)
     return {
         _called(bone): clip.skeleton.bones[marks.bone[bone]]

@@ -1,16 +1,16 @@
-"""One body for all recordings, and how any recording is carried to it.
+"""The canonical body of all recordings, and the conversion to it.
 
-Rest poses cannot be compared between files; where limbs point in the world can. So every recording is carried to a
-body of 20 landmarks: the middle between the hips (its root), waist, base of the neck, head, and on each side hip, knee,
-ankle, toe base, shoulder, elbow, wrist and knuckles. Its 19 bones are the lines between them, named and ordered as in
-the thesis (`formats/jaeger_patterns`): recordings of markers and Jaeger's patterns are on this body already. Spines of
-any number of bones, missing fingers and toes, and other names make no difference.
+Rest poses of different files cannot be compared; directions of limbs in the world can. So every recording is carried to
+a body of 20 landmarks: the middle between the hips (its root), waist, base of the neck, head, and on each side hip,
+knee, ankle, toe base, shoulder, elbow, wrist and knuckles. Its 19 bones are the lines between them, named and ordered
+as in the thesis (`formats/jaeger_patterns`): recordings of markers and Jaeger's patterns are already on this body. The
+number of bones of a spine, missing fingers and toes, and names make no difference.
 
-Each bone of the carried clip points where the recorded landmarks lie, in every frame; its length is the median of their
-distance. Its twist is that of the recorded bone that it ends with, counted from the recording's rest pose.
+Each bone has the direction of the recorded landmarks in every frame, and the median of their distance as its length.
+Its twist is that of the recorded bone at its end, relative to the recording's rest pose.
 
-Landmarks that a file lacks (hands, feet) are put where the rest pose of the carrying bone would have them, those of a
-whole arm where it hangs, and named by `lacking`.
+Missing landmarks (hands, feet) are placed as in the rest pose of their parent, those of a whole arm as hanging;
+`lacking` lists them.
 """
 
 from __future__ import annotations
@@ -30,19 +30,19 @@ from motiondeck_base.files import listed
 
 CANONICAL_BONES = JAEGER_BONES
 NO_LENGTH = 1e-6  # m
-# Lengths of what a file lacks, over its thigh and shank (Winter 2009, fig. 4.1).
+# Lengths of missing bones over thigh and shank (Winter 2009, fig. 4.1).
 _ASSUMED = {"foo": 0.30, "neck": 0.58, "head": 0.35, "sho": 0.26, "elb": 0.38, "wri": 0.30, "han": 0.20}
-_HANGS = (0.0, 0.17, -0.985)  # where a left arm points of which the file has nothing
+_HANGS = (0.0, 0.17, -0.985)  # direction of a missing left arm
 
 
 @dataclass(frozen=True)
 class Landmarks:
-    """Which joints of a skeleton are the landmarks; a joint is 0 for the root or 1 + the bone that ends there.
+    """The joints of a skeleton that are landmarks; a joint is 0 for the root or 1 + the bone that ends there.
 
     Attributes:
-        joint: of each canonical bone, the joint in which it ends; absent where the skeleton lacks it.
-        bone: of each canonical bone, the recorded bone whose rotation it takes.
-        waist: the joint nearest to half way up the trunk, or None where the trunk is one bone.
+        joint: of each canonical bone, the joint in which it ends; absent if the skeleton lacks it.
+        bone: of each canonical bone, the recorded bone that gives its rotation.
+        waist: the joint nearest to the middle of the trunk, or None if the trunk is one bone.
     """
 
     joint: dict[str, int]
@@ -56,7 +56,7 @@ class Landmarks:
 
 
 def is_canonical(skeleton: Skeleton) -> bool:
-    """Whether a skeleton is the canonical body, of whatever proportions."""
+    """Whether a skeleton is the canonical body, of any proportions."""
     return (
         skeleton.bones == CANONICAL_BONES
         and tuple(skeleton.parent.tolist()) == JAEGER_PARENT
@@ -68,7 +68,7 @@ def landmarks_of(skeleton: Skeleton) -> Landmarks:
     """The landmarks of any skeleton of a human.
 
     Raises:
-        FileFormatError: if it has no two legs; it names what was found and the remedy.
+        FileFormatError: if it does not have two legs.
     """
     lacks = leg_without_name(skeleton)
     if lacks is not None:
@@ -115,7 +115,7 @@ def _no_leg(skeleton: Skeleton, side: Side) -> FileFormatError:
 
 
 def _main(skeleton: Skeleton, parts: Anatomy, part: Part, side: Side) -> list[int]:
-    """The bones of a part along its longest way, from the root outwards."""
+    """The bones of a part along its longest path, from the root outwards."""
     own = parts.all(part, side)
     if not own:
         return []
@@ -126,10 +126,10 @@ def _main(skeleton: Skeleton, parts: Anatomy, part: Part, side: Side) -> list[in
 
 
 def to_canonical(clip: Clip) -> Clip:
-    """A recording on the canonical body, with the recording's own proportions; every bone points as recorded.
+    """A recording on the canonical body, with its own proportions and recorded directions of bones.
 
     Raises:
-        FileFormatError: if the recording's skeleton has no two legs.
+        FileFormatError: if the skeleton does not have two legs.
     """
     if is_canonical(clip.skeleton):
         return clip
@@ -138,7 +138,7 @@ def to_canonical(clip: Clip) -> Clip:
     place, turned = _landmark_places(clip.skeleton, marks, clip.root_position, clip.rotation)
     line = place[:, 1:] - place[:, np.array(JAEGER_PARENT) + 1]
     length = np.median(np.sqrt(np.square(line).sum(-1)), axis=0)
-    # Some skeletons hang their arms from the neck: a shoulder may have no length, and then goes along.
+    # With arms at the neck a shoulder may have no length, and then moves with its parent.
     length[length < NO_LENGTH] = 0.0
     skeleton = thesis_skeleton(length, clip.skeleton.name)
     across = rest[0, 1 + CANONICAL_BONES.index("lhip")] - rest[0, 0]
@@ -159,13 +159,12 @@ def to_canonical(clip: Clip) -> Clip:
 
 
 def carried(clip: Clip, skeleton: Skeleton) -> Clip:
-    """A recording on a given body: the canonical one with other proportions, or a library's own skeleton.
+    """A recording on a given body: the canonical one with other proportions, or the skeleton of a library.
 
-    On the canonical body, and on any with other bones than the recording, limbs point as recorded. The path is scaled
-    by the ratio of leg lengths.
+    Limbs keep their recorded directions. The path is scaled by the ratio of leg lengths.
 
     Raises:
-        FileFormatError: if either has no two legs.
+        FileFormatError: if either does not have two legs.
     """
     joints = skeleton.is_rig or clip.skeleton.is_rig
     same = set(clip.skeleton.bones) == set(skeleton.bones)
@@ -183,7 +182,7 @@ def carried(clip: Clip, skeleton: Skeleton) -> Clip:
 
 
 def _with_same_bones(clip: Clip, skeleton: Skeleton) -> Clip:
-    """The same bones in whatever order and rest pose: each points, and is twisted, as recorded."""
+    """A clip on a skeleton with the same bones in another order and rest pose; directions and twists stay."""
     own = clip.skeleton
     order = [own.bones.index(bone) for bone in skeleton.bones]
     rotation = clip.rotation[:, [0, *(1 + bone for bone in order)]].copy()
@@ -195,9 +194,9 @@ def _with_same_bones(clip: Clip, skeleton: Skeleton) -> Clip:
 
 
 def _from_canonical(clip: Clip, skeleton: Skeleton) -> Clip:
-    """A canonical clip on another skeleton: each of its bones follows the canonical bone of its part.
+    """A canonical clip on another skeleton: each bone follows the canonical bone of its part.
 
-    Where a part has several bones there (a spine, a neck, toes) they move as one, and keep their shape at rest.
+    Several bones of a part (a spine, a neck, toes) move as one and keep their rest shape.
     """
     parts = anatomy(skeleton)
     marks = landmarks_of(skeleton)
@@ -214,7 +213,7 @@ def _from_canonical(clip: Clip, skeleton: Skeleton) -> Clip:
     rotation[:, 0] = clip.rotation[:, 0]
     for bone, parent in enumerate(skeleton.parent):
         name = leads.get(bone)
-        # What is no part of a human's (a tail, a twist bone), and what the hips' bones carry, goes along.
+        # Other bones (a tail, a twist bone), and those of the hips, move with their parents.
         if name is None:
             rotation[:, 1 + bone] = rotation[:, 1 + parent]
             continue
@@ -223,7 +222,7 @@ def _from_canonical(clip: Clip, skeleton: Skeleton) -> Clip:
         rotation[:, 1 + bone] = multiply(clip.rotation[:, 1 + of], turn)
         lone = name[1:] not in ("hip", "sho") and name not in ("back", "neck", "head")
         if lone and parts.part[bone] not in ("foot", "hand"):
-            # The landmarks of a limb lie on its bone: it points as the canonical one does.
+            # The landmarks of a limb lie on its bone: it has the direction of the canonical one.
             goal = rotate(clip.rotation[:, 1 + of], np.array(JAEGER_REST[of]))
             now = rotate(rotation[:, 1 + bone], skeleton.rest_direction[bone])
             rotation[:, 1 + bone] = multiply(between(now, goal), rotation[:, 1 + bone])
@@ -237,7 +236,7 @@ def _from_canonical(clip: Clip, skeleton: Skeleton) -> Clip:
 def _landmark_places(
     skeleton: Skeleton, marks: Landmarks, root_position: Array, rotation: Array
 ) -> tuple[Array, Array]:
-    """Where root and landmarks are, shape (T, 20, 3), and how the bones that end there are turned, (T, 20, 4)."""
+    """Positions of root and landmarks, shape (T, 20, 3), and rotations of the bones that end there, (T, 20, 4)."""
     joints = skeleton.joints(root_position, rotation)
     index = {bone: 1 + number for number, bone in enumerate(CANONICAL_BONES)}
     place = np.empty((len(joints), 20, 3))

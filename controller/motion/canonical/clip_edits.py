@@ -1,8 +1,10 @@
-"""Clips at another rate, without their still ends, between jumps, or with left and right exchanged."""
+"""Edits of clips: resampling, trimming, mirroring, and detection of jumps and spikes."""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
+from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,25 +20,25 @@ from controller.motion.rotations import (
     normalise,
     to_rotation_vector,
 )
+from motiondeck_base.counted import counted
 from motiondeck_base.errors import FileFormatError
 
-# Between the frames of a recording a body moves on; slower than this in every joint it stands still.
-STILL_SPEED = 0.05  # m/s
-STILL_KEPT = 0.1  # s of stillness left before and after the motion
-# A pose before the motion is told by the jump after it: within so many s of the beginning, at least so far (m), and so
-# many times as far as any joint moves in a frame of the s that follow.
+STILL_SPEED = 0.05  # m/s: a body with slower joints stands still
+STILL_KEPT = 0.1  # s of stillness kept before and after the motion
+# A reference pose before the motion ends with a jump: within the first seconds, by a least distance (m) and a factor
+# over the largest step of a joint in the seconds that follow.
 JUMP_WITHIN, JUMP, JUMP_TIMES, AFTER_JUMP = 0.1, 0.1, 5.0, 0.25
-FASTEST_BODY = 20.0  # m/s: no body gets farther in a frame; a recording that does was pasted, or lost its body
-SPIKE = 0.25  # m: how far a joint is aside of its way at least, and by which acceleration no limb gets there
-FASTEST_TURN = 600.0  # m/s^2
+FASTEST_BODY = 20.0  # m/s: a faster body was pasted or lost
+SPIKE = 0.25  # m: least deviation of a joint from its path
+FASTEST_TURN = 600.0  # m/s^2, that no limb reaches
 SMOOTHED = 0.1  # s over which speeds are averaged: marker noise is fast
 
 
 def resampled(clip: Clip, rate: float) -> Clip:
     """The same motion at another rate, Hz: cubics through four frames (Catmull-Rom), for rotations in tangent space.
 
-    The first frame stays the first; the last one is the last that lies within the recording. Beyond its ends a
-    recording goes on along the parabola of its outermost three frames.
+    The first frame stays; the last one is the last within the recording, which its outermost three frames extrapolate
+    as a parabola.
     """
     if abs(rate - clip.rate) <= 1e-6 * rate:
         return clip
@@ -54,7 +56,7 @@ def resampled(clip: Clip, rate: float) -> Clip:
 
 
 def _beyond(points: list[Array], at_first: NDArray[np.bool_], at_last: NDArray[np.bool_]) -> list[Array]:
-    """Four points around each moment, of which the first or the last lies beyond an end of the recording."""
+    """Four points around each time, with those beyond an end of the recording extrapolated."""
     before, start, end, after = points
     first, last = (mask.reshape(-1, *[1] * (start.ndim - 1)) for mask in (at_first, at_last))
     return [
@@ -66,7 +68,7 @@ def _beyond(points: list[Array], at_first: NDArray[np.bool_], at_last: NDArray[n
 
 
 def _cubic(points: list[Array], share: Array) -> Array:
-    """Between the second and the third of four points, at a share of the way from 0 to 1."""
+    """Interpolates between the second and the third of four points, at shares from 0 to 1."""
     before, start, end, after = points
     s = share
     slope, slope_end = 0.5 * (end - before), 0.5 * (after - start)
@@ -79,9 +81,9 @@ def _cubic(points: list[Array], share: Array) -> Array:
 
 
 def moving_part(clip: Clip) -> tuple[int, int]:
-    """First frame and the one after the last of what lies between the still ends; (0, 0) if nothing moves.
+    """The frames (first, end) between the still ends; (0, 0) if nothing moves.
 
-    A pose for reference that stands before the motion (often a first frame with arms held out) is no part of it.
+    A reference pose before the motion (often a first frame with arms held out) is excluded.
     """
     if len(clip) < 2:
         return 0, 0
@@ -92,15 +94,15 @@ def moving_part(clip: Clip) -> tuple[int, int]:
 
 
 def jumps(clip: Clip) -> list[int]:
-    """The frames before which the body is elsewhere, farther than anybody moves from one frame to the next."""
+    """The frames at which the body has moved faster than FASTEST_BODY since the frame before."""
     step = np.sqrt(np.square(np.diff(clip.root_position, axis=0)).sum(-1))
     return [int(frame) + 1 for frame in np.flatnonzero(step * clip.rate > FASTEST_BODY)]
 
 
 def spikes(clip: Clip) -> list[tuple[int, int]]:
-    """The frames in which a joint is where it cannot have got to, and the bone that ends there.
+    """The frames in which a joint is at an impossible position, and the bone that ends there.
 
-    By how far a joint is, seen from the root, from the middle between where it was before and comes after.
+    Measured by the distance of a joint, relative to the root, from the middle of its two neighbours in time.
     """
     if len(clip) < 3:
         return []
@@ -111,14 +113,39 @@ def spikes(clip: Clip) -> list[tuple[int, int]]:
     return [(int(frame) + 1, int(bone[frame])) for frame in at]
 
 
+def breaks(clip: Clip, first: int = 0, end: int | None = None) -> tuple[list[int], list[str]]:
+    """Jumps and spikes in some frames of a clip, by default in all.
+
+    Returns:
+        The frames at which to cut, in order, and a phrase for each kind of break with its times.
+    """
+    part = span(clip, first, len(clip) if end is None else end)
+    jumped = [first + jump for jump in jumps(part)]
+    spiked = [(first + frame, bone) for frame, bone in spikes(part)]
+    found: list[str] = []
+    if jumped:
+        far = max(float(np.linalg.norm(clip.root_position[frame] - clip.root_position[frame - 1])) for frame in jumped)
+        found.append(f"the body jumps by up to {far:.1f} m between two frames {_times(jumped, clip.rate)}")
+    if spiked:
+        bone, when = clip.skeleton.bones[spiked[0][1]], _times([frame for frame, _ in spiked], clip.rate)
+        found.append(f"the end of bone '{bone}' is elsewhere for a moment {when}")
+    return sorted({*jumped, *(edge for frame, _ in spiked for edge in (frame, frame + 1))}), found
+
+
+def _times(frames: Sequence[int], rate: float) -> str:
+    """The first time of an event in s, and the number of further ones; adjacent frames are one event."""
+    more = sum(later > frame + 2 for frame, later in pairwise(frames))
+    return f"at {frames[0] / rate:.2f} s" + (f" and {counted(more, 'more time')}" if more else "")
+
+
 def without_reference_pose(clip: Clip) -> tuple[Clip, int]:
-    """A clip without the pose for reference that may stand before its motion, and how many frames that was."""
+    """A clip without the reference pose before its motion, and the number of frames removed."""
     skipped = _reference_frames(clip.joints(), clip.rate) if len(clip) > 2 else 0
     return (span(clip, skipped, len(clip)) if skipped else clip), skipped
 
 
 def _reference_frames(joints: Array, rate: float) -> int:
-    """How many frames lie before a jump at the beginning that is no movement."""
+    """The number of frames before a jump at the beginning."""
     step = np.sqrt(np.square(np.diff(joints, axis=0)).sum(-1)).max(1)
     after = max(2, round(AFTER_JUMP * rate))
     for frame in range(min(max(1, round(JUMP_WITHIN * rate)), len(step) - 2)):
@@ -129,7 +156,7 @@ def _reference_frames(joints: Array, rate: float) -> int:
 
 
 def _between_still_ends(joints: Array, rate: float) -> tuple[int, int]:
-    """First frame and the one after the last of joints (T, J, 3) that move; (0, 0) if none does."""
+    """The frames (first, end) in which joints (T, J, 3) move; (0, 0) if none does."""
     width = max(1, round(SMOOTHED * rate))
     count = len(joints)
     ahead = joints[width:] - joints[:-width] if count > width else joints[-1:] - joints[:1]
@@ -167,15 +194,15 @@ _SIDED = {bone[1:] for bone in CANONICAL_BONES if bone[0] == "l"}
 
 
 def span(clip: Clip, first: int, end: int) -> Clip:
-    """The frames of a clip from `first` up to `end`."""
+    """The frames of a clip from `first` to `end`."""
     return replace(clip, root_position=clip.root_position[first:end], rotation=clip.rotation[first:end])
 
 
 def seconds_of(clip: Clip, begin: float, end: float | None = None) -> Clip:
-    """The piece of a clip between two times, s; up to its end without the second.
+    """The piece of a clip between two times, s, by default up to its end.
 
     Raises:
-        FileFormatError: if there is no frame of the clip between them.
+        FileFormatError: if the times are not within the clip.
     """
     frames = len(clip) if end is None else round(end * clip.rate)
     first = round(begin * clip.rate)

@@ -1,1 +1,1 @@
-"""Encodings: what the channels of a network mean, and how a clip becomes channels and back."""
+"""Encodings: conversion between clips and the channels of a network."""

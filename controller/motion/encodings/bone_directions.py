@@ -1,4 +1,4 @@
-"""The encoding of Jaeger's patterns: bone directions seen from the body's heading (Deliallisi 2017, section 3.1).
+"""The encoding of Jaeger's patterns: bone directions in the heading frame (Deliallisi 2017, section 3.1).
 
 For a skeleton of B bones a frame has 4 + 3 B channels:
 
@@ -7,9 +7,8 @@ For a skeleton of B bones a frame has 4 + 3 B channels:
     2, 3         velocity of the root along the ground, forward and left, m/s
     4 + 3 b ...  unit vector of bone b: x forward, y left, z up
 
-The heading is the line from the right hip to the left one, flat, turned by -90 degrees. Where the root lies on that
-line, the x components of the two hip bones are therefore zero by construction (channels 5 and 17 of the thesis, counted
-from 1): what a recording holds there is rounding.
+The heading is the horizontal line from the right hip to the left one, rotated by -90 degrees. If the root lies on that
+line, the x components of the two hip bones are zero by construction (channels 5 and 17 of the thesis, counted from 1).
 """
 
 from __future__ import annotations
@@ -32,17 +31,17 @@ from motiondeck_base.errors import FileFormatError
 HEIGHT, TURN_RATE, FORWARD, LEFT, FIRST_BONE = 0, 1, 2, 3, 4
 LONGEST_BONE = 10.0  # m, of a body in a library
 
-# What Jaeger's patterns and the CMU recordings call the bones that lead to the hips.
+# Bones from the root to the hips in Jaeger's patterns and in CMU's recordings.
 HIPS = (("rhip", "lhip"), ("rhipjoint", "lhipjoint"))
 
 
 @dataclass(frozen=True)
 class BoneDirections:
-    """Clips of a skeleton to channels and back.
+    """Conversion between clips of a skeleton and channels.
 
     Attributes:
-        skeleton: whose bones are encoded.
-        right_hip, left_hip: the names of the bones that lead from the root to the hips.
+        skeleton: of the clips.
+        right_hip, left_hip: names of the bones from the root to the hips.
     """
 
     skeleton: Skeleton
@@ -55,7 +54,7 @@ class BoneDirections:
 
     @classmethod
     def of(cls, skeleton: Skeleton) -> Self:
-        """The encoding for a skeleton whose hips bear one of the usual names, or are found by its shape.
+        """The encoding for a skeleton, whose hips are found by name or by shape.
 
         Raises:
             FileFormatError: if no bones lead from its root to two hips.
@@ -95,22 +94,22 @@ class BoneDirections:
 
     @property
     def channels(self) -> int:
-        """How many channels a frame has."""
+        """The number of channels of a frame."""
         return FIRST_BONE + 3 * len(self.skeleton)
 
     @property
     def velocities(self) -> slice:
-        """The channels that are velocities: zero while a body rests."""
+        """The channels that are velocities: zero at rest."""
         return slice(TURN_RATE, LEFT + 1)
 
     @property
     def leading(self) -> NDArray[np.int64]:
-        """The bones that the root's heading follows: the hips."""
+        """The bones that define the heading: the hips."""
         return np.array([self.skeleton.index(self.right_hip), self.skeleton.index(self.left_hip)])
 
     @cached_property
     def silent(self) -> NDArray[np.int64]:
-        """The channels that are zero by construction: none where the root lies off the line between the hips."""
+        """The channels that are zero by construction: none if the root lies off the line between the hips."""
         hips = self.leading
         opposite = np.allclose(self.skeleton.rest_direction[hips].sum(axis=0), 0.0, atol=1e-6)
         return FIRST_BONE + 3 * (hips if opposite else hips[:0])
@@ -121,7 +120,7 @@ class BoneDirections:
         in_heading = multiply(conjugate(yaw(heading))[:, None, :], clip.rotation)
         out = np.empty((len(clip), self.channels))
         out[:, HEIGHT] = clip.root_position[:, 2]
-        out[:, FIRST_BONE:] = self.spell(in_heading)
+        out[:, FIRST_BONE:] = self.direction_channels(in_heading)
         turn = np.diff(heading)
         step = np.diff(clip.root_position[:, :2], axis=0)
         cos, sin = np.cos(heading[1:]), np.sin(heading[1:])
@@ -133,7 +132,7 @@ class BoneDirections:
         return out
 
     def decode(self, channels: Array) -> Posture:
-        """The postures of channels (..., C); directions are brought back to unit length."""
+        """The postures of channels (..., C); directions are normalised."""
         return Posture(
             height=self.height(channels),
             velocity=channels[..., FORWARD : LEFT + 1],
@@ -141,7 +140,7 @@ class BoneDirections:
             rotation=self.rotations(channels),
         )
 
-    def spell(self, rotation: Array) -> Array:
+    def direction_channels(self, rotation: Array) -> Array:
         """The channels from FIRST_BONE on of rotations (T, 1 + B, 4) in the heading frame, shape (T, C - 4)."""
         out = rotate(rotation[:, 1:], self.skeleton.rest_direction).reshape(len(rotation), -1)
         out[:, self.silent - FIRST_BONE] = 0.0
@@ -152,20 +151,20 @@ class BoneDirections:
         return orient(self.skeleton, self.directions(channels))
 
     def directions(self, channels: Array) -> Array:
-        """Where the bones point, brought back to unit length, shape (..., B, 3)."""
+        """Unit vectors of the bones, shape (..., B, 3)."""
         return normalise(channels[..., FIRST_BONE:].reshape(*channels.shape[:-1], -1, 3))
 
     def height(self, channels: Array) -> Array:
-        """Of the root above the ground, shape (...), m."""
+        """Height of the root above the ground, shape (...), m."""
         return channels[..., HEIGHT]
 
     def decode_clip(self, channels: Array, rate: float, name: str, source: str = "") -> Clip:
-        """The clip of channels (T, 4 + 3 B) at a rate in Hz, its path laid out from the origin."""
+        """The clip of channels (T, 4 + 3 B) at a rate in Hz, with its path from the origin."""
         pose = walk_path(self.decode(channels), 1.0 / rate)
         return Clip(name, self.skeleton, rate, pose.root_position, pose.rotation, source)
 
     def heading(self, rotation: Array) -> Array:
-        """Which way bodies with these bone rotations (..., 1 + B, 4) face, shape (...), rad."""
+        """The heading of bodies with bone rotations (..., 1 + B, 4), shape (...), rad."""
         right, left = self.skeleton.index(self.right_hip), self.skeleton.index(self.left_hip)
         rest, length = self.skeleton.rest_direction, self.skeleton.length
         line = rotate(rotation[..., left + 1, :], rest[left] * length[left])

@@ -16,14 +16,10 @@ ENCODINGS: dict[str, type[Encoding]] = {kind.name: kind for kind in (BoneDirecti
 
 
 def encoding_of(skeleton: Skeleton, *, twist: bool = False) -> Encoding:
-    """The encoding for clips of this skeleton.
-
-    Args:
-        skeleton: whose clips.
-        twist: whether the twist of bones is kept.
+    """The encoding for clips of a skeleton, with the twist of bones if `twist`.
 
     Raises:
-        FileFormatError: if it is a body whose hips bear unusual names.
+        FileFormatError: if it is a body whose hips are not found.
     """
     if isinstance(skeleton, JointBody):
         return JointAngles(skeleton)

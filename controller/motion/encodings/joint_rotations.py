@@ -1,13 +1,13 @@
-"""The encoding that keeps how bones are twisted: bone directions, and beside each a vector that lies across the bone.
+"""The encoding with twists: bone directions, and for each a vector across the bone.
 
 For a skeleton of B bones a frame has 10 + 6 B channels: the 4 + 3 B of `bone_directions`, then
 
-    where the root's forward axis points            3
-    where each bone's side points                   3 B
-    where the root's left axis points               3
+    direction of the root's forward axis            3
+    direction of each bone's side                   3 B
+    direction of the root's left axis               3
 
-all in the heading frame. A direction and a side fix a rotation: nothing is guessed (as `orientation.py` must), and
-unlike angles or quaternions they have no seam: networks may average the channels of two motions.
+all in the heading frame. A direction and a side determine a rotation (`orientation.py` has to choose the twist), and
+unlike angles or quaternions they are continuous: networks may average the channels of two motions.
 """
 
 from __future__ import annotations
@@ -26,21 +26,21 @@ FORWARD_AXIS, LEFT_AXIS = np.array([1.0, 0.0, 0.0]), np.array([0.0, 1.0, 0.0])
 
 @dataclass(frozen=True)
 class JointRotations(BoneDirections):
-    """Clips of a skeleton to channels and back, twists included."""
+    """Conversion between clips of a skeleton and channels, twists included."""
 
     name: ClassVar[str] = "joint rotations"
     twist_by_rule: ClassVar[bool] = False
 
     @property
     def channels(self) -> int:
-        """How many channels a frame has."""
+        """The number of channels of a frame."""
         return FIRST_BONE + 6 * (1 + len(self.skeleton))
 
     @cached_property
     def _axes(self) -> tuple[Array, Array]:
         """Direction and side of each bone, then of the root, in the rest pose, shape (B + 1, 3) each."""
         direction = np.vstack([self.skeleton.rest_direction, FORWARD_AXIS])
-        # Across the bone and as near as may be to the axis that it is farthest from.
+        # Across the bone, and as near as possible to the axis that is farthest from it.
         axis = np.eye(3)[np.abs(direction).argmin(axis=1)]
         side = normalise(axis - dot(axis, direction)[:, None] * direction)
         side[-1] = LEFT_AXIS
@@ -51,10 +51,10 @@ class JointRotations(BoneDirections):
         return FixedVectors(self._axes[1])
 
     def directions(self, channels: Array) -> Array:
-        """Where the bones point, brought back to unit length, shape (..., B, 3)."""
+        """Unit vectors of the bones, shape (..., B, 3)."""
         return self._vectors(channels)[0][..., :-1, :]
 
-    def spell(self, rotation: Array) -> Array:
+    def direction_channels(self, rotation: Array) -> Array:
         """The channels from FIRST_BONE on of rotations (T, 1 + B, 4) in the heading frame, shape (T, C - 4)."""
         turned = np.roll(rotation, -1, axis=1)
         return np.concatenate([rotate(turned, axis).reshape(len(rotation), -1) for axis in self._axes], axis=1)

@@ -1,9 +1,8 @@
-"""Which motion is this, and how far off is it? Windows of joint positions are compared with windows of every motion.
+"""Nearest motion and distance to it, by windows of joint positions.
 
-A window is 0.2 s of all joints relative to the root, and the root's height, all in mm, seen at SAMPLES moments. Two
-windows are as far apart as the root mean square distance of their joints. Comparing windows and not frames keeps
-postures apart that are passed in different directions, and needs no alignment in time: a network that plays at a
-slightly other tempo is not wrong.
+A window is 0.2 s of all joints relative to the root, and the root's height, in mm, at SAMPLES times. The distance of
+two windows is the root mean square distance of their joints. Windows, unlike frames, distinguish postures passed in
+different directions, and need no alignment in time: a slightly different tempo is not an error.
 """
 
 from __future__ import annotations
@@ -17,13 +16,13 @@ from numpy.typing import NDArray
 from controller.motion.encodings.encoding import Encoding
 from controller.motion.rotations import Array
 
-SAMPLES = 6  # moments per window
+SAMPLES = 6  # per window
 SAMPLE_SECONDS = 1.0 / 30.0  # from one to the next, and from one window to the next
 LOST_MM = 40.0
 
 
 def stride_of(rate: float) -> int:
-    """How many frames at a rate (Hz) are nearest to SAMPLE_SECONDS."""
+    """The number of frames at a rate (Hz) nearest to SAMPLE_SECONDS."""
     return max(1, round(SAMPLE_SECONDS * rate))
 
 
@@ -35,12 +34,9 @@ def joint_features(encoding: Encoding, channels: Array) -> Array:
 
 
 def windows(features: Array, stride: int, *, wrap: bool = False) -> Array:
-    """Every `stride`-th window of features (T, F), seen at every `stride`-th frame: shape (n, SAMPLES * F).
+    """Every `stride`-th window of features (T, F), sampled every `stride` frames, shape (n, SAMPLES * F).
 
-    Args:
-        features: one row a frame.
-        stride: frames from moment to moment.
-        wrap: whether the last frame is followed by the first.
+    With `wrap` the first frame follows the last.
     """
     length = SAMPLES * stride
     if wrap:
@@ -52,12 +48,12 @@ def windows(features: Array, stride: int, *, wrap: bool = False) -> Array:
 
 @dataclass(frozen=True)
 class MotionMatch:
-    """How the windows of a run compare with the motions of a library.
+    """The windows of a run compared with the motions of a library.
 
     Attributes:
-        motion: index of the motion whose window is nearest to each window, shape (n,).
-        distance: to the nearest window of the motion that was meant, shape (n,), mm (root mean square over joints).
-        place: which window of the meant motion that is, shape (n,).
+        motion: index of the nearest motion to each window, shape (n,).
+        distance: to the nearest window of the intended motion, shape (n,), mm (root mean square over joints).
+        place: index of that window, shape (n,).
     """
 
     motion: NDArray[np.int64]
@@ -66,11 +62,11 @@ class MotionMatch:
 
 
 class Matcher:
-    """Holds the windows of every motion.
+    """The windows of every motion.
 
     Args:
         references: the features of each motion, shape (T_j, F).
-        loops: which of them are loops.
+        loops: whether each is a loop.
         rate: frames per second, Hz.
 
     Attributes:
@@ -88,7 +84,7 @@ class Matcher:
         return windows(features, self.stride)
 
     def window_count(self, frames: int) -> int:
-        """The number of windows of a run with so many frames."""
+        """The number of windows of a run with this many frames."""
         return max(0, frames // self.stride - SAMPLES + 1)
 
     def match(self, run: Array, meant: int, *, alone: bool = False) -> MotionMatch:
@@ -120,7 +116,7 @@ class Matcher:
 
 
 def rising_length(places: NDArray[np.int64]) -> int:
-    """How many different places a sequence passes in rising order: the longest strictly rising subsequence."""
+    """The length of the longest strictly rising subsequence."""
     tops: list[int] = []
     for place in places.tolist():
         at = bisect_right(tops, place - 1)
@@ -129,5 +125,5 @@ def rising_length(places: NDArray[np.int64]) -> int:
 
 
 def activity(features: Array, rate: float) -> float:
-    """The root mean square speed of joints whose places are features (T, F), mm, at a rate in Hz; mm/s."""
+    """The root mean square speed, mm/s, of joint features (T, F), mm, at a rate in Hz."""
     return float(np.sqrt(np.square(np.diff(features, axis=0)).mean())) * rate

@@ -1,8 +1,8 @@
-"""Bringing every channel to [-1, 1], once for all patterns of a library (Deliallisi 2017, eqs. 3.1 and 3.2).
+"""Normalises every channel to [-1, 1], jointly for all patterns of a library (Deliallisi 2017, eqs. 3.1 and 3.2).
 
     S' = (S + shift) * scaling,   shift = -(max S + min S) / 2,   scaling = 2 / (max S - min S)
 
-The extremes are taken over all patterns together, not pattern by pattern, because one network plays them all.
+The extremes are those of all patterns together, because one network plays them all.
 """
 
 from __future__ import annotations
@@ -46,14 +46,14 @@ class Normalisation:
 
     @classmethod
     def fit(cls, patterns: Sequence[Array], least_range: float = 0.0) -> Normalisation:
-        """The normalisation of the given patterns, each of shape (T, C), taken together.
+        """The joint normalisation of patterns (T, C).
 
-        A channel whose range float32 could not resolve counts as constant: scaled up, it would be rounding noise.
+        A channel whose range float32 cannot resolve counts as constant: scaled up, it would be rounding noise.
 
         Args:
             patterns: at least one.
-            least_range: of a channel, in its unit; one that varies less, or not at all, is scaled as if it varied so
-                much. A motion that is added later may move what stands still in these.
+            least_range: of a channel, in its unit; a channel with a smaller range is scaled by this one, since a motion
+                that is added later may move it.
 
         Raises:
             MotiondeckError: if there is no frame, the patterns differ in their channels, or a number is not finite.
@@ -77,19 +77,19 @@ class Normalisation:
 
     @cached_property
     def _half_range(self) -> Array:
-        """1 / scaling, and 0 for constant channels: a product is cheaper in the loop, and asks no question."""
+        """1 / scaling, and 0 for constant channels: a product is cheaper in the loop than a division."""
         varies = self.scaling > 0.0
         return np.where(varies, 1.0 / np.where(varies, self.scaling, 1.0), 0.0).astype(self.scaling.dtype)
 
     def apply(self, channels: Array) -> Array:
-        """Channels (..., C) brought to [-1, 1] (beyond it where they exceed what was fitted)."""
+        """Channels (..., C) scaled to [-1, 1] (beyond it where they exceed the fitted range)."""
         return (channels + self.shift) * self.scaling
 
     def invert(self, channels: Array) -> Array:
-        """The channels (..., C) that `apply` brought to the given ones."""
+        """The inverse of `apply`."""
         return channels * self._half_range - self.shift
 
     def invert_in_place(self, channels: Array) -> None:
-        """The same where the channels lie, float64, without allocating."""
+        """`invert` in place, for float64, without allocation."""
         np.multiply(channels, self._half_range, out=channels)
         np.subtract(channels, self.shift, out=channels)

@@ -1,1 +1,1 @@
-"""Recordings: one file a format, and one way in (`reading`) and out (`writing`)."""
+"""File formats of recordings: one module a format, `reading` and `writing`."""

@@ -1,10 +1,9 @@
 """BVH recordings (Biovision): a tree of joints with their offsets, then the channels of every joint, frame by frame.
 
-A joint turns by its rotation channels in the order in which that joint lists them: the first is the outermost. Its
-position channels, where it has any, replace its OFFSET in each frame, as Blender and MotionBuilder read them; where
-they begin at zero though the OFFSET does not, they are added to it, as the programs that write so mean them. The file
-does not give its up axis nor its unit, and a body may be unable to stand in its zero pose: `rest_pose` finds out.
-`joint_tree` makes the joints into bones.
+A joint rotates by its rotation channels in the order in which that joint lists them: the first is the outermost. Its
+position channels, if any, replace its OFFSET in each frame, as in Blender and MotionBuilder; channels that begin at
+zero though the OFFSET does not are added to it. The file gives neither its up axis nor its unit, and its zero pose may
+be arbitrary: `rest_pose` detects them. `joint_tree` turns the joints into bones.
 """
 
 from __future__ import annotations
@@ -19,17 +18,17 @@ from pathlib import Path
 import numpy as np
 
 from controller.motion.clip import Clip
-from controller.motion.formats.tree_clip import clip_of
-from controller.motion.joint_tree import MOST_POSES, JointTree, played
+from controller.motion.file_format import Format
+from controller.motion.joint_tree import MOST_POSES, JointTree, clip_of, played
 from controller.motion.reading_options import AS_FOUND, ReadingOptions
 from controller.motion.rotations import Array, about, multiply
 from motiondeck_base.errors import FileFormatError
 from motiondeck_base.files import Line, as_float, no_number, read_text, shortened
 
 MOST_JOINTS = 1000  # without a bound a broken file could ask for any amount of memory
-LONGEST_PERIOD = 1.0  # s; a longer frame time is a rate that was written in its place
+LONGEST_PERIOD = 1.0  # s; a longer frame time is a rate written in its place
 USUAL_RATES = (24.0, 25.0, 30.0, 48.0, 50.0, 60.0, 90.0, 100.0, 120.0, 200.0, 240.0)  # Hz
-# A place this near to the parent, in lengths of the OFFSET, is no place of its own; two frames later it is this near.
+# Position channels nearer to zero than this, in lengths of the OFFSET, are relative to it; in the next two frames too.
 AT_ZERO, NEAR_ZERO = 0.02, 0.15
 CHANNELS = tuple(f"{axis}{kind}" for kind in ("position", "rotation") for axis in "xyz")
 _AXES = dict(zip("xyz", np.eye(3), strict=True))
@@ -37,7 +36,7 @@ _AXES = dict(zip("xyz", np.eye(3), strict=True))
 
 @dataclass
 class Joint:
-    """A joint as it stands in the file; an end site is a joint without channels."""
+    """A joint of the file; an end site is a joint without channels."""
 
     name: str
     parent: int
@@ -51,7 +50,7 @@ def read_bvh(path: str | Path, options: ReadingOptions = AS_FOUND) -> Clip:
     Raises:
         FileFormatError: naming file and line, if it cannot be read or does not follow the format.
     """
-    head, rows, at = _parted(read_text(path))
+    head, rows, at = _split(read_text(path))
     lines = [Line(path, number, text.split()) for number, text in enumerate(head.split("\n"), 1)]
     found = (index for index, line in enumerate(lines) if line.words and line.words[0].upper() == "MOTION")
     motion = next(found, None)
@@ -61,7 +60,7 @@ def read_bvh(path: str | Path, options: ReadingOptions = AS_FOUND) -> Clip:
         raise FileFormatError(f"{path}: there is no MOTION section. The file is cut short: fetch it again.")
     joints = _hierarchy(path, lines[:motion])
     width = sum(len(joint.channels) for joint in joints)
-    rate, announced = _announced(path, lines[motion:])
+    rate, announced = _frame_header(path, lines[motion:])
     lines_left = rows.count("\n")
     if lines_left * len(joints) > MOST_POSES:
         raise announced.error(
@@ -71,8 +70,8 @@ def read_bvh(path: str | Path, options: ReadingOptions = AS_FOUND) -> Clip:
     return clip_of(_tree(joints, values), rate, path, options)
 
 
-def _parted(text: str) -> tuple[str, str, int]:
-    """The lines up to the frame time, those of the frames, and how many the first ones are."""
+def _split(text: str) -> tuple[str, str, int]:
+    """The text up to the frame time, the rows of the frames, and the number of lines before them."""
     found = re.search(r"^[ \t]*frame[ \t]+time[ \t]*:[^\n]*$", text, re.MULTILINE | re.IGNORECASE)
     end = len(text) if found is None else found.end()
     return text[:end], text[end:], text.count("\n", 0, end)
@@ -82,7 +81,7 @@ def _hierarchy(path: str | Path, lines: list[Line]) -> list[Joint]:
     """The joints, parents first."""
     joints: list[Joint] = []
     open_joints: list[int] = []
-    awaited: Joint | None = None  # has been named, and its brace is to come
+    awaited: Joint | None = None  # named, its brace not read yet
     for line in _one_brace_a_line(lines):
         key, *rest = line.words
         current = joints[open_joints[-1]] if open_joints else None
@@ -112,7 +111,7 @@ def _hierarchy(path: str | Path, lines: list[Line]) -> list[Joint]:
 
 
 def _one_brace_a_line(lines: list[Line]) -> Iterator[Line]:
-    """The lines that are neither empty nor remarks; braces are taken off the lines they share."""
+    """The lines that are neither empty nor comments, each brace on a line by itself."""
     for line in lines:
         if line.words and line.words[0].startswith(("#", "//")):
             continue
@@ -151,7 +150,7 @@ def _named(line: Line, joints: list[Joint], open_joints: list[int]) -> Joint:
 
 
 def _numbered(name: str) -> Iterator[str]:
-    """The name itself, then the name with ever higher numbers."""
+    """The name, then the name with rising numbers."""
     yield name
     yield from (f"{name} {number}" for number in range(2, MOST_JOINTS + 3))
 
@@ -167,11 +166,11 @@ def _channels(line: Line) -> tuple[str, ...]:
     return channels
 
 
-def _announced(path: str | Path, lines: list[Line]) -> tuple[float, Line]:
+def _frame_header(path: str | Path, lines: list[Line]) -> tuple[float, Line]:
     """The rate in Hz, and the line with the number of frames, from the two lines after MOTION."""
-    said = [Line(path, line.number, " ".join(line.words).replace(":", " : ").split()) for line in lines]
-    times = [line for line in said if [word.lower() for word in line.words[:2]] == ["frame", "time"]]
-    counts = [line for line in said if [word.lower() for word in line.words[:2]] == ["frames", ":"]]
+    headers = [Line(path, line.number, " ".join(line.words).replace(":", " : ").split()) for line in lines]
+    times = [line for line in headers if [word.lower() for word in line.words[:2]] == ["frame", "time"]]
+    counts = [line for line in headers if [word.lower() for word in line.words[:2]] == ["frames", ":"]]
     if not times or not counts:
         raise FileFormatError(f"{path}: 'Frames:' or 'Frame Time:' is missing after MOTION. Fetch the file again.")
     period = times[0].number_from(times[0].words[-1])
@@ -182,7 +181,7 @@ def _announced(path: str | Path, lines: list[Line]) -> tuple[float, Line]:
 
 
 def _rate(period: float, written: str) -> float:
-    """The rate that a frame time, s, means, Hz. Files write few digits: 0.0083 s is 120 Hz, and 0.033 s is 30 Hz."""
+    """The rate, Hz, of a frame time, s, which files round: 0.0083 s is 120 Hz, and 0.033 s is 30 Hz."""
     exact = round(1.0 / period, 2)
     rounded = 0.5 * 10.0 ** int(Decimal(written).as_tuple().exponent)
     meant = (rate for rate in USUAL_RATES if abs(1.0 / rate - period) <= rounded)
@@ -190,13 +189,13 @@ def _rate(period: float, written: str) -> float:
 
 
 def _values(rows: str, at: int, width: int, announced: Line) -> Array:
-    """The values as they stand in the file, shape (frames, channels); `at` lines stand before them.
+    """The values in the file, shape (frames, channels), after `at` lines.
 
-    All frames that follow are read, if there are at least as many as announced: some exporters count one too few.
+    More frames than announced are read too: some exporters count one too few.
     """
     frames = announced.number_from(announced.words[-1])
     with warnings.catch_warnings():
-        warnings.simplefilter("error", DeprecationWarning)  # what numpy says where it meets no number
+        warnings.simplefilter("error", DeprecationWarning)  # of numpy where a word is not a number
         try:
             numbers = np.fromstring(rows, sep=" ") if rows.strip() else np.zeros(0)
         except (DeprecationWarning, ValueError):
@@ -204,12 +203,12 @@ def _values(rows: str, at: int, width: int, announced: Line) -> Array:
     if not np.isfinite(numbers).all():
         raise _no_number(announced.path, rows, at)
     if width == 0 or len(numbers) == 0 or len(numbers) % width or len(numbers) < frames * width:
-        raise announced.error(_what_follows(rows, at, frames, width, len(numbers)))
+        raise announced.error(_frame_problem(rows, at, frames, width, len(numbers)))
     return numbers.reshape(-1, width)
 
 
-def _what_follows(rows: str, at: int, frames: float, width: int, count: int) -> str:
-    """What is wrong with the frames: how many there are, or the first row of another length."""
+def _frame_problem(rows: str, at: int, frames: float, width: int, count: int) -> str:
+    """The error in the frames: their number, or the first row of another length."""
     again = "The file is cut short or not whole: fetch it again."
     if not count:
         return "no frames follow. Export the motion again."
@@ -225,7 +224,7 @@ def _what_follows(rows: str, at: int, frames: float, width: int, count: int) -> 
 
 
 def _no_number(path: str | Path, rows: str, at: int) -> FileFormatError:
-    """The error that names the first word that is no number; `at` lines stand before the rows."""
+    """The error that names the first word that is not a number, in rows after `at` lines."""
     for number, row in enumerate(rows.split("\n"), at + 1):
         for word in row.split():
             value = as_float(word)
@@ -235,9 +234,9 @@ def _no_number(path: str | Path, rows: str, at: int) -> FileFormatError:
 
 
 def _added(place: Array, joint: Joint) -> bool:
-    """Whether position channels (T, 3) are meant to be added to the OFFSET: else a joint would lie in its parent.
+    """Whether position channels (T, 3) are relative to the OFFSET: else a joint would lie in its parent.
 
-    A root begins there, and moves on; of other joints the median counts, for a frame or two may be lost.
+    Judged by the first frames of a root, which then moves, and by the median of other joints: some frames may be lost.
     """
     if sum(channel.endswith("position") for channel in joint.channels) < 3:
         return False
@@ -248,7 +247,7 @@ def _added(place: Array, joint: Joint) -> bool:
 
 
 def _tree(joints: list[Joint], values: Array) -> JointTree:
-    """Plays the file's channels on its joints, all in the file's own axes and unit."""
+    """Forward kinematics of the file's channels, in its axes and unit."""
     frames = len(values)
     turn = np.empty((frames, len(joints), 4))
     place = np.empty((frames, len(joints), 3))
@@ -267,3 +266,15 @@ def _tree(joints: list[Joint], values: Array) -> JointTree:
         turn[:, index] = local
     turns = np.array([any(channel.endswith("rotation") for channel in joint.channels) for joint in joints])
     return played([joint.name for joint in joints], [joint.parent for joint in joints], place, turn, turns)
+
+
+FORMAT = Format(
+    name="Biovision, of any exporter",
+    suffixes=(".bvh",),
+    read=read_bvh,
+    supported="each joint's own order of channels, End Sites, position channels on any joint, braces anywhere, any "
+    "unit and axis, any zero pose",
+    unsupported="several bodies in one file; bones that change their length (the median is taken); more than 30 "
+    "million numbers",
+    magic=b"HIERARCHY",
+)

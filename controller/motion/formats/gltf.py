@@ -1,13 +1,10 @@
-"""Animations in glTF 2.0 files (.gltf, .glb) and in those of VRM, which are glTF with named human bones (.vrm, .vrma).
+"""Animations in glTF 2.0 files (.gltf, .glb) and VRM files, which are glTF with named human bones (.vrm, .vrma).
 
-A file is JSON: nodes, each with a translation, a rotation and a scale against its parent, and animations, whose
-channels drive these between keyframes (glTF 2.0 specification, 3.11 and appendix C). Numbers lie in buffers that
-`gltf_buffers` opens. Read here: the joints of skins, of VRM's humanoid, or else the animated nodes, and what is above
-them. An animation is sampled at the rate of its keyframes; of several animations the longest is read. y is up, and a
-length is 1 m, unless the body says otherwise: many exporters leave centimetres.
-
-(pygltflib was looked at: it decodes the JSON, which msgspec does with types; accessors, interpolation and posing, which
-are the work, it leaves to its user.)
+A file is JSON: nodes, each with a translation, rotation and scale relative to its parent, and animations, whose
+channels drive these between keyframes (glTF 2.0 specification, 3.11 and appendix C). The numbers are in buffers
+(`gltf_buffers`). The body is the joints of skins, of VRM's humanoid, or else the animated nodes, with all ancestors. An
+animation is sampled at the rate of its keyframes; of several animations the longest is read. y is up, and a length is
+1 m unless the size of the body says otherwise: many exporters leave centimetres.
 """
 
 from __future__ import annotations
@@ -17,9 +14,9 @@ from pathlib import Path
 import numpy as np
 
 from controller.motion.clip import Clip
+from controller.motion.file_format import Format
 from controller.motion.formats.gltf_buffers import Accessors, Asset, Sampler, open_gltf
-from controller.motion.formats.tree_clip import clip_of
-from controller.motion.joint_tree import MOST_POSES, JointTree, distinct
+from controller.motion.joint_tree import MOST_POSES, JointTree, clip_of, distinct
 from controller.motion.reading_options import AS_FOUND, ReadingOptions
 from controller.motion.rotations import (
     Array,
@@ -75,16 +72,16 @@ def read_gltf(path: str | Path, options: ReadingOptions = AS_FOUND) -> Clip:
 
 
 class _Track:
-    """What one channel of an animation does to a node: its keys (K,), s, and its values there."""
+    """One channel of an animation: the keys (K,), s, of a node's translation, rotation or scale, and its values."""
 
     def __init__(
         self, path: str | Path, asset: Asset, accessors: Accessors, node: int, kind: str, sampler: Sampler
     ) -> None:
-        self.node, self.kind, self._way = node, kind, sampler.interpolation
+        self.node, self.kind, self._interpolation = node, kind, sampler.interpolation
         width = 4 if kind == "rotation" else 3
         self.keys = accessors.numbers(sampler.input, 1)[:, 0]
         values = accessors.numbers(sampler.output, width)
-        tripled = 3 if self._way == "CUBICSPLINE" else 1
+        tripled = 3 if self._interpolation == "CUBICSPLINE" else 1
         if len(self.keys) == 0 or len(values) != tripled * len(self.keys) or (np.diff(self.keys) < 0.0).any():
             raise FileFormatError(f"{path}: keyframes of {asset.called(node)} are broken. Export it again.")
         if not 0.0 <= self.keys[-1] - self.keys[0] <= LONGEST:
@@ -92,16 +89,16 @@ class _Track:
         self._values = values.reshape(-1, tripled, width)
 
     def at(self, times: Array) -> Array:
-        """The values at times (T,), s: held before the first and after the last key (appendix C)."""
+        """The values at times (T,), s; constant before the first and after the last key (appendix C)."""
         keys, values = self.keys, self._values
         times = np.clip(times, keys[0], keys[-1])
         low = np.clip(np.searchsorted(keys, times + SAME, side="right") - 1, 0, max(len(keys) - 2, 0))
         high = np.minimum(low + 1, len(keys) - 1)
         span = keys[high] - keys[low]
         share = np.clip((times - keys[low]) / np.where(span > 0.0, span, 1.0), 0.0, 1.0)[:, None]
-        if self._way == "STEP":
+        if self._interpolation == "STEP":
             return values[np.where(share[:, 0] < 1.0, low, high), 0]
-        if self._way == "CUBICSPLINE":
+        if self._interpolation == "CUBICSPLINE":
             out_of, into = values[low, 2] * span[:, None], values[high, 0] * span[:, None]
             s, start, end = share, values[low, 1], values[high, 1]
             cubic = (2.0 * s**3 - 3.0 * s**2 + 1.0) * start + (s**3 - 2.0 * s**2 + s) * out_of
@@ -120,7 +117,7 @@ def _length(tracks: list[_Track]) -> float:
 
 
 def _driven(path: str | Path, asset: Asset, number: int) -> list[tuple[int, str, Sampler]]:
-    """The nodes that an animation moves, how, and by which sampler."""
+    """Node, property and sampler of each channel of an animation."""
     animation = asset.animations[number]
     found: list[tuple[int, str, Sampler]] = []
     for channel in animation.channels:
@@ -151,7 +148,7 @@ def _parents(path: str | Path, asset: Asset) -> list[int]:
 
 
 def _human_bones(asset: Asset) -> dict[int, str]:
-    """What VRM says each node is in a human, by the node: "leftUpperLeg" and so on."""
+    """VRM's human bone of each node, such as "leftUpperLeg"."""
     named: dict[int, str] = {}
     for extension in ("VRMC_vrm", "VRMC_vrm_animation", "VRM"):
         bones = _inside(_inside(asset.extensions.get(extension), "humanoid"), "humanBones")
@@ -174,7 +171,7 @@ def _inside(value: object, key: str) -> object:
 
 
 def _joints(asset: Asset, parents: list[int], human: dict[int, str], driven: set[int]) -> list[int]:
-    """The nodes that make up the body, parents first: its joints and all that is above them."""
+    """The nodes of the body, parents first: its joints and their ancestors."""
     wanted = {joint for skin in asset.skins for joint in skin.joints} | set(human)
     wanted = wanted or driven
     kept: set[int] = set()
@@ -192,15 +189,13 @@ def _joints(asset: Asset, parents: list[int], human: dict[int, str], driven: set
 def _posed(
     asset: Asset, parents: list[int], joints: list[int], human: dict[int, str], tracks: list[_Track], times: Array
 ) -> JointTree:
-    """Where the joints are and how they turn in the world at some times."""
+    """World positions and rotations of the joints at some times."""
     index = {node: place for place, node in enumerate(joints)}
     several = sum(parents[node] == -1 for node in joints) > 1
     frames = len(times)
     position = np.zeros((frames, len(joints), 3))
     rotation = np.zeros((frames, len(joints), 4))
-    shape: list[
-        Array
-    ] = []  # of each joint, the matrix that its scales and its ancestors' amount to, (3, 3) or (T, 3, 3)
+    shape: list[Array] = []  # of each joint, its scale times its ancestors', shape (T, 1)
     by_node: dict[int, dict[str, _Track]] = {}
     for track in tracks:
         by_node.setdefault(track.node, {})[track.kind] = track
@@ -228,3 +223,14 @@ def _posed(
         position = np.concatenate([np.zeros((frames, 1, 3)), position], axis=1)
         rotation = np.concatenate([np.tile([1.0, 0.0, 0.0, 0.0], (frames, 1, 1)), rotation], axis=1)
     return JointTree(tuple(names), np.array(above), position, rotation, np.ones(len(names), dtype=np.bool_))
+
+
+FORMAT = Format(
+    name="glTF 2.0 and VRM, also of Mixamo and Blender",
+    suffixes=(".gltf", ".glb", ".vrm", ".vrma"),
+    read=read_gltf,
+    supported="animations of nodes: linear, step and cubic, sparse and whole numbers, scales above the body, VRM's "
+    "names of human bones; of several animations the longest",
+    unsupported="models without animation; compressed animations (meshopt); buffers in other folders",
+    magic=b"glTF",
+)

@@ -1,8 +1,8 @@
-"""What a glTF 2.0 file consists of: its JSON as typed data, and the numbers in its buffers.
+"""The contents of a glTF 2.0 file: its JSON as typed data, and the numbers in its buffers.
 
 A .glb (or .vrm) is a header, a chunk of JSON and a chunk of bytes; a .gltf is the JSON alone, with its buffers beside
-it or in it as base64. An accessor says how numbers lie in a buffer (specification, 3.6.2): their type, count, stride,
-and which of them are replaced (sparse). Only files in the same folder are opened.
+it or in it as base64. An accessor describes numbers in a buffer (specification, 3.6.2): type, count, stride, and those
+replaced (sparse). Only files in the same folder are opened.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ _WIDTHS = {"SCALAR": 1, "VEC2": 2, "VEC3": 3, "VEC4": 4, "MAT2": 4, "MAT3": 9, "
 
 
 class GltfNode(msgspec.Struct, rename="camel"):
-    """A node: a place in the tree, and how it stands against its parent."""
+    """A node of the tree, with its pose relative to its parent."""
 
     name: str = ""
     children: list[int] = []
@@ -56,7 +56,7 @@ class _Channel(msgspec.Struct):
 
 
 class Sampler(msgspec.Struct):
-    """Keyframes: accessors of their times and values, and how to go from one to the next."""
+    """Keyframes: accessors of their times and values, and their interpolation."""
 
     input: int
     output: int
@@ -185,10 +185,10 @@ class Accessors:
         self._buffers: dict[int, bytes] = {}
 
     def numbers(self, index: int, width: int) -> Array:
-        """The numbers of an accessor, shape (count, width); whole ones that stand for -1 to 1 as such.
+        """The numbers of an accessor, shape (count, width); normalised integers as -1 to 1.
 
         Raises:
-            FileFormatError: if it is not there, is of another shape, or lies outside its buffer.
+            FileFormatError: if it is missing, has another shape, or lies outside its buffer.
         """
         if not 0 <= index < len(self._asset.accessors):
             raise self._broken(f"accessor {index} is named, but there are {len(self._asset.accessors)}")
@@ -220,7 +220,7 @@ class Accessors:
         return values
 
     def _view(self, index: int, offset: int, count: int, width: int, number: np.dtype[np.generic]) -> np.ndarray:
-        """Numbers that lie in a view of a buffer, shape (count, width)."""
+        """Numbers in a view of a buffer, shape (count, width)."""
         if not 0 <= index < len(self._asset.buffer_views):
             raise self._broken(f"buffer view {index} is named, but there are {len(self._asset.buffer_views)}")
         view = self._asset.buffer_views[index]

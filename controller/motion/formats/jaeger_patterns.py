@@ -1,8 +1,8 @@
 """The 15 patterns of H. Jaeger's conceptor demo, on which Deliallisi 2017 trained: MATLAB files of CMU motions.
 
-A file for the pattern X holds `nnRawDataX`, 61 channels a frame at 120 Hz (`bone_directions` says what they mean; here
-they are in mm and per frame), and `segLengthsX`, the lengths of the 19 bones in mm. Channels 5 and 17, counted from 1,
-are zero by construction; what the files hold there is rounding.
+The file of pattern X holds `nnRawDataX`, 61 channels a frame at 120 Hz (those of `bone_directions`, in mm and per
+frame), and `segLengthsX`, the lengths of the 19 bones in mm. Channels 5 and 17, counted from 1, are zero by
+construction; the files have rounding errors there.
 """
 
 from __future__ import annotations
@@ -13,25 +13,28 @@ import numpy as np
 
 from controller.motion.clip import Clip
 from controller.motion.encodings.bone_directions import FIRST_BONE, FORWARD, HEIGHT, LEFT, TURN_RATE, BoneDirections
+from controller.motion.file_format import Format
 from controller.motion.formats.mat5 import read_mat
+from controller.motion.reading_options import AS_FOUND, ReadingOptions
 from controller.motion.rotations import Array
 from controller.motion.thesis_body import JAEGER_BONES, thesis_skeleton
 from motiondeck_base.errors import FileFormatError
 from motiondeck_base.files import listed
 
-RATE = 120.0  # Hz, from the scripts that made the patterns; the files do not say
+RATE = 120.0  # Hz, from the scripts that made the patterns; not in the files
 MILLIMETRE = 0.001  # m
 
 
-def read_pattern(path: str | Path) -> Clip:
+def read_pattern(path: str | Path, options: ReadingOptions = AS_FOUND) -> Clip:
     """The motion in one of Jaeger's pattern files, on a skeleton with that file's bone lengths.
 
     All frames of the file are kept: nnRawWaltz.mat holds its 450 twice. Encoding the clip with BoneDirections gives the
     file's channels in m, rad and s, except for the velocities of the first frame.
 
     Raises:
-        FileFormatError: if the file cannot be read or holds something else.
+        FileFormatError: if the file cannot be read or holds something else, or options are given.
     """
+    options.refuse(path)
     pattern, data, lengths = _fields(path)
     if not (np.isfinite(data).all() and np.isfinite(lengths).all()):
         raise FileFormatError(f"{path}: holds a number that is not finite. Fetch the file again.")
@@ -59,7 +62,7 @@ def read_pattern(path: str | Path) -> Clip:
 
 
 def _fields(path: str | Path) -> tuple[str, Array, Array]:
-    """The pattern's name, its data (T, 61) and its bone lengths (19,), as they stand in the file."""
+    """The pattern's name, its data (T, 61) and its bone lengths (19,), in the units of the file."""
     there = read_mat(path)
     data_fields = (name for name in there if name.startswith("nnRawData") and name.isascii() and name.isidentifier())
     pattern = next(data_fields, "").removeprefix("nnRawData")
@@ -85,3 +88,13 @@ def _fields(path: str | Path) -> tuple[str, Array, Array]:
         found.append(field.values)
     data, lengths = found
     return pattern, data, lengths[0]
+
+
+FORMAT = Format(
+    name="Jaeger's fifteen patterns",
+    suffixes=(".mat",),
+    read=read_pattern,
+    supported="`nnRawData`, `segLengths`",
+    unsupported="other MATLAB files",
+    magic=b"MATLAB 5.0 MAT-file",
+)

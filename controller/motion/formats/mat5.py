@@ -1,10 +1,10 @@
-"""Plain numbers from MAT files of version 5 to 7 (MAT-File Level 5 format, MathWorks).
+"""Real matrices of doubles from MAT files of version 5 to 7 (MAT-File Level 5 format, MathWorks).
 
-scipy reads far more of this format, but a damaged file can crash the interpreter in it, where no exception is left to
-catch. Here only real matrices of doubles are read; cells, structs, objects and the rest are named, and never loaded.
+scipy reads more of this format, but a damaged file can crash the interpreter in it. Here cells, structs, objects and
+the rest are listed and never loaded.
 
-A file is a header of 128 bytes and elements: kind, size, content. An element of kind 14 is a variable and consists of
-elements itself: flags with its class, its shape, its name, its numbers. One of kind 15 is another element, compressed.
+A file is a header of 128 bytes and elements: kind, size, content. An element of kind 14 is a variable, whose own
+elements are flags with its class, its shape, its name, its numbers. One of kind 15 is another element, compressed.
 """
 
 from __future__ import annotations
@@ -49,7 +49,7 @@ def read_mat(path: str | Path) -> dict[str, Variable]:
     """The variables of a MAT file by name.
 
     Raises:
-        FileFormatError: if it cannot be read, is of another format, is damaged or unpacks to more than a bound.
+        FileFormatError: if it cannot be read, is of another format, is damaged, or unpacks beyond LARGEST_UNPACKED.
     """
     content = read_bytes(path, LARGEST)
     if content.startswith(b"MATLAB 7.3"):

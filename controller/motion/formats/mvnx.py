@@ -1,9 +1,8 @@
-"""Motions of Xsens MVN (.mvnx): XML with a position and an orientation of every segment in every frame.
+"""Motions of Xsens MVN (.mvnx): XML with the position and orientation of every segment in every frame.
 
-Each segment starts in the joint to its parent. Orientations are quaternions (w, x, y, z) against the pose in which a
-person stands with the arms out sideways and faces x; z is up, y left, lengths are in m (MVN User Manual, "MVNX").
-Points such as `pTopOfHead` give where the segments end that carry no other. Of everything else that a file may hold
-(sensors, joint angles, contacts) nothing is used.
+Each segment starts in the joint to its parent. Orientations are quaternions (w, x, y, z) relative to the T pose facing
+x; z is up, y left, lengths are in m (MVN User Manual, "MVNX"). Points such as `pTopOfHead` are the ends of the last
+segments. Sensors, joint angles and contacts are ignored.
 """
 
 from __future__ import annotations
@@ -15,8 +14,8 @@ from xml.parsers import expat
 import numpy as np
 
 from controller.motion.clip import Clip
-from controller.motion.formats.tree_clip import clip_of
-from controller.motion.joint_tree import MOST_POSES, JointTree
+from controller.motion.file_format import Format
+from controller.motion.joint_tree import MOST_POSES, JointTree, clip_of
 from controller.motion.reading_options import AS_FOUND, ReadingOptions
 from controller.motion.rotations import Array, normalise, rotate
 from motiondeck_base.errors import FileFormatError
@@ -30,7 +29,7 @@ _POSES = ("identity", "tpose", "npose", "tpose-isb")  # frames that are no part 
 
 @dataclass
 class _Contents:
-    """What has been read of a file: segments with their points, joints, and the numbers of each frame."""
+    """The parts of a file: segments with their points, joints, and the numbers of each frame."""
 
     rate: str | None = None
     points: dict[str, dict[str, list[float]]] = field(default_factory=dict[str, dict[str, list[float]]])
@@ -43,7 +42,7 @@ def read_mvnx(path: str | Path, options: ReadingOptions = AS_FOUND) -> Clip:
     """The motion in an MVNX file.
 
     Raises:
-        FileFormatError: naming the file, and the line where there is one, if it cannot be read or is broken.
+        FileFormatError: naming the file, and the line if there is one, if it cannot be read or is broken.
     """
     contents = _MvnxReader(path).contents()
     names = list(contents.points)
@@ -69,7 +68,7 @@ def read_mvnx(path: str | Path, options: ReadingOptions = AS_FOUND) -> Clip:
 
 
 def _tree(path: str | Path, contents: _Contents, names: list[str], turn: Array, place: Array) -> JointTree:
-    """The segments from the pelvis on, parents first, and the ends of those that carry no other."""
+    """The segments from the pelvis on, parents first, and the ends of the last ones."""
     parent = {child: above for above, child in contents.joints}
     children: dict[str, list[str]] = {name: [] for name in names}
     for child, above in parent.items():
@@ -102,7 +101,7 @@ def _tree(path: str | Path, contents: _Contents, names: list[str], turn: Array, 
 
 
 class _MvnxReader:
-    """Goes through the XML once and keeps what is needed; entities and document types are refused."""
+    """Parses the XML in one pass; entities and document types are refused."""
 
     def __init__(self, path: str | Path) -> None:
         self._path = path
@@ -125,7 +124,7 @@ class _MvnxReader:
                     raise FileFormatError(f"{self._path}: {found}")
                 file.seek(0)
                 self._parser.ParseFile(file)
-        except (OSError, ValueError, LookupError) as error:  # LookupError: an encoding that nobody knows
+        except (OSError, ValueError, LookupError) as error:  # LookupError: an unknown encoding
             reason = getattr(error, "strerror", None) or str(error)
             raise FileFormatError(f"{self._path}: cannot be read ({reason}). Check the name.") from None
         except expat.ExpatError as error:
@@ -150,7 +149,7 @@ class _MvnxReader:
             case "segment":
                 self._segment = attributes.get("label", "")
                 if not self._segment or self._segment in contents.points or len(contents.points) >= MOST_SEGMENTS:
-                    raise self._error(f"segment '{shortened(self._segment)}' has no name of its own. Export it again.")
+                    raise self._error(f"segment '{shortened(self._segment)}' has no unique name. Export it again.")
                 contents.points[self._segment] = {}
             case "point":
                 self._point = attributes.get("label", "")
@@ -196,3 +195,12 @@ class _MvnxReader:
         if count == 0 or len(numbers) != count or not np.isfinite(numbers).all():
             raise self._error(f"expected {count} numbers. Export the file again.")
         return numbers
+
+
+FORMAT = Format(
+    name="Xsens MVN",
+    suffixes=(".mvnx",),
+    read=read_mvnx,
+    supported="orientation and position of every segment, ends of head, hands and toes; props are left out",
+    unsupported="sensors, joint angles, finger tracking; several subjects; files exported without positions",
+)

@@ -1,18 +1,17 @@
-"""Our own CSV read back: time in s, then x, y, z of joints or of markers, m (`writing` writes them).
+"""CSV tables of positions: time in s, then x, y, z of joints or of markers, m, as `writing` writes them.
 
     time_s,root.x,root.y,root.z,lhipjoint.x, ...
     0.000000,0.1,0.2,0.9, ...
 
-Tables of others are read alike: with semicolons or tabs (then decimals may have a comma), quotes, lines that begin with
-#, `time` or `t` in place of `time_s`, `root_x`, `root x` or `rootX` in place of `root.x`, and a body in cm or mm.
+Also tables of other programs: with semicolons or tabs (then decimals may have a comma), quotes, comment lines with #,
+`time` or `t` for `time_s`, `root_x`, `root x` or `rootX` for `root.x`, and a body in cm or mm.
 
-A table that begins with `root` is a body: each column is where a bone ends. Which bones there are, it does not say, so
-they are found: each joint hangs from that earlier one from which it keeps its distance best, and of those that keep it
-equally well, from the nearest. Bones called "A-B" and "A-C" start in one joint, as `joint_tree` names them. The file
-does not say how bones are twisted; `orientation` settles it. But where the points that are called hips or thighs lie in
-the hips, near the root, all are points in joints, as in tables without a root.
+A table that begins with `root` is a body: each column is the end of a bone. The bones are found from the distances:
+the parent of a joint is the earlier joint at the most constant distance, and of equally constant ones the nearest.
+Bones called "A-B" and "A-C" start in one joint, as `joint_tree` names them. Twists are chosen by `orientation`. But if
+the points called hips or thighs lie in the hips, near the root, all are points in joints, as in tables without a root.
 
-Ours have z up. Others do not say which axis is up, or down as that of a camera: the body tells.
+Our tables have z up. In others the body tells the vertical axis, which of a camera points down.
 """
 
 from __future__ import annotations
@@ -25,12 +24,12 @@ from pathlib import Path
 import numpy as np
 
 from controller.motion.clip import Clip
-from controller.motion.formats.markers.joint_points import joint_points
-from controller.motion.formats.markers.jointed_body import ARMS, LEGS
-from controller.motion.formats.markers.tracks import FARTHEST, Markers, unit_of_size
+from controller.motion.file_format import Format
+from controller.motion.formats.markers.joint_points import ARMS, LEGS, joint_points
+from controller.motion.markers import FARTHEST, Markers, unit_of_size
 from controller.motion.orientation import orient
 from controller.motion.reading_options import AS_FOUND, ReadingOptions
-from controller.motion.rest_pose import RecordedBody, stand
+from controller.motion.rest_pose import RecordedBody, rest_skeleton
 from controller.motion.rotations import Array, continuous, dot, normalise
 from controller.motion.skeleton import ROOT, Skeleton
 from motiondeck_base.errors import FileFormatError
@@ -39,11 +38,11 @@ from motiondeck_base.files import Line, as_float, no_number, read_lines
 MOST_NUMBERS = 30_000_000
 MOST_COLUMNS = 3000
 COMPARED = 400  # frames in which distances are compared
-WRITTEN = 1e-5  # m: files have six digits, so a distance that varies by less is kept
+WRITTEN = 1e-5  # m: files have six digits, so a distance that varies by less is constant
 NO_LENGTH = 1e-5  # m
 LONGEST_GAP = 0.5  # s without a frame
 IN_HIP = 0.5  # thighs: a point this near to the root is no knee
-_LOOKED_AT = 1 << 16  # bytes of a file that may be another table
+_SNIFFED = 1 << 16  # bytes read to identify a table
 _TIMES = ("time_s", "time", "time (s)", "time [s]", "timestamp", "seconds", "t")
 _COLUMN = re.compile(r"(.+?)[._ :]?([xyz])", re.IGNORECASE)
 
@@ -52,12 +51,12 @@ _COLUMN = re.compile(r"(.+?)[._ :]?([xyz])", re.IGNORECASE)
 class _Positions:
     names: tuple[str, ...]
     rate: float
-    position: Array  # (T, N, 3), m; NaN where a place is empty
-    ours: bool  # whether the columns are called as `writing` calls them
+    position: Array  # (T, N, 3), m; NaN where a cell is empty
+    ours: bool  # whether the columns are named as in `writing`
 
 
 def read_positions(path: str | Path, options: ReadingOptions = AS_FOUND) -> Clip | Markers:
-    """The body, or the markers, whose positions are in a CSV.
+    """The body or the markers of a CSV table.
 
     Raises:
         FileFormatError: naming file and line, if it cannot be read or is no such table.
@@ -74,13 +73,13 @@ def read_positions(path: str | Path, options: ReadingOptions = AS_FOUND) -> Clip
     if len(names) < 2 or np.isnan(position).any():
         raise FileFormatError(f"{path}: a body needs its root and all other joints in every frame. Fill the gaps.")
     name = Path(path).stem
-    body = _body(names[1:], _hung(names, position), position)
-    skeleton, root, rotation = stand(name, body, 1.0, up)
+    body = _body(names[1:], _parents(names, position), position)
+    skeleton, root, rotation = rest_skeleton(name, body, 1.0, up)
     return Clip(name, skeleton, table.rate, root, continuous(rotation), Path(path).name)
 
 
 def _in_joints(points: Markers) -> bool:
-    """Whether the points of a table with a root lie in the joints that they are called after, not at bones' ends."""
+    """Whether the points of a table with a root lie in the joints of their names, not at the ends of bones."""
     joints, root = joint_points(points), points.position[:, 0]
 
     def apart(one: Array, other: Array) -> float:
@@ -92,10 +91,9 @@ def _in_joints(points: Markers) -> bool:
 
 
 def _turned_over(points: Markers) -> Markers:
-    """The points of a camera, whose axis points down, turned by half a turn about x; others as they are.
+    """Points in camera axes (vertical axis down), rotated by half a turn about x; others unchanged.
 
-    Legs that point along the axis that is up may be those of somebody who stands on the hands: then the arms point away
-    from them.
+    Legs that point up may be those of a handstand: then the arms point away from them.
     """
     joints = joint_points(points)
     if not all(joint in joints for joint in (*LEGS, *ARMS)):
@@ -112,10 +110,10 @@ def _turned_over(points: Markers) -> Markers:
 
 
 def is_table(path: Path) -> bool:
-    """Whether a .csv is one of positions: its first line says so."""
+    """Whether a .csv is a table of positions, by its first line."""
     try:
         with path.open("rb") as file:
-            texts = file.read(_LOOKED_AT).decode("utf-8-sig", errors="replace").splitlines()
+            texts = file.read(_SNIFFED).decode("utf-8-sig", errors="replace").splitlines()
     except OSError:
         return False
     columns = next((_words(text, _separator(text)) for text in texts if _is_row(text)), [])
@@ -170,10 +168,10 @@ def _table(path: str | Path) -> _Positions:
 
 
 def _even(time: Array, position: Array, lines: list[Line]) -> tuple[float, Array]:
-    """The rate, Hz, and the positions at even times: between those of frames that came late, or not at all, by lines.
+    """The rate, Hz, and the positions at even times, interpolated linearly where frames are late or missing.
 
     Raises:
-        FileFormatError: naming the line, if times do not rise, or far apart are no frames.
+        FileFormatError: naming the line, if times do not rise or have long gaps.
     """
     if len(time) == 1 and np.isfinite(time[0]):
         return 120.0, position
@@ -221,8 +219,8 @@ def _row(line: Line, count: int) -> list[float]:
     return numbers
 
 
-def _hung(names: tuple[str, ...], position: Array) -> list[int]:
-    """The joint that each but the root (the first) hangs from."""
+def _parents(names: tuple[str, ...], position: Array) -> list[int]:
+    """The parent of each joint but the root, which is the first."""
     seen = position[:: max(1, len(position) // COMPARED)]
     start = [name.partition("-")[0] if "-" in name else name for name in names]
     parent: dict[int, int] = {}
@@ -239,12 +237,12 @@ def _hung(names: tuple[str, ...], position: Array) -> list[int]:
 
 
 def _body(names: tuple[str, ...], parent: list[int], position: Array) -> RecordedBody:
-    """Bones between joints (T, 1 + B, 3) that hang as given; the zero pose is the one of the first frame."""
+    """Bones between joints (T, 1 + B, 3) with these parents; the zero pose is the first frame."""
     line = position[:, 1:] - position[:, parent]
     length = np.median(np.sqrt(np.square(line).sum(-1)), axis=0)
     direction = normalise(line)
     for bone, above in enumerate(parent):
-        if length[bone] < NO_LENGTH:  # points nowhere: goes along with what carries it
+        if length[bone] < NO_LENGTH:  # has no direction: moves with its parent
             length[bone] = 0.0
             direction[:, bone] = direction[:, above - 1] if above > 0 else np.array([0.0, 0.0, 1.0])
     hangs = np.array(parent) - 1
@@ -252,3 +250,13 @@ def _body(names: tuple[str, ...], parent: list[int], position: Array) -> Recorde
     return RecordedBody(
         names, skeleton.parent, direction[0] * length[:, None], position[:, 0], orient(skeleton, direction)
     )
+
+
+FORMAT = Format(
+    name="positions that `clip convert` writes, or a similar table, as of a pose estimator",
+    suffixes=(".csv",),
+    read=read_positions,
+    supported="joints of a body (its bones are found again), points in joints, markers",
+    unsupported="twists of bones, which it does not have; other tables",
+    matches=is_table,
+)

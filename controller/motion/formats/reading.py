@@ -1,42 +1,35 @@
-"""One way in for recordings: the reader is chosen by the file's name."""
+"""Reads recordings of any format; the suffix of the file selects the format."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+import importlib
+import pkgutil
+from dataclasses import dataclass
 from pathlib import Path
 
 from controller.motion.clip import Clip
-from controller.motion.encodings.joint_angles import read_taught_clip
-from controller.motion.formats.acclaim.amc import read_amc
-from controller.motion.formats.acclaim.asf import read_asf
-from controller.motion.formats.bvh import read_bvh
-from controller.motion.formats.gltf import read_gltf
-from controller.motion.formats.jaeger_patterns import read_pattern
-from controller.motion.formats.markers.c3d import read_c3d
-from controller.motion.formats.markers.joint_points import joint_points
-from controller.motion.formats.markers.jointed_body import jointed_body
+from controller.motion.file_format import Format
+from controller.motion.formats.markers.joint_points import joint_points, jointed_body
 from controller.motion.formats.markers.marker_fit import Fit, fit_markers, wears_full_set
 from controller.motion.formats.markers.skin_markers import joints_under_skin
-from controller.motion.formats.markers.tracks import Markers
-from controller.motion.formats.markers.trc import read_trc
-from controller.motion.formats.mvnx import read_mvnx
-from controller.motion.formats.positions import is_table, read_positions
-from controller.motion.formats.smpl import read_smpl
+from controller.motion.markers import Markers
 from controller.motion.reading_options import AS_FOUND, ReadingOptions
-from controller.motion.up_axis import turned_up
 from motiondeck_base.errors import FileFormatError
 
-_TREES = {
-    ".bvh": read_bvh,
-    ".npz": read_smpl,
-    ".mvnx": read_mvnx,
-    **dict.fromkeys((".gltf", ".glb", ".vrm", ".vrma"), read_gltf),
-}
-_TABLES = {".c3d": read_c3d, ".trc": read_trc, ".csv": read_positions}
-RECORDINGS = frozenset({".amc", ".mat", ".clip", *_TREES, *_TABLES})
-"""The endings of the files that `read_clip` reads, in small letters."""
+
+def _all_formats() -> list[Format]:
+    """The FORMAT of every module below this folder, by suffix."""
+    names = [
+        module.name for module in pkgutil.walk_packages([str(Path(__file__).parent)], "controller.motion.formats.")
+    ]
+    rows = [getattr(importlib.import_module(name), "FORMAT", None) for name in names]
+    return sorted((row for row in rows if isinstance(row, Format)), key=lambda row: row.suffixes)
+
+
+FORMATS = {suffix: row for row in _all_formats() for suffix in row.suffixes}
+"""The formats of recordings, by suffix in lower case."""
 _PACKED = "packed. Unpack it, and give the recordings in it."
-_INSTEAD = {
+_UNREAD = {
     ".asf": "a skeleton, not a motion. Give a recording that belongs to it (.amc).",
     ".fbx": "a closed format that is not read. Convert it with FBX2glTF (to .glb), or in Blender: import it, then "
     "File > Export > glTF 2.0 or Motion Capture (.bvh).",
@@ -55,64 +48,63 @@ _INSTEAD = {
     ".tsv": "a table of Qualisys or others. Export the recording as .c3d or .trc.",
     **dict.fromkeys((".mot", ".sto"), "OpenSim's angles, which need its model. Give the markers (.trc or .c3d)."),
 }
-_MOSTLY_OTHERS = {".asf", ".dae", ".abc", ".tsv", ".mot", ".sto", ".qtm"}  # lie beside recordings: meshes, tables
-CONVERTIBLE = frozenset(_INSTEAD) - _MOSTLY_OTHERS
-"""The endings of recordings that `read_clip` refuses with the way to unpack or convert them, in small letters."""
+_SELDOM_MOTION = {".asf", ".dae", ".abc", ".tsv", ".mot", ".sto", ".qtm"}  # skeletons, meshes, tables
+CONVERTIBLE = frozenset(_UNREAD) - _SELDOM_MOTION - FORMATS.keys()
+"""Suffixes of recordings that `read_clip` refuses with a hint how to unpack or convert them."""
 
 
 @dataclass(frozen=True, eq=False)
 class FittedClip:
-    """A clip, and the fit to its markers where it came from markers on the skin."""
+    """A clip, and the fit to its markers if it came from markers on the skin."""
 
     clip: Clip
     fit: Fit | None
 
 
 def read_clip(path: str | Path, options: ReadingOptions = AS_FOUND) -> Clip:
-    """The clip in a recording.
+    """The clip in a recording of one of FORMATS; capitals in the suffix do not matter.
 
-    Args:
-        path: Acclaim (.amc), Biovision (.bvh), bodies of the SMPL family (.npz), Xsens (.mvnx), glTF and VRM (.gltf,
-            .glb, .vrm, .vrma), markers or points in joints (.c3d, .trc), our own positions (.csv), what a rig was
-            taught by hand (.clip) or one of Jaeger's MATLAB patterns (.mat); capitals do not matter.
-        options: what overrules the file. Without a skeleton, an .amc takes the .asf that `skeleton_of` finds in its
-            folder or the one above, and an .npz average proportions.
+    Without a skeleton in the options, an .amc takes the .asf that `skeleton_of` finds in its folder or the one above,
+    and an .npz average proportions.
 
     Raises:
-        FileFormatError: if the file is of another kind, its skeleton is not clear, or reading fails.
+        FileFormatError: if the format is another, the skeleton is ambiguous, or reading fails.
     """
     return read_fitted(path, options).clip
 
 
 def read_fitted(path: str | Path, options: ReadingOptions = AS_FOUND) -> FittedClip:
-    """As `read_clip`, which see, and how well the clip explains its markers."""
+    """As `read_clip`, with the fit to the markers."""
     suffix = Path(path).suffix.lower()
-    if suffix in _TREES:
-        return FittedClip(_TREES[suffix](path, options), None)
-    if suffix in _TABLES:
-        found = _TABLES[suffix](path, options)
-        return FittedClip(found, None) if isinstance(found, Clip) else _of_markers(found, Path(path).stem)
-    if suffix == ".amc":
-        return FittedClip(_acclaim(path, options), None)
-    if suffix in (".mat", ".clip"):
-        _nothing_to_overrule(path, options)
-        return FittedClip(read_pattern(path) if suffix == ".mat" else read_taught_clip(path), None)
-    if suffix in _INSTEAD:
-        raise FileFormatError(f"{path}: {_INSTEAD[suffix]}")
-    ending = f"'{suffix}' files are not read" if suffix else "a recording is known by its ending, and this has none"
-    raise FileFormatError(f"{path}: {ending}. Give one of {', '.join(sorted(RECORDINGS))}.")
+    row = FORMATS.get(suffix)
+    if row is None and suffix in _UNREAD:
+        raise FileFormatError(f"{path}: {_UNREAD[suffix]}")
+    if (other := _format_by_content(Path(path))) and other is not row:
+        raise FileFormatError(f"{path}: begins as a {other.suffixes[0]} file. Rename it, or fetch it again.")
+    if row is None:
+        ending = f"'{suffix}' files are not read" if suffix else "a recording is known by its ending, and this has none"
+        raise FileFormatError(f"{path}: {ending}. Give one of {', '.join(sorted(FORMATS))}.")
+    found = row.read(path, options)
+    return FittedClip(found, None) if isinstance(found, Clip) else _body_of_markers(found, Path(path).stem)
 
 
 def recordings_below(folder: Path) -> list[Path]:
-    """The recordings in a folder and the folders in it; of tables (.csv) those that hold positions."""
-    return sorted(
-        path
-        for path in folder.rglob("*")
-        if path.suffix.lower() in RECORDINGS and path.is_file() and (path.suffix.lower() != ".csv" or is_table(path))
-    )
+    """The recordings in a folder and its subfolders; of .csv files those that hold positions."""
+    found = ((path, FORMATS.get(path.suffix.lower())) for path in folder.rglob("*"))
+    return sorted(path for path, row in found if row is not None and path.is_file() and row.matches(path))
 
 
-def _of_markers(markers: Markers, name: str) -> FittedClip:
+def _format_by_content(path: Path) -> Format | None:
+    """The format whose magic bytes a file begins with."""
+    try:
+        with path.open("rb") as file:
+            beginning = file.read(64).lstrip()
+    except (OSError, ValueError):
+        return None  # the reader says why
+    return next((row for row in FORMATS.values() if row.magic and beginning.startswith(row.magic)), None)
+
+
+def _body_of_markers(markers: Markers, name: str) -> FittedClip:
     """A body fitted to a full set of markers on its skin, or drawn through its joints."""
     joints = joint_points(markers)
     if not joints and not wears_full_set(markers):
@@ -121,53 +113,3 @@ def _of_markers(markers: Markers, name: str) -> FittedClip:
         return FittedClip(jointed_body(joints, markers, name), None)
     fit = fit_markers(markers, name)
     return FittedClip(fit.clip, fit)
-
-
-def skeleton_of(recording: Path, top: Path) -> Path | None:
-    """The .asf file of a recording, looked for from its folder up to `top`; None where there is none or no need."""
-    if recording.suffix.lower() != ".amc":
-        return None
-    folder = recording.parent
-    while True:
-        there = _skeletons(folder)
-        named = [p for p in there if recording.stem.startswith(p.stem)]
-        if named:
-            return max(named, key=lambda p: len(p.stem))
-        if len(there) == 1:
-            return there[0]
-        if folder in (top, folder.parent):
-            return None
-        folder = folder.parent
-
-
-def _acclaim(path: str | Path, options: ReadingOptions) -> Clip:
-    """An .amc with its own or the given skeleton."""
-    recording = Path(path)
-    if not options.skeleton and not recording.exists():
-        raise FileFormatError.missing(path)
-    asf = options.skeleton or skeleton_of(recording, recording.parent.parent)
-    if asf is None:
-        found = _skeletons(recording.parent)
-        names = f"{len(found)} .asf files ({', '.join(other.name for other in found)})" if found else "no .asf files"
-        raise FileFormatError(
-            f"{path}: there are {names} beside it. Give the skeleton that it was recorded with (--skeleton FILE.asf)."
-        )
-    skeleton = read_asf(asf, options.unit)
-    clip = read_amc(path, skeleton)
-    bones = options.renamed(clip.skeleton.bones, path)
-    clip = replace(clip, skeleton=replace(clip.skeleton, bones=bones))
-    return clip if options.up is None else turned_up(clip, "y", options.up)
-
-
-def _skeletons(folder: Path) -> list[Path]:
-    """The .asf files in a folder."""
-    try:
-        return sorted(p for p in folder.iterdir() if p.suffix.lower() == ".asf")
-    except OSError as error:
-        raise FileFormatError(f"{folder}: cannot be read ({error.strerror or error}). Give the skeleton.") from None
-
-
-def _nothing_to_overrule(path: str | Path, options: ReadingOptions) -> None:
-    """Raises FileFormatError for options that mean nothing to a file of this kind."""
-    if options.unit is not None or options.up is not None or options.rename:
-        raise FileFormatError(f"{path}: a {Path(path).suffix} has its unit, axes and names: leave the options away.")

@@ -1,32 +1,36 @@
 """Motions of the SMPL family's bodies (.npz): AMASS, SMPL-H, SMPL-X.
 
-The file holds the rotation of every joint against its parent as a vector (axis times angle), and `trans`, by which the
-whole body is moved: AMASS has one array `poses`, its SMPL-X releases also `root_orient` and `pose_body`, the models'
-own programs `global_orient` and `body_pose`. The first 22 joints are the same in all models; hands and face are left
-out. The model's own axes are x left, y up, z forward; AMASS turns them into a world with z up.
+The file holds the rotation vector of every joint relative to its parent, and `trans`, the translation of the body:
+AMASS has one array `poses`, its SMPL-X releases also `root_orient` and `pose_body`, the models' programs
+`global_orient` and `body_pose`. The first 22 joints are the same in all models; hands and face are left out. The
+model's axes are x left, y up, z forward; AMASS rotates them into a world with z up.
 
-Where the joints of a person lie is in the licensed body model. Given that (`SMPLX_NEUTRAL.npz`, or the `model.npz` of
+The joint positions of a person are in the licensed body model. Given that (`SMPLX_NEUTRAL.npz`, or the `model.npz` of
 SMPL-H), joints are J = J_regressor (v_template + shapedirs betas) (Loper et al. 2015, eq. 10). Without it, the
-rotations are played on a body of average proportions (Winter 2009, fig. 4.1) that stands as the models' template does.
+rotations are applied to a body of average proportions (Winter 2009, fig. 4.1) in the pose of the models' template.
 """
 
 from __future__ import annotations
 
+import io
+import tokenize
+import zipfile
+import zlib
 from pathlib import Path
 
 import numpy as np
 
 from controller.motion.clip import Clip
-from controller.motion.formats.npz_arrays import NpzArrays
-from controller.motion.formats.tree_clip import clip_of
-from controller.motion.joint_tree import MOST_POSES, played
+from controller.motion.file_format import Format
+from controller.motion.joint_tree import MOST_POSES, clip_of, played
 from controller.motion.reading_options import AS_FOUND, ReadingOptions
 from controller.motion.rest_pose import STATURE
 from controller.motion.rotations import Array, from_rotation_vector
 from motiondeck_base.errors import FileFormatError
-from motiondeck_base.files import listed
+from motiondeck_base.files import listed, read_bytes
 
-LARGEST_ANGLE = 100.0  # rad: a vector longer than this is no rotation that anybody wrote
+_RATES = ("mocap_framerate", "mocap_frame_rate", "framerate", "frame_rate", "fps")
+LARGEST_ANGLE = 100.0  # rad: a longer vector is not a rotation
 
 JOINTS = (
     *("pelvis", "left_hip", "right_hip", "spine1", "left_knee", "right_knee", "spine2", "left_ankle", "right_ankle"),
@@ -35,7 +39,7 @@ JOINTS = (
 )
 PARENT = (-1, 0, 0, 0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 9, 9, 12, 13, 14, 16, 17, 18, 19)
 
-# Lengths of an average body over its stature, and how its limbs stand in the template: out to the side, up, forward.
+# Lengths of an average body over its stature, and the directions of its limbs in the template: sideways, up, forward.
 _LIMBS: dict[str, tuple[float, tuple[float, float, float]]] = {
     "spine1": (0.065, (0.0, 1.0, -0.2)),
     "spine2": (0.080, (0.0, 1.0, 0.0)),
@@ -51,7 +55,7 @@ _LIMBS: dict[str, tuple[float, tuple[float, float, float]]] = {
     "elbow": (0.172, (1.0, -0.2, -0.13)),
     "wrist": (0.157, (1.0, 0.03, -0.03)),
 }
-# How far below the origin of its own axes the pelvis of a template lies, m: SMPL and SMPL-H, SMPL-X.
+# Depth of the pelvis below the origin of a template, m: SMPL and SMPL-H, SMPL-X.
 _PELVIS_BELOW = {"SMPL": 0.24, "SMPL-X": 0.35}
 
 
@@ -59,7 +63,7 @@ def read_smpl(path: str | Path, options: ReadingOptions = AS_FOUND) -> Clip:
     """The motion in an .npz file of the SMPL family.
 
     Raises:
-        FileFormatError: naming the file and the arrays that it holds, if it is no such motion, or is broken.
+        FileFormatError: naming the file and its arrays, if it is no such motion, or is broken.
     """
     arrays = NpzArrays(path)
     root = arrays.first("root_orient", "global_orient")
@@ -107,11 +111,8 @@ def read_smpl(path: str | Path, options: ReadingOptions = AS_FOUND) -> Clip:
     return clip_of(tree, hertz, path, options, unit=1.0, up="z" if amass else None)
 
 
-_RATES = ("mocap_framerate", "mocap_frame_rate", "framerate", "frame_rate", "fps")
-
-
 def average_joints(model: str) -> Array:
-    """Where the 22 joints of an average body are in the template of a model, shape (22, 3), m; x left, y up."""
+    """Positions of the 22 joints of an average body in the template of a model, shape (22, 3), m; x left, y up."""
     joints = np.zeros((len(JOINTS), 3))
     joints[0, 1] = -_PELVIS_BELOW[model]
     for joint, name in enumerate(JOINTS[1:], 1):
@@ -123,7 +124,7 @@ def average_joints(model: str) -> Array:
 
 
 def _joints_of(model: Path, betas: Array | None) -> Array:
-    """Where the first 22 joints of a body model are for a person's shape, shape (22, 3), m."""
+    """Positions of the first 22 joints of a body model for a person's shape, shape (22, 3), m."""
     arrays = NpzArrays(model)
     regressor, vertices = arrays.first("J_regressor"), arrays.first("v_template")
     shapes = arrays.first("shapedirs")
@@ -146,5 +147,65 @@ def _joints_of(model: Path, betas: Array | None) -> Array:
 
 
 def _rows(array: Array) -> Array:
-    """One row a frame, whatever shape its numbers came in."""
+    """An array (T, ...) as (T, n)."""
     return array.reshape(len(array), int(np.prod(array.shape[1:]))) if array.ndim else np.zeros((0, 0))
+
+
+MOST_BYTES = 2**30  # of an array once unpacked
+# Errors of a broken archive or array: numpy reads headers with Python's own parser.
+_BROKEN = (ValueError, TypeError, SyntaxError, EOFError, OverflowError, MemoryError, OSError, RuntimeError, KeyError)
+_BROKEN += (zipfile.BadZipFile, zlib.error, tokenize.TokenError)
+
+
+class NpzArrays:
+    """The arrays of numbers in an .npz file, a zip of .npy files; pickled objects are never loaded.
+
+    Raises:
+        FileFormatError: naming the file, if it is not an .npz file.
+    """
+
+    def __init__(self, path: str | Path) -> None:
+        self._path = path
+        content = read_bytes(path, archive=True)
+        try:
+            self._archive = zipfile.ZipFile(io.BytesIO(content))
+        except (zipfile.BadZipFile, NotImplementedError, ValueError) as error:
+            raise FileFormatError(f"{path}: this is no .npz file ({error}). Is it the right one?") from None
+        entries = [entry for entry in self._archive.infolist() if entry.filename.endswith(".npy")]
+        self._sizes = {entry.filename[: -len(".npy")]: entry.file_size for entry in entries}
+
+    @property
+    def names(self) -> list[str]:
+        """Names of the arrays."""
+        return list(self._sizes)
+
+    def first(self, *names: str) -> Array | None:
+        """The first of these arrays that exists, as float64; None if there is none.
+
+        Raises:
+            FileFormatError: if it is not an array of numbers, or too large.
+        """
+        name = next((name for name in names if name in self._sizes), None)
+        if name is None:
+            return None
+        if self._sizes[name] > MOST_BYTES:
+            raise FileFormatError(f"{self._path}: array '{name}' would take {self._sizes[name] >> 20} MiB.")
+        try:
+            with self._archive.open(f"{name}.npy") as entry:
+                packed = entry.read(MOST_BYTES + 1)
+            array = np.lib.format.read_array(io.BytesIO(packed), allow_pickle=False)
+            return np.asarray(array, dtype=np.float64)
+        except _BROKEN as error:
+            reason = "it holds Python objects, which are never loaded" if "bject" in str(error) else str(error)
+        short = " ".join(reason.split())[:120]
+        raise FileFormatError(f"{self._path}: array '{name}' cannot be read ({short}). Save it again as plain numbers.")
+
+
+FORMAT = Format(
+    name="bodies of the SMPL family: AMASS, SMPL-H, SMPL-X",
+    suffixes=(".npz",),
+    read=read_smpl,
+    supported="`poses`, or `root_orient` and `pose_body` (`global_orient`, `body_pose`); `trans`; the rate; with "
+    "`--skeleton MODEL.npz` the joints of the person ([below](#smpl))",
+    unsupported="hands and face; files without a rate; pickles (`.pkl`)",
+)

@@ -1,4 +1,4 @@
-"""Clips written for other programs: BVH with their rotations, CSV with the positions of joints or markers."""
+"""Writes clips for other programs: BVH with rotations, CSV with positions of joints or markers."""
 
 from __future__ import annotations
 
@@ -8,24 +8,24 @@ from pathlib import Path
 import numpy as np
 
 from controller.motion.clip import Clip
-from controller.motion.formats.markers.tracks import Markers
+from controller.motion.markers import Markers
 from controller.motion.rotations import Array, conjugate, multiply, rotate, to_matrix
 from controller.motion.skeleton import ROOT
 from controller.motion.up_axis import TO_OURS
 from motiondeck_base.errors import FileFormatError
 from motiondeck_base.files import write_file
 
-CENTIMETRES = 100.0  # what BVH is mostly written in
+CENTIMETRES = 100.0  # the usual unit of BVH
 FORMATS = (".bvh", ".csv")
-# The middle one of three angles must stay off 90 degrees: people turn about the vertical, y, and seldom twist a leg.
+# The middle angle of the three must stay off 90 degrees: people turn about the vertical, y, and seldom twist a leg.
 ROOT_ORDER, ORDER = "YXZ", "ZYX"
 
 
 def write_clip(clip: Clip, path: Path) -> None:
-    """Writes a clip as the ending of the file says: .bvh or .csv.
+    """Writes a clip in the format of the suffix: .bvh or .csv.
 
     Raises:
-        FileFormatError: for another ending, or if the file cannot be written.
+        FileFormatError: for another suffix, or if the file cannot be written.
     """
     if path.suffix.lower() not in FORMATS:
         raise FileFormatError(f"{path}: clips are written as {' or '.join(FORMATS)}. Name the file so.")
@@ -36,7 +36,7 @@ def write_clip(clip: Clip, path: Path) -> None:
 def bvh_text(clip: Clip) -> str:
     """A clip as BVH: y up, x left, z forward, cm; one joint a bone, at its start and with its name.
 
-    Read again it is the same clip: same bones, joints off by less than a micrometre a bone.
+    Reading it again gives the same bones, and joints within a micrometre a bone.
     """
     skeleton = clip.skeleton
     to_file = conjugate(TO_OURS["y"])
@@ -104,13 +104,13 @@ def _numbers(values: Array) -> str:
 
 
 def _angles(q: Array, order: str) -> Array:
-    """Angles (T, N, 3), rad, unwrapped in time, of turns about three axes: q turns about the last one first."""
+    """Euler angles (T, N, 3), rad, unwrapped in time; the rotation about the last axis comes first."""
     i, j, k = ("XYZ".index(axis) for axis in order)
     sign = 1.0 if (j - i) % 3 == 1 else -1.0
     m = to_matrix(q)
     level = np.hypot(m[..., j, k], m[..., k, k])
     middle = np.arctan2(sign * m[..., i, k], level)
-    # At 90 degrees the outer two turn about one axis: then the last is left at rest.
+    # At 90 degrees the outer two axes coincide: then the last angle is zero.
     free = level > 1e-9
     lone = np.arctan2(sign * m[..., k, j], m[..., j, j])
     first = np.where(free, np.arctan2(-sign * m[..., j, k], m[..., k, k]), lone)

@@ -21,7 +21,7 @@ from motiondeck_base.errors import MotiondeckError
 from motiondeck_base.files import check_folder
 
 if TYPE_CHECKING:
-    from controller.motion.formats.clip_facts import Facts
+    from controller.motion.canonical.clip_facts import Facts
     from controller.motion.formats.reading import FittedClip
     from controller.motion.reading_options import ReadingOptions
 
@@ -32,9 +32,7 @@ app = typer.Typer(
 
 FileArgument = Annotated[
     Path,
-    typer.Argument(
-        metavar="FILE", help="A recording: .amc, .bvh, .c3d, .csv, .glb, .gltf, .mat, .mvnx, .npz (SMPL), .trc or .vrm."
-    ),
+    typer.Argument(metavar="FILE", help="A recording of any format in docs/clips.md."),
 ]
 
 
@@ -49,7 +47,7 @@ def show(file: FileArgument, reading: Reading, as_json: JsonOption = False) -> N
 
     Example:  motiondeck clip show dance.c3d
     """
-    from controller.motion.formats.clip_facts import facts
+    from controller.motion.canonical.clip_facts import facts
 
     known = facts(_read(file, reading.options()))
     if as_json:

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from controller.learning.centralized.reconstruction import Gap
-    from controller.motion.formats.markers.tracks import Markers
+    from controller.motion.markers import Markers
 
 
 def fill(file: Path, out: Path, as_json: bool) -> None:
@@ -18,8 +18,7 @@ def fill(file: Path, out: Path, as_json: bool) -> None:
         MotiondeckError: if the recording holds no markers, or the file cannot be written.
     """
     from controller.learning.centralized.reconstruction import fill_missing, gaps_of
-    from controller.motion.formats.markers.c3d import read_c3d
-    from controller.motion.formats.markers.c3d_writing import with_points
+    from controller.motion.formats.markers.c3d import read_c3d, with_points
     from controller.motion.formats.writing import markers_csv
     from motiondeck_base.errors import MotiondeckError
     from motiondeck_base.files import write_file

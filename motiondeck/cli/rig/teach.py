@@ -18,7 +18,7 @@ from motiondeck.cli.rig.rig_port import PortOption, RigArgument, ended_by_sigter
 from motiondeck_base.errors import MotiondeckError
 
 if TYPE_CHECKING:
-    from controller.motion.encodings.joint_angles import Plays
+    from controller.motion.formats.taught_clip import Plays
     from controller.motion.rotations import Array
     from hardware.bus.servo_bus import Bus
     from hardware.rig.rig_file import RigConfig
@@ -169,7 +169,7 @@ class _Session:
 
     def record_takes(self, parts: list[tuple[RigConfig, Bus]], out: Path, file: Path) -> None:
         """Records takes of the motion `out`, the first into `file`, until the last one is saved or dropped."""
-        from controller.motion.encodings.joint_angles import how_taught
+        from controller.motion.formats.taught_clip import taught_mode
         from hardware.errors import RigError
 
         while True:
@@ -182,7 +182,7 @@ class _Session:
                 self._say(f"{error} Once more.")
                 continue
             if file != out and self.plays is None:
-                recording.plays = how_taught(out)  # takes of a motion are learned alike
+                recording.plays = taught_mode(out)  # takes of a motion are learned alike
             choice = "" if recording.cut_short else self._choose(recording, file)
             if choice == "drop":
                 return
@@ -223,7 +223,8 @@ class _Session:
     def _doubts(self, recording: _Recording, file: Path) -> list[str]:
         """Doubts about a recording: beyond limits, or unlike the takes before it."""
         from controller.learning.preparation.takes import join_takes
-        from controller.motion.encodings.joint_angles import angles_of, read_taught_clip
+        from controller.motion.encodings.joint_angles import angles_of
+        from controller.motion.formats.taught_clip import read_taught_clip
         from hardware.tools.teaching import beyond_limits
         from motiondeck_base.errors import FileFormatError
 
@@ -255,7 +256,7 @@ class _Session:
         Raises:
             RigError: if the recording is unusable.
         """
-        from controller.learning.preparation.takes import returns
+        from controller.learning.preparation.takes import is_periodic
         from hardware.errors import RigError, SerialPortError
         from hardware.tools.teaching import taught, watch_hands
 
@@ -280,12 +281,12 @@ class _Session:
             if not self.cut_short:
                 raise
             raise RigError(f"{self.cut_short} Nothing is saved: {error}") from error
-        plays = self.plays or ("loop" if returns(found.moving, rate, at_least=0.5) else "once")
+        plays = self.plays or ("loop" if is_periodic(found.moving, rate, at_least=0.5) else "once")
         return _Recording(found, plays, self.trim, self.cut_short)
 
     def _save(self, recording: _Recording, out: Path, shown: bool) -> None:
         """Writes a recording and adds it to the report; prints its doubts unless they were shown before."""
-        from controller.motion.encodings.joint_angles import save_taught_clip, taught_clip
+        from controller.motion.formats.taught_clip import save_taught_clip, taught_clip
         from hardware.tools.teaching import beyond_limits
 
         config, rate = self.config, self.config.rate_hz

@@ -13,7 +13,7 @@ import numpy as np
 from controller.loop.safety.safety_envelope import SafetyEnvelope
 from controller.motion.canonical.clip_edits import without_reference_pose
 from controller.motion.clip import Clip
-from controller.motion.formats.reading import RECORDINGS, read_clip, recordings_below
+from controller.motion.formats.reading import FORMATS, read_clip, recordings_below
 from motiondeck.cli.common.tables import show_table
 from motiondeck_base.counted import counted
 from motiondeck_base.errors import MotiondeckError
@@ -54,7 +54,7 @@ def recordings(paths: Sequence[Path]) -> list[Path]:
             raise MotiondeckError.missing(path, "file or folder")
         found += recordings_below(path) if path.is_dir() else [path]
     if not found:
-        raise MotiondeckError(f"{', '.join(map(str, paths))}: no recordings ({', '.join(sorted(RECORDINGS))}) there")
+        raise MotiondeckError(f"{', '.join(map(str, paths))}: no recordings ({', '.join(sorted(FORMATS))}) there")
     return found
 
 

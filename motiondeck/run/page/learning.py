@@ -38,7 +38,7 @@ def look(request: LearnRequest) -> Seen:
     Raises:
         MotiondeckError: if it cannot be read.
     """
-    from controller.learning.examine import examine
+    from controller.learning.recording_analysis import analyse_recording
     from controller.motion.encodings.joint_angles import angles_of
     from controller.motion.formats.writing import bvh_text
 
@@ -47,7 +47,7 @@ def look(request: LearnRequest) -> Seen:
         return _look_at_hands(file)
     if file.suffix.lower() in MARKERS:
         tell(LearningStep(f"reading {file.name}: a body is fitted to its markers, which takes some seconds"))
-    recording = examine(file, "recording")
+    recording = analyse_recording(file, "recording")
     motion, clip = recording.motion, recording.clip
     if file.suffix.lower() in MARKERS:
         # What took so long is not done again: read from BVH it is the same clip.
@@ -64,7 +64,7 @@ def look(request: LearnRequest) -> Seen:
 
 def _look_at_hands(file: Path) -> Seen:
     """Makes a taught clip of what the page has seen of a rig in somebody's hands."""
-    from controller.motion.encodings.joint_angles import save_taught_clip, taught_clip
+    from controller.motion.formats.taught_clip import save_taught_clip, taught_clip
     from hardware.tools.teaching import Moment, taught
 
     hands = msgspec.json.decode(file.read_bytes(), type=HandRecording)
@@ -92,15 +92,15 @@ def learn(request: LearnRequest) -> Learned | NotLearned:
         MotiondeckError: if it cannot be learned.
     """
     from controller.learning.adding import add_motion
-    from controller.learning.examine import examine
     from controller.learning.learn import learn as learn_library
+    from controller.learning.recording_analysis import analyse_recording
     from controller.library.motion_library import load_library, save_library
 
     library, file, within = Path(request.library), Path(request.file), request.within
     tell(LearningStep(f"reading {file.name}"))
     if file.suffix == ".clip" and within is not None:
         file, within = _cut(file, request.name, within), None
-    recording = examine(file, request.name, within=within)
+    recording = analyse_recording(file, request.name, within=within)
     motion, clip = recording.motion, recording.clip
     deck = load_library(library)
     out = _free_name(f"{library.stem}-{request.name}")
@@ -130,14 +130,15 @@ def learn(request: LearnRequest) -> Learned | NotLearned:
 
 def _cut(file: Path, name: str, within: tuple[float, float]) -> Path:
     """A part of a taught clip as a clip of this name; a loop if it ends where it began."""
-    from controller.learning.preparation.takes import returns
+    from controller.learning.preparation.takes import is_periodic
     from controller.motion.canonical.clip_edits import span
-    from controller.motion.encodings.joint_angles import angles_of, read_taught_clip, save_taught_clip
+    from controller.motion.encodings.joint_angles import angles_of
+    from controller.motion.formats.taught_clip import read_taught_clip, save_taught_clip
 
     clip = read_taught_clip(file)
     first, end = (round(at * clip.rate) for at in within)
     part = span(clip, first, min(end, len(clip)))
-    loop = returns(angles_of(part.rotation[:, 1:]), part.rate, at_least=LOOP_KEEPS)
+    loop = is_periodic(angles_of(part.rotation[:, 1:]), part.rate, at_least=LOOP_KEEPS)
     out = file.with_name(f"{name}.clip")
     save_taught_clip(part, out, "loop" if loop else "once")
     return out

@@ -10,16 +10,16 @@ import pytest
 import synthetic
 from bodies import waving
 from controller.learning.adding import add_motion
-from controller.learning.centralized.centralized_training import CentralizedRecipe, train_centralized_network
 from controller.learning.fit import fit_prepared
 from controller.learning.measures.self_test import run_free
 from controller.learning.preparation.training_motion import TrainingMotion
 from controller.learning.recipe import LibraryRecipe, MotionRecipe
 from controller.learning.reservoirs.conceptor_training import conceptor_network, load_reservoir
-from controller.learning.reservoirs.echo_state_training import EchoStateRecipe, train_echo_state
 from controller.learning.reservoirs.incremental_loading import load_one_more, quota
-from controller.learning.reservoirs.phase_conceptor_training import PhaseRecipe
-from controller.learning.reservoirs.phase_echo_state_training import PhaseEchoStateRecipe
+from controller.learning.trainers.centralized import CentralizedRecipe, train_centralized_network
+from controller.learning.trainers.echo_state import EchoStateRecipe, train_echo_state
+from controller.learning.trainers.phase_conceptor import PhaseRecipe
+from controller.learning.trainers.phase_echo_state import PhaseEchoStateRecipe
 from controller.learning.training_set import prepare
 from controller.library.motion_library import MotionLibrary, load_library, save_library
 from controller.motion.canonical.clip_edits import mirrored

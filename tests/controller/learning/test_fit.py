@@ -7,7 +7,7 @@ from bodies import waving
 from command_line import invoked
 from controller.learning.fit import fit, steps
 from controller.learning.recipe import read_recipe, warnings
-from controller.learning.reservoirs.phase_conceptor_training import PhaseRecipe
+from controller.learning.trainers.phase_conceptor import PhaseRecipe
 from controller.learning.training_set import prepare
 from controller.library.motion_library import load_library, save_library
 from controller.motion.formats.reading import read_clip

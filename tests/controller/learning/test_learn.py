@@ -15,8 +15,8 @@ from command_line import invoked
 from controller.learning.fit import fit, fit_prepared
 from controller.learning.learn import learn, recordings_in
 from controller.learning.recipe import LibraryRecipe, MotionRecipe, read_recipe, recipe_text, typeable
-from controller.learning.reservoirs.echo_state_training import EchoStateRecipe
-from controller.learning.reservoirs.phase_conceptor_training import PhaseRecipe
+from controller.learning.trainers.echo_state import EchoStateRecipe
+from controller.learning.trainers.phase_conceptor import PhaseRecipe
 from controller.learning.training_set import prepare
 from controller.library.motion_library import load_library, save_library
 from controller.motion.formats.reading import FittedClip
@@ -145,7 +145,7 @@ def test_a_limb_that_is_elsewhere_for_a_moment_is_learned_up_to_there(folder, fr
 
 
 def test_a_recording_of_minutes_is_refused_with_the_way_to_cut_it(folder, monkeypatch):
-    monkeypatch.setattr("controller.learning.examine.LONGEST_SECONDS", 2.0)
+    monkeypatch.setattr("controller.learning.recording_analysis.LONGEST_SECONDS", 2.0)
     with pytest.raises(
         MotiondeckError, match=r"swing\.bvh: . s are more than one motion .*clip convert FILE PIECE\.bvh"
     ):
@@ -184,7 +184,7 @@ def test_a_skeleton_that_is_given_is_for_recordings_of_its_kind(tmp_path, monkey
         seen.append(options.skeleton)
         return FittedClip(replace(waving(60.0, 2.0), name=file.stem), None)
 
-    monkeypatch.setattr("controller.learning.examine.read_fitted", reader)
+    monkeypatch.setattr("controller.learning.recording_analysis.read_fitted", reader)
     learn(files, "mine", options=ReadingOptions(Path(given)), network=QUICK, seeds=[0])
     assert seen == [name and Path(name) for name in taken]
 

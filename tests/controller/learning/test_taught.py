@@ -8,18 +8,13 @@ import pytest
 from controller.deck.deck import Deck
 from controller.learning.evaluation.transitions import all_crossings
 from controller.learning.fit import fit
-from controller.learning.preparation.takes import by_motion, join_takes, read_takes, returns
+from controller.learning.preparation.takes import by_motion, is_periodic, join_takes, read_takes
 from controller.learning.recipe import gesture_recipe
 from controller.learning.training_set import TrainingSet, prepare
 from controller.library.motion_library import load_library, save_library
 from controller.motion.canonical.canonical_body import carried
-from controller.motion.encodings.joint_angles import (
-    JointRetargeter,
-    angles_of,
-    read_taught_clip,
-    save_taught_clip,
-    taught_clip,
-)
+from controller.motion.encodings.joint_angles import JointRetargeter, angles_of
+from controller.motion.formats.taught_clip import read_taught_clip, save_taught_clip, taught_clip
 from motiondeck_base.errors import FileFormatError, MotiondeckError
 
 pytestmark = pytest.mark.thorough
@@ -112,7 +107,7 @@ def test_takes_of_a_loop_are_nearer_to_what_was_meant_than_each_alone():
         hands = [(6, 1.5, 0.0), (5, 1.7, 1.0), (8, 1.4, 2.0), (7, 1.6, 4.0)]
         takes = [wave(*hand, seed + number) for number, hand in enumerate(hands)]
         motion = join_takes(takes, list("abcd"), RATE, loop=True)
-        assert all(returns(take, RATE, at_least=0.5) for take in takes)
+        assert all(is_periodic(take, RATE, at_least=0.5) for take in takes)
         joined.append(shape_error(motion.channels))
         alone += [shape_error(take) for take in takes]
     assert np.mean(joined) < 0.75 * np.mean(alone)
@@ -128,7 +123,7 @@ def test_takes_of_a_motion_that_happens_once_keep_its_ends(tmp_path):
     assert plays == "once"
     assert len(clip) == 180  # the pace of the middle one
     assert angles[-1] == pytest.approx([0.8, 0.0], abs=0.05)
-    assert not returns(angles, RATE, at_least=0.5)
+    assert not is_periodic(angles, RATE, at_least=0.5)
 
 
 def test_a_take_of_another_motion_is_refused_by_its_name(tmp_path):

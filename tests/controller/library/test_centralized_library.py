@@ -9,8 +9,8 @@ from safetensors.numpy import save_file
 import synthetic
 from controller.deck.deck import Deck
 from controller.deck.tracks.frame_player import FramePlayer
-from controller.learning.centralized.centralized_training import CentralizedRecipe, train_centralized_network
 from controller.learning.measures.self_test import Judge, self_test
+from controller.learning.trainers.centralized import CentralizedRecipe, train_centralized_network
 from controller.library.motion_library import MotionLibrary, load_library, save_library
 from controller.motion.encodings.motion_matching import joint_features
 from controller.networks.centralized.low_rank import LowRankWeights

@@ -12,7 +12,7 @@ from safetensors import safe_open
 from safetensors.numpy import save_file
 
 import synthetic
-from controller.learning.reservoirs.echo_state_training import EchoStateRecipe, train_echo_state
+from controller.learning.trainers.echo_state import EchoStateRecipe, train_echo_state
 from controller.library.motion_library import MotionLibrary, load_library, once_a_library, save_library
 from motiondeck.cli.common.tables import show_table
 from motiondeck.cli.main import main

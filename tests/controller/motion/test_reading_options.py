@@ -56,7 +56,7 @@ def test_a_unit_that_is_no_length_is_refused(unit):
         replace(ReadingOptions(), unit=unit)
 
 
-def test_a_pattern_has_nothing_to_overrule(tmp_path):
+def test_a_pattern_has_no_options(tmp_path):
     (tmp_path / "nnRawBow.mat").write_bytes(mat_bytes(pattern_fields()))
-    with pytest.raises(FileFormatError, match=r"nnRawBow\.mat: a \.mat has its unit, axes and names"):
+    with pytest.raises(FileFormatError, match=r"nnRawBow\.mat: a \.mat has fixed unit, axes and names"):
         read_clip(tmp_path / "nnRawBow.mat", ReadingOptions(unit=0.01))

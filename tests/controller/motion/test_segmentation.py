@@ -8,18 +8,8 @@ from hypothesis import strategies as st
 from controller.learning.recognition.segmentation.border_score import BorderScore, score_borders
 from controller.learning.recognition.segmentation.labels import read_labels
 from controller.motion.formats.reading import read_clip
-from controller.motion.segmentation import body_features, by_hand, find_segments
+from controller.motion.segmentation import body_features, find_segments
 from motiondeck_base.errors import FileFormatError
-
-
-@given(st.lists(st.integers(-5, 60), max_size=6))
-def test_segments_by_hand_cover_everything_once(borders):
-    if borders == sorted(set(borders)) and all(0 < border < 50 for border in borders):
-        segments = by_hand(borders, 50)
-        assert [i for first, end in segments for i in range(first, end)] == list(range(50))
-    else:
-        with pytest.raises(FileFormatError, match="must rise"):
-            by_hand(borders, 50)
 
 
 def three_motions(seed, ends, columns=24):

@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 import synthetic
-from controller.learning.centralized.centralized_training import CentralizedRecipe, train_centralized_network
-from controller.learning.reservoirs.echo_state_training import EchoStateRecipe, train_echo_state
-from controller.learning.reservoirs.random_feature_training import RandomFeatureRecipe, train_random_features
+from controller.learning.trainers.centralized import CentralizedRecipe, train_centralized_network
+from controller.learning.trainers.echo_state import EchoStateRecipe, train_echo_state
+from controller.learning.trainers.random_feature import RandomFeatureRecipe, train_random_features
 from controller.networks.centralized.centralized import CentralizedGenerator
 
 # Views and numbers are Python objects of some ten bytes; the smallest array here, a frame, has 28 x 8.

@@ -3,7 +3,7 @@ import pytest
 
 import synthetic
 from controller.learning.reservoirs.conceptor_training import ConceptorRecipe, conceptor_network, load_reservoir
-from controller.learning.reservoirs.echo_state_training import EchoStateRecipe, train_echo_state
+from controller.learning.trainers.echo_state import EchoStateRecipe, train_echo_state
 from controller.networks.conceptor.network import ConceptorNetwork
 from motiondeck_base.errors import MotiondeckError, UnknownNameError
 

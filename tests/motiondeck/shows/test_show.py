@@ -127,7 +127,7 @@ def theatre(monkeypatch, tmp_path_factory):
     opened.close()
 
 
-def in_step(*machines):
+def aligned_cycles(*machines):
     locks = [machine.deck.lock_state for machine in machines]
     if any(lock is None or lock.state != "locked" for lock in locks):
         return False
@@ -138,7 +138,7 @@ def in_step(*machines):
 def test_two_decks_start_together_keep_step_and_stop_together(theatre):
     left, right = theatre.deck("left", offset=500.0, drift=1e-4), theatre.deck("right", offset=-70.0, drift=-1e-4)
     theatre.conduct(cues=[ShowCue(say="switch march", when="here", in_step=True)], decks=["left", "right"], lead=0.1)
-    theatre.until(lambda: in_step(left, right))
+    theatre.until(lambda: aligned_cycles(left, right))
     assert abs(left.began["Switch"] - right.began["Switch"]) < 0.03  # two ticks, and a machine that is busy
     assert "left is here: dummy, small" in theatre.told
     state = show_state(theatre.conductor)
@@ -171,9 +171,9 @@ def test_two_decks_start_together_keep_step_and_stop_together(theatre):
 def test_a_deck_that_joins_late_joins_in_step(theatre):
     left = theatre.deck("left")
     theatre.conduct(cues=[ShowCue(say="switch march", when="here", in_step=True)], lead=0.1)
-    theatre.until(lambda: in_step(left))
+    theatre.until(lambda: aligned_cycles(left))
     late = theatre.deck("late", offset=3.0)
-    theatre.until(lambda: in_step(left, late))
+    theatre.until(lambda: aligned_cycles(left, late))
     assert "late joins" in theatre.told
 
 

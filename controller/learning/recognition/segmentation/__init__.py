@@ -1,1 +1,1 @@
-"""Cutting a recording into its behaviours, and scoring the cuts."""
+"""Segmentation of recordings into behaviours, and its scores."""

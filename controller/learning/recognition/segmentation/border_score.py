@@ -1,7 +1,7 @@
-"""How well found borders agree with marked ones.
+"""Precision and recall of detected borders.
 
-A border is found if one lies between the earliest and the latest frame that whoever marked it accepts; each border
-that was found counts for one marked border at most.
+A marked border is a hit if a detected one lies between its earliest and latest accepted frame; each detected border
+counts once at most.
 """
 
 from __future__ import annotations
@@ -14,13 +14,7 @@ from numpy.typing import NDArray
 
 @dataclass(frozen=True)
 class BorderScore:
-    """Found borders against marked ones.
-
-    Attributes:
-        hits: how many marked borders were found.
-        found: how many borders were found in all.
-        marked: how many there are.
-    """
+    """Numbers of hits, of found and of marked borders."""
 
     hits: int
     found: int
@@ -28,12 +22,12 @@ class BorderScore:
 
     @property
     def precision(self) -> float:
-        """The share of found borders that are right (1 where none was found)."""
+        """The share of found borders that are hits (1 if none was found)."""
         return self.hits / self.found if self.found else 1.0
 
     @property
     def recall(self) -> float:
-        """The share of marked borders that were found (1 where there are none)."""
+        """The share of marked borders that were found (1 if there are none)."""
         return self.hits / self.marked if self.marked else 1.0
 
     @property

@@ -1,4 +1,4 @@
-"""Cutting a stream by recognition: a frame goes to the expert that predicts it best, with an eye on its neighbours."""
+"""Segments a stream by recognition: the class of each frame by Viterbi decoding of the experts' errors."""
 
 from __future__ import annotations
 
@@ -15,11 +15,11 @@ from motiondeck_base.errors import MotiondeckError
 
 Frames = NDArray[np.int64]
 
-# What a change of class costs, in seconds of an expert that errs e times more.
+# Cost of a change of class, in seconds of an expert with e times the error.
 CHANGE_COST = 0.67
 SMOOTHING = 0.5  # s
 
-# One person, few classes: single frames matter more than what the reservoir remembers, and so does the root's height.
+# One person, few classes: single frames and the height of the root matter more than the memory of the reservoir.
 LOOK = FeatureRecipe(velocity=False, height=True)
 EXPERTS = ExpertRecipe(leak=1.0)
 
@@ -33,7 +33,7 @@ def frame_costs(bank: ExpertBank, signal: Array, *, centred: bool = True) -> Arr
 
 
 def smoothed(costs: Array, rate: float, seconds: float = SMOOTHING) -> Array:
-    """The mean of costs (T, M) over a window of so many seconds around each frame."""
+    """The mean of costs (T, M) over a window around each frame."""
     return uniform_filter1d(costs, max(1, round(seconds * rate)), axis=0, mode="nearest")
 
 
@@ -60,10 +60,7 @@ def borders_of(path: Frames) -> Frames:
 
 
 def first_occurrences(labels: Labels, stride: float) -> NDArray[np.bool_]:
-    """Which frames (every `stride`-th) may be learned: the first segment of each class.
-
-    Of a class that occurs once, its first half.
-    """
+    """The training frames (of every `stride`-th): the first segment of each class, or half of its only one."""
     best = [0, *labels.borders[:, 1].tolist(), labels.frames]
     count = int(np.ceil(labels.frames / stride))
     learn = np.zeros(count, dtype=np.bool_)
@@ -77,14 +74,14 @@ def first_occurrences(labels: Labels, stride: float) -> NDArray[np.bool_]:
 
 
 def not_learned(borders: Frames, labels: Labels) -> tuple[Frames, Frames]:
-    """What experts of first occurrences can be scored on: borders whose frames on either side they have not learned.
+    """The borders for scoring experts of first occurrences: those with no training frames on either side.
 
     Args:
         borders: found ones, shape (n,), frames.
-        labels: what they learned from.
+        labels: of the training.
 
     Returns:
-        The borders found outside of what was learned, and the earliest, best and latest frame of the marked ones.
+        The borders found outside the training frames, and the earliest, best and latest frame of the marked ones.
     """
     learned = first_occurrences(labels, 1.0)
     marked = labels.borders
@@ -94,8 +91,8 @@ def not_learned(borders: Frames, labels: Labels) -> tuple[Frames, Frames]:
     def near(marks: Frames) -> NDArray[np.bool_]:
         return np.any((borders[:, None] >= marks[:, 0]) & (borders[:, None] <= marks[:, 2]), axis=1)
 
-    # Marks are accepted on both sides: a border just inside a learned segment may be the one that was marked at its
-    # fair end, and one just outside of it the one at an end that does not count.
+    # Marks accept frames on both sides: a border just inside a training segment may belong to a mark that counts, and
+    # one just outside to a mark that does not.
     outside = ~(learned[within - 1] | learned[within]) & ~near(marked[~fair])
     return borders[near(marked[fair]) | outside], marked[fair]
 

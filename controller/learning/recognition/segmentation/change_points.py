@@ -1,9 +1,9 @@
-"""Cuts an unlabelled stream into segments: by kernel change points, or by networks that predict across each moment.
+"""Segments an unlabelled stream: by kernel change points, or by prediction errors across each frame.
 
-kernel change points   the least scatter within segments, measured by a Gaussian kernel, plus a price per border; found
-                       exactly by dynamic programming (Harchaoui and Cappe 2007)
-cross-prediction       a readout learned from the seconds before a moment predicts the seconds after it, and the other
-                       way round; where both predict badly, one behaviour has become another
+kernel change points   the least scatter within segments, in a Gaussian kernel, plus a price per border; exact by
+                       dynamic programming (Harchaoui and Cappe 2007)
+cross-prediction       a readout trained on the seconds before a frame predicts the seconds after it, and vice versa; a
+                       border is where both fail
 """
 
 from __future__ import annotations
@@ -25,8 +25,8 @@ PREDICTION_RATE = 30.0  # Hz of the stream that suits the readouts
 SHORTEST = 1.0  # s between two borders
 LARGEST_GRAM = 4000  # frames; the kernel holds their square
 
-WINDOW = 3.0  # s on each side of a moment
-SURPRISE = 0.8  # log of the ratio of errors: across the moment over within a side
+WINDOW = 3.0  # s on each side of a frame
+SURPRISE = 0.8  # log ratio of errors: across the frame over within a side
 
 
 def kernel_change_points(signal: Array, rate: float, price: float = BORDER_PRICE) -> Frames:
@@ -74,14 +74,14 @@ def kernel_change_points(signal: Array, rate: float, price: float = BORDER_PRICE
 def cross_prediction(
     signal: Array, rate: float, recipe: ExpertRecipe | None = None, surprise: float = SURPRISE
 ) -> Frames:
-    """Borders of a stream (T, C) at a rate in Hz: moments across which prediction fails."""
+    """Borders of a stream (T, C) at a rate in Hz: frames across which prediction fails."""
     scores = cross_surprise(signal, rate, recipe or ExpertRecipe(neurons=30))
     peaks, _ = find_peaks(scores, height=surprise, distance=max(1, round(SHORTEST * rate)), prominence=0.3)
     return peaks.astype(np.int64)
 
 
 def cross_surprise(signal: Array, rate: float, recipe: ExpertRecipe) -> Array:
-    """How many times worse (log) each moment's two sides predict each other than themselves, shape (T,).
+    """The log ratio of prediction errors across each frame and within its sides, shape (T,).
 
     Zero where a side is shorter than a third of the window.
     """

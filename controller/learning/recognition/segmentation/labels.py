@@ -1,6 +1,6 @@
-"""Where behaviours begin and end in a recording, as somebody has marked it by hand (the format of Barbic et al. 2004).
+"""Files of hand-marked segments of a recording (the format of Barbic et al. 2004).
 
-7                      how many segments
+7                      number of segments
 1 walking              number and name of the first
 500 550 600            its end: earliest acceptable, best, latest acceptable frame
 ...
@@ -26,7 +26,7 @@ class Labels:
     """S segments of a recording of T frames.
 
     Attributes:
-        names: what is done in each segment, length S.
+        names: behaviour in each segment, length S.
         borders: earliest, best and latest frame of the border between one segment and the next, shape (S - 1, 3).
         frames: T.
     """
@@ -37,7 +37,7 @@ class Labels:
 
     @property
     def classes(self) -> tuple[str, ...]:
-        """The different names, in the order in which they first occur."""
+        """The different names, in order of first occurrence."""
         return tuple(dict.fromkeys(self.names))
 
     def of_frames(self, stride: float = 1.0) -> NDArray[np.int64]:

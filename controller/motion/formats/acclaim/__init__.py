@@ -1,1 +1,1 @@
-"""Acclaim: skeletons (.asf) and the recordings that belong to them (.amc)."""
+"""Acclaim: skeletons (.asf) and their recordings (.amc)."""

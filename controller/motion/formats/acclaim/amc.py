@@ -1,11 +1,12 @@
-"""Acclaim recordings (AMC): the angles of the bones of one ASF skeleton, frame by frame.
+"""Acclaim recordings (AMC): the angles of the bones of an ASF skeleton.
 
-A frame is a line with its number, then one line per bone: its name and the values of its channels, in the order the
-skeleton gives. The file holds no rate; CMU and HDM05 recorded at 120 Hz.
+A frame is a line with its number, then one line per bone: its name and the values of its channels, in the order of the
+skeleton. The file has no rate; CMU and HDM05 recorded at 120 Hz.
 """
 
 from __future__ import annotations
 
+from dataclasses import replace
 from itertools import pairwise
 from pathlib import Path
 from typing import TypeAlias
@@ -13,24 +14,22 @@ from typing import TypeAlias
 import numpy as np
 
 from controller.motion.clip import Clip
-from controller.motion.formats.acclaim.axes import AcclaimSkeleton, from_acclaim, turned
+from controller.motion.file_format import Format
+from controller.motion.formats.acclaim.asf import AcclaimSkeleton, from_acclaim, read_asf, turned
+from controller.motion.reading_options import ReadingOptions
 from controller.motion.rotations import Array, conjugate, continuous, multiply
+from controller.motion.up_axis import turned_up
 from motiondeck_base.errors import FileFormatError
 from motiondeck_base.files import Line, listed, read_lines, shortened
 
-Columns: TypeAlias = dict[str, slice]  # which of a frame's values belong to the root and to each bone
+Columns: TypeAlias = dict[str, slice]  # the values of the root and of each bone in a frame
 Row: TypeAlias = list[float | None]  # one frame; None where no line has come yet
-A_BODY = 20  # angles: with so many, a body that moves turns one of them by more than 6.3 degrees
+LEAST_ANGLES = 20  # a moving body with this many turns at least one by more than 6.3 degrees
 _ANGLE_UNITS = {":degrees": np.pi / 180.0, ":radians": 1.0}
 
 
 def read_amc(path: str | Path, skeleton: AcclaimSkeleton, rate: float = 120.0) -> Clip:
-    """The motion in an AMC file.
-
-    Args:
-        path: of the file.
-        skeleton: the one it was recorded with.
-        rate: frames per second, Hz.
+    """The motion in an AMC file, of the skeleton that it was recorded with, at a rate in Hz.
 
     Raises:
         FileFormatError: naming file and line, if it cannot be read, does not follow the format or does not fit the
@@ -39,10 +38,10 @@ def read_amc(path: str | Path, skeleton: AcclaimSkeleton, rate: float = 120.0) -
     names = ("root", *skeleton.skeleton.bones)
     ends = np.cumsum([0, *(len(channels) for channels in skeleton.dof)]).tolist()
     columns = {name: slice(*span) for name, span in zip(names, pairwise(ends), strict=True)}
-    values, told = _values(path, skeleton, columns)
-    angle_unit = skeleton.angle_unit if told is None else told
+    values, declared = _values(path, skeleton, columns)
+    angle_unit = skeleton.angle_unit if declared is None else declared
     turning = [channel[0] == "r" for channels in skeleton.dof for channel in channels]
-    _check_angles(path, np.abs(values[:, turning]), angle_unit, told is not None)
+    _check_angles(path, np.abs(values[:, turning]), angle_unit, declared is not None)
 
     place = np.zeros((len(values), 3))
     for channel, value in zip(skeleton.dof[0], values[:, columns["root"]].T, strict=True):
@@ -72,22 +71,22 @@ def read_amc(path: str | Path, skeleton: AcclaimSkeleton, rate: float = 120.0) -
 
 
 def _values(path: str | Path, skeleton: AcclaimSkeleton, columns: Columns) -> tuple[Array, float | None]:
-    """The values as they stand in the file, shape (frames, channels), and what it says that one angle is, rad."""
+    """The values in the file, shape (frames, channels), and the angle unit that it declares, rad."""
     lines = read_lines(path)
-    told: float | None = None
+    declared: float | None = None
     for text in lines:
         if ":" in text and text.lstrip().startswith(":"):
-            told = _ANGLE_UNITS.get(text.partition("#")[0].split()[0].lower(), told)
+            declared = _ANGLE_UNITS.get(text.partition("#")[0].split()[0].lower(), declared)
     values = _all_at_once(lines, columns)
     if values is None:
         values = _line_by_line(path, lines, skeleton, columns)
     if not np.isfinite(values).all():
-        _find_infinite(path, lines, columns)
-    return values, told
+        _raise_infinite(path, lines, columns)
+    return values, declared
 
 
 def _all_at_once(lines: list[str], columns: Columns) -> Array | None:
-    """The values of a file as recorders write it, the same lines in every frame; None for any other, good or bad."""
+    """The values of a file with the same lines in every frame, as recorders write it; None for any other."""
     first = next((number for number, text in enumerate(lines) if text.strip() and text.lstrip()[0] not in "#:"), 0)
     lines = [text for text in lines[first:] if text]
     per_frame = next((number for number, text in enumerate(lines) if number and text.isdecimal()), len(lines))
@@ -125,7 +124,7 @@ def _all_at_once(lines: list[str], columns: Columns) -> Array | None:
 
 
 def _line_by_line(path: str | Path, lines: list[str], skeleton: AcclaimSkeleton, columns: Columns) -> Array:
-    """The values of any file that follows the format; `read_amc` says what is raised."""
+    """The values of any file that follows the format."""
     width = sum(len(channels) for channels in skeleton.dof)
     rows: list[Row] = []
     row: Row | None = None
@@ -159,20 +158,20 @@ def _line_by_line(path: str | Path, lines: list[str], skeleton: AcclaimSkeleton,
     return np.array(rows, dtype=np.float64)
 
 
-def _check_angles(path: str | Path, size: Array, angle_unit: float, told: bool) -> None:
-    """Raises FileFormatError if angles of these sizes (T, n), in the file's numbers, cannot be of their unit.
+def _check_angles(path: str | Path, size: Array, angle_unit: float, declared: bool) -> None:
+    """Raises FileFormatError if angles of these sizes (T, n), in the file's unit, are implausible for that unit.
 
-    A frame without any movement tells nothing, nor do a few angles.
+    Not checked without movement, or with few angles.
     """
     turn = 2.0 * np.pi
-    if size.shape[1] < A_BODY or np.ptp(size, axis=0).max() == 0.0:
+    if size.shape[1] < LEAST_ANGLES or np.ptp(size, axis=0).max() == 0.0:
         return
     if angle_unit == 1.0 and np.percentile(size, 95.0) > turn:
         raise FileFormatError(
             f"{path}: angles up to {size.max():.0f} would be radians; they are degrees. Write ':DEGREES' on a line "
             "before the first frame."
         )
-    if angle_unit != 1.0 and not told and size.max() < turn:
+    if angle_unit != 1.0 and not declared and size.max() < turn:
         raise FileFormatError(
             f"{path}: no angle is larger than {size.max():.1f}, so they may be radians, but neither this file nor "
             "its skeleton says so. Write ':RADIANS', or ':DEGREES', on a line before the first frame."
@@ -190,7 +189,7 @@ def _check_frame(begin: Line | None, row: Row | None, skeleton: AcclaimSkeleton,
 
 
 def _complaint(line: Line, row: Row | None, skeleton: AcclaimSkeleton, columns: Columns) -> FileFormatError:
-    """What is wrong with a bone's line that could not be taken."""
+    """The error in a bone's line that could not be parsed."""
     name = line.words[0]
     if name not in columns:
         return line.error(
@@ -209,9 +208,70 @@ def _complaint(line: Line, row: Row | None, skeleton: AcclaimSkeleton, columns: 
     return line.error(f"bone '{shortened(name)}' has a second line in this frame. Remove one of them.")
 
 
-def _find_infinite(path: str | Path, lines: list[str], columns: Columns) -> None:
+def _raise_infinite(path: str | Path, lines: list[str], columns: Columns) -> None:
     """Raises FileFormatError for the first line with a number that is not finite."""
     for number, text in enumerate(lines, 1):
         words = text.partition("#")[0].split()
         if words and words[0] in columns:
             Line(path, number, words).numbers(len(words) - 1)
+
+
+def skeleton_of(recording: Path, top: Path) -> Path | None:
+    """The .asf file of an .amc recording, in its folder or one above it up to `top`; None if there is none or no need.
+
+    It is the one whose name begins the recording's name, or else the only one in a folder.
+    """
+    if recording.suffix.lower() != ".amc":
+        return None
+    folder = recording.parent
+    while True:
+        there = _skeletons(folder)
+        named = [p for p in there if recording.stem.startswith(p.stem)]
+        if named:
+            return max(named, key=lambda p: len(p.stem))
+        if len(there) == 1:
+            return there[0]
+        if folder in (top, folder.parent):
+            return None
+        folder = folder.parent
+
+
+def read_acclaim(path: str | Path, options: ReadingOptions) -> Clip:
+    """The motion in an AMC file, with the given skeleton or the one that `skeleton_of` finds.
+
+    Raises:
+        FileFormatError: as `read_amc`, or if the skeleton is missing or ambiguous.
+    """
+    recording = Path(path)
+    if not options.skeleton and not recording.exists():
+        raise FileFormatError.missing(path)
+    asf = options.skeleton or skeleton_of(recording, recording.parent.parent)
+    if asf is None:
+        found = _skeletons(recording.parent)
+        names = f"{len(found)} .asf files ({', '.join(other.name for other in found)})" if found else "no .asf files"
+        raise FileFormatError(
+            f"{path}: there are {names} beside it. Give the skeleton that it was recorded with (--skeleton FILE.asf)."
+        )
+    clip = read_amc(path, read_asf(asf, options.unit))
+    bones = options.renamed(clip.skeleton.bones, path)
+    clip = replace(clip, skeleton=replace(clip.skeleton, bones=bones))
+    return clip if options.up is None else turned_up(clip, "y", options.up)
+
+
+def _skeletons(folder: Path) -> list[Path]:
+    """The .asf files in a folder."""
+    try:
+        return sorted(p for p in folder.iterdir() if p.suffix.lower() == ".asf")
+    except OSError as error:
+        raise FileFormatError(f"{folder}: cannot be read ({error.strerror or error}). Give the skeleton.") from None
+
+
+FORMAT = Format(
+    name="Acclaim, with its `.asf`: CMU, HDM05",
+    suffixes=(".amc",),
+    read=read_acclaim,
+    supported="angles in any order of channels, units and axes of the skeleton file (refused where the unit is "
+    "implausible; with `:DEGREES` and hardly any movement there is a warning); the skeleton is found beside the "
+    "recording or with `--skeleton`",
+    unsupported="a root orientation other than 0 in the `.asf`; a rate (the format has none: 120 Hz)",
+)

@@ -1,20 +1,25 @@
-"""Acclaim skeletons (ASF), as CMU and HDM05 share them: the tree of bones and how each one's angles are meant.
+"""Acclaim skeletons (ASF) of CMU and HDM05: the tree of bones and the axes of their angles.
 
-Lengths are multiplied by 1 / `length` to get inches. Angles turn one after another about fixed axes. The letters of
-`axis` order those of a bone's own axes; the order of its recorded channels (`dof`, or `order` for the root) is also the
-order in which they turn, as Vicon writes it.
+The format (Acclaim Skeleton File Definition 1.10, M. Schafer 1995) gives all bones in one global frame, y up, x left,
+z forward; ours is x forward, y left, z up, which is a cyclic exchange. With C the rotation of a bone's own axes and M
+that of its recorded angles, the bone turns by C M C^-1 against its parent.
+
+Lengths are multiplied by 1 / `length` to get inches. Rotations follow one another about fixed axes: those of a bone's
+own axes in the order of the letters of `axis`, those of the recording in the order of its channels (`dof`, or `order`
+for the root), as Vicon writes it.
 """
 
 from __future__ import annotations
 
 import math
+from collections.abc import Iterable
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TypeAlias
 
 import numpy as np
 
-from controller.motion.formats.acclaim.axes import AcclaimSkeleton, from_acclaim, turned
-from controller.motion.rotations import IDENTITY, Array
+from controller.motion.rotations import IDENTITY, Array, about, multiply
 from controller.motion.skeleton import ROOT, Skeleton
 from motiondeck_base.errors import FileFormatError
 from motiondeck_base.files import Line, as_float, listed, read_lines, shortened
@@ -25,15 +30,50 @@ MOST_BONES = 1000  # a face and both hands need 100; without a bound a broken fi
 ROTATIONS = ("rx", "ry", "rz")
 TRANSLATIONS = ("tx", "ty", "tz")
 
+AXES = {"x": np.array([0.0, 1.0, 0.0]), "y": np.array([0.0, 0.0, 1.0]), "z": np.array([1.0, 0.0, 0.0])}
 Fields: TypeAlias = dict[str, Line]
 
 
-def read_asf(path: str | Path, unit: float | None = None) -> AcclaimSkeleton:
-    """The skeleton in an ASF file.
+@dataclass(frozen=True, eq=False)
+class AcclaimSkeleton:
+    """A skeleton and the channels of its recordings; lists of 1 + B entries begin with the root.
 
-    Args:
-        path: of the file.
-        unit: what one of its lengths is, m; None takes what the file says.
+    Attributes:
+        skeleton: B bones, in our axes, m.
+        axis: orientation of the axes of each bone's angles in the rest pose, shape (1 + B, 4).
+        dof: names of each bone's recorded channels in order, of rx, ry, rz (the root also tx, ty, tz).
+        limits: range of each channel, shape (n, 2) per bone, rad (root: m or rad); infinite where none is given.
+        root_position: added to all recorded root positions, shape (3,), m.
+        length_unit: of the ASF, m.
+        angle_unit: of the ASF, rad.
+        source: name of the file.
+    """
+
+    skeleton: Skeleton
+    axis: Array
+    dof: tuple[tuple[str, ...], ...]
+    limits: tuple[Array, ...]
+    root_position: Array
+    length_unit: float
+    angle_unit: float
+    source: str
+
+
+def from_acclaim(vector: Array | list[float]) -> Array:
+    """A vector (..., 3) of ASF's axes (x left, y up, z forward) in ours (x forward, y left, z up)."""
+    return np.asarray(vector)[..., [2, 0, 1]]
+
+
+def turned(turns: Iterable[tuple[str, Array | float]]) -> Array:
+    """Quaternions (..., 4) of successive rotations about the fixed axes of ASF, x, y or z, by (...) rad."""
+    q = IDENTITY
+    for axis, angle in turns:
+        q = multiply(about(AXES[axis], angle), q)
+    return q
+
+
+def read_asf(path: str | Path, unit: float | None = None) -> AcclaimSkeleton:
+    """The skeleton in an ASF file; `unit` overrides its unit of length, m.
 
     Raises:
         FileFormatError: naming file and line, if it cannot be read or does not follow the format.
@@ -79,7 +119,7 @@ def read_asf(path: str | Path, unit: float | None = None) -> AcclaimSkeleton:
 
 
 def _sections(path: str | Path) -> dict[str, list[Line]]:
-    """The lines of each section; what follows a section's name on its own line counts as its first line."""
+    """The lines of each section; words after a section's name are its first line."""
     sections: dict[str, list[Line]] = {}
     current: list[Line] = []
     for number, text in enumerate(read_lines(path, LARGEST), 1):
@@ -108,7 +148,7 @@ def _fields(lines: list[Line]) -> Fields:
 
 
 def _units(lines: list[Line]) -> tuple[float, float]:
-    """What one length is in m and one angle in rad."""
+    """The unit of length, m, and of angles, rad."""
     fields = _fields(lines)
     length_unit, angle_unit = INCH, np.pi / 180.0
     if "length" in fields:
@@ -127,7 +167,7 @@ def _units(lines: list[Line]) -> tuple[float, float]:
 
 
 def _bones(path: str | Path, lines: list[Line]) -> dict[str, Fields]:
-    """The fields of each bone, by its name."""
+    """The fields of each bone by name."""
     bones: dict[str, Fields] = {}
     block: list[Line] | None = None
     for line in lines:

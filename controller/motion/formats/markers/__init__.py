@@ -1,1 +1,1 @@
-"""Recordings of markers: their files, and the body that wore them."""
+"""Recordings of markers: their formats, and the body fitted to them."""

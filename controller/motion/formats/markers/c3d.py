@@ -1,10 +1,10 @@
-"""C3D recordings: where the markers on a body were, frame by frame, whatever the machine that wrote the file.
+"""C3D recordings of markers (the format's user guide, c3d.org).
 
 A file is blocks of 512 bytes: a header, parameters in groups (POINT, TRIAL, ...), then the frames, each with x, y, z
-and a residual for every point, and analog samples that are skipped. Numbers are Intel's, DEC's (VAX) or MIPS's; points
-are int16 times a scale, or float32 where that scale is negative. A point with a negative residual, or at the very
-origin, was not seen. (The format's user guide, c3d.org. Read here because of the two public readers one can end the
-whole process on a damaged file and the other refuses files with an analog rate but no analog data.)
+and a residual for every point, and analog samples, which are skipped. Numbers are Intel's, DEC's (VAX) or MIPS's;
+points are int16 times a scale, or float32 if that scale is negative. A point with a negative residual, or exactly at
+the origin, was not seen. (Of the two public readers one can crash the process on a damaged file and the other refuses
+files with an analog rate but no analog data.)
 """
 
 from __future__ import annotations
@@ -16,7 +16,8 @@ from typing import TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
-from controller.motion.formats.markers.tracks import FARTHEST, UNITS, Markers, unit_of_size
+from controller.motion.file_format import Format
+from controller.motion.markers import FARTHEST, UNITS, Markers, unit_of_size
 from controller.motion.reading_options import AS_FOUND, ReadingOptions
 from controller.motion.rotations import Array
 from motiondeck_base.errors import FileFormatError
@@ -26,21 +27,21 @@ BLOCK = 512
 INTEL, DEC, MIPS = 84, 85, 86
 TYPES = {-1: "S1", 1: "u1", 2: "i2", 4: "f4"}
 
-Parameters: TypeAlias = dict[str, NDArray[np.generic]]  # "POINT:RATE" to its values, the first axis counting entries
+Parameters: TypeAlias = dict[str, NDArray[np.generic]]  # values of "POINT:RATE" and so on, an entry a row
 
 
 @dataclass(frozen=True, eq=False)
 class C3dLayout:
-    """Where the numbers of a C3D file are, and what they mean.
+    """Location and meaning of the numbers in a C3D file.
 
     Attributes:
-        processor: the kind of machine that wrote them.
+        processor: that wrote them: INTEL, DEC or MIPS.
         parameters: of the file.
         at: the first byte of the points.
-        frames, points, width: how many there are, and how many numbers a frame takes (4 a point, then analog ones).
-        scale: of whole numbers; negative where the points are floating-point numbers.
-        rate: frames per second.
-        unit: of the file, m; None where it does not say one that is known.
+        frames, points, width: their counts, and that of the numbers in a frame (4 a point, then analog ones).
+        scale: of whole numbers; negative for floating-point numbers.
+        rate: frames per second, Hz.
+        unit: of the file, m; None if it names no known one.
     """
 
     processor: int
@@ -55,23 +56,23 @@ class C3dLayout:
 
     @property
     def number(self) -> np.dtype[np.generic]:
-        """What a number is stored as; floating-point ones of a DEC need `_floats` besides."""
+        """The stored type; floating-point numbers of a DEC also need `_floats`."""
         order = ">" if self.processor == MIPS else "<"
         return np.dtype(order + ("f4" if self.scale < 0.0 else "i2"))
 
     @property
     def bytes(self) -> slice:
-        """Where in the file the points are."""
+        """The bytes of the points in the file."""
         return slice(self.at, self.at + self.frames * self.width * self.number.itemsize)
 
     @property
     def step(self) -> float:
-        """What a stored number of 1 is, in the file's unit."""
+        """A stored 1 in the file's unit."""
         return 1.0 if self.scale < 0.0 else self.scale
 
 
 def read_layout(path: str | Path, content: bytes) -> C3dLayout:
-    """How a C3D file is laid out.
+    """The layout of a C3D file.
 
     Raises:
         FileFormatError: naming the file, if it does not follow the format or holds no points.
@@ -137,7 +138,7 @@ def read_c3d(path: str | Path, options: ReadingOptions = AS_FOUND) -> Markers:
 
 
 def seen_points(content: bytes, form: C3dLayout) -> Array:
-    """Where points were, shape (T, M, 3), in the file's axes and unit; NaN where one was not seen."""
+    """Positions of the points, shape (T, M, 3), in the file's axes and unit; NaN where one was not seen."""
     raw = content[form.bytes]
     words = _floats(raw, form.processor) if form.scale < 0.0 else np.frombuffer(raw, form.number).astype(np.float64)
     place = words.reshape(form.frames, form.width)[:, : 4 * form.points].reshape(form.frames, form.points, 4)
@@ -148,7 +149,7 @@ def seen_points(content: bytes, form: C3dLayout) -> Array:
 
 
 def _parameters(path: str | Path, content: bytes, at: int, processor: int) -> Parameters:
-    """Every parameter by its group's name and its own."""
+    """Every parameter by the names of its group and itself."""
     groups: dict[int, str] = {}
     found: dict[tuple[int, str], NDArray[np.generic]] = {}
     order = ">" if processor == MIPS else "<"
@@ -172,7 +173,7 @@ def _parameters(path: str | Path, content: bytes, at: int, processor: int) -> Pa
 
 
 def _values(content: bytes, at: int, processor: int) -> NDArray[np.generic]:
-    """The values of the parameter whose type stands at a place."""
+    """The values of the parameter whose type is at an offset."""
     kind = int.from_bytes(content[at : at + 1], signed=True)
     shape = list(content[at + 2 : at + 2 + content[at + 1]])
     if kind not in TYPES or len(shape) != content[at + 1]:
@@ -196,7 +197,7 @@ def _values(content: bytes, at: int, processor: int) -> NDArray[np.generic]:
 
 
 def _floats(raw: bytes, processor: int) -> Array:
-    """Numbers of 32 bits as the machine wrote them, shape (n,)."""
+    """Numbers of 32 bits in the format of a processor, shape (n,)."""
     if processor != DEC:
         return np.frombuffer(raw, ">f4" if processor == MIPS else "<f4").astype(np.float64)
     # DEC's have their halves exchanged, and an exponent that is two higher.
@@ -206,19 +207,19 @@ def _floats(raw: bytes, processor: int) -> Array:
 
 
 def _number(parameters: Parameters, name: str, otherwise: float) -> float:
-    """A number from the parameters, or the given one where they lack it."""
+    """A number from the parameters, with a default."""
     values = parameters.get(name)
     return otherwise if values is None or values.size == 0 or values.dtype.kind == "S" else float(values.ravel()[0])
 
 
 def _whole(parameters: Parameters, name: str, otherwise: int) -> int:
-    """A count; it may be stored as int16 though it is never negative."""
+    """A count, which may be stored as int16 though it is never negative."""
     value = _number(parameters, name, otherwise)
     return int(value) % 65536 if np.isfinite(value) else otherwise
 
 
 def _frames(parameters: Parameters, first: int, last: int) -> int:
-    """How many frames there are: the header counts to 65535, TRIAL further."""
+    """The number of frames: the header counts to 65535, TRIAL further."""
     ends = [parameters.get(f"TRIAL:ACTUAL_{end}_FIELD") for end in ("START", "END")]
     if all(end is not None and end.dtype.kind == "i" and end.size == 2 for end in ends):
         start, end = (int(e[0]) % 65536 + 65536 * (int(e[1]) % 65536) for e in ends if e is not None)
@@ -235,10 +236,57 @@ def _text(parameters: Parameters, name: str) -> str:
 
 
 def _labels(parameters: Parameters, points: int) -> tuple[str, ...]:
-    """One label a point; files with more than 255 points go on in LABELS2, and some label only the first 255."""
+    """One label a point; files with more than 255 points continue in LABELS2, and some label only the first 255."""
     labels: list[str] = []
     for name in ("POINT:LABELS", *(f"POINT:LABELS{number}" for number in range(2, 10))):
         values = parameters.get(name)
         if values is not None and values.dtype.kind == "S":
             labels += [shortened(bytes(value).decode("latin-1").strip()) for value in values.ravel()]
     return tuple([*labels, *(f"*{number}" for number in range(len(labels) + 1, points + 1))][:points])
+
+
+def with_points(path: Path, position: Array) -> bytes:
+    """The content of a C3D file with positions for its unseen points; all other bytes stay.
+
+    They get the residual 0, the format's mark for points that were not measured.
+
+    Args:
+        path: the file.
+        position: shape (T, M, 3), m, in the axes of the file; NaN for points that stay open.
+
+    Raises:
+        FileFormatError: if the file cannot be read, or a position is out of range of the numbers of the file.
+    """
+    content = bytearray(read_bytes(path))
+    form = read_layout(path, bytes(content))
+    seen = seen_points(bytes(content), form)
+    new = np.isnan(seen[..., 0]) & np.isfinite(position).all(axis=-1)
+    unit = form.unit or unit_of_size(seen)
+    words = np.concatenate([position[new] / (unit * form.step), np.zeros((int(new.sum()), 1))], axis=-1)
+    if form.scale >= 0.0:
+        words = np.round(words)
+        if np.abs(words).max(initial=0.0) > np.iinfo(np.int16).max:
+            raise FileFormatError(
+                f"{path}: a filled point lies beyond the range of this file's whole numbers. Write a .csv instead."
+            )
+    stored = np.frombuffer(content, form.number, form.frames * form.width, form.at)
+    frame, point = np.nonzero(new)
+    at = frame[:, None] * form.width + 4 * point[:, None] + np.arange(4)
+    stored[at] = _dec(words) if form.processor == DEC and form.scale < 0.0 else words
+    return bytes(content)
+
+
+def _dec(values: Array) -> Array:
+    """Numbers with the bytes of DEC's: an exponent that is two higher, and halves exchanged."""
+    halves = (4.0 * values).astype("<f4").view("<u2").reshape(-1, 2)[:, ::-1]
+    return np.ascontiguousarray(halves).view("<f4").reshape(values.shape)
+
+
+FORMAT = Format(
+    name="markers on a body",
+    suffixes=(".c3d",),
+    read=read_c3d,
+    supported="Intel, DEC and MIPS numbers, int16 and float32, more than 255 points, more than 65535 frames, gaps, "
+    "several people (the one with most markers)",
+    unsupported="analog channels, force plates, events; markers whose labels [mean nothing known](#c3d-and-trc)",
+)

@@ -1,7 +1,11 @@
-"""Points in the joints of a person: keypoints of a pose estimator, or computed centres.
+"""Points in the joints of a person (keypoints of a pose estimator, computed centres), and the body that they make.
 
-Labels are read as `bone_names` does, each as the joint that the part of its name starts from: "LKnee", "left_hip",
+Labels are parsed as by `bone_names`, each as the joint in which the part of its name starts: "LKnee", "left_hip",
 "RWrist", "LBigToe", "Neck", "MidHip".
+
+With all limbs known the body is the canonical one: lengths are median distances, and each bone has the direction of its
+joints. Unknown arms or trunk are left out, and the bones have usual names; `canonical_body` assumes the rest and
+`body_doubts` says so.
 """
 
 from __future__ import annotations
@@ -9,30 +13,46 @@ from __future__ import annotations
 import numpy as np
 
 from controller.motion.bone_names import named_parts
-from controller.motion.formats.markers.jointed_body import ARMS, LEGS
+from controller.motion.clip import Clip
 from controller.motion.formats.markers.skin_markers import marks_pelvis
-from controller.motion.formats.markers.tracks import Markers, bridged
-from controller.motion.rotations import Array
+from controller.motion.markers import Markers, bridged
+from controller.motion.orientation import orient
+from controller.motion.rotations import Array, best_fit, continuous, normalise, rotate
+from controller.motion.skeleton import ROOT, Skeleton
+from controller.motion.thesis_body import JAEGER_BONES, JAEGER_PARENT, JAEGER_REST, thesis_skeleton
+from controller.motion.up_axis import TO_OURS
 
-# The canonical joint in which a named part starts; toes and fingers are points on them.
-_STARTS = {
-    **{("thigh", side): side[0] + "hip" for side in ("left", "right")},
-    **{("shank", side): side[0] + "kne" for side in ("left", "right")},
-    **{("foot", side): side[0] + "ank" for side in ("left", "right")},
-    **{("toes", side): side[0] + "foo" for side in ("left", "right")},
-    **{("upper arm", side): side[0] + "sho" for side in ("left", "right")},
-    **{("forearm", side): side[0] + "elb" for side in ("left", "right")},
-    **{("hand", side): side[0] + "wri" for side in ("left", "right")},
-    ("neck", "middle"): "neck",
-    ("head", "middle"): "head",
+LEGS = tuple(side + joint for side in "lr" for joint in ("hip", "kne", "ank"))
+"""The joints that every body needs."""
+ARMS = tuple(side + joint for side in "lr" for joint in ("sho", "elb", "wri"))
+HAND, HEAD, FOOT = 0.3, 0.9, 0.4  # over forearm, shoulder width and shank, if no point is known there
+
+_USUAL = {"back": "Spine", "neck": "Chest", "head": "Head", "pelvis": "Pelvis"}
+_USUAL_LIMBS = {
+    **{"hip": "Hip", "kne": "UpLeg", "ank": "Leg", "foo": "Foot"},
+    **{"sho": "Shoulder", "elb": "Arm", "wri": "ForeArm", "han": "Hand"},
 }
+for _side, _name in (("l", "Left"), ("r", "Right")):
+    _USUAL |= {_side + end: _name + part for end, part in _USUAL_LIMBS.items()}
+# Bone, parent and rest direction.
+_TREE = [
+    (bone, "root" if of == ROOT else JAEGER_BONES[of], rest)
+    for bone, of, rest in zip(JAEGER_BONES, JAEGER_PARENT, JAEGER_REST, strict=True)
+]
+# The canonical joint in which a named part starts; toes and fingers are points on them.
+_LIMB_STARTS = {
+    **{"thigh": "hip", "shank": "kne", "foot": "ank", "toes": "foo"},
+    **{"upper arm": "sho", "forearm": "elb", "hand": "wri"},
+}
+_STARTS = {(part, side): side[0] + joint for part, joint in _LIMB_STARTS.items() for side in ("left", "right")}
+_STARTS |= {("neck", "middle"): "neck", ("head", "middle"): "head"}
 
 
 def joint_points(markers: Markers) -> dict[str, Array]:
-    """The tracks (T, 3) of the points that lie in joints, by canonical joint; empty if not all of both legs do.
+    """The tracks (T, 3) of the points that lie in joints, by canonical joint; empty unless both legs are complete.
 
-    Gaps are bridged by straight lines. Of an arm with a point missing there are none. In a file with markers on the
-    skin of the pelvis, "LKnee" may be such a marker too: there all limbs must have their points.
+    Gaps are interpolated linearly. An incomplete arm is left out. In a file with markers on the skin of the pelvis,
+    "LKnee" may be such a marker too: there all limbs must be complete.
     """
     found: dict[str, Array] = {}
     on_skin = marks_pelvis(markers)
@@ -50,3 +70,68 @@ def joint_points(markers: Markers) -> dict[str, Array]:
         if not all(joint in found for joint in arm):
             found = {joint: track for joint, track in found.items() if joint not in arm}
     return found
+
+
+def jointed_body(joints: dict[str, Array], markers: Markers, name: str) -> Clip:
+    """The motion of a body with these joints.
+
+    Args:
+        joints: positions, shape (T, 3), m, in the axes of the file, without gaps; by canonical joint. Those of LEGS
+            are required; "pelvis" is a point straight above the middle between the hips.
+        markers: the recording.
+        name: of the clip.
+    """
+    upwards = sum(joints[side + "hip"] - joints[side + "ank"] for side in "lr")
+    up = markers.up
+    if up not in TO_OURS:
+        tall = np.abs(np.mean(upwards, axis=0))
+        up = "y" if tall[1] > tall[2] else "z"
+    ends = {joint: rotate(TO_OURS[up], track) for joint, track in joints.items()}
+    ends["root"] = 0.5 * (ends["lhip"] + ends["rhip"])
+    whole = all(joint in ends for joint in ARMS)
+    if whole:
+        ends.setdefault("neck", 0.5 * (ends["lsho"] + ends["rsho"]))
+        _assume_ends(ends)
+    if "neck" not in ends:  # the parent of head and arms
+        ends = {joint: track for joint, track in ends.items() if joint != "head" and joint not in ARMS}
+    for side in "lr":
+        if side + "wri" in ends:
+            ends.setdefault(side + "han", ends[side + "wri"] + HAND * (ends[side + "wri"] - ends[side + "elb"]))
+    if "head" in ends:
+        ends["back"] = 0.5 * (ends["root"] + ends["neck"])
+    tree = {bone: (of, rest) for bone, of, rest in _TREE if bone in ends}
+    if "neck" in ends and "back" not in ends:  # one bone: of two without a head the upper would pass for the head
+        tree["neck"] = "root", tree["neck"][1]
+    if "neck" not in ends and "pelvis" in ends:  # gives the rotation of the root about the line between the hips
+        tree["pelvis"] = "root", (0.0, 0.0, 1.0)
+    bones = [*tree]
+    lines = np.stack([ends[bone] - ends[of] for bone, (of, _) in tree.items()], axis=1)
+    length = np.median(np.sqrt(np.square(lines).sum(-1)), axis=0)
+    if whole:
+        skeleton = thesis_skeleton(length, name)
+    else:
+        hangs = np.array([bones.index(of) if of != "root" else ROOT for of, _ in tree.values()])
+        rest = np.array([rest for _, rest in tree.values()])
+        skeleton = Skeleton(name, tuple(_USUAL[bone] for bone in bones), hangs, rest, length)
+    rotation = orient(skeleton, normalise(lines))
+    if "pelvis" in ends:
+        rotation[:, 0] = _pelvis_rotation(ends)
+    return Clip(name, skeleton, markers.rate, ends["root"], continuous(rotation), markers.source)
+
+
+def _pelvis_rotation(ends: dict[str, Array]) -> Array:
+    """Rotation of the pelvis, shape (T, 4)."""
+    left = normalise(ends["lhip"] - ends["rhip"])
+    ahead = normalise(np.cross(left, ends["pelvis"] - ends["root"]))
+    return best_fit(np.stack([ahead, left, np.cross(ahead, left)], axis=-1))
+
+
+def _assume_ends(ends: dict[str, Array]) -> None:
+    """Adds the missing head and toes of a body with all limbs."""
+    upright = normalise(ends["neck"] - ends["root"])
+    width = np.sqrt(np.square(ends["lsho"] - ends["rsho"]).sum(-1, keepdims=True))
+    ends.setdefault("head", ends["neck"] + HEAD * width * upright)
+    ahead = normalise(np.cross(ends["lhip"] - ends["rhip"], upright))
+    for side in "lr":
+        shank = np.sqrt(np.square(ends[side + "ank"] - ends[side + "kne"]).sum(-1, keepdims=True))
+        ends.setdefault(side + "foo", ends[side + "ank"] + FOOT * shank * ahead)

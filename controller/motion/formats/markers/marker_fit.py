@@ -1,15 +1,14 @@
-"""From markers on the skin to a skeleton: where the joints are, how long the bones, and how each bone turns.
+"""Fits a skeleton to markers on the skin: joint positions, bone lengths, and rotations.
 
-The marker set is the one of Vicon's full-body models, as CMU records with it: 41 markers, LFHD to RMT5; pelvis markers
-may bear the Plug-in Gait names too (LASI for LFWT, LPSI or SACR for LBWT, LTIB for LSHN).
+The marker set is that of Vicon's full-body models, as recorded at CMU: 41 markers, LFHD to RMT5; pelvis markers may
+have the Plug-in Gait names (LASI for LFWT, LPSI or SACR for LBWT, LTIB for LSHN).
 
-1. Joint centres are guessed from the markers near them: hips from the pelvis (Bell, Pedersen and Brand 1990), knees,
-   ankles and elbows a half joint width inwards from their marker, the others between their markers.
-2. The skeleton is that of the thesis (19 bones), each as long as the median of its guesses, left and right alike.
-3. Markers ride on bones. In turns, where each rides is taken as the median over time, and the pose of the rigid
-   skeleton that brings all of them closest to where they were seen is found by Gauss and Newton's method with
-   Levenberg's damping, for all frames at once. A marker that was not seen is bridged in time and hardly counts, one
-   that is far from its place counts less.
+1. Joint centres are estimated from the markers near them: hips from the pelvis (Bell, Pedersen and Brand 1990), knees,
+   ankles and elbows half a joint width inwards from their marker, the others between their markers.
+2. The skeleton is that of the thesis (19 bones), with median lengths, left and right alike.
+3. Alternately, the offset of each marker on its bone is the median over time, and the poses of the rigid skeleton that
+   minimise the distances to all markers are found by the Gauss-Newton method with Levenberg's damping. An unseen marker
+   is interpolated in time with a small weight; a marker far from its place has less weight.
 """
 
 from __future__ import annotations
@@ -20,7 +19,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from controller.motion.clip import Clip
-from controller.motion.formats.markers.tracks import Markers, bridged
+from controller.motion.markers import Markers, bridged
 from controller.motion.orientation import orient
 from controller.motion.rotations import (
     Array,
@@ -39,7 +38,7 @@ from controller.motion.up_axis import TO_OURS
 from motiondeck_base.errors import FileFormatError
 from motiondeck_base.files import listed
 
-# Which markers ride on which bone; l and r are put before those of the limbs.
+# The bone of each marker; l and r are put before those of the limbs.
 _LIMBS = {
     "kne": ("THI", "KNE"),
     "ank": ("SHN", "ANK"),
@@ -61,35 +60,36 @@ NEEDED = (
     *(side + name for side in "LR" for name in ("KNE", "ANK", "HEE", "TOE", "SHO", "ELB", "WRA", "WRB", "FIN")),
 )
 
-# From the middle between the front waist markers to a hip joint, in widths between them (Bell et al. 1990): back, to
-# the side, down.
+# From the middle of the front waist markers to a hip joint, in widths between them (Bell et al. 1990): back, sideways,
+# down.
 HIP = (-0.19, 0.36, -0.30)
-# Half a joint's width and a marker's radius, m: how far inwards of its marker the centre of a joint lies.
+# From a marker inwards to the centre of its joint, m: half the joint's width and the marker's radius.
 KNEE, ANKLE, ELBOW = 0.058, 0.044, 0.040
 SHOULDER = 0.055  # m below the marker on it
 
-BRIDGED = 0.03  # what a marker counts that was not seen, against one that was
-FAR_OFF = 0.03  # m: a marker farther than this from where it should be counts less; it slipped, or is another
-# Collar bones and hands carry one marker each, which does not tell their twist: they rather stay in line with what
-# carries them, as if held at this lever, m.
+BRIDGED = 0.03  # weight of an unseen marker, against a seen one
+FAR_OFF = 0.03  # m: a marker farther from its place has less weight; it slipped, or is another
+# Collar bones and hands have one marker each, which does not determine their twist: they are held in line with their
+# parents, at this lever, m.
 HELD = {"lsho": 0.05, "rsho": 0.05, "lhan": 0.02, "rhan": 0.02}
-_BETWEEN = re.compile(r"[_.|/ -]")  # what may stand between a person's name and a marker's, besides a colon
-NO_BODY = 0.1  # m: markers half of which are farther than this from their places are on no body
-SAMPLE = 150  # frames, spread over the recording, that settle where the markers ride
-TURNS = 6
-STEPS = 4  # of Gauss and Newton, each turn
-DAMPING = 1e-4  # m^2: what no marker tells, such as the twist of a collar bone, stays as it was guessed
+_BETWEEN = re.compile(r"[_.|/ -]")  # separators between the names of a person and a marker, besides a colon
+MISPLACED = 0.15  # m off its place: skin and fit leave 0.13 at most in the recordings we have, a cartwheel included
+NO_BODY = 0.1  # m: with a larger median distance the markers are not on one body
+SAMPLE = 150  # frames, spread over the recording, for the offsets of the markers
+ROUNDS = 6
+STEPS = 4  # of Gauss-Newton, each round
+DAMPING = 1e-4  # m^2: what no marker determines, such as the twist of a collar bone, stays near the estimate
 AT_ONCE = 256  # frames, to keep the matrices small
 
 
 @dataclass(frozen=True, eq=False)
 class Fit:
-    """A clip and how well it explains the markers.
+    """A clip and its distances from the markers.
 
     Attributes:
         clip: of the thesis's skeleton.
-        markers: the names of the markers that were used.
-        residual: distance of each seen marker from where the clip has it, shape (T, M), m; NaN where it was not seen.
+        markers: names of the markers used.
+        residual: distance of each marker from its place on the clip's body, shape (T, M), m; NaN where it was not seen.
     """
 
     clip: Clip
@@ -98,10 +98,10 @@ class Fit:
 
 
 def fit_markers(markers: Markers, name: str) -> Fit:
-    """The motion of a person who wore these markers.
+    """The motion of the body that carries these markers.
 
     Raises:
-        FileFormatError: if a marker is missing that the fit cannot do without; it names them.
+        FileFormatError: if a required marker is missing, or the markers do not fit a body.
     """
     seen = _upright(markers, _named(markers))
     names = [marker for marker in BONE_OF if marker in seen]
@@ -115,7 +115,7 @@ def fit_markers(markers: Markers, name: str) -> Fit:
     body = _Body(skeleton, [BONE_OF[marker] for marker in names])
     sample = np.unique(np.linspace(0, len(place) - 1, SAMPLE).astype(int))
     few = position[sample], rotation[sample]
-    for _ in range(TURNS):
+    for _ in range(ROUNDS):
         offset = body.offsets(*few, place[sample])
         few = body.pose(*few, place[sample], weight[sample], offset)
     offset = body.offsets(*few, place[sample])
@@ -132,13 +132,13 @@ def fit_markers(markers: Markers, name: str) -> Fit:
 
 
 def wears_full_set(markers: Markers) -> bool:
-    """Whether every marker is there, and was seen, that the fit cannot do without."""
+    """Whether every marker that the fit requires was seen."""
     found, _ = _people(markers)
     return all(marker in found for marker in NEEDED)
 
 
 def _named(markers: Markers) -> dict[str, Array]:
-    """The tracks (T, 3) of the known markers; of several people in a file, the one with most of them."""
+    """The tracks (T, 3) of the known markers; of several people, of the one with most."""
     found, unseen = _people(markers)
     missing = [marker for marker in NEEDED if marker not in found]
     unnamed = [marker for marker in missing if marker not in unseen]
@@ -187,7 +187,7 @@ def _upright(markers: Markers, seen: dict[str, Array]) -> dict[str, Array]:
 
 
 def _joint_centres(m: dict[str, Array]) -> dict[str, Array]:
-    """The guessed ends of the thesis's bones, and its root, shape (T, 3) each."""
+    """Estimated ends of the thesis's bones, and its root, shape (T, 3) each."""
     front, back = 0.5 * (m["LFWT"] + m["RFWT"]), 0.5 * (m["LBWT"] + m["RBWT"])
     width = np.median(np.linalg.norm(m["LFWT"] - m["RFWT"], axis=-1))
     left = normalise(m["LFWT"] - m["RFWT"])
@@ -209,7 +209,7 @@ def _joint_centres(m: dict[str, Array]) -> dict[str, Array]:
         joints[side + "foo"] = m[s + "TOE"]
         shoulder = m[s + "SHO"] - SHOULDER * trunk_up
         wrist = 0.5 * (m[s + "WRA"] + m[s + "WRB"])
-        # A bent arm tells the axis of its elbow; for a straight one it is taken to lie across the chest.
+        # A bent arm determines the axis of its elbow; that of a straight one is assumed to lie across the chest.
         upper, fore = m[s + "ELB"] - shoulder, wrist - m[s + "ELB"]
         axis = cross(normalise(upper), normalise(fore)) - 0.2 * left
         joints[side + "elb"] = m[s + "ELB"] + sign * ELBOW * normalise(axis)
@@ -219,7 +219,7 @@ def _joint_centres(m: dict[str, Array]) -> dict[str, Array]:
 
 
 def _skeleton(joints: dict[str, Array], name: str) -> Skeleton:
-    """The thesis's skeleton with bones as long as the guesses, left and right alike."""
+    """The thesis's skeleton with the median lengths, left and right alike."""
     length = {}
     for bone, parent in zip(JAEGER_BONES, JAEGER_PARENT, strict=True):
         start = joints["root" if parent == ROOT else JAEGER_BONES[parent]]
@@ -231,23 +231,40 @@ def _skeleton(joints: dict[str, Array], name: str) -> Skeleton:
 
 
 def _first_guess(skeleton: Skeleton, joints: dict[str, Array]) -> tuple[Array, Array]:
-    """Root positions (T, 3) and rotations (T, 1 + B, 4) that point the bones along the guesses."""
+    """Root positions (T, 3) and rotations (T, 1 + B, 4) with the bones along the estimated joints."""
     ends = np.stack([joints[bone] for bone in ("root", *skeleton.bones)], axis=1)
     direction = normalise(ends[:, 1:] - ends[:, skeleton.parent + 1])
     return joints["root"], orient(skeleton, direction)
 
 
+def misplaced(fit: Fit) -> list[str]:
+    """A warning about badly fitting markers, or an empty list."""
+    far = np.nan_to_num(fit.residual) > MISPLACED
+    if not far.any():
+        return []
+    worst = int(np.argmax(far.sum(axis=0)))
+    others = int(far.any(axis=0).sum()) - 1
+    more = f", as {others} other{'s are' if others > 1 else ' is'}" if others else ""
+    distance, share = np.nanmax(fit.residual[:, worst]), 100.0 * far[:, worst].mean()
+    begins = int(np.argmax(far[:, worst])) / fit.clip.rate
+    return [
+        f"marker '{fit.markers[worst]}' is up to {distance:.2f} m off its place on the body, in {share:.1f} % of the "
+        f"frames, first at {begins:.2f} s{more}: labels may be exchanged. Mend them, or cut that "
+        "part out (clip convert --from --to)."
+    ]
+
+
 class _Body:
-    """A rigid skeleton with markers on it; the hips turn with the pelvis."""
+    """A rigid skeleton with markers; the hips rotate with the pelvis."""
 
     def __init__(self, skeleton: Skeleton, bones: list[str]) -> None:
         self._skeleton = skeleton
         self._vector = skeleton.rest_direction * skeleton.length[:, None]
         self._bone = np.array([0 if bone == "root" else 1 + skeleton.index(bone) for bone in bones])
-        # The bones that lead to where each marker's own bone starts: 1 where the marker hangs on the bone, (M, B).
+        # 1 where a bone leads to the start of the marker's bone, (M, B).
         chain = np.vstack([np.zeros(len(skeleton)), skeleton.chain - np.eye(len(skeleton))])
         self._above = chain[self._bone]
-        turns = np.arange(1 + len(skeleton))  # which turn moves which bone
+        turns = np.arange(1 + len(skeleton))  # the rotation that moves each bone
         for hip in ("rhip", "lhip"):
             turns[1 + skeleton.index(hip)] = 0
         free, self._turn = np.unique(turns, return_inverse=True)
@@ -256,18 +273,18 @@ class _Body:
         self._held = [(index[bone], int(skeleton.parent[index[bone] - 1]) + 1, HELD[bone]) for bone in HELD]
 
     def markers(self, position: Array, rotation: Array, offset: Array) -> Array:
-        """Where the markers are, (T, M, 3), that ride at offsets (M, 3) from the start of their bones."""
+        """Positions (T, M, 3) of markers at offsets (M, 3) from the start of their bones."""
         return self._starts(position, rotation) + rotate(rotation[:, self._bone], offset)
 
     def offsets(self, position: Array, rotation: Array, place: Array) -> Array:
-        """Where markers ride that were seen at (T, M, 3)."""
+        """Median offsets on their bones of markers seen at (T, M, 3)."""
         inverse = conjugate(rotation[:, self._bone])
         return np.median(rotate(inverse, place - self._starts(position, rotation)), axis=0)
 
     def pose(
         self, position: Array, rotation: Array, place: Array, weight: Array, offset: Array, steps: int = STEPS
     ) -> tuple[Array, Array]:
-        """The poses that bring the markers closest to (T, M, 3), from those given."""
+        """The poses that bring the markers closest to (T, M, 3), starting from those given."""
         parts = [
             self._improved(position[at], rotation[at], place[at], weight[at], offset, steps)
             for at in (slice(begin, begin + AT_ONCE) for begin in range(0, len(place), AT_ONCE))
@@ -282,7 +299,7 @@ class _Body:
         for _ in range(steps):
             bones = rotate(rotation[:, 1:], self._vector)
             ride = rotate(rotation[:, self._bone], offset)
-            # A small turn w of a bone moves its far end by w x v: the matrix of v, summed over what the turn carries.
+            # A small rotation w of a bone moves its far end by w x v: the matrix of v, summed over all it carries.
             lever = np.zeros((frames, count, free, 3))
             for bone in range(len(self._skeleton)):
                 turn = self._turn[1 + bone]
@@ -316,5 +333,5 @@ class _Body:
         return position, rotation
 
     def _starts(self, position: Array, rotation: Array) -> Array:
-        """Where the bones of the markers start, (T, M, 3)."""
+        """Starts of the bones of the markers, (T, M, 3)."""
         return position[:, None] + self._above @ rotate(rotation[:, 1:], self._vector)

@@ -1,10 +1,9 @@
-"""Joint centres under markers on the skin, of any marker set whose labels say which landmarks they mark.
+"""Joint centres under markers on the skin, of any marker set whose labels name landmarks of the body.
 
-Each set has its own names for the landmarks of a body: the outside of the left knee is LKNE (Vicon), LLEK (Motek),
-L.Knee.Lat (OpenSim), L_FLE (Qualisys) or LKneeOut (OptiTrack). `_OF_A_SIDE` and `_MIDDLE` list them. A joint's centre
-lies between the markers on both sides of it, or half its width inwards of the one on the outside; a hip's by Bell's
-regression from the pelvis (`marker_fit`). Legs are needed, with a pelvis; trunk, head and arms are found where they
-have markers.
+Marker sets name landmarks differently: the outside of the left knee is LKNE (Vicon), LLEK (Motek), L.Knee.Lat
+(OpenSim), L_FLE (Qualisys) or LKneeOut (OptiTrack). `_OF_A_SIDE` and `_MIDDLE` list them. The centre of a joint lies
+between the markers on both sides of it, or half its width inwards of the outer one; that of a hip is Bell's regression
+from the pelvis (`marker_fit`). Pelvis and legs are required; trunk, head and arms are found if they have markers.
 """
 
 from __future__ import annotations
@@ -14,12 +13,12 @@ import re
 import numpy as np
 
 from controller.motion.formats.markers.marker_fit import ANKLE, ELBOW, HIP, KNEE, SHOULDER
-from controller.motion.formats.markers.tracks import Markers, bridged
+from controller.motion.markers import Markers, bridged
 from controller.motion.rotations import Array, cross, normalise
 from motiondeck_base.errors import FileFormatError
 from motiondeck_base.files import listed
 
-# What sets call a landmark; in capitals, without side and separators.
+# Labels of each landmark; in capitals, without side and separators.
 _OF_A_SIDE = {
     "front of the pelvis": "ASI ASIS IAS FWT WAISTFRONT",
     "back of the pelvis": "PSI PSIS IPS BWT WAISTBACK",
@@ -64,14 +63,14 @@ _SIDE_LAST = re.compile(r"(.*)[_.\- ](L|R|LEFT|RIGHT)")
 _FAR_ABOVE = 0.1  # m from the hips' middle to "pelvis"
 _WAIST = 2.0  # the trunk over the part of it below the waist's markers
 
-Landmarks = dict[tuple[str, str], Array]  # (place, "l", "r" or "") to where it was seen
+Landmarks = dict[tuple[str, str], Array]  # track of (place, "l", "r" or "")
 
 
 def joints_under_skin(markers: Markers) -> dict[str, Array]:
-    """The centres (T, 3) of the joints below markers, by canonical joint, in the file's axes; gaps are bridged.
+    """The centres (T, 3) of the joints, by canonical joint, in the file's axes; gaps are interpolated linearly.
 
-    "pelvis" is a point straight above the middle between the hips. Empty without two markers on the pelvis of which
-    a name is known.
+    "pelvis" is a point straight above the middle between the hips. Empty without known markers on the front and back
+    of the pelvis.
 
     Raises:
         FileFormatError: if the pelvis has markers and a knee or an ankle has none; it names them.
@@ -119,7 +118,7 @@ def marks_pelvis(markers: Markers) -> bool:
 
 
 def _landmarks(markers: Markers) -> Landmarks:
-    """Where the landmarks are, of the person who has most of them; gaps are bridged."""
+    """Tracks of the landmarks, of the person with most of them; gaps are interpolated linearly."""
     people: dict[str, Landmarks] = {}
     for index, label in enumerate(markers.labels):
         person, _, name = label.rpartition(":")
@@ -136,8 +135,8 @@ def _landmarks(markers: Markers) -> Landmarks:
 
 
 def _place(label: str) -> tuple[str, str] | None:
-    """The landmark that a label means, and its side."""
-    label = _COMPUTED.sub("", label.rpartition(":")[2].upper().removesuffix("_STUDY"))  # so OpenCap ends its own
+    """The landmark of a label, and its side."""
+    label = _COMPUTED.sub("", label.rpartition(":")[2].upper().removesuffix("_STUDY"))  # OpenCap's
     bare = _BETWEEN.sub("", label)
     if bare in _MIDDLE_PLACES:
         return _MIDDLE_PLACES[bare], ""
@@ -152,18 +151,18 @@ def _place(label: str) -> tuple[str, str] | None:
 
 
 def _mean(seen: Landmarks, *places: tuple[str, str]) -> Array | None:
-    """The middle of those of the places that have markers; None if none has."""
+    """The mean of the places that have markers, or None."""
     there = [seen[place] for place in places if place in seen]
     return np.mean(there, axis=0) if there else None
 
 
 def _between(seen: Landmarks, one: tuple[str, str], other: tuple[str, str]) -> Array | None:
-    """The middle of two places if both have markers."""
+    """The middle of two places if both have markers, or None."""
     return 0.5 * (seen[one] + seen[other]) if one in seen and other in seen else None
 
 
 def _pelvis(seen: Landmarks) -> tuple[Array | None, Array | None]:
-    """The middle of its front, and of its back."""
+    """The middle of the front of the pelvis, and of its back."""
     front, back = "front of the pelvis", "back of the pelvis"
     behind = _between(seen, (back, "l"), (back, "r"))
     return _between(seen, (front, "l"), (front, "r")), seen.get((back, "")) if behind is None else behind
@@ -175,7 +174,7 @@ def _leg(seen: Landmarks, side: str, sign: float, ahead: Array) -> dict[str, Arr
     for place in ("middle of the toes", "inside of the toes", "outside of the toes", "tip of the toes"):
         toes = seen.get((place, side)) if toes is None else toes
     knee, ankle = (seen.get((f"outside of the {of}", side), seen.get((of, side))) for of in ("knee", "ankle"))
-    assert knee is not None  # `joints_under_skin` has seen to it
+    assert knee is not None  # checked by `joints_under_skin`
     assert ankle is not None
     foot = ahead if toes is None else toes - seen.get(("heel", side), ankle)
     # Down the shank cross along the foot points to the right.
@@ -188,7 +187,7 @@ def _leg(seen: Landmarks, side: str, sign: float, ahead: Array) -> dict[str, Arr
 
 
 def _centre(seen: Landmarks, joint: str, side: str, inwards: Array) -> Array:
-    """A joint's computed centre, the middle between its sides, or a way inwards from the outside."""
+    """A joint's computed centre, the middle between its sides, or a distance inwards from the outside."""
     if (joint, side) in seen:
         return seen[joint, side]
     outside = f"outside of the {joint}", side
@@ -221,7 +220,7 @@ def _arm(seen: Landmarks, side: str, sign: float, left: Array, up: Array) -> dic
     if wrist is None or elbow is None or ("shoulder", side) not in seen:
         return {}
     shoulder = seen["shoulder", side] - SHOULDER * up
-    # A bent arm tells the axis of its elbow; for a straight one it is taken to lie across the chest.
+    # A bent arm determines the axis of its elbow; that of a straight one is assumed to lie across the chest.
     axis = cross(normalise(elbow - shoulder), normalise(wrist - elbow)) - 0.2 * left
     joints = {
         side + "sho": shoulder,

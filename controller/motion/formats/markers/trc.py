@@ -7,7 +7,7 @@
                   X1  Y1  Z1    X2  Y2  Z2
     1       0.00  12  480  3    ...
 
-Columns are parted by tabs; a marker that was not seen has empty ones (OpenSim documentation, "Marker (.trc) Files").
+Columns are separated by tabs; those of an unseen marker are empty (OpenSim documentation, "Marker (.trc) Files").
 """
 
 from __future__ import annotations
@@ -17,7 +17,8 @@ from pathlib import Path
 
 import numpy as np
 
-from controller.motion.formats.markers.tracks import FARTHEST, UNITS, Markers
+from controller.motion.file_format import Format
+from controller.motion.markers import FARTHEST, UNITS, Markers
 from controller.motion.reading_options import AS_FOUND, ReadingOptions
 from motiondeck_base.errors import FileFormatError
 from motiondeck_base.files import Line, as_float, listed, no_number, read_lines, shortened
@@ -67,7 +68,7 @@ def read_trc(path: str | Path, options: ReadingOptions = AS_FOUND) -> Markers:
 
 
 def _row(line: Line, count: int) -> list[float]:
-    """The numbers of a frame after its number and time, NaN where there is none; lines may end before the last gaps."""
+    """The numbers of a frame after its number and time, NaN for empty ones; lines may end before the last gaps."""
     words = [word.strip() for word in line.words[2:]]
     if len(words) > count:
         raise line.error(f"{len(words)} numbers, but the markers have {count}.")
@@ -79,3 +80,12 @@ def _row(line: Line, count: int) -> list[float]:
             raise line.error(no_number(word))
         numbers.append(value)
     return numbers
+
+
+FORMAT = Format(
+    name="markers, OpenSim",
+    suffixes=(".trc",),
+    read=read_trc,
+    supported="markers on the skin as in `.c3d`, or [points in the joints](#c3d-and-trc)",
+    magic=b"PathFileType",
+)

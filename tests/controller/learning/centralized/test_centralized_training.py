@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 import synthetic
-from controller.learning.centralized.centralized_training import CentralizedRecipe, train_centralized_network
 from controller.learning.centralized.motion_training import train_centralized
+from controller.learning.trainers.centralized import CentralizedRecipe, train_centralized_network
 from motiondeck_base.errors import MotiondeckError
 
 

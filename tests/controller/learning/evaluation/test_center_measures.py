@@ -5,12 +5,12 @@ import numpy as np
 import pytest
 
 import synthetic
-from controller.learning.centralized.centralized_training import CentralizedRecipe
 from controller.learning.evaluation.evaluation import training_error
 from controller.learning.evaluation.failure_rates import sweep, train_subjects
 from controller.learning.recipe import LibraryRecipe, MotionRecipe
-from controller.learning.reservoirs.phase_conceptor_training import PhaseRecipe
-from controller.learning.reservoirs.phase_echo_state_training import PhaseEchoStateRecipe
+from controller.learning.trainers.centralized import CentralizedRecipe
+from controller.learning.trainers.phase_conceptor import PhaseRecipe
+from controller.learning.trainers.phase_echo_state import PhaseEchoStateRecipe
 from controller.learning.training_set import TrainingSet
 
 LOOPS = {name: name != "bow" for name in synthetic.MOTIONS}

@@ -9,8 +9,8 @@ from controller.learning.evaluation.tables import failure_table
 from controller.learning.measures.disturbance import STEPS, GuardKnowledge, disturbed
 from controller.learning.measures.intervals import grouped, wilson
 from controller.learning.measures.self_test import Judge, after_disturbance, self_test
-from controller.learning.reservoirs.echo_state_training import EchoStateRecipe, train_echo_state
 from controller.learning.stress_test import stress_test
+from controller.learning.trainers.echo_state import EchoStateRecipe, train_echo_state
 from controller.learning.training_set import TrainingSet
 from controller.networks.guard import Guard, beat, spread
 

@@ -54,7 +54,7 @@ def test_what_one_person_has_shown_is_known_in_others_at_any_tempo(shown_by_ann,
 def test_the_threshold_of_one_persons_motions_rejects_what_that_person_has_not_shown(shown_by_ann):
     """Nine of ten clips of each motion left out in turn fall short of it, so it is above most of their confidences."""
     bank = shown_by_ann.bank
-    signals = {m: [shown_by_ann.look(clip(m, "ann", pace, 7)) for pace in (0.6, 1.0, 1.6)] for m in bank.classes}
+    signals = {m: [shown_by_ann.features(clip(m, "ann", pace, 7)) for pace in (0.6, 1.0, 1.6)] for m in bank.classes}
     short = []
     for left_out in bank.classes:
         learned = [(s, m) for m in bank.classes if m != left_out for s in signals[m]]

@@ -7,12 +7,12 @@ import pytest
 import synthetic
 from controller.deck.deck import ACROSS_SECONDS, Deck
 from controller.deck.motion_generator import MotionGenerator
-from controller.learning.preparation.cycles import ground_speed, one_cycle, steps_behind, stretched
+from controller.learning.preparation.cycles import ground_speed, one_cycle, phase_lag, stretched
 from controller.learning.preparation.training_motion import TrainingMotion, Variant
 from controller.learning.recipe import LibraryRecipe, MotionRecipe, check_recipe
-from controller.learning.reservoirs.phase_conceptor_training import PhaseRecipe
-from controller.learning.reservoirs.phase_echo_state_training import PhaseEchoStateRecipe
-from controller.learning.reservoirs.phase_training import train_phase_driven
+from controller.learning.trainers.phase_conceptor import PhaseRecipe
+from controller.learning.trainers.phase_driven import train_phase_driven
+from controller.learning.trainers.phase_echo_state import PhaseEchoStateRecipe
 from controller.library.motion_library import MotionLibrary, load_library, save_library
 from controller.motion.encodings.motion_matching import joint_features
 from controller.motion.encodings.normalisation import Normalisation
@@ -148,7 +148,7 @@ def test_one_stride_of_several_is_cut_out_and_brought_into_step():
     cut = one_cycle(joint_features(ENCODING, frames), synthetic.RATE, "walk")
     assert cut.end - cut.start == 80
     behind = np.roll(stride(1.0), -17, axis=0)
-    assert steps_behind(behind, stride(1.0)) == 17
+    assert phase_lag(behind, stride(1.0)) == 17
     assert np.allclose(stretched(stride(1.0, 48), 96), stride(1.0, 96), atol=1e-3)
     with pytest.raises(FileFormatError, match=r"walk: 0\.33 s are too short"):
         one_cycle(np.zeros((40, 3)), 120.0, "walk")

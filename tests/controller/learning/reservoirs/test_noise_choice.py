@@ -7,9 +7,8 @@ from controller.learning.fit import TrainedNetwork, first_to_pass
 from controller.learning.measures.self_test import Judge, MotionVerdict
 from controller.learning.measures.trials import FREE_RUN, failures, with_trials
 from controller.learning.recipe import LibraryRecipe, MotionRecipe
-from controller.learning.reservoirs import noise_choice
-from controller.learning.reservoirs.echo_state_training import EchoStateRecipe, train_echo_state
-from controller.learning.reservoirs.noise_choice import FACTORS, settled_echo_state
+from controller.learning.trainers import echo_state
+from controller.learning.trainers.echo_state import FACTORS, EchoStateRecipe, settled_echo_state, train_echo_state
 from controller.learning.training_set import TrainingSet
 
 RECIPE = EchoStateRecipe(neurons=120, washout=60, choose_noise=True)
@@ -32,7 +31,7 @@ def settled(judge):
 
 def test_accuracy_is_of_the_network_that_fit_would_settle_on(plain, monkeypatch):
     left = iter([3, 0])
-    monkeypatch.setattr(noise_choice, "failures", lambda network, motion, *_: next(left) if motion == "wave" else 0)
+    monkeypatch.setattr(echo_state, "failures", lambda network, motion, *_: next(left) if motion == "wave" else 0)
     frames = synthetic.references()
     syllabus = TrainingSet(
         synthetic.small_encoding(), synthetic.RATE, frames, {name: name != "bow" for name in frames}, {}
@@ -51,7 +50,7 @@ def test_only_a_motion_that_fails_is_taught_again(plain, judge, monkeypatch):
     def said(network, motion, kinds, judge, seed):
         return next(left) if motion == "wave" else 0
 
-    monkeypatch.setattr(noise_choice, "failures", said)
+    monkeypatch.setattr(echo_state, "failures", said)
     network = settled(judge)
     assert list(left) == []
     for motion in ("march", "bow"):
@@ -59,14 +58,16 @@ def test_only_a_motion_that_fails_is_taught_again(plain, judge, monkeypatch):
     assert not np.array_equal(network["wave"].readout, plain["wave"].readout)
     # What failed least was the second attempt, with more noise.
     seen = []
-    learn = noise_choice.learn_readouts
+    learn = echo_state.learn_readouts
     monkeypatch.setattr(
-        noise_choice, "learn_readouts", lambda *a: seen.append((a[2].state_noise, learn(*a))) or seen[-1][1]
+        echo_state, "learn_readouts", lambda *a: seen.append((a[2].state_noise, learn(*a))) or seen[-1][1]
     )
     left = iter([3, 5, 1, 2, 1])
     kept = settled(judge)["wave"].readout
-    assert [noise for noise, _ in seen] == pytest.approx([factor * RECIPE.state_noise for factor in FACTORS])
-    assert np.array_equal(kept, seen[1][1]["wave"].readout)
+    (first, _), *again = seen
+    assert first == RECIPE.state_noise
+    assert [noise for noise, _ in again] == pytest.approx([factor * RECIPE.state_noise for factor in FACTORS])
+    assert np.array_equal(kept, again[1][1]["wave"].readout)
 
 
 def test_what_fails_too_often_does_not_pass():

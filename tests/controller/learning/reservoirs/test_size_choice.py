@@ -5,10 +5,9 @@ import pytest
 
 import synthetic
 from controller.learning.measures.self_test import Judge, self_test
-from controller.learning.reservoirs.phase_conceptor_training import PhaseRecipe
-from controller.learning.reservoirs.phase_echo_state_training import PhaseEchoStateRecipe
-from controller.learning.reservoirs.phase_training import train_phase_driven
-from controller.learning.reservoirs.size_choice import smallest_within
+from controller.learning.trainers.phase_conceptor import PhaseRecipe
+from controller.learning.trainers.phase_driven import smallest_within, train_phase_driven
+from controller.learning.trainers.phase_echo_state import PhaseEchoStateRecipe
 
 
 class Conceptors(PhaseRecipe, frozen=True, kw_only=True):

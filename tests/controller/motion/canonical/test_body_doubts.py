@@ -6,7 +6,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from controller.motion.canonical.body_doubts import doubts, taken_for
+from controller.motion.canonical.body_doubts import doubts, recorded_parts
 from controller.motion.clip import Clip
 from controller.motion.rotations import about, multiply
 from simulated_bodies import human
@@ -28,8 +28,8 @@ def renamed(names):
 def test_a_sound_body_raises_no_doubt():
     clip = standing(human())
     assert doubts(clip) == []
-    assert taken_for(clip)["left thigh"] == "lkne"
-    assert taken_for(clip)["chest"] == "neck"
+    assert recorded_parts(clip)["left thigh"] == "lkne"
+    assert recorded_parts(clip)["chest"] == "neck"
 
 
 def longer(bone, factor):

@@ -24,7 +24,8 @@ from controller.motion.canonical.canonical_body import (
     landmarks_of,
     to_canonical,
 )
-from controller.motion.formats.reading import read_clip, skeleton_of
+from controller.motion.formats.acclaim.amc import skeleton_of
+from controller.motion.formats.reading import read_clip
 from controller.motion.reading_options import ReadingOptions
 from controller.motion.rotations import conjugate, multiply, normalise, rotate
 from controller.motion.skeleton import Skeleton

@@ -11,7 +11,7 @@ from bodies import waving
 from controller.motion.canonical.canonical_body import to_canonical
 from controller.motion.canonical.clip_edits import mirrored, moving_part, resampled
 from controller.motion.clip import Clip
-from controller.motion.encodings.joint_angles import taught_clip
+from controller.motion.formats.taught_clip import taught_clip
 from motiondeck_base.errors import FileFormatError
 from simulated_bodies import human
 

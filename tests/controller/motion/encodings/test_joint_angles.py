@@ -9,17 +9,10 @@ from hypothesis.extra import numpy as hnp
 from controller.deck.joins.transition import Fade, difference, displaced
 from controller.motion.canonical.canonical_body import carried
 from controller.motion.encodings.encoding import encoding_of
-from controller.motion.encodings.joint_angles import (
-    JointAngles,
-    JointBody,
-    JointRetargeter,
-    angles_of,
-    read_taught_clip,
-    save_taught_clip,
-    taught_clip,
-)
+from controller.motion.encodings.joint_angles import JointAngles, JointBody, JointRetargeter, angles_of
 from controller.motion.encodings.motion_matching import joint_features
 from controller.motion.formats.reading import read_clip
+from controller.motion.formats.taught_clip import read_taught_clip, save_taught_clip, taught_clip
 from controller.motion.posture import walk_path
 from motiondeck_base.errors import FileFormatError, UnknownNameError
 

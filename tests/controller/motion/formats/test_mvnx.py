@@ -61,7 +61,7 @@ ENTITIES = '<!DOCTYPE m [<!ENTITY a "aaaaaaaaaa"><!ENTITY b "&a;&a;&a;&a;">]>\n<
         (TEXT.replace("<connector1>T8/jNeck", "<connector1>Head/jNeck"), "do not hang together from one segment"),
         (TEXT.replace("connector2", "connector3"), "no <joints> say how its segments hang together"),
         (TEXT.replace("</mvnx>", '<subject label="B" frameRate="60"/></mvnx>'), "a second subject begins"),
-        (TEXT.replace('label="L5"', 'label="Pelvis"'), "segment 'Pelvis' has no name of its own"),
+        (TEXT.replace('label="L5"', 'label="Pelvis"'), "segment 'Pelvis' has no unique name"),
         ("<mvnx/>", "a frame rate of ''"),
     ],
 )

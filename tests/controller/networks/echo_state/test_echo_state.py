@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 
 import synthetic
-from controller.learning.reservoirs.echo_state_training import EchoStateRecipe, train_echo_state
+from controller.learning.trainers.echo_state import EchoStateRecipe, train_echo_state
 from motiondeck_base.errors import UnknownNameError
 
 

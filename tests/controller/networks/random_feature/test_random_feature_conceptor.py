@@ -9,7 +9,7 @@ from safetensors.numpy import save_file
 
 import synthetic
 from controller.learning.recipe import read_recipe
-from controller.learning.reservoirs.random_feature_training import RandomFeatureRecipe, conceive, train_random_features
+from controller.learning.trainers.random_feature import RandomFeatureRecipe, conception_weights, train_random_features
 from controller.library.motion_library import MotionLibrary, load_library, save_library
 from motiondeck_base.errors import FileFormatError, MotiondeckError, UnknownNameError
 
@@ -75,7 +75,7 @@ def test_conception_weights_come_to_rest_where_the_rule_stands_still():
     features /= np.linalg.norm(features, axis=1)[:, None]
     signal = np.sin(2 * np.pi * (np.arange(50)[:, None] / 50 + rng.random(60))).astype(np.float32)
     recipe = RandomFeatureRecipe(aperture=2.0, learning_rate=0.01, adapt_frames=3000)
-    conception, mean = conceive(signal, features, np.zeros_like(features), recipe)
+    conception, mean = conception_weights(signal, features, np.zeros_like(features), recipe)
     seen = np.tanh(signal) @ features.T
     energy = seen.var(0)
     assert np.allclose(mean, seen.mean(0), atol=0.03)

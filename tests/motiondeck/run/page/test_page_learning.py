@@ -5,7 +5,7 @@ import shutil
 import numpy as np
 import pytest
 
-from controller.learning import examine
+from controller.learning import recording_analysis
 from controller.motion.formats.reading import read_clip
 from motiondeck.page.learning.learning_process import LearnRequest
 from motiondeck.run.page import learning as page_learning
@@ -13,9 +13,11 @@ from motiondeck.run.page import learning as page_learning
 
 @pytest.mark.thorough
 def test_a_body_is_fitted_to_markers_once_and_it_is_said_that_it_takes_a_while(tmp_path, mocap_data, monkeypatch):
-    said, read, look_at = [], [], examine.examine
+    said, read, look_at = [], [], recording_analysis.analyse_recording
     monkeypatch.setattr(page_learning, "tell", said.append)
-    monkeypatch.setattr(examine, "examine", lambda *given: read.append(look_at(*given)) or read[-1])
+    monkeypatch.setattr(
+        recording_analysis, "analyse_recording", lambda *given: read.append(look_at(*given)) or read[-1]
+    )
     file = tmp_path / "jog.c3d"
     shutil.copy(mocap_data / "c3d" / "02_03_runjog.c3d", file)
     seen = page_learning.look(LearnRequest(str(file)))

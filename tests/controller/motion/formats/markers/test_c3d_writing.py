@@ -3,8 +3,7 @@
 import numpy as np
 import pytest
 
-from controller.motion.formats.markers.c3d import read_c3d
-from controller.motion.formats.markers.c3d_writing import with_points
+from controller.motion.formats.markers.c3d import read_c3d, with_points
 from controller.motion.formats.writing import markers_csv
 from motiondeck_base.errors import FileFormatError
 from motiondeck_base.files import write_file

@@ -6,10 +6,18 @@ import numpy as np
 import pytest
 
 from controller.motion.formats.markers.c3d import read_c3d
-from controller.motion.formats.markers.marker_doubts import misplaced
-from controller.motion.formats.markers.marker_fit import ANKLE, BONE_OF, ELBOW, HIP, KNEE, SHOULDER, fit_markers
-from controller.motion.formats.markers.tracks import Markers
+from controller.motion.formats.markers.marker_fit import (
+    ANKLE,
+    BONE_OF,
+    ELBOW,
+    HIP,
+    KNEE,
+    SHOULDER,
+    fit_markers,
+    misplaced,
+)
 from controller.motion.formats.reading import read_clip
+from controller.motion.markers import Markers
 from controller.motion.rotations import conjugate, rotate
 from controller.motion.thesis_body import JAEGER_BONES
 from controller.motion.up_axis import TO_OURS

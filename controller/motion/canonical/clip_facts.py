@@ -1,4 +1,4 @@
-"""Figures about a clip: its body, its rate, where it goes, and how much of its markers was never seen."""
+"""Statistics of a clip: its body, rate, extent and speed, and the gaps of its markers."""
 
 from __future__ import annotations
 
@@ -7,16 +7,15 @@ from typing import TypedDict
 import numpy as np
 
 from controller.motion.anatomy import SIDES, Part, Side, anatomy
-from controller.motion.canonical.body_doubts import doubts, taken_for
-from controller.motion.formats.markers.marker_doubts import misplaced
-from controller.motion.formats.markers.marker_fit import Fit
+from controller.motion.canonical.body_doubts import doubts, recorded_parts
+from controller.motion.formats.markers.marker_fit import Fit, misplaced
 from controller.motion.formats.reading import FittedClip
 
 LIMBS: tuple[Part, ...] = ("thigh", "shank", "foot", "upper arm", "forearm", "hand")
 
 
 class Gaps(TypedDict):
-    """How well markers were seen and a skeleton fitted to them: share and frames, mm."""
+    """Gaps of markers (share, frames) and residuals of the fitted skeleton (mm)."""
 
     markers: int
     seen: float
@@ -28,7 +27,7 @@ class Gaps(TypedDict):
 
 
 class Facts(TypedDict):
-    """A clip in figures: m, s, Hz, m/s; extents and heights are lowest and highest."""
+    """Statistics of a clip: m, s, Hz, m/s; extents and heights are lowest and highest."""
 
     name: str
     source: str
@@ -53,7 +52,7 @@ class Facts(TypedDict):
 
 
 def facts(recording: FittedClip) -> Facts:
-    """A recording in figures."""
+    """The statistics of a recording."""
     clip = recording.clip
     joints = clip.joints()
     low, high = joints.min(axis=(0, 1)), joints.max(axis=(0, 1))
@@ -70,7 +69,7 @@ def facts(recording: FittedClip) -> Facts:
         skeleton=clip.skeleton.name,
         bones=len(clip.skeleton),
         lacks=missing + ([] if parts.first("head") is not None else ["head"]),
-        taken_for=taken_for(clip) if human else {},
+        taken_for=recorded_parts(clip) if human else {},
         doubts=[*doubts(clip), *([] if recording.fit is None else misplaced(recording.fit))],
         leg=clip.skeleton.leg_length,
         frames=len(clip),
@@ -89,7 +88,7 @@ def facts(recording: FittedClip) -> Facts:
 
 
 def gaps(fit: Fit) -> Gaps:
-    """What of its markers a fit had to go without, and how far off the others are."""
+    """The gaps and residuals of the markers of a fit."""
     unseen = np.isnan(fit.residual)
     longest = [_longest_run(unseen[:, marker]) for marker in range(len(fit.markers))]
     worst = int(np.argmax(longest))
@@ -106,6 +105,6 @@ def gaps(fit: Fit) -> Gaps:
 
 
 def _longest_run(flags: np.ndarray) -> int:
-    """How many flags in a row are set at most."""
+    """The length of the longest run of set flags."""
     edges = np.flatnonzero(np.diff(np.concatenate([[0], flags.astype(int), [0]])))
     return int((edges[1::2] - edges[::2]).max()) if len(edges) else 0

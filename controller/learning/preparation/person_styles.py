@@ -1,20 +1,19 @@
-"""Recordings of several people, at several values of an input, as if one of them had made them all.
+"""Predicts the motion of one person at any value of an input, from recordings of several people.
 
-Two people at the same speed may differ more than one person does at two speeds: in how they hold themselves and in how
-far their limbs swing. The channels of a person at a value of the input, as a level u in [-1, 1], are taken to be
+Two people at the same speed may differ more than one person at two speeds, in posture and in the swing of limbs. The
+channels of a person at a value of the input, as a level u in [-1, 1], are modelled as
 
     y(u) = c + d u + f(u) + g + e
 
-with a line c + d u and, off it, f, a Gaussian process with the covariance exp(-(u - u')^2 / 2): what the input does to
-everybody; g, the person's own manner, which is the same at every level, with the variance MANNER; and e, what one
-recording has by chance, with the variance NOISE. The best linear unbiased prediction of all but e (universal kriging:
-Cressie 1993, section 3.4) is a weighted sum of the recordings,
+with a line c + d u and a Gaussian process f with the covariance exp(-(u - u')^2 / 2), the effect of the input on all
+people; g, the offset of the person, with the variance MANNER; and e, the noise of a recording, with the variance NOISE.
+The best linear unbiased prediction of all but e (universal kriging: Cressie 1993, section 3.4) is a weighted sum of the
+recordings,
 
     w = k K^-1 + (b - k K^-1 B) (B' K^-1 B)^-1 B' K^-1
 
-with K the covariance of the recordings, k that of what is wanted with them, and rows (1, u) of each in B and b. The
-weights are the same for every channel and frame. They add up to 1 and keep lines, so that a body gets along as fast as
-its speed says.
+with K the covariance of the recordings, k that of the prediction with them, and rows (1, u) of each in B and b. The
+weights are the same for every channel and frame. They add up to 1 and keep lines, and so the speed of a body.
 """
 
 from __future__ import annotations
@@ -29,16 +28,16 @@ from controller.motion.rotations import Array
 MANNER, NOISE = 1.0, 0.1  # of the variance of f
 
 
-def in_the_manner_of(
+def person_variants(
     person: str, variants: Sequence[Variant], people: Sequence[str], values: Sequence[float]
 ) -> list[Variant]:
-    """A motion at some values of its input as a person would do it.
+    """The predicted motion of a person at some values of its input.
 
     Args:
-        person: whose manner; of nobody who was recorded, the average one.
-        variants: the recordings, in step, at two different values at least.
-        people: who made each.
-        values: at which the motion is wanted.
+        person: name; an unknown one gives the average person.
+        variants: aligned recordings, at two different values at least.
+        people: name of each recording's person.
+        values: of the input for the prediction.
     """
     known = np.array([variant.value for variant in variants])
     least, most = known.min(), known.max()

@@ -1,4 +1,4 @@
-"""Where markers were seen, whatever file they came from."""
+"""Marker trajectories of a recording."""
 
 from __future__ import annotations
 
@@ -9,8 +9,8 @@ import numpy as np
 from controller.motion.rotations import Array
 
 UNITS = {"mm": 0.001, "cm": 0.01, "dm": 0.1, "m": 1.0, "in": 0.0254, "inch": 0.0254, "inches": 0.0254, "ft": 0.3048}
-"""What marker files call their unit, m."""
-TALL = 1.6  # m: the points on a person who stands, from the lowest to the highest
+"""Names of units in marker files, m."""
+TALL = 1.6  # m: from the lowest to the highest point on a standing person
 FARTHEST = 1e4  # m: a point beyond is a broken number
 
 
@@ -19,11 +19,11 @@ class Markers:
     """T frames of M points.
 
     Attributes:
-        labels: of the points, as the file writes them.
+        labels: of the points, as in the file.
         rate: frames per second, Hz.
-        position: shape (T, M, 3), m, in the file's own axes; NaN where a point was not seen.
-        up: the axis that the file says is up, "x", "y" or "z"; None if it does not say.
-        source: the name of the file.
+        position: shape (T, M, 3), m, in the axes of the file; NaN where a point was not seen.
+        up: vertical axis of the file, "x", "y" or "z"; None if unknown.
+        source: name of the file.
     """
 
     labels: tuple[str, ...]
@@ -34,9 +34,9 @@ class Markers:
 
 
 def unit_of_size(position: Array) -> float:
-    """The unit, m, in which points (T, M, 3), NaN where not seen, are as far apart as those on a person's body.
+    """The unit, m, mm or cm, in which points (T, M, 3), NaN where not seen, have the size of a person.
 
-    Of metres, centimetres and millimetres, by the median frame; millimetres where no two points were seen.
+    Judged by the median frame; millimetres if no two points were seen.
     """
     there = np.isfinite(position)
     highest = np.where(there, position, -np.inf).max(axis=1)
@@ -49,7 +49,7 @@ def unit_of_size(position: Array) -> float:
 
 
 def bridged(track: Array) -> Array:
-    """A track (T, 3), seen at least once, with its gaps bridged by straight lines."""
+    """A track (T, 3), seen at least once, with its gaps interpolated linearly."""
     there = np.flatnonzero(~np.isnan(track[:, 0]))
     every = np.arange(len(track))
     return np.stack([np.interp(every, there, track[there, axis]) for axis in range(3)], axis=-1)

@@ -1,6 +1,6 @@
-"""What to learn of one recording, which a recipe would have to say: which frames, and whether they are a loop.
+"""Analyses a recording for training: the frames to learn, and whether they are a loop.
 
-Still ends are trimmed, and so is what lies beyond a jump; whether a motion is a loop is decided by its best seam.
+Still ends, and parts beyond a jump, are trimmed; the best seam decides whether a motion is a loop.
 """
 
 from __future__ import annotations
@@ -12,38 +12,38 @@ from pathlib import Path
 
 import numpy as np
 
-from controller.learning.preparation.loops import best_seam, farthest_left_out, with_velocities
+from controller.learning.preparation.loops import best_seam, largest_omission, with_velocities
 from controller.learning.preparation.takes import read_takes
 from controller.learning.recipe import MotionRecipe
-from controller.learning.training_set import COMMON_RATE, SHORTEST_SECONDS, apart_at
+from controller.learning.training_set import COMMON_RATE, SHORTEST_SECONDS, seam_error
 from controller.motion.canonical.body_doubts import doubts
-from controller.motion.canonical.breaks import breaks
 from controller.motion.canonical.canonical_body import to_canonical
-from controller.motion.canonical.clip_edits import moving_part, resampled, span
+from controller.motion.canonical.clip_edits import breaks, moving_part, resampled, span
 from controller.motion.clip import Clip
 from controller.motion.encodings.encoding import encoding_of
 from controller.motion.encodings.motion_matching import joint_features
-from controller.motion.formats.markers.marker_doubts import misplaced
-from controller.motion.formats.reading import read_fitted, skeleton_of
+from controller.motion.formats.acclaim.amc import skeleton_of
+from controller.motion.formats.markers.marker_fit import misplaced
+from controller.motion.formats.reading import read_fitted
 from controller.motion.reading_options import AS_FOUND, ReadingOptions
 from motiondeck_base.errors import FileFormatError
 
 LONGEST_SECONDS = 120.0
 LOOP_KEEPS = 0.5  # a loop keeps at least this share of its recording
-# A seam is good enough for a loop if joints are this close, mm, and by this share of how far the motion spreads,
-# velocities included; and if all that is left out comes within the other share of it in the loop.
+# Largest mismatch at the seam of a loop: of joints, mm, and with velocities, relative to the spread of the motion; and
+# largest distance of omitted frames from the loop, relative to the spread.
 SEAM_MM, SEAM_SHARE, LEFT_OUT_SHARE = 50.0, 0.5, 0.6
 
 
 @dataclass(frozen=True)
-class Examined:
+class AnalysedRecording:
     """A recording that can be learned.
 
     Attributes:
-        motion: how to learn it.
+        motion: its recipe.
         clip: all of its frames.
-        seam_mm, seam_degrees: at its best seam, how far joints are apart on average, and the bone that is most.
-        doubts: what looks wrong about the body, each with the bone and the reason.
+        seam_mm, seam_degrees: mean distance of joints, and largest angle of a bone, at the best seam.
+        doubts: warnings about the body.
     """
 
     motion: MotionRecipe
@@ -53,21 +53,21 @@ class Examined:
     doubts: list[str]
 
 
-def examine(
+def analyse_recording(
     file: Path,
     name: str,
     options: ReadingOptions = AS_FOUND,
     within: tuple[float, float] | None = None,
     takes: Sequence[Path] = (),
-) -> Examined:
-    """Reads a recording and finds out which of its frames to learn, and how they play.
+) -> AnalysedRecording:
+    """Reads a recording and determines its frames to learn and whether they are a loop.
 
     Args:
         file: the recording.
         name: of the motion.
-        options: what overrules the file.
-        within: the only part to take, from and to, s; all of it by default.
-        takes: further takes of the motion, which only clips taught to a rig have.
+        options: override the file.
+        within: part to use, from and to, s; by default all.
+        takes: further takes of a motion taught to a rig.
 
     Raises:
         MotiondeckError: if it cannot be read, is too short or too long, or nothing moves in it.
@@ -107,17 +107,17 @@ def examine(
     body = [] if clip.skeleton.is_rig else doubts(clip)
     body += [] if recording.fit is None else misplaced(recording.fit)
     cut = [f"{what}: only {first / clip.rate:.2f} to {end / clip.rate:.2f} s were learned." for what in jumped]
-    return Examined(motion, clip, seam_mm, seam_degrees, [*cut, *body])
+    return AnalysedRecording(motion, clip, seam_mm, seam_degrees, [*cut, *body])
 
 
 def _without_jumps(clip: Clip, first: int, end: int) -> tuple[tuple[int, int], list[str]]:
-    """The longest part of some frames in which neither body nor limb jumps, and what jumps elsewhere and when."""
+    """The longest part of some frames without jumps and spikes, and phrases for these."""
     at, found = breaks(clip, first, end)
     return max(pairwise([first, *at, end]), key=lambda part: part[1] - part[0]), found
 
 
 def _skeleton(file: Path, options: ReadingOptions) -> Path | None:
-    """The skeleton of a recording: the given one where it is for files of this kind, or the .asf nearby."""
+    """The skeleton of a recording: the given one if it fits files of this format, or the .asf nearby."""
     unfit = {".amc": ".npz", ".npz": ".asf"}.get(file.suffix.lower())
     if options.skeleton is not None and unfit and options.skeleton.suffix.lower() != unfit:
         return options.skeleton
@@ -125,14 +125,14 @@ def _skeleton(file: Path, options: ReadingOptions) -> Path | None:
 
 
 def _loops(clip: Clip) -> tuple[bool, float, float]:
-    """Whether a clip is a loop; at its best seam, how far joints are off, mm, and the bone that is most, degrees."""
+    """Whether a clip is a loop; mean distance of joints, mm, and largest angle of a bone, degrees, at its best seam."""
     one = resampled(to_canonical(clip), COMMON_RATE)
     encoding = encoding_of(one.skeleton)
     channels = encoding.encode(one)
     features = joint_features(encoding, channels)
     seam = best_seam(features, one.rate, at_least=LOOP_KEEPS)
-    apart, degrees = apart_at(encoding, channels, features, seam)
+    apart, degrees = seam_error(encoding, channels, features, seam)
     seen = with_velocities(features, one.rate)
     spread = float(np.sqrt(np.square(seen - seen.mean(0)).sum(1).mean()))
     close = apart < SEAM_MM and seam.mismatch < SEAM_SHARE * spread
-    return close and farthest_left_out(seen, seam) < LEFT_OUT_SHARE * spread, apart, degrees
+    return close and largest_omission(seen, seam) < LEFT_OUT_SHARE * spread, apart, degrees

@@ -1,7 +1,7 @@
-"""Learning from signals that are no motions: any time series (T, D), by name.
+"""Trains networks on any time series (T, D).
 
-Playing motions needs a body and an encoding; the networks themselves do not. A signal is normalised to [-1, 1], its
-first frames lead the reservoir in, and the rest is learned.
+Motions need a body and an encoding; the networks themselves do not. A signal is normalised to [-1, 1]; its first frames
+are the washout.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ from controller.networks.ridge import ridge
 from controller.networks.signals import number_within, time_series, whole_number
 from motiondeck_base.errors import MotiondeckError
 
-# Of Jaeger 2014, section 3.2, in the units of a normalised signal.
+# After Jaeger 2014, section 3.2, for normalised signals.
 SMALL_RESERVOIR = ConceptorRecipe(
     neurons=100, spectral_radius=1.5, input_scale=1.5, bias_scale=0.2, learns="weights", ridge=1e-3, washout=100
 )
@@ -34,11 +34,11 @@ SMALL_RESERVOIR = ConceptorRecipe(
 def load_signals(
     signals: Mapping[str, Array], recipe: ConceptorRecipe = SMALL_RESERVOIR, seed: int = 0
 ) -> LoadedSignals:
-    """Loads signals into one reservoir (Jaeger 2014, section 3.3), whose conceptors can then be computed with.
+    """Loads signals into one reservoir (Jaeger 2014, section 3.3), for computing with their conceptors.
 
     Args:
-        signals: shape (T, D) each; the first `recipe.washout` frames only lead in.
-        recipe: sizes and scales; aperture, form and rank do not matter here.
+        signals: shape (T, D) each; the first `recipe.washout` frames are not learned.
+        recipe: sizes and scales; aperture, form and rank are ignored.
         seed: of the random weights.
 
     Raises:
@@ -79,13 +79,13 @@ def learn_signals(
 
 
 def run_free(network: FrameNetwork, motion: str, frames: int, anchor: int = 0) -> Array:
-    """What a network plays without any input, from a stored state on, shape (frames, C).
+    """The output of a network without input from a stored state, shape (frames, C).
 
     Args:
-        network: as `learn_signals` returns it.
-        motion: the name of a signal.
-        frames: how many.
-        anchor: which of the stored states; 0 is that at the start of the signal.
+        network: of `learn_signals`.
+        motion: name of a signal.
+        frames: number of frames.
+        anchor: index of the stored state; 0 is at the start of the signal.
 
     Raises:
         UnknownNameError: if there is no such motion; it names the nearest.
@@ -114,7 +114,7 @@ class ReservoirResponse:
     readout: Array
 
     def respond(self, inputs: Array) -> Array:
-        """The outputs to inputs (T, C), shape (T, D), from x = 0 on: the first frames are still a transient.
+        """The outputs to inputs (T, C), shape (T, D), from x = 0; the first frames are a transient.
 
         Raises:
             MotiondeckError: if the inputs are not of that shape, or a number is not finite.
@@ -126,11 +126,10 @@ class ReservoirResponse:
 def learn_response(
     reservoir: Reservoir, inputs: Array, outputs: Array, *, regulariser: float = 1e-6, washout: int = 100
 ) -> ReservoirResponse:
-    """Learns to answer an input signal (T, C) with an output signal (T, D) by ridge regression on the driven states.
+    """Trains the output signal (T, D) to an input signal (T, C) by ridge regression on the driven states.
 
     Raises:
-        MotiondeckError: if the two do not fit each other or the reservoir, the washout leaves nothing to learn from, or
-            a number is not finite.
+        MotiondeckError: if shapes do not fit, the washout leaves no frame, or a number is not finite.
     """
     given, wanted = time_series(inputs, "the input"), time_series(outputs, "the output")
     first = whole_number(washout, "washout")
@@ -146,7 +145,7 @@ def learn_response(
 def _motions(
     signals: Mapping[str, Array], loops: Collection[str], washout: int
 ) -> tuple[list[TrainingMotion], Normalisation]:
-    """What a trainer is given: normalised signals, of which the first frames lead in."""
+    """Normalised signals as training motions, with their washout."""
     if not isinstance(signals, Mapping):  # what pyright sees, a user's script does not
         raise MotiondeckError(f"signals are {{name: array of shape (T, D)}}, not a {type(signals).__name__}")
     if not signals:

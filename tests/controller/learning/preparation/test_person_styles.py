@@ -5,10 +5,10 @@ import numpy as np
 import pytest
 
 from controller.learning.preparation.cycles import ground_speed
-from controller.learning.preparation.people import in_the_manner_of
+from controller.learning.preparation.person_styles import person_variants
 from controller.learning.preparation.training_motion import Variant
 from controller.learning.recipe import LibraryRecipe, MotionRecipe
-from controller.learning.reservoirs.phase_conceptor_training import PhaseRecipe
+from controller.learning.trainers.phase_conceptor import PhaseRecipe
 from controller.learning.training_set import prepare
 from controller.motion.encodings.motion_matching import joint_features
 
@@ -32,7 +32,7 @@ def off(frames, wanted):
 
 @pytest.mark.parametrize("speed", [1.3, 1.7, 2.1])
 def test_a_person_who_was_recorded_at_one_speed_keeps_their_manner_at_others(speed):
-    (found,) = in_the_manner_of("anna", WALKS, PEOPLE, [speed])
+    (found,) = person_variants("anna", WALKS, PEOPLE, [speed])
     wanted = walk("anna", speed)
     assert found.value == speed
     assert off(found.frames, wanted.frames) < 0.5 * min(off(one.frames, wanted.frames) for one in WALKS)
@@ -41,12 +41,12 @@ def test_a_person_who_was_recorded_at_one_speed_keeps_their_manner_at_others(spe
 
 def test_what_was_recorded_is_nearly_kept():
     for person, one in zip(PEOPLE, WALKS, strict=True):
-        (found,) = in_the_manner_of(person, WALKS, PEOPLE, [one.value])
+        (found,) = person_variants(person, WALKS, PEOPLE, [one.value])
         assert off(found.frames, one.frames) < 0.12
 
 
 def test_nobody_who_was_recorded_moves_as_people_do_on_average():
-    (found,) = in_the_manner_of("nobody", WALKS, PEOPLE, [1.4])
+    (found,) = person_variants("nobody", WALKS, PEOPLE, [1.4])
     average = COMMON + 0.4 * 1.4 * BY_SPEED + np.mean([MANNER[person] for person in MANNER], axis=0)
     assert off(found.frames, average) < 0.15
 
@@ -54,7 +54,7 @@ def test_nobody_who_was_recorded_moves_as_people_do_on_average():
 def test_what_is_the_same_in_all_recordings_stays_as_it_is():
     still = [Variant(speed, 1.0, np.full((4, 2), 3.0)) for speed in (1.0, 1.2, 3.0)]
     for person in ("anna", "nobody"):
-        for found in in_the_manner_of(person, still, ["anna", "ben", "ben"], [1.0, 2.0, 3.0]):
+        for found in person_variants(person, still, ["anna", "ben", "ben"], [1.0, 2.0, 3.0]):
             assert found.frames == pytest.approx(np.full((4, 2), 3.0))
             assert found.seconds == pytest.approx(1.0)
 

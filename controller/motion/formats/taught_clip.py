@@ -1,0 +1,105 @@
+"""Clips taught to a rig by hand (.clip): joint angles in a safetensors file, and whether they loop."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Literal
+
+import msgspec
+import numpy as np
+
+from controller.motion.clip import Clip
+from controller.motion.encodings.joint_angles import JointAngles, JointBody, angles_of
+from controller.motion.file_format import Format
+from controller.motion.reading_options import AS_FOUND, ReadingOptions
+from controller.motion.rotations import Array
+from motiondeck_base.arrays_file import Kind, StoredArrays, read_arrays, write_arrays
+from motiondeck_base.errors import FileFormatError
+from motiondeck_base.toml_file import shaped
+
+_LARGEST_ANGLE = 4.0 * np.pi  # rad
+_KIND = Kind("taught clip", "motiondeck-clip", 2, "`motiondeck rig teach`", (1,))
+
+Plays = Literal["loop", "once"]
+"""Whether a motion repeats, or ends in a pose and holds it."""
+
+
+class _ClipHeader(msgspec.Struct, forbid_unknown_fields=True, frozen=True):
+    """The header of a taught clip's file."""
+
+    version: int
+    name: str
+    joints: list[str]
+    rate: float
+    source: str
+    plays: Plays = "loop"
+
+
+def taught_clip(name: str, joints: Sequence[str], rate: float, angles: Array, source: str = "") -> Clip:
+    """The clip of joint angles (T, J), rad, at a rate in Hz.
+
+    Raises:
+        FileFormatError: if shapes disagree, there are no frames, or an angle is not finite or beyond two turns.
+    """
+    body = JointBody.of(joints)
+    if angles.ndim != 2 or angles.shape[1] != len(body):
+        raise FileFormatError(f"clip '{name}': angles of shape {angles.shape} for {len(body)} joints")
+    if not (np.abs(angles) < _LARGEST_ANGLE).all():
+        raise FileFormatError(f"clip '{name}' holds an angle that is not finite or beyond two turns")
+    posture = JointAngles(body).decode(angles)
+    position = np.zeros((len(angles), 3))
+    position[:, 2] = posture.height
+    return Clip(name, body, rate, position, posture.rotation, source)
+
+
+def save_taught_clip(clip: Clip, path: Path, plays: Plays = "loop") -> None:
+    """Writes a clip of a joint body and how to play it once it is learned, atomically.
+
+    Raises:
+        FileFormatError: if the folder cannot be written.
+    """
+    header = _ClipHeader(_KIND.version, clip.name, list(clip.skeleton.bones), clip.rate, clip.source, plays)
+    write_arrays(path, _KIND, header, {"angles": angles_of(clip.rotation[:, 1:])})
+
+
+def read_taught_clip(path: str | Path, options: ReadingOptions = AS_FOUND) -> Clip:
+    """Reads the clip that `save_taught_clip` has written.
+
+    Raises:
+        FileFormatError: one line that names the file and the error; or if options are given.
+    """
+    options.refuse(path)
+    header, stored = _read(Path(path))
+    angles = stored.take("angles", stored.size("angles"), len(header.joints), kind=np.float64)
+    stored.finish()
+    try:
+        return taught_clip(header.name, header.joints, header.rate, angles, header.source)
+    except FileFormatError as error:
+        raise FileFormatError(f"{path}: {error}") from None
+
+
+def taught_mode(path: str | Path) -> Plays:
+    """Whether the motion in a file of `save_taught_clip` loops.
+
+    Raises:
+        FileFormatError: as `read_taught_clip`.
+    """
+    return _read(Path(path))[0].plays
+
+
+def _read(path: Path) -> tuple[_ClipHeader, StoredArrays]:
+    tree, stored = read_arrays(path, _KIND)
+    header = shaped(tree, _ClipHeader, f"{path} (header)")
+    if not header.joints:
+        raise FileFormatError(f"{path}: its header names no joints")
+    return header, stored
+
+
+FORMAT = Format(
+    name="taught to a rig by hand",
+    suffixes=(".clip",),
+    read=read_taught_clip,
+    supported="joint angles",
+    unsupported="(has no body: `clip` commands refuse it)",
+)

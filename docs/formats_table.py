@@ -1,0 +1,31 @@
+"""Writes the table of formats into clips.md, from the row FORMAT of each reader: `python docs/formats_table.py`."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from controller.motion.formats.reading import FORMATS
+
+PAGE = Path(__file__).with_name("clips.md")
+HEAD = "| file | what it is | read | not read |\n|---|---|---|---|\n"
+
+
+def formats_table() -> str:
+    """The formats as Markdown, a line each."""
+    table = HEAD
+    for row in dict.fromkeys(FORMATS.values()):
+        suffixes = ", ".join(f"`{suffix}`" for suffix in row.suffixes)
+        table += f"| {suffixes} | {row.name} | {row.supported} | {row.unsupported} |\n"
+    return table
+
+
+def with_table(page: str) -> str:
+    """A page whose table of formats is up to date."""
+    before, _, rest = page.partition(HEAD)
+    lines = rest.splitlines(keepends=True)
+    after = next(index for index, line in enumerate(lines) if not line.startswith("|"))
+    return before + formats_table() + "".join(lines[after:])
+
+
+if __name__ == "__main__":
+    PAGE.write_text(with_table(PAGE.read_text(encoding="utf-8")), encoding="utf-8")

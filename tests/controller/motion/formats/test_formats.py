@@ -1,0 +1,31 @@
+"""The list of formats comes from the modules that read them."""
+
+import importlib.util
+from pathlib import Path
+
+import pytest
+
+from controller.motion.formats.reading import FORMATS, read_clip
+from motiondeck_base.errors import FileFormatError
+
+DOCS = Path(__file__).parents[4] / "docs"
+
+
+def test_the_table_of_the_docs_lists_every_format():
+    spec = importlib.util.spec_from_file_location("formats_table", DOCS / "formats_table.py")
+    script = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(script)
+    page = script.PAGE.read_text(encoding="utf-8")
+    assert page == script.with_table(page), "run: python docs/formats_table.py"
+
+
+def test_no_suffix_belongs_to_two_formats():
+    rows = dict.fromkeys(FORMATS.values())
+    assert sum(len(row.suffixes) for row in rows) == len(FORMATS)
+
+
+@pytest.mark.parametrize("name", ["walk.txt", "walk.trc", "walk"])
+def test_a_file_of_another_format_is_named_by_its_first_bytes(tmp_path, name):
+    (tmp_path / name).write_text("\n HIERARCHY\nROOT Hips\n")
+    with pytest.raises(FileFormatError, match=r"begins as a \.bvh file\. Rename it"):
+        read_clip(tmp_path / name)
