@@ -5,7 +5,6 @@ A switch is the switching module's: while z goes from one motion to the other bo
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
 from typing import Any, Self
 
 import numpy as np
@@ -21,48 +20,6 @@ from controller.networks.storage import StoredNetwork, arrays_of
 from motiondeck_base.errors import MotiondeckError
 
 ANCHOR_EVERY = 2
-
-
-@dataclass(frozen=True, eq=False)
-class StoredMotion:
-    """A centralized motion as arrays, with n centers, m satellites and C channels.
-
-    Attributes:
-        frequency, phase: of the centers, shape (n,), rad/s and rad.
-        places, sharpness: of the satellites, shape (m, 2 n) and (m,).
-        weights: W, shape (C, m), or its two factors.
-        rest: shape (C,).
-    """
-
-    frequency: Array
-    phase: Array
-    places: Array
-    sharpness: Array
-    weights: Array | LowRankWeights
-    rest: Array
-
-    @classmethod
-    def of(cls, motion: CentralizedMotion) -> StoredMotion:
-        """A motion as it is stored."""
-        satellites = motion.satellites
-        return cls(motion.frequency, motion.phase, satellites.places, satellites.sharpness, motion.weights, motion.rest)
-
-    def arrays(self, at: str) -> dict[str, NDArray[Any]]:
-        """The stored arrays by names that begin with `at`; weights of low rank without their zeros."""
-        if not isinstance(self.weights, LowRankWeights):
-            return arrays_of(self, at)
-        packed = arrays_of(PackedWeights.of(self.weights), at)
-        return arrays_of(replace(self, weights=self.rest), at) | packed
-
-    def revive(self, frames: int, rate: float, *, loop: bool) -> CentralizedMotion:
-        """The motion, learned from some frames at a rate in Hz.
-
-        Raises:
-            MotiondeckError: if the arrays do not fit each other, or a loop does not close.
-        """
-        seconds = (frames if loop else max(1, frames - 1)) / rate
-        satellites = GaussianSatellites(self.places, self.sharpness)
-        return CentralizedMotion(self.frequency, self.phase, satellites, self.weights, self.rest, seconds, loop)
 
 
 class CentralizedNetwork(Network[CentralizedMotion]):
@@ -182,10 +139,17 @@ class CentralizedNetwork(Network[CentralizedMotion]):
         }
 
     def arrays(self) -> dict[str, NDArray[Any]]:
-        """The stored arrays by name."""
+        """The stored arrays by name; weights of low rank without their zeros."""
         found: dict[str, NDArray[Any]] = {}
         for name in self.motions:
-            found |= StoredMotion.of(self[name]).arrays(f"motion/{name}/")
+            part, at = self[name], f"motion/{name}/"
+            own = {"frequency": part.frequency, "phase": part.phase, "rest": part.rest}
+            own |= {"places": part.satellites.places, "sharpness": part.satellites.sharpness}
+            if isinstance(part.weights, LowRankWeights):
+                found |= arrays_of(PackedWeights.of(part.weights), at)
+            else:
+                own["weights"] = part.weights
+            found |= {at + key: array for key, array in own.items()}
         return found
 
     @classmethod
@@ -193,15 +157,19 @@ class CentralizedNetwork(Network[CentralizedMotion]):
         """The network that a file holds."""
         header, motions = stored.header, dict[str, CentralizedMotion]()
         for motion in header.motions:
-            at, sizes = f"motion/{motion.name}/", {"c": stored.channels}
+            at, sizes, loop = f"motion/{motion.name}/", {"c": stored.channels}, motion.plays == "loop"
             sizes |= {"n": stored.stored.size(at + "frequency"), "m": stored.stored.size(at + "sharpness")}
             sizes["d"] = 2 * sizes["n"]
-            found = stored.read(at, sizes, np.float64, frequency="n", phase="n", places="md", sharpness="m", rest="c")
-            part = StoredMotion(**found, weights=_stored_weights(stored, at, sizes))
+            placed = stored.read(at, sizes, np.float64, places="md", sharpness="m")
+            found = stored.read(at, sizes, np.float64, frequency="n", phase="n", rest="c")
+            weights = _stored_weights(stored, at, sizes)
+            seconds = (motion.frames if loop else max(1, motion.frames - 1)) / header.rate
             try:
-                motions[motion.name] = part.revive(motion.frames, header.rate, loop=motion.plays == "loop")
+                satellites = GaussianSatellites(**placed)
+                part = CentralizedMotion(satellites=satellites, weights=weights, seconds=seconds, loop=loop, **found)
             except MotiondeckError as error:
                 raise stored.error(f"motion '{motion.name}': {error}") from None
+            motions[motion.name] = part
         return cls(motions, header.rate)
 
 
