@@ -11,12 +11,12 @@ from typing import Any
 
 import msgspec
 
-from motiondeck.run.live_deck import Ended, Failed, LiveNews, Ready
+from motiondeck.run.live_deck import Ended, Failed, LiveMessage, Ready
 from motiondeck_base.errors import MotiondeckError
 
 _ENDS_WITHIN = 30.0  # s: on the way to rest a rig may take its time
 
-_news = msgspec.json.Decoder(LiveNews)
+_news = msgspec.json.Decoder(LiveMessage)
 
 
 class DeckProcess:

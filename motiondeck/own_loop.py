@@ -31,7 +31,7 @@ from motiondeck.deck_commands import DeckCommands
 from motiondeck.libraries import Library
 from motiondeck.robots import Robot
 from motiondeck.run.live_deck import with_right_types
-from motiondeck.run.setup import first_motion
+from motiondeck.run.spec.program import first_motion
 from motiondeck_base.errors import MotiondeckError
 from motiondeck_base.shipped import find_library, find_robot
 from sim.models.robot_file import solver_named

@@ -1,15 +1,14 @@
 # pyright: strict
-"""Starts a live deck: its process, with what it is to play and on which robot."""
+"""Starts a live deck in a process beside this one."""
 
 from __future__ import annotations
 
 import contextlib
-import math
+import inspect
 import subprocess
 import sys
-from collections.abc import Sequence
-from pathlib import Path
-from typing import Literal
+from collections.abc import Callable
+from typing import Any, ParamSpec
 
 import msgspec
 
@@ -17,84 +16,55 @@ from controller.wire.run_folder import run_folder
 from motiondeck.deck_process import DeckProcess
 from motiondeck.libraries import Library
 from motiondeck.live import LiveDeck
-from motiondeck.run.live_deck import LiveRequest, with_right_types
-from motiondeck_base.errors import MotiondeckError
+from motiondeck.run.live_deck import with_right_types
+from motiondeck.run.spec.run_spec import RunSpec, options
 
 __all__ = ["play"]
 
+P = ParamSpec("P")
 
-def play(
-    library: str | Path | Library = "thesis15",
-    motion: str | None = None,
-    *,
-    robot: str | Path = "mannequin",
-    rig: str | Path | None = None,
-    page: bool | int = False,
-    seconds: float | None = None,
-    record: str | Path | None = None,
-    outputs: Sequence[str] = (),
-    rate: float = 200.0,
-    physics: bool = True,
-    root: Literal["gantry", "fixed", "free"] = "gantry",
-    balance: bool = False,
-    walk: bool = False,
-    command_port: int = 0,
-    lock_to: str | int | LiveDeck | None = None,
-) -> LiveDeck:
+
+def _with_options_of(spec: Callable[P, RunSpec]) -> Callable[[Callable[..., LiveDeck]], Callable[P, LiveDeck]]:
+    """Gives a function the parameters of a run's spec, and describes them in its docstring."""
+
+    def decorate(function: Callable[..., LiveDeck]) -> Callable[P, LiveDeck]:
+        signature = inspect.signature(spec)
+        setattr(function, "__signature__", signature.replace(return_annotation="LiveDeck"))  # noqa: B010
+        described = "\n".join(f"        {name}: {option.help}" for name, option in options().items())
+        function.__doc__ = (function.__doc__ or "").replace("{options}", described.lstrip())
+        return function
+
+    return decorate
+
+
+@_with_options_of(RunSpec)
+def play(*values: Any, **named: Any) -> LiveDeck:
     """Starts a live deck and returns when it plays.
 
     The deck ends with its `with` block, after `seconds`, or with the program that started it, even if that is killed.
+    A keyword has the name and the meaning of the option of `motiondeck play`; `physics=False` is --kinematic, and a
+    page is opened with `page=True`, on a free port, or `page=8040`. A library may also be one in memory, and
+    `lock_to` a live deck.
 
     Args:
-        library: a shipped one by its name, a file, or one in memory.
-        motion: the first motion; by default `walk`, or the library's first.
-        robot: a shipped one by its name ("mannequin", "servo20"), or a robot file.
-        rig: its servos: "emulated", a shipped rig or a rig file; None for none.
-        page: whether there is a page in the browser, on a free port or on this one; see `LiveDeck.page`.
-        seconds: how long to play; None until it is closed.
-        record: the file in which every tick is recorded, for `motiondeck replay` and `plot`.
-        outputs: outputs of other packages that get the joint targets, each NAME or NAME:ARGUMENT.
-        rate: ticks of the loop a second, Hz.
-        physics: whether servos and masses are simulated; without them the robot is exactly at its targets.
-        root: what holds the simulated robot: a gantry, a fixed stand, or nothing.
-        balance: whether a free robot keeps its balance.
-        walk: whether a free robot walks where the motion goes.
-        command_port: where commands come in; 0 for a free port.
-        lock_to: "beat", "body", another deck or its command port: what the phase is locked to from the start.
+        {options}
 
     Raises:
         MotiondeckError: if a name does not exist (it names the nearest), or a file, port or rig cannot be used.
     """
     with contextlib.ExitStack() as opening:
-        if isinstance(library, Library):
+        given = inspect.signature(RunSpec).bind(*values, **named).arguments
+        if isinstance(library := given.get("library"), Library):
             file = opening.enter_context(run_folder()) / "played.safetensors"
             library.save(file)
-            library = file
-        request = LiveRequest(
-            library=str(library),
-            motion=motion,
-            robot=str(robot),
-            rig=str(rig) if rig is not None else None,
-            rate=rate,
-            physics=physics,
-            root=root,
-            balance=balance,
-            walk=walk,
-            page_port=None if page is False else 0 if page is True else page,
-            command_port=command_port,
-            seconds=seconds,
-            record=str(record) if record is not None else None,
-            outputs=tuple(outputs),
-            lock_to=str(lock_to.command_port if isinstance(lock_to, LiveDeck) else lock_to) if lock_to else None,
-        )
-        request = with_right_types(request)
-        for name, value in (("rate", request.rate), ("seconds", request.seconds)):
-            if value is not None and not math.isfinite(value):
-                raise MotiondeckError(f"{name} is {value}, not a finite number")
-        module = "motiondeck.run.live_deck"
-        # In a session of its own: Ctrl-C is for the program, whose `with` block then ends the deck.
+            given["library"] = file
+        if isinstance(leader := given.get("lock_to"), LiveDeck):
+            given["lock_to"] = leader.command_port
+        spec = with_right_types(RunSpec(**given))
+        spec.check()
+        # In its own session: Ctrl-C is for the program, whose `with` block then ends the deck.
         process = subprocess.Popen(
-            [sys.executable, "-P", "-m", module, msgspec.json.encode(request).decode()],
+            [sys.executable, "-P", "-m", "motiondeck.run.live_deck", msgspec.json.encode(spec).decode()],
             stdin=subprocess.PIPE,
             stdout=subprocess.PIPE,
             start_new_session=True,

@@ -48,11 +48,11 @@ from controller.loop.gc_and_blas import undisturbed  # noqa: E402
 from controller.loop.histogram import DurationHistogram  # noqa: E402
 from controller.loop.permissions import handed_back, request_core, request_realtime  # noqa: E402
 from controller.wire.messages.commands import Switch  # noqa: E402
-from motiondeck.run.robots.robot_on_deck import RobotSetup, open_robots  # noqa: E402
-from motiondeck.run.run_settings import RunSettings  # noqa: E402
-from motiondeck.run.script import Timed  # noqa: E402
-from motiondeck.run.session import Session  # noqa: E402
-from motiondeck_base.shipped import find_library, find_rig, find_robot  # noqa: E402
+from motiondeck.run.assembly import Host, Played, open_session  # noqa: E402
+from motiondeck.run.robots.robot_on_deck import open_robots  # noqa: E402
+from motiondeck.run.spec.run_spec import RunSpec  # noqa: E402
+from motiondeck.run.spec.script import Timed  # noqa: E402
+from motiondeck_base.shipped import find_library, find_rig  # noqa: E402
 
 BESIDE = ("none", "view", "hog")
 RIG_HZ = 125.0  # at most; the fastest whole share of the loop's rate below it is taken
@@ -75,22 +75,23 @@ def measure(
     show = [Timed(2.0 * k, Switch(motions[k % len(motions)])) for k in range(1, int(options.seconds / 2.0))]
     with tempfile.TemporaryDirectory() as folder, hog(beside == "hog", options.core):
         rig = rig_file(Path(folder), rate) if options.rig else None
-        setup = RobotSetup(find_robot("servo20"), rig, emulated=True, physics=False)
-        settings = RunSettings(
+        spec = RunSpec(
+            robot="servo20",
+            rig=f"emulated:{rig}" if rig is not None else None,
+            physics=False,
             rate=rate,
             realtime=fifo,
-            page_port=0 if beside == "view" else None,
+            page=beside == "view",
             seconds=options.seconds,
             core=options.core,
         )
-        with Session(
+        played = Played(
             library,
-            lambda opening: open_robots(opening, [setup], library, rate),
+            lambda opening: open_robots(opening, spec, library),
             lambda retarget: Deck(library, retarget, "walk"),
-            settings,
             show,
-            clock,
-        ) as session:
+        )
+        with open_session(spec, played, Host(clock=clock)) as session:
             before = stolen_ms()
             report: dict[str, Any] = session.run()
     skipped = getattr(clock, "skipped", 0)

@@ -26,10 +26,10 @@ from controller.deck.joins.joining import JOININGS, Joining  # noqa: E402
 from controller.library.motion_library import MotionLibrary, load_library  # noqa: E402
 from controller.loop.clock import SPIN_NS, VirtualClock  # noqa: E402
 from controller.motion.rotations import Array  # noqa: E402
-from motiondeck.run.robots.robot_on_deck import RobotSetup, open_robots  # noqa: E402
-from motiondeck.run.run_settings import RunSettings  # noqa: E402
-from motiondeck.run.session import Session  # noqa: E402
-from motiondeck_base.shipped import find_library, find_robot  # noqa: E402
+from motiondeck.run.assembly import Host, Played, open_session  # noqa: E402
+from motiondeck.run.robots.robot_on_deck import open_robots  # noqa: E402
+from motiondeck.run.spec.run_spec import RunSpec  # noqa: E402
+from motiondeck_base.shipped import find_library  # noqa: E402
 
 RATE = 200.0
 APPROACH, APART, BEFORE, SHOWN = 1000, 150, 40, 6  # ticks
@@ -51,15 +51,15 @@ def time_switches(library: MotionLibrary, joining: Joining | None, switches: int
                 pass
 
     timing = Ticks(clock, command_and_pause)
-    with Session(
+    spec = RunSpec(robot="servo20", rate=RATE, seconds=last / RATE)
+    played = Played(
         library,
-        lambda opening: open_robots(opening, [RobotSetup(find_robot("servo20"))], library, RATE),
+        lambda opening: open_robots(opening, spec, library),
         lambda retarget: (
             decks.append(Deck(library, retarget, library.network.motions[0], direct=True, joining=joining)) or decks[0]
         ),
-        RunSettings(rate=RATE, seconds=last / RATE),
-        clock=clock,
-    ) as session:
+    )
+    with open_session(spec, played, Host(clock=clock)) as session:
         session.run()
     begun = APPROACH + APART * np.arange(switches)
     spent = timing.column(ALL, slice(0, last))

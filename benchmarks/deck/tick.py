@@ -40,11 +40,11 @@ from controller.deck.deck import Deck  # noqa: E402
 from controller.library.motion_library import MotionLibrary, load_library  # noqa: E402
 from controller.loop.clock import SPIN_NS, Ticker, VirtualClock  # noqa: E402
 from controller.motion.rotations import Array  # noqa: E402
-from motiondeck.run.robots.robot_on_deck import RobotSetup, open_robots  # noqa: E402
-from motiondeck.run.run_settings import RunSettings  # noqa: E402
-from motiondeck.run.session import Session  # noqa: E402
+from motiondeck.run.assembly import Host, Played, open_session  # noqa: E402
+from motiondeck.run.robots.robot_on_deck import open_robots  # noqa: E402
+from motiondeck.run.spec.run_spec import RunSpec  # noqa: E402
 from motiondeck_base.errors import MotiondeckError  # noqa: E402
-from motiondeck_base.shipped import find_library, find_rig, find_robot  # noqa: E402
+from motiondeck_base.shipped import find_library  # noqa: E402
 
 RATE = 200.0
 APPROACH = 1000  # ticks after which the joints have approached the motion
@@ -58,14 +58,11 @@ def play(library: MotionLibrary, motion: str, clock: Ticker | VirtualClock, tick
     Raises:
         MotiondeckError: if the run ended early.
     """
-    setup = RobotSetup(find_robot("servo20"), find_rig("servo20") if rig else None, emulated=True)
-    with Session(
-        library,
-        lambda opening: open_robots(opening, [setup], library, RATE),
-        lambda retarget: Deck(library, retarget, motion),
-        RunSettings(rate=RATE, seconds=ticks / RATE),
-        clock=clock,
-    ) as session:
+    spec = RunSpec(robot="servo20", rig="emulated" if rig else None, rate=RATE, seconds=ticks / RATE)
+    played = Played(
+        library, lambda opening: open_robots(opening, spec, library), lambda retarget: Deck(library, retarget, motion)
+    )
+    with open_session(spec, played, Host(clock=clock)) as session:
         reason = session.run()["reason"]
     if reason != "played to the end":
         raise MotiondeckError(f"the run ended early: {reason}")

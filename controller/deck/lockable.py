@@ -39,6 +39,12 @@ class Lockable(Paced, ABC):
         self._lock: Lock | None = None
         self._beats: Beats | None = None
 
+    def attach(
+        self, *, due: Callable[[], float] | None = None, measured: Measured | None = None, leader: Leader | None = None
+    ) -> None:
+        """Connects what locks follow: the clock of the loop, the measured joints, another deck."""
+        self.due, self.measured, self.leader = due, measured, leader
+
     @property
     def lock_state(self) -> LockState | None:
         """The state of the lock, or None without one."""

@@ -4,17 +4,20 @@ from __future__ import annotations
 
 import json
 import sys
+from dataclasses import replace
 from pathlib import Path
 from typing import Annotated
 
 import typer
 
-from controller.wire.command_socket import DEFAULT_PORT
-from motiondeck.cli.common.options import PAGE_PORT, PagePortOption
+from motiondeck.cli.run_options import with_run_options
+from motiondeck.run.spec.run_spec import RunSpec
 
 
+@with_run_options("rig", "physics", "page", "command_port")
 def replay(
     file: Annotated[Path, typer.Argument(metavar="FILE", help="A recording made with `play --record FILE`.")],
+    *,
     library: Annotated[
         str | None,
         typer.Option("--library", metavar="LIBRARY", help="The library that was played; default: found by its name."),
@@ -22,10 +25,7 @@ def replay(
     robot: Annotated[
         str | None, typer.Option("--robot", metavar="ROBOT", help="The robot that played; default: found by its name.")
     ] = None,
-    rig: Annotated[
-        str | None,
-        typer.Option("--rig", metavar="RIG", help="Stream to servos: a rig file, or 'emulated' for emulated ones."),
-    ] = None,
+    spec: RunSpec,
     scrub: Annotated[
         bool, typer.Option("--scrub", help="Show the targets on a page with a time bar; nothing is driven.")
     ] = False,
@@ -34,14 +34,6 @@ def replay(
         float | None,
         typer.Option("--rate", metavar="HZ", help="Ticks of the loop per second, Hz; default: as recorded."),
     ] = None,
-    kinematic: Annotated[
-        bool, typer.Option("--kinematic", help="Show the targets without simulated servos and masses.")
-    ] = False,
-    page_port: PagePortOption = PAGE_PORT,
-    command_port: Annotated[
-        int,
-        typer.Option("--command-port", metavar="PORT", help="Where `motiondeck send` reaches it; 0 for any free one."),
-    ] = DEFAULT_PORT,
     as_json: Annotated[bool, typer.Option("--json", help="Print a report as one JSON object in the end.")] = False,
 ) -> None:
     """Replay a recorded run: the same targets, through the same limits.
@@ -55,11 +47,9 @@ def replay(
     from controller.deck.recorded_deck import RecordedDeck
     from controller.library.motion_library import load_library
     from controller.wire.run_recording import load_recording
+    from motiondeck.run.assembly import Host, Played, open_session
     from motiondeck.run.report import summary
     from motiondeck.run.robots.robot_on_deck import open_robots
-    from motiondeck.run.run_settings import RunSettings
-    from motiondeck.run.session import Session
-    from motiondeck.run.setup import robot_setup
     from motiondeck_base.shipped import find_library, find_robot
 
     recording = load_recording(file)
@@ -73,20 +63,19 @@ def replay(
         from motiondeck.run.page.page import show_act
         from sim.robots.robot import load_robot
 
-        show_act(act_of_recording(recording, load_robot(find_robot(player), loaded.skeleton)), page_port)
+        show_act(act_of_recording(recording, load_robot(find_robot(player), loaded.skeleton)), spec.page_port or 0)
         return
-    root = str(recording.description.get("root", "gantry"))
-    balance, walk = bool(recording.description.get("balance")), bool(recording.description.get("walk"))
-    deck = RecordedDeck(recording, same_robot=robot is None or Path(robot).stem == recorded)
-    setup = robot_setup(player, rig, physics=not kinematic, root=root, balance=balance, walk=walk)
-    settings = RunSettings(
+    spec = replace(
+        spec,
+        robot=player,
         rate=rate if rate is not None else float(recording.description["rate"]),
-        command_port=command_port,
-        page_port=None if headless else page_port,
-        terminal=not headless and sys.stdin.isatty(),
+        root=recording.description.get("root", "gantry"),
+        balance=bool(recording.description.get("balance")),
+        walk=bool(recording.description.get("walk")),
+        page=False if headless else spec.page,
     )
-    with Session(
-        loaded, lambda opening: open_robots(opening, [setup], loaded, settings.rate), lambda _: deck, settings
-    ) as session:
+    deck = RecordedDeck(recording, same_robot=robot is None or Path(robot).stem == recorded)
+    played = Played(loaded, lambda opening: open_robots(opening, spec, loaded), lambda _: deck)
+    with open_session(spec, played, Host(terminal=not headless and sys.stdin.isatty())) as session:
         report = session.run()
     print(json.dumps(report) if as_json else summary(report))

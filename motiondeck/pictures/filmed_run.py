@@ -10,7 +10,7 @@ from controller.deck.deck import Deck
 from controller.library.motion_library import MotionLibrary
 from controller.wire.messages.commands import CommandError
 from motiondeck.pictures.library_pictures import FilmLook, Staging, film
-from motiondeck.run.script import Timed
+from motiondeck.run.spec.script import Timed
 from motiondeck_base.errors import MotiondeckError
 
 SHORTEST, AFTER_LAST = 6.0, 4.0  # s: a film without a given length, and what it shows after the last command

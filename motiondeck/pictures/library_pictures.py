@@ -20,7 +20,7 @@ from controller.loop.stop_requests import StopRequest
 from controller.motion.rotations import Array
 from controller.wire.messages.commands import Blend
 from controller.wire.messages.replies import Refused
-from motiondeck.run.script import Timed
+from motiondeck.run.spec.script import Timed
 from motiondeck_base.errors import MotiondeckError, UnknownNameError
 from motiondeck_base.shipped import find_library, find_robot
 

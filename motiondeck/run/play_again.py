@@ -12,7 +12,7 @@ import typer
 from controller.library.motion_library import load_library
 from motiondeck_base.errors import MotiondeckError
 
-_LEFT_OUT = ("motion", "library", "script", "page_port", "command_port")
+_LEFT_OUT = ("motion", "library", "script", "page", "command_port")
 
 
 def play_again(

@@ -133,6 +133,10 @@ class PhysicsPlayback:
         """Where the robot is, shape (nq,): MuJoCo's own array, so copy what you keep."""
         return self.data.qpos
 
+    def attach(self, clock: Callable[[], float], holds: Callable[[], bool]) -> None:
+        """Connects the clock of its events, s, and whether a fallen robot is to stay as it lies."""
+        self.clock, self.holds = clock, holds
+
     def write(self, targets: Array, pose: Pose) -> None:
         """Advances the simulation by dt towards targets (J,), rad, and the root of the pose.
 

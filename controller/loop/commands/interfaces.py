@@ -54,13 +54,13 @@ class Pushable(Protocol):
 
     Attributes:
         fallen: whether it lies.
-        clock: the time at which it notes what happens to it, s.
-        holds: whether it is to stay as it lies, and not get up.
     """
 
     fallen: bool
-    clock: Callable[[], float]
-    holds: Callable[[], bool]
+
+    def attach(self, clock: Callable[[], float], holds: Callable[[], bool]) -> None:
+        """Connects the clock of its events, s, and whether it is to stay as it lies and not get up."""
+        ...
 
     def push_from(self, side: Side, impulse: float, towards: float | None) -> float:
         """Pushes it from a side, or towards a direction, with an impulse, N s, 0 for its own choice; that impulse."""

@@ -3,23 +3,26 @@
 from __future__ import annotations
 
 import json
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from controller.wire.command_socket import DEFAULT_PORT
 from motiondeck.cli.common.options import JsonOption
 from motiondeck.cli.rig.rig_port import PortOption, RigArgument, load
+from motiondeck.cli.run_options import with_run_options
+from motiondeck.run.spec.run_spec import RunSpec
 from motiondeck_base.errors import MotiondeckError
 
 if TYPE_CHECKING:
     from controller.library.motion_library import MotionLibrary
     from controller.motion.clip import Clip
     from hardware.rig.rig_file import RigConfig
-    from motiondeck.run.run_settings import RunSettings
+    from motiondeck.run.assembly import Host
 
 
+@with_run_options("seconds", "command_port")
 def play(
     rig: RigArgument,
     what: Annotated[
@@ -30,6 +33,8 @@ def play(
         str | None, typer.Argument(metavar="MOTION", help="The motion to play first, if a library is played.")
     ] = None,
     port: PortOption = None,
+    *,
+    spec: RunSpec,
     robot: Annotated[
         str | None,
         typer.Option(
@@ -38,13 +43,6 @@ def play(
             help="For human motions: the robot whose joints the rig has; default: the rig's name.",
         ),
     ] = None,
-    seconds: Annotated[
-        float | None, typer.Option("--seconds", metavar="SECONDS", help="Stop after this many seconds.")
-    ] = None,
-    command_port: Annotated[
-        int,
-        typer.Option("--command-port", metavar="PORT", help="Where `motiondeck send` reaches it; 0 for any free one."),
-    ] = DEFAULT_PORT,
     as_json: JsonOption = False,
 ) -> None:
     """Play a taught clip or a library on a rig alone.
@@ -62,54 +60,57 @@ def play(
     """
     from controller.library.motion_library import load_library
     from controller.motion.formats.reading import read_clip
+    from motiondeck.run.assembly import Host
     from motiondeck.run.report import summary
-    from motiondeck.run.run_settings import RunSettings
-    from motiondeck.run.setup import check_seconds, checked_rate, first_motion
+    from motiondeck.run.spec.program import checked_rate, first_motion
     from motiondeck_base.shipped import find_library
 
     config = load(rig)
-    check_seconds(seconds)
-    settings = RunSettings(rate=config.rate_hz, command_port=command_port, seconds=seconds, progress=not as_json)
+    spec = replace(spec, rate=config.rate_hz)
+    spec.check()
+    host = Host(progress=not as_json)
     if Path(what).suffix == ".clip":
         if motion is not None:
             raise MotiondeckError(f"{what} is one clip, so there is no motion '{motion}' to choose")
-        report = play_clip(config, port or [], read_clip(what), settings)
+        report = play_clip(config, port or [], read_clip(what), spec, host)
     else:
         library = load_library(find_library(what))
         first = first_motion(library, motion)
         checked_rate(library, first, config.rate_hz)
-        report = play_library(config, port or [], library, first, robot or Path(rig).stem, settings)
+        report = play_library(config, port or [], library, first, robot or Path(rig).stem, spec, host)
     print(json.dumps(report) if as_json else summary(report))
     if any(output["parked"] for output in report["outputs"]):
         raise typer.Exit(1)
 
 
-def play_clip(config: RigConfig, ports: list[str], clip: Clip, settings: RunSettings) -> dict[str, Any]:
+def play_clip(
+    config: RigConfig, ports: list[str], clip: Clip, spec: RunSpec, host: Host | None = None
+) -> dict[str, Any]:
     """Plays a taught clip once on a rig, and returns the report of the run."""
+    from motiondeck.run.assembly import Host, Played, open_session
     from motiondeck.run.robots.rig_on_deck import open_rig_alone, recorded_deck
-    from motiondeck.run.session import Session
 
-    with Session(
+    played = Played(
         clip,
         lambda opening: [open_rig_alone(opening, config, ports, clip, "")],
         lambda retarget: recorded_deck(clip, retarget),
-        settings,
-    ) as session:
+    )
+    with open_session(spec, played, host or Host()) as session:
         return session.run()
 
 
 def play_library(
-    config: RigConfig, ports: list[str], library: MotionLibrary, first: str, robot: str, settings: RunSettings
+    config: RigConfig, ports: list[str], library: MotionLibrary, first: str, robot: str, spec: RunSpec, host: Host
 ) -> dict[str, Any]:
     """Plays a library on a rig for some time or until it is stopped, and returns the report of the run."""
     from controller.deck.deck import Deck
+    from motiondeck.run.assembly import Played, open_session
     from motiondeck.run.robots.rig_on_deck import open_rig_alone
-    from motiondeck.run.session import Session
 
-    with Session(
+    played = Played(
         library,
         lambda opening: [open_rig_alone(opening, config, ports, library, robot)],
         lambda retarget: Deck(library, retarget, first),
-        settings,
-    ) as session:
+    )
+    with open_session(spec, played, host) as session:
         return session.run()

@@ -196,7 +196,7 @@ def tune_walk(
       motiondeck robot tune-walk my-robot.toml --motion walk --motion waltz
     """
     from motiondeck.cli.robot.tune_walk import report_text, tune
-    from motiondeck.run.setup import check_seconds
+    from motiondeck.run.spec.run_spec import check_seconds
     from motiondeck_base.shipped import find_robot
 
     check_seconds(seconds)

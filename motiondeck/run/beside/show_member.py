@@ -11,7 +11,6 @@ from importlib.util import find_spec
 
 import msgspec
 
-from controller.deck.lockable import Lockable
 from controller.library.motion_library import MotionLibrary
 from controller.wire.command_socket import CommandClient, CommandServer, SocketError
 from controller.wire.leader_link import LeaderLink
@@ -34,8 +33,8 @@ class ShowMember:
     def __init__(self, process: subprocess.Popen[bytes], leader_port: int) -> None:
         self.process, self._port = process, leader_port
 
-    def lead(self, opening: ExitStack, deck: Lockable) -> None:
-        """Waits until it takes part; the deck can then be locked to the phase of the show.
+    def leader(self, opening: ExitStack) -> LeaderLink:
+        """Waits until it takes part; a link to the phase of the show, which `opening` closes.
 
         Raises:
             MotiondeckError: if it cannot; the process has said why.
@@ -53,7 +52,7 @@ class ShowMember:
         client.close()
         link = LeaderLink.to(str(self._port))
         opening.callback(link.close)
-        deck.leader = link
+        return link
 
 
 @contextmanager

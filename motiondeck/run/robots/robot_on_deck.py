@@ -15,6 +15,9 @@ from controller.loop.ensemble import RobotOutput
 from controller.loop.output_channel import Channel
 from controller.motion.rotations import Array
 from motiondeck.run.robots.rig_output import open_rig
+from motiondeck.run.spec.run_spec import EMULATED, RunSpec
+from motiondeck_base.errors import MotiondeckError
+from motiondeck_base.shipped import find_rig, find_robot
 
 if TYPE_CHECKING:
     from sim.robots.robot import Robot
@@ -44,40 +47,13 @@ class Stage(Output, Protocol):
 
 
 @dataclass(frozen=True)
-class RobotSetup:
-    """Which robot plays, and how.
-
-    Attributes:
-        robot: the robot file.
-        rig: the rig file, or None.
-        emulated: whether the rig's servos are emulated.
-        physics: whether the simulated robot moves by servos and masses, or exactly along its targets.
-        root: what holds the simulated robot: gantry, fixed or free.
-        balance: whether a free robot keeps its balance.
-        walk: whether it walks on its own feet.
-        solver: how motions are carried onto it, in place of what its file chooses.
-        keep_apart: whether targets at which its limbs would collide are held back.
-    """
-
-    robot: Path
-    rig: Path | None = None
-    emulated: bool = False
-    physics: bool = True
-    root: str = "gantry"
-    balance: bool = False
-    walk: bool = False
-    solver: str | None = None
-    keep_apart: bool = False
-
-
-@dataclass(frozen=True)
 class Simulation:
     """How a robot is simulated.
 
     Attributes:
         robot: its model.
         stage: the output that simulates it.
-        root, balance, walk: as in its `RobotSetup`.
+        root, balance, walk: as in the `RunSpec`.
     """
 
     robot: Robot
@@ -146,21 +122,20 @@ def channels_of(robots: Sequence[RobotOnDeck]) -> list[Channel]:
     return channels
 
 
-def open_robots(
-    opening: ExitStack, setups: Sequence[RobotSetup], library: MotionLibrary, rate: float
-) -> list[RobotOnDeck]:
-    """Opens the robot that plays and, if there is a second one, the robot that mirrors it; see `open_robot`."""
-    prefixes = ("", FOLLOWER)[: len(setups)]
-    return [open_robot(opening, setup, library, rate, prefix) for setup, prefix in zip(setups, prefixes, strict=True)]
+def open_robots(opening: ExitStack, spec: RunSpec, library: MotionLibrary) -> list[RobotOnDeck]:
+    """Opens the robot of a run and, if there is a second one, the robot that mirrors it; see `open_robot`."""
+    robots = [open_robot(opening, spec, library)]
+    if spec.follow is not None:
+        second = replace(spec, robot=spec.follow, rig=spec.follow_rig, solver=None)
+        robots.append(open_robot(opening, second, library, FOLLOWER))
+    return robots
 
 
-def open_robot(
-    opening: ExitStack, setup: RobotSetup, library: MotionLibrary, rate: float, prefix: str = ""
-) -> RobotOnDeck:
-    """Opens a robot, its simulation and its rig for a loop of some rate (Hz); `opening` closes them.
+def open_robot(opening: ExitStack, spec: RunSpec, library: MotionLibrary, prefix: str = "") -> RobotOnDeck:
+    """Opens the robot of a run, its simulation and its rig; `opening` closes them.
 
     Raises:
-        MotiondeckError: if a file is wrong or the rig cannot be connected; the message names it.
+        MotiondeckError: if there is no such robot or rig, a file is wrong, or the rig cannot be connected.
     """
     from sim.models.robot_file import solver_named
     from sim.physics.kinematic_playback import KinematicPlayback
@@ -168,17 +143,43 @@ def open_robot(
     from sim.robots.robot import load_robot
     from sim.robots.self_collision import CollisionGuard
 
-    dt = 1.0 / rate
-    robot = load_robot(setup.robot, library.skeleton, solver_named(setup.solver), dt)
+    dt = 1.0 / spec.rate
+    file, rig_file = robot_files(spec)
+    robot = load_robot(file, library.skeleton, solver_named(spec.solver), dt)
     stage = KinematicPlayback(robot)
-    if setup.physics:
-        stage = PhysicsPlayback(robot, dt, setup.root, setup.balance, setup.walk)
+    if spec.physics:
+        stage = PhysicsPlayback(robot, dt, spec.root, spec.balance, spec.walk)
     opening.callback(stage.close)
     rig, limits = None, robot.limits
-    if setup.rig is not None:
-        rig, limits = open_rig(opening, setup.rig, robot, rate, emulated=setup.emulated)
+    if rig_file is not None:
+        emulated = str(spec.rig).startswith(EMULATED)
+        rig, limits = open_rig(opening, rig_file, robot, spec.rate, emulated=emulated)
         opening.callback(rig.output.close)
-    guard = CollisionGuard(replace(robot, limits=limits), dt) if setup.keep_apart else None
+    guard = CollisionGuard(replace(robot, limits=limits), dt) if spec.check_collisions else None
     retarget = guard or robot.retarget
-    simulation = Simulation(robot, stage, setup.root, setup.balance, setup.walk)
+    simulation = Simulation(robot, stage, spec.root, spec.balance, spec.walk)
     return RobotOnDeck(robot.name, robot.joints, limits, robot.rest, retarget, rig, simulation, prefix, guard)
+
+
+def robot_files(spec: RunSpec) -> tuple[Path, Path | None]:
+    """The files of the robot and of its rig; for emulated servos the rig with the robot's name, or the one named.
+
+    Raises:
+        MotiondeckError: if there is no such robot or rig; it names the nearest.
+    """
+    robot, rig = str(spec.robot), str(spec.rig) if spec.rig is not None else None
+    file = find_robot(robot)
+    if rig is None:
+        return file, None
+    kind, _, named = rig.partition(":")
+    if kind == EMULATED and named:
+        return file, find_rig(named)
+    if rig != EMULATED:
+        return file, find_rig(rig, also=[EMULATED])
+    try:
+        return file, find_rig(Path(robot).stem)
+    except MotiondeckError:
+        raise MotiondeckError(
+            f"there is no rig for robot '{Path(robot).stem}' to be emulated. Try: --rig emulated --robot servo20. "
+            "For your own robot write a rig file, emulate it with motiondeck rig emulate, and name it with --rig FILE"
+        ) from None

@@ -160,7 +160,7 @@ def test_the_shipped_library_is_found_by_name():
         (("play", "walk", "--script", "jog", "--headless"), "not both"),
         (("play", "--seconds", "-1", "--headless"), "--seconds -1"),
         (("play", "--rate", "0", "--headless", "--command-port", "0"), "cannot run at 0"),
-        (("play", "--rate", "nan", "--headless", "--command-port", "0"), "cannot run at nan"),
+        (("play", "--rate", "nan", "--headless", "--command-port", "0"), "rate is nan"),
         (("play", "--video", "walk.avi", "--seconds", "1"), "walk.avi"),
         (("library", "show", "pyproject.toml"), "pyproject.toml: not a library file, which ends in .safetensors"),
         (("learn", "none.toml", "--data", ".", "--out", "x.safetensors"), "none.toml: cannot be read"),

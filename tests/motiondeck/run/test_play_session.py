@@ -9,10 +9,9 @@ import synthetic
 from controller.deck.deck import Deck
 from controller.loop.clock import VirtualClock
 from controller.loop.stop_requests import SIGNALS
-from motiondeck.run.robots.robot_on_deck import RobotSetup, open_robots
-from motiondeck.run.run_settings import RunSettings
-from motiondeck.run.session import Session
-from motiondeck_base.shipped import find_robot
+from motiondeck.run.assembly import Host, Played, open_session
+from motiondeck.run.robots.robot_on_deck import open_robots
+from motiondeck.run.spec.run_spec import RunSpec
 
 
 @pytest.fixture(scope="module")
@@ -22,14 +21,10 @@ def library():
 
 def session(library, deck, robots=1, **changes):
     """A run of mannequins at 100 Hz on a virtual clock."""
-    setups = [RobotSetup(find_robot("mannequin"), physics=False)] * robots
-    return Session(
-        library,
-        lambda opening: open_robots(opening, setups, library, 100.0),
-        deck,
-        RunSettings(rate=100.0, **{"seconds": 0.5} | changes),
-        clock=VirtualClock(100.0),
-    )
+    follow = "mannequin" if robots == 2 else None
+    spec = RunSpec(physics=False, follow=follow, rate=100.0, **{"seconds": 0.5} | changes)
+    played = Played(library, lambda opening: open_robots(opening, spec, library), deck)
+    return open_session(spec, played, Host(clock=VirtualClock(100.0)))
 
 
 def test_a_second_robot_mirrors_the_first(library):

@@ -10,12 +10,11 @@ from controller.deck.deck import Deck
 from controller.loop.clock import VirtualClock
 from controller.loop.output_channel import FAULTS_TO_PARK
 from controller.motion.posture import Pose
+from motiondeck.run.assembly import Host, Played, open_session
 from motiondeck.run.plugin_outputs import LateOutputError, PluggedOutput, open_outputs
-from motiondeck.run.robots.robot_on_deck import RobotSetup, open_robots
-from motiondeck.run.run_settings import RunSettings
-from motiondeck.run.session import Session
+from motiondeck.run.robots.robot_on_deck import open_robots
+from motiondeck.run.spec.run_spec import RunSpec
 from motiondeck_base.errors import MotiondeckError, UnknownNameError
-from motiondeck_base.shipped import find_robot
 
 POSE = Pose(np.zeros(3), np.zeros(()), np.array([[1.0, 0.0, 0.0, 0.0]]))
 PLUGIN = """
@@ -117,14 +116,11 @@ def test_one_that_raises_is_parked_and_closing_it_disturbs_no_other(installed, c
 
 def test_a_run_writes_every_tick_to_it(installed):
     library, file = synthetic.small_library(), installed / "run.txt"
-    run = Session(
-        library,
-        lambda opening: open_robots(opening, [RobotSetup(find_robot("mannequin"), physics=False)], library, 50.0),
-        lambda retarget: Deck(library, retarget, "march"),
-        RunSettings(rate=50.0, seconds=0.5, outputs=(f"log:{file}", "measuring")),
-        clock=VirtualClock(50.0),
+    spec = RunSpec(physics=False, rate=50.0, seconds=0.5, outputs=(f"log:{file}", "measuring"))
+    played = Played(
+        library, lambda opening: open_robots(opening, spec, library), lambda retarget: Deck(library, retarget, "march")
     )
-    with run:
+    with open_session(spec, played, Host(clock=VirtualClock(50.0))) as run:
         report = run.run()
     head, *lines, end = file.read_text().splitlines()
     assert head.split() == [*run.robots[0].joints, "50.0"]

@@ -6,25 +6,22 @@ from command_line import motiondeck
 from controller.deck.deck import Deck
 from controller.library.motion_library import load_library
 from controller.loop.clock import VirtualClock
+from motiondeck.run.assembly import Host, Played, open_session
 from motiondeck.run.report import summary
-from motiondeck.run.robots.robot_on_deck import RobotSetup, open_robots
-from motiondeck.run.run_settings import RunSettings
-from motiondeck.run.session import Session
-from motiondeck_base.shipped import find_library, find_robot
+from motiondeck.run.robots.robot_on_deck import open_robots
+from motiondeck.run.spec.run_spec import RunSpec
+from motiondeck_base.shipped import find_library
 
 RATE = 200.0
 
 
 def report_of(motion, seconds, **setup):
     library = load_library(find_library("thesis15"))
-    free = RobotSetup(find_robot("servo20"), root="free", **setup)
-    with Session(
-        library,
-        lambda opening: open_robots(opening, [free], library, RATE),
-        lambda retarget: Deck(library, retarget, motion),
-        RunSettings(rate=RATE, seconds=seconds),
-        clock=VirtualClock(RATE),
-    ) as session:
+    spec = RunSpec(robot="servo20", root="free", rate=RATE, seconds=seconds, **setup)
+    played = Played(
+        library, lambda opening: open_robots(opening, spec, library), lambda retarget: Deck(library, retarget, motion)
+    )
+    with open_session(spec, played, Host(clock=VirtualClock(RATE))) as session:
         return session.run()
 
 

@@ -22,7 +22,7 @@ from hardware.rig.rig_file import load_rig
 from hardware.rig.supervision.rig import Rig
 from hardware.tools.teaching import Moment
 from motiondeck.cli.rig.play import play_clip
-from motiondeck.run.run_settings import RunSettings
+from motiondeck.run.spec.run_spec import RunSpec
 
 LIMITS = "zero = 2048, lower = -1.5, upper = 1.5, velocity = 4.0"
 RIG = f"""
@@ -112,7 +112,7 @@ def test_a_clip_that_the_limits_hold_back_comes_to_its_last_frame(rig, tmp_path,
 
     monkeypatch.setattr(connected, "write", write)
     monkeypatch.setattr("hardware.rig.supervision.rig.Rig.connect", lambda config, ports: connected)
-    run = play_clip(config, [], read_taught_clip(clip), RunSettings(rate=config.rate_hz))
+    run = play_clip(config, [], read_taught_clip(clip), RunSpec(rate=config.rate_hz))
     assert run["reason"] == "played to the end"
     assert connected.goals == pytest.approx([1.2], abs=0.005)
 

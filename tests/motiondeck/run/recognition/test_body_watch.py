@@ -14,14 +14,13 @@ from controller.learning.recognition.recognizer_file import load_recognizer, sav
 from controller.loop.clock import VirtualClock
 from controller.loop.commands.command_desk import CommandDesk
 from controller.wire.messages.commands import SetTempo, Switch
+from motiondeck.run.assembly import Host, Played, open_session
 from motiondeck.run.recognition.body_watch import BodyWatch
 from motiondeck.run.report import summary
-from motiondeck.run.robots.robot_on_deck import RobotSetup, open_robots
-from motiondeck.run.run_settings import RunSettings
-from motiondeck.run.script import Timed
-from motiondeck.run.session import Session
+from motiondeck.run.robots.robot_on_deck import open_robots
+from motiondeck.run.spec.run_spec import RunSpec
+from motiondeck.run.spec.script import Timed
 from motiondeck_base.errors import MotiondeckError
-from motiondeck_base.shipped import find_robot
 
 
 @pytest.fixture(scope="module")
@@ -40,15 +39,14 @@ def library():
 
 def session(library, recognizer, seconds, timeline=()):
     """A run of the mannequin at 100 Hz on a virtual clock that begins with march."""
-    setups = [RobotSetup(find_robot("mannequin"), physics=False)]
-    return Session(
+    spec = RunSpec(physics=False, rate=100.0, seconds=seconds, recognizer=recognizer)
+    played = Played(
         library,
-        lambda opening: open_robots(opening, setups, library, 100.0),
+        lambda opening: open_robots(opening, spec, library),
         lambda retarget: Deck(library, retarget, "march"),
-        RunSettings(rate=100.0, seconds=seconds, recognizer=recognizer),
         timeline,
-        VirtualClock(100.0),
     )
+    return open_session(spec, played, Host(clock=VirtualClock(100.0)))
 
 
 def test_what_the_deck_plays_is_recognized_and_told(library, file, monkeypatch):
@@ -56,7 +54,7 @@ def test_what_the_deck_plays_is_recognized_and_told(library, file, monkeypatch):
     told = []
     tell = CommandDesk.tell
     monkeypatch.setattr(CommandDesk, "tell", lambda desk, *event: (told.append(event), tell(desk, *event)))
-    with session(library, load_recognizer(file), 6.0, timeline) as run:
+    with session(library, str(file), 6.0, timeline) as run:
         report = run.run()
     recognized = [motion for kind, _, *motion in told if kind == "recognized"]
     assert recognized == [["march"], ["wave"]]
@@ -70,7 +68,7 @@ def test_what_the_deck_plays_is_recognized_and_told(library, file, monkeypatch):
 
 @pytest.mark.parametrize("tempo", [0.5, 2.0])
 def test_it_is_recognized_at_half_and_at_twice_the_tempo(library, file, tempo):
-    with session(library, load_recognizer(file), 5.0, [Timed(0.0, SetTempo(factor=tempo))]) as run:
+    with session(library, str(file), 5.0, [Timed(0.0, SetTempo(factor=tempo))]) as run:
         shares = run.run()["recognition"]["shares"]["march"]
     assert shares["march"] > 0.5
     assert shares.get("wave", 0.0) + shares.get("bow", 0.0) == 0.0

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from motiondeck.run.robots import robot_on_deck
-from motiondeck_base.shipped import find_rig, find_robot
+from motiondeck.run.spec.run_spec import RunSpec
 from simulated_bodies import bent_pose, human
 
 
@@ -20,10 +20,10 @@ def test_limbs_are_kept_apart_within_the_limits_of_the_rig(monkeypatch):
 
     monkeypatch.setattr(robot_on_deck, "open_rig", open_rig)
     skeleton, rate = human(), 100.0
-    setup = robot_on_deck.RobotSetup(find_robot("servo20"), find_rig("servo20"), physics=False, keep_apart=True)
+    spec = RunSpec(robot="servo20", rig="servo20", physics=False, check_collisions=True, rate=rate)
     library: Any = SimpleNamespace(skeleton=skeleton)
     with ExitStack() as opening:
-        opened = robot_on_deck.open_robot(opening, setup, library, rate)
+        opened = robot_on_deck.open_robot(opening, spec, library)
         bent = bent_pose(skeleton, rkne=(0.0, -1.0, 0.0), relb=(0.0, 0.0, 1.0))
         targets = [opened.retarget(pose).copy() for pose in (bent_pose(skeleton), *[bent] * 20)]
     assert np.ptp(targets, axis=0).max() > 0.02

@@ -6,7 +6,7 @@ import pytest
 
 import synthetic
 from controller.loop.clock import RateError
-from motiondeck.run.setup import TIMED_FRAMES, checked_rate, frame_seconds
+from motiondeck.run.spec.program import TIMED_FRAMES, checked_rate, frame_seconds
 from motiondeck_base.errors import MotiondeckError
 
 

@@ -1,33 +1,63 @@
-"""What `play`, `replay` and `rig play` do alike before a run: names become files, and mistakes are found at once."""
+"""What a run plays: the library with its first motion, timeline and length, and the rate at which it can be played."""
 
 from __future__ import annotations
 
 import math
 import time
 from collections.abc import Callable
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 
-from controller.library.motion_library import MotionLibrary
+from controller.library.motion_library import MotionLibrary, load_library
 from controller.loop.clock import period_ns
-from motiondeck.run.robots.robot_on_deck import RobotSetup
+from controller.wire.messages.commands import Switch
+from motiondeck.run.spec.run_spec import RunSpec
+from motiondeck.run.spec.script import Timed, parse_script, read_timeline
 from motiondeck_base.errors import MotiondeckError, UnknownNameError
-from motiondeck_base.shipped import find_rig, find_robot
+from motiondeck_base.shipped import find_library
 
-EMULATED = "emulated"
 TIMED_FRAMES = 100
 _TIMED_AT_ONCE = 20  # the quickest of these batches counts: others were disturbed
 
 
-def check_seconds(seconds: float | None) -> None:
-    """Refuses a length of time that cannot be; None is no limit.
+@dataclass(frozen=True)
+class Program:
+    """What a run plays.
 
-    Raises:
-        MotiondeckError: if it is not above 0 and below 1e8 s.
+    Attributes:
+        library, file: the library and its file.
+        first: the motion to begin with.
+        timeline: what is commanded when.
+        seconds: how long, or None.
     """
-    if seconds is not None and not 0.0 < seconds < 1e8:
-        raise MotiondeckError(f"--seconds {seconds:g} is not a length of time above 0")
+
+    library: MotionLibrary
+    file: Path
+    first: str
+    timeline: list[Timed]
+    seconds: float | None
+
+    @classmethod
+    def of(cls, spec: RunSpec) -> Program:
+        """Loads what a spec names.
+
+        Raises:
+            MotiondeckError: if that is impossible; it says what to do.
+        """
+        spec.check()
+        file = find_library(str(spec.library))
+        library = load_library(file)
+        names, script = library.network.motions, str(spec.script) if spec.script is not None else None
+        if script is None:
+            return cls(library, file, first_motion(library, spec.motion), [], spec.seconds)
+        if script.endswith(".toml"):
+            first, timeline = read_timeline(Path(script), names)
+            return cls(library, file, first, timeline, spec.seconds)
+        cues, length = parse_script(script, names)
+        timeline = [Timed(cue.at, Switch(cue.motion)) for cue in cues[1:]]
+        return cls(library, file, cues[0].motion, timeline, spec.seconds if spec.seconds is not None else length)
 
 
 def frame_seconds(library: MotionLibrary, motion: str, clock: Callable[[], float] = time.thread_time) -> float:
@@ -97,43 +127,3 @@ def first_motion(library: MotionLibrary, motion: str | None) -> str:
     if motion is not None and motion not in names:
         raise UnknownNameError.among("motion", motion, names)
     return motion or ("walk" if "walk" in names else names[0])
-
-
-def robot_setup(
-    robot: str,
-    rig: str | None,
-    *,
-    physics: bool = True,
-    root: str = "gantry",
-    balance: bool = False,
-    walk: bool = False,
-    solver: str | None = None,
-    keep_apart: bool = False,
-) -> RobotSetup:
-    """A robot and its rig by their names or files.
-
-    Args:
-        robot: a shipped robot, or a robot file.
-        rig: a shipped rig, a rig file, "emulated" for emulated servos of the robot, or None.
-        physics, root, balance, walk, solver, keep_apart: as in `RobotSetup`.
-
-    Raises:
-        MotiondeckError: if there is no such robot or rig; it names the nearest.
-    """
-    file = find_robot(robot)
-    return RobotSetup(file, _rig_file(rig, robot), rig == EMULATED, physics, root, balance, walk, solver, keep_apart)
-
-
-def _rig_file(rig: str | None, robot: str) -> Path | None:
-    """The rig file; for emulated servos the one with the robot's own name."""
-    if rig is None:
-        return None
-    if rig != EMULATED:
-        return find_rig(rig, also=[EMULATED])
-    try:
-        return find_rig(Path(robot).stem)
-    except MotiondeckError:
-        raise MotiondeckError(
-            f"there is no rig for robot '{Path(robot).stem}' to be emulated. Try: --rig emulated --robot servo20. "
-            "For your own robot write a rig file, emulate it with motiondeck rig emulate, and name it with --rig FILE"
-        ) from None

@@ -1,0 +1,282 @@
+"""Builds the parts of a run from its spec: sockets, page, robots, deck, recorder, prompt."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import ExitStack, contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+
+from controller.deck.interfaces import Retargeter
+from controller.deck.lockable import Lockable
+from controller.deck.recorded_deck import RecordedDeck
+from controller.library.motion_library import MotionLibrary
+from controller.loop.clock import Clock, Ticker
+from controller.loop.commands.command_desk import CommandDesk
+from controller.loop.commands.commanded_run import CommandedRun
+from controller.loop.ensemble import all_limits, together
+from controller.loop.output_channel import Channel
+from controller.loop.permissions import handed_back, leave_core
+from controller.loop.safety.safety_envelope import SafetyEnvelope
+from controller.loop.stop_requests import StopRequest, stop_on_signals
+from controller.motion.clip import Clip
+from controller.motion.encodings.joint_angles import JointBody
+from controller.motion.rotations import Array
+from controller.motion.skeleton import Skeleton
+from controller.wire.command_socket import CommandServer
+from controller.wire.leader_link import LeaderLink
+from controller.wire.messages.deck_snapshot import SnapshotSource
+from motiondeck.run.beside.child_process import Children, PageProcess, child_process, kept_tty, page_process
+from motiondeck.run.beside.show_member import show_member
+from motiondeck.run.beside.tick_recorder import TickRecorder, recording
+from motiondeck.run.page.contents import PageContents
+from motiondeck.run.page.page import Page
+from motiondeck.run.plugin_outputs import open_outputs
+from motiondeck.run.recognition.body_watch import BodyWatch
+from motiondeck.run.recognition.recognition_watch import MismatchPolicy, RecognitionWatch
+from motiondeck.run.recognition.watch import Watch
+from motiondeck.run.report import RunNews
+from motiondeck.run.robots.rig_output import RigOutput
+from motiondeck.run.robots.robot_on_deck import RobotOnDeck, channels_of
+from motiondeck.run.session import PlayableDeck, Session
+from motiondeck.run.spec.run_spec import RunSpec
+from motiondeck.run.spec.script import Timed
+from motiondeck.run.wired_stop import WiredStop, WiredStopWatch
+from motiondeck_base.errors import MotiondeckError
+
+
+@dataclass(frozen=True)
+class Host:
+    """The process that a run is in.
+
+    Attributes:
+        page: the process of the page, if that has been started already.
+        terminal: whether there is a prompt.
+        progress: whether a terminal shows a line with the motion and the time.
+        restarts: whether the run is started again when another library is asked for.
+        clock: what the loop runs on, of the spec's rate; a `Ticker` by default.
+    """
+
+    page: PageProcess | None = None
+    terminal: bool = False
+    progress: bool = False
+    restarts: bool = False
+    clock: Clock | None = None
+
+
+_ALONE = Host()
+
+
+@dataclass(frozen=True)
+class Played:
+    """What a run plays.
+
+    Attributes:
+        source: a session needs its name and its skeleton, recognition its motions.
+        open_robots: opens the robots, at least one; the stack that it gets closes them.
+        make_deck: makes the deck for the robots' retargeting.
+        timeline: what is commanded when, in order.
+        file: of the source, if it is a library.
+    """
+
+    source: MotionLibrary | Clip
+    open_robots: Callable[[ExitStack], list[RobotOnDeck]]
+    make_deck: Callable[[Retargeter], PlayableDeck]
+    timeline: Sequence[Timed] = ()
+    file: Path | None = None
+
+    @property
+    def name(self) -> str:
+        """The name of the source."""
+        return self.source.info.name if isinstance(self.source, MotionLibrary) else self.source.name
+
+    def human(self, deck: PlayableDeck) -> Skeleton | None:
+        """The skeleton whose motion the page shows beside the robot.
+
+        Of a recorded run only the human's root is known, and joints taught by hand were never a human's.
+        """
+        unknown = isinstance(deck, RecordedDeck) or isinstance(self.source.skeleton, JointBody)
+        return None if unknown else self.source.skeleton
+
+
+@contextmanager
+def open_session(spec: RunSpec, played: Played, host: Host = _ALONE) -> Iterator[Session]:
+    """A run while the block runs.
+
+    Raises:
+        MotiondeckError: if a file, a port or a rig cannot be used.
+    """
+    with ExitStack() as opening:
+        # From here on a signal asks for a stop: what has been opened is closed in order.
+        stop = opening.enter_context(stop_on_signals())
+        with handed_back():
+            if spec.core is not None:
+                leave_core(spec.core)  # for the processes that are started now
+            session = _assemble(opening, stop, spec, played, host)
+        yield session
+
+
+def _assemble(opening: ExitStack, stop: StopRequest, spec: RunSpec, played: Played, host: Host) -> Session:
+    """Opens everything; the page takes longest to start, so it starts first and waits for the rest."""
+    children = Children()
+    wired = _wired_stop(opening, spec)
+    servers = _servers(opening, spec)
+    port = servers[-1].port
+    page = host.page
+    if page is None and spec.page_port is not None:
+        page = opening.enter_context(page_process(spec.page_port, spec.command_port))
+    if page is not None:
+        children.add("the page", page.process)
+    member = None
+    if spec.show is not None and isinstance(played.source, MotionLibrary):
+        show = str(spec.show), port, played.source, Path(spec.robot).stem, spec.rate
+        member = opening.enter_context(show_member(*show))
+        then = "no cue and no emergency stop of the show reaches this deck until it is started again"
+        children.add("the part in the show", member.process, then)
+
+    robots = played.open_robots(opening)
+    first, body = robots[0], robots[0].pushable
+    deck = played.make_deck(together([robot.retarget for robot in robots]))
+    joints = [name for robot in robots for name in robot.joints]
+    channels = [*channels_of(robots), *open_outputs(opening, spec.outputs, joints, spec.rate)]
+    clock = host.clock or Ticker(spec.rate, "catch_up" if spec.overruns == "catch-up" else "skip")
+    ticker = clock if isinstance(clock, Ticker) else None
+    for pushable in filter(None, (robot.pushable for robot in robots)):
+        # The clock of its events is the deck's, as of all others; the approach comes before.
+        pushable.attach(lambda: deck.time, lambda: stop.holds)
+    if isinstance(deck, Lockable):
+        leader = member.leader(opening) if member is not None else _leader(opening, spec)
+        measured = _measured_by(channels[0], len(first.own_joints))
+        deck.attach(due=ticker.due if ticker is not None else None, measured=measured, leader=leader)
+        if spec.lock_to is not None:
+            deck.lock("beat" if spec.lock_to == "beat" else "body" if spec.lock_to == "body" else "deck")
+    watch = _watch(spec, played, first, channels[0])
+    guards = [robot.guard for robot in robots if robot.guard is not None]
+    kept_apart = (lambda: sum(guard.kept_apart.total() for guard in guards)) if guards else None
+    snapshots = SnapshotSource(deck, body, watch, kept_apart)
+    rig = first.rig.output if first.rig is not None else None
+    servos = rig if isinstance(rig, RigOutput) else None
+
+    shown = None
+    if page is not None:
+        human, learns = played.human(deck), host.restarts
+        contents = PageContents(deck, robots, human, watch, port, played.file, servos, learns=learns)
+        shown = opening.enter_context(Page.open(page.state, contents))
+    recorder = _recorder(opening, spec, played, first, deck, watch)
+    if recorder is not None:
+        children.add("the recorder", recorder.process)
+    run = CommandedRun(deck, servos, body, host.restarts, ticker, snapshots=snapshots)
+    desk = CommandDesk(run, servers, recorder.note if recorder is not None else None)
+    seen = (lambda: watch.seen) if watch is not None else None
+    session = Session(
+        spec=spec,
+        source=played.name,
+        stop=stop,
+        robots=robots,
+        deck=deck,
+        channels=channels,
+        clock=clock,
+        envelope=SafetyEnvelope(all_limits([robot.limits for robot in robots]), clock.period),
+        snapshots=snapshots,
+        desk=desk,
+        news=RunNews(desk, clock, channels, servers, seen),
+        children=children,
+        command_port=port,
+        page_port=page.port if page is not None else None,
+        page=shown,
+        recorder=recorder,
+        watch=watch,
+        wired_stop=WiredStopWatch(wired, desk) if wired is not None else None,
+        timeline=list(played.timeline),
+        progress=host.progress,
+        prompt=host.terminal,
+    )
+    if host.terminal:
+        children.restore_tty = opening.enter_context(kept_tty())
+        prompt = child_process("motiondeck.run.terminal", "--command-port", str(port))
+        children.add("the prompt", opening.enter_context(prompt))
+    return session
+
+
+def _wired_stop(opening: ExitStack, spec: RunSpec) -> WiredStop | None:
+    """The emergency stop that is wired to a device, if there is one."""
+    if spec.stop_input is None:
+        return None
+    from hardware.tools.stop_input import open_stop_input
+
+    wired = open_stop_input(Path(spec.stop_input))
+    opening.callback(wired.close)
+    return wired
+
+
+def _servers(opening: ExitStack, spec: RunSpec) -> list[CommandServer]:
+    """The sockets where commands are taken, the local one last.
+
+    Raises:
+        SocketError: if the port or the address cannot be used.
+    """
+    servers, port = list[CommandServer](), spec.command_port
+    # A network knows which ports are free; the local socket then has the same number.
+    if spec.listen is not None and spec.token_file is not None:
+        from controller.wire.authentication import read_token
+
+        servers.append(CommandServer(port, spec.listen, read_token(Path(spec.token_file))))
+        opening.callback(servers[0].close)
+        port = servers[0].port
+    servers.append(CommandServer(port))
+    opening.callback(servers[-1].close)
+    return servers
+
+
+def _leader(opening: ExitStack, spec: RunSpec) -> LeaderLink | None:
+    """A link to the deck on the command port that the phase is locked to, if it is."""
+    if spec.lock_to in (None, "beat", "body"):
+        return None
+    link = LeaderLink.to(str(spec.lock_to))
+    opening.callback(link.close)
+    return link
+
+
+def _measured_by(channel: Channel, joints: int) -> Callable[[], Array | None]:
+    """Returns the first joints that a channel measures, rad, as far as they are known."""
+    return lambda: None if channel.measured is None else channel.measured[:joints]
+
+
+def _watch(spec: RunSpec, played: Played, first: RobotOnDeck, channel: Channel) -> Watch | None:
+    """Recognizes motions, if that is wanted."""
+    if spec.recognizer is not None:
+        # What recognizes takes longer to import than all that plays.
+        from controller.learning.recognition.recognizer_file import load_recognizer
+
+        return BodyWatch(load_recognizer(Path(spec.recognizer)), played.source.skeleton)
+    if not spec.recognize or not isinstance(played.source, MotionLibrary):
+        return None
+    policy = MismatchPolicy(spec.mismatch_after, spec.on_mismatch == "stop")
+    return RecognitionWatch.over(first, channel, played.source, spec.rate, policy)
+
+
+def _recorder(
+    opening: ExitStack, spec: RunSpec, played: Played, robot: RobotOnDeck, deck: PlayableDeck, watch: Watch | None
+) -> TickRecorder | None:
+    """Starts the recording, if there is one.
+
+    Raises:
+        MotiondeckError: if the robot is not simulated, or the file cannot be written.
+    """
+    if spec.record is None:
+        return None
+    simulation = robot.simulation
+    if simulation is None:
+        raise MotiondeckError("a rig without a simulated robot cannot be recorded; use: motiondeck play --record")
+    description = {
+        "library": played.name,
+        "robot": robot.name,
+        "joints": list(robot.own_joints),
+        "motions": list(deck.motions),
+        "recognizable": list(watch.names) if watch is not None else [],
+        "rate": spec.rate,
+        "root": simulation.root,
+        "balance": simulation.balance,
+        "walk": simulation.walk,
+    }
+    return opening.enter_context(recording(Path(spec.record), description, spec.rate))

@@ -1,0 +1,41 @@
+"""The run of a library on a robot, as `motiondeck play` and `motiondeck.play` start it."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import replace
+
+from controller.deck.deck import Deck
+from motiondeck.run.assembly import Host, Played, open_session
+from motiondeck.run.robots.robot_on_deck import open_robots, robot_files
+from motiondeck.run.session import Session
+from motiondeck.run.spec.program import Program, checked_rate
+from motiondeck.run.spec.run_spec import RunSpec
+
+_ALONE = Host()
+
+
+@contextmanager
+def library_run(spec: RunSpec, program: Program, host: Host = _ALONE) -> Iterator[Session]:
+    """An open run of a program while the block runs.
+
+    Raises:
+        MotiondeckError: if the network is too large for the rate, or a file, a port or a rig cannot be used.
+    """
+    library, first = program.library, program.first
+    rate = checked_rate(library, first, spec.rate, lower=spec.lower_rate)
+    if rate != spec.rate:
+        print(f"playing at {rate:g} Hz, which the network can hold", file=sys.stderr)
+    spec = replace(spec, rate=rate, seconds=program.seconds)
+    robot_files(spec)  # a misspelt name is refused before anything is opened
+    played = Played(
+        library,
+        lambda opening: open_robots(opening, spec, library),
+        lambda retarget: Deck(library, retarget, first, direct=spec.direct, joining=spec.join),
+        program.timeline,
+        program.file,
+    )
+    with open_session(spec, played, host) as session:
+        yield session
