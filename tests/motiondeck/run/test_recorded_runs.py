@@ -31,7 +31,7 @@ from controller.wire.messages.commands import (
     SetTempo,
     Switch,
 )
-from controller.wire.messages.deck_snapshot import MODES
+from controller.wire.messages.deck_snapshot import MODES, SnapshotNumbers
 from controller.wire.messages.lock_state import LOCK_SOURCES, LOCK_STAGES
 from controller.wire.messages.replies import Accepted
 from controller.wire.run_recording import load_recording
@@ -116,7 +116,7 @@ def run(runs):
 def test_any_command_is_noted_with_its_first_number_or_its_motion(message):
     """One that cannot be noted would be refused after it was carried out."""
     fields = {name: np.zeros(1) for name in ("command", "argument", "refused")}
-    recorder = TickRecorder(SimpleNamespace(fields=fields), ["walk", "jog"], None, Path(), Path())
+    recorder = TickRecorder(SimpleNamespace(fields=fields), SnapshotNumbers([]), ["walk", "jog"], None, Path(), Path())
     recorder.note(message, Accepted(message.id))
     assert fields["command"][0] == message.row.record
     match message:
