@@ -19,6 +19,8 @@ from motiondeck_base.errors import MotiondeckError
 class RecordedDeck(Paced):
     """Plays the targets of a recording; fits `run_phases.Player` and `loop.commands.commanded_run.Playback`.
 
+    No network plays: what a deck has of one is empty or None here.
+
     Args:
         recording: with at least one tick.
         same_robot: whether the recorded robot plays it; its root then follows the recorded path.
@@ -26,31 +28,27 @@ class RecordedDeck(Paced):
     Attributes:
         motions: the motions that were played.
         time: s since the start.
-        over: whether the end is reached; the last targets are held there.
-        switches, events: always empty.
-        restarts: always 0; no network is playing.
-        direct: always False; nothing is switched to.
-        phase_at: always None; it has no phase.
 
     Raises:
         MotiondeckError: if the recording is empty.
     """
 
+    activation = phase = phase_rate = lock_state = None
+    phase_at: float | None = None
+    settled, direct, restarts, fell_back = True, False, 0, ""
+
     def __init__(self, recording: RunRecording, *, same_robot: bool = True) -> None:
         if recording.ticks == 0:
             raise MotiondeckError("this recording is empty")
+        super().__init__()
         fields = recording.fields
         self.motions = tuple(recording.description["motions"])
+        self.time = 0.0
         self.switches: list[CommandedSwitch] = []
         self.way: list[str] = []
         self.queue: list[str] = []
+        self.inputs: dict[str, float] = {}
         self.events: deque[Event] = deque()
-        self.settled = True
-        self.restarts = 0
-        self.direct = False
-        self.phase_at: float | None = None
-        self.time = 0.0
-        super().__init__()
         self._rate = float(recording.description["rate"])
         self._targets, self._motion = fields["targets"], fields["playing"][:, 0]
         self._root, self._heading = fields["root_position"], np.unwrap(fields["heading"][:, 0])
@@ -73,7 +71,7 @@ class RecordedDeck(Paced):
 
     @property
     def over(self) -> bool:
-        """Whether the end is reached."""
+        """Whether the end is reached; the last targets are held there."""
         return self._place >= self._last
 
     def update(self, dt: float) -> tuple[Array, Pose]:
@@ -98,31 +96,6 @@ class RecordedDeck(Paced):
         return between(self._targets), pose
 
     @property
-    def activation(self) -> None:
-        """Always None: no network is playing."""
-        return
-
-    @property
-    def phase(self) -> None:
-        """Always None: no network is playing."""
-        return
-
-    @property
-    def inputs(self) -> dict[str, float]:
-        """Always empty: no network is playing."""
-        return {}
-
-    @property
-    def phase_rate(self) -> None:
-        """Always None: no network is playing."""
-        return
-
-    @property
-    def lock_state(self) -> None:
-        """Always None: a recording is locked to nothing."""
-        return
-
-    @property
     def blend(self) -> tuple[tuple[str, float], ...]:
         """The motions that were blended in here, each with its weight then."""
         if self._blend is None:
@@ -131,8 +104,3 @@ class RecordedDeck(Paced):
         return tuple(
             (self.motions[int(number)], weight) for number, weight in zip(numbers, weights, strict=True) if number >= 0
         )
-
-    @property
-    def fell_back(self) -> str:
-        """Always empty: nothing is blended."""
-        return ""
