@@ -118,7 +118,7 @@ def rise() -> None:
             if tick == round(2.0 / DT):
                 stage.push_from("front", 2.0)
             stage.write(*deck.update(DT))
-            screen.pass_by(stage.qpos)
+            screen.follow(stage.qpos)
             if tick * DT >= when:
                 pictures.append(Image.fromarray(screen.draw(stage.qpos)))
                 when = next(times, np.inf)

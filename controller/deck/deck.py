@@ -282,7 +282,7 @@ class Deck(Lockable):
         elif self._jump is not None:
             playing.jump(self._jump)
             self._jump = None
-        self.pose = playing.show()
+        self.pose = playing.finish_tick()
         targets = self._retarget(self.pose)
         if self._lock is not None:
             self._note(targets)

@@ -47,7 +47,7 @@ BLEND_TURNS_OVER = 2.0
 class Performance:
     """Plays one motion of a library, or a blend of up to MOST_BLENDED.
 
-    A tick is one `step`, perhaps a `switch_to` or `blend_in`, and in the end `show`.
+    A tick is one `step`, perhaps a `switch_to` or `blend_in`, and in the end `finish_tick`.
 
     Attributes:
         motions: the motions of the library by name.
@@ -103,11 +103,11 @@ class Performance:
         if self._fade is not None or self._switching:
             shown, completed = self._faded(target, dt)
         self.blend_problem = tracks.problem(self._joints(target), dt * abs(tempo)) if tracks.blending else ""
-        self._take(shown)
+        self._set_posture(shown)
         if self._limits is not None:
             self._keep_within(self._limits, dt, tempo)
         if self.blend_problem == "turns over":
-            self._swing_on(dt)
+            self._extrapolate(dt)
         first = tracks.playing[0]
         restarted = first.restarted() if first.guard is not None else None
         if restarted is not None and tracks.alone:
@@ -115,7 +115,7 @@ class Performance:
             self._fade_to_first(self.here)
         return completed
 
-    def show(self) -> Pose:
+    def finish_tick(self) -> Pose:
         """Ends the tick; the pose in the world."""
         self._before, self.posture = self.posture, self._shown
         self._pose_before, self.pose = self.pose, self._next
@@ -197,16 +197,16 @@ class Performance:
                 self.blend_problem = "turns over"
         elif use > self._correct_from and not searching:
             self._correct_from = use + CORRECTED_AGAIN
-            self._swing_on(dt)
+            self._extrapolate(dt)
             self._fade_instead()
         elif tracks.cannot_cross:
             self._fade_instead()
 
-    def _swing_on(self, dt: float) -> None:
+    def _extrapolate(self, dt: float) -> None:
         """Extrapolates the last two postures for this tick."""
-        self._take(extrapolated(self._before, self.posture, dt, self.tracks.rest_direction))
+        self._set_posture(extrapolated(self._before, self.posture, dt, self.tracks.rest_direction))
 
-    def _take(self, shown: Posture) -> None:
+    def _set_posture(self, shown: Posture) -> None:
         """Sets the posture of this tick."""
         self._shown, self._next = shown, advance(self.pose, shown, self._dt)
 
@@ -238,7 +238,7 @@ class Performance:
     def _fade_to_first(self, *motions: Motion) -> None:
         """Fades from what is shown to the motion of the first track, which has just been cued."""
         onset, first = 1.0 if self.here.loop else 0.0, self.tracks.playing[0]
-        self._show_beginning(first, onset * self._tempo)
+        self._take_first_steps(first, onset * self._tempo)
         self._begin_fade(first, onset, *motions)
 
     def _fade_instead(self) -> None:
@@ -246,11 +246,11 @@ class Performance:
         track, onset = self.tracks.leading, self._onset
         if self.tracks.alone and track.morphing:
             track.cue(track.motion.name, self._best_anchor(track.motion.name, self.posture, self._shown))
-            self._show_beginning(track, self._tempo)
+            self._take_first_steps(track, self._tempo)
         self._play_alone(track)
         self._begin_fade(track, onset, track.motion)
 
-    def _show_beginning(self, track: Track, tempo: float) -> None:
+    def _take_first_steps(self, track: Track, tempo: float) -> None:
         """Steps a track that was just cued to its first two postures: a fade needs a rate of change."""
         track.step(0.0, tempo)
         track.step(self._dt, tempo)

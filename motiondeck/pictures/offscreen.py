@@ -94,7 +94,7 @@ class OffScreen:
         free = np.flatnonzero(model.jnt_type == mujoco.mjtJoint.mjJNT_FREE)
         self._roots = model.jnt_qposadr[free] if len(free) else np.zeros(1, np.int64)
         self._middle: Array = np.zeros(2)
-        self._looks = False
+        self._aimed = False
 
     def draw(self, qpos: Array, cut: bool = False, ghost: Array | None = None, prints: Sequence[Array] = ()) -> Image:
         """A picture, shape (height, width, 3); the cameras follow the robot, or jump to it at a cut.
@@ -111,7 +111,7 @@ class OffScreen:
         if ghost is not None:
             self._other.qpos[:] = ghost
             mujoco.mj_kinematics(self._model, self._other)
-        self._look(qpos, cut)
+        self._aim(qpos, cut)
         self._gl.make_current()
         every = mujoco.mjtCatBit.mjCAT_ALL.value
         for rect, view in zip(self._rects, self._cameras, strict=True):
@@ -132,16 +132,16 @@ class OffScreen:
                 part[:] = _smoothed(part)
         return picture
 
-    def pass_by(self, qpos: Array) -> None:
+    def follow(self, qpos: Array) -> None:
         """Lets the cameras follow a robot (nq,) that is not drawn."""
-        self._look(qpos, cut=False)
+        self._aim(qpos, cut=False)
 
-    def _look(self, qpos: Array, cut: bool) -> None:
+    def _aim(self, qpos: Array, cut: bool) -> None:
         """Points the cameras at the middle of all roots, from so far away that all is in the picture."""
         places = np.array([qpos[root : root + 2] for root in self._roots])
         here = 0.5 * (places.min(axis=0) + places.max(axis=0))
-        if not self._looks or cut:
-            self._middle, self._looks = here, True
+        if not self._aimed or cut:
+            self._middle, self._aimed = here, True
             apart = float(np.linalg.norm(places.max(axis=0) - places.min(axis=0)))
             for view in self._cameras:
                 seen = max(HIGH * self._tall, (WIDE * self._tall + apart) / self._aspect)

@@ -71,7 +71,7 @@ class Screens:
                 if own == mine:
                     drawn.append(thread.submit(screen.draw, shot.qpos, ghost=shot.ghost, prints=shot.prints))
                 else:
-                    thread.submit(screen.pass_by, shot.qpos)
+                    thread.submit(screen.follow, shot.qpos)
             if len(drawn) > len(self._screens):
                 yield drawn.popleft().result()
         while drawn:

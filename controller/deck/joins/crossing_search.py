@@ -1,12 +1,12 @@
 """Finds the duration of a crossing from one motion to another: the shortest within the limits of a join.
 
-Both motions go on while their weights change, so a look mixes what both do next, as `posture_blend` will. Which way
+Both motions go on while their weights change, so a trial mixes what both do next, as `posture_blend` will. Which way
 round each bone goes is chosen for all of the crossing: the one that is shorter on the whole. (Chosen at its beginning,
 it may turn out the longer one, and a bone that has to go back the other way half through is fast.) From SHORTEST on the
 time grows until the mixture is within bounds. Where it is not even with LONGEST, these motions are not to be mixed from
 here.
 
-As in the search for a fade there is one look in LOOK_EVERY seconds; until the time is found, nothing is mixed.
+As in the search for a fade there is one trial in TRIAL_EVERY seconds; until the time is found, nothing is mixed.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ from math import ceil
 
 import numpy as np
 
-from controller.deck.joins.fade_search import LONGEST, LOOK_EVERY, SHORTEST
+from controller.deck.joins.fade_search import LONGEST, SHORTEST, TRIAL_EVERY
 from controller.deck.joins.join_limits import Bounds
 from controller.deck.joins.posture_blend import smooth_headings, weighted_mean
 from controller.motion.posture import Posture, walk_path
@@ -32,10 +32,10 @@ _LONGER = 1.1
 
 
 class CrossingSearch:
-    """Finds the duration of a crossing, look by look.
+    """Finds the duration of a crossing, trial by trial.
 
     Args:
-        ahead: both motions at times (S,) from the present look on, s; the first is 0.
+        ahead: both motions at times (S,) from the present trial on, s; the first is 0.
         skeleton: of their postures.
         bounds: what no joint may exceed, in all.
 
@@ -43,7 +43,7 @@ class CrossingSearch:
         seconds: the duration once found; None where none is within bounds.
         found: whether it has been found, or found to be None.
         sides: the quaternions of both motions at its beginning, of each bone on the side from which it is mixed, shape
-            (2, 1 + B, 4), once looked at.
+            (2, 1 + B, 4), from the first trial on.
     """
 
     def __init__(self, ahead: Callable[[Array], tuple[Posture, Posture]], skeleton: Skeleton, bounds: Bounds) -> None:
@@ -51,13 +51,13 @@ class CrossingSearch:
         self.found = False
         self.sides: Array = np.empty(0)
         self._ahead, self._skeleton, self._bounds = ahead, skeleton, bounds
-        self._candidate, self._looks, self._elapsed = SHORTEST, 0, 0.0
+        self._candidate, self._trials, self._elapsed = SHORTEST, 0, 0.0
 
     def advance(self, dt: float) -> None:
         """Goes on by what falls into the next dt seconds."""
         self._elapsed += dt
-        while not self.found and (self._looks + 1) * LOOK_EVERY < self._elapsed + 1e-9:
-            self._looks += 1
+        while not self.found and (self._trials + 1) * TRIAL_EVERY < self._elapsed + 1e-9:
+            self._trials += 1
             beyond = self._beyond(self._candidate)
             if beyond <= 1.0:
                 self.seconds = self._candidate

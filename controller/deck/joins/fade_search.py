@@ -1,13 +1,12 @@
 """Fades: the search for the duration of a fade, the shortest that keeps joints in bounds, and the fade while it runs.
 
-A look at a fade computes speed and acceleration of the joints over what the target does next. From SHORTEST on the fade
-is made longer until it is in bounds. If none up to LONGEST is, its rate runs out in half of the time, and then in a
-quarter. The longer that takes, the more the one that has come nearest so far may exceed the bounds to be taken: until
-it is found, the body swings on.
+A trial computes speed and acceleration of the joints under a fade over the target's next course. From SHORTEST on the
+fade is made longer until it is in bounds. If none up to LONGEST is, its rate runs out in half of the time, and then in
+a quarter. With each trial the best fade so far may exceed the bounds by more: until one is found, the body swings on.
 
-A look takes about as long as a tick has to spare, and three are usual. So they are taken while the fade begins
-(`Fading`): the difference is found in the first tick, and then there is one look in LOOK_EVERY seconds. What falls into
-which tick depends on the ticks' length alone.
+A trial takes about as long as a tick has to spare, and three are usual. So they run while the fade begins (`Fading`):
+the difference is found in the first tick, and then there is one trial in TRIAL_EVERY seconds. The ticks in which trials
+run depend on the length of ticks alone.
 """
 
 from __future__ import annotations
@@ -28,15 +27,15 @@ SHORTEST, LONGEST = 0.2, 1.6
 # The part of the bounds that a fade may use: it is looked at at some moments only.
 PLANNED_SHARE = 0.8
 
-LOOK_EVERY = 0.005
-"""How much time passes for each look, s."""
+TRIAL_EVERY = 0.005
+"""The time between trials, s."""
 
 # What a body was doing is slowed down as long as the difference fades, or within these shares of that time, which lets
 # it swing less far but accelerates it more.
 _SLOWED_WITHIN = (1.0, 0.5, 0.25)
 
-# After how many looks a fade may exceed the bounds, and by what share of them more with each look.
-_PATIENT_LOOKS, _YIELDING = 6, 0.02
+# After how many trials a fade may exceed the bounds, and by what share of them more with each trial.
+_PATIENT_TRIALS, _YIELDING = 6, 0.02
 
 # At how many moments until its rate has run out a fade's speed and acceleration are computed, and by which factor it is
 # lengthened at least.
@@ -45,7 +44,7 @@ _LONGER = 1.1
 
 
 class FadeSearch:
-    """Finds the fade of a difference, look by look.
+    """Finds the fade of a difference, trial by trial.
 
     Args:
         differ: finds the difference, as `transition.difference`; called with the first step.
@@ -57,7 +56,7 @@ class FadeSearch:
         fade: the one that was found; until then the longest that has been considered after a better one than any
             before; None before the first step.
         found: whether it was found.
-        looks: how many looks were taken.
+        trials: the number of trials.
     """
 
     def __init__(
@@ -69,7 +68,7 @@ class FadeSearch:
     ) -> None:
         self.fade: Fade | None = None
         self.found = False
-        self.looks = 0
+        self.trials = 0
         self._differ, self._ahead, self._chain, self._bounds = differ, ahead, chain, bounds
         self._shares = list(_SLOWED_WITHIN)
         self._least, self._already = np.inf, 0.0
@@ -80,13 +79,13 @@ class FadeSearch:
         if self.fade is None:
             self.fade = self._candidate = self._best = Fade(SHORTEST, SHORTEST, *self._differ())
         self._elapsed += dt
-        while not self.found and (self.looks + 1) * LOOK_EVERY < self._elapsed - 1e-9:
-            self.fade = self._look(self.fade)
+        while not self.found and (self.trials + 1) * TRIAL_EVERY < self._elapsed - 1e-9:
+            self.fade = self._try(self.fade)
         return self.fade
 
-    def _look(self, longest: Fade) -> Fade:
-        """Looks at a fade, and takes the best so far or considers another; the fade to go on with."""
-        fade, self.looks = self._candidate, self.looks + 1
+    def _try(self, longest: Fade) -> Fade:
+        """Tries a fade, and takes the best so far or considers another; the fade to go on with."""
+        fade, self.trials = self._candidate, self.trials + 1
         beyond = self._beyond(fade)
         if better := beyond < self._least:
             self._best, self._least = fade, beyond
@@ -95,7 +94,7 @@ class FadeSearch:
             duration = SHORTEST
         else:
             duration = min(LONGEST, fade.duration * max(_LONGER, float(np.sqrt(beyond))))
-        allowed = 1.0 + _YIELDING * max(0, self.looks - _PATIENT_LOOKS)
+        allowed = 1.0 + _YIELDING * max(0, self.trials - _PATIENT_TRIALS)
         self.found = self._least <= allowed or not self._shares
         if self.found:
             return self._best

@@ -83,7 +83,7 @@ class SmoothHeading:
         self.rate += change * dt
         self.offset += (turn_rate - self.rate) * dt
 
-    def seen(self, posture: Posture) -> tuple[Array, Array]:
+    def in_frame(self, posture: Posture) -> tuple[Array, Array]:
         """The rotations (1 + B, 4) and the velocity (3,) of a posture, seen from the smooth heading."""
         back = yaw(self.offset)
         return multiply(back, posture.rotation), rotate(back, np.array([*posture.velocity, 0.0]))
@@ -199,7 +199,7 @@ class PostureBlend:
         for motion, (heading, posture) in enumerate(zip(self._headings, postures, strict=True)):
             weight = weights[motion]
             heading.advance(float(posture.turn_rate), dt)
-            seen, its_velocity = heading.seen(posture)
+            seen, its_velocity = heading.in_frame(posture)
             self._points[motion] = self._followed(seen, before[motion])
             offset, rate = offset + weight * heading.offset, rate + weight * heading.rate
             height, velocity = height + weight * float(posture.height), velocity + weight * its_velocity
@@ -208,7 +208,7 @@ class PostureBlend:
         sides = self._change_sides(np.abs(share))
         shown = self._mean = weighted_mean(self._points, share)
         if sides is not None:
-            self._make_up(sides, (before, self._points), (was, share), left, dt)
+            self._begin_turns(sides, (before, self._points), (was, share), left, dt)
         if self._left.lasts:
             shown = multiply(from_rotation_vector(self._left.now), shown)
         # Seen from a heading again that is the hips' own when one motion is left.
@@ -259,7 +259,7 @@ class PostureBlend:
                 sides[changes & ~idle[:, None]] *= -1.0
         return sides
 
-    def _make_up(
+    def _begin_turns(
         self, sides: Array, points: tuple[Array, Array], weights: tuple[Array, Array], left: Array | None, dt: float
     ) -> None:
         """Begins the turns that lead from the mean on the new sides to what would be shown on those before.

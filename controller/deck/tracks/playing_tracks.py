@@ -153,12 +153,12 @@ class PlayingTracks:
     def morph_to(self, motion: str, anchor: int, dt: float, tempo: float) -> None:
         """Starts a motion that takes over as the switching module of the network goes from one to the other."""
         ends = (self._names.index(name) for name in (self.leading.motion.name, motion))
-        self._let_take_over(motion, anchor, dt, tempo)
+        self._start_take_over(motion, anchor, dt, tempo)
         self._weights = ModuleTakeOver(len(self._names), *ends)
 
     def cross_to(self, motion: str, anchor: int, dt: float, tempo: float) -> None:
         """Starts a motion that takes over within the limits of a join; see `CrossingSearch`."""
-        blend = self._let_take_over(motion, anchor, dt, tempo)
+        blend = self._start_take_over(motion, anchor, dt, tempo)
         share = PLANNED_SHARE * max(1.0, abs(tempo))
         motions = [track.motion for track in self.playing]
 
@@ -170,7 +170,7 @@ class PlayingTracks:
         self._crossing = Crossing(CrossingSearch(ahead, self._skeleton, bounds), blend.hold_sides)
         self._weights = self._crossing
 
-    def _let_take_over(self, motion: str, anchor: int, dt: float, tempo: float) -> PostureBlend:
+    def _start_take_over(self, motion: str, anchor: int, dt: float, tempo: float) -> PostureBlend:
         """Enters a motion on a second track, which leads from now on; the blend of both."""
         second = self._idle()
         second.cue(motion, anchor)

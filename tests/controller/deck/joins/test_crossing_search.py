@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from controller.deck.joins.crossing_search import CrossingSearch, crossed
-from controller.deck.joins.fade_search import LONGEST, LOOK_EVERY, SHORTEST
+from controller.deck.joins.fade_search import LONGEST, SHORTEST, TRIAL_EVERY
 from controller.deck.joins.join_limits import Bounds
 from controller.deck.joins.posture_blend import PostureBlend
 from controller.motion.posture import Posture, walk_path
@@ -42,7 +42,7 @@ def turned(angle):
 
 
 def search_of(first, second, speed=10.0, acceleration=1e4):
-    """The search for a crossing of two motions, given as functions of the time from the first look on."""
+    """The search for a crossing of two motions, given as functions of the time from the first trial on."""
 
     def ahead(times):
         return series([first(t) for t in times]), series([second(t) for t in times])
@@ -133,11 +133,11 @@ def test_where_no_time_is_long_enough_there_is_none():
 
 @pytest.mark.parametrize("rate", [50.0, 200.0, 1000.0])
 def test_looks_are_spread_over_time_whatever_the_rate(rate):
-    looks = []
+    trials = []
 
     def second(t):
         if t == 0.0:
-            looks.append(t)
+            trials.append(t)
         return turned(2.8)
 
     search = search_of(lambda _: turned(0.0), second, 2.0, 20.0)
@@ -145,8 +145,8 @@ def test_looks_are_spread_over_time_whatever_the_rate(rate):
     while not search.found:
         search.advance(1.0 / rate)
         ticks += 1
-    assert len(looks) >= 2
-    assert abs(ticks / rate - len(looks) * LOOK_EVERY) <= 1.001 / rate
+    assert len(trials) >= 2
+    assert abs(ticks / rate - len(trials) * TRIAL_EVERY) <= 1.001 / rate
 
 
 def test_it_is_found_in_spite_of_a_body_that_moves_along():

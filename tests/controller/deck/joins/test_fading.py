@@ -17,12 +17,12 @@ STILL = Posture(np.array(1.0), np.zeros(2), np.array(0.0), np.tile([1.0, 0.0, 0.
 TURN, RATE = np.array([[0.0] * 3, [0.0, 1.2, 0.5], [0.1, 0.3, 0.0]]), np.array([[0.0] * 3, [0.0, 3.0, -8.0], [0.5] * 3])
 
 
-def search_of(acceleration=60.0, looks=None):
+def search_of(acceleration=60.0, trials=None):
     """The search for a fade of a rod that is turned and turning away, to one at rest."""
 
     def ahead(times):
-        if looks is not None:
-            looks.append(times[-1])
+        if trials is not None:
+            trials.append(times[-1])
         resting = Posture(
             np.ones(len(times)), *np.zeros((2, len(times), 2)), np.tile(STILL.rotation, (len(times), 1, 1))
         )
@@ -49,15 +49,15 @@ def ends_of(shown):
 
 @pytest.mark.parametrize("rate", [50.0, 100.0, 200.0, 500.0, 1000.0])
 def test_looks_are_spread_over_time_whatever_the_rate(rate):
-    looks, counts = [], []
-    search = search_of(looks=looks)
+    trials, counts = [], []
+    search = search_of(trials=trials)
     while not search.found:
         search.advance(1.0 / rate)
-        counts.append(len(looks))
-    assert len(looks) > 3
+        counts.append(len(trials))
+    assert len(trials) > 3
     assert counts[0] == max(0, round(200.0 / rate) - 1)
     assert max(np.diff(counts)) <= max(1, round(200.0 / rate))
-    assert 0.0 < len(counts) / rate - 0.005 * len(looks) <= 1.001 / rate
+    assert 0.0 < len(counts) / rate - 0.005 * len(trials) <= 1.001 / rate
 
 
 def test_the_fade_that_is_found_does_not_depend_on_the_rate():
@@ -96,14 +96,14 @@ def test_a_one_shot_that_is_under_way_goes_on_as_fast_as_it_did():
     assert onsets[-1] == 1.0
 
 
-@pytest.mark.parametrize(("share", "looks"), [(0.99, 1), (1.09, 11), (1.19, 16), (5.0, 12)])
-def test_the_longer_a_search_takes_the_more_the_best_so_far_may_exceed_the_bounds(share, looks, monkeypatch):
+@pytest.mark.parametrize(("share", "trials"), [(0.99, 1), (1.09, 11), (1.19, 16), (5.0, 12)])
+def test_the_longer_a_search_takes_the_more_the_best_so_far_may_exceed_the_bounds(share, trials, monkeypatch):
     """A body swings on until its fade is found; far beyond the bounds fades grow so fast that twelve are all."""
     monkeypatch.setattr(fade_search, "peaks", lambda *_: (np.zeros(1), share * fade_search.PLANNED_SHARE * 60.0))
     search = search_of(60.0)
     search.advance(10.0)
     assert search.found
-    assert search.looks == looks
+    assert search.trials == trials
 
 
 def test_two_runs_are_identical():
