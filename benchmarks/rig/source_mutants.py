@@ -28,8 +28,8 @@ _GOALS = 'write_each(config, bus, "goal_position", [int(pulses) for pulses in sc
 MUTANTS = {
     "no clipping": Mutant(
         JointPace.bound,
-        "np.maximum(self._lower, goals - reach), np.minimum(self._upper, goals + reach)",
-        "goals - reach, goals + reach",
+        "np.minimum(np.maximum(targets, self._lower), self._upper)",
+        "targets",
     ),
     "no goal := present": Mutant(hold_still, _GOALS, "pass"),
     "no braking distance": Mutant(places_of_rest, "np.where(moves, np.clip(ahead, -most, most), 0.0)", "0.0"),

@@ -15,6 +15,7 @@ joint.
 from __future__ import annotations
 
 from collections import deque
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -121,14 +122,21 @@ class Health:
         self._mended: list[deque[float]] = [deque(maxlen=_RESTLESS) for _ in range(count)]
         self._reason = [""] * count
 
-    def look(self, measured: Measurements, goals: Array, yielding: Mask, watched: Mask, now: float) -> None:
+    def look(
+        self,
+        measured: Measurements,
+        goals: Array,
+        yielding: Mask,
+        recovering: Sequence[NDArray[np.int64]],
+        now: float,
+    ) -> None:
         """Judges the joints by their latest measurements at the time `now`, s; sets `mend` and `fatal`.
 
         Args:
             measured: of the joints.
             goals: last sent, shape (J,), rad.
             yielding: joints that give way to what they push against, shape (J,).
-            watched: joints to judge, shape (J,); the others are being recovered, and stay as they were judged.
+            recovering: the indices of joints, port by port, that stay as they were judged.
             now: the time, s.
         """
         missing = measured.missed_in_a_row > 0
@@ -147,9 +155,11 @@ class Health:
         self._idle = idle = still & (np.abs(measured.currents) < _IDLE_CURRENT * self._stall)
         restless = limp & self._often_mended(now) if np.logical_or.reduce(limp) else limp
         if np.logical_or.reduce(self.lost):
-            self._return(~missing & ~down & watched, now)
-        alive = watched & ~self.lost
-        self.mend = np.where(watched, alive & (back | limp | idle), self.mend)
+            self._return(~missing & ~down, recovering, now)
+        alive = ~self.lost
+        for joints in recovering:
+            alive[joints] = False
+        mend, self.mend = self.mend, alive & (back | limp | idle)
         self.fatal = alive & (down | hot | silent | restless | (idle & self._was_idle))
         margin = self._hottest - measured.temperatures
         known, seen = self._known, self._seen
@@ -162,7 +172,8 @@ class Health:
         seen[_STARVED] = (measured.voltages < self._lowest) | (measured.errors & 1 != 0)
         seen[_DOWN] = down
         seen &= alive
-        np.copyto(seen, known, where=~watched)
+        for joints in recovering:
+            seen[:, joints], self.mend[joints] = known[:, joints], mend[joints]
         new = seen & ~known
         if np.logical_or.reduce(new, axis=None):
             self._report(new, measured, now)
@@ -224,9 +235,11 @@ class Health:
         self._anchor[moves], self._anchored[moves] = positions[moves], now
         return measured.read_at - self._anchored > _IDLE_AFTER
 
-    def _return(self, well: Mask, now: float) -> None:
+    def _return(self, well: Mask, recovering: Sequence[NDArray[np.int64]], now: float) -> None:
         """Takes joints back that were lost and answer without an error again."""
         returned = self.lost & well & ~self._given_up & ~self.off
+        for joints in recovering:
+            returned[joints] = False
         self.lost &= ~returned
         for index in np.flatnonzero(returned).tolist():
             self.incidents.append(Incident(now, self._names[index], "answers again", fault=False))

@@ -41,7 +41,7 @@ class JointPace:
         self._upper = np.array([joint.upper for joint in config.joints])
         self._speed = np.array([joint.velocity for joint in config.joints])
         self._longest = _LONGEST_STEP / config.rate_hz
-        self._last, self._passed = np.full(len(config.joints), now), np.zeros(len(config.joints))
+        self._last, self._passed = now, 0.0
 
     @property
     def part(self) -> Array:
@@ -56,8 +56,8 @@ class JointPace:
         """
         return np.where(self.strain.yielding, 1.0, self.catching_up.pace)
 
-    def bound(self, targets: Array, goals: Array, positions: Array, now: float) -> Array:
-        """The next goals: towards the targets, within the limits of position and of speed in real time.
+    def bound(self, targets: Array, goals: Array, positions: Array, now: float) -> tuple[Array, NDArray[np.bool_]]:
+        """The next goals (J,), within the limits of position and of speed in real time; and the targets beyond a limit.
 
         Args:
             targets: asked for, shape (J,), rad, finite.
@@ -65,8 +65,8 @@ class JointPace:
             positions: last measured, shape (J,), rad.
             now: the time, s.
         """
-        passed = self._passed = np.maximum(0.0, now - self._last)
-        self._last[:] = now
+        passed = self._passed = max(0.0, now - self._last)
+        self._last = now
         strain, part = self.strain, self.ease.part
         if np.logical_or.reduce(self.catching_up.joints):
             part = self.part
@@ -75,13 +75,9 @@ class JointPace:
             targets = np.where(strain.yielding, near, targets)
             self.catching_up.joints |= strain.yielding
             part = np.where(strain.yielding, 1.0, self.part)
-        reach = self._speed * part * np.where(part < 1.0, np.minimum(self._longest, passed), passed)
-        low, high = np.maximum(self._lower, goals - reach), np.minimum(self._upper, goals + reach)
-        return np.minimum(np.maximum(targets, low), high)
-
-    def beyond(self, targets: Array) -> NDArray[np.bool_]:
-        """Targets outside the position limits, shape (J,)."""
-        return (targets < self._lower) | (targets > self._upper)
+        within = np.minimum(np.maximum(targets, self._lower), self._upper)
+        reach = self._speed * part * np.where(part < 1.0, min(self._longest, passed), passed)
+        return np.minimum(np.maximum(within, goals - reach), goals + reach), targets != within
 
     def sent(self, targets: Array, goals: Array, positions: Array) -> None:
         """Ends the catching up of joints that have: from the targets, the goals sent and the positions, rad."""
@@ -90,8 +86,8 @@ class JointPace:
         self.catching_up.note(targets, goals, positions, self.strain.yielding, self._passed, self._last)
 
     def start_again(self, joints: NDArray[np.int64] | slice, now: float) -> None:
-        """Makes these joints catch up."""
-        self._last[joints] = now
+        """Makes these joints catch up, from at most one tick ago on."""
+        self._last = max(self._last, now - 0.5 * self._longest)
         self.catching_up.joints[joints] = True
 
 
@@ -118,19 +114,19 @@ class CatchingUp:
         return np.where(self.joints, SLOWER, 1.0)
 
     def note(
-        self, targets: Array, goals: Array, positions: Array, kept: NDArray[np.bool_], passed: Array, now: Array
+        self, targets: Array, goals: Array, positions: Array, kept: NDArray[np.bool_], passed: float, now: float
     ) -> None:
         """Ends it for the joints that have caught up.
 
         Args:
             targets, goals, positions: asked for (within the limits), sent and measured, shape (J,), rad.
             kept: joints that go on catching up, shape (J,).
-            passed: since the last call, shape (J,), s.
-            now: the time, shape (J,), s.
+            passed: since the last call, s.
+            now: the time, s.
         """
         arrived = np.abs(targets - goals) < _ARRIVED
         self._since = np.where(arrived & self.joints, np.minimum(self._since, now), np.inf)
-        speed = np.fmin(np.abs(targets - self._targets) / np.maximum(passed, 1e-3), self._speed)
+        speed = np.fmin(np.abs(targets - self._targets) / max(passed, 1e-3), self._speed)
         self._targets = targets
         there = np.abs(goals - positions) < _PLAY + _LAG * speed
         self.joints &= kept | ~(arrived & (there | (now - self._since > _PATIENCE)))

@@ -180,10 +180,12 @@ class Rig:
             return
         with self.write_us:
             pace, finite = self._pace, np.isfinite(targets)
-            wanted = np.where(finite, targets, self.goals)
-            self.faults.refused[:] += ~finite
-            self.faults.clipped[:] += pace.beyond(wanted)
-            goals = pace.bound(wanted, self.goals, self.positions, self._now())
+            if not np.logical_and.reduce(finite):
+                self.faults.refused[:] += ~finite
+                targets = np.where(finite, targets, self.goals)
+            goals, beyond = pace.bound(targets, self.goals, self.positions, self._now())
+            if np.logical_or.reduce(beyond):
+                self.faults.clipped[:] += beyond
             counts = self._scale.pulses(goals)
             for one in ready:
                 port = one.port
@@ -195,7 +197,7 @@ class Rig:
                 except SerialPortError as error:
                     self._recover_port(one, error)
             if np.logical_or.reduce(pace.catching_up.joints):
-                pace.sent(wanted, self.goals, self.positions)
+                pace.sent(targets, self.goals, self.positions)
                 for one in ready:
                     one.port.keep_pace(pace.of_servos)
         for one in ready:
@@ -357,16 +359,13 @@ class Rig:
         Raises:
             RigError: if the rig must stop.
         """
-        watched = np.ones(len(self.names), dtype=np.bool_)
-        for one in self._recoveries:
-            if one.under_way:
-                watched[one.port.joints] = False
-        if not np.logical_or.reduce(watched):
+        recovering = [port.joints for one in self._recoveries if one.under_way for port in (one.port,)]
+        if len(recovering) == len(self._recoveries):
             return
         health, measured, now = self._health, self.measured, self._now()
         self._pace.strain.note(measured.currents, now)
         self._pace.ease.note(measured.temperatures, measured.voltages)
-        health.look(measured, self.goals, self._pace.strain.yielding, watched, now)
+        health.look(measured, self.goals, self._pace.strain.yielding, recovering, now)
         if np.logical_or.reduce(health.fatal):
             without = health.fatal | health.lost
             if self.config.on_loss == "stop" or any(without[port.joints].all() for port in self._all_ports()):
