@@ -13,8 +13,8 @@ import numpy as np
 import typer
 
 from benchmarks import command
-from controller.learning.recognition.segmentation.border_score import BorderScore, score_borders
-from controller.learning.recognition.segmentation.labels import read_labels
+from benchmarks.recognition.border_score import BorderScore, score_borders
+from benchmarks.recognition.segment_labels import read_labels
 from controller.motion.formats.reading import read_clip
 from controller.motion.segmentation import Bounds, body_features, find_segments
 

@@ -27,22 +27,8 @@ import scipy.io
 import typer
 
 from benchmarks import command
-from controller.learning.recognition.experts import ExpertRecipe
-from controller.learning.recognition.features import ANGLE_UNIT, FeatureRecipe, features, resampled, with_velocity
-from controller.learning.recognition.segmentation.border_score import score_borders
-from controller.learning.recognition.segmentation.by_experts import (
-    CHANGE_COST,
-    EXPERTS,
-    LOOK,
-    bank_of_first_occurrences,
-    borders_of,
-    first_occurrences,
-    frame_costs,
-    not_learned,
-    smoothed,
-    viterbi,
-)
-from controller.learning.recognition.segmentation.change_points import (
+from benchmarks.recognition.border_score import score_borders
+from benchmarks.recognition.change_points import (
     BORDER_PRICE,
     KERNEL_RATE,
     PREDICTION_RATE,
@@ -50,7 +36,18 @@ from controller.learning.recognition.segmentation.change_points import (
     cross_prediction,
     kernel_change_points,
 )
-from controller.learning.recognition.segmentation.labels import Labels, read_labels
+from benchmarks.recognition.first_occurrences import (
+    EXPERTS,
+    LOOK,
+    bank_of_first_occurrences,
+    first_occurrences,
+    not_learned,
+    smoothed,
+)
+from benchmarks.recognition.segment_labels import Labels, read_labels
+from controller.learning.recognition.experts import ExpertRecipe
+from controller.learning.recognition.features import ANGLE_UNIT, FeatureRecipe, features, resampled, with_velocity
+from controller.learning.recognition.viterbi_segmentation import CHANGE_COST, borders_of, frame_costs, viterbi
 from controller.motion.formats.acclaim.amc import read_amc
 from controller.motion.formats.acclaim.asf import AcclaimSkeleton, read_asf
 from controller.motion.segmentation import body_features, find_segments

@@ -81,7 +81,7 @@ def by_recognizer(clip: Clip, file: Path) -> list[dict[str, Any]]:
     """
     from controller.learning.recognition.features import features
     from controller.learning.recognition.recognizer_file import load_recognizer
-    from controller.learning.recognition.segmentation.by_experts import CHANGE_COST, borders_of, frame_costs, viterbi
+    from controller.learning.recognition.viterbi_segmentation import CHANGE_COST, borders_of, frame_costs, viterbi
 
     recognizer = load_recognizer(file)
     signal = features(clip, recognizer.recipe)

@@ -5,8 +5,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from controller.learning.recognition.segmentation.border_score import BorderScore, score_borders
-from controller.learning.recognition.segmentation.labels import read_labels
+from benchmarks.recognition.border_score import BorderScore, score_borders
+from benchmarks.recognition.segment_labels import read_labels
 from controller.motion.formats.reading import read_clip
 from controller.motion.segmentation import body_features, find_segments
 from motiondeck_base.errors import FileFormatError

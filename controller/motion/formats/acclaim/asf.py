@@ -42,7 +42,6 @@ class AcclaimSkeleton:
         skeleton: B bones, in our axes, m.
         axis: orientation of the axes of each bone's angles in the rest pose, shape (1 + B, 4).
         dof: names of each bone's recorded channels in order, of rx, ry, rz (the root also tx, ty, tz).
-        limits: range of each channel, shape (n, 2) per bone, rad (root: m or rad); infinite where none is given.
         root_position: added to all recorded root positions, shape (3,), m.
         length_unit: of the ASF, m.
         angle_unit: of the ASF, rad.
@@ -52,7 +51,6 @@ class AcclaimSkeleton:
     skeleton: Skeleton
     axis: Array
     dof: tuple[tuple[str, ...], ...]
-    limits: tuple[Array, ...]
     root_position: Array
     length_unit: float
     angle_unit: float
@@ -100,17 +98,12 @@ def read_asf(path: str | Path, unit: float | None = None) -> AcclaimSkeleton:
     skeleton = Skeleton(
         Path(path).stem, tuple(names), np.array([index.get(parent[name], ROOT) for name in names]), rest, length
     )
-    every = [root, *(bones[name] for name in names)]
     dof = [_channels(root["order"], ROTATIONS + TRANSLATIONS)]
     dof += [_channels(bones[name]["dof"], ROTATIONS) if "dof" in bones[name] else () for name in names]
     return AcclaimSkeleton(
         skeleton=skeleton,
         axis=np.array([IDENTITY, *(_axis(bones[name].get("axis"), angle_unit) for name in names)]),
         dof=tuple(dof),
-        limits=tuple(
-            _limits(fields.get("limits"), channels, length_unit, angle_unit)
-            for fields, channels in zip(every, dof, strict=True)
-        ),
         root_position=from_acclaim(root["position"].numbers(3) if "position" in root else np.zeros(3)) * length_unit,
         length_unit=length_unit,
         angle_unit=angle_unit,
@@ -282,16 +275,3 @@ def _channels(line: Line, known: tuple[str, ...]) -> tuple[str, ...]:
     if len(set(channels)) < len(channels):
         raise line.error("a channel is named twice. Remove one of them.")
     return channels
-
-
-def _limits(line: Line | None, channels: tuple[str, ...], length_unit: float, angle_unit: float) -> Array:
-    """Lower and upper bounds of the channels, shape (n, 2)."""
-    if line is None:
-        return np.tile([-np.inf, np.inf], (len(channels), 1))
-    bounds = [as_float(word) for word in line.words[1:]]
-    if len(bounds) != 2 * len(channels) or any(bound is None or np.isnan(bound) for bound in bounds):
-        raise line.error(
-            f"expected {len(channels)} pairs of numbers, one for each of: {' '.join(channels) or 'no dof'}."
-        )
-    unit = [angle_unit if channel in ROTATIONS else length_unit for channel in channels]
-    return np.array(bounds, dtype=np.float64).reshape(-1, 2) * np.array(unit).reshape(-1, 1)

@@ -4,14 +4,14 @@ import pytest
 
 from benchmarks.recognition.committee import A_JOINT, GROUPS
 from benchmarks.recognition.contenders import contenders, doubters, ours
+from benchmarks.recognition.first_occurrences import LOOK
 from benchmarks.recognition.folds import measure
 from benchmarks.recognition.recorded_angles import recorded_angles
+from benchmarks.recognition.segment_labels import read_labels
 from benchmarks.recognition.segmentation import experts
 from benchmarks.recognition.unknown import unknown_auc
 from controller.learning.recognition.features import features
 from controller.learning.recognition.labelled_recordings import read_dataset
-from controller.learning.recognition.segmentation.by_experts import LOOK
-from controller.learning.recognition.segmentation.labels import read_labels
 from controller.motion.formats.reading import read_clip
 
 pytestmark = pytest.mark.thorough

@@ -5,21 +5,14 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from benchmarks.recognition import change_points
+from benchmarks.recognition.border_score import BorderScore, score_borders
+from benchmarks.recognition.change_points import cross_prediction, kernel_change_points
+from benchmarks.recognition.first_occurrences import bank_of_first_occurrences, first_occurrences, not_learned, smoothed
+from benchmarks.recognition.segment_labels import Labels, read_labels
 from controller.learning.recognition.experts import ExpertRecipe
 from controller.learning.recognition.features import FeatureRecipe, features
-from controller.learning.recognition.segmentation import change_points
-from controller.learning.recognition.segmentation.border_score import BorderScore, score_borders
-from controller.learning.recognition.segmentation.by_experts import (
-    bank_of_first_occurrences,
-    borders_of,
-    first_occurrences,
-    frame_costs,
-    not_learned,
-    smoothed,
-    viterbi,
-)
-from controller.learning.recognition.segmentation.change_points import cross_prediction, kernel_change_points
-from controller.learning.recognition.segmentation.labels import Labels, read_labels
+from controller.learning.recognition.viterbi_segmentation import borders_of, frame_costs, viterbi
 from motiondeck_base.errors import FileFormatError, MotiondeckError
 from recognition_examples import clip
 

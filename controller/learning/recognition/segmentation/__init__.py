@@ -1,1 +1,0 @@
-"""Segmentation of recordings into behaviours, and its scores."""
