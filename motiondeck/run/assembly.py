@@ -20,7 +20,6 @@ from controller.loop.permissions import handed_back, leave_core
 from controller.loop.safety.safety_envelope import SafetyEnvelope
 from controller.loop.stop_requests import StopRequest, stop_on_signals
 from controller.motion.clip import Clip
-from controller.motion.encodings.joint_angles import JointBody
 from controller.motion.rotations import Array
 from controller.motion.skeleton import Skeleton
 from controller.wire.command_socket import CommandServer
@@ -95,7 +94,7 @@ class Played:
 
         Of a recorded run only the human's root is known, and joints taught by hand were never a human's.
         """
-        unknown = isinstance(deck, RecordedDeck) or isinstance(self.source.skeleton, JointBody)
+        unknown = isinstance(deck, RecordedDeck) or self.source.skeleton.is_rig
         return None if unknown else self.source.skeleton
 
 
