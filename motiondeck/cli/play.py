@@ -103,21 +103,17 @@ def _check_for_film(spec: RunSpec) -> None:
         raise MotiondeckError("a film is not made live, so nothing can be streamed to a rig: leave --rig or --video")
     if spec.record is not None:
         raise MotiondeckError("a film is not made live, so there are no ticks to record: leave --record or --video")
+    if spec.outputs:
+        raise MotiondeckError("a film is not made live, so no output gets targets: leave --output or --video")
     if spec.recognize or spec.recognizer is not None:
         raise MotiondeckError("in a film nothing is measured to be recognized: leave the recognition or --video")
 
 
 def _film_run(spec: RunSpec, program: Program, video: Path, look: Any, *, as_json: bool) -> None:
     """Films the run instead of playing it live."""
-    from controller.deck.deck import Deck
-    from motiondeck.pictures.filmed_run import film_run
-    from motiondeck.pictures.library_pictures import Staging
+    from motiondeck.pictures.library_pictures import film_run
 
-    deck = partial(Deck, program.library, motion=program.first, direct=spec.direct, joining=spec.join)
-    staging = Staging(spec.physics, spec.root, spec.balance, spec.walk, spec.solver)
-    report, words = film_run(
-        program.library, str(spec.robot), deck, program.timeline, program.seconds, video, look, staging
-    )
+    report, words = film_run(spec, program, video, look)
     print_report(report, words, as_json=as_json)
 
 

@@ -7,6 +7,7 @@ import sys
 from collections import deque
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -18,8 +19,10 @@ from controller.loop.commands.command_desk import CommandDesk
 from controller.loop.commands.commanded_run import CommandedRun
 from controller.loop.stop_requests import StopRequest
 from controller.motion.rotations import Array
-from controller.wire.messages.commands import Blend
+from controller.wire.messages.commands import Blend, CommandError
 from controller.wire.messages.replies import Refused
+from motiondeck.run.spec.program import Program
+from motiondeck.run.spec.run_spec import RunSpec
 from motiondeck.run.spec.script import Timed
 from motiondeck_base.errors import MotiondeckError, UnknownNameError
 from motiondeck_base.shipped import find_library, find_robot
@@ -32,6 +35,7 @@ if TYPE_CHECKING:
 
 # Frames per second and size, pixels; a GIF is small enough for a web page.
 FILM = {".mp4": (30.0, (1920, 1080)), ".gif": (20.0, (400, 300))}
+SHORTEST, AFTER_LAST = 6.0, 4.0  # s: a film without a given length, and its rest after the last command
 STEPS_A_SECOND = 200
 PRINTS = 24  # of the latest footprints are shown
 MOMENTS = 8
@@ -124,38 +128,45 @@ def film_look(
     return FilmLook(asked, fps or usual_fps, camera_named(camera), ghost, footprints)
 
 
-@dataclass(frozen=True)
-class Staging:
-    """Simulation of the robot in a film; the attributes are options of `play`."""
+def film_run(spec: RunSpec, program: Program, video: Path, look: FilmLook) -> tuple[dict[str, Any], str]:
+    """Films a run, by default as long as its timeline; its report, and a line for the terminal.
 
-    physics: bool = True
-    root: str = "gantry"
-    balance: bool = False
-    walk: bool = False
-    solver: str | None = None
+    Raises:
+        MotiondeckError: if a command of the timeline is not for a film.
+    """
+    for timed in program.timeline:
+        try:
+            timed.message.row.check_use("film")
+        except CommandError as error:
+            raise MotiondeckError(f"at {timed.at:g} s: {error}") from None
+    seconds = program.seconds
+    if seconds is None:
+        seconds = max(SHORTEST, max((one.at for one in program.timeline), default=0) + AFTER_LAST)
+    deck = partial(Deck, program.library, motion=program.first, direct=spec.direct, joining=spec.join)
+    report = film(spec, program.library, deck, program.timeline, seconds, video, look)
+    fell_back = f"; {report['fell_back']}" if report["fell_back"] else ""
+    return report, f"wrote {video} ({seconds:g} s, {video.stat().st_size / 1e6:.1f} MB){fell_back}"
 
 
 def film(
+    spec: RunSpec,
     library: MotionLibrary,
-    robot: str,
     deck_for: Callable[[Callable[..., Any]], Deck],
     timeline: Sequence[Timed],
     seconds: float,
     out: Path,
     look: FilmLook,
-    staging: Staging,
 ) -> dict[str, object]:
     """Films a run; its report, as `play --video --json` prints it.
 
     Args:
+        spec: the robot and its simulation.
         library: the motions.
-        robot: a shipped robot, or a robot file.
         deck_for: makes the deck for the robot's retargeter.
         timeline: the commands, in order of time.
         seconds: duration, s.
         out: the film, .mp4 or .gif.
         look: its size, rate and camera.
-        staging: physics, and what holds the robot.
 
     Raises:
         MotiondeckError: if a command is refused; it says when.
@@ -163,10 +174,10 @@ def film(
     from sim.models.robot_file import solver_named
     from sim.robots.robot import load_robot
 
-    body = load_robot(find_robot(robot), library.skeleton, solver_named(staging.solver), 1.0 / STEPS_A_SECOND)
+    body = load_robot(find_robot(str(spec.robot)), library.skeleton, solver_named(spec.solver), 1.0 / STEPS_A_SECOND)
     total = max(1, round(seconds * look.fps))
     deck = deck_for(body.retarget)
-    report = film_frames(body.drawn, _shots(deck, body, timeline, total, look, staging), total, out, look)
+    report = film_frames(body.drawn, _shots(deck, body, timeline, total, look, spec), total, out, look)
     return report | {"fell_back": deck.fell_back}
 
 
@@ -181,7 +192,7 @@ def film_frames(model: Any, frames: Iterable[Array | Shot], total: int, out: Pat
 
 
 def _shots(
-    deck: Deck, body: Robot, timeline: Sequence[Timed], total: int, look: FilmLook, staging: Staging
+    deck: Deck, body: Robot, timeline: Sequence[Timed], total: int, look: FilmLook, spec: RunSpec
 ) -> Iterator[Shot]:
     """The frames of the film; between them the deck plays in ticks, as `play` does."""
     from controller.loop.safety.safety_envelope import SafetyEnvelope
@@ -195,8 +206,8 @@ def _shots(
     dt = 1.0 / STEPS_A_SECOND
     desk, envelope = CommandDesk(CommandedRun(deck), ()), SafetyEnvelope(body.limits, dt)
     stage = KinematicPlayback(body)
-    if staging.physics:
-        stage = PhysicsPlayback(body, dt, staging.root, staging.balance, staging.walk)
+    if spec.physics:
+        stage = PhysicsPlayback(body, dt, spec.root, spec.balance, spec.walk)
     watch = StepWatch(body.model, feet_of(body), body_height(body.model)) if look.footprints else None
     waiting, prints, ghost = deque(timeline), deque[Array](maxlen=PRINTS), body.model.qpos0.copy()
     started, done = False, 0

@@ -10,6 +10,7 @@ from controller.library.motion_library import load_library
 from controller.wire.messages.commands import Blend, SetTempo
 from motiondeck.cli.play import name_failing, play
 from motiondeck.pictures import library_pictures
+from motiondeck.run.spec.run_spec import RunSpec
 from motiondeck.run.spec.script import Timed
 from motiondeck_base.errors import MotiondeckError
 from motiondeck_base.shipped import shipped_configs
@@ -35,8 +36,8 @@ def filmed(library, monkeypatch):
             return decks[0]
 
         look = library_pictures.film_look(out, None, None, "follow")
-        staging = library_pictures.Staging(physics=False)
-        return library_pictures.film(library, "mannequin", deck_for, timeline, seconds, out, look, staging), decks[0]
+        spec = RunSpec(physics=False)
+        return library_pictures.film(spec, library, deck_for, timeline, seconds, out, look), decks[0]
 
     return film
 
