@@ -1,5 +1,5 @@
 # pyright: strict
-"""The process in which a live deck plays: what it says when it is ready, its report, and how it ends."""
+"""The process of a live deck: its ready message, its report, and its end."""
 
 from __future__ import annotations
 
@@ -44,7 +44,7 @@ class DeckProcess:
         self._stdout = process.stdout
         first = self._stdout.readline()
         ready = _news.decode(first) if first else None
-        # A report may be longer than the pipe holds, so somebody must read it while the deck ends.
+        # A report may be longer than the pipe holds, so a thread reads it while the deck ends.
         self._reader = threading.Thread(target=self._read_report, daemon=True)
         self._reader.start()
         if not isinstance(ready, Ready):
@@ -63,7 +63,7 @@ class DeckProcess:
         return self._process.poll() is None
 
     def wait(self, timeout: float | None) -> bool:
-        """Waits for its end for so many seconds, or as long as it takes; whether it has ended."""
+        """Waits up to `timeout` seconds for its end, without a limit if None; whether it has ended."""
         try:
             self._process.wait(timeout)  # the report is read by the thread meanwhile
         except subprocess.TimeoutExpired:

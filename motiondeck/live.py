@@ -1,5 +1,5 @@
 # pyright: strict
-"""A live deck that does not block: the real-time loop runs in a process of its own and takes commands from here."""
+"""A live deck: its real-time loop runs in a child process, which is commanded from here without blocking."""
 
 from __future__ import annotations
 
@@ -27,8 +27,8 @@ from motiondeck_base.errors import MotiondeckError
 __all__ = ["CommandedMotion", "DeckEvent", "DeckStatus", "LiveDeck", "LockState"]
 
 _ANSWERS_WITHIN = 5.0  # s
-_LOOKS_EVERY = 1.0  # s
-# s that one thread waits for a reply before another may, and between two turns: a lock goes to whoever comes first.
+_CHECK_EVERY = 1.0  # s
+# s that a thread waits for a reply before it yields to another, and the gap, without which it would lock again first.
 _TURN, _GAP = 0.01, 0.001
 
 
@@ -124,7 +124,7 @@ class LiveDeck(DeckCommands[CommandedMotion]):
         self._request(commands.Push(side, impulse))
 
     def step(self, seconds: float = 0.0) -> None:
-        """Goes on in a pause for one tick, or for so many seconds, up to 1.
+        """Plays on in a pause for one tick, or for up to 1 s.
 
         Raises:
             CommandError: if the deck is not paused.
@@ -144,7 +144,7 @@ class LiveDeck(DeckCommands[CommandedMotion]):
         except SocketError:
             client.close()
             raise SocketError(self._process.how_it_ended) from None
-        return _told_to(client)
+        return _events_of(client)
 
     def wait(self, timeout: float | None = None) -> dict[str, Any]:
         """Waits until the deck has ended by its own `seconds`, by a command or by a fault; the report of the run.
@@ -175,7 +175,7 @@ class LiveDeck(DeckCommands[CommandedMotion]):
 
     @property
     def _own(self) -> tuple[CommandClient, threading.Lock]:
-        """The client of this thread, and the lock of whoever reads from it: others may wait for what this one began."""
+        """The client of this thread and a lock for reading from it: other threads may wait for its switches."""
         if not hasattr(self._clients, "own"):
             self._clients.own = CommandClient(self.command_port), threading.Lock()
         return self._clients.own
@@ -228,7 +228,7 @@ class LiveDeck(DeckCommands[CommandedMotion]):
             with reading:
                 reply = client.request(checked(message), _ANSWERS_WITHIN)
         except SocketError:
-            # It may just be ending: then its reason is more useful than that nobody answers.
+            # It may just be ending: then its reason is more useful than a missing answer.
             if self._process.wait(1.0):
                 self._process.end()
                 raise SocketError(self._process.how_it_ended) from None
@@ -238,11 +238,11 @@ class LiveDeck(DeckCommands[CommandedMotion]):
         raise CommandError(reply.reason if isinstance(reply, Refused) else "the deck's answer is not understood")
 
 
-def _told_to(client: CommandClient) -> Iterator[DeckEvent]:
-    """The events that a client is told, until the deck has ended."""
+def _events_of(client: CommandClient) -> Iterator[DeckEvent]:
+    """The events that a client receives, until the deck has ended."""
     with contextlib.closing(client), contextlib.suppress(SocketError):
         while True:
-            event = client.receive(_LOOKS_EVERY)
+            event = client.receive(_CHECK_EVERY)
             if isinstance(event, DeckEvent):
                 yield event
                 if event.kind == "ended":

@@ -97,7 +97,7 @@ class Stage:
         deck.set_tempo(self.tempo)
 
         def publish(state: LoopState) -> None:
-            watch.look(state, deck, PLAYING)
+            watch.update(state, deck, PLAYING)
             each_tick(deck, watch, clock.port)
 
         run(

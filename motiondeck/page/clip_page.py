@@ -1,4 +1,4 @@
-"""A clip in the browser: the human and its bones, a robot beside it, footprints, and a bar to drag through time."""
+"""A clip in the browser: the human with its bones, a robot, footprints, and a time bar."""
 
 from __future__ import annotations
 
@@ -58,7 +58,7 @@ def show(act: Act, port: int, ends: Callable[[], bool] = lambda: False) -> None:
     Raises:
         PortError: if the port is taken.
     """
-    # viser announces itself on standard output, where it belongs to nobody.
+    # viser announces itself on standard output, which is kept for results.
     with Path(os.devnull).open("w") as nowhere, contextlib.redirect_stdout(nowhere):
         page = PrivatePage(port, label=act.title)
     try:

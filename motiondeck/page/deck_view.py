@@ -22,7 +22,7 @@ from motiondeck.page.network.network_view import NetworkView
 from motiondeck.page.panel import Panel
 from motiondeck.page.rig.joint_glow import JointGlow
 from motiondeck.page.rig.rig_panel import RigPanel
-from motiondeck.page.rig.servo_tables import looks_through
+from motiondeck.page.rig.servo_tables import query_through
 from motiondeck.page.scene import Follower, Scene
 from motiondeck.page.timeline import Timeline
 from motiondeck.page.web.page_state import PageDescription, Picture
@@ -87,7 +87,7 @@ class DeckView:
         side = gui.add_panel() if rig is not None or about.learn else None
         if side is not None and rig is not None:
             with side.add_tab("Rig", viser.Icon.ENGINE):
-                look = looks_through(looks, self._panel.refuse)
+                look = query_through(looks, self._panel.refuse)
                 self._rig = RigPanel(self._page, parts, rig, self._panel.ask, look)
             self._glow = JointGlow(self._page, model, [servo.joint for servo in rig.servos], self._scene.height)
         if side is not None and about.learn and about.library_file:

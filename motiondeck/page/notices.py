@@ -1,4 +1,4 @@
-"""Notices: short words in a corner of the page, in every browser, that close by themselves."""
+"""Notices in a corner of the page, in every browser, that close by themselves."""
 
 from __future__ import annotations
 

@@ -33,10 +33,9 @@ from controller.wire.messages.commands import (
 from controller.wire.messages.deck_snapshot import DeckSnapshot
 from controller.wire.messages.events import Event
 from controller.wire.messages.replies import Refused
-from motiondeck.page.loop_figures import loop_figures
+from motiondeck.page.figures import loop_figures, recognition_text
 from motiondeck.page.motions.motion_controls import MotionControls
 from motiondeck.page.notices import FAULT, Notices
-from motiondeck.page.recognition_text import recognition_text
 from motiondeck.page.view_choices import ViewChoices
 from motiondeck.page.web.page_state import PageDescription
 from motiondeck.page.web.page_style import CURRENT, STOPS, STYLE, buttons_in_line
@@ -213,7 +212,7 @@ class Panel:
         if not self._stopped:
             self.send(EmergencyStop())
             return
-        text = "See that nobody is near. Nothing moves yet; Resume, Home or a motion then starts slowly."
+        text = "Check that all people are clear. Nothing moves yet; Resume, Home or a motion then starts slowly."
         self.ask(event, "Release the emergency stop?", text, "Release", Reset())
 
     def end(self, reason: str) -> None:
@@ -241,7 +240,7 @@ class Panel:
         *,
         no: str = "Cancel",
     ) -> None:
-        """Asks the one who clicked; the first answer sends a message, or does something; the second does nothing."""
+        """Asks for confirmation in the browser that clicked; `yes` sends a message or calls a function."""
         gui = event.client.gui if event.client is not None else self._page.gui
         with gui.add_modal(title) as question:
             gui.add_markdown(text)

@@ -26,7 +26,7 @@ CAMERAS = {
 }
 USUAL = "three"
 # On a page narrower than this share of its height, a phone's, the panel covers the lower half: there the camera stands
-# farther away by this factor and lower by so many heights, which puts the robot into the upper half.
+# farther away by the factor, and lower by the heights, below, which puts the robot into the upper half.
 PHONE, PHONE_DISTANCE, PHONE_LOWER = 0.8, 2.0, 0.85
 LIES = 0.5  # of what points forward: as little is horizontal of it, at most, when the body lies
 TELEPORT = 3.0  # m: too far to have been walked between two pictures
@@ -54,7 +54,7 @@ class Follower:
 
 
 class Scene:
-    """A robot on a page, seen by an observer who walks along.
+    """A robot on a page, with a camera that moves along.
 
     Attributes:
         height: of the robot, m.
@@ -112,7 +112,7 @@ class Scene:
         return self.robot.data
 
     def show(self, qpos: Array, centre: Array) -> None:
-        """Draws the robot at qpos (nq,) as seen by an observer who walks along with the centre (2,)."""
+        """Draws the robot at qpos (nq,), relative to the centre (2,) of the view, m."""
         with self._page.atomic():
             self.robot.show(qpos, centre)
             # Moving the floor back by less than two squares looks like walking on.

@@ -1,4 +1,4 @@
-"""The last minutes on the page: what was played and what happened; and looking back, while the deck plays on."""
+"""The timeline of the page: motions and events of the last minutes, and pictures of a chosen moment."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ MARKED = (*BAD, "mode", "paused", "resumed", "servo", "push", "stands")
 
 
 class Timeline:
-    """Keeps what was shown, and gives it back for a moment of the past; every browser of the page sees the same.
+    """Keeps pictures and returns that of a chosen past moment; it is the same in every browser of the page.
 
     Args:
         parts: of the page, where its widgets are being added.

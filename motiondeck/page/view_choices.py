@@ -1,4 +1,4 @@
-"""What is drawn besides the robot, and from where: the folder "view" of the panel."""
+"""The folder "view" of the panel: what is drawn besides the robot, and the camera."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ NETWORK = "The orbits of its neurons, in the three directions that show most"
 
 
 class ViewChoices:
-    """The choices of the viewer; what there is nothing to show of cannot be chosen.
+    """The choices of the viewer, as far as the run has something to show.
 
     Args:
         page: whose panel gets the folder.

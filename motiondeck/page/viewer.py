@@ -1,6 +1,6 @@
-"""The view in the browser: the robot as it moves, a button for each motion, and how the loop is doing.
+"""The process of the page: the moving robot, a button for each motion, and the figures of the loop.
 
-Runs as a process of its own (`python -m motiondeck.page.viewer`), reads the latest state from shared memory and sends
+Runs as a separate process (`python -m motiondeck.page.viewer`), reads the latest state from shared memory and sends
 commands over a socket, so that nothing it does can hold up the loop.
 """
 

@@ -1,4 +1,4 @@
-"""A deck for a program that plays it from Python: `motiondeck.play` starts this module as a process of its own.
+"""The process of a live deck: `motiondeck.play` starts this module.
 
 The spec comes as one JSON object on the command line. The answers are JSON lines on standard output: first `Ready`
 or `Failed`, in the end `Ended`. Commands come over the command socket. Standard input stays open as long as the program
@@ -23,7 +23,7 @@ from controller.wire.messages.commands import CommandError
 from motiondeck.run.spec.run_spec import RunSpec
 from motiondeck_base.errors import MotiondeckError
 
-_LOOKS_EVERY = 0.5  # s
+_CHECK_EVERY = 0.5  # s
 
 T = TypeVar("T", bound="msgspec.Struct | RunSpec")
 
@@ -106,7 +106,7 @@ def _stop_with_parent() -> None:
     def wait() -> None:
         while os.getppid() == parent:
             # not sys.stdin.read, whose lock would be held at exit
-            if select.select([stdin], [], [], _LOOKS_EVERY)[0] and not os.read(stdin, 4096):
+            if select.select([stdin], [], [], _CHECK_EVERY)[0] and not os.read(stdin, 4096):
                 break
         os.kill(os.getpid(), signal.SIGTERM)
 
@@ -118,7 +118,7 @@ def _send(news: LiveMessage) -> None:
         sys.stdout.buffer.write(msgspec.json.encode(news) + b"\n")
         sys.stdout.buffer.flush()
     except BrokenPipeError:
-        sys.stdout = None  # nobody reads any more, and Python must not try again at exit
+        sys.stdout = None  # the reader is gone, and Python must not try again at exit
 
 
 def main() -> int:

@@ -40,11 +40,12 @@ def play_again(
     if page_port is not None:
         ports += ["--port", str(page_port)]
     sys.stdout.flush()
-    os.execv(sys.executable, [sys.executable, "-P", "-m", "motiondeck", "play", *chosen, *_given(context), *ports])
+    words = [*chosen, *_typed_options(context), *ports]
+    os.execv(sys.executable, [sys.executable, "-P", "-m", "motiondeck", "play", *words])
 
 
-def _given(context: typer.Context) -> list[str]:
-    """The options that were on the command line, but for those that are replaced."""
+def _typed_options(context: typer.Context) -> list[str]:
+    """The options of the command line, without those that are replaced."""
     words: list[str] = []
     for parameter in context.command.params:
         name = parameter.name or ""

@@ -1,6 +1,6 @@
-"""What a terminal shows while a run goes on: one line with the motion and the time, and at once that it is ending.
+"""The progress line of a run on a terminal: motion, time, and at once that the run is ending.
 
-It is written by a thread of its own: a terminal that takes no words for a while must not hold up the loop.
+A separate thread writes it: a terminal that blocks must not delay the loop.
 """
 
 from __future__ import annotations
@@ -66,7 +66,7 @@ def progress_line(
         deck: what plays.
         stop: whether the run is ending.
         seconds: how long it plays, or None until it is stopped.
-        prompt: whether there is a prompt where the line would be; then only the end is told.
+        prompt: whether there is a prompt in place of the line; then only the end is shown.
         stream: standard error by default.
     """
     out = sys.stderr if stream is None else stream

@@ -1,4 +1,4 @@
-"""What a run prints: news while it goes on, and at the end its report, as JSON or in a few lines."""
+"""The events and the report of a run: overruns and faults while it plays, at the end JSON or a few lines."""
 
 from __future__ import annotations
 
@@ -20,18 +20,18 @@ from controller.wire.command_socket import CommandServer
 from motiondeck.run.recognition.recognition_watch import summary_lines
 from motiondeck_base.counted import counted
 
-_AT_ONCE = 0.05  # s before which a fall is told as one at once
+_AT_ONCE = 0.05  # s: a fall before this is reported as one at once
 _FEET = "; with --walk or --balance it can keep on its feet"
 _INCIDENTS_SHOWN = 10  # the latest
 _OVERRUNS_EVERY = 1.0  # s from one event on overruns to the next, which has all since
-_FAULTS_EVERY = 0.25  # s from one look at faults to the next
+_FAULTS_EVERY = 0.25  # s from one check for faults to the next
 
 
 class RunNews:
-    """Notices overruns, faults, replayed commands and recognized motions, and tells them as events.
+    """Sends events for overruns, faults, replayed commands and recognized motions.
 
     Args:
-        desk: tells them.
+        desk: sends them to subscribers.
         clock: of the loop.
         channels: the outputs.
         servers: where commands arrive.
@@ -55,15 +55,15 @@ class RunNews:
         self._overruns_every = max(1, round(_OVERRUNS_EVERY / clock.period))
         self._faults_every = max(1, round(_FAULTS_EVERY / clock.period))
 
-    def look(self) -> None:
-        """Tells what is new; once a tick."""
+    def update(self) -> None:
+        """Sends what is new; once a tick."""
         self._ticks += 1
         if self._ticks % self._faults_every:
             return
         if self._clock.overruns != self._overruns and self._ticks % self._overruns_every < self._faults_every:
             new, self._overruns = self._clock.overruns - self._overruns, self._clock.overruns
             self._desk.tell("overrun", f"{counted(new, 'tick')} came more than a period late")
-        self._tell_faults()
+        self._report_faults()
         replayed = sum(server.traffic.replayed for server in self._servers)
         if replayed != self._replayed:
             new, self._replayed = replayed - self._replayed, replayed
@@ -75,7 +75,7 @@ class RunNews:
             self._motion = seen[0]
             self._desk.tell("recognized", f"it looks like {seen[0]} (confidence {seen[1]:.2f})", seen[0])
 
-    def _tell_faults(self) -> None:
+    def _report_faults(self) -> None:
         for index, channel in enumerate(self._channels):
             if channel.faults != self._faults[index]:
                 self._faults[index] = channel.faults
@@ -85,7 +85,7 @@ class RunNews:
             incidents = getattr(channel.output, "incidents", ())
             if not incidents:
                 continue
-            # Only the latest are kept, so those that are new are told by how often each is there.
+            # Only the latest are kept: new ones are found by the count of each.
             now = Counter(incidents)
             before, self._incidents[index] = self._incidents[index], now
             news = getattr(channel.output, "news", ())

@@ -104,7 +104,7 @@ class Session:
         return self.stop.then
 
     def run(self) -> dict[str, Any]:
-        """Plays until the time is over or somebody stops it; the report of the run."""
+        """Plays until the time is over or the run is stopped; the report."""
         spec = self.spec
         rests = [robot.rest for robot in self.robots if robot.rest is not None]
         with handed_back(), ExitStack() as shown:
@@ -145,13 +145,13 @@ class Session:
             print(permission, file=sys.stderr)
 
     def _kept_apart(self) -> dict[str, Any]:
-        """How often which limbs were kept apart, where that was wanted."""
+        """The counts of limbs that were kept apart, with --check-collisions."""
         guards = {robot.prefix: robot.guard for robot in self.robots if robot.guard is not None}
         counts = {prefix + pair: count for prefix, guard in guards.items() for pair, count in guard.kept_apart.items()}
         return {"kept_apart": counts} if guards else {}
 
     def _carry_out_commands(self, stop: StopRequest) -> None:
-        """What comes in over the socket, and the timeline's commands when their time has come."""
+        """Carries out commands of the sockets, and those of the timeline that are due."""
         while self.timeline and self.timeline[0].at <= self.deck.time:
             timed = self.timeline.pop(0)
             reply = self.desk.carry_out(timed.message, stop)
@@ -163,12 +163,12 @@ class Session:
             if robot.rig is not None and robot.rig.parked:
                 stop.ask(f"the rig is lost: {robot.rig.fault}")
         if self.wired_stop is not None:
-            self.wired_stop.look(stop)
+            self.wired_stop.poll(stop)
         self.desk(stop)
-        self.news.look()
+        self.news.update()
 
     def _measured(self) -> Array | None:
-        """Where the joints of the first robot are, as far as it is known, rad."""
+        """The measured joint positions of the first robot, rad, or None."""
         measured = self.channels[0].measured
         return None if measured is None else measured[: len(self._first.own_joints)]
 
@@ -177,7 +177,7 @@ class Session:
         snapshots = self.snapshots
         snapshots.loop = loop
         if self.watch is not None:
-            self.watch.look(loop, self.deck, self.stop)
+            self.watch.update(loop, self.deck, self.stop)
         pictures, between = divmod(loop.tick, self._ticks_a_picture)
         if between == 0 and pictures % HEALTH_EVERY == 0:
             snapshots.health = tick_health(loop)

@@ -1,4 +1,4 @@
-"""The terminal: type a motion's name and the deck plays it. A client of the command socket, in a process of its own.
+"""The prompt of a run: type a motion's name and the deck plays it. A client of the command socket, in a child process.
 
 python -m motiondeck.run.terminal --command-port 47810
 """
@@ -70,7 +70,7 @@ def help_on(words: Sequence[str]) -> str:
 
 
 _HEARTBEAT = 0.3  # s of silence before a status request; after three without an answer the deck is gone
-_TOLD = (
+_PRINTED = (
     "via",
     "gave up",
     "recognized",
@@ -125,7 +125,7 @@ class _Interrupted(Exception):
 
 
 async def converse(client: CommandClient) -> None:
-    """Takes commands from a person, with completion, until the person leaves or the deck ends.
+    """Takes typed commands, with completion, until Ctrl-D or the end of the deck.
 
     Raises:
         SocketError: if no deck is running.
@@ -181,7 +181,7 @@ def listen_to(client: CommandClient, enough: Callable[[], bool]) -> None:
                 questions.add(client.post(GetStatus()))
             elif reply.id in questions:
                 questions.clear()
-            elif not isinstance(reply, Event) or reply.kind in _TOLD:
+            elif not isinstance(reply, Event) or reply.kind in _PRINTED:
                 print(describe(reply))
     except MotiondeckError:
         pass
@@ -220,7 +220,7 @@ def _message_in(line: str) -> DeckCommand | None:
 
 
 def main() -> None:
-    """Runs the terminal until the person leaves, the input ends, or the deck does."""
+    """Runs the prompt until Ctrl-D, the end of the input, or the end of the deck."""
     parser = argparse.ArgumentParser(prog="python -m motiondeck.run.terminal", description="Commands a running deck.")
     parser.add_argument("--command-port", type=int, default=DEFAULT_PORT, metavar="N", help="where the deck listens")
     try:

@@ -1,4 +1,4 @@
-"""A wired emergency stop, looked at once a tick."""
+"""A wired emergency stop, polled once a tick."""
 
 from __future__ import annotations
 
@@ -18,17 +18,17 @@ class WiredStop(Protocol):
     pulls: int
 
     def close(self) -> None:
-        """Asks it no more."""
+        """Closes its device."""
         ...
 
 
 class WiredStopWatch:
-    """Stops while the wired stop is pulled, and if it was since the last look; a reset before that is in vain."""
+    """Stops while the wired stop is pulled, or if it was since the last poll; until then a reset has no effect."""
 
     def __init__(self, wired: WiredStop, desk: CommandDesk) -> None:
         self._wired, self._desk, self._pulls = wired, desk, 0
 
-    def look(self, stop: StopRequest) -> None:
+    def poll(self, stop: StopRequest) -> None:
         """Commands the emergency stop if it has to."""
         wired, desk = self._wired, self._desk
         before, self._pulls = self._pulls, wired.pulls

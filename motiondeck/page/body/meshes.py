@@ -1,4 +1,4 @@
-"""Meshes of model files, made ready for a page: with few triangles, and shaded smoothly but for their edges."""
+"""Simplifies meshes of model files and shades them smoothly except at edges."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ CREASE = np.radians(40.0)
 
 
 def thinned(mesh: Triangles, most: int) -> Triangles:
-    """A mesh with at most so many triangles: vertices in one cell of a grid become their mean, in ever larger cells."""
+    """A mesh of at most `most` triangles: vertices in one cell of a grid become their mean, in ever larger cells."""
     vertices, faces = mesh
     cells = 60
     while len(faces) > most and cells > 2:
@@ -38,7 +38,7 @@ def thinned(mesh: Triangles, most: int) -> Triangles:
 
 
 def creased(mesh: Triangles) -> Triangles:
-    """The same mesh with corners of their own on both sides of its edges.
+    """The same mesh with separate vertices on both sides of its edges.
 
     A page shades a corner by the mean direction of the triangles that share it: so what is round looks round, and what
     is sharp sharp.

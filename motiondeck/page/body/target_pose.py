@@ -15,7 +15,7 @@ COLOUR = (0.11, 0.49, 0.84)
 
 
 class TargetPose:
-    """Drawn over the body; its solids are sent to the browsers when somebody first wants to see it.
+    """Drawn over the body; its solids are sent to the browsers when it is first switched on.
 
     Args:
         page: where it is drawn.

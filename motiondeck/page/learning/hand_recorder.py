@@ -39,7 +39,7 @@ class HandRecorder:
         parts: of that page.
         rig: the rig's part of the description of a run.
         folder: where recordings are kept.
-        ask: asks the one who clicked (event, title, text, yes) and then does it.
+        ask: confirms (event, title, text, yes) in the browser that clicked, then does it.
         send: sends a command.
         take: called with a finished recording.
     """

@@ -1,6 +1,6 @@
 """Learn a recording on the page: drop it or record the rig, trim it between two handles, name it, learn it, play it.
 
-The learning is a process of its own. The deck plays on meanwhile, and comes to rest only to start again with the
+Learning runs in a separate process. The deck plays on meanwhile, and comes to rest only to start again with the
 library that has the new motion.
 """
 
@@ -21,7 +21,7 @@ from motiondeck.page.web.stick_figure import curves_svg, figure_svg
 
 LONGEST_NAME = 40
 STARTS_AGAIN = "The robot comes to rest, the deck starts again with the new library, and this page comes back."
-NEEDS_SKELETON = "Its skeleton is a file of its own: drop the .asf too (both at once will do)."
+NEEDS_SKELETON = "Its skeleton is a separate file: drop the .asf too (both at once will do)."
 
 
 class LearnPanel:
@@ -33,7 +33,7 @@ class LearnPanel:
         command: starts the learning process, without its request.
         library: the file that a motion is added to.
         folder: where dropped files are kept.
-        ask: asks the one who clicked (event, title, text, yes) and then sends a message.
+        ask: confirms (event, title, text, yes) in the browser that clicked, then sends a message.
     """
 
     def __init__(

@@ -1,6 +1,6 @@
-"""The process that learns, seen from the page: one request, then what it says, line by line.
+"""The page's side of the learning process: one request, then its messages, line by line.
 
-Which program it is, whoever starts the page decides; here is the form of what passes between the two.
+The description of the page names its command line; here are the messages between the two.
 """
 
 from __future__ import annotations

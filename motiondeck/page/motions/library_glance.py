@@ -1,6 +1,6 @@
-"""What the page shows of a library beside its names: a small picture of each motion, and what blends with what.
+"""Pictures of the motions of a library, and which motions can be blended.
 
-Both are found out in a thread, because playing each motion once takes a moment.
+A thread computes both, because playing each motion once takes a moment.
 """
 
 from __future__ import annotations
@@ -55,9 +55,9 @@ class LibraryGlance:
         self.pictures: dict[str, str] = {}
         self.blends: dict[str, Partners] = {}
         self._file, self._direct = file, direct
-        Thread(target=self._find_out, daemon=True).start()
+        Thread(target=self._compute, daemon=True).start()
 
-    def _find_out(self) -> None:
+    def _compute(self) -> None:
         try:
             library = load_library(self._file)
         except MotiondeckError:

@@ -1,4 +1,4 @@
-"""What a page can show of a network: the orbits of its neurons, and the phases of the centers that drive it."""
+"""Orbits of a network's neurons, and phases of the centers that drive it, for the page."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ TURN = 2.0 * np.pi
 
 @dataclass(frozen=True)
 class InnerLife:
-    """What was found in a network.
+    """Orbits and phase courses of a network.
 
     Attributes:
         orbits: of its neurons; None if it has none.
@@ -41,7 +41,7 @@ class InnerLife:
         return cls(found, courses)
 
     def centers(self, motion: str, phase: float | None) -> list[float]:
-        """The phases of the centers at the phase of a motion, in turns from 0 to 1; empty if it has none."""
+        """The phases of the centers at the phase of a motion, in revolutions from 0 to 1; empty if it has none."""
         course = self.courses.get(motion)
         if course is None or phase is None:
             return []

@@ -1,4 +1,4 @@
-"""A look inside: the network beside the body, each motion as the orbit of its neurons and a ball where they are now.
+"""The network beside the body: the orbit of its neurons in each motion, and a ball for their present state.
 
 A small card over the scene shows how far the motions overlap, and the phases of the centers that drive them.
 """
@@ -30,7 +30,7 @@ BACKGROUND = np.array([238.0, 242.0, 247.0])
 
 
 class NetworkView:
-    """The orbits of a network beside a robot, hidden until somebody wants to see them.
+    """The orbits of a network beside a robot, hidden until they are switched on.
 
     They are computed in a thread, because playing each motion once takes a moment; until then nothing is drawn.
 
@@ -119,7 +119,7 @@ class NetworkView:
 
 
 def _pale(index: int, count: int) -> tuple[int, int, int]:
-    """A pale colour of its own for each of several motions."""
+    """A distinct pale colour for each of several motions."""
     colour = 255.0 * np.array(colorsys.hsv_to_rgb(index / count, 0.75, 0.8))
     red, green, blue = (colour + PALE * (BACKGROUND - colour)).round().astype(int).tolist()
     return red, green, blue

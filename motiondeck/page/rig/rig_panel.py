@@ -30,7 +30,7 @@ class RigPanel:
         page: where it stands.
         parts: of that page.
         rig: the rig's part of the description of a run.
-        ask: asks the one who clicked (event, title, text, yes) and then sends a message.
+        ask: confirms (event, title, text, yes) in the browser that clicked, then sends a message.
         look: looks at registers and ports.
     """
 
@@ -103,7 +103,7 @@ def _write(handle: viser.GuiHtmlHandle, content: str) -> None:
 
 
 def _summary(servos: Sequence[ServoDescription], looks: Sequence[ServoLook]) -> str:
-    """One line: all well, or who is not."""
+    """One line: all servos are well, or those that are not."""
     wrong = [f"{servo.joint} {look.words}" for servo, look in zip(servos, looks, strict=True) if look.level != "ok"]
     more = f" and {len(wrong) - 3} more" if len(wrong) > 3 else ""
     return f"<b>{'; '.join(wrong[:3])}{more}</b>" if wrong else f"all {len(servos)} servos are well"

@@ -1,4 +1,4 @@
-"""How a servo looks on the page: a level (ok, warn, bad, off) and words, from what its rig publishes of it."""
+"""The status of a servo on the page: a level (ok, warn, bad, off) and words."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ COLOURS = {"ok": (43, 138, 62), "warn": (247, 103, 7), "bad": (224, 49, 49), "of
 
 @dataclass(frozen=True)
 class ServoLook:
-    """How one servo looks.
+    """The status of one servo.
 
     Attributes:
         level: ok, warn, bad or off.

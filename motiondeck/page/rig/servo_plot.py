@@ -1,4 +1,4 @@
-"""The last minute of one servo: where it was meant to be, and where it was."""
+"""The last minute of one servo: goal and measured position."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from motiondeck.page.web.private_page import PrivatePage
 
 SECONDS = 60.0
 SAMPLES = 300  # drawn, over that time
-STEP, LEAST = 5.0, 10.0  # degrees: the axis ends at multiples of the first, and shows at least so many
+STEP, LEAST = 5.0, 10.0  # degrees: the axis ends at multiples of the first and spans at least the second
 MARGIN = 0.1  # of that, above and below
 EVERY = 1.0  # s from one picture of it to the next
 

@@ -1,4 +1,4 @@
-"""Tables of the rig in a window: the registers of a servo, one of which may be written, and who is on the ports."""
+"""Tables of the rig in a window: the registers of a servo, some of them writable, and the servos on the ports."""
 
 from __future__ import annotations
 
@@ -22,14 +22,14 @@ Look = Callable[[DeckCommand], Registers | OnPorts | None]
 FIRST_WITHIN, LAST_WITHIN = 2.0, 20.0  # s
 SCAN = (
     "All servos hold for less than a second (with servos of Protocol 1.0: five), and then come slowly to where they "
-    "should be. Whoever answers at the rig's baud rate is listed."
+    "should be. Every servo that answers at the rig's baud rate is listed."
 )
 WRITES = "The rig does not rely on this register; whether the value is a good one, nothing checks. It was {before}."
 TORQUE_FIRST = "To write a register, switch the torque of this servo off first."
 
 
-def looks_through(client: CommandClient, refuse: Callable[[str], None]) -> Look:
-    """Looks by way of a client of its own, so that no other command of the page has to wait meanwhile."""
+def query_through(client: CommandClient, refuse: Callable[[str], None]) -> Look:
+    """Queries servos through a separate client, so that no other command of the page waits meanwhile."""
     lock = Lock()
 
     def look(message: DeckCommand) -> Registers | OnPorts | None:
@@ -48,7 +48,7 @@ def looks_through(client: CommandClient, refuse: Callable[[str], None]) -> Look:
 
 
 class ServoTables:
-    """Windows with tables, in the browser of whoever asked for them."""
+    """Windows with tables, in the browser that requested them."""
 
     def __init__(self, page: PrivatePage, look: Look, ask: Ask) -> None:
         self._page, self._look, self._ask = page, look, ask
@@ -58,7 +58,7 @@ class ServoTables:
         self._show(self._look(ReadRegisters(joint)), event, off=off)
 
     def scan(self, event: viser.GuiEvent) -> None:
-        """Asks first; then shows who is on the ports."""
+        """Asks for confirmation; then lists the servos on the ports."""
         self._ask(event, "Scan the rig's ports?", SCAN, "Scan", lambda: self._show_ports(event))
 
     def _show(self, found: Registers | OnPorts | None, event: viser.GuiEvent, *, off: bool) -> None:

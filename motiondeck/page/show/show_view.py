@@ -44,7 +44,7 @@ class ShowView:
 
     Args:
         page: where it is put.
-        say: says a word to the conductor, as if it had been typed there; it raises OSError where nobody hears it.
+        say: sends a word to the conductor, as if typed there; raises OSError if it is gone.
     """
 
     def __init__(self, page: PrivatePage, say: Callable[[str], None]) -> None:
@@ -83,7 +83,7 @@ class ShowView:
         _put(self._cues, cue_table(state))
 
     def silent(self, seconds: float) -> None:
-        """Shows that the conductor has said nothing for so many seconds."""
+        """Shows that the conductor has been silent for some seconds."""
         self._write(silent_line(self._show, seconds))
 
     def notify(self, text: str, *, alarming: bool = False) -> None:

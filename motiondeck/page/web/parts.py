@@ -18,7 +18,7 @@ from controller.wire.messages.commands import DeckCommand
 from motiondeck.page.web.private_page import PrivatePage
 
 Ask = Callable[[viser.GuiEvent, str, str, str, DeckCommand | Callable[[], None]], None]
-"""Asks the one who clicked (event, title, text, yes), and then sends a message or does something else."""
+"""Confirms (event, title, text, yes) in the browser that clicked; then sends or calls the last argument."""
 
 SCRIPTS = Path(__file__).parent / "scripts"
 MOST_CHARACTERS = 2000  # of an event; what is longer no part has sent
@@ -52,7 +52,7 @@ class PageParts:
         scripts = [(SCRIPTS / "parts.js").read_text("utf-8")]
         scripts += [file.read_text("utf-8") for file in sorted(SCRIPTS.glob("*.js")) if file.name != "parts.js"]
         styles = "".join(file.read_text("utf-8") for file in sorted(SCRIPTS.glob("*.css")))
-        # A script in HTML that is inserted does not run; a picture that cannot be loaded runs what it is told to.
+        # A script in HTML that is inserted does not run; a picture that cannot be loaded runs its error handler.
         start = "const s=document.createElement('script');s.textContent=this.nextElementSibling.textContent;"
         self._gui.add_html(
             f'<style>{styles}</style><div id="{_EVENTS}" hidden><img src="data:," onerror="{start}'

@@ -2,7 +2,7 @@
 
 viser can publish a page on the internet through a tunnel, and does so whenever a client asks; it also takes commands
 from any web page that happens to be open in the same browser, and lets itself be framed by one, so that a click meant
-for that page is a command. And whoever has an account on the machine can connect to a port of it. None of this may
+for that page is a command. And every account on the machine can connect to a port of it. None of this may
 happen to the panel of a robot.
 """
 

@@ -1,4 +1,4 @@
-"""The state line of the page: what the deck does now and what comes next, readable across a room."""
+"""The state line of the page: the present state and the next motions, readable across a room."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ def shown_motions(state: DeckSnapshot) -> str:
 
 @dataclass(frozen=True)
 class StateLine:
-    """What is written: one word or two, what is played, what comes next, and the colour of it all."""
+    """The text of the line: state, present motions, next motions, and the colour."""
 
     word: str
     played: str
@@ -73,7 +73,7 @@ def ended_line(reason: str) -> StateLine:
 
 
 def button_labels(state: DeckSnapshot, motions: Sequence[str]) -> list[str]:
-    """What is written on the button of each motion: its name, and its part in what is played."""
+    """The label of each motion's button: its name, and whether it plays, comes next, or is queued or blended in."""
     parts: dict[str, str] = {}
     for place, name in reversed([*enumerate(state.queue, 1)]):
         parts[name] = f"queued {place}"

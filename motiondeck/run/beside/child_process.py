@@ -84,7 +84,7 @@ def page_process(port: int, command_port: int) -> Iterator[PageProcess]:
 
 
 def free_port(port: int) -> int:
-    """The port itself if nobody has it, or any free one for 0."""
+    """The port itself if it is free, or any free one for 0."""
     if not 0 <= port <= 65535:
         raise MotiondeckError(f"port {port} for the page cannot be used: it must be from 0 to 65535")
     with socket.socket() as probe:

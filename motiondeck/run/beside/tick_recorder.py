@@ -113,7 +113,7 @@ class TickRecorder:
 
 @contextmanager
 def recording(out: Path, description: Mapping[str, Any], rate: float) -> Iterator[TickRecorder]:
-    """Records into a file from a process of its own while the block runs.
+    """Records into a file from a child process while the block runs.
 
     Args:
         out: the recording; an older one is replaced.

@@ -1,4 +1,4 @@
-"""Looks at a recording, or learns it, for the page: a process of its own, so that neither page nor deck waits for it.
+"""Inspects or learns a recording for the page, in a separate process, so that neither page nor deck waits for it.
 
 The request is one JSON object on the command line; the answers are JSON lines on standard output: any number of steps,
 then what was seen or learned, or why not and what to do.
@@ -32,7 +32,7 @@ LOOP_KEEPS = 0.5  # as `rig teach`
 _OFTEN = "Give a part without pauses or whole cycles of it, and learn it again."
 
 
-def look(request: LearnRequest) -> Seen:
+def inspect(request: LearnRequest) -> Seen:
     """Reads a recording.
 
     Raises:
@@ -44,13 +44,13 @@ def look(request: LearnRequest) -> Seen:
 
     file = Path(request.file)
     if file.suffix == HAND:
-        return _look_at_hands(file)
+        return _inspect_hands(file)
     if file.suffix.lower() in MARKERS:
-        tell(LearningStep(f"reading {file.name}: a body is fitted to its markers, which takes some seconds"))
+        send(LearningStep(f"reading {file.name}: a body is fitted to its markers, which takes some seconds"))
     recording = analyse_recording(file, "recording")
     motion, clip = recording.motion, recording.clip
     if file.suffix.lower() in MARKERS:
-        # What took so long is not done again: read from BVH it is the same clip.
+        # The fit takes long and is not repeated: read from BVH it is the same clip.
         file = file.with_suffix(".bvh")
         file.write_text(bvh_text(clip), encoding="utf-8")
     first, end = motion.frames or (0, len(clip))
@@ -62,8 +62,8 @@ def look(request: LearnRequest) -> Seen:
     return Seen(clip.duration, moving, str(file), figures, clip.skeleton.parent.tolist())
 
 
-def _look_at_hands(file: Path) -> Seen:
-    """Makes a taught clip of what the page has seen of a rig in somebody's hands."""
+def _inspect_hands(file: Path) -> Seen:
+    """Makes a taught clip of what the page has recorded of a rig moved by hand."""
     from controller.motion.formats.taught_clip import save_taught_clip, taught_clip
     from hardware.tools.teaching import Moment, taught
 
@@ -76,7 +76,7 @@ def _look_at_hands(file: Path) -> Seen:
 
 
 def _places(count: int, wanted: int) -> NDArray[np.int64]:
-    """So many of `count` frames, from the first to the last."""
+    """`wanted` frame numbers, evenly spaced over `count` frames."""
     return np.linspace(0, count - 1, wanted).round().astype(np.int64)
 
 
@@ -86,7 +86,7 @@ def _curves(angles: NDArray[np.float64]) -> list[list[float]]:
 
 
 def learn(request: LearnRequest) -> Learned | NotLearned:
-    """Learns a recording as one more motion of a library, or of a library of its own where that takes no more.
+    """Learns a recording as one more motion of a library, or as a new library if it cannot be added.
 
     Raises:
         MotiondeckError: if it cannot be learned.
@@ -97,14 +97,14 @@ def learn(request: LearnRequest) -> Learned | NotLearned:
     from controller.library.motion_library import load_library, save_library
 
     library, file, within = Path(request.library), Path(request.file), request.within
-    tell(LearningStep(f"reading {file.name}"))
+    send(LearningStep(f"reading {file.name}"))
     if file.suffix == ".clip" and within is not None:
         file, within = _cut(file, request.name, within), None
     recording = analyse_recording(file, request.name, within=within)
     motion, clip = recording.motion, recording.clip
     deck = load_library(library)
     out = _free_name(f"{library.stem}-{request.name}")
-    tell(LearningStep(f"learning {request.name} beside the {len(deck.network.motions)} motions of {deck.info.name}"))
+    send(LearningStep(f"learning {request.name} beside the {len(deck.network.motions)} motions of {deck.info.name}"))
     note = ""
     try:
         if clip.skeleton.is_rig != deck.skeleton.is_rig:
@@ -115,8 +115,8 @@ def learn(request: LearnRequest) -> Learned | NotLearned:
     except MotiondeckError as error:
         if request.name in deck.network.motions:
             raise
-        note = f" It has a library of its own, because {error}"
-        tell(LearningStep("learning it as a library of its own"))
+        note = f" It is in a new library, because {error}"
+        send(LearningStep("learning it as a new library"))
         out = _free_name(request.name)
         alone = learn_library([file], request.name, within=within)
         grown, passed, reason = alone.library, not alone.failed, alone.motions[0].remedy
@@ -152,7 +152,7 @@ def _free_name(stem: str) -> Path:
     return out
 
 
-def tell(news: News) -> None:
+def send(news: News) -> None:
     """Writes one line."""
     sys.stdout.buffer.write(msgspec.json.encode(news) + b"\n")
     sys.stdout.buffer.flush()
@@ -163,11 +163,11 @@ def main() -> int:
     os.nice(3)  # the deck comes first
     try:
         request = msgspec.json.decode(sys.argv[1], type=LearnRequest)
-        tell(learn(request) if request.name else look(request))
+        send(learn(request) if request.name else inspect(request))
     except MotiondeckError as error:
-        tell(NotLearned(str(error)))
-    except Exception as error:  # whatever a recording brings about is told on the page
-        tell(NotLearned(f"{type(error).__name__}: {error}"))
+        send(NotLearned(str(error)))
+    except Exception as error:  # the page shows any failure on a recording
+        send(NotLearned(f"{type(error).__name__}: {error}"))
     return 0
 
 

@@ -49,7 +49,7 @@ class BodyWatch:
         """The recognized motion, with its confidence; None while none is certain."""
         return Recognized(self._body.seen, self._body.confidence) if self._body.seen is not None else None
 
-    def look(self, state: LoopState, deck: WatchedDeck, stop: StopRequest) -> None:
+    def update(self, state: LoopState, deck: WatchedDeck, stop: StopRequest) -> None:
         """Takes in one tick; while the deck's time stands still there is nothing to be seen."""
         dt = deck.time - self._time if self._time is not None else 0.0
         if dt <= 0.0 and self._time is not None:

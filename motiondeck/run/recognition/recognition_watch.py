@@ -114,7 +114,7 @@ class RecognitionWatch:
         stuck = self.watch.stuck
         return self._joints[int(stuck.argmax())] if stuck.any() else ""
 
-    def look(self, state: LoopState, deck: WatchedDeck, stop: StopRequest) -> None:
+    def update(self, state: LoopState, deck: WatchedDeck, stop: StopRequest) -> None:
         """Takes in one tick; an alarm is printed once, and ends the run if that is the policy."""
         played = stop.mode == "playing" and deck.time != self._time
         self._time = deck.time

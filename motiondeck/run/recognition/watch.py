@@ -1,4 +1,4 @@
-"""What a session, its page and its report know of whatever recognizes motions while it runs."""
+"""The interface of motion recognition during a run."""
 
 from __future__ import annotations
 
@@ -7,11 +7,11 @@ from typing import Any, Protocol
 
 from controller.loop.loop import LoopState
 from controller.loop.stop_requests import StopRequest
-from controller.wire.messages.deck_snapshot import Recognized
+from controller.wire.messages.deck_snapshot import RecognitionState
 
 
 class WatchedDeck(Protocol):
-    """A deck as a watch sees it."""
+    """A deck whose motions are recognized."""
 
     time: float
 
@@ -26,30 +26,15 @@ class WatchedDeck(Protocol):
         ...
 
 
-class Watch(Protocol):
+class Watch(RecognitionState, Protocol):
     """Recognizes motions while they are played."""
 
     @property
     def names(self) -> Sequence[str]:
-        """What it can see."""
+        """The motions that it knows."""
         ...
 
-    @property
-    def seen(self) -> Recognized | None:
-        """The recognized motion, with its confidence."""
-        ...
-
-    @property
-    def mismatch_s(self) -> float:
-        """For how long another motion than the commanded one has been recognized, s."""
-        ...
-
-    @property
-    def stuck(self) -> str:
-        """A joint that does not follow its targets, or ""."""
-        ...
-
-    def look(self, state: LoopState, deck: WatchedDeck, stop: StopRequest) -> None:
+    def update(self, state: LoopState, deck: WatchedDeck, stop: StopRequest) -> None:
         """Takes in one tick; it may end the run."""
         ...
 

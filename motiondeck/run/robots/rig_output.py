@@ -1,4 +1,4 @@
-"""A servo rig as one of the deck's outputs: joints by name, states read a tick late, tracking measured on the way."""
+"""A servo rig as an output of the loop: joints by name, states read a tick late, tracking error measured."""
 
 from __future__ import annotations
 
@@ -15,20 +15,61 @@ from controller.deck.interfaces import JointLimits
 from controller.loop.output_channel import Channel
 from controller.motion.posture import Pose
 from controller.motion.rotations import Array
-from motiondeck.run.robots.rig_looks import PortsLook, RegistersLook
+from controller.wire.messages.replies import OnPorts, Refused, Registers, ServoOnPort, ServoRegister
 from motiondeck_base.errors import MotiondeckError, UnknownNameError
 from motiondeck_base.files import listed
 
 if TYPE_CHECKING:
-    from hardware.rig.rig_file import RigConfig
+    from hardware.rig.driving.register_reading import RegisterReading
+    from hardware.rig.rig_file import RigConfig, RigJoint
     from hardware.rig.supervision.rig import Rig
     from hardware.rig.supervision.servo_states import ServoStates
+    from hardware.rig.switching.identities import PortScan
     from motiondeck.page.web.page_state import RigDescription
     from sim.robots.robot import Robot
 
 
+class RegisterQuery:
+    """The registers of a joint's servo, once they are read."""
+
+    def __init__(self, joint: RigJoint, reading: RegisterReading) -> None:
+        self._joint, self._reading = joint, reading
+
+    def answer(self) -> Registers | Refused | None:
+        """The registers in order of address."""
+        from hardware.control_table.meanings import meaning
+        from hardware.rig.driving.register_reading import WRITABLE, shown_registers
+
+        joint, reading = self._joint, self._reading
+        if not reading.done:
+            return None
+        if reading.failure:
+            return Refused(reading.failure)
+        rows = [
+            ServoRegister(row.name, row.address, count, meaning(joint.table, row, count), row.name in WRITABLE)
+            for row in shown_registers(joint.table)
+            for count in (reading.counts[row.name],)
+        ]
+        return Registers(joint.name, joint.model, rows)
+
+
+class PortQuery:
+    """The servos on the ports of a rig, once the scan is complete."""
+
+    def __init__(self, scan: PortScan) -> None:
+        self._scan = scan
+
+    def answer(self) -> OnPorts | None:
+        """The servos that have answered, and the joints that have not."""
+        found = self._scan.found
+        if found is None:
+            return None
+        servos = [ServoOnPort(joint, servo.id, servo.model, servo.firmware) for joint, servo in found]
+        return OnPorts(servos, self._scan.missing)
+
+
 class RigOutput:
-    """Streams targets to a connected rig and measures how well its joints follow; fits `deck.interfaces.Output`.
+    """Streams targets to a connected rig and measures its tracking error; fits `deck.interfaces.Output`.
 
     Args:
         rig: connected, torque on.
@@ -132,22 +173,22 @@ class RigOutput:
         """
         self._rig.restart(self._place(joint))
 
-    def registers(self, joint: str, write: tuple[str, int] | None = None) -> RegistersLook:
+    def registers(self, joint: str, write: tuple[str, int] | None = None) -> RegisterQuery:
         """Has all registers of a joint's servo read, and before that a count written into one of them.
 
         Raises:
             MotiondeckError: if the rig has no such joint, or the register cannot be written.
         """
         place = self._place(joint)
-        return RegistersLook(self._rig.config.joints[place], self._rig.registers(place, write))
+        return RegisterQuery(self._rig.config.joints[place], self._rig.registers(place, write))
 
-    def scan(self) -> PortsLook:
-        """Has everybody asked who is on the rig's ports.
+    def scan(self) -> PortQuery:
+        """Scans the rig's ports for servos.
 
         Raises:
             MotiondeckError: if that would end the run now.
         """
-        return PortsLook(self._rig.scan())
+        return PortQuery(self._rig.scan())
 
     def _place(self, joint: str) -> int:
         names = self._rig.names

@@ -110,7 +110,7 @@ class RobotOnDeck:
 
 
 def channels_of(robots: Sequence[RobotOnDeck]) -> list[Channel]:
-    """The outputs of all robots; where there are several, each gets the targets of its own joints only."""
+    """The outputs of all robots; of several, each gets only the targets of its joints."""
     channels: list[Channel] = []
     count, first = sum(len(robot.own_joints) for robot in robots), 0
     for robot in robots:

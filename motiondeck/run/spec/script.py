@@ -83,7 +83,7 @@ def parse_script(text: str, motions: Iterable[str]) -> tuple[list[Cue], float | 
     """The cues of a script, the first one at 0 s, and its length in s, if its last part gives seconds.
 
     Args:
-        text: motions separated by commas, each but the last followed by its seconds; the last one's may be left out.
+        text: motions separated by commas, each but the last followed by its seconds; those of the last may be left out.
         motions: the names that may be used.
 
     Raises:

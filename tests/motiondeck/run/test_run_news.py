@@ -9,7 +9,7 @@ def test_a_parked_output_is_told_in_whole_sentences():
     told = []
     channel = SimpleNamespace(output=SimpleNamespace(name="rig"), faults=1, fault="id 3 is gone.", parked=True)
     desk = SimpleNamespace(tell=lambda kind, text, motion="": told.append(text))
-    RunNews(desk, SimpleNamespace(period=0.25, overruns=0), [channel], []).look()
+    RunNews(desk, SimpleNamespace(period=0.25, overruns=0), [channel], []).update()
     assert told == ["rig: id 3 is gone. Nothing more is sent to it"]
 
 
@@ -21,9 +21,9 @@ def test_an_incident_that_happens_again_is_told_again_and_a_command_is_no_fault(
     news = RunNews(desk, SimpleNamespace(period=0.25, overruns=0), [channel], [])
     off, limp = "knee was switched off on command", "knee is limp"
     rig.incidents, rig.news = [off, limp], [off]
-    news.look()
-    news.look()
+    news.update()
+    news.update()
     assert told == [("servo", f"rig: {off}"), ("fault", f"rig: {limp}")]
     rig.incidents.append(limp)
-    news.look()
+    news.update()
     assert told[2:] == [("fault", f"rig: {limp}")]

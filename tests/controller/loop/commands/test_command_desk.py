@@ -217,23 +217,23 @@ class Wired:
 def test_a_wired_stop_stops_and_while_it_is_pulled_a_reset_is_in_vain(desk, capsys):
     wired = Wired()
     watch = WiredStopWatch(wired, desk.desk)
-    watch.look(desk.stop)
+    watch.poll(desk.stop)
     assert not desk.stop.emergency
     wired.pulled, wired.pulls = True, 1
-    watch.look(desk.stop)
+    watch.poll(desk.stop)
     assert desk.stop.emergency
     assert "/dev/ttyUSB1 was pulled" in capsys.readouterr().err
     desk.stop.at_rest = True
     assert isinstance(desk.ask(Reset()), Accepted)
-    watch.look(desk.stop)
+    watch.poll(desk.stop)
     assert desk.stop.emergency, "it is still pulled"
     wired.pulled = False
     desk.stop.at_rest = True
     assert isinstance(desk.ask(Reset()), Accepted)
-    watch.look(desk.stop)
+    watch.poll(desk.stop)
     assert not desk.stop.emergency
     wired.pulls = 2  # a key that was let go again before anybody looked
-    watch.look(desk.stop)
+    watch.poll(desk.stop)
     assert desk.stop.emergency
 
 

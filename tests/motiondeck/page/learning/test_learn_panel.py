@@ -117,7 +117,7 @@ def test_the_rig_is_recorded_by_hand_and_the_part_that_was_chosen_is_played(lear
     name.fill("wave")
     name.press("Enter")
     tab.get_by_role("button", name="Learn it").click()
-    tab.get_by_text("It has a library of its own").wait_for()
+    tab.get_by_text("It is in a new library").wait_for()
     tab.get_by_role("button", name="Play it").click()
     until(lambda: asked, "the command")
     load = asked.pop()

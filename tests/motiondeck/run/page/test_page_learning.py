@@ -20,10 +20,10 @@ def test_a_body_is_fitted_to_markers_once_and_it_is_said_that_it_takes_a_while(t
     )
     file = tmp_path / "jog.c3d"
     shutil.copy(mocap_data / "c3d" / "02_03_runjog.c3d", file)
-    seen = page_learning.look(LearnRequest(str(file)))
+    seen = page_learning.inspect(LearnRequest(str(file)))
     assert "fitted to its markers" in said[0].text
     assert seen.file == str(tmp_path / "jog.bvh")
     assert np.abs(read[0].clip.joints() - read_clip(seen.file).joints()).max() < 1e-6
     file.unlink()
-    twice = page_learning.look(LearnRequest(seen.file))
+    twice = page_learning.inspect(LearnRequest(seen.file))
     assert (twice.seconds, twice.moving) == (pytest.approx(seen.seconds), pytest.approx(seen.moving))

@@ -11,7 +11,7 @@ from controller.loop.output_channel import Channel
 from controller.loop.safety.safety_envelope import SafetyEnvelope
 from controller.loop.stop_requests import StopRequest
 from controller.wire.messages.deck_snapshot import DeckSnapshot, Recognized
-from motiondeck.page.recognition_text import recognition_text
+from motiondeck.page.figures import recognition_text
 from motiondeck.run.recognition.recognition_watch import MismatchPolicy, RecognitionWatch, summary_lines
 from synthetic import small_library
 
@@ -79,7 +79,7 @@ def play(library, at, stop):
     request = StopRequest()
 
     def publish(state):
-        watch.look(state, deck, request)
+        watch.update(state, deck, request)
 
     run(
         deck,

@@ -1,4 +1,4 @@
-"""What the page shows of recognition: the recognized motion, the confidence, and what is wrong."""
+"""The figures of the loop and of recognition on the page, as HTML."""
 
 from __future__ import annotations
 
@@ -9,6 +9,37 @@ from controller.wire.messages.deck_snapshot import DeckSnapshot
 GOOD, UNSURE, BAD = "#2b8a3e", "#868e96", "#c92a2a"
 SURE = 0.26  # confidence at which the second expert's error is 1.35 times that of the best one
 SHOWN_MISMATCH = 0.25  # s for which another motion must be seen before the page turns red
+_GRID = "display:grid;grid-template-columns:1fr 1.3fr;gap:2px 12px;padding:2px 14px 6px;font-size:13px;line-height:1.35"
+
+
+def loop_figures(state: DeckSnapshot) -> str:
+    """The loop's figures as a small table."""
+
+    def figure(value: float | None, form: str) -> str:
+        return form.format(value) if value is not None else "-"
+
+    health = state.health
+    late = f"{figure(health.late_p50_us, '{:.0f}')} / {figure(health.late_p999_us, '{:.0f} µs')}"
+    cells = [
+        ("rate", f"{state.rate_hz:.1f} Hz"),
+        ("late p50 / p99.9", late),
+        ("work p50", figure(health.work_p50_us, "{:.0f} µs")),
+    ]
+    if state.lock is not None:
+        cells.append(("lock", str(state.lock)))
+    if state.restarts:
+        cells.append(("network restarts", str(state.restarts)))
+    if state.kept_apart:
+        cells.append(("limbs kept apart", f"{state.kept_apart} times"))
+    late_ticks = state.overruns
+    word = f"Late: {late_ticks} ticks took longer than a period." if late_ticks else "On time: no tick was late."
+    boxes = "".join(
+        f'<div><div style="opacity:.6;font-size:11px">{name}</div>'
+        f'<div style="font-variant-numeric:tabular-nums;font-weight:600">{value}</div></div>'
+        for name, value in cells
+    )
+    text = f'<div style="padding:2px 14px;font-size:13px">{word}</div>'
+    return f'<div id="health">{text}<div style="{_GRID}">{boxes}</div></div>'
 
 
 def recognition_text(state: DeckSnapshot, unrecognized: str) -> str:
