@@ -190,7 +190,7 @@ def test_calibrate_fails_where_limbs_point_elsewhere_though_joints_could_turn_th
     arguments = "calibrate", files / "small.xml", "--out", files / "tried.toml", "--force"
     assert run(*arguments).exit_code == 0
     causes = {"l_shank": "carried wrongly", "r_forearm": "out of reach"}
-    monkeypatch.setattr(calibration, "tried", lambda file: calibration.CalibrationTrial(found.off, causes))
+    monkeypatch.setattr(calibration, "try_robot", lambda file: calibration.CalibrationTrial(found.off, causes))
     result = run(*arguments)
     assert result.exit_code == 1
     assert "error: limbs point elsewhere than the human's though joints could turn there" in result.stdout
