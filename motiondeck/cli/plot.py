@@ -21,7 +21,7 @@ def plot(
         bool, typer.Option("--json", help="Print the figures as one JSON object, draw nothing.")
     ] = False,
 ) -> None:
-    """Plot a recording: lateness and work of each tick, how well the joints followed, motions and commands.
+    """Plot a recorded run: lateness, tracking, motions and commands.
 
     Example:  motiondeck plot show.rec --out show.png
     """

@@ -136,11 +136,11 @@ def gamepad(
         int, typer.Option("--command-port", metavar="PORT", help="The deck's command port.")
     ] = DEFAULT_PORT,
 ) -> None:
-    """Command the running deck with a gamepad (Linux, with the extra `gamepad` installed).
+    """Command the running deck with a gamepad.
 
-    Cross left and right: previous and next motion. Left stick: tempo. A: pause and resume. B: emergency stop. Y: reset.
-    X: home. Right shoulder: tap a beat, to which the motion is locked. Start: stop. Unplugging the gamepad pauses
-    the deck.
+    On Linux, with the extra `gamepad`: pip install "motiondeck\\[gamepad]". Cross left and right: previous and next
+    motion. Left stick: tempo. A: pause and resume. B: emergency stop. Y: reset. X: home. Right shoulder: tap a beat, to
+    which the motion is locked. Start: stop. Unplugging the gamepad pauses the deck.
 
     Example:  motiondeck gamepad
     """

@@ -45,9 +45,10 @@ def send(
     token_file: TokenFile = None,
     as_json: Annotated[bool, typer.Option("--json", help="Print the deck's reply as one JSON object.")] = False,
 ) -> None:
-    """Send a command to the running deck and print its reply; the exit code is 1 if it was refused.
+    """Send a command to the running deck and print its reply.
 
-    The commands are those of the prompt of `play`. MOTION alone switches to it, and `status` lists the motions.
+    The exit code is 1 if the deck refuses. The commands are those of the prompt of `play`. MOTION alone switches to it,
+    and `status` lists the motions.
 
     [bold]Examples[/]
 

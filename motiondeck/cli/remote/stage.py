@@ -47,10 +47,11 @@ def stage(
     host: Host = None,
     token_file: TokenFile = None,
 ) -> None:
-    """Command the running deck by OSC and MIDI, as a stage file maps them, until it ends or Ctrl-C.
+    """Command the running deck by OSC and MIDI.
 
-    OSC is taken from programs of this user on this machine only. For a deck on another machine run this where the
-    sound desk is, with --host and --token-file. Needs the extra `stage`: pip install "motiondeck\\[stage]".
+    A stage file maps them to commands; the deck's end or Ctrl-C ends it. OSC is taken from programs of this user on
+    this machine only. For a deck on another machine run this where the sound desk is, with --host and --token-file.
+    Needs the extra `stage`: pip install "motiondeck\\[stage]".
 
     Examples:  motiondeck stage osc      motiondeck stage show.toml
     """

@@ -53,11 +53,12 @@ def conduct(
     headless: Annotated[bool, typer.Option("--headless", help="No page.")] = False,
     as_json: Annotated[bool, typer.Option("--json", help="Print what happens as JSON objects, one a line.")] = False,
 ) -> None:
-    """Conduct a show: decks that were started with `play --show` take its cues at the same time.
+    """Conduct a show of several decks, which take its cues together.
 
-    The page shows the cue list and every deck, with buttons for `go`, `hold` and the emergency stop of all decks.
-    Or type `go` at hold points, `stop` for that emergency stop, `status`, or a deck or group and a command.
-    Decks on this machine are found by themselves. Needs the extra `fleet`: pip install "motiondeck\\[fleet]".
+    The decks are started with `play --show`. The page shows the cue list and every deck, with buttons for `go`, `hold`
+    and the emergency stop of all decks. Or type `go` at hold points, `stop` for that emergency stop, `status`, or a
+    deck or group and a command. Decks on this machine are found by themselves. Needs the extra `fleet`: pip install
+    "motiondeck\\[fleet]".
 
     [bold]Examples[/]
 

@@ -284,8 +284,9 @@ def test_a_command_that_is_gone_names_the_new_one(words, new):
 
 def test_help_lists_the_commands_in_panels(monkeypatch):
     monkeypatch.setenv("COLUMNS", "80")
-    panels = re.findall(r"^╭─ (.*?) ─", motiondeck("--help").stdout, flags=re.M)
-    assert panels == ["Options", "Play", "Learn", "Robot", "Servo rig", "Show"]
+    shown = motiondeck("--help").stdout
+    assert re.findall(r"^╭─ (.*?) ─", shown, flags=re.M) == ["Options", "Play", "Learn", "Robot", "Servo rig", "Show"]
+    assert re.findall(r"^│ {10,12}\w.*", shown, flags=re.M) == []  # each command has one line
 
 
 def test_debug_shows_where_a_mistake_was_noticed():
