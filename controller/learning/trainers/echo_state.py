@@ -150,32 +150,6 @@ LOOP: tuple[Kind, ...] = ("stability",)
 ONCE: tuple[Kind, ...] = ("robustness",)
 
 
-def settled_echo_state(
-    to_learn: list[TrainingMotion], normalisation: Normalisation, recipe: EchoStateRecipe, judge: Judge, seed: int
-) -> tuple[EchoStateNetwork, dict[str, int]]:
-    """The network of a recipe and the number of failed trials of each motion.
-
-    A motion that fails a trial gets the first noise with which it passes all, else the one with the fewest failures.
-    """
-    network = train_echo_state(to_learn, normalisation, recipe, seed)
-    left: dict[str, int] = {}
-    reservoir = Reservoir(network.weights, network.feedback, network.bias, network.leak)
-    for motion in to_learn:
-        kinds = LOOP if motion.loop else ONCE
-        fewest = failures(network, motion.name, kinds, judge, seed)
-        for attempt, factor in enumerate(FACTORS):
-            if fewest == 0:
-                break
-            other = msgspec.structs.replace(recipe, state_noise=factor * recipe.state_noise)
-            rng = np.random.default_rng([seed, *motion.name.encode(), attempt])
-            taught_again = network.with_motions(learn_readouts(reservoir, [motion], other, rng))
-            failed = failures(taught_again, motion.name, kinds, judge, seed)
-            if failed < fewest:
-                fewest, network = failed, taught_again
-        left[motion.name] = fewest
-    return network, left
-
-
 class EchoStateTrainer(Trainer[EchoStateRecipe]):
     """Learns a readout for each motion by teacher forcing."""
 
@@ -186,10 +160,29 @@ class EchoStateTrainer(Trainer[EchoStateRecipe]):
         return train_echo_state(lessons.motions, lessons.normalisation, recipe, seed)
 
     def settle(self, recipe: EchoStateRecipe, lessons: Lessons, seed: int, judge: Judge) -> SettledNetwork:
-        """The network with the noise that holds in trials, where the recipe chooses it."""
+        """The network of a recipe and the number of failed trials of each motion, if it chooses the noise.
+
+        A motion that fails a trial gets the first noise with which it passes all, else that with the fewest failures.
+        """
         if not recipe.choose_noise:
             return super().settle(recipe, lessons, seed, judge)
-        return SettledNetwork(*settled_echo_state(lessons.motions, lessons.normalisation, recipe, judge, seed))
+        network = self.train(recipe, lessons, seed)
+        left: dict[str, int] = {}
+        reservoir = Reservoir(network.weights, network.feedback, network.bias, network.leak)
+        for motion in lessons.motions:
+            kinds = LOOP if motion.loop else ONCE
+            fewest = failures(network, motion.name, kinds, judge, seed)
+            for attempt, factor in enumerate(FACTORS):
+                if fewest == 0:
+                    break
+                other = msgspec.structs.replace(recipe, state_noise=factor * recipe.state_noise)
+                rng = np.random.default_rng([seed, *motion.name.encode(), attempt])
+                trained_again = network.with_motions(learn_readouts(reservoir, [motion], other, rng))
+                failed = failures(trained_again, motion.name, kinds, judge, seed)
+                if failed < fewest:
+                    fewest, network = failed, trained_again
+            left[motion.name] = fewest
+        return SettledNetwork(network, left)
 
     def add(
         self, recipe: EchoStateRecipe, network: EchoStateNetwork, motion: NewMotion

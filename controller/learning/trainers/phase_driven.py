@@ -160,6 +160,9 @@ def affine_ridge(states: Array, targets: Array, regulariser: float, weight: Arra
 Recipe = TypeVar("Recipe", bound=PhaseDrivenRecipe)
 
 
+Recipe = TypeVar("Recipe", bound=PhaseDrivenRecipe)
+
+
 def smallest_within(
     tolerance_mm: float,
     motions: list[TrainingMotion],
@@ -197,11 +200,19 @@ class PhaseDrivenTrainer(Trainer[Recipe]):
     def sized(
         self, recipe: Recipe, lessons: Lessons, seed: int, judge: Judge, progress: Callable[[str], None]
     ) -> Recipe:
-        """The recipe with the smallest size that keeps to its tolerance, if it has one."""
-        if recipe.tolerance_mm is None:
-            return recipe
-        learned = lessons.motions, lessons.normalisation
-        return smallest_within(recipe.tolerance_mm, *learned, recipe, lessons.rate, seed, judge, progress)
+        """The recipe with the smallest size whose network keeps to its tolerance and passes, else with the largest.
+
+        The tolerance is the mean distance of joints at the same phase; `progress` gets each size that is tried.
+        """
+        sized = recipe
+        for size in [] if recipe.tolerance_mm is None else recipe.sizes:
+            progress("trying " + ", ".join(f"{name} {value}" for name, value in size.items()))
+            changes: Any = size
+            sized = msgspec.structs.replace(recipe, **changes)
+            verdicts = self_test(self.train(sized, lessons, seed), judge)
+            if all(one.passed and one.error_mm <= (recipe.tolerance_mm or 0.0) for one in verdicts.values()):
+                break
+        return sized
 
     def train(self, recipe: Recipe, lessons: Lessons, seed: int) -> PhaseDrivenNetwork[Any]:
         """One network that holds all motions, untested."""

@@ -8,7 +8,8 @@ from controller.learning.measures.self_test import Judge, MotionVerdict
 from controller.learning.measures.trials import FREE_RUN, failures, with_trials
 from controller.learning.recipe import LibraryRecipe, MotionRecipe
 from controller.learning.trainers import echo_state
-from controller.learning.trainers.echo_state import FACTORS, EchoStateRecipe, settled_echo_state, train_echo_state
+from controller.learning.trainers.echo_state import FACTORS, TRAINER, EchoStateRecipe, train_echo_state
+from controller.learning.trainers.trainer import Lessons
 from controller.learning.training_set import TrainingSet
 
 RECIPE = EchoStateRecipe(neurons=120, washout=60, choose_noise=True)
@@ -26,7 +27,7 @@ def plain():
 
 
 def settled(judge):
-    return settled_echo_state(*synthetic.lessons(), RECIPE, judge, 0)[0]
+    return TRAINER.settle(RECIPE, Lessons(*synthetic.lessons(), synthetic.RATE), 0, judge).network
 
 
 def test_accuracy_is_of_the_network_that_fit_would_settle_on(plain, monkeypatch):

@@ -1,13 +1,15 @@
 """The smallest phase-driven network that keeps to a tolerance."""
 
+import msgspec
 import numpy as np
 import pytest
 
 import synthetic
 from controller.learning.measures.self_test import Judge, self_test
-from controller.learning.trainers.phase_conceptor import PhaseRecipe
-from controller.learning.trainers.phase_driven import smallest_within, train_phase_driven
+from controller.learning.trainers.phase_conceptor import TRAINER, PhaseRecipe
+from controller.learning.trainers.phase_driven import train_phase_driven
 from controller.learning.trainers.phase_echo_state import PhaseEchoStateRecipe
+from controller.learning.trainers.trainer import Lessons
 
 
 class Conceptors(PhaseRecipe, frozen=True, kw_only=True):
@@ -22,7 +24,9 @@ def chosen(tolerance, recipe):
     motions, normalisation = synthetic.lessons()
     loops = {name: name != "bow" for name in synthetic.MOTIONS}
     judge = Judge(synthetic.small_encoding(), synthetic.references(), loops, synthetic.RATE)
-    recipe = smallest_within(tolerance, motions, normalisation, recipe, synthetic.RATE, 0, judge)
+    lessons = Lessons(motions, normalisation, synthetic.RATE)
+    recipe = msgspec.structs.replace(recipe, tolerance_mm=tolerance)
+    recipe = TRAINER.sized(recipe, lessons, 0, judge, lambda _: None)
     verdicts = self_test(train_phase_driven(motions, normalisation, recipe, synthetic.RATE, 0), judge)
     return recipe, max(verdict.error_mm for verdict in verdicts.values())
 
