@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
 from controller.motion.rotations import Array
 
@@ -53,3 +54,9 @@ def bridged(track: Array) -> Array:
     there = np.flatnonzero(~np.isnan(track[:, 0]))
     every = np.arange(len(track))
     return np.stack([np.interp(every, there, track[there, axis]) for axis in range(3)], axis=-1)
+
+
+def runs(flags: NDArray[np.bool_]) -> list[tuple[int, int]]:
+    """The runs (first, end) of set flags (K,)."""
+    change = np.flatnonzero(np.diff(np.concatenate([[0], flags.astype(np.int8), [0]])))
+    return [(int(first), int(end)) for first, end in change.reshape(-1, 2)]

@@ -23,6 +23,7 @@ from scipy.interpolate import CubicSpline
 from scipy.special import expit
 
 from controller.learning.centralized.satellite_learning import learn, ridge_readout, slow_and_fast
+from controller.motion.markers import bridged, runs
 from controller.motion.rotations import Array
 from controller.networks.ridge import ridge
 
@@ -96,7 +97,7 @@ def gaps_of(markers: Array) -> list[Gap]:
     """The gaps of markers (K, M, 3), by their first frames."""
     missing: Flags = np.asarray(np.isnan(markers).any(axis=-1))
     return sorted(
-        (Gap(m, first, end) for m in range(markers.shape[1]) for first, end in _runs(missing[:, m])),
+        (Gap(m, first, end) for m in range(markers.shape[1]) for first, end in runs(missing[:, m])),
         key=lambda gap: gap.first,
     )
 
@@ -228,11 +229,11 @@ def _choose(scores: Array, body: Array, world: Array, missing: Flags, gap: int) 
         missing: whether it is not seen, shape (K,).
         gap: length of the gap, frames.
     """
-    longest = max((end - first for first, end in _runs(~missing)), default=0)
+    longest = max((end - first for first, end in runs(~missing)), default=0)
     length = min(gap, longest - 2 * EDGE)
     if length < 1:
         return _Mixture(WAYS[0], FillMethod(None, cubic=False), 0.0, None)
-    starts = [k for first, end in _runs(~missing) for k in range(first + EDGE, end - length - EDGE + 1)]
+    starts = [k for first, end in runs(~missing) for k in range(first + EDGE, end - length - EDGE + 1)]
     tried = np.unique(np.linspace(0, len(starts) - 1, HIDDEN).astype(int))
     missed = np.zeros(len(WAYS))
     for start in (starts[place] for place in tried):
@@ -259,7 +260,7 @@ def _fill(scores: Array, path: Array, missing: Flags, way: FillMethod) -> Array:
         weights = ridge(scores[~missing], there - there.mean(0), way.ridge_share * len(there))
         predicted = scores @ weights.T + there.mean(0)
     out = np.where(missing[:, None], predicted, path)
-    for first, end in _runs(missing):
+    for first, end in runs(missing):
         edges = (first - EDGE, first - 1, end, end + EDGE - 1) if way.cubic else (first - 1, end)
         near = [k for k in edges if 0 <= k < len(path) and not missing[k]]
         inside, off = np.arange(first, end), path[near] - predicted[near]
@@ -272,15 +273,7 @@ def _fill(scores: Array, path: Array, missing: Flags, way: FillMethod) -> Array:
 
 def _bridged(markers: Array, missing: Flags) -> Array:
     """Markers (K, M, 3) with linearly interpolated gaps."""
-    whole, frames = markers.copy(), np.arange(len(markers))
+    whole = np.where(missing[..., None], np.nan, markers)
     for m in np.flatnonzero(missing.any(0)):
-        there = ~missing[:, m]
-        for axis in range(3):
-            whole[:, m, axis] = np.interp(frames, frames[there], markers[there, m, axis])
+        whole[:, m] = bridged(whole[:, m])
     return whole
-
-
-def _runs(flags: Flags) -> list[tuple[int, int]]:
-    """The runs (first, end) of set flags (K,)."""
-    change = np.flatnonzero(np.diff(np.concatenate([[0], flags.astype(np.int8), [0]])))
-    return [(int(first), int(end)) for first, end in change.reshape(-1, 2)]

@@ -10,6 +10,7 @@ from controller.motion.anatomy import SIDES, Part, Side, anatomy
 from controller.motion.canonical.body_doubts import doubts, recorded_parts
 from controller.motion.formats.markers.marker_fit import Fit, misplaced
 from controller.motion.formats.reading import FittedClip
+from controller.motion.markers import runs
 
 LIMBS: tuple[Part, ...] = ("thigh", "shank", "foot", "upper arm", "forearm", "hand")
 
@@ -90,7 +91,7 @@ def facts(recording: FittedClip) -> Facts:
 def gaps(fit: Fit) -> Gaps:
     """The gaps and residuals of the markers of a fit."""
     unseen = np.isnan(fit.residual)
-    longest = [_longest_run(unseen[:, marker]) for marker in range(len(fit.markers))]
+    longest = [max((end - first for first, end in runs(one)), default=0) for one in unseen.T]
     worst = int(np.argmax(longest))
     off = 1000.0 * fit.residual[~unseen]
     return Gaps(
@@ -102,9 +103,3 @@ def gaps(fit: Fit) -> Gaps:
         residual_p95_mm=float(np.percentile(off, 95.0)),
         residual_max_mm=float(off.max()),
     )
-
-
-def _longest_run(flags: np.ndarray) -> int:
-    """The length of the longest run of set flags."""
-    edges = np.flatnonzero(np.diff(np.concatenate([[0], flags.astype(int), [0]])))
-    return int((edges[1::2] - edges[::2]).max()) if len(edges) else 0

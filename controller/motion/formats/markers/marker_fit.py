@@ -186,22 +186,30 @@ def _upright(markers: Markers, seen: dict[str, Array]) -> dict[str, Array]:
     return {marker: rotate(TO_OURS[up], track) for marker, track in seen.items()}
 
 
+def hips_of_pelvis(left: Array, right: Array, back: Array) -> tuple[dict[str, Array], Array, Array, Array]:
+    """Hip joints by Bell's regression, and axes of the pelvis (ahead, left, up), from its front markers and back."""
+    front, across = 0.5 * (left + right), left - right
+    width, leftwards = np.median(np.linalg.norm(across, axis=-1)), normalise(across)
+    ahead = front - back
+    ahead = normalise(ahead - (ahead * leftwards).sum(-1, keepdims=True) * leftwards)
+    up = cross(ahead, leftwards)
+    hips = {
+        side + "hip": front + width * (HIP[0] * ahead + sign * HIP[1] * leftwards + HIP[2] * up)
+        for side, sign in (("l", 1.0), ("r", -1.0))
+    }
+    return hips, ahead, leftwards, up
+
+
 def _joint_centres(m: dict[str, Array]) -> dict[str, Array]:
     """Estimated ends of the thesis's bones, and its root, shape (T, 3) each."""
-    front, back = 0.5 * (m["LFWT"] + m["RFWT"]), 0.5 * (m["LBWT"] + m["RBWT"])
-    width = np.median(np.linalg.norm(m["LFWT"] - m["RFWT"], axis=-1))
-    left = normalise(m["LFWT"] - m["RFWT"])
-    ahead = front - back
-    ahead = normalise(ahead - (ahead * left).sum(-1, keepdims=True) * left)
-    up = cross(ahead, left)
+    hips, _, left, _ = hips_of_pelvis(m["LFWT"], m["RFWT"], 0.5 * (m["LBWT"] + m["RBWT"]))
     chest = 0.5 * (m["C7"] + m["CLAV"])
     waist = 0.5 * (m["T10"] + m["STRN"])
     trunk_up = normalise(chest - waist)
-    joints: dict[str, Array] = {"back": waist, "neck": chest}
+    joints: dict[str, Array] = {"back": waist, "neck": chest, **hips}
     joints["head"] = 0.25 * (m["LFHD"] + m["RFHD"] + m["LBHD"] + m["RBHD"])
     for side, sign in (("l", 1.0), ("r", -1.0)):
         s = side.upper()
-        joints[side + "hip"] = front + width * (HIP[0] * ahead + sign * HIP[1] * left + HIP[2] * up)
         # Down the shank cross along the foot points to the right.
         inwards = sign * normalise(cross(m[s + "ANK"] - m[s + "KNE"], m[s + "TOE"] - m[s + "HEE"]))
         joints[side + "kne"] = m[s + "KNE"] + KNEE * inwards

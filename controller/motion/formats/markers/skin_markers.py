@@ -12,7 +12,7 @@ import re
 
 import numpy as np
 
-from controller.motion.formats.markers.marker_fit import ANKLE, ELBOW, HIP, KNEE, SHOULDER
+from controller.motion.formats.markers.marker_fit import ANKLE, ELBOW, KNEE, SHOULDER, hips_of_pelvis
 from controller.motion.markers import Markers, bridged
 from controller.motion.rotations import Array, cross, normalise
 from motiondeck_base.errors import FileFormatError
@@ -76,8 +76,8 @@ def joints_under_skin(markers: Markers) -> dict[str, Array]:
         FileFormatError: if the pelvis has markers and a knee or an ankle has none; it names them.
     """
     seen = _landmarks(markers)
-    front, back = _pelvis(seen)
-    if front is None or back is None:
+    back = _pelvis_back(seen)
+    if back is None:
         return {}
     missing = [
         f"the {side} {joint}"
@@ -91,17 +91,10 @@ def joints_under_skin(markers: Markers) -> dict[str, Array]:
             f"{listed(markers.labels)}). Name the marker on the outside of each with --rename OLD=LKNE, RKNE, LANK or "
             "RANK."
         )
-    across = seen["front of the pelvis", "l"] - seen["front of the pelvis", "r"]
-    width = np.median(np.linalg.norm(across, axis=-1))
-    left = normalise(across)
-    ahead = front - back
-    ahead = normalise(ahead - (ahead * left).sum(-1, keepdims=True) * left)
-    up = cross(ahead, left)
-    joints: dict[str, Array] = {}
+    front = "front of the pelvis"
+    joints, ahead, left, up = hips_of_pelvis(seen[front, "l"], seen[front, "r"], back)
     for side, sign in (("l", 1.0), ("r", -1.0)):
-        bell = front + width * (HIP[0] * ahead + sign * HIP[1] * left + HIP[2] * up)
-        computed = seen.get(("hip", side))
-        joints[side + "hip"] = bell if computed is None else computed
+        joints[side + "hip"] = seen.get(("hip", side), joints[side + "hip"])
         joints |= _leg(seen, side, sign, ahead)
     root = 0.5 * (joints["lhip"] + joints["rhip"])
     joints["pelvis"] = root + _FAR_ABOVE * up
@@ -161,11 +154,13 @@ def _between(seen: Landmarks, one: tuple[str, str], other: tuple[str, str]) -> A
     return 0.5 * (seen[one] + seen[other]) if one in seen and other in seen else None
 
 
-def _pelvis(seen: Landmarks) -> tuple[Array | None, Array | None]:
-    """The middle of the front of the pelvis, and of its back."""
+def _pelvis_back(seen: Landmarks) -> Array | None:
+    """The middle of the back of the pelvis, or None if it or the front has no markers."""
     front, back = "front of the pelvis", "back of the pelvis"
+    if (front, "l") not in seen or (front, "r") not in seen:
+        return None
     behind = _between(seen, (back, "l"), (back, "r"))
-    return _between(seen, (front, "l"), (front, "r")), seen.get((back, "")) if behind is None else behind
+    return seen.get((back, "")) if behind is None else behind
 
 
 def _leg(seen: Landmarks, side: str, sign: float, ahead: Array) -> dict[str, Array]:
