@@ -4,7 +4,7 @@ The clips are all recordings of --data, the longest ones cut in halves until the
 libraries of 16, and carried onto a robot, once in this process and once on a cluster of two workers of this machine
 (`distributed.LocalCluster`, one thread each). When half of the retargeted files are there, a worker is killed
 (SIGKILL). Then every file of both runs is compared byte by byte. Seconds are wall-clock, without the start of the
-cluster, which is told apart; `overhead_ms` is what a task that does nothing takes.
+cluster, which is listed separately; `overhead_ms` is the time of an empty task.
 """
 
 from __future__ import annotations

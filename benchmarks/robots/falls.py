@@ -126,7 +126,7 @@ def fall(robot: Robot, course: Course, impulse: float, towards: float, at: float
 
 
 def measure(name: str, motion: str, seed: int, seconds: float) -> tuple[bool, list[Blows]]:
-    """One push of a seed: whether the robot fell without the guard; its blows without it, and with it in so many s."""
+    """One push of a seed: whether the robot fell without the guard; its blows without and with it over some seconds."""
     library = load_library(find_library("thesis15"))
     robot = load_robot(find_robot(name), library.skeleton)
     random = np.random.default_rng(seed)

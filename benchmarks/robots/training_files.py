@@ -59,7 +59,7 @@ def main(
 
 
 def write_clips(data: Path, folder: Path, count: int) -> float:
-    """Writes so many clips as BVH; returns how long they are together, s."""
+    """Writes a number of clips as BVH; returns their total duration, s."""
     folder.mkdir()
     clips = []
     for recording in recordings_below(data):

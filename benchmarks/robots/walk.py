@@ -56,7 +56,7 @@ def script(text: str) -> list[tuple[str, float]]:
 
 
 def played(robot: Robot, library: MotionLibrary, motion: str, tempo: float, seconds: float) -> Course:
-    """What a robot is told to do; `motion` may be a script, which is repeated until the time is over."""
+    """The commands of a motion, or of a script, which is repeated for the whole time."""
     parts = script(motion) if " " in motion else [(motion, np.inf)]
     deck = Deck(library, robot.retarget, parts[0][0])
     deck.set_tempo(tempo)
@@ -160,7 +160,7 @@ def summary(rows: Sequence[dict[str, Any]]) -> list[str]:
     for (robot, motion, tempo, condition, push, seconds), group in sorted(groups.items()):
         mean = {name: float(np.mean([row[name] for row in group])) for name in ("upper_deg", "legs_deg", "tick_us")}
         asked = sum(row["asked_m"] for row in group)
-        # Who sits or does a cartwheel goes nowhere.
+        # Sitting and cartwheels go nowhere.
         went = f"{sum(row['walked_m'] for row in group) / asked:.0%}" if asked > 0.5 * len(group) else "-"
         stood = sum(not row["falls_s"] for row in group)
         shortest = min(row["stood_s"] for row in group)

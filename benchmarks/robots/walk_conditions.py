@@ -1,4 +1,4 @@
-"""Walk conditions: ground, robot and senses that differ from what a robot's files say."""
+"""Walk conditions: ground, servos and sensors that differ from a robot's files."""
 
 from __future__ import annotations
 
@@ -16,18 +16,18 @@ from sim.physics.physics_model import FLOOR_BIT, Alteration
 from sim.physics.walking.senses import Sensors
 from sim.robots.robot import Robot
 
-# Strips of the floor that are higher, alternately: so high, wide and long, m; so many.
+# Raised strips of the floor: height, width and length, m, and their number.
 STRIP, WIDE, LONG, COUNT = 0.005, 0.25, 40.0, 40
 
 
 @dataclass(frozen=True)
 class Condition:
-    """What is different.
+    """A difference from the robot's files.
 
     Attributes:
-        alter: of the world, the robot's body included; the robot does not know it.
-        servo: of the servos; None if nothing.
-        sensors: what the robot knows itself by; None if it knows its state exactly.
+        alter: changes to the world and the body that the controller does not know.
+        servo: changes to the servos, if any.
+        sensors: None for the exact state.
     """
 
     alter: Alteration | None = None
@@ -35,11 +35,7 @@ class Condition:
     sensors: Sensors | None = None
 
     def applied(self, robot: Robot) -> Robot:
-        """The robot with these servos.
-
-        Raises:
-            MotiondeckError: if nothing is known of its servos, which would stay as they are.
-        """
+        """The robot with these servos; MotiondeckError if its file has no data of servos."""
         if self.servo is None:
             return robot
         if robot.servo is None:
@@ -79,7 +75,7 @@ def _loaded(spec: mujoco.MjSpec) -> None:
     model = spec.copy().compile()
     height = 0.3 * float(model.body(root.name).pos[2])
     mass = 0.1 * float(model.body(root.name).subtreemass[0])
-    # A body of its own: one whose inertia is given does not count the mass of another geom.
+    # A separate body: one with a given inertia ignores the mass of another geom.
     root.add_body(pos=[0, 0, height]).add_geom(
         type=mujoco.mjtGeom.mjGEOM_SPHERE, size=[0.02, 0, 0], mass=mass, contype=0, conaffinity=0
     )

@@ -1,4 +1,4 @@
-"""Ball joints of a robot's model: only hinges are played, so three of them take the place of each that is driven."""
+"""Ball joints of a robot's model: three hinges replace each driven one, because only hinges are played."""
 
 from __future__ import annotations
 
@@ -11,16 +11,16 @@ from controller.motion.rotations import Array
 from sim.models.formats.mesh_files import compiled
 
 NAMES = ("pitch", "roll", "yaw")
-"""What is put behind the name of a ball joint, or of its body, to name its hinges, in their order."""
+"""Suffixes of the hinges' names, after that of the ball joint or its body."""
 
 _KEPT = ("stiffness", "damping", "armature", "frictionloss", "group")
-_ALONG = 0.3  # of a limb that lies along the line from side to side: the sine of the angle between them
+_ALONG = 0.3  # largest sine between a limb and the line from side to side to count as along it
 _AT_A_JOINT = (mujoco.mjtTrn.mjTRN_JOINT, mujoco.mjtTrn.mjTRN_JOINTINPARENT)
 _BALL = int(mujoco.mjtJoint.mjJNT_BALL)
 
 
 def unplayed_balls(model: mujoco.MjModel) -> str:
-    """What is said of ball joints that are not played, behind a refusal; nothing if there are none."""
+    """The end of an error message about ball joints that are not played, or ""."""
     balls = np.flatnonzero(model.jnt_type == _BALL).tolist()
     if not balls:
         return ""
@@ -29,11 +29,10 @@ def unplayed_balls(model: mujoco.MjModel) -> str:
 
 
 def hinges_for_balls(spec: mujoco.MjSpec) -> None:
-    """Puts three hinges in the place of each ball joint that actuators drive, or of all in a model without actuators.
+    """Replaces each driven ball joint, or all in a model without actuators, by three hinges with the ball's range.
 
-    The first turns about the line from side to side, the last about the limb, the second about what lies across both:
-    so two of them fall together only where the limb points straight to the side, wherever it points in the file. Each
-    may turn as far as the ball may.
+    The first axis goes from side to side, the last along the limb, the second across both: they are singular only if
+    the limb points straight to the side.
     """
     balls = [joint for joint in spec.joints if joint.type == mujoco.mjtJoint.mjJNT_BALL]
     for ball in balls:
@@ -71,7 +70,7 @@ def hinges_for_balls(spec: mujoco.MjSpec) -> None:
 
 
 def _axes(model: mujoco.MjModel, balls: list[int]) -> list[Array]:
-    """The axes of the hinges of ball joints, in the frames of their bodies, shape (3, 3) each, a row a hinge."""
+    """The hinges' axes of ball joints, in the frames of their bodies, shape (3, 3) each, a row a hinge."""
     data = mujoco.MjData(model)
     mujoco.mj_kinematics(model, data)
     body = [int(model.jnt_bodyid[ball]) for ball in balls]
@@ -88,7 +87,7 @@ def _axes(model: mujoco.MjModel, balls: list[int]) -> list[Array]:
 
 
 def _from_side_to_side(model: mujoco.MjModel, data: mujoco.MjData, balls: list[int]) -> Array:
-    """The direction between the two ball joints of one body that are farthest apart, such as the hips; else y."""
+    """The direction between the farthest ball joints of one body, such as the hips; else y."""
     parent = {ball: int(model.body_parentid[model.jnt_bodyid[ball]]) for ball in balls}
     ways = [data.xanchor[b] - data.xanchor[a] for a, b in combinations(balls, 2) if parent[a] == parent[b]]
     farthest = max(ways, key=lambda way: float(np.linalg.norm(way)), default=np.zeros(3))
@@ -97,7 +96,7 @@ def _from_side_to_side(model: mujoco.MjModel, data: mujoco.MjData, balls: list[i
 
 
 def _limb(model: mujoco.MjModel, data: mujoco.MjData, ball: int) -> Array:
-    """The direction from a ball joint to the joints that follow it, or to the middle of what it turns."""
+    """The direction from a ball joint to the next joints, or to the middle of its body."""
     body, at = int(model.jnt_bodyid[ball]), data.xanchor[ball]
     children = np.flatnonzero(model.body_parentid == body)
     following = data.xanchor[np.isin(model.jnt_bodyid, children)]

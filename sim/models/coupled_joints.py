@@ -1,4 +1,4 @@
-"""Coupled joints: which joints of a robot follow another one, by an equality constraint of its model."""
+"""Coupled joints: followers and leaders by equality constraints of a model."""
 
 from __future__ import annotations
 
@@ -32,35 +32,33 @@ class LedJoints:
         return cls(np.array([*led], np.int64), leaders, np.array([curve for _, curve in led.values()]).reshape(-1, 5))
 
     def followed(self, leaders: Array) -> Array:
-        """Where the followers are while their leaders are at (F,), shape (F,)."""
+        """Positions of the followers for leaders at (F,), shape (F,)."""
         a, b, c, d, e = self.curve.T
         x = leaders
         return a + x * (b + x * (c + x * (d + x * e)))
 
     def slope(self, leaders: Array) -> Array:
-        """How fast they move while their leaders pass (F,) at a speed of one, shape (F,)."""
+        """Derivatives of the followers by their leaders at (F,), shape (F,)."""
         _, b, c, d, e = self.curve.T
         x = leaders
         return b + x * (2.0 * c + x * (3.0 * d + x * 4.0 * e))
 
 
 def led_joints(model: mujoco.MjModel) -> tuple[LedJoints, ...]:
-    """The joints that follow others in the order to be placed in: those that follow a follower come after it."""
+    """The followers in the order of placing: after their leaders."""
     waiting, layers = followers(model), []
     while waiting:
         now = {one: led for one, led in waiting.items() if led[0] == one or led[0] not in waiting}
-        now = now or waiting  # some follow each other round and round
+        now = now or waiting  # a cycle
         layers.append(LedJoints.of(now))
         waiting = {one: led for one, led in waiting.items() if one not in now}
     return tuple(layers)
 
 
 def followers(model: mujoco.MjModel) -> dict[int, tuple[int, np.ndarray]]:
-    """The joints that an active equality constraint couples to another one, or holds where they are.
+    """Joints with an active equality constraint: joint -> (leader, the five coefficients of its polynomial).
 
-    Returns:
-        joint -> (leader, the five coefficients of its position as a polynomial of the leader's); a joint that is held
-        leads itself, by a constant.
+    A joint that is held leads itself, by a constant.
     """
     coupled = {}
     for equality in np.flatnonzero((model.eq_type == mujoco.mjtEq.mjEQ_JOINT) & (model.eq_active0 != 0)):

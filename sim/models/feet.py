@@ -1,4 +1,4 @@
-"""Feet: where the flat soles of a robot are, found from its shape in the rest pose, whatever its bodies are called."""
+"""Feet: flat soles of a robot, found from its shape in the rest pose, without names."""
 
 from __future__ import annotations
 
@@ -11,12 +11,10 @@ from numpy.typing import NDArray
 from controller.motion.rotations import Array, cross
 from sim.models.surface import outline, reach, solids
 
-# A foot turns about a joint less than this share of the robot's height above the ground, and reaches down to the ground
-# but for this share: the ankle of a person is at 0.04, that of a small humanoid at 0.09, knees are at 0.27.
-ANKLE = 0.15
-GROUND = 0.03
-# A flat sole is at most so much out of level, rad; its parts look the same way but for LEVEL; and it is at least this
-# share of what the foot hides of the floor.
+# Largest height of a foot's joint, and of its lowest point, in heights of the robot: the ankle of a person is at 0.04,
+# that of a small humanoid at 0.09, knees are at 0.27.
+ANKLE, GROUND = 0.15, 0.03
+# Largest slope of a flat sole, angle between its parts, rad, and its least share of the foot's shadow on the floor.
 STEEP, LEVEL, FLAT = 0.7, 0.05, 0.25
 
 _BOX, _MESH = int(mujoco.mjtGeom.mjGEOM_BOX), int(mujoco.mjtGeom.mjGEOM_MESH)
@@ -29,8 +27,8 @@ class Foot:
     Attributes:
         body: its name.
         axes: columns ahead, left and up of the flat sole, shape (3, 3).
-        corners: of the rectangle that it stands on, shape (4, 3), m, in order around it.
-        round: whether it is made of rounded solids only, which touch a floor in a few points along its middle.
+        corners: of the rectangle it stands on, shape (4, 3), m, in order.
+        round: whether it has rounded solids only, which touch a floor in a few points.
     """
 
     body: str
@@ -66,13 +64,13 @@ def find_feet(model: mujoco.MjModel, qpos: Array) -> tuple[Foot, ...]:
         top = max(top, z + float(reach(model, geom, -down @ axes)))
     ground = float(lowest.min())
     height = top - ground
-    # Of an ankle's link and the sole below it, or of a foot and its toes, the one with the largest sole is the foot.
+    # The foot is the body with the largest sole among ankle link, sole and toes.
     found: dict[int, Foot] = {}
     chain: dict[int, int] = {}
     for body in range(1, model.nbody):
         parent = int(model.body_parentid[body])
         if lowest[body] == np.inf and parent in chain:
-            chain[body] = chain[parent]  # a link without solids only holds what hangs from it
+            chain[body] = chain[parent]  # a link without solids
         elif lowest[body] < ground + GROUND * height and data.xpos[body, 2] < ground + ANKLE * height:
             first = chain[body] = chain.get(parent, body)
             foot = _foot(model, data, body)
@@ -82,7 +80,7 @@ def find_feet(model: mujoco.MjModel, qpos: Array) -> tuple[Foot, ...]:
 
 
 def _foot(model: mujoco.MjModel, data: mujoco.MjData, body: int) -> Foot:
-    """The foot that a body is: its flat side that looks down, or of rounded solids what lies across the broadest."""
+    """The foot of a body: its flat lower side, or that of the broadest rounded solid."""
     geoms = solids(model)
     geoms = geoms[model.geom_bodyid[geoms] == body]
     in_body = data.xmat[body].reshape(3, 3)
@@ -101,10 +99,9 @@ def _foot(model: mujoco.MjModel, data: mujoco.MjData, body: int) -> Foot:
 
 
 def _flat_side(model: mujoco.MjModel, geoms: NDArray[np.intp], down: Array) -> tuple[Array, Array] | None:
-    """The largest side of the hull of solids that looks down (3,): the way up from it, (3,), and its corners (N, 3).
+    """The largest side of the hull of solids that faces down (3,): its upward normal (3,) and corners (N, 3).
 
-    None where it is so small beside the whole hull that the foot is rounded. Shapes that only look flat because a
-    mesh has its own axes, and single spheres, do not count.
+    None for a rounded foot, whose flat side is small beside the hull.
     """
     from scipy.spatial import ConvexHull, QhullError  # slow to import
 
@@ -126,14 +123,14 @@ def _flat_side(model: mujoco.MjModel, geoms: NDArray[np.intp], down: Array) -> t
 
 
 def _broadest(model: mujoco.MjModel, data: mujoco.MjData, geoms: NDArray[np.intp], in_body: Array) -> Array:
-    """The axis of the broadest solid that is nearest to the vertical, upwards, shape (3,)."""
+    """The most vertical axis of the broadest solid, upwards, shape (3,)."""
 
     def footprint(geom: int) -> tuple[float, Array]:
         axes = in_body.T @ data.geom_xmat[geom].reshape(3, 3)
         upright = np.abs(in_body[2] @ axes)
         up = int(np.argmax(upright))
         spans = np.array([float(reach(model, geom, np.eye(3)[axis])) for axis in range(3)])
-        # A ball has no axis of its own: it cannot say which way is up.
+        # A ball has no axis.
         return float(np.delete(spans, up).prod()) * (1.0 if np.ptp(spans) > 1e-6 else 0.0), axes[:, up]
 
     up: Array = max((footprint(int(geom)) for geom in geoms), key=lambda pair: pair[0])[1]
@@ -143,7 +140,7 @@ def _broadest(model: mujoco.MjModel, data: mujoco.MjData, geoms: NDArray[np.intp
 def _extents(
     model: mujoco.MjModel, data: mujoco.MjData, body: int, geoms: NDArray[np.intp], axes: Array
 ) -> tuple[Array, Array]:
-    """How far solids reach along axes (3, 3), both ways from the origin of the body, shape (3,) each, m."""
+    """Extents of solids along axes (3, 3), both ways from the body's origin, shape (3,) each, m."""
     low, high = np.full(3, np.inf), np.full(3, -np.inf)
     in_body = data.xmat[body].reshape(3, 3)
     for geom in geoms:

@@ -1,4 +1,4 @@
-"""The free root of a robot: its file may have it fixed to the world, on rails, tied to something, or on the floor."""
+"""The free root of a robot, whose file may have it fixed to the world, on rails, tied, or on the floor."""
 
 from __future__ import annotations
 
@@ -18,8 +18,7 @@ _OF_ROBOTS = (*_CLOSING, mujoco.mjtEq.mjEQ_JOINT, mujoco.mjtEq.mjEQ_TENDON)  # t
 
 
 def free_root(path: Path, spec: mujoco.MjSpec) -> None:
-    """Lets the root of a robot float, its origin in the pelvis, and takes away all other bodies and what ties it to
-    them or to the world.
+    """Frees the root, with its origin in the pelvis, and removes all other bodies and ties to them or to the world.
 
     Raises:
         FileFormatError: if there is no body, or its root turns against the world on a joint.
@@ -43,8 +42,7 @@ def free_root(path: Path, spec: mujoco.MjSpec) -> None:
     _move_origin(spec, root)
     for body in [*spec.worldbody.bodies]:
         if body.name != root.name:
-            # A ball or a table that came along would stand in front of the free root's seven numbers; a body moved by
-            # hand (mocap) would pull at what is welded to it.
+            # A ball or a table would precede the free root in qpos; a mocap body would pull at its welds.
             spec.delete(body)
     left = {body.name for body in spec.bodies}
     for looking in [*spec.cameras, *spec.lights]:
@@ -69,12 +67,12 @@ def _free(body: mujoco.MjsBody) -> list[mujoco.MjsJoint]:
 
 
 def _parts(body: mujoco.MjsBody) -> int:
-    """How many bodies hang from a body."""
+    """Number of bodies below a body."""
     return len(body.find_all("body"))
 
 
 def _moving(body: mujoco.MjsBody) -> int:
-    """How many joints a body has below it and itself, but for a free one: a ball that lies beside a robot has none."""
+    """Number of joints of a body and below it, except a free one."""
     return sum(len(part.joints) for part in [body, *body.find_all("body")]) - len(_free(body))
 
 
@@ -87,8 +85,10 @@ def _tied(spec: mujoco.MjSpec, equality: mujoco.MjsEquality) -> list[str]:
 
 
 def _clear_rails(spec: mujoco.MjSpec, root: mujoco.MjsBody) -> None:
-    """Takes away the joints by which the root slides and turns against the world, where no actuator moves them: in
-    place of a free joint some files have three, or six, each of them perhaps on a body of its own without a solid."""
+    """Removes undriven joints by which the root slides and turns against the world.
+
+    Some files have three, or six, in place of a free joint, perhaps each on a body without solids.
+    """
     rails, body = [*root.joints], root
     while not body.geoms and len(body.bodies) == 1:
         body = body.bodies[0]
@@ -101,7 +101,7 @@ def _clear_rails(spec: mujoco.MjSpec, root: mujoco.MjsBody) -> None:
 
 
 def _move_origin(spec: mujoco.MjSpec, root: mujoco.MjsBody) -> None:
-    """Moves the origin of a root body to where the limbs part, its pelvis: some files have it on the floor."""
+    """Moves the origin of a root body to its pelvis, where the limbs part: some files have it on the floor."""
     model = compiled(spec)
     movers = [path_to(model, int(body)) for body in set(model.jnt_bodyid[model.jnt_type != mujoco.mjtJoint.mjJNT_FREE])]
     if not movers:

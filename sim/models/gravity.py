@@ -1,4 +1,4 @@
-"""How fast what falls gets faster, in every model that is made here."""
+"""Gravity of all models."""
 
 GRAVITY = 9.81
 """m/s^2, MuJoCo's default."""

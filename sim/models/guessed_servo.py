@@ -1,14 +1,13 @@
-"""The position servo of a joint whose model file has none: stiff enough to carry the limb in any posture.
+"""The position servo of a joint without one in its model: stiff enough to carry the limb in any posture.
 
-A model file has the limbs straight, and a straight arm has almost no inertia about its own axis. Bent, the same hinge
-has to carry the forearm. So the stiffness follows from the limb turned about the axis that is hardest to turn about:
+A straight arm has almost no inertia about its axis; bent, the same hinge carries the forearm. So the stiffness follows
+from the limb's largest moment of inertia:
 
     kp = max(I w^2, M g / SAG),    kv = 2 sqrt(kp I)
 
-with I the limb's greatest moment of inertia about the joint's anchor plus that of the joint's own rotor, w the
-bandwidth, and M the limb's mass times the distance of its centre. A leg that stands turns the rest of the body about
-the foot: the stiffness of its joints is at least STANCE times the weight times the length of the leg, with damping and
-rotor to match.
+with I about the joint's anchor plus that of the rotor, w the bandwidth, and M the limb's mass times the distance of its
+centre. A standing leg turns the rest of the body about the foot: its stiffness is at least STANCE times the weight
+times the length of the leg, with damping and rotor to match.
 """
 
 from __future__ import annotations
@@ -25,22 +24,16 @@ from sim.models.kinematic_tree import below, path_to
 
 BANDWIDTH = 30.0  # rad/s
 SAG = 0.02
-"""How far a limb held out level may sag, rad."""
+"""Largest sag of a limb held out level, rad."""
 SWINGS = 200.0
-"""A joint as light as its axis alone makes it swings on its servo at most so fast, rad/s: its rotor has inertia too."""
+"""Natural frequency of a servo without its limb, by the rotor's inertia, rad/s."""
 STANCE, STANCE_BANDWIDTH, STANCE_SWINGS = 4.0, 60.0, 100.0
-"""The same of a leg that stands: with a lighter rotor the foot bounces on the floor. Chosen on a walking G1."""
+"""The same for a standing leg: with a lighter rotor the foot bounces on the floor. Chosen on a walking G1."""
 
 
 @dataclass(frozen=True)
 class GuessedServo:
-    """What a servo is given where nothing is known.
-
-    Attributes:
-        kp: stiffness, N m/rad.
-        kv: damping, N m s/rad.
-        rotor: the least moment of inertia about the joint's own axis that goes with them, kg m^2.
-    """
+    """Stiffness kp, N m/rad, damping kv, N m s/rad, and least inertia about the joint's axis, kg m^2, of a servo."""
 
     kp: float
     kv: float
@@ -48,13 +41,7 @@ class GuessedServo:
 
 
 def guess_servo(model: mujoco.MjModel, joint: int, stance: float = 0.0) -> GuessedServo:
-    """A servo for a hinge, from the masses that hang from it as the model file places them.
-
-    Args:
-        model: whose.
-        joint: the hinge.
-        stance: weight times length of the leg that it belongs to, N m; 0 if it is not a leg's.
-    """
+    """A servo for a hinge, from the masses below it; `stance` is weight times length of its leg, N m, if it is one."""
     data = mujoco.MjData(model)
     mujoco.mj_kinematics(model, data)
     mujoco.mj_comPos(model, data)
@@ -73,7 +60,7 @@ def guess_servo(model: mujoco.MjModel, joint: int, stance: float = 0.0) -> Guess
 
 
 def stances(model: mujoco.MjModel, feet: Sequence[str]) -> dict[int, float]:
-    """Weight times length of the leg, N m, of each joint between the root and one of the bodies that it stands on."""
+    """Weight times length of the leg, N m, for each joint between the root and one of the feet."""
     data = mujoco.MjData(model)
     mujoco.mj_kinematics(model, data)
     weight, found = GRAVITY * float(model.body_mass.sum()), dict[int, float]()

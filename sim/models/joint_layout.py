@@ -1,4 +1,4 @@
-"""Layout: where the coordinates of a robot's joints live in MuJoCo's qpos and qvel.
+"""Layout: places of a robot's joint coordinates in MuJoCo's qpos and qvel.
 
 A robot's joints are those its actuators drive, in the actuators' order. A hinge has one coordinate, its angle; a ball
 joint has three, the components of its rotation vector, driven by three actuators in a row.
@@ -16,7 +16,7 @@ from controller.motion.rotations import Array, dot, from_rotation_vector, to_rot
 from motiondeck_base.errors import FileFormatError
 from sim.models.coupled_joints import LedJoints, led_joints
 
-# How many coordinates, and so servos, a joint has; slides are of no use to a motion of rotations.
+# Number of coordinates, and so servos, of a joint; slides are not played.
 _COORDINATES = {int(mujoco.mjtJoint.mjJNT_HINGE): 1, int(mujoco.mjtJoint.mjJNT_BALL): 3}
 
 
@@ -25,14 +25,10 @@ class JointLayout:
     """J coordinates in nq numbers, of which the first seven are the free root's position and quaternion.
 
     Attributes:
-        joints: the names of the coordinates, length J.
-        hinge: which coordinates are hinge angles, shape (H,).
-        hinge_qpos: where they live, shape (H,).
-        ball: which coordinates are rotation vectors, shape (N, 3).
-        ball_qpos: where their quaternions live, shape (N, 4).
-        dof: the degree of freedom that each coordinate moves, a place in qvel, shape (J,).
-        led: joints that follow others, in the order to be placed in.
-        followers, leaders: where these and those live in qpos, for each group of them.
+        joints: the names of the coordinates, length J. hinge, hinge_qpos: coordinates that are hinge angles, and their
+        places in qpos, shape (H,). ball, ball_qpos: coordinates that are rotation vectors, shape (N, 3), and their
+        quaternions in qpos, shape (N, 4). dof: places of the coordinates in qvel, shape (J,). led: joints that follow
+        others, in the order of placing. followers, leaders: their places in qpos, by group.
     """
 
     joints: tuple[str, ...]
@@ -99,10 +95,7 @@ class JointLayout:
             qpos[follower] = group.followed(qpos[leader])
 
     def read(self, qpos: Array, near: Array, out: Array) -> None:
-        """Reads joint coordinates into out (J,).
-
-        A rotation has many rotation vectors, whole turns apart; each joint gives the one closest to near (J,).
-        """
+        """Reads joint coordinates into out (J,), of equivalent rotation vectors those closest to near (J,)."""
         if len(self.hinge):
             out[self.hinge] = qpos[self.hinge_qpos]
         if len(self.ball):
@@ -110,16 +103,12 @@ class JointLayout:
 
 
 def nearest_turn(vector: Array, near: Array) -> Array:
-    """Rotation vectors (N, 3) of |angle| <= pi, lengthened or turned round by whole turns to come closest to near.
-
-    It keeps a joint that turns past a half turn from jumping to the other side.
-    """
+    """Rotation vectors (N, 3) of |angle| <= pi, changed by whole turns to come nearest: no jump at a half turn."""
     if np.abs(near - vector).max(initial=0.0) < 1.0:
-        return vector  # less than a half turn away, as nearly always: nothing comes closer
+        return vector  # less than a half turn away
     angle = np.sqrt(dot(vector, vector))
     turning = angle > 1e-9
     axis = vector / np.where(turning, angle, 1.0)[:, None]
-    # Along the axis, near reads (near . axis); the turn that comes closest to it is the one to take.
     turns = np.rint((dot(near, axis) - angle) / (2.0 * np.pi))
     if not turns.any():
         return vector

@@ -1,7 +1,7 @@
-"""Model files: any robot's MJCF or URDF, made ready to be played on.
+"""Model files: any robot's MJCF or URDF, made ready for playing.
 
-Whatever the file brings, the robot ends up with a free root, one position servo for each joint that is played, named
-as the joint, and none of the file's own floor, sky and lamps: the stage brings those.
+The result has a free root, one position servo for each played joint, named as the joint, and none of the file's floor,
+sky and lamps.
 """
 
 from __future__ import annotations
@@ -26,36 +26,36 @@ from sim.models.surface import Surface
 
 LAST_SHOWN_GROUP = 2
 
-# What a body weighs at least, kg, and its least moment of inertia, kg m^2, where a file has less.
+# Least mass of a body, kg, and least moment of inertia, kg m^2.
 LEAST_MASS, LEAST_INERTIA = 1e-4, 1e-7
 
-# How many numbers say how large a solid is.
+# Number of sizes of a solid.
 _SIZES = {
     mujoco.mjtGeom.mjGEOM_SPHERE: 1,
     mujoco.mjtGeom.mjGEOM_CAPSULE: 2,
     mujoco.mjtGeom.mjGEOM_CYLINDER: 2,
     mujoco.mjtGeom.mjGEOM_BOX: 3,
 }
-# How MuJoCo says that it cannot open a mesh, a texture or a part of a model.
+# MuJoCo's message about a missing mesh, texture or part of a model.
 _UNOPENED = re.compile(r"[Ee]rror opening file '([^']+)'")
 _AT_A_JOINT = (int(mujoco.mjtTrn.mjTRN_JOINT), int(mujoco.mjtTrn.mjTRN_JOINTINPARENT))
 _AT_A_DISTANCE = (int(mujoco.mjtTrn.mjTRN_TENDON), int(mujoco.mjtTrn.mjTRN_SLIDERCRANK))
 
 
 def read_model(path: Path, packages: Mapping[str, Path] | None = None, feet: Sequence[str] = ()) -> mujoco.MjSpec:
-    """The robot in an MJCF or URDF file, in the void, its root free and its joints driven by position servos.
+    """The robot in an MJCF or URDF file, without scenery, its root free and its joints driven by position servos.
 
-    Played are the hinges that an actuator drives, also by way of tendons, or all of them where the file has no
-    actuators; a joint that an equality constraint couples to another follows that one instead. Bodies whose masses or
-    inertias cannot be are given some that can; `spec.compiler.balanceinertia` then is set.
+    Played are the hinges with actuators, also by tendons, or all in a file without actuators, except joints that an
+    equality constraint couples to others. Impossible masses and inertias are balanced, and
+    `spec.compiler.balanceinertia` is set.
 
     Args:
         path: the file.
-        packages: the folder of each package that a URDF names; others are looked for beside and above the file.
-        feet: the bodies that it stands on, where they are known: servos that the file lacks then carry its weight.
+        packages: folders of the packages that a URDF names; others are searched beside and above the file.
+        feet: known bodies that it stands on: missing servos then carry its weight.
 
     Raises:
-        FileFormatError: if MuJoCo refuses the file, there is no body or no solid in it, or its base turns on a joint.
+        FileFormatError: if MuJoCo refuses the file, it has no body or no solid, or its base turns on a joint.
     """
     is_urdf = model_kind(path) == "robot"
     try:
@@ -81,7 +81,7 @@ def read_model(path: Path, packages: Mapping[str, Path] | None = None, feet: Seq
             )
         _servos(path, spec, model, feet)
         if model.ngeom and np.all(model.geom_group > LAST_SHOWN_GROUP):
-            # Only solids for collisions are left of it: better to see these than nothing.
+            # Only collision solids are left: show these.
             for geom in spec.geoms:
                 geom.group = 0
         spec.compile()
@@ -96,7 +96,7 @@ def read_model(path: Path, packages: Mapping[str, Path] | None = None, feet: Seq
 
 
 def _read_urdf(path: Path, packages: Mapping[str, Path]) -> mujoco.MjSpec:
-    """A URDF; one without <collision> shapes touches with its <visual> ones."""
+    """A URDF; without <collision> shapes its <visual> ones collide."""
     text = readable_urdf(path, packages)
     spec = mujoco.MjSpec.from_string(text)
     note_source(spec, path, packages)
@@ -104,7 +104,7 @@ def _read_urdf(path: Path, packages: Mapping[str, Path]) -> mujoco.MjSpec:
     for geom in [*spec.geoms]:
         sizes = _SIZES.get(geom.type, 0)
         if sizes and min(geom.size[:sizes]) <= 0.0:
-            spec.delete(geom)  # a point, by which some tools mark a place
+            spec.delete(geom)  # a marker without size
         elif not touches:
             geom.contype = geom.conaffinity = 1
             geom.group = 0
@@ -112,19 +112,19 @@ def _read_urdf(path: Path, packages: Mapping[str, Path]) -> mujoco.MjSpec:
 
 
 def _clear_stage(spec: mujoco.MjSpec) -> None:
-    """Takes away what stands or shines beside the robot."""
+    """Removes scenery and lamps."""
     for thing in [*spec.worldbody.geoms, *spec.worldbody.lights]:
         spec.delete(thing)
     for texture in [*spec.textures]:
         if texture.type == mujoco.mjtTexture.mjTEXTURE_SKYBOX:
             spec.delete(texture)
-    # Keyframes, sensors, pairs of solids and lists may be about what is taken away; nothing here looks at them.
+    # These may refer to what is removed, and are not used.
     for thing in [*spec.keys, *spec.sensors, *spec.pairs, *spec.tuples]:
         spec.delete(thing)
 
 
 def _name_all(spec: mujoco.MjSpec) -> None:
-    """Names bodies and joints that have no name by their place in the file: robot files speak of them by name."""
+    """Names unnamed bodies and joints by their place in the file, as robot files need names."""
     for kind, things in (("body", spec.bodies[1:]), ("joint", spec.joints)):
         taken = {thing.name for thing in things}
         for number, thing in enumerate(things, 1):
@@ -137,7 +137,7 @@ def _name_all(spec: mujoco.MjSpec) -> None:
 
 
 def _scale_masses(spec: mujoco.MjSpec) -> None:
-    """Scales the masses to the sum that a file asks for: MuJoCo warns at each use that it will soon not do so."""
+    """Scales the masses to a file's total, which MuJoCo deprecates."""
     wanted, spec.compiler.settotalmass = spec.compiler.settotalmass, -1.0
     if not wanted > 0.0:
         return
@@ -152,7 +152,7 @@ def _scale_masses(spec: mujoco.MjSpec) -> None:
 
 
 def _mend_inertias(spec: mujoco.MjSpec) -> None:
-    """Gives bodies masses and inertias that can be, where the file's own are zero or break the triangle inequality."""
+    """Balances masses and inertias that are zero or break the triangle inequality."""
     for body in spec.bodies[1:]:
         xx, yy, zz, xy, xz, yz = body.fullinertia.tolist()
         matrix = np.diag(body.inertia) if np.isnan(xx) else np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
@@ -174,14 +174,14 @@ def _mend_inertias(spec: mujoco.MjSpec) -> None:
 
 
 def _mend_ranges(spec: mujoco.MjSpec) -> None:
-    """Takes away ranges without an end, which some files give to joints that turn round and round."""
+    """Removes infinite ranges, which some files give to continuous joints."""
     for joint in spec.joints:
         if not np.isfinite(joint.range).all():
             joint.range, joint.limited = (0.0, 0.0), mujoco.mjtLimited.mjLIMITED_FALSE
 
 
 def _servos(path: Path, spec: mujoco.MjSpec, model: mujoco.MjModel, feet: Sequence[str]) -> None:
-    """Replaces whatever actuators there are by one position servo a played joint."""
+    """Replaces all actuators by one position servo a played joint."""
     driven = _driven(model)
     coupled = followers(model)
     hinges = np.flatnonzero(model.jnt_type == mujoco.mjtJoint.mjJNT_HINGE)
@@ -200,7 +200,7 @@ def _servos(path: Path, spec: mujoco.MjSpec, model: mujoco.MjModel, feet: Sequen
             lacking = guess.rotor - float(model.dof_M0[model.jnt_dofadr[joint]])
             turning.armature = turning.armature + max(lacking, 0.0)
         servo.set_to_position(kp=gains[0], kv=gains[1])
-        # A new actuator takes over the defaults that the file has for its own, such as motors that take -1 to 1.
+        # A new actuator has the file's defaults, such as a control range of -1 to 1.
         servo.ctrllimited, servo.actlimited, servo.forcelimited = False, False, bool(np.isfinite(force))
         servo.gear[:] = (1.0, 0.0, 0.0, 0.0, 0.0, 0.0)
         if servo.forcelimited:
@@ -214,7 +214,7 @@ def _servos(path: Path, spec: mujoco.MjSpec, model: mujoco.MjModel, feet: Sequen
 
 
 def _driven(model: mujoco.MjModel) -> dict[int, int | None]:
-    """The hinges that actuators drive, each with its own actuator, or None where tendons or cranks drive it."""
+    """The driven hinges, each with its actuator, or None if driven by tendons or cranks."""
     hinge = model.jnt_type == mujoco.mjtJoint.mjJNT_HINGE
     driven: dict[int, int | None] = {}
     moment = _moments(model)
@@ -231,7 +231,7 @@ def _driven(model: mujoco.MjModel) -> dict[int, int | None]:
 
 
 def _moments(model: mujoco.MjModel) -> np.ndarray:
-    """How far each actuator that pulls at tendons or turns a crank drives each degree of freedom, shape (nu, nv)."""
+    """Moments of actuators on tendons and cranks, shape (nu, nv)."""
     moment = np.zeros((model.nu, model.nv))
     at_a_distance = np.isin(model.actuator_trntype, _AT_A_DISTANCE)
     if at_a_distance.any():
@@ -246,7 +246,7 @@ def _moments(model: mujoco.MjModel) -> np.ndarray:
 
 
 def _slack_tendons(model: mujoco.MjModel) -> set[str]:
-    """The names of the tendons that do nothing without their actuators, as muscles do: each costs time in each step."""
+    """The tendons that do nothing without their actuators, such as muscles, by name: each costs time."""
     pulled = model.actuator_trnid[model.actuator_trntype == _AT_A_DISTANCE[0], 0]
     tied = model.eq_type == mujoco.mjtEq.mjEQ_TENDON
     busy = np.isin(np.arange(model.ntendon), [*model.eq_obj1id[tied], *model.eq_obj2id[tied]])
@@ -257,7 +257,7 @@ def _slack_tendons(model: mujoco.MjModel) -> set[str]:
 
 
 def _own_servo(model: mujoco.MjModel, joint: int, actuator: int | None) -> tuple[float, tuple[float, float] | None]:
-    """The greatest torque of a joint, and stiffness and damping where its actuator is a position servo."""
+    """The torque limit of a joint, and stiffness and damping of a position servo."""
     force = float("inf")
     if model.jnt_actfrclimited[joint]:
         force = float(np.abs(model.jnt_actfrcrange[joint]).max())

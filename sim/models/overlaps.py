@@ -1,4 +1,4 @@
-"""Overlaps: which bodies of a model penetrate each other, and how deep."""
+"""Overlaps: bodies of a model that penetrate each other, and the depth."""
 
 from __future__ import annotations
 
@@ -8,14 +8,13 @@ import numpy as np
 from controller.motion.rotations import Array
 
 OVERLAP = 0.003
-"""Covers may touch; deeper than this, m, something gives way."""
+"""Depth up to which covers may touch, m."""
 
-# Bodies so many joints apart or less overlap at the joint itself.
-_NEIGHBOURS = 2
+_NEIGHBOURS = 2  # joints between bodies that overlap at the joint itself
 
 
 def near_bodies(model: mujoco.MjModel, rest: Array) -> set[tuple[int, int]]:
-    """The pairs of bodies that are neighbours or overlap at rest (nq,), as far as the model lets them touch."""
+    """The pairs of bodies that are neighbours or overlap at rest (nq,), as far as the model lets them collide."""
     near: set[tuple[int, int]] = set()
     for body in range(1, model.nbody):
         other = body
@@ -32,7 +31,7 @@ def near_bodies(model: mujoco.MjModel, rest: Array) -> set[tuple[int, int]]:
 
 
 def overlaps(model: mujoco.MjModel, data: mujoco.MjData) -> dict[tuple[int, int], float]:
-    """How deep bodies penetrate each other in the pose of `data`, m, by pair."""
+    """Depth of overlaps in the pose of `data`, m, by pair."""
     mujoco.mj_kinematics(model, data)
     mujoco.mj_comPos(model, data)
     mujoco.mj_collision(model, data)

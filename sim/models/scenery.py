@@ -1,4 +1,4 @@
-"""What surrounds every robot: floor, light and sky, and the gantry that carries its root."""
+"""Scenery of every robot: floor, light, sky, and the gantry that carries its root."""
 
 from __future__ import annotations
 
@@ -14,11 +14,7 @@ HORIZON = (0.80, 0.85, 0.90)
 def set_stage(spec: mujoco.MjSpec, height: float) -> None:
     """Adds a chequered floor at z = 0, a sky and soft light from above, and the settings of a fast off-screen picture.
 
-    Nothing on stage touches anything: a gantry carries the robot, so contacts would only fight it.
-
-    Args:
-        spec: the robot, so far in the void.
-        height: of its root above the floor when it stands, m: sets the size of the floor's squares.
+    The floor has no contacts, which would fight the gantry; the height of the root, m, scales its squares.
     """
     spec.option.timestep = TIMESTEP
     spec.option.integrator = mujoco.mjtIntegrator.mjINT_IMPLICITFAST
@@ -75,12 +71,7 @@ def set_stage(spec: mujoco.MjSpec, height: float) -> None:
 
 
 def add_lamp(root: mujoco.MjsBody, height: float) -> None:
-    """Adds a lamp that goes along with the robot, so that its shadow stays sharp wherever it walks.
-
-    Args:
-        root: the body it follows.
-        height: of the root above the floor, m: sets how far away the lamp hangs.
-    """
+    """Adds a lamp that follows the root, so that the shadow stays sharp; the root's height, m, scales its distance."""
     at = [0.4 * height, -1.5 * height, 3.8 * height]
     root.add_light(
         name="(lamp)",
@@ -97,7 +88,7 @@ def add_lamp(root: mujoco.MjsBody, height: float) -> None:
 
 
 def add_gantry(spec: mujoco.MjSpec, root: mujoco.MjsBody) -> None:
-    """Adds a body that follows commands exactly and a weld that pulls the robot's free root along with it."""
+    """Adds a commanded body (mocap) and a weld that pulls the robot's free root along."""
     spec.worldbody.add_body(name=GANTRY, mocap=True, pos=root.pos)
     weld = spec.add_equality(
         name=GANTRY,
@@ -113,7 +104,7 @@ def add_gantry(spec: mujoco.MjSpec, root: mujoco.MjsBody) -> None:
 
 
 def body_height(model: mujoco.MjModel) -> float:
-    """How far a robot reaches above the floor in its initial pose, m."""
+    """Height of a robot in its initial pose, m."""
     data = mujoco.MjData(model)
     mujoco.mj_kinematics(model, data)
     moving = model.body_weldid[model.geom_bodyid] != 0

@@ -1,4 +1,4 @@
-"""Servos: what a geared motor can push at its speed, what it draws, and how warm that makes it.
+"""Servos: torque, current and temperature of a geared motor.
 
 A direct-current motor gives its stall torque T at rest and nothing at its no-load speed w (in between, a straight
 line), and draws a current in proportion to its torque:
@@ -7,7 +7,7 @@ line), and draws a current in proportion to its torque:
     current = I_stall |torque| / T
     d temperature / dt = warming (current / I_stall)^2 - (temperature - room) / cooling
 
-The gears leave a play, in which the joint is free, and the bus hands a target over late.
+The gears have backlash, and the bus has latency.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ import numpy as np
 from controller.motion.rotations import Array
 
 ROOM = 25.0
-"""degC; what servos start from and cool down to."""
+"""Temperature of the room, degC."""
 
 _BACK_AND_FORTH = np.array([-1.0, 1.0])
 
@@ -30,18 +30,18 @@ _NotNegative = Annotated[float, msgspec.Meta(ge=0.0)]
 
 
 class ServoMotor(msgspec.Struct, forbid_unknown_fields=True, frozen=True):
-    """What the servos of a robot can do; the table [servo] of a robot file.
+    """Data of a robot's servos; the table [servo] of a robot file.
 
     Attributes:
         torque: at stall, N m.
         speed: without load, rad/s.
         current: at stall, A.
-        current_limit: beyond which it does not push harder, A; None for none below the stall current.
-        backlash: the play of the gears from end to end, rad.
-        latency: how late a target gets there, s.
+        current_limit: A; None for the stall current.
+        backlash: from end to end, rad.
+        latency: of targets, s.
         warming: by stall current, K/s, an estimate for a servo of 80 g.
         cooling: time constant towards the room's temperature, s, likewise.
-        hottest: the temperature at which it shuts down, degC.
+        hottest: temperature of the shutdown, degC.
     """
 
     torque: _Positive
@@ -69,12 +69,12 @@ class ServoMotor(msgspec.Struct, forbid_unknown_fields=True, frozen=True):
         return self.current / self.torque * np.abs(torque)
 
     def temperature(self, square: Array, seconds: float, start: float = ROOM) -> Array:
-        """How warm it is after so long at a mean square current (of any shape), A^2; degC."""
+        """Temperature after some seconds at a mean square current (of any shape), A^2; degC."""
         settled = ROOM + self.cooling * self.warming * square / self.current**2
         return settled + (start - settled) * np.exp(-seconds / self.cooling)
 
 
 def strength(model: mujoco.MjModel) -> Array:
-    """The torque that the model file allows each actuator, shape (J,), N m; inf where it says nothing."""
+    """Torque limits of a model's actuators, shape (J,), N m; inf without one."""
     limited = model.actuator_forcelimited.astype(bool)
     return np.where(limited, np.abs(model.actuator_forcerange).max(axis=1), np.inf)

@@ -1,4 +1,4 @@
-"""Surface: where a robot's skin is, as a few hundred balls, and its lowest point, exactly."""
+"""Surface of a robot: a few hundred balls as its skin, and its exact lowest point."""
 
 from __future__ import annotations
 
@@ -11,10 +11,10 @@ from numpy.typing import NDArray
 
 from controller.motion.rotations import Array, rotate
 
-# The corners, edges and sides of a cube: in these directions a mesh shows its farthest vertices.
+# Corners, edges and sides of a cube: directions of a mesh's farthest vertices.
 _DIRECTIONS = np.array([d for d in product((-1.0, 0.0, 1.0), repeat=3) if any(d)])
 _CORNERS = np.array(list(product((-1.0, 1.0), repeat=3)))
-# Evenly all round a ball.
+# Evenly on a sphere.
 _HIGH = 1.0 - np.arange(1.0, 400.0, 2.0) / 200.0
 _ROUND = np.stack([*(np.sqrt(1.0 - _HIGH**2) * f(2.4 * np.arange(200.0)) for f in (np.cos, np.sin)), _HIGH], axis=1)
 _RING = np.array([(np.cos(a), np.sin(a)) for a in np.linspace(0.0, 2.0 * np.pi, 12, endpoint=False)])
@@ -25,7 +25,7 @@ class Surface:
     """N balls, each fixed to a body.
 
     Attributes:
-        body: which one, shape (N,).
+        body: shape (N,).
         centre: in the frame of the body, shape (N, 3), m.
         radius: shape (N,), m.
     """
@@ -36,7 +36,7 @@ class Surface:
 
     @classmethod
     def of(cls, model: mujoco.MjModel) -> Surface:
-        """The skin of everything that moves; solids that collide stand for the others, where a body has some."""
+        """The skin of all moving bodies: of their colliding solids, if any, else of all."""
         found: list[tuple[int, Array, float]] = []
         for geom in solids(model):
             body = int(model.geom_bodyid[geom])
@@ -47,28 +47,26 @@ class Surface:
         return cls(np.array(bodies, np.int64), np.array(centres).reshape(-1, 3), np.array(radii, np.float64))
 
     def part(self, bodies: NDArray[np.int64]) -> Surface:
-        """What of it belongs to some bodies."""
+        """The balls of some bodies."""
         mine = np.isin(self.body, bodies)
         return Surface(self.body[mine], self.centre[mine], self.radius[mine])
 
     def positions(self, data: mujoco.MjData) -> Array:
-        """Where the centres are, shape (N, 3), m."""
-        # By the matrices that MuJoCo has at hand: quaternions would take half as long again.
+        """Positions of the centres, shape (N, 3), m."""
+        # By MuJoCo's matrices: quaternions would take 1.5 times as long.
         turned = np.matmul(data.xmat[self.body].reshape(-1, 3, 3), self.centre[:, :, None])
         return data.xpos[self.body] + turned[:, :, 0]
 
 
 class LowestPoint:
-    """Finds the lowest point of all that moves, exactly; looks at the solids that `Surface` looks at.
-
-    A mesh is looked at by its vertices only if the box around it reaches below all that is known already.
+    """The exact lowest point of the solids of `Surface`; vertices of a mesh are tested only if its box may be lowest.
 
     Attributes:
-        body: which body each of the G solids is fixed to, shape (G,).
+        body: of each of the G solids, shape (G,).
     """
 
     def __init__(self, model: mujoco.MjModel) -> None:
-        """Looks at the solids of a model."""
+        """Prepares the solids of a model."""
         self._geoms = solids(model)
         self.body = model.geom_bodyid[self._geoms]
         shapes = [_shape(model, int(geom)) for geom in self._geoms]
@@ -80,14 +78,14 @@ class LowestPoint:
             if len(vertices) > 1:
                 low, high = vertices.min(axis=0), vertices.max(axis=0)
                 self._centre[row], self._flat[row], self._meshes[row] = (low + high) / 2.0, (high - low) / 2.0, vertices
-        # One column a solid; only the rounded ones are asked for how round they are.
+        # One column a solid.
         self._up = 9 * self._geoms + np.array([[6], [7], [8]])
         self._rounded = np.flatnonzero(self._round.any(axis=1))
         self._round = np.ascontiguousarray(self._round[self._rounded].T)
         self._flat, self._centre = np.ascontiguousarray(self._flat.T), np.ascontiguousarray(self._centre.T)
 
     def bounds(self, data: mujoco.MjData) -> Array:
-        """A height below which no point of each solid is, shape (G,), m; for all but meshes the lowest point's own."""
+        """Lower bounds of the solids' heights, shape (G,), m; exact except for meshes."""
         up = data.geom_xmat.reshape(-1).take(self._up)
         low = data.geom_xpos[:, 2].take(self._geoms)
         low -= self._radius
@@ -100,7 +98,7 @@ class LowestPoint:
         return low
 
     def __call__(self, data: mujoco.MjData, bounds: Array | None = None) -> float:
-        """How high it is in a state whose kinematics are up to date, m; `bounds` if they are known."""
+        """Its height in a state with kinematics, m; `bounds` if they are known."""
         left = self.bounds(data).copy() if bounds is None else bounds.copy()
         lowest = np.inf
         while len(left):
@@ -117,14 +115,14 @@ class LowestPoint:
 
 
 def reach(model: mujoco.MjModel, geom: int, direction: Array) -> Array:
-    """How far a geom reaches from its own middle in a direction (..., 3) of its own axes, shape (...), m."""
+    """Extent of a geom from its middle in a direction (..., 3) of its axes, shape (...), m."""
     radius, rounded, flat, vertices = _shape(model, geom)
     far = radius + np.sqrt(np.square(direction * rounded).sum(axis=-1)) + np.abs(direction * flat).sum(axis=-1)
     return far + (direction @ vertices.T).max(axis=-1)
 
 
 def outline(model: mujoco.MjModel, geom: int) -> Array:
-    """Points of a geom whose convex hull is the geom, or all round it where it is rounded, in its body, (N, 3), m."""
+    """Points with the convex hull of a geom, or around a rounded one, in its body, (N, 3), m."""
     if model.geom_type[geom] == mujoco.mjtGeom.mjGEOM_MESH:
         points = _outermost(model, int(model.geom_dataid[geom]))
     elif model.geom_type[geom] == mujoco.mjtGeom.mjGEOM_ELLIPSOID:
@@ -136,7 +134,7 @@ def outline(model: mujoco.MjModel, geom: int) -> Array:
 
 
 def solids(model: mujoco.MjModel) -> NDArray[np.intp]:
-    """The geoms of all that moves; those that collide stand for the others, where a body has some."""
+    """The geoms of all moving bodies: the colliding ones, if any, else all."""
     moving = model.body_weldid[model.geom_bodyid] != 0
     colliding = (model.geom_contype != 0) | (model.geom_conaffinity != 0)
     has_colliding = np.zeros(model.nbody, dtype=bool)
@@ -169,7 +167,7 @@ def _outermost(model: mujoco.MjModel, mesh: int) -> Array:
     vertices = model.mesh_vert[first : first + model.mesh_vertnum[mesh]].astype(np.float64)
     if at < 0:
         return vertices
-    # Its graph: how many vertices and faces, where the edges of each vertex are, which vertex of the mesh it is, ...
+    # Its graph: numbers of vertices and faces, addresses of edges, indices of vertices, ...
     count = int(model.mesh_graph[at])
     return vertices[model.mesh_graph[at + 2 + count : at + 2 + 2 * count]]
 

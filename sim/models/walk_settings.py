@@ -1,4 +1,4 @@
-"""Walk settings: how a robot walks on its own feet; the table [walk] of a robot file."""
+"""Walk settings: the table [walk] of a robot file."""
 
 from __future__ import annotations
 
@@ -8,28 +8,25 @@ import msgspec
 
 
 class WalkSettings(msgspec.Struct, forbid_unknown_fields=True, frozen=True):
-    """How a robot walks. Heights and lengths are in heights of its root, times in s.
+    """Settings of walking; heights and lengths in heights of the root, times in s.
 
     Attributes:
         share: of the length of the motion's steps.
         longest: step, from foot to foot.
-        fastest: swinging foot, on average, in heights a second: what is quicker in the motion becomes shorter.
-        slowest: how long a swing takes at most, in sqrt(height / g): what is slower in the motion stands on both feet.
-        width: between the soles, at least.
-        bend: how much lower the root is carried than it is played.
+        fastest: mean speed of a swinging foot, heights a second: quicker steps become shorter.
+        slowest: duration of a swing, in sqrt(height / g): slower ones stand on both feet first.
+        width: least distance between the soles.
+        bend: lowering of the root.
         lift: of a swinging sole.
-        double_support: how long both feet stand between two steps, at least.
-        roll: the centre of pressure goes from behind the middle of the sole to before it during a step, in lengths
-            of the sole.
-        ahead: what a landing foot makes up for of the error of the capture point, forwards.
-        aside: the same, sideways.
-        ankle: how far the centre of mass is moved against what is left of that error.
-        lean: how far it is moved to a side at most, in half lengths of the sole; ahead it is 0.8. Beyond the half width
-            of the sole a stiff ankle lifts the foot onto its edge.
-        upright: what the swinging foot makes up for of how far the trunk's tilt moves it, as a share.
-        feed_forward: the share of the torques of gravity that the servos of the legs get in advance.
-        toe: how far a foot is turned over its toes when it leaves the floor after the longest step, rad.
-        heel: how far it is turned over its heel when it lands after the longest step, rad.
+        double_support: least time on both feet between two steps.
+        roll: way of the centre of pressure along the sole during a step, in lengths of the sole.
+        ahead, aside: gains of a landing foot on the error of the capture point, forwards and sideways.
+        ankle: gain of the centre of mass on the remaining error.
+        lean: largest shift of the centre of mass to a side, in half lengths of the sole (ahead 0.8): beyond the half
+            width of the sole a stiff ankle lifts the foot onto its edge.
+        upright: share of the trunk's tilt that the swinging foot compensates.
+        feed_forward: share of gravity's torques that the servos of the legs get in advance.
+        toe, heel: pitch over the toes at leaving, and over the heel at landing, for the longest step, rad.
     """
 
     share: float = 0.7
@@ -52,10 +49,7 @@ class WalkSettings(msgspec.Struct, forbid_unknown_fields=True, frozen=True):
 
 
 def with_walk_table(text: str, settings: WalkSettings) -> str:
-    """The text of a robot file with these settings as its table [walk]; all else stays as it is.
-
-    A table ends with an empty line, the next table or the file.
-    """
+    """The text of a robot file with these settings as its table [walk], up to an empty line, a table or the end."""
     lines = [f"{name} = {value:.3g}" for name, value in msgspec.structs.asdict(settings).items()]
     table = "\n".join(["[walk]", *lines]) + "\n"
     there = re.search(r"^\[walk\][^\n]*\n(?:[^\[\n][^\n]*(?:\n|\Z))*", text, re.MULTILINE)

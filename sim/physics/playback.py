@@ -1,4 +1,4 @@
-"""Physics playback: an output that plays joint targets on a MuJoCo robot with its servos and masses."""
+"""Physics playback: an output that simulates the robot with its servos and masses."""
 
 from __future__ import annotations
 
@@ -29,33 +29,33 @@ from sim.robots.robot import Robot
 _BROKEN = (mujoco.mjtWarning.mjWARN_BADQPOS, mujoco.mjtWarning.mjWARN_BADQVEL, mujoco.mjtWarning.mjWARN_BADQACC)
 
 STANDS_AGAIN = 1.0
-"""s that a fallen robot must be upright before it counts as standing."""
+"""Time upright, s, after which a fallen robot counts as standing."""
 
 
 class PhysicsPlayback:
     """Drives the robot's servos towards the targets, with its root on a gantry, fixed, or free on a solid floor.
 
-    A servo pushes with  kp (target - position) + kv (rate of target - velocity): the rate is fed forward, or a motion
-    would trail by kv / kp. On a ball joint "target - position" is the rotation from the one to the other. Where the
-    robot's servos are known they push no harder than their torque-speed line and their current allow.
+    The torque of a servo is  kp (target - position) + kv (rate of target - velocity): without the feed-forward of the
+    rate a motion would lag by kv / kp. On a ball joint "target - position" is the rotation between both. Servos with
+    data keep to their torque-speed line and current limit.
 
     Attributes:
         name: "physics".
         data: MuJoCo's state.
         model: the model of that state, apart from the robot's own.
         placed: the commanded root of the last write, position (m) and quaternion, shape (7,).
-        wanted: where it was to be after the last write, shape (nq,); a free root where it is along the ground.
-        clock: the time at which falls are noted, s; by default since the first write.
-        holds: whether a robot that has fallen is to stay as it lies; by default it gets up where it can.
-        near_falls: when a robot that walks or balances was about to fall, s.
-        fell_s: when a free robot fell first, s; None if it never has.
-        fallen: whether a free robot has fallen and not stood again for a second.
-        behind_s: how far the body is behind what is written, s.
+        wanted: the goal of the last write, shape (nq,), with the place of a free root along the ground.
+        clock: time of falls, s; by default since the first write.
+        holds: whether a fallen robot stays down; by default it gets up if it can.
+        near_falls: times at which a fall became certain, s.
+        fell_s: time of a free robot's first fall, s, or None.
+        fallen: whether a free robot is down, until it has stood for STANDS_AGAIN.
+        behind_s: delay of the body, s.
     """
 
     name = "physics"
     step = staticmethod(mujoco.mj_step)
-    """Advances the simulation by one of its own steps; who wants to see each of them overrides it."""
+    """Advances the simulation by one timestep; override it to observe each."""
 
     def __init__(
         self,
@@ -70,22 +70,21 @@ class PhysicsPlayback:
         alter: Alteration | None = None,
         guard: bool = True,
     ) -> None:
-        """Rests the robot.
+        """Starts in the rest pose.
 
         Args:
-            robot: the one to drive.
-            dt: how much time passes with each write, s; rounded to whole steps of the simulation.
+            robot: the robot.
+            dt: time of a write, s; rounded to whole timesteps.
             root: "gantry" carries the root along, "fixed" holds it in place, "free" lets it go.
-            balance: whether a free robot keeps its feet where they are and its centre of mass above them.
-            walk: whether a free robot goes where the motion goes, on its own feet.
-            compiled: the `physics_model` of this robot with this root, to compile none; it is not changed.
-            sensors: what a robot that walks knows itself by; None if it knows its state exactly.
-            alter: what is different in the world from what the robot knows of itself and of the floor.
-            guard: whether one that balances or walks protects itself when it falls, and gets up where it can.
+            balance: whether a free robot keeps its feet in place and its centre of mass above them.
+            walk: whether a free robot follows the motion on its own feet.
+            compiled: the `physics_model` of this robot with this root, if there is one; it is not changed.
+            sensors: of a walking robot; None for the exact state.
+            alter: changes to the world that robot and controller do not know.
+            guard: whether a robot that balances or walks protects itself in a fall, and gets up if it can.
 
         Raises:
-            MotiondeckError: if root is another word, or balance or walking is asked of a robot that is not free or
-                lacks two feet, or both are asked.
+            MotiondeckError: for another root, for balance or walking without a free root or two feet, or for both.
         """
         check_root(root, balance=balance, walk=walk)
         self._robot, self._root = robot, root
@@ -130,7 +129,7 @@ class PhysicsPlayback:
 
     @property
     def qpos(self) -> Array:
-        """Where the robot is, shape (nq,): MuJoCo's own array, so copy what you keep."""
+        """MuJoCo's own state array, shape (nq,): copy what you keep."""
         return self.data.qpos
 
     def attach(self, clock: Callable[[], float], holds: Callable[[], bool]) -> None:
@@ -140,7 +139,7 @@ class PhysicsPlayback:
     def write(self, targets: Array, pose: Pose) -> None:
         """Advances the simulation by dt towards targets (J,), rad, and the root of the pose.
 
-        The first write puts the robot in place. A state that is no longer finite is put in place anew and counted.
+        The first write places the robot. A state that is not finite is placed anew and counted.
         """
         robot, data = self._robot, self.data
         self._heading = float(pose.heading)
@@ -189,7 +188,7 @@ class PhysicsPlayback:
         robot.layout.read(data.qpos, near=targets, out=self._measured)
         root = self.placed
         if self._walker is not None:
-            # The body is behind: it is judged by what it was to do now.
+            # The body is delayed, and so is its goal.
             root = self._walker.preview.goal[:7]
             targets = self._played
             robot.layout.read(self._walker.preview.goal, near=self._measured, out=targets)
@@ -197,10 +196,10 @@ class PhysicsPlayback:
         self._count(targets)
         if self._root == "free":
             self.wanted[:2] = data.qpos[:2]
-            self._look_for_fall(root)
+            self._note_fall(root)
 
     def _recover(self) -> None:
-        """Notes that a robot is going to fall, and lets it protect itself and get up."""
+        """Notes a certain fall, and updates the recovery."""
         if self._legs is None:
             return
         recovery = self._recovery
@@ -217,14 +216,14 @@ class PhysicsPlayback:
                 self.near_falls.append(self.clock())
 
     def _stand_again(self, legs: Balance | Walker) -> None:
-        """Lets what keeps a robot on its feet begin anew where it stands."""
+        """Restarts the legs' controller in place."""
         self._gone = self.travel or (0.0, 0.0)
         here = self.data.qpos.copy()
         legs.start(self.data)
         self.data.qpos[:] = here
 
-    def _look_for_fall(self, played: Array) -> None:
-        """Notes whether the robot lies where its root is to be as `played`, shape (>= 7,)."""
+    def _note_fall(self, played: Array) -> None:
+        """Notes a fall, for the commanded root (>= 7,)."""
         gave_up = self._recovery is not None and self._recovery.gave_up
         if gave_up or has_fallen(self.data.qpos, played, self.model.qpos0[3:7]):
             self.fallen, self._stands_for = True, 0
@@ -235,7 +234,7 @@ class PhysicsPlayback:
 
     @property
     def incidents(self) -> list[str]:
-        """What has happened to it so far, in words."""
+        """Messages about near falls so far."""
         guarded = ": it tucks itself in and goes soft" if self._recovery is not None else ""
         return ["the robot is about to fall" + guarded] * len(self.near_falls)
 
@@ -245,14 +244,14 @@ class PhysicsPlayback:
 
     @property
     def travel(self) -> tuple[float, float] | None:
-        """How far the motion went and how far a robot that walks did, along the ground, m; None for others."""
+        """Distances of the motion and of a walking robot along the ground, m; None without walking."""
         if self._walker is None or not self._started:
             return None
         asked, walked = self._gone
         return asked + self._walker.preview.travel.metres, walked + self._walker.travel.metres
 
     def contact_forces(self, out: Array) -> None:
-        """Writes where the floor holds the body and how hard, as `contact_forces`, into (N, 6)."""
+        """Writes the floor's contact forces, as of `contact_forces`, into (N, 6)."""
         contact_forces(self.model, self.data, out)
 
     def push(self, force: Array) -> None:
@@ -261,12 +260,12 @@ class PhysicsPlayback:
         self.data.xfrc_applied[root, :3] = force
 
     def push_from(self, side: Side, impulse: float, towards: float | None = None) -> float:
-        """Pushes the root for PUSH_LASTS seconds, level, from a side of the body as the motion heads.
+        """Pushes the root for PUSH_LASTS seconds, level, from a side of the heading.
 
         Args:
-            side: where the push meets it.
+            side: of the push.
             impulse: N s; 0 for `usual_push`.
-            towards: where it drives the body, rad from the world's x to its y axis, in place of a side.
+            towards: direction in the world, rad from x to y, in place of a side.
 
         Returns:
             The impulse, N s.
@@ -313,14 +312,14 @@ class PhysicsPlayback:
         """Does nothing."""
 
     def _aim(self) -> None:
-        """Sets the controls that stay the same in all steps of a write."""
+        """Sets the controls of a write."""
         layout, ahead = self._robot.layout, self._ahead
         mujoco.mj_differentiatePos(self.model, self._turned, self._dt, self._goal_before, self._goal)
         ahead[:] = self._lead * self._turned[layout.dof]
         ahead[layout.hinge] += self._goal[layout.hinge_qpos]
 
     def _aim_balls(self, ctrl: Array, balls: NDArray[np.int64]) -> None:
-        """Sets the controls of ball joints in a step."""
+        """Sets the controls of ball joints in a timestep."""
         # MuJoCo subtracts the joint's rotation vector from the control; the difference is to be the error.
         mujoco.mj_differentiatePos(self.model, self._turned, 1.0, self._straight, self.data.qpos)
         mujoco.mj_differentiatePos(self.model, self._error, 1.0, self.data.qpos, self._goal)

@@ -1,9 +1,10 @@
-"""Recovery: what a robot does about a fall, from when it is seen coming until it stands again.
+"""Recovery: protection in a fall, and getting up.
 
     plays -> falls, tucked and soft -> lies straight -> gets up -> joins the motion -> plays
 
-A robot that lies on its back turns over first. Where the poses of its file do not get it on its feet, it tries again,
-and after TRIES lies straight for good.
+A robot on its back turns over first. If the poses of its file do not get it on its feet, it tries again, and after
+TRIES stays down. In a fall it bends its legs, raises its forearms before its face, and goes soft: servos get the share
+SOFT of their kp and all of their kv, which takes up the energy of the fall.
 """
 
 from __future__ import annotations
@@ -25,35 +26,35 @@ SOFT = 0.5
 
 
 class FallGuard:
-    """Takes over the joints of a robot that falls.
+    """Controls the joints of a falling robot.
 
     Attributes:
-        active: whether it has taken over.
-        targets: what it told the joints last, shape (J,), rad.
+        active: whether it is in control.
+        targets: of the joints, shape (J,), rad.
     """
 
     active: bool = False
 
     def __init__(self, robot: Robot, model: mujoco.MjModel, dt: float) -> None:
-        """Args: whose joints; the model that is simulated, whose servos it makes soft; from tick to tick, s."""
+        """Args: the robot; the simulated model, whose servos it softens; the tick, s."""
         self._robot, self._model = robot, model
         self._step = robot.limits.velocity * dt
         self._gain, self._bias = model.actuator_gainprm[:, 0].copy(), model.actuator_biasprm[:, 1].copy()
         self.targets = robot.rest.copy()
 
     def take_over(self, goal: Array) -> None:
-        """Goes soft, and begins with the joints of a goal (nq,)."""
+        """Softens the servos, and starts from the joints of a goal (nq,)."""
         self.active = True
         self._robot.layout.read(goal, near=self.targets, out=self.targets)
         self._soften(SOFT)
 
     def let_go(self) -> None:
-        """Makes the servos as strong as before."""
+        """Restores the servos."""
         self.active = False
         self._soften(1.0)
 
     def adjust(self, goal: Array) -> None:
-        """Puts the joints of a goal (nq,) where they are next on the way to the tucked pose."""
+        """Moves the joints of a goal (nq,) one tick towards the tucked pose."""
         self.targets += np.clip(self._robot.tucked - self.targets, -self._step, self._step)
         self._robot.layout.place(self.targets, goal)
 
@@ -62,16 +63,15 @@ class FallGuard:
         self._model.actuator_biasprm[:, 1] = share * self._bias
 
 
-# A robot has fallen when its root is lower than this share of the height at which it is played, or when it leans over
-# by so much more than it is played, rad.
+# Largest height of a fallen root, in heights of the played one, or least lean beyond the played one, rad.
 FALLEN_HEIGHT = 0.6
 FALLEN_TILT = 1.0
 
 
 def has_fallen(qpos: Array, played: Array, standing: Array) -> bool:
-    """Whether a root at qpos (>= 7,) is too low or leans too far, compared with the commanded one (>= 7,).
+    """Whether a root at qpos (>= 7,) is too low or leans too far beside the commanded one (>= 7,).
 
-    `standing` is the rotation of a root that is upright, a quaternion: not every model has z up.
+    `standing` is the quaternion of an upright root: not every model has z up.
     """
     up = rotate(conjugate(standing), np.array([0.0, 0.0, 1.0]))
     upright = rotate(np.stack([qpos[3:7], played[3:7]]), up)[:, 2]
@@ -79,33 +79,28 @@ def has_fallen(qpos: Array, played: Array, standing: Array) -> bool:
     return bool(qpos[2] < FALLEN_HEIGHT * played[2] or lean > played_lean + FALLEN_TILT)
 
 
-# A body whose root is slower than this, in its heights a second, for so long, s, lies still; it falls for so long at
-# least, s.
-SLOW, STILL, FALLS = 0.2, 0.4, 0.6
-# One that rocks on the floor goes on after so long, s.
-ROCKS = 5.0
-# How long it takes to lie straight and to stand up from the last posture, in sqrt(height / g).
+# Speed of a root at rest, heights a second, for this time, s; least duration of a fall, and longest rocking, s.
+SLOW, STILL, FALLS, ROCKS = 0.2, 0.4, 0.6, 5.0
+# Durations of lying straight and of standing up from the last posture, in sqrt(height / g).
 STRAIGHT, STANDS = 5.0, 5.0
-# It stands if its root is above this share of its height and leans by less than this, rad.
+# Least height of a standing root, in its heights, and largest lean, rad.
 HIGH, LEAN = 0.85, 0.3
 TRIES = 6
-# After so long, s, a robot that has tucked itself in has given up.
-GIVEN_UP = 1.0
-# How long the joints take from the rest pose into the motion, s.
-JOINS = 0.6
+# Time after which a tucked robot has given up, and from the rest pose into the motion, s.
+GIVEN_UP, JOINS = 1.0, 0.6
 
 
 class Legs(Protocol):
-    """What keeps a robot on its feet."""
+    """A controller of the legs."""
 
     @property
     def falling(self) -> bool:
-        """Whether it is going to fall."""
+        """Whether a fall is certain."""
         ...
 
 
 class Phase(Enum):
-    """Where it is in the way from one motion to the next."""
+    """Phases of a recovery."""
 
     PLAYS = auto()
     FALLS = auto()
@@ -115,15 +110,15 @@ class Phase(Enum):
 
 
 class Recovery:
-    """Takes the joints over while a robot falls and gets up.
+    """Controls the joints while a robot falls and gets up.
 
     Attributes:
-        phase: what it does.
-        rises: how often it has got up.
+        phase: the present one.
+        rises: number of times it has got up.
     """
 
     def __init__(self, robot: Robot, model: mujoco.MjModel, dt: float) -> None:
-        """Args: whose joints; the model that is simulated; from tick to tick, s."""
+        """Args: the robot; the simulated model; the tick, s."""
         self._robot, self._model, self._dt = robot, model, dt
         self._guard = FallGuard(robot, model, dt)
         self._height = robot.root_height
@@ -134,30 +129,30 @@ class Recovery:
         self.start()
 
     def start(self) -> None:
-        """Plays, as strong as ever."""
+        """Resets to playing with full servos."""
         self._guard.let_go()
         self._begin(Phase.PLAYS)
         self._tries = 0
 
     @property
     def seconds(self) -> float:
-        """How long it has been in this phase."""
+        """Time in this phase, s."""
         return self._ticks * self._dt
 
     @property
     def stands(self) -> bool:
-        """Whether it has just got up: what keeps it on its feet begins anew."""
+        """Whether it has just got up, so that the legs' controller restarts."""
         return self.phase is Phase.JOINS and self._ticks == 0
 
     @property
     def gave_up(self) -> bool:
-        """Whether it no longer does what is played, though it may sit on its feet."""
+        """Whether it no longer plays the motion."""
         return self.phase in (Phase.RISES, Phase.LIES) or (self.phase is Phase.FALLS and self.seconds > GIVEN_UP)
 
     def adjust(self, legs: Legs, data: mujoco.MjData, before: Array, goal: Array, *, held: bool = False) -> None:
-        """Puts where the joints are to go into a goal (nq,), given that of the tick before and the robot's state.
+        """Replaces the joints of a goal (nq,), given the last goal and the robot's state.
 
-        A robot that is held stays where it is on its way up; it still protects itself when it falls.
+        A held robot pauses on its way up, but still protects itself in a fall.
         """
         if not (held and self.phase in (Phase.RISES, Phase.JOINS)) or self.stands:
             self._ticks += 1
@@ -191,7 +186,7 @@ class Recovery:
                 self._robot.layout.place(self._targets, goal)
 
     def _go_on(self, data: mujoco.MjData) -> None:
-        """After a course: joins the motion on its feet, or begins the next course, by how it lies."""
+        """After a course: joins the motion on its feet, or begins the next course."""
         rise = self._robot.rise
         assert rise is not None
         turn = multiply(data.qpos[3:7], self._upright)
@@ -218,7 +213,7 @@ class Recovery:
         self._robot.layout.place(self._targets, goal)
 
     def _moves(self, postures: Sequence[tuple[float, Array]]) -> Iterator[Array]:
-        """The joints (J,), tick by tick, from where they are to one posture after another, each in so many seconds."""
+        """The joints (J,), tick by tick, from the present ones to one posture after another, each with its seconds."""
         starts = chain([self._targets.copy()], (joints for _, joints in postures))
         for start, (seconds, end) in zip(starts, postures, strict=False):
             ticks = max(round(seconds / self._dt), 1)
@@ -227,7 +222,7 @@ class Recovery:
                 yield start + share * share * (3.0 - 2.0 * share) * (end - start)
 
     def _is_still(self, data: mujoco.MjData) -> bool:
-        """Whether the root has been slow for long enough, or has been looked at for too long."""
+        """Whether the root is at rest, or rocks for too long."""
         slow = float(np.linalg.norm(data.qvel[:3])) < SLOW * self._height
         self._still = self._still + 1 if slow else 0
         self._looks += 1

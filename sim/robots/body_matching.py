@@ -69,7 +69,7 @@ def match(path: Path, model: mujoco.MjModel) -> BodyMatch:
     """Matches the bodies of a model with a free root; `path` is for errors.
 
     Raises:
-        FileFormatError: without two legs, on wheels, or if ahead and behind cannot be told; with the limbs found.
+        FileFormatError: without two legs, on wheels, or if ahead and behind are unclear; it lists the limbs found.
     """
     refusal: FileFormatError | None = None
     found: dict[float, BodyMatch] = {}

@@ -1,4 +1,4 @@
-"""Proportions: what a calibrated robot's limbs measure, beside a human's of its height, and what does not fit.
+"""Proportions: a calibrated robot's limbs beside those of a human of its height, and implausible findings.
 
 A human's segments are shares of the height (Drillis and Contini 1966, as in Winter, "Biomechanics and Motor Control of
 Human Movement", 4th edition, 2009, figure 4.1).
@@ -18,17 +18,16 @@ from sim.retargeting.robot_limbs import RobotLimbs
 from sim.robots.limb_directions import LimbDirections
 
 HUMAN = {"thigh": 0.245, "shank": 0.246, "upper_arm": 0.186, "forearm": 0.146}
-# What bends at the near end of a segment.
+# The joint at the near end of a segment.
 BENDS = {"shank": "knee", "forearm": "elbow"}
-# Twins may differ by this share of their length. A segment is odd outside the first range of shares of a human's, and
-# implausible outside the second.
+# Largest relative difference of twins; ranges of a plausible and of a possible length, in those of a human.
 TWINS, ODD, IMPLAUSIBLE = 0.1, (0.6, 1.8), (0.2, 4.0)
-# The ranges of twins, seen in a mirror, differ by less than this, rad.
+# Largest difference of mirrored twins' ranges, rad.
 ALIKE = 0.25
-# A robot is this tall, m, and half of its joints turn this far, rad: what does not was written in other units.
+# Plausible height, m, and median range of the joints, rad; else the file has other units.
 TALL, TURNS = (0.05, 25.0), (0.15, 12.6)
-TWIN_AXES = 0.9  # the least cosine between their axes, seen in a mirror
-# A robot's arms may end in long hands that no joint tells from the forearm.
+TWIN_AXES = 0.9  # least cosine between mirrored twins' axes
+# Arms may end in long hands without a wrist.
 ODD_FOREARM = 2.8
 
 
@@ -38,11 +37,10 @@ class SegmentPair:
 
     Attributes:
         part: such as "shank".
-        body: of the right and the left one.
-        hinge: the joints at their near ends.
-        axis: of these joints while the robot stands straight and faces x, shape (2, 3).
+        body, hinge: of the right and the left one, with the joints at their near ends.
+        axis: of these joints, standing straight and facing x, shape (2, 3).
         length: shape (2,), m.
-        human: what a human of the robot's height measures, m.
+        human: the length for a human of the robot's height, m.
     """
 
     part: str
@@ -55,12 +53,12 @@ class SegmentPair:
 
 @dataclass(frozen=True)
 class Doubt:
-    """What does not fit.
+    """An implausible finding.
 
     Attributes:
-        part: whose line in the robot file may be wrong, such as "l_shank"; none for the robot as a whole.
-        words: what it is.
-        fatal: whether a limb is missing or implausible.
+        part: its line in the robot file, such as "l_shank"; "" for the whole robot.
+        words: the finding.
+        fatal: whether a limb is missing or impossible.
     """
 
     part: str
@@ -89,7 +87,7 @@ def segments_of(model: mujoco.MjModel, parts: dict[str, str], limbs: RobotLimbs,
 
 
 def doubts(parts: dict[str, str], segments: list[SegmentPair], directions: LimbDirections) -> list[Doubt]:
-    """What does not fit a human's body, or the knees and elbows that another way of finding them gives."""
+    """Limbs that do not fit a human's body, or knees and elbows that `LimbDirections` finds elsewhere."""
     found = []
     for name in ("r_upper_arm", "l_upper_arm"):
         if name not in parts:
@@ -120,7 +118,7 @@ def doubts(parts: dict[str, str], segments: list[SegmentPair], directions: LimbD
 def limp(
     model: mujoco.MjModel, parts: dict[str, str], segments: Sequence[SegmentPair], undriven: Collection[str]
 ) -> list[Doubt]:
-    """What is said of knees and elbows that no actuator drives, and of limbs on ball joints that none drives."""
+    """Knees and elbows without actuators, and limbs on ball joints without them."""
     found = [
         Doubt(f"{side}_{segment.part}", f"no actuator of the model drives '{hinge}', so it cannot bend", True)
         for segment in segments
@@ -141,7 +139,7 @@ def limp(
 
 
 def other_units(model: mujoco.MjModel, height: float) -> list[Doubt]:
-    """What is said of a robot, of a height in m, whose file seems to be in other units than MuJoCo reads it in."""
+    """Signs of other units in the file of a robot, whose height is in m."""
     found = []
     if not TALL[0] <= height <= TALL[1]:
         words = (
@@ -162,13 +160,9 @@ def other_units(model: mujoco.MjModel, height: float) -> list[Doubt]:
 
 
 def unlike_ranges(model: mujoco.MjModel, parts: dict[str, str], standing: mujoco.MjData) -> list[Doubt]:
-    """Hinges of a left leg or arm whose ranges are not those of the right one seen in a mirror, such as a knee's that
-    was given the sign of the other knee's axis.
+    """Hinges of a left leg or arm whose ranges do not mirror those of the right one, such as a knee with the wrong sign.
 
-    Args:
-        model: the robot.
-        parts: part to body.
-        standing: the robot as it stands, facing x.
+    `standing` is the robot that faces x.
     """
     found = []
     for trunk, ends in (("pelvis", ("foot", "shank")), ("chest", ("hand", "forearm"))):
@@ -178,7 +172,7 @@ def unlike_ranges(model: mujoco.MjModel, parts: dict[str, str], standing: mujoco
         above = model.body(parts[trunk]).id
         pair = [hinges_between(model, above, model.body(parts[f"{side}_{end}"]).id) for side in "rl"]
         for right, left in zip(*pair, strict=len(pair[0]) == len(pair[1])):
-            # A mirror across y turns the axis of a rotation about x or z round.
+            # A mirror across y inverts rotations about x and z.
             same = float(standing.xaxis[left] @ (standing.xaxis[right] * (-1.0, 1.0, -1.0)))
             if abs(same) < TWIN_AXES or not (model.jnt_limited[right] and model.jnt_limited[left]):
                 continue

@@ -1,13 +1,13 @@
-"""Reachable limbs: how close to a human's limbs any joint angles within a robot's ranges could bring its own.
+"""Reachable limbs: the closest directions to a human's limbs within a robot's ranges.
 
-The angle between two limbs does not tell a solver's mistake from a joint's end. So the best angles of each limb are
-searched for, frame by frame, from the robot alone: seen from the trunk, its segments k point to
+The angle between two limbs does not tell a solver's mistake from a joint's limit. So the best angles of each limb are
+searched frame by frame, from the robot alone: seen from the trunk, its segments k point to
 
     d_k(q) = R(a_1, q_1) R(a_2, q_2) ... R(a_n, q_n) d_k(0),
 
-a the axes of the hinges as the robot stands. Of angles spread over the ranges the best few are bettered one hinge at a
-time: with the others held, sum_k d_k(q) . g_k = A + B cos q_i + C sin q_i has its greatest value in closed form (cyclic
-coordinate descent, Wang and Chen 1991). What is found is attained; how fast joints are plays no part.
+with the axes a of the standing robot. Of angles spread over the ranges the best few are improved one hinge at a time:
+with the others held, sum_k d_k(q) . g_k = A + B cos q_i + C sin q_i has its maximum in closed form (cyclic coordinate
+descent, Wang and Chen 1991). Limits of speed play no part.
 """
 
 from __future__ import annotations
@@ -25,17 +25,17 @@ from sim.models.coupled_joints import followers
 from sim.models.kinematic_tree import path_to
 from sim.robots.limb_directions import LimbDirections, LimbSegment
 
-# Two to this power angles are spread over the ranges; the best few of them are bettered, in at most so many rounds.
+# Exponent of 2 of the first angles; number of the best that are improved; rounds; their end, rad.
 SPREAD, FEW, ROUNDS, SETTLED = 12, 4, 30, 1e-3
-# Where a hinge takes others along there is no closed form: it takes the best of so many angles.
+# Number of angles for a hinge with followers, which has no closed form.
 GRID = 121
 
 
 class ReachableLimb:
-    """Finds the best that one limb of s segments can do; n hinges turn it, m of them freely.
+    """The best directions of one limb of s segments on n hinges, m of them free.
 
     Attributes:
-        joints: which of the played joints turn it, shape (m,).
+        joints: the indices of its played joints, shape (m,).
     """
 
     def __init__(
@@ -46,15 +46,7 @@ class ReachableLimb:
         joints: tuple[str, ...],
         limits: JointLimits,
     ) -> None:
-        """Looks at a limb.
-
-        Args:
-            model: the robot.
-            directions: its segments.
-            segments: those of the limb.
-            joints: that are played, length J.
-            limits: of these.
-        """
+        """Args: the robot; its segments; those of the limb; the J played joints, and their limits."""
         at = directions.standing
         trunk, body = path_to(model, segments[0].trunk), path_to(model, segments[-1].body)
         common = len([one for one in trunk if one in body])
@@ -105,7 +97,7 @@ class ReachableLimb:
         return there[np.argmax(alike, axis=1) + FEW * np.arange(len(goals))]
 
     def _better(self, q: Array, goals: Array) -> None:
-        """Gives each free hinge in turn its best angle, in q (F, m), for goals (F, s, 3)."""
+        """Improves one free hinge after another in q (F, m), for goals (F, s, 3)."""
         for k, alone in enumerate(self._alone):
             if alone:
                 q[:, k] = self._best_angle(k, q, goals)
@@ -139,14 +131,14 @@ class ReachableLimb:
         return self._turned(q, 0, len(self._axis))
 
     def _turned(self, q: Array, first: int, end: int) -> Array:
-        """The segments as they stand, turned by the hinges from the first to the one before the end, (F, s, 3)."""
+        """The standing segments, turned by hinges[first:end], (F, s, 3)."""
         found = np.tile(self._direction, (len(q), 1, 1))
         for hinge in reversed(range(first, end)):
             found = np.where(self._turns[hinge][:, None], _turn(self._axis[hinge], self._angle(hinge, q), found), found)
         return found
 
     def _angle(self, hinge: int, q: Array) -> Array:
-        """By how much a hinge is turned from where the robot stands, shape (F,), at free angles (F, m)."""
+        """Angle of a hinge from the standing robot, shape (F,), at free angles (F, m)."""
         leader = self._leader[hinge]
         led_by = np.zeros(len(q)) if leader is None else q[:, leader]
         angle: Any = np.polynomial.polynomial.polyval(led_by, self._curve[hinge])

@@ -1,8 +1,8 @@
-"""The rest pose of a robot: it stands with hanging arms, and from there its elbows and knees can bend as a human's do.
+"""The rest pose of a robot: standing with hanging arms, with elbows and knees that can bend like a human's.
 
-Least squares ends where any small step is a loss: an arm that hangs straight, its elbow at the end of the range, may be
-turned the wrong way round and could never bend. So where limbs cannot bend from the first answer, others are tried that
-begin anywhere in the joints' ranges, and each limb takes the best of its own.
+Least squares may end in a local minimum: a straight arm with its elbow at the end of the range may be twisted so that
+it can never bend. So if limbs cannot bend from the first solution, others are started anywhere in the joints' ranges,
+and each limb takes its best one.
 """
 
 from __future__ import annotations
@@ -17,14 +17,13 @@ from sim.retargeting.robot_limbs import RobotLimbs, limb_directions
 from sim.retargeting.robot_parts import SIDES
 
 TRIES = 24
-GOOD = 0.1  # rad: a limb that comes so close needs no other try
-BETTER = 0.1  # rad
+GOOD, BETTER = 0.1, 0.1  # rad: error that needs no other try, improvement that replaces a limb
 UP = np.array([0.0, 0.0, 1.0])
 SEGMENTS = (("thigh", "shank"), ("upper_arm", "forearm"))
 
 
 def rest_pose(limbs: RobotLimbs, limits: JointLimits, stand: Array) -> Array:
-    """The joints (N,), rad, of a robot whose limbs point as those of a human who stands (14, 3)."""
+    """The joints (N,), rad, that match the limbs (14, 3) of a standing human."""
     poses = stand, _bent(stand)
     rest = np.clip(np.zeros(len(limits.lower)), limits.lower, limits.upper)
     found, missed = _tried(limbs, limits, rest, poses)
@@ -48,7 +47,7 @@ def rest_pose(limbs: RobotLimbs, limits: JointLimits, stand: Array) -> Array:
 
 
 def _tried(limbs: RobotLimbs, limits: JointLimits, start: Array, poses: tuple[Array, Array]) -> tuple[Array, Array]:
-    """The first pose (N,) from a start; how far limbs are off (4,), rad: in it, and in the second pose from there."""
+    """The solution (N,) of the first pose from a start; errors of the limbs (4,), rad, in it and in the second pose."""
     answers, off = [start], np.zeros(4)
     for pose in poses:
         answers.append(LimbSolver(limbs, limits, answers[-1], 1.0)(pose, UP))
@@ -76,6 +75,6 @@ def _rows() -> list[list[int]]:
 
 
 def _is_of(name: str, side: str, first: str) -> bool:
-    """Whether a vector is of a limb, of what hangs from it, or goes from foot to foot."""
+    """Whether a vector belongs to a limb, or goes from foot to foot."""
     arm = "arm" in name
     return name == "feet" or (name.startswith(f"{side}_") and arm == (first == "upper_arm"))

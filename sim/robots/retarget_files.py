@@ -1,7 +1,7 @@
-"""Recordings carried onto a robot, each into a training file, on many cores; a run goes on where it was stopped.
+"""Retargets recordings to a robot, each into a training file, on many cores; a stopped run continues.
 
-Beside the files stands a manifest, `motions.jsonl`: its first line says which robot and format, each other line what
-became of one recording. A recording whose line is there is not carried again unless it has changed since.
+A manifest, `motions.jsonl`, beside the files has a line for robot and format, and one for each recording. A recording
+with a line is not retargeted again unless it has changed.
 """
 
 from __future__ import annotations
@@ -32,27 +32,27 @@ from sim.robots.robot import Robot, RobotLoader
 from sim.robots.training_files import RATES, Format, ending, write_training_file
 
 MANIFEST = "motions.jsonl"
-SUNK_LIMIT = 0.005  # m; deeper in the floor nothing may be
+SUNK_LIMIT = 0.005  # largest depth in the floor, m
 MARK = ".infeasible"
-"""Stands before the ending of files that a robot cannot do as they are."""
+"""Before the suffix of files that a robot cannot do unchanged."""
 
 
 @dataclass(frozen=True)
 class RetargetedFile:
-    """What became of one recording.
+    """The result for one recording.
 
     Attributes:
         recording: the file it was read from.
-        file: the file that was written; none if `error` says why not.
+        file: the file that was written; None with an `error`.
         frames, fps: of what was written; Hz.
         limbs_deg: mean and worst angle of each limb to the human's, by name ("r_thigh"), degrees.
         too_fast: steps faster than a joint may go.
-        sunk_m: the deepest that anything was in the floor, m.
+        sunk_m: largest depth in the floor, m.
         slide_m_s: mean speed of the soles while the human's feet stand, m/s.
-        infeasible: why the robot cannot do it as it is, a phrase each; nothing if it can.
-        notes: what was changed before it was carried, a phrase each.
+        infeasible: reasons why the robot cannot do it unchanged.
+        notes: changes to the recording.
         error: why nothing was written.
-        size, changed: of the recording, in bytes and ns, by which the next run knows it again.
+        size, changed: of the recording, bytes and ns, to detect changes.
     """
 
     recording: str
@@ -82,17 +82,17 @@ class _Settings(msgspec.Struct, forbid_unknown_fields=True):
 def retarget_files(
     robot: Path, paths: Sequence[Path], out: Path, format: Format, solver: Solver | None = None, jobs: Jobs = EVERY_CORE
 ) -> Iterator[RetargetedFile]:
-    """Carries recordings onto a robot and writes a training file of each; gives each as soon as it is done.
+    """Retargets recordings and writes a training file of each; yields each result as soon as it is done.
 
-    The files are named as the recordings and lie in the same folders below `out` as these below the folder given.
+    Names and folders below `out` are those of the recordings.
 
     Args:
         robot: the robot file.
-        paths: recordings, and folders that hold some.
-        out: the folder for the files; it is made if it is not there.
+        paths: recordings, and folders of recordings.
+        out: the folder for the files; created if missing.
         format: of the files.
         solver: in place of the robot file's.
-        jobs: where the work is done; processes elsewhere must see the files by the same paths.
+        jobs: the processes; remote ones need the same paths.
 
     Raises:
         MotiondeckError: if a path does not exist or two recordings would be written to one file; if `out` holds motions
@@ -122,14 +122,14 @@ def retarget_files(
 
 
 def _is_done(row: RetargetedFile, recording: Path, out: Path) -> bool:
-    """Whether the row of an earlier run still tells of a recording, and its file is there."""
+    """Whether the row of an earlier run is up to date, and its file is there."""
     facts = recording.stat()
     same = (row.size, row.changed) == (facts.st_size, facts.st_mtime_ns)
     return same and row.file is not None and (out / row.file).exists()
 
 
 def _places(paths: Sequence[Path], format: Format) -> dict[Path, Path]:
-    """Recording to the file that it is written to, from the folder of the files on."""
+    """Recording to output file, relative to the folder of the files."""
     places: dict[Path, Path] = {}
     for path in paths:
         if not path.exists():
@@ -144,13 +144,13 @@ def _places(paths: Sequence[Path], format: Format) -> dict[Path, Path]:
         other = taken.setdefault(place, recording)
         if other != recording:
             raise MotiondeckError(
-                f"{recording} and {other} would both be written to {place}. Give them to runs of their own."
+                f"{recording} and {other} would both be written to {place}. Retarget them in separate runs."
             )
     return places
 
 
 def _digest(robot: Path) -> str:
-    """Tells one robot file, and the model it names, from another."""
+    """Digest of a robot file and the model it names."""
     file, digest = read_robot_file(robot), hashlib.sha256(robot.read_bytes())
     if file.model is not None:
         model = robot.parent / Path(file.model).expanduser()
@@ -159,7 +159,7 @@ def _digest(robot: Path) -> str:
 
 
 def _opened(out: Path, settings: _Settings) -> dict[str, RetargetedFile]:
-    """What an earlier run wrote to a folder, by recording; begins a manifest where there is none."""
+    """The rows of an earlier run, by recording; begins a manifest if there is none."""
     path = out / MANIFEST
     if out.exists() and not out.is_dir():
         raise MotiondeckError(f"{out} is a file, and --out names a folder for the motions. Give another.")
@@ -194,7 +194,7 @@ def _opened(out: Path, settings: _Settings) -> dict[str, RetargetedFile]:
 
 @lru_cache(maxsize=1)
 def _loader(robot: Path, digest: str) -> RobotLoader:
-    """The robot, kept by each process for its next recording."""
+    """The robot, cached in each process."""
     return RobotLoader(robot)
 
 

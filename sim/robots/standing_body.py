@@ -1,4 +1,4 @@
-"""A robot as its file has it, turned one way: its points, and its limbs of hinges."""
+"""A robot with all joints at zero, its root turned: surface points and limbs of hinges."""
 
 from __future__ import annotations
 
@@ -12,16 +12,14 @@ from sim.models.kinematic_tree import below, hinges_at, path_to
 from sim.models.limb_geometry import farthest
 from sim.models.surface import Surface
 
-# Of the robot's height: a limb stands if it ends so close to the floor.
-STANDS = 0.12
-PARALLEL = 0.5  # the least cosine between the axes of twins, one of them seen in a mirror
-# A wheel touches the floor so nearly, in parts of its radius, and is round but for such a share of it.
-ROLLS, ROUND = 0.2, 0.15
+STANDS = 0.12  # largest height of a standing limb's end, in heights of the robot
+PARALLEL = 0.5  # least cosine between mirrored twins' axes
+ROLLS, ROUND = 0.2, 0.15  # largest height and unevenness of a wheel, in its radius
 
 
 @dataclass(frozen=True)
 class RobotLimb:
-    """A chain of hinges on one side: its joints in order, where each sits, its axes, and where the limb ends."""
+    """A chain of hinges on one side, and its end point."""
 
     joints: list[int]
     tip: Array
@@ -33,10 +31,9 @@ class StandingBody:
     Attributes:
         data: its state.
         root: its root body.
-        surface, points: its skin, and where that is, shape (P, 3), m.
-        heights: of the lowest points of the skin, shape (P,), m.
-        floor, tall: the lowest of them, and how tall it is, m.
-        ends: the bodies with hinges that no other such body hangs from.
+        surface, points, heights: its skin, with positions (P, 3), m, and lowest heights (P,), m.
+        floor, tall: the lowest height, and the robot's height, m.
+        ends: the bodies with hinges above no other such body.
     """
 
     def __init__(self, model: mujoco.MjModel, turn: Array) -> None:
@@ -52,12 +49,11 @@ class StandingBody:
         self.floor = float(self.heights.min())
         self.tall = float(np.ptp(self.points[:, 2]))
         self.movers = [b for b in range(1, model.nbody) if hinges_at(model, b)]
-        # What no other mover hangs from ends a limb.
         above = {b for mover in self.movers for b in path_to(model, mover)[:-1]}
         self.ends = [b for b in self.movers if b not in above]
 
     def is_wheel(self, body: int) -> bool:
-        """Whether a body turns round and round a level axis, is round about it and touches the floor."""
+        """Whether a body is round about a level axis without limits, and touches the floor."""
         (*_, joint) = hinges_at(self.model, body)
         axis = self.data.xaxis[joint]
         mine = np.isin(self.surface.body, self.fixed_to(body))
@@ -74,7 +70,7 @@ class StandingBody:
         return least > (1.0 - ROUND) * most and self.lowest(body) < self.floor + ROLLS * most
 
     def limb(self, end: int, above: int) -> RobotLimb:
-        """The joints on the way from a body to an end; fingers that fork off a hand are left out."""
+        """The joints from a body to an end, without fingers that fork off a hand."""
         path = path_to(self.model, end)
         path = path[path.index(above) + 1 :]
         joints: list[int] = []
@@ -89,13 +85,13 @@ class StandingBody:
         return any(mover in below(self.model, body) for mover in self.movers)
 
     def tip(self, end: int) -> Array:
-        """Of the surface of a body, and what is fixed to it, the point farthest from its joint."""
+        """The surface point of a body, and of bodies fixed to it, farthest from its joint."""
         mine = self.points[np.isin(self.surface.body, self.fixed_to(end))]
         start = self.data.xanchor[hinges_at(self.model, end)[0]] if hinges_at(self.model, end) else self.data.xpos[end]
         return farthest(list(mine), start) if len(mine) else self.data.xpos[end].copy()
 
     def sole(self, end: int) -> Array:
-        """The middle of the lowest points of the limb that ends in a body."""
+        """The middle of the lowest points of a limb's end."""
         mine = np.isin(self.surface.body, below(self.model, end))
         if not mine.any():
             return self.data.xpos[end].copy()
@@ -103,7 +99,7 @@ class StandingBody:
         return self.points[mine][low].mean(axis=0)
 
     def lowest(self, end: int) -> float:
-        """How high the lowest point is of the limb that ends in a body, m."""
+        """Height of the lowest point of a limb's end, m."""
         mine = np.isin(self.surface.body, below(self.model, end))
         return float(self.heights[mine].min()) if mine.any() else float(self.data.xpos[end, 2])
 
@@ -120,7 +116,7 @@ class StandingBody:
         return [b for b in below(self.model, body) if self.model.body_weldid[b] == self.model.body_weldid[body]]
 
     def length(self, limb: RobotLimb) -> float:
-        """The sum of the ways from each joint of a limb to the next and to its end, m."""
+        """Length of a limb from joint to joint and to its end, m."""
         points = np.vstack([self.data.xanchor[limb.joints], limb.tip])
         return float(np.linalg.norm(np.diff(points, axis=0), axis=1).sum())
 

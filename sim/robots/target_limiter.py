@@ -1,4 +1,4 @@
-"""The interface of what bounds joint targets in time; the caller brings it, as `play` does its safety envelope."""
+"""The interface of a limiter of joint targets; callers bring one, as `play` its safety envelope."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Training files: a robot's motion as programs read it that train tracking policies.
+"""Training files: a robot's motion in the formats of programs that train tracking policies.
 
     npz     fps, joint_names, root_pos (T, 3), root_quat (T, 4) w x y z, joint_pos (T, J); the recording's rate
     csv     one row a frame and no heading, as Unitree's retargeted LAFAN1 set: root x y z, quaternion x y z w, joints;
@@ -7,8 +7,7 @@
             body_lin_vel_w, body_ang_vel_w, of every body but the world; 50 Hz
     qpos    fps, qpos (T, nq) and qvel (T, nv) of MuJoCo; the recording's rate
 
-Metres, radians, seconds. Joints and bodies are all of the model, in its order, whether or not they are played. The root
-is the body that its file has it in, though it may be played from the pelvis.
+Metres, radians, seconds. Joints and bodies are all of the model, in its order. The root is that of the model's file.
 """
 
 from __future__ import annotations
@@ -29,7 +28,7 @@ from sim.models.formats.urdf_visuals import MOVED_ORIGIN
 Format = Literal["npz", "csv", "mjlab", "qpos"]
 FORMATS: tuple[Format, ...] = get_args(Format)
 RATES: dict[Format, float] = {"csv": 30.0, "mjlab": 50.0}
-"""Frames per second that a format is read at; the others keep the recording's."""
+"""Rates of formats, Hz; the others keep the recording's."""
 
 
 def format_named(name: str) -> Format:
@@ -46,14 +45,7 @@ def ending(format: Format) -> str:
 
 
 def write_training_file(path: Path, model: mujoco.MjModel, qpos: Array, rate: float, format: Format) -> None:
-    """Writes the motion of a robot.
-
-    Args:
-        path: the file; it is replaced if it is there.
-        model: the robot, its root free.
-        qpos: the robot in each frame, shape (T, nq), T >= 1.
-        rate: frames per second, Hz.
-        format: of FORMATS.
+    """Writes, or replaces, the motion qpos (T, nq), T >= 1, of a robot with a free root; rate in Hz.
 
     Raises:
         FileFormatError: if a joint is a ball and the format has one number a joint, or the file cannot be written.
@@ -76,7 +68,7 @@ def write_training_file(path: Path, model: mujoco.MjModel, qpos: Array, rate: fl
 
 
 def velocities(model: mujoco.MjModel, qpos: Array, rate: float) -> Array:
-    """MuJoCo's velocities (T, nv) of a motion (T, nq): differences between the frames before and after, Hz."""
+    """MuJoCo's velocities (T, nv) of a motion (T, nq) at a rate, Hz: central differences."""
     count = len(qpos)
     before = np.maximum(np.arange(count) - 1, 0)
     after = np.minimum(np.arange(count) + 1, count - 1)
@@ -88,7 +80,7 @@ def velocities(model: mujoco.MjModel, qpos: Array, rate: float) -> Array:
 
 
 def in_the_files_frame(model: mujoco.MjModel, position: Array, quaternion: Array) -> Array:
-    """Where the root's origin in its model's file is, shape (T, 3), for that of the loaded model."""
+    """The root's origin as in the model's file, shape (T, 3), for that of the loaded model."""
     number = mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_NUMERIC, MOVED_ORIGIN)
     if number < 0:
         return position
@@ -110,7 +102,7 @@ def _tracking(model: mujoco.MjModel, qpos: Array, rate: float, at: NDArray[np.in
         mujoco.mj_comVel(model, data)
         place[frame], turn[frame] = data.xpos[bodies], data.xquat[bodies]
         spin[frame] = data.cvel[bodies, :3]
-        # MuJoCo has the speed of a body where the robot's centre of mass is.
+        # MuJoCo's velocity of a body is at the robot's centre of mass.
         speed[frame] = data.cvel[bodies, 3:] + np.cross(spin[frame], place[frame] - data.subtree_com[root])
     origin = in_the_files_frame(model, place[:, 0], turn[:, 0])
     speed[:, 0] += np.cross(spin[:, 0], origin - place[:, 0])
@@ -127,7 +119,7 @@ def _tracking(model: mujoco.MjModel, qpos: Array, rate: float, at: NDArray[np.in
 
 
 def _joints(path: Path, model: mujoco.MjModel) -> tuple[list[str], NDArray[np.intp]]:
-    """The names of all joints but the root's, and where they are in qpos; one later than in qvel."""
+    """The names of all joints but the root's, and their places in qpos (one later than in qvel)."""
     if (model.jnt_type[1:] == mujoco.mjtJoint.mjJNT_BALL).any():
         raise FileFormatError(
             f"{path}: this robot has ball joints, and the format has one number a joint. Give --format qpos."

@@ -1,1 +1,1 @@
-"""Model files as other tools write them: what MuJoCo does not read of a URDF and its meshes."""
+"""Model files of other tools: parts of URDFs and meshes that MuJoCo does not read."""

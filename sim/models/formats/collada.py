@@ -1,4 +1,4 @@
-"""COLLADA files (.dae): the triangles of their scene, in metres. MuJoCo cannot read them, and many URDFs name them."""
+"""COLLADA files (.dae), which many URDFs name and MuJoCo cannot read: the triangles of the scene, in metres."""
 
 from __future__ import annotations
 
@@ -16,12 +16,12 @@ from motiondeck_base.errors import FileFormatError
 
 @dataclass(frozen=True)
 class TriangleMesh:
-    """What is in a mesh file.
+    """The triangles of a mesh file.
 
     Attributes:
-        points: shape (V, 3), in the file's own axes.
-        faces: the three points of each triangle, counter-clockwise, shape (F, 3).
-        y_up: whether the file says that its y axis is up.
+        points: shape (V, 3), in the file's axes.
+        faces: three points a triangle, counter-clockwise, shape (F, 3).
+        y_up: whether the file's y axis is up.
     """
 
     points: Array
@@ -33,11 +33,7 @@ _DEEPEST = 50  # nodes inside each other
 
 
 def read_collada(path: Path) -> TriangleMesh:
-    """The triangles of a file.
-
-    Raises:
-        FileFormatError: if it is no COLLADA file, or there is no triangle in it.
-    """
+    """The triangles of a file; FileFormatError if it is no COLLADA file, or has none."""
     try:
         content = path.read_bytes()
         if b"<!DOCTYPE" in content:
@@ -59,7 +55,7 @@ class _Document:
         self._named = {f"#{name}": element for element in root.iter() if (name := element.get("id"))}
 
     def triangles(self) -> TriangleMesh:
-        """All triangles of the scene; of a file without one, those of all geometries."""
+        """All triangles of the scene, or without one of all geometries."""
         scene = self._root.find("library_visual_scenes/visual_scene")
         parts = (
             [(np.eye(4), geometry) for geometry in self._root.iter("geometry")]
@@ -134,7 +130,7 @@ class _Document:
 
 
 def _fans(corners: NDArray[np.int64], sizes: NDArray[np.int64]) -> NDArray[np.int64]:
-    """The triangles (F, 3) of polygons of so many corners each, which are listed one polygon after another."""
+    """The triangles (F, 3) of polygons, listed one after another, by the number of their corners."""
     first = np.repeat(np.cumsum(sizes) - sizes, np.maximum(sizes - 2, 0))
     step = np.concatenate([*(np.arange(size - 2) for size in sizes.tolist()), np.zeros(0, np.int64)]).astype(np.int64)
     return np.stack([corners[first], corners[first + step + 1], corners[first + step + 2]], axis=1)

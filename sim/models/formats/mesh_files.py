@@ -1,4 +1,4 @@
-"""Mesh files that MuJoCo does not read: COLLADA (.dae), and STL files that are text or have very many triangles."""
+"""Mesh files that MuJoCo does not read: COLLADA (.dae), text STL, and STL with very many triangles."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from sim.models.formats.collada import TriangleMesh, read_collada
 
 READABLE = (".stl", ".obj", ".msh", ".dae")
 SHELL = mujoco.mjtMeshInertia.mjMESH_INERTIA_SHELL
-"""Of a mesh whose mass is taken from its surface: it need not enclose anything."""
+"""Inertia of a mesh by its surface: it need not enclose a volume."""
 _MOST = 200_000  # triangles of an STL file that MuJoCo reads
 _THIN = 1e-3  # of the length of a flat mesh: how thick it is made
 _FACET = np.dtype([("normal", "<f4", 3), ("corners", "<f4", (3, 3)), ("attribute", "<u2")])
@@ -27,14 +27,10 @@ _CORNERS = np.array([[x, y, z] for x in (-0.5, 0.5) for y in (-0.5, 0.5) for z i
 
 
 def read_solids(spec: mujoco.MjSpec, folder: Path) -> None:
-    """Gives the meshes of a model that MuJoCo cannot read the points of their convex hulls: only these touch anything.
-
-    Args:
-        spec: the model.
-        folder: where the files of its meshes are.
+    """Replaces meshes that MuJoCo cannot read by the convex hulls of their files in a folder: enough for contacts.
 
     Raises:
-        FileFormatError: if a mesh is of a kind that cannot be read at all, or is broken.
+        FileFormatError: if a mesh is of an unknown kind, or broken.
     """
     for name, read in read_meshes(spec, {mesh.name: folder / mesh.file for mesh in spec.meshes if mesh.file}).items():
         fill(spec.mesh(name), _hull(read.points))
@@ -42,7 +38,7 @@ def read_solids(spec: mujoco.MjSpec, folder: Path) -> None:
 
 
 def compiled(spec: mujoco.MjSpec) -> mujoco.MjModel:
-    """The model of a spec; the mass of a mesh that encloses nothing is taken from its surface."""
+    """The model of a spec; a mesh without volume has its mass on the surface."""
     while True:
         try:
             return spec.compile()
@@ -57,11 +53,11 @@ def compiled(spec: mujoco.MjSpec) -> mujoco.MjModel:
 def read_meshes(spec: mujoco.MjSpec, files: Mapping[str, Path]) -> dict[str, TriangleMesh]:
     """The triangles of the mesh files that MuJoCo does not read, by the names of the meshes in a model.
 
-    Files that say that y is up are turned if that brings the solids nearer to the centres of mass of their bodies: RViz
-    shows such files as they are, and many a robot was made to look right there.
+    Files with y up are turned if that brings the solids nearer to the centres of mass of their bodies: RViz does not
+    turn them, and many robots were made to look right there.
 
     Raises:
-        FileFormatError: if a mesh is of a kind that cannot be read at all, or is broken.
+        FileFormatError: if a mesh is of an unknown kind, or broken.
     """
     found = {name: read for name, file in files.items() if (read := read_triangles(file)) is not None}
     away = np.zeros(2)
@@ -85,11 +81,7 @@ def fill(mesh: mujoco.MjsMesh, triangles: TriangleMesh) -> None:
 
 
 def read_triangles(path: Path) -> TriangleMesh | None:
-    """The triangles of a mesh file; None for one that MuJoCo reads itself, or that is not there.
-
-    Raises:
-        FileFormatError: if it is of another kind, or broken.
-    """
+    """The triangles of a mesh file; None if MuJoCo reads it or it is missing; FileFormatError for other files."""
     kind = path.suffix.lower()
     if not path.is_file():
         return None

@@ -16,12 +16,9 @@ UTF16 = (codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)
 
 
 def xml_text(path: Path) -> str:
-    """The text of a file without its XML declaration, which would name an encoding that the text no longer has.
+    """The text of a file without its XML declaration; FileFormatError if it cannot be read.
 
-    Its encoding is the one that its first bytes or its declaration say, or UTF-8, or where it is not that, Latin-1.
-
-    Raises:
-        FileFormatError: if it cannot be read.
+    The encoding is that of its first bytes or declaration, else UTF-8 or Latin-1.
     """
     try:
         content = path.read_bytes()
@@ -42,10 +39,10 @@ _SHOWN = 5
 
 
 def model_kind(path: Path) -> str:
-    """What the file of a robot's model is: "mujoco" for an MJCF, "robot" for a URDF, whatever its name.
+    """The kind of a model file: "mujoco" for an MJCF, "robot" for a URDF, whatever its name.
 
     Raises:
-        FileFormatError: if there is none, or it is of another kind; it says what was expected.
+        FileFormatError: if it is missing or of another kind; it names what was expected.
     """
     if path.is_dir():
         inside = sorted(file.name for file in path.iterdir() if file.suffix.lower() in (".xml", ".urdf"))
@@ -69,10 +66,10 @@ def model_kind(path: Path) -> str:
 
 
 def _tags_of(path: Path) -> list[str]:
-    """The names of the elements of an XML file, in its order, as far as it can be read."""
+    """The names of the elements of an XML file, in order, as far as it can be read."""
     found: list[str] = []
     parser = expat.ParserCreate()
     parser.StartElementHandler = lambda tag, _: found.append(tag)
-    with suppress(expat.ExpatError):  # what is wrong further on, MuJoCo says
+    with suppress(expat.ExpatError):  # MuJoCo reports later errors
         parser.Parse(xml_text(path), True)
     return found

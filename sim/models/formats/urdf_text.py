@@ -1,7 +1,7 @@
-"""URDF files as other tools write them: what MuJoCo does not read is written as it does.
+"""URDF files of other tools, rewritten for MuJoCo, and their speed limits, which it ignores.
 
 Meshes are named by package://, Gazebo's model:// or from the folder of the file, numbers have commas between them, and
-there may be no <collision> shapes at all.
+<collision> shapes may be missing.
 """
 
 from __future__ import annotations
@@ -14,15 +14,15 @@ from xml.parsers import expat
 from motiondeck_base.errors import FileFormatError
 from sim.models.formats.model_kind import xml_text
 
-# No servo turns a limb faster, rad/s: a file that says more, such as 100 for all joints, says nothing.
+# Largest plausible speed, rad/s: a file with more, such as 100 for all joints, has placeholders.
 FASTEST = 50.0
 
 
 def urdf_speeds(path: Path) -> dict[str, float]:
-    """The speed limit of each joint of a URDF that has one that can be, rad/s; nothing for another file.
+    """The plausible speed limits of a URDF's joints, rad/s; empty for another file.
 
     Raises:
-        FileFormatError: if the file declares a document type, whose entities could grow without end.
+        FileFormatError: if the file declares a document type, whose entities could grow without bound.
     """
     speeds: dict[str, float] = {}
     joint = ""
@@ -53,7 +53,7 @@ def urdf_speeds(path: Path) -> dict[str, float]:
     try:
         parser.Parse(xml_text(path), True)
     except expat.ExpatError:
-        return {}  # what of it can be used, and what is wrong with it, MuJoCo says
+        return {}  # MuJoCo reports the error
     return speeds
 
 
@@ -73,14 +73,13 @@ _FILE = re.compile(r"""(<mesh\b[^>]*\bfilename\s*=\s*["'])(?:file://)?([^"':]+)(
 
 
 def readable_urdf(path: Path, packages: Mapping[str, Path], visuals: bool = False) -> str:
-    """The text of a URDF as MuJoCo reads it, its meshes named by absolute paths.
+    """The text of a URDF for MuJoCo, with absolute paths of meshes.
 
-    A package lies in a folder of its name, given in `packages` or found beside or above the file. The <visual> shapes
-    are kept with `visuals`, or where there are no others.
+    A package is a folder of its name, in `packages` or beside or above the file. <visual> shapes are kept with
+    `visuals`, or if there are no others.
 
     Raises:
-        FileFormatError: if a package is in none of these places and not of <visual> shapes alone, which a robot can
-            do without, or the file cannot be read as text.
+        FileFormatError: if a package of <collision> shapes is missing, or the file cannot be read as text.
     """
     text = xml_text(path)
 
@@ -100,7 +99,6 @@ def readable_urdf(path: Path, packages: Mapping[str, Path], visuals: bool = Fals
         return found.resolve().as_posix()
 
     def in_folder(name: re.Match[str]) -> str:
-        # Where the file says where its meshes are, or they are beside it, they are found as MuJoCo finds them.
         found = path.resolve().parent / name[2]
         return f"{name[1]}{found.as_posix()}" if found.is_file() else name[0]
 
@@ -122,7 +120,7 @@ def packages_of_looks(path: Path) -> list[str]:
 
 
 def has_collision_shapes(text: str) -> bool:
-    """Whether a URDF says what of it touches things; its comments are not looked at."""
+    """Whether a URDF has <collision> shapes outside comments."""
     return "<collision" in _COMMENT.sub("", text)
 
 

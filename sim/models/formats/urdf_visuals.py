@@ -1,7 +1,7 @@
-"""The <visual> shapes of a URDF: MuJoCo leaves them out, so they are put on a model where it is drawn.
+"""The <visual> shapes of a URDF, which MuJoCo ignores: added to a model for drawing.
 
-A model that was read from a URDF says so in a text of its own, which goes along where it is saved. Physics, feet and
-limbs know its <collision> shapes only, and never wait for large meshes.
+A custom text of the model names its URDF, also when saved. Physics, feet and limbs use its <collision> shapes only, and
+never wait for large meshes.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ from sim.models.formats.mesh_files import READABLE, SHELL, fill, read_meshes
 from sim.models.formats.urdf_text import readable_urdf
 
 MOVED_ORIGIN = "(moved origin)"
-"""The custom number of a model in which it stands how far the origin of its root was moved, in its frame, m."""
+"""A model's custom number: displacement of its root's origin, in its frame, m."""
 _SOURCE = "(urdf)"
 _SHOWN, _HIDDEN = 1, 3  # groups
 _LARGEST = 40_000_000  # bytes of a mesh file
@@ -30,39 +30,38 @@ class _Source(msgspec.Struct, forbid_unknown_fields=True):
 
 
 def note_source(spec: mujoco.MjSpec, file: Path, packages: Mapping[str, Path]) -> None:
-    """Writes into a model which URDF it is from, and where its packages are."""
+    """Notes a model's URDF and the folders of its packages in it."""
     source = _Source(str(file.resolve()), {name: str(folder.resolve()) for name, folder in packages.items()})
     spec.add_text(name=_SOURCE, data=msgspec.json.encode(source).decode())
 
 
 def with_visuals(spec: mujoco.MjSpec) -> mujoco.MjModel:
-    """A model with the visual shapes of the URDF it is from, in place of the collision shapes of the same bodies.
+    """A model with the visual shapes of its URDF in place of the collision shapes of the same bodies.
 
-    A body with a mesh that cannot be read, or that is missing, keeps its collision shapes; so do all
-    where the URDF itself cannot be read any more, and a model that is from no URDF.
+    Bodies with unreadable or missing meshes keep their collision shapes, and so do all without a readable URDF.
     """
     worn = _worn(spec)
     return spec.compile() if worn is None else worn[1]
 
 
 def dressed(spec: mujoco.MjSpec) -> mujoco.MjSpec:
-    """As `with_visuals`, to be changed further: a copy, or the model itself where there is nothing to put on."""
+    """As `with_visuals`, an editable copy, or the model itself without visual shapes."""
     worn = _worn(spec)
     return spec if worn is None else worn[0]
 
 
 def missing_looks(file: Path, packages: Mapping[str, Path]) -> list[Path]:
-    """The meshes of a URDF's visual shapes that are not where it says."""
+    """The missing meshes of a URDF's visual shapes."""
     try:
         looks = mujoco.MjSpec.from_string(readable_urdf(file, packages, visuals=True))
-    except (MotiondeckError, ValueError):  # something else is wrong with it
+    except (MotiondeckError, ValueError):  # reported elsewhere
         return []
     folder = file.resolve().parent / looks.meshdir
     return [folder / mesh.file for mesh in looks.meshes if mesh.file and not (folder / mesh.file).is_file()]
 
 
 def _worn(spec: mujoco.MjSpec) -> tuple[mujoco.MjSpec, mujoco.MjModel] | None:
-    """A copy that has the visual shapes on, and its model; None where there is nothing that can be put on."""
+    """A copy with the visual shapes, and its model; None without any."""
     noted = next((text.data for text in spec.texts if text.name == _SOURCE), None)
     if noted is None:
         return None
@@ -71,7 +70,7 @@ def _worn(spec: mujoco.MjSpec) -> tuple[mujoco.MjSpec, mujoco.MjModel] | None:
     try:
         _dress(shown, Path(source.file), {name: Path(folder) for name, folder in source.packages.items()})
         return shown, shown.copy().compile()
-    except Exception:  # whatever is wrong with what is only looked at
+    except Exception:  # drawing never fails because of visual shapes
         return None
 
 

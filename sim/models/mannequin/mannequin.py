@@ -1,7 +1,7 @@
-"""The mannequin: a MuJoCo humanoid built from any skeleton, so that every motion of that skeleton plays back exactly.
+"""The mannequin: a MuJoCo humanoid built from any skeleton, which plays its motions exactly.
 
-Each bone is a body that hangs from the end of its parent by a ball joint, and in the rest pose every body's axes are
-the world's: the ball joint's quaternion is then the bone's rotation seen from its parent.
+Each bone is a body at the end of its parent on a ball joint. In the rest pose every body's axes are the world's, so the
+ball joint's quaternion is the bone's rotation seen from its parent.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ from sim.models.scenery import add_gantry, add_lamp, set_stage
 
 ROOT_BODY = "(root)"  # no bone is called that
 
-# How far a bone may turn away from the rest pose (arms out), rad: wider than people are, for recordings are noisy.
+# Largest turn of a bone from the rest pose (arms out), rad: wider than people's, as recordings are noisy.
 REACH: dict[Part, float] = {
     "trunk": 1.4,
     "neck": 1.4,
@@ -36,21 +36,20 @@ REACH: dict[Part, float] = {
     "other": 3.0,
 }
 
-# Every servo is tuned to the same closed loop, critically damped, whatever it carries: kp = I w^2 and kv = 2 kp / w,
-# with I the most that its joint has to move about any axis in the rest pose.
+# All servos have the same critically damped closed loop: kp = I w^2 and kv = 2 kp / w, with the joint's largest inertia
+# I about any axis in the rest pose.
 SERVO_BANDWIDTH = 60.0
-# The inertia of a servo's own rotor, as a geared motor shows it, grows with its strength: on its own it would swing at
-# this rate, rad/s. It is what keeps a chain of stiff joints, and a light foot on the floor, stable at this timestep.
+# Natural frequency of a servo without load, by its rotor, rad/s: keeps a chain of stiff joints, and a light foot on the
+# floor, stable at this timestep.
 ROTOR_RATE = 200.0
-# A light bone at the end of a limb is flung about by the limb: kp is also what lets it lag by at most FLUNG[1] (rad)
-# when its joint is accelerated by FLUNG[0] (m/s^2, a heel strike while running) ...
+# Acceleration of a light bone's joint, m/s^2 (a heel strike in a run), and its largest lag then, rad: bounds kp below.
 FLUNG = (100.0, 0.05)
-# ... and a leg that stands has the rest of the body to hold: kp is also STANCE times weight times height of the hips.
+# Least kp of a standing leg, in weights times heights of the hips.
 STANCE = 2.0
 
-# Bits of the solids that bodies touch one another with, and of those that only the floor of a free root touches.
+# Contact bits of solids between bodies, and of those that only the floor of a free root touches.
 SELF, OTHERS = 1, 2
-# Flesh gives: time constant, s, and damping ratio of a contact.
+# Soft contacts: time constant, s, and damping ratio.
 SOFT = (0.04, 1.0)
 
 COLOURS = {
@@ -63,11 +62,11 @@ COLOURS = {
 
 
 def build_mannequin(skeleton: Skeleton) -> mujoco.MjSpec:
-    """The humanoid of a skeleton on its stage: a free root on a gantry, one body and one ball joint a bone.
+    """The humanoid of a skeleton with scenery: a free root on a gantry, one body and one ball joint a bone.
 
-    Bodies and joints bear the bones' names; each joint has three position actuators ("lkne.x", "lkne.y", "lkne.z")
-    on the components of its rotation vector. Bodies collide with one another but for neighbours and those that overlap
-    in the rest pose; nothing collides with the floor: the gantry carries the robot.
+    Bodies and joints have the bones' names; each joint has three position actuators ("lkne.x", "lkne.y", "lkne.z") on
+    the components of its rotation vector. Bodies collide, except neighbours and overlaps in the rest pose; nothing
+    collides with the floor.
     """
     parts = anatomy(skeleton)
     mass = masses(skeleton, parts)
@@ -105,7 +104,7 @@ def build_mannequin(skeleton: Skeleton) -> mujoco.MjSpec:
 
 
 def _felt_inertia(model: mujoco.MjModel) -> Array:
-    """The diagonal of the mass matrix in the initial pose, shape (nv,): what each degree of freedom has to move."""
+    """The diagonal of the mass matrix in the initial pose, shape (nv,)."""
     data = mujoco.MjData(model)
     mujoco.mj_forward(model, data)
     diagonal = np.empty(model.nv)
@@ -120,7 +119,7 @@ def _felt_inertia(model: mujoco.MjModel) -> Array:
 
 def _dress(body: mujoco.MjsBody, solids: list[Solid], mass: float, side: str) -> None:
     volume = sum(solid.volume for solid in solids)
-    # One capsule along a limb is as good as all its solids, and found in a tenth of the time.
+    # One capsule along a limb collides as well as all its solids, in a tenth of the time.
     long = [solid.shape == "capsule" and bool(solid.size[2] > 2.0 * solid.size[0]) for solid in solids]
     touching = long if any(long) else [solid.tone != "dark" for solid in solids]
     for solid, touches in zip(solids, touching, strict=True):
@@ -148,7 +147,7 @@ def _add_servos(spec: mujoco.MjSpec, skeleton: Skeleton, parts: Anatomy, height:
     for bone, name in enumerate(skeleton.bones):
         first, body = model.joint(name).dofadr[0], model.body(name).id
         felt = inertia[first : first + 3].max()
-        # How far the middle of all that hangs from the joint is away from it, times its mass.
+        # Mass below the joint times the distance of its centre.
         moment = model.body_subtreemass[body] * np.linalg.norm(data.subtree_com[body] - data.xpos[body])
         needs = [felt * SERVO_BANDWIDTH**2, moment * FLUNG[0] / FLUNG[1]]
         if parts.part[bone] in ("shank", "foot") and parts.first(parts.part[bone], parts.side[bone]) == bone:

@@ -1,4 +1,4 @@
-"""The mannequin's solids: the shape around each bone of a skeleton, and the mass of each part.
+"""The mannequin's solids around each bone of a skeleton, and the masses of its parts.
 
 A solid lies in the frame of its bone: w along the bone, u to the front (or up, for a bone that itself points ahead),
 v across. Lengths are of a body 1.80 m tall and scale with the skeleton's own stature.
@@ -45,8 +45,7 @@ LIMB_INERTIA: dict[Part, tuple[float, float, float]] = {
 
 SMALLEST_MASS = 0.05
 
-# The sole is so far below the end of the foot's bone, m, and at least so far below the ankle: the round end of the
-# shank must not reach through it.
+# Depth of the sole below the end of the foot's bone, m, and least depth below the ankle, under the shank's round end.
 UNDER_BALL, ANKLE = 0.006, 0.046
 
 Tone = Literal["body", "limb", "dark"]
@@ -61,7 +60,7 @@ class Solid:
         centre: shape (3,), in the frame of the bone's body, m.
         axes: columns are the solid's own axes, shape (3, 3).
         size: half axes of the ellipsoid; radius, radius and half length of the capsule's straight part, m.
-        tone: which of the figure's colours it wears.
+        tone: its colour.
     """
 
     shape: Literal["ellipsoid", "capsule"]
@@ -80,7 +79,7 @@ class Solid:
 
 
 def stature(skeleton: Skeleton, parts: Anatomy) -> float:
-    """How tall a person with these thighs and shanks is, m, or else with legs that long; without any, 1.80 m."""
+    """Height of a person with these thighs and shanks, or legs, m; 1.80 m without legs."""
     legs = [*parts.all("thigh"), *parts.all("shank")]
     leg = float(skeleton.length[legs].sum()) / 2.0 if len(legs) == 4 else skeleton.leg_length
     return leg / LEG_PER_STATURE if leg > 0.05 else REFERENCE_STATURE
@@ -170,10 +169,10 @@ def masses(skeleton: Skeleton, parts: Anatomy) -> Array:
 
 @dataclass(frozen=True)
 class Inertia:
-    """How the mass of a bone is spread.
+    """Inertia of a bone.
 
     Attributes:
-        centre: where its middle is, from the start of the bone, shape (3,), m.
+        centre: of mass, from the start of the bone, shape (3,), m.
         axes: columns are its principal axes, shape (3, 3).
         moments: about these, shape (3,), kg m^2.
     """
@@ -184,7 +183,7 @@ class Inertia:
 
 
 def limb_inertia(skeleton: Skeleton, parts: Anatomy, bone: int, mass: float) -> Inertia | None:
-    """How the mass of a limb's bone is spread; None for others, whose solids tell."""
+    """Inertia of a limb's bone; None for others, whose solids have it."""
     length = float(skeleton.length[bone])
     share = LIMB_INERTIA.get(parts.part[bone])
     if share is None or length < 0.05:
