@@ -97,6 +97,8 @@ class LimbSolver:
 
     Attributes:
         names: of the goals, length K.
+        limbs: of the robot.
+        stuck: leads limbs out of local minima.
     """
 
     def __init__(self, limbs: RobotLimbs, limits: JointLimits, rest: Array, dt: float) -> None:
@@ -109,7 +111,7 @@ class LimbSolver:
             dt: seconds from pose to pose.
         """
         self._goals = Goals(limbs)
-        self._limbs, self._limits, self._rest = limbs, limits, rest
+        self.limbs, self._limits, self._rest = limbs, limits, rest
         self._step = limits.velocity * dt
         self.names = limbs.vectors.names
         kinds = [name.split("_", 1)[1] if name[1] == "_" else name for name in self.names]
@@ -130,14 +132,14 @@ class LimbSolver:
         self._no_rows = np.zeros((0, len(rest)))
         self._any_sense = np.zeros(len(rest), dtype=np.int32)
         vectors = limbs.vectors
-        self._stuck = StuckLimbs(vectors.names, limbs.moved, vectors.length, rest, self._advance, dt)
+        self.stuck = StuckLimbs(vectors.names, limbs.moved, vectors.length, rest, self._advance, dt)
         self.reset()
 
     def reset(self) -> None:
         """Resets: the next pose is reached from rest within one call."""
         self._q = np.clip(self._rest, self._limits.lower, self._limits.upper)
         self._started = False
-        self._stuck.reset()
+        self.stuck.reset()
         self._count, self._square, self._worst = 0, np.zeros(len(self.names)), np.zeros(len(self.names))
 
     def __call__(self, directions: Array, up: Array, planted: PlantedFeet | None = None) -> Array:
@@ -151,7 +153,7 @@ class LimbSolver:
         lower, upper = self._limits.lower, self._limits.upper
         goals, q = self._goals(directions, up), self._q
         for row in self._soles:
-            level = max(float(goals[row] @ up) / float(self._limbs.vectors.length[row]), 0.0)
+            level = max(float(goals[row] @ up) / float(self.limbs.vectors.length[row]), 0.0)
             self._weight[row] = self._slope[row] = WEIGHT["foot_up"] * max(level * level, TIPTOE) / self._longest
         if planted is not None:
             self._plant(planted, goals)
@@ -172,7 +174,7 @@ class LimbSolver:
                 q, missed = self._advance(q, goals, lowest - q, highest - q)
                 if np.abs(q - before).max() < FAR:
                     break
-            q = self._stuck(q, missed, goals, lower, upper, lowest, highest)
+            q = self.stuck(q, missed, goals, lower, upper, lowest, highest)
         self._q = q
         self._count += 1
         self._square += missed
@@ -204,7 +206,7 @@ class LimbSolver:
 
     def _advance(self, q: Array, goals: Array, low: Array, high: Array) -> tuple[Array, Array]:
         """One step from q of at least low and at most high (N,), rad: the next q, and the squared misses (K,), m^2."""
-        limbs = self._limbs
+        limbs = self.limbs
         limbs.place(q)
         positions = limbs.positions()
         goals = self._goals.seen_from_root(goals, limbs.chest_rotation())

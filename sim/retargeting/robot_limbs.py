@@ -24,6 +24,7 @@ class RobotLimbs:
     """The limbs of one robot.
 
     Attributes:
+        model: the robot.
         vectors: its limbs.
         reach: length of the stretched legs and arms, by name ("r_leg"), m.
         surface: the robot's skin.
@@ -48,7 +49,7 @@ class RobotLimbs:
             UnknownNameError: if there is no such part or body.
             FileFormatError: if a limb has no joint where it needs one.
         """
-        self._model = model
+        self.model = model
         self._data = Scratch(model)
         self._parts = bodies_of_parts(path, model, parts)
         self._data.qpos[:] = model.qpos0
@@ -107,7 +108,7 @@ class RobotLimbs:
         if self._pelvis.below_a_waist:
             self._pelvis.place(self._data)
         else:
-            mujoco.mj_kinematics(self._model, self._data)
+            mujoco.mj_kinematics(self.model, self._data)
 
     def chest_rotation(self) -> Array:
         """The rotation of the chest since the robot stood straight, shape (3, 3)."""

@@ -57,6 +57,7 @@ class LimbDirections:
     """Directions of one robot's limbs.
 
     Attributes:
+        model: the robot.
         segments: of all its limbs, length K.
         limbs: the same by limb.
         standing: the robot with joints at zero, facing x.
@@ -64,7 +65,7 @@ class LimbDirections:
 
     def __init__(self, model: mujoco.MjModel, parts: Mapping[str, str], root_rotation: Array) -> None:
         """Finds the landmarks; `root_rotation` is that of the root body that stands upright and faces x, shape (4,)."""
-        self._model, self._data, self.standing = model, mujoco.MjData(model), mujoco.MjData(model)
+        self.model, self._data, self.standing = model, mujoco.MjData(model), mujoco.MjData(model)
         self._surface = Surface.of(model)
         self.standing.qpos[3:7] = root_rotation
         mujoco.mj_kinematics(model, self.standing)
@@ -84,7 +85,7 @@ class LimbDirections:
     def __call__(self, qpos: Array) -> Array:
         """The directions of the K segments seen from the trunk, shape (K, 3), for a robot at qpos (nq,)."""
         self._data.qpos[:] = qpos
-        mujoco.mj_kinematics(self._model, self._data)
+        mujoco.mj_kinematics(self.model, self._data)
         now, stood = self._data.xmat.reshape(-1, 3, 3), self.standing.xmat.reshape(-1, 3, 3)
         return np.array([stood[s.trunk] @ now[s.trunk].T @ now[s.body] @ s.direction for s in self.segments]).reshape(
             -1, 3
@@ -110,7 +111,7 @@ class LimbDirections:
         traces = np.empty(len(qpos))
         for frame, q in enumerate(qpos):
             self._data.qpos[:] = q
-            mujoco.mj_kinematics(self._model, self._data)
+            mujoco.mj_kinematics(self.model, self._data)
             now = self._data.xmat.reshape(-1, 3, 3)
             turned = stood[pelvis] @ now[pelvis].T @ now[chest] @ stood[chest].T
             traces[frame] = np.sum(turned * human[frame])
@@ -122,7 +123,7 @@ class LimbDirections:
         return limbs[:, [LIMBS.index(segment.name) for segment in self.segments]]
 
     def _found(self, side: str, names: tuple[str, str], body: int, trunk: int) -> list[LimbSegment]:
-        model, data = self._model, self.standing
+        model, data = self.model, self.standing
         ends = [b for b in below(model, body) if hinges_at(model, b)] or [body]
         end = max(ends, key=lambda b: len(hinges_between(model, trunk, b)))
         if names is SEGMENTS["arm"]:
@@ -153,18 +154,18 @@ class LimbDirections:
 
     def _palm(self, upper: int, end: int) -> int:
         """The last body of an arm that a hinge moves, from its upper segment to where fingers part, or else its end."""
-        path, palm = path_to(self._model, end), upper
+        path, palm = path_to(self.model, end), upper
         for body in path[path.index(upper) + 1 :]:
-            palm = body if hinges_at(self._model, body) else palm
-            children = np.flatnonzero(self._model.body_parentid == body).tolist()
-            fingers = [one for one in children if any(hinges_at(self._model, b) for b in below(self._model, one))]
+            palm = body if hinges_at(self.model, body) else palm
+            children = np.flatnonzero(self.model.body_parentid == body).tolist()
+            fingers = [one for one in children if any(hinges_at(self.model, b) for b in below(self.model, one))]
             if len(fingers) > 1:
                 return palm
         return end
 
     def _fold(self, joint: int, first: int, end: int, tip: Array) -> float:
         """Change of the distance from a limb's first hinge to its tip by a hinge, m."""
-        model, data = self._model, mujoco.MjData(self._model)
+        model, data = self.model, mujoco.MjData(self.model)
         lower, upper = np.clip(model.jnt_range[joint], -TURN, TURN) if model.jnt_limited[joint] else (-TURN, TURN)
         # Half of a hand or foot counts, so that one that is long does not pass for a shank.
         middle = 0.5 * (tip + self.standing.xanchor[hinges_at(model, end)[-1]])
@@ -180,7 +181,7 @@ class LimbDirections:
 
     def _tip(self, end: int, start: Array) -> Array:
         """The middle of the farthest points: a single corner of a hand would turn the forearm."""
-        points = self._surface.part(np.array(below(self._model, end))).positions(self.standing)
+        points = self._surface.part(np.array(below(self.model, end))).positions(self.standing)
         if not len(points):
             return self.standing.xpos[end].copy()
         away = np.linalg.norm(points - start, axis=1)

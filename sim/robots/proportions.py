@@ -160,7 +160,7 @@ def other_units(model: mujoco.MjModel, height: float) -> list[Doubt]:
 
 
 def unlike_ranges(model: mujoco.MjModel, parts: dict[str, str], standing: mujoco.MjData) -> list[Doubt]:
-    """Hinges of a left leg or arm whose ranges do not mirror those of the right one, such as a knee with the wrong sign.
+    """Hinges of a left leg or arm whose ranges do not mirror the right one, such as a knee with the wrong sign.
 
     `standing` is the robot that faces x.
     """

@@ -50,7 +50,7 @@ def with_meshes(folder, uri="package://legs_description/meshes/sole.obj"):
     ],
 )
 def test_a_file_of_another_kind_is_refused_and_says_what_was_expected(tmp_path, name, text, complaint):
-    file = tmp_path / (name or "nobody.xml")
+    file = tmp_path / (name or "missing.xml")
     if name:
         file.parent.mkdir(exist_ok=True)
         file.write_text(text)

@@ -26,7 +26,7 @@ def load(name):
 
 
 def leaning(angle):
-    """Somebody whose legs lean forward with the rest: nobody stands like that."""
+    """A pose that leans forward as a whole, so that it must fall."""
     return bent_pose(human(), rkne=(0.0, -angle, 0.0), lkne=(0.0, -angle, 0.0))
 
 
@@ -149,7 +149,7 @@ def test_a_free_robot_starts_on_the_floor_and_falls_where_it_cannot_stand(name):
     assert abs(LowestPoint(output.model)(output.data)) < 0.02
     wanted = np.empty_like(output.wanted)
     robot.place(targets, pose, wanted)
-    wanted[:2] = output.qpos[:2]  # along the ground nobody asks for a place
+    wanted[:2] = output.qpos[:2]  # a free root has no goal along the ground
     assert output.wanted == pytest.approx(wanted)
     output.clock = lambda: 100.0 + float(output.data.time)
     for _ in range(500):

@@ -279,7 +279,7 @@ def test_the_rest_pose_collides_with_nothing():
 
 
 def test_what_was_judged_before_changes_neither_verdicts_nor_how_motions_are_sampled():
-    """Feet that stand tell how they slope; what one motion told must not be taken for another."""
+    """The slope of standing feet in one motion must not affect another."""
 
     def judged(first):
         robot = load_robot(ROBOTS / "servo20.toml", human())

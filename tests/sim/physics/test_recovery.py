@@ -18,13 +18,13 @@ ROWS = ((0.1, SERVO20.tucked),)
 
 @dataclass
 class Feet:
-    """Legs that fall when they are told to."""
+    """Legs that fall on demand."""
 
     falling: bool = False
 
 
 class Lying:
-    """A robot that lies still where a test puts it, and what is told to its joints."""
+    """A robot at rest in a given place, and the goals of its joints."""
 
     def __init__(self, rise=SERVO20.rise):
         self.robot = replace(SERVO20, rise=rise)
@@ -39,15 +39,15 @@ class Lying:
         self.data.qpos[2] = height
 
     def go_on(self, seconds, *, held=False):
-        """The phases that it goes through, and the joints it is told, shape (T, J)."""
-        phases, told = [], []
+        """The phases that it goes through, and the goals of its joints, shape (T, J)."""
+        phases, goals = [], []
         for _ in range(round(seconds / DT)):
             before, played = self.goal.copy(), self.model.qpos0.copy()
             self.goal[:] = played
             self.recovery.adjust(self.feet, self.data, before, self.goal, held=held)
             phases.append(self.recovery.phase)
-            told.append(self.goal[SERVO20.layout.hinge_qpos].copy())
-        return phases, np.array(told)
+            goals.append(self.goal[SERVO20.layout.hinge_qpos].copy())
+        return phases, np.array(goals)
 
 
 def shoulder_of(rows):
@@ -64,9 +64,9 @@ def test_it_gets_up_by_the_side_on_which_it_lies(turn, side):
     assert phases[-1] is Phase.RISES
     body.go_on(1.2)
     seconds, joints = getattr(SERVO20.rise, side)[0]
-    _, told = body.go_on(seconds)
+    _, goals = body.go_on(seconds)
     # On its way the first posture is passed.
-    assert np.abs(told - joints).max(axis=1).min() < 0.1
+    assert np.abs(goals - joints).max(axis=1).min() < 0.1
 
 
 def test_no_joint_jumps_from_one_phase_to_the_next():
@@ -79,8 +79,8 @@ def test_no_joint_jumps_from_one_phase_to_the_next():
     phases, standing = body.go_on(3.0)
     assert Phase.JOINS in phases
     assert phases[-1] is Phase.PLAYS
-    told = np.concatenate([falling, standing])
-    assert np.abs(np.diff(told, axis=0)).max() < 5.5 * DT
+    goals = np.concatenate([falling, standing])
+    assert np.abs(np.diff(goals, axis=0)).max() < 5.5 * DT
 
 
 def test_who_stands_gets_its_strength_back_and_its_legs_begin_anew_once():
@@ -105,9 +105,9 @@ def test_who_never_gets_on_its_feet_lies_straight_at_last():
     body = Lying(Rise(ROWS, ROWS))
     body.put((0.0, 1.5, 0.0), 0.05)
     body.feet.falling = True
-    phases, told = body.go_on(4.0 + 1.5 * (1 + TRIES))
+    phases, goals = body.go_on(4.0 + 1.5 * (1 + TRIES))
     assert phases[-1] is Phase.LIES
-    assert np.allclose(told[-1], SERVO20.rest)
+    assert np.allclose(goals[-1], SERVO20.rest)
     assert body.recovery.gave_up
 
 
@@ -115,18 +115,18 @@ def test_a_robot_that_cannot_get_up_stays_as_it_fell():
     body = Lying(None)
     body.put((0.0, 1.5, 0.0), 0.05)
     body.feet.falling = True
-    phases, told = body.go_on(4.0)
+    phases, goals = body.go_on(4.0)
     assert set(phases) == {Phase.FALLS}
-    assert np.allclose(told[-1], SERVO20.tucked)
+    assert np.allclose(goals[-1], SERVO20.tucked)
 
 
 def test_who_is_held_does_not_get_up():
     body = Lying()
     body.put((0.0, 1.5, 0.0), 0.05)
     body.feet.falling = True
-    phases, told = body.go_on(4.0, held=True)
+    phases, goals = body.go_on(4.0, held=True)
     assert set(phases) == {Phase.FALLS}
-    assert np.allclose(told[-1], SERVO20.tucked)
+    assert np.allclose(goals[-1], SERVO20.tucked)
 
 
 def test_who_is_held_on_its_way_up_stays_there_and_then_goes_on():
@@ -135,15 +135,15 @@ def test_who_is_held_on_its_way_up_stays_there_and_then_goes_on():
     body.feet.falling = True
     _, rising = body.go_on(1.8)
     assert body.recovery.phase is Phase.RISES
-    _, told = body.go_on(3.0, held=True)
-    assert np.array_equal(told, np.tile(rising[-1], (len(told), 1)))
+    _, goals = body.go_on(3.0, held=True)
+    assert np.array_equal(goals, np.tile(rising[-1], (len(goals), 1)))
     body.put((0.0, 0.0, 0.0), 0.24)
     body.feet.falling = False
     while body.recovery.phase is not Phase.JOINS:
         body.go_on(DT)
     _, joining = body.go_on(0.2)
-    _, told = body.go_on(1.0, held=True)
-    assert np.allclose(told, joining[-1])
+    _, goals = body.go_on(1.0, held=True)
+    assert np.allclose(goals, joining[-1])
     assert body.go_on(1.0)[0][-1] is Phase.PLAYS
 
 
@@ -155,9 +155,9 @@ def test_it_gets_up_from_where_its_joints_are_and_not_from_where_they_were_to_be
     body.recovery = Recovery(body.robot, body.model, DT)
     body.put((0.0, 1.5, 0.0), 0.05)
     body.feet.falling = True
-    phases, told = body.go_on(2.0)
+    phases, goals = body.go_on(2.0)
     assert phases[-1] is Phase.RISES
-    assert np.abs(np.diff(told, axis=0)).max() < 5.5 * DT
+    assert np.abs(np.diff(goals, axis=0)).max() < 5.5 * DT
 
 
 def test_a_body_that_still_moves_does_not_get_up():

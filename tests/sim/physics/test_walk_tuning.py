@@ -24,12 +24,12 @@ def falls_beyond(share, seeds=None):
 
 @pytest.mark.parametrize("edge", [0.3, 0.7, 1.0])
 def test_what_is_kept_stays_away_from_the_edge(edge):
-    told = []
-    tuned = tune_walk(WalkSettings(), falls_beyond(edge), 2 * SECONDS, 30, told.append)
+    lines = []
+    tuned = tune_walk(WalkSettings(), falls_beyond(edge), 2 * SECONDS, 30, lines.append)
     assert tuned.stood
     assert edge - 0.1 < tuned.settings.share / EDGE <= edge
     assert tuned.walked == (10.0 * tuned.settings.share,) * 2
-    assert len(told) == steps(30)
+    assert len(lines) == steps(30)
 
 
 def test_what_is_told_is_of_pushes_that_nothing_was_chosen_by():

@@ -1,4 +1,4 @@
-"""Tests of the inverse kinematics: a robot is asked to hold poses of its own, which it must find again."""
+"""Tests of the inverse kinematics: it must find random poses of the robot again."""
 
 import mujoco
 import numpy as np
@@ -32,7 +32,7 @@ def limbs(tmp_path_factory):
 
 
 def solver_of(limbs):
-    lower, upper = limbs._model.jnt_range[[limbs._model.joint(name).id for name in SERVOS]].T.copy()
+    lower, upper = limbs.model.jnt_range[[limbs.model.joint(name).id for name in SERVOS]].T.copy()
     limits = JointLimits(lower, upper, *(np.full(len(SERVOS), rate) for rate in (4.0, 100.0, 1e4)))
     return LimbSolver(limbs, limits, np.clip(np.full(len(SERVOS), 0.1), lower, upper), DT), limits
 
@@ -46,7 +46,7 @@ def standing():
 
 def seen(limbs, q):
     """The directions of arms and legs of the robot itself, from where MuJoCo has the anchors of its joints."""
-    model, data = limbs._model, mujoco.MjData(limbs._model)
+    model, data = limbs.model, mujoco.MjData(limbs.model)
     for name, angle in zip(SERVOS, q, strict=True):
         data.joint(name).qpos[0] = angle
     data.qpos[:7] = [0, 0, 0, 1, 0, 0, 0]
@@ -136,10 +136,10 @@ def test_what_is_out_of_range_ends_at_the_range_and_is_told(limbs):
     goal = limbs.reach["r_leg"] * np.array([-1.0, 0.0, 0.0])
     missed = np.linalg.norm(goal - (end - start)[solver.names.index("r_leg")])
     assert missed > 0.03
-    told = solver.shortfall()
-    assert told["r_leg"]["worst_m"] == pytest.approx(missed, rel=0.02)
-    assert told["r_leg"]["rms_m"] == pytest.approx(missed, rel=0.02)
-    assert told["l_leg"]["worst_m"] < 0.02
+    errors = solver.shortfall()
+    assert errors["r_leg"]["worst_m"] == pytest.approx(missed, rel=0.02)
+    assert errors["r_leg"]["rms_m"] == pytest.approx(missed, rel=0.02)
+    assert errors["l_leg"]["worst_m"] < 0.02
 
 
 def test_after_a_reset_nothing_is_left_of_what_was_missed(limbs):
@@ -300,7 +300,7 @@ def test_a_hinge_that_carries_the_shoulder_along_turns_an_arm_that_needs_it(tmp_
 def test_a_clavicle_stays_where_it_is(tmp_path):
     solver, limbs = swung_shoulders(tmp_path / "ball.xml", BALL)
     limbs.place(solver(reaching(), UP))
-    model, data = limbs._model, limbs.data
+    model, data = limbs.model, limbs.data
     turned = [data.qpos[model.joint(f"{side}_pan").qposadr[0]] for side in SIDES.values()]
     assert np.abs(turned).max() < 0.1
     there = limb_directions(limbs)
@@ -318,7 +318,7 @@ def test_an_arm_that_cannot_follow_still_bends_in_the_plane_of_the_humans(tmp_pa
     for _ in range(150):
         limbs.place(solver(behind, UP))
     for side, name in SIDES.items():
-        folds = limbs.data.xaxis[limbs._model.joint(f"{name}_elbow").id]
+        folds = limbs.data.xaxis[limbs.model.joint(f"{name}_elbow").id]
         across = np.cross(*(behind[LIMBS.index(f"{side}_{part}")] for part in ("upper_arm", "forearm")))
         assert folds @ normalise(across) > 0.95
 

@@ -235,7 +235,7 @@ def test_other_joints_are_refused():
 @pytest.fixture(scope="module")
 def limbs():
     """The limbs of servo20 as MuJoCo has them, for measuring where they point."""
-    return load_robot(ROBOTS / "servo20.toml", human(), "ik").retarget.solver._limbs
+    return load_robot(ROBOTS / "servo20.toml", human(), "ik").retarget.solver.limbs
 
 
 def posed(wanted):

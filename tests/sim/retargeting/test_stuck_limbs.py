@@ -23,7 +23,7 @@ def robot(tmp_path):
 
 
 def miss(robot, pose, limb):
-    there = limb_directions(robot.retarget.solver._limbs)[LIMBS.index(limb)]
+    there = limb_directions(robot.retarget.solver.limbs)[LIMBS.index(limb)]
     return np.degrees(np.arccos(np.clip(there @ LimbView(human())(pose)[LIMBS.index(limb)], -1.0, 1.0)))
 
 
@@ -50,7 +50,7 @@ def test_a_limb_that_is_stuck_finds_its_way_no_faster_than_it_may(robot):
 
 def test_without_a_second_look_it_stays_there(robot, monkeypatch):
     pose = bent_pose(human(), lelb=(-0.9, 0, 0), relb=(0.9, 0, 0))
-    monkeypatch.setattr(type(robot.retarget.solver._stuck), "__call__", lambda self, q, *rest: q)
+    monkeypatch.setattr(type(robot.retarget.solver.stuck), "__call__", lambda self, q, *rest: q)
     stuck(robot, pose)
     for _ in range(100):
         robot.retarget(pose)
@@ -61,12 +61,12 @@ def test_a_goal_out_of_reach_keeps_the_limb_where_it_is(robot):
     pose = bent_pose(human(), rank=(0, -1.5, 0))  # a knee cannot bend forward
     robot.retarget(pose)
     path = np.array([robot.retarget(pose).copy() for _ in range(100)])
-    assert not robot.retarget.solver._stuck.crossing.any()
+    assert not robot.retarget.solver.stuck.crossing.any()
     assert np.abs(np.diff(path[50:], axis=0)).max() < 1e-3
 
 
 def arms_with_a_waist(scout, scout_misses):
-    """Two arms of one joint each on a waist; the scout is at once where it is told."""
+    """Two arms of one joint each on a waist; the scout reaches its goal at once."""
     moved = np.array([[True, True, False], [True, False, True], [True, True, True]])
     names = ["r_upper_arm", "l_upper_arm", FEET]
     found = np.array(scout), np.array(scout_misses)

@@ -74,7 +74,7 @@ def test_a_calibrated_robot_stands_as_a_human_does(tmp_path):
 
 def test_the_axes_of_a_sole_are_as_long_as_each_other_and_upright_though_the_shank_leans(tmp_path):
     text = humanoid().replace('_sole" pos="0 0 -0.2"', '_sole" pos="-0.08 0 -0.18"')
-    limbs = load_robot(robot_file(tmp_path, text), human(), "ik").retarget.solver._limbs
+    limbs = load_robot(robot_file(tmp_path, text), human(), "ik").retarget.solver.limbs
     vectors = limbs.vectors
     ahead, up = (vectors.rest[vectors.names.index(f"l_foot_{axis}")] for axis in ("ahead", "up"))
     assert np.linalg.norm(ahead) == pytest.approx(np.linalg.norm(up))
@@ -149,7 +149,7 @@ def test_limbs_lie_as_the_humans_do(robot):
     robot.retarget.reset()
     pose = bent_pose(body, relb=(1.3, 0, 0.2), lelb=(-1.3, 0, 0.2), lkne=(0, -0.7, 0), lank=(0, 0.9, 0))
     robot.retarget(pose)
-    there = limb_directions(robot.retarget.solver._limbs)
+    there = limb_directions(robot.retarget.solver.limbs)
     for limb in ("r_upper_arm", "r_forearm", "l_thigh", "l_shank", "r_thigh"):
         row = LIMBS.index(limb)
         assert there[row] @ view(pose)[row] > np.cos(0.08)
@@ -227,7 +227,7 @@ def test_what_follows_a_knee_in_its_own_body_is_no_knee(tmp_path):
 @pytest.mark.parametrize("build", [humanoid, anatomical])
 def test_how_vectors_turn_with_joints_is_their_derivative(tmp_path, build, seed):
     robot = load_robot(robot_file(tmp_path, build()), human())
-    limbs, random = robot.retarget.solver._limbs, np.random.default_rng(seed)
+    limbs, random = robot.retarget.solver.limbs, np.random.default_rng(seed)
     q = np.clip(robot.rest + random.uniform(-0.4, 0.4, len(robot.rest)), robot.limits.lower, robot.limits.upper)
     limbs.place(q)
     start, end = limbs.positions()
@@ -490,7 +490,7 @@ def test_a_robot_file_that_does_not_fit_its_model_is_named(tmp_path, was, become
 
 
 def test_standing_feet_do_not_slide_and_nothing_sinks(robot):
-    """A human who sways over still feet and whose floor lies 8 cm too high."""
+    """A human that sways over still feet, on a floor 8 cm too high."""
     body, lowest_point = human(), LowestPoint(robot.model)
     robot.retarget.reset()
     robot.footing.reset()

@@ -88,7 +88,7 @@ def test_elbows_are_found_however_the_arms_are_held(tmp_path, build, lying):
         ("左", "右"),
         ("левая", "правая"),
         ("bal", "jobb"),
-        ("left", "plain"),  # of a pair only one is told apart
+        ("left", "plain"),  # only one of a pair has a side
     ],
 )
 def test_sides_are_told_in_other_languages(tmp_path, left, right):

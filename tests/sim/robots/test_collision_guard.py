@@ -39,7 +39,7 @@ def guarded(robot):
 
 
 def played(guard, ticks):
-    """The targets after so many ticks."""
+    """The targets after a number of ticks."""
     return [guard(POSE) for _ in range(ticks)][-1]
 
 

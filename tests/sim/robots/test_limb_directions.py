@@ -53,7 +53,7 @@ def test_folding_a_limb_finds_the_same_knees_and_elbows_as_the_axes(tmp_path, bu
 
 def test_hanging_limbs_point_down(robot):
     _, directions = robot
-    qpos = np.zeros(directions._model.nq)
+    qpos = np.zeros(directions.model.nq)
     qpos[3] = 1.0
     assert directions(qpos) == pytest.approx(np.tile([0.0, 0.0, -1.0], (8, 1)), abs=1e-6)
 

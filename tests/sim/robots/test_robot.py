@@ -102,8 +102,8 @@ def test_a_bad_robot_file_is_refused_with_its_place(tmp_path, text, error, compl
 
 
 def test_a_missing_robot_file_is_named(tmp_path):
-    with pytest.raises(FileFormatError, match=r"nobody\.toml: there is no such robot file"):
-        load_robot(tmp_path / "nobody.toml", human())
+    with pytest.raises(FileFormatError, match=r"missing\.toml: there is no such robot file"):
+        load_robot(tmp_path / "missing.toml", human())
 
 
 @pytest.mark.parametrize(

@@ -4,7 +4,7 @@ import mujoco
 
 from sim.models.overlaps import near_bodies
 
-# An arm of three links, another of one, and a box that the first one's hand is in.
+# An arm of three links, another of one, and a box around the hand of the first.
 BODIES = """<mujoco><worldbody>
   <body name="trunk"><geom size=".1"/>
     <body name="upper" pos="0 1 0"><joint/><geom size=".1"/>

@@ -58,7 +58,7 @@ def test_feet_never_meet_however_hard_the_push():
 
 
 def widest_step(widest):
-    """How far apart the feet land at most of who walks with wide steps; feet lie flat as far apart as `widest`."""
+    """The largest distance of the feet with wide steps, for a widest stance of `widest`."""
     gait, widths = new_gait(widest), []
     soles, yaws, headings = walking_soles(6.0, DT, length=0.1, step=0.5)
     soles[..., 1] *= 2.5

@@ -8,7 +8,7 @@ LEFT, RIGHT = np.array([1.0, 0.0]), np.array([0.0, 1.0])
 
 
 def learned(errors, step, height=HEIGHT):
-    """What is learned tick by tick, shape (K, 2), m, by who stands on one foot for `step` seconds and on the other."""
+    """The learned error by tick, shape (K, 2), m, standing on one foot for `step` seconds, then on the other."""
     lasting = LastingError(height, DT)
     feet = [LEFT if (number * DT) % (2.0 * step) < step else RIGHT for number in range(len(errors))]
     return np.array([lasting.learn(np.array(off), foot).copy() for off, foot in zip(errors, feet, strict=True)])

@@ -217,7 +217,7 @@ def test_ankles_lean_less_far_to_a_side_than_ahead():
 
 
 def test_who_is_off_for_long_leans_as_far_as_that_takes():
-    # On a slope the weight is to come back over the middle of the sole: that tips nobody over an edge.
+    # On a slope the weight comes back over the middle of the sole, away from an edge.
     assert leaning((0.0, 1.0), ticks=800) > 2.0 * LEAN
 
 

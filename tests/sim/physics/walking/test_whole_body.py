@@ -19,7 +19,7 @@ def robot():
 
 
 def standing(robot):
-    """Who solves, a state of the robot at rest, where its soles are, how feet are turned, and the soles' middle."""
+    """The solver, a state at rest, places of its soles, rotations of its feet, and the soles' middle."""
     model, feet = physics_model(robot, "free"), feet_of(robot)
     body, data = WholeBody(robot, model, feet, 0.005, 15.0), mujoco.MjData(model)
     robot.layout.place(robot.rest, data.qpos)
@@ -29,7 +29,7 @@ def standing(robot):
 
 
 def heights_from_a_squat(robot, rise):
-    """Tick by tick, how high the root is of who squats and is to stand up; and how far soles leave their places."""
+    """Height of a root that rises from a squat, and displacement of the soles, by tick."""
     model, (body, data, places, turns, middle) = physics_model(robot, "free"), standing(robot)
     low = data.qpos.copy()
     for joint, angle in BENT.items():
