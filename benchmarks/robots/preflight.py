@@ -41,9 +41,9 @@ def main() -> None:
             hanging = loads_of(free.robot, played, free=False, collisions=collisions, feet=feet)
             for tempo in TEMPOS:
                 gantry = Preflight(robot, robot.limits, SafetyEnvelope, "gantry")
-                said = {f.check: f.ok for f in gantry.numbers.findings(played, hanging, tempo)}
-                said |= {f.check: f.ok for f in free.numbers.standing(hanging, tempo)}
-                done = {f.check: f.ok for f in free.trials.findings(played, tempo)}
+                said = {f.check: f.ok for f in gantry.static.findings(played, hanging, tempo)}
+                said |= {f.check: f.ok for f in free.static.standing(hanging, tempo)}
+                done = {f.check: f.ok for f in free.physics.findings(played, tempo)}
                 rows.append(
                     {
                         "motion": played.name,

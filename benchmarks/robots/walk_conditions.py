@@ -13,7 +13,7 @@ from motiondeck_base.errors import MotiondeckError
 from sim.models.gravity import GRAVITY
 from sim.models.servo_motor import ServoMotor
 from sim.physics.physics_model import FLOOR_BIT, Alteration
-from sim.physics.walking.senses import Sensors
+from sim.physics.walking.state_estimate import Sensors
 from sim.robots.robot import Robot
 
 # Raised strips of the floor: height, width and length, m, and their number.

@@ -15,7 +15,7 @@ from controller.motion.rotations import Array
 from controller.motion.skeleton import Skeleton
 from motiondeck_base.errors import UnknownNameError
 from motiondeck_base.shipped import find_library, find_robot
-from sim.models.formats.urdf_visuals import dressed
+from sim.models.formats.urdf_visuals import spec_with_visuals
 from sim.robots.robot import load_robot
 
 PREFIX = "robot/"
@@ -46,7 +46,7 @@ class SideBySide:
         self.robot = load_robot(robot, skeleton, dt=dt)
         self.scale = self.robot.path_scale
         self.human = load_robot(human, replace(skeleton, length=skeleton.length * self.scale))
-        spec, other = self.human.spec.copy(), dressed(self.robot.spec).copy()
+        spec, other = self.human.spec.copy(), spec_with_visuals(self.robot.spec).copy()
         for thing in [*other.worldbody.geoms, *other.worldbody.lights, *other.equalities]:
             other.delete(thing)
         for texture in [*other.textures]:

@@ -21,7 +21,7 @@ from sim.physics.pushes import PUSH_LASTS, PUSHES_TOWARDS, push_force, usual_pus
 from sim.physics.recovery import Phase, Recovery, has_fallen
 from sim.physics.simulated_servos import Servos
 from sim.physics.walking.preview import AHEAD
-from sim.physics.walking.senses import Sensors
+from sim.physics.walking.state_estimate import Sensors
 from sim.physics.walking.walker import Walker
 from sim.robots.robot import Robot
 

@@ -45,7 +45,7 @@ def load_sampled_robot(path: Path, skeleton: Skeleton) -> Robot:
     return load_robot(path, skeleton, dt=DT)
 
 
-def onward(poses: Sequence[Pose]) -> Iterator[Pose]:
+def endless_poses(poses: Sequence[Pose]) -> Iterator[Pose]:
     """The poses of an endless loop: each round continues place and heading of the last one."""
     first, last, before = poses[0], poses[-1], poses[-2]
     # One sample more than the loop has is the beginning of the next round.

@@ -18,7 +18,7 @@ from sim.physics.physics_model import Alteration, feet_of
 from sim.physics.playback import PhysicsPlayback
 from sim.physics.pushes import PUSH_LASTS, push_force
 from sim.physics.walking.preview import AHEAD
-from sim.physics.walking.senses import Sensors
+from sim.physics.walking.state_estimate import Sensors
 from sim.robots.robot import DT, Robot
 from sim.robots.target_limiter import Limiter
 

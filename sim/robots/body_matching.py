@@ -23,7 +23,7 @@ from controller.motion.rotations import Array, conjugate, from_rotation_vector, 
 from motiondeck_base.errors import FileFormatError
 from sim.models.ball_joints import unplayed_balls
 from sim.models.kinematic_tree import below, hinges_at, hinges_between, path_to
-from sim.robots.limb_parts import ARM, LEG, bend_of, can_bend, divided, end_of, front_of
+from sim.robots.limb_parts import ARM, LEG, bend_index, can_bend, end_joint, front_direction, limb_bodies
 from sim.robots.standing_body import STANDS, RobotLimb, StandingBody
 
 # Least length of a leg, in heights of the robot, and least cosine of its angle to the vertical.
@@ -128,7 +128,7 @@ class _Matcher:
         own = hinges_between(self.model, self.root, pelvis) if pelvis != self.root else []
         parts = {"pelvis": self.body.name(pelvis if own else self.root)}
         stands = [self.body.limb(end, pelvis) for end in legs]
-        parts |= divided(self.body, LEG, dict(zip("rl", stands, strict=True)), ahead)
+        parts |= limb_bodies(self.body, LEG, dict(zip("rl", stands, strict=True)), ahead)
 
         branches = {self.body.branch(leg, pelvis) for leg in legs}
         rest = [e for e in self.ends if self.body.branch(e, pelvis) not in branches]
@@ -138,7 +138,7 @@ class _Matcher:
         if arms:
             chest = self._chest([*arms.values()], left)
             limbs = {side: self._beside(self.body.limb(end, chest), left) for side, end in arms.items()}
-            parts |= divided(self.body, ARM, limbs, ahead)
+            parts |= limb_bodies(self.body, ARM, limbs, ahead)
             self.leg_share = max(map(self.body.length, stands)) / max(map(self.body.length, limbs.values()))
             hinges = {len(limb.joints) for limb in (*stands, *limbs.values())}
             self.limbs_alike = len(hinges) == 1 and abs(self.leg_share - 1.0) < ALIKE
@@ -240,9 +240,9 @@ class _Matcher:
         reach, seen, folding = 0.0, True, True
         for leg in legs:
             limb = self.body.limb(leg, pelvis)
-            knee = bend_of(self.body, limb, limb)
-            ankle = end_of(self.body, limb, knee)
-            ahead = front_of(self.body, limb, knee) @ across if ankle is None else 0.0
+            knee = bend_index(self.body, limb, limb)
+            ankle = end_joint(self.body, limb, knee)
+            ahead = front_direction(self.body, limb, knee) @ across if ankle is None else 0.0
             last, seen = (limb.joints[-1], False) if ankle is None else (ankle, seen)
             mine = np.isin(self.surface.body, below(self.model, int(self.model.jnt_bodyid[last])))
             folding = folding and (ahead != 0.0 or ankle is not None)

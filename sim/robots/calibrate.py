@@ -23,8 +23,8 @@ from motiondeck_base.counted import counted
 from motiondeck_base.errors import FileFormatError
 from sim.models.coupled_joints import followers
 from sim.models.formats.model_kind import model_kind
-from sim.models.formats.urdf_text import packages_of_looks, urdf_speeds
-from sim.models.formats.urdf_visuals import missing_looks
+from sim.models.formats.urdf_text import urdf_speeds, visual_packages
+from sim.models.formats.urdf_visuals import missing_visuals
 from sim.models.joint_layout import JointLayout
 from sim.models.model_file import read_model
 from sim.models.robot_file import Angle
@@ -35,7 +35,15 @@ from sim.retargeting.robot_limbs import RobotLimbs, limb_directions
 from sim.retargeting.robot_parts import SIDES
 from sim.robots.body_matching import match
 from sim.robots.limb_directions import LimbDirections
-from sim.robots.proportions import Doubt, SegmentPair, doubts, limp, other_units, segments_of, unlike_ranges
+from sim.robots.proportions import (
+    Doubt,
+    SegmentPair,
+    limb_doubts,
+    range_doubts,
+    segments_of,
+    undriven_limbs,
+    unit_doubts,
+)
 from sim.robots.rest_pose import rest_pose
 
 # Defaults for what a model does not say: rad/s, rad/s^2, rad/s^3.
@@ -153,12 +161,12 @@ class Calibration:
         return "\n".join(lines) + "\n"
 
 
-def _unseen(path: Path, packages: Mapping[str, Path]) -> list[Doubt]:
+def _missing_visuals(path: Path, packages: Mapping[str, Path]) -> list[Doubt]:
     """A doubt about missing meshes of <visual> shapes."""
-    missing = missing_looks(path, packages) if model_kind(path) == "robot" else []
+    missing = missing_visuals(path, packages) if model_kind(path) == "robot" else []
     if not missing:
         return []
-    named = packages_of_looks(path)
+    named = visual_packages(path)
     where = f", or say where the package is with --package {named[0]}=FOLDER" if named else ""
     are = f"{counted(len(missing), 'mesh')} of its looks {'is' if len(missing) == 1 else 'are'} missing"
     words = f"{are} ({missing[0]}): it is drawn by its collision shapes. Copy them there{where}"
@@ -189,7 +197,7 @@ def calibrate(path: Path, packages: Mapping[str, Path] | None = None) -> Calibra
     velocity = np.array([speeds.get(name, VELOCITY) for name in layout.joints])
     limits = JointLimits(lower, upper, velocity, np.full(count, ACCELERATION), np.full(count, JERK))
 
-    stand = standing()
+    stand = standing_human()
     rest = np.clip(np.round(rest_pose(limbs, limits, stand), 3), lower, upper)
     limbs.place(rest)
     height = -LowestPoint(model)(limbs.data)
@@ -209,7 +217,9 @@ def calibrate(path: Path, packages: Mapping[str, Path] | None = None) -> Calibra
     tall = float((points[:, 2] + radius).max() + height)
     segments = segments_of(model, found.parts, limbs, tall)
     unsure = (
-        _unseen(path, packages or {}) + other_units(model, tall) + [Doubt("", words, False) for words in found.doubts]
+        _missing_visuals(path, packages or {})
+        + unit_doubts(model, tall)
+        + [Doubt("", words, False) for words in found.doubts]
     )
     coupled = {model.joint(follower).name for follower in followers(model)}
     hinges, unplayed = (
@@ -217,9 +227,9 @@ def calibrate(path: Path, packages: Mapping[str, Path] | None = None) -> Calibra
         for kinds in (_HINGE, _UNPLAYED)
     )
     undriven = tuple(name for name in hinges if name not in layout.joints and name not in coupled)
-    unsure += limp(model, found.parts, segments, undriven)
+    unsure += undriven_limbs(model, found.parts, segments, undriven)
     directions = LimbDirections(model, found.parts, found.root_rotation)
-    unsure += doubts(found.parts, segments, directions) + unlike_ranges(model, found.parts, directions.standing)
+    unsure += limb_doubts(found.parts, segments, directions) + range_doubts(model, found.parts, directions.standing)
     return Calibration(
         name=path.stem,
         model=path.resolve(),
@@ -242,7 +252,7 @@ def calibrate(path: Path, packages: Mapping[str, Path] | None = None) -> Calibra
     )
 
 
-def standing() -> Array:
+def standing_human() -> Array:
     """The limbs of a standing human with hanging arms, shape (14, 3)."""
     out, bent, knee = 0.12, 0.25, 0.08
     directions = {"head_ahead": (1, 0, 0), "head_left": (0, 1, 0), "chest_ahead": (1, 0, 0), "chest_left": (0, 1, 0)}

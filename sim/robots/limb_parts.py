@@ -25,7 +25,7 @@ BEND_SHARE = 0.6
 TOES_SHARE, FINGERS_SHARE = 0.15, 0.3
 
 
-def divided(
+def limb_bodies(
     body: StandingBody, names: tuple[str, str, str], limbs: dict[str, RobotLimb], ahead: Array
 ) -> dict[str, str]:
     """Part, such as "l_shank", to the name of its body, for the three parts of each limb, or two without an end hinge.
@@ -38,11 +38,11 @@ def divided(
     """
     parts, data, moved = {}, body.data, body.model.jnt_bodyid
     for side, limb in limbs.items():
-        bend = bend_of(body, limb, limbs.get("l" if side == "r" else "r", limb))
+        bend = bend_index(body, limb, limbs.get("l" if side == "r" else "r", limb))
         knee = limb.joints[bend]
         upper = next(joint for joint in reversed(limb.joints[:bend]) if moved[joint] != moved[knee])
         found = [upper, knee]
-        end = end_of(body, limb, bend)
+        end = end_joint(body, limb, bend)
         if end is not None:
             at = data.xanchor[end]
             span = float(np.linalg.norm(at - data.xanchor[knee]))
@@ -55,7 +55,7 @@ def divided(
     return parts
 
 
-def bend_of(body: StandingBody, limb: RobotLimb, twin: RobotLimb) -> int:
+def bend_index(body: StandingBody, limb: RobotLimb, twin: RobotLimb) -> int:
     """The index of the knee (elbow) among a limb's joints; a limb without a twin is its own."""
     at = [body.data.xanchor[j] for j in limb.joints]
     between = at[0] - body.data.xanchor[twin.joints[0]]
@@ -76,14 +76,14 @@ def bend_of(body: StandingBody, limb: RobotLimb, twin: RobotLimb) -> int:
     return next(k for k, value in score.items() if value >= BEND_SHARE * most)
 
 
-def end_of(body: StandingBody, limb: RobotLimb, knee: int) -> int | None:
+def end_joint(body: StandingBody, limb: RobotLimb, knee: int) -> int | None:
     """The first joint of the ankle (wrist), for the index of the knee; None without one."""
     at = body.data.xanchor[limb.joints[knee]]
     upper = float(np.linalg.norm(farthest([body.data.xanchor[j] for j in limb.joints[:knee]], at) - at))
     return end_hinge(body.data, limb.joints[knee + 1 :], at, upper)
 
 
-def front_of(body: StandingBody, limb: RobotLimb, knee: int) -> Array:
+def front_direction(body: StandingBody, limb: RobotLimb, knee: int) -> Array:
     """The front of a leg without an ankle, shape (3,), m: away from the fold of its knee."""
     joint = limb.joints[knee]
     axis, at = body.data.xaxis[joint], body.data.xanchor[joint]

@@ -86,7 +86,7 @@ def segments_of(model: mujoco.MjModel, parts: dict[str, str], limbs: RobotLimbs,
     return found
 
 
-def doubts(parts: dict[str, str], segments: list[SegmentPair], directions: LimbDirections) -> list[Doubt]:
+def limb_doubts(parts: dict[str, str], segments: list[SegmentPair], directions: LimbDirections) -> list[Doubt]:
     """Limbs that do not fit a human's body, or knees and elbows that `LimbDirections` finds elsewhere."""
     found = []
     for name in ("r_upper_arm", "l_upper_arm"):
@@ -115,7 +115,7 @@ def doubts(parts: dict[str, str], segments: list[SegmentPair], directions: LimbD
     return found
 
 
-def limp(
+def undriven_limbs(
     model: mujoco.MjModel, parts: dict[str, str], segments: Sequence[SegmentPair], undriven: Collection[str]
 ) -> list[Doubt]:
     """Knees and elbows without actuators, and limbs on ball joints without them."""
@@ -138,7 +138,7 @@ def limp(
     return found
 
 
-def other_units(model: mujoco.MjModel, height: float) -> list[Doubt]:
+def unit_doubts(model: mujoco.MjModel, height: float) -> list[Doubt]:
     """Signs of other units in the file of a robot, whose height is in m."""
     found = []
     if not TALL[0] <= height <= TALL[1]:
@@ -159,7 +159,7 @@ def other_units(model: mujoco.MjModel, height: float) -> list[Doubt]:
     return found
 
 
-def unlike_ranges(model: mujoco.MjModel, parts: dict[str, str], standing: mujoco.MjData) -> list[Doubt]:
+def range_doubts(model: mujoco.MjModel, parts: dict[str, str], standing: mujoco.MjData) -> list[Doubt]:
     """Hinges of a left leg or arm whose ranges do not mirror the right one, such as a knee with the wrong sign.
 
     `standing` is the robot that faces x.

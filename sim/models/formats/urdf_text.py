@@ -112,7 +112,7 @@ def readable_urdf(path: Path, packages: Mapping[str, Path], visuals: bool = Fals
     return _with_setting(text, "discardvisual", "false") if visuals or not has_collision_shapes(text) else text
 
 
-def packages_of_looks(path: Path) -> list[str]:
+def visual_packages(path: Path) -> list[str]:
     """The packages that a URDF names in its <visual> shapes."""
     text = _COMMENT.sub("", xml_text(path))
     named = (uri[1] for look in _LOOK.finditer(text) for uri in _URI.finditer(look[0]))

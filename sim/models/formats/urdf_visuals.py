@@ -40,17 +40,17 @@ def with_visuals(spec: mujoco.MjSpec) -> mujoco.MjModel:
 
     Bodies with unreadable or missing meshes keep their collision shapes, and so do all without a readable URDF.
     """
-    worn = _worn(spec)
-    return spec.compile() if worn is None else worn[1]
+    shown = _with_visuals(spec)
+    return spec.compile() if shown is None else shown[1]
 
 
-def dressed(spec: mujoco.MjSpec) -> mujoco.MjSpec:
+def spec_with_visuals(spec: mujoco.MjSpec) -> mujoco.MjSpec:
     """As `with_visuals`, an editable copy, or the model itself without visual shapes."""
-    worn = _worn(spec)
-    return spec if worn is None else worn[0]
+    shown = _with_visuals(spec)
+    return spec if shown is None else shown[0]
 
 
-def missing_looks(file: Path, packages: Mapping[str, Path]) -> list[Path]:
+def missing_visuals(file: Path, packages: Mapping[str, Path]) -> list[Path]:
     """The missing meshes of a URDF's visual shapes."""
     try:
         looks = mujoco.MjSpec.from_string(readable_urdf(file, packages, visuals=True))
@@ -60,7 +60,7 @@ def missing_looks(file: Path, packages: Mapping[str, Path]) -> list[Path]:
     return [folder / mesh.file for mesh in looks.meshes if mesh.file and not (folder / mesh.file).is_file()]
 
 
-def _worn(spec: mujoco.MjSpec) -> tuple[mujoco.MjSpec, mujoco.MjModel] | None:
+def _with_visuals(spec: mujoco.MjSpec) -> tuple[mujoco.MjSpec, mujoco.MjModel] | None:
     """A copy with the visual shapes, and its model; None without any."""
     noted = next((text.data for text in spec.texts if text.name == _SOURCE), None)
     if noted is None:
@@ -68,13 +68,13 @@ def _worn(spec: mujoco.MjSpec) -> tuple[mujoco.MjSpec, mujoco.MjModel] | None:
     source = msgspec.json.decode(noted, type=_Source)
     shown = spec.copy()
     try:
-        _dress(shown, Path(source.file), {name: Path(folder) for name, folder in source.packages.items()})
+        _add_visuals(shown, Path(source.file), {name: Path(folder) for name, folder in source.packages.items()})
         return shown, shown.copy().compile()
     except Exception:  # drawing never fails because of visual shapes
         return None
 
 
-def _dress(spec: mujoco.MjSpec, file: Path, packages: Mapping[str, Path]) -> None:
+def _add_visuals(spec: mujoco.MjSpec, file: Path, packages: Mapping[str, Path]) -> None:
     looks = mujoco.MjSpec.from_string(readable_urdf(file, packages, visuals=True))
     folder = file.resolve().parent / looks.meshdir
     offsets = {text.name: np.array(text.data) for text in spec.numerics if text.name == MOVED_ORIGIN}

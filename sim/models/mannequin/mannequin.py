@@ -14,7 +14,7 @@ from controller.motion.rotations import Array, from_matrix
 from controller.motion.skeleton import ROOT, Skeleton
 from controller.motion.thesis_body import thesis_skeleton
 from sim.models.gravity import GRAVITY
-from sim.models.mannequin.solids import Solid, flesh, limb_inertia, masses, pelvis
+from sim.models.mannequin.solids import Solid, bone_solids, limb_inertia, masses, pelvis_solids
 from sim.models.overlaps import near_bodies
 from sim.models.scenery import add_gantry, add_lamp, set_stage
 
@@ -80,7 +80,7 @@ def build_mannequin(skeleton: Skeleton) -> mujoco.MjSpec:
     set_stage(spec, height)
     root = spec.worldbody.add_body(name=ROOT_BODY, pos=[0.0, 0.0, height])
     root.add_freejoint(name=ROOT_BODY)
-    _dress(root, pelvis(skeleton, parts), mass[0], "middle")
+    _add_solids(root, pelvis_solids(skeleton, parts), mass[0], "middle")
     bodies = {ROOT: root}
     for bone, name in enumerate(skeleton.bones):
         parent = int(skeleton.parent[bone])
@@ -88,7 +88,7 @@ def build_mannequin(skeleton: Skeleton) -> mujoco.MjSpec:
         body = bodies[parent].add_body(name=name, pos=start)
         body.add_joint(name=name, type=mujoco.mjtJoint.mjJNT_BALL, limited=True, range=[0.0, REACH[parts.part[bone]]])
         body.add_site(name=name, pos=skeleton.rest_direction[bone] * skeleton.length[bone], size=[0.005] * 3, group=4)
-        _dress(body, flesh(skeleton, parts, bone), mass[bone + 1], parts.side[bone])
+        _add_solids(body, bone_solids(skeleton, parts, bone), mass[bone + 1], parts.side[bone])
         spread = limb_inertia(skeleton, parts, bone, mass[bone + 1])
         if spread is not None:
             body.explicitinertial = True
@@ -117,7 +117,7 @@ def _felt_inertia(model: mujoco.MjModel) -> Array:
     return diagonal
 
 
-def _dress(body: mujoco.MjsBody, solids: list[Solid], mass: float, side: str) -> None:
+def _add_solids(body: mujoco.MjsBody, solids: list[Solid], mass: float, side: str) -> None:
     volume = sum(solid.volume for solid in solids)
     # One capsule along a limb collides as well as all its solids, in a tenth of the time.
     long = [solid.shape == "capsule" and bool(solid.size[2] > 2.0 * solid.size[0]) for solid in solids]
@@ -133,7 +133,7 @@ def _dress(body: mujoco.MjsBody, solids: list[Solid], mass: float, side: str) ->
             material=side if solid.tone == "limb" else solid.tone,
             contype=SELF if touches else OTHERS,
             conaffinity=SELF if touches else 0,
-            condim=1,  # flesh slides on flesh; a floor brings its own friction
+            condim=1,  # bone_solids slides on bone_solids; a floor brings its own friction
             solref=SOFT,
         )
 

@@ -93,7 +93,7 @@ def bone_frame(direction: Array) -> Array:
     return np.stack([u, cross(direction, u), direction], axis=1)
 
 
-def pelvis(skeleton: Skeleton, parts: Anatomy) -> list[Solid]:
+def pelvis_solids(skeleton: Skeleton, parts: Anatomy) -> list[Solid]:
     """What sits on the root itself."""
     s = stature(skeleton, parts) / REFERENCE_STATURE
     ends = skeleton.rest_direction * skeleton.length[:, None]
@@ -107,7 +107,7 @@ def pelvis(skeleton: Skeleton, parts: Anatomy) -> list[Solid]:
     ]
 
 
-def flesh(skeleton: Skeleton, parts: Anatomy, bone: int) -> list[Solid]:
+def bone_solids(skeleton: Skeleton, parts: Anatomy, bone: int) -> list[Solid]:
     """What sits on a bone; at least one solid, however short the bone."""
     s = stature(skeleton, parts) / REFERENCE_STATURE
     length = max(float(skeleton.length[bone]), 0.01 * s)

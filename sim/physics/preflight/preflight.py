@@ -18,9 +18,9 @@ from sim.models.servo_motor import strength
 from sim.physics.loads import Loads, loads_of
 from sim.physics.physics_model import feet_of
 from sim.physics.played_motions import PlayedMotion
-from sim.physics.preflight.by_numbers import ASTRAY, Numbers
 from sim.physics.preflight.findings import Finding, PreflightVerdict
-from sim.physics.preflight.trials import Trials
+from sim.physics.preflight.physics_checks import PhysicsChecks
+from sim.physics.preflight.static_checks import ASTRAY, StaticChecks
 from sim.robots.robot import Robot
 from sim.robots.self_collision import SelfCollision
 from sim.robots.target_limiter import Limiter
@@ -41,8 +41,8 @@ class Preflight:
         limiter: of the joint targets.
         root: "gantry", "fixed" or "free".
         balance, walk: the controller of a free robot, if any.
-        numbers: checks without simulation.
-        trials: checks in physics.
+        static: checks without simulation.
+        physics: checks in physics.
     """
 
     robot: Robot
@@ -57,15 +57,15 @@ class Preflight:
         self.robot = replace(self.robot, footing=deepcopy(self.robot.footing, {id(self.robot.model): self.robot.model}))
         self._collisions, self._feet = SelfCollision(self.robot), feet_of(self.robot)
         falls = self.root == "free" and not (self.balance or self.walk)
-        self.numbers = Numbers(self.robot, self.limits, self.limiter, falls=falls)
-        self.trials = Trials(self.robot, self.limits, self.limiter, self.root, self.balance, self.walk)
+        self.static = StaticChecks(self.robot, self.limits, self.limiter, falls=falls)
+        self.physics = PhysicsChecks(self.robot, self.limits, self.limiter, self.root, self.balance, self.walk)
 
     def judge(self, played: PlayedMotion, *, simulate: bool, tempo: float = 1.0) -> PreflightVerdict:
         """Judges a motion or a switch at a tempo; `simulate` adds physics, with a free root for FALL_SECONDS."""
         loads = loads_of(self.robot, played, free=self.root == "free", collisions=self._collisions, feet=self._feet)
-        findings = tuple(self.numbers.findings(played, loads, tempo))
+        findings = tuple(self.static.findings(played, loads, tempo))
         if simulate:
-            findings += tuple(self.trials.findings(played, tempo))
+            findings += tuple(self.physics.findings(played, tempo))
         if all(finding.ok for finding in findings):
             return PreflightVerdict(played.name, findings, tempo)
         lasting = tuple(finding for finding in findings if finding.check in _AT_ANY_TEMPO and not finding.ok)
@@ -73,10 +73,10 @@ class Preflight:
             return PreflightVerdict(played.name, findings, None, obstacles=lasting)
 
         def by_numbers(slow: float) -> bool:
-            return self.numbers.pass_at(played, loads, slow)
+            return self.static.passes_at_tempo(played, loads, slow)
 
         def in_physics(slow: float) -> bool:
-            return self.trials.follow(played, slow) and by_numbers(slow)
+            return self.physics.follow(played, slow) and by_numbers(slow)
 
         passes = fastest_passing(by_numbers, tempo, _WITHIN)
         if simulate and passes is not None and not in_physics(passes):
@@ -86,9 +86,9 @@ class Preflight:
 
     def _obstacles(self, played: PlayedMotion, loads: Loads, *, simulate: bool) -> tuple[Finding, ...]:
         """The findings that fail at the slowest tempo; those of a simulation only if no others do."""
-        found = self.numbers.findings(played, loads, SLOWEST)
+        found = self.static.findings(played, loads, SLOWEST)
         if simulate and all(one.ok for one in found):
-            found = self.trials.findings(played, SLOWEST)
+            found = self.physics.findings(played, SLOWEST)
         torque = np.abs(loads.torque(SLOWEST)).max(axis=0)
         return tuple(replace(one, cause=self._cause(one, torque)) for one in found if not one.ok)
 

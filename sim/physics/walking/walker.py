@@ -44,10 +44,10 @@ from sim.physics.walking.leg_swing import leg_swing, legs_carry
 from sim.physics.walking.momentum import Momentum
 from sim.physics.walking.preview import AHEAD, Preview, Travel
 from sim.physics.walking.rolling import ROUNDED, from_flat
-from sim.physics.walking.senses import Estimate, ExactState, Sensors
+from sim.physics.walking.state_estimate import Estimate, ExactState, Sensors
 from sim.physics.walking.steps import highest, swing_path
 from sim.physics.walking.strength import check_legs
-from sim.physics.walking.whole_body import WholeBody, widest
+from sim.physics.walking.whole_body import WholeBody, widest_stance
 from sim.robots.robot import Robot
 
 # Weight of the root's height, 1/m.
@@ -123,9 +123,9 @@ class Walker:
         self._fades = float(np.exp(-dt / RIGHTS))
         self._late = robot.servo.latency if robot.servo is not None else 0.0
         down = model.opt.gravity if gravity is None else gravity
-        self._senses = ExactState(model, down)
+        self._estimate = ExactState(model, down)
         if sensors is not None:
-            self._senses = Estimate(model, down, sensors, self._stands_on, dt)
+            self._estimate = Estimate(model, down, sensors, self._stands_on, dt)
             self._late += sensors.delay
         smoothed = max(SMOOTHED if robot.servo is None else 0.0, LATE * self._late)
         self._takes = min(1.0, dt / max(smoothed, dt))
@@ -143,7 +143,7 @@ class Walker:
     def start(self, data: mujoco.MjData) -> None:
         """Puts the robot on both feet at its place and height in data."""
         model, plan, height = self._model, self._body.plan, float(data.qpos[2])
-        self._senses.start()
+        self._estimate.start()
         self._height, self._now = height, 0.0
         self.preview, self.travel = Preview(height, self._dt), Travel(self._dt)
         plan.qpos[:] = data.qpos
@@ -173,7 +173,7 @@ class Walker:
         gait, omega = self._gait, self._omega
         self._now += self._dt
         self._look_ahead(goal, heading)
-        seen = self._senses.see(data, gait.standing)
+        seen = self._estimate.see(data, gait.standing)
         soles, yaws = self._stance(seen)
         soles -= self._from_flat(yaws, self._pitches(seen))
         ended = gait.advance(self._now, self.preview.swings, AHEAD)
@@ -210,7 +210,7 @@ class Walker:
         height = float(goal[2])
         goal[2] -= settings.bend * height
         most = WIDE * settings.width
-        return widest(self._body, goal, self._flat, self._sides, settings.width * height, most * height) / height
+        return widest_stance(self._body, goal, self._flat, self._sides, settings.width * height, most * height) / height
 
     def _look_ahead(self, goal: Array, heading: float) -> None:
         self._momentum.add(goal)

@@ -219,7 +219,9 @@ def _solve(matrix: Array, wanted: Array, given: Sequence[int], to: Sequence[floa
     return np.linalg.solve(matrix, wanted).astype(np.float64, copy=False)
 
 
-def widest(body: WholeBody, goal: Array, flat: Sequence[Array], sides: Array, least: float, most: float) -> float:
+def widest_stance(
+    body: WholeBody, goal: Array, flat: Sequence[Array], sides: Array, least: float, most: float
+) -> float:
     """The widest stance, m, into which either foot lands flat: one that lands on its inner edge tips the robot over.
 
     Args:

@@ -139,7 +139,7 @@ def test_what_has_no_feet_has_no_margin():
     motion = PlayedMotion("still", True, np.tile(body.rest, (3, 1)), (bent_pose(human()),) * 3)
     loads = loads_of(body, motion, free=False, collisions=SelfCollision(body), feet=())
     loads = replace(loads, support=(np.zeros((0, 2)),) * 3)
-    found = Preflight(body, body.limits, SafetyEnvelope).numbers.standing(loads, 1.0)
+    found = Preflight(body, body.limits, SafetyEnvelope).static.standing(loads, 1.0)
     assert np.isfinite([finding.value for finding in found]).all()
     assert "balance margin" not in {finding.check for finding in found}
 

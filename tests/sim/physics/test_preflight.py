@@ -14,10 +14,10 @@ from controller.motion.rotations import multiply, yaw
 from motiondeck_base.errors import MotiondeckError
 from sim.physics.loads import loads_of
 from sim.physics.physics_model import feet_of
-from sim.physics.played_motions import DT, PlayedMotion, onward
-from sim.physics.preflight import trials
-from sim.physics.preflight.by_numbers import ASTRAY, servo_lag
+from sim.physics.played_motions import DT, PlayedMotion, endless_poses
+from sim.physics.preflight import physics_checks
 from sim.physics.preflight.preflight import SLOWEST, Preflight, fastest_passing
+from sim.physics.preflight.static_checks import ASTRAY, servo_lag
 from sim.robots.robot import load_robot
 from sim.robots.self_collision import SelfCollision
 from simulated_bodies import ROBOTS, bent_pose, human
@@ -132,7 +132,7 @@ def test_what_is_out_of_reach_for_an_instant_only_is_let_pass():
 
 def test_poses_go_evenly_from_tick_to_tick():
     from sim.physics.played_motions import poses_at
-    from sim.physics.preflight.by_numbers import TICK
+    from sim.physics.preflight.static_checks import TICK
 
     turns = 0.02 * np.arange(9)
     poses = tuple(Pose(np.array([0.01 * k, 0.0, 1.0]), turns[k], yaw(turns[k])[None]) for k in range(9))
@@ -180,28 +180,28 @@ def test_who_stands_still_or_is_down_already_cannot_fall(rotation):
     played = PlayedMotion("still", True, np.tile(SERVO20.rest, (40, 1)), (pose,) * 40)
     judge = preflight(SERVO20, "free")
     loads = loads_of(SERVO20, played, free=False, collisions=COLLISIONS, feet=feet_of(SERVO20))
-    assert {f.check: f.ok for f in judge.numbers.standing(loads, 1.0)}["off balance"]
-    assert {f.check: f.ok for f in judge.trials.findings(played, 1.0)}["physics: stands"]
+    assert {f.check: f.ok for f in judge.static.standing(loads, 1.0)}["off balance"]
+    assert {f.check: f.ok for f in judge.physics.findings(played, 1.0)}["physics: stands"]
 
 
 def test_a_robot_that_walks_is_judged_by_how_it_stands_and_how_far_it_goes(monkeypatch):
-    monkeypatch.setattr(trials, "FALL_SECONDS", 1.0)
+    monkeypatch.setattr(physics_checks, "FALL_SECONDS", 1.0)
     pose = bent_pose(human())
     played = PlayedMotion("still", True, np.tile(SERVO20.rest, (40, 1)), (pose,) * 40)
-    found = {f.check: f for f in preflight(SERVO20, "free", walk=True).trials.findings(played, 1.0)}
+    found = {f.check: f for f in preflight(SERVO20, "free", walk=True).physics.findings(played, 1.0)}
     assert found["physics: stands"].value == 1.0
     assert 0.0 < found["capture point off"].value < 20.0
     assert found["robot goes"].value < 0.02
     weak = replace(SERVO20, servo=msgspec.structs.replace(SERVO20.servo, torque=0.1))
     with pytest.raises(MotiondeckError, match="cannot stand on one leg"):
-        preflight(weak, "free", walk=True).trials.findings(played, 1.0)
+        preflight(weak, "free", walk=True).physics.findings(played, 1.0)
 
 
 def test_a_robot_that_falls_while_it_is_to_walk_is_told_so_with_the_time(monkeypatch):
-    monkeypatch.setattr(trials, "FALL_SECONDS", 4.0)
+    monkeypatch.setattr(physics_checks, "FALL_SECONDS", 4.0)
     played = PlayedMotion("still", True, np.tile(SERVO20.rest, (40, 1)), (bent_pose(human()),) * 40)
     late = replace(SERVO20, servo=msgspec.structs.replace(SERVO20.servo, latency=0.3))
-    found = {f.check: f for f in preflight(late, "free", walk=True).trials.findings(played, 1.0)}
+    found = {f.check: f for f in preflight(late, "free", walk=True).physics.findings(played, 1.0)}
     assert not found["physics: stands"].ok
     assert 0.5 < found["physics: stands"].value < found["physics: stands"].limit
     assert not found["capture point off"].ok
@@ -213,7 +213,7 @@ def test_round_after_round_a_loop_goes_on_where_it_was():
         Pose(np.array([np.sin(a), 1.0 - np.cos(a), 0.9]), np.array(a), np.array([[np.cos(a / 2), 0, 0, np.sin(a / 2)]]))
         for a in angle[:-1]
     ]
-    poses = list(islice(onward(circle), 300))
+    poses = list(islice(endless_poses(circle), 300))
     for k in (49, 50, 120, 299):
         a = 0.01 * k
         assert np.allclose(poses[k].root_position, [np.sin(a), 1.0 - np.cos(a), 0.9], atol=1e-3)
@@ -257,8 +257,8 @@ def test_a_play_that_is_astray_ends_early_and_with_the_same_verdict():
     judge = preflight(SERVO20)
     for rate in (2.0, 25.0):
         played = swinging(rate, seconds=0.8)
-        whole, _, _ = judge.trials.play(played, 1.0, "gantry")
-        cut, _, _ = judge.trials.play(played, 1.0, "gantry", until=ASTRAY)
+        whole, _, _ = judge.physics.play(played, 1.0, "gantry")
+        cut, _, _ = judge.physics.play(played, 1.0, "gantry", until=ASTRAY)
         assert (cut > ASTRAY) == (whole > ASTRAY)
         assert cut < whole if rate == 25.0 else cut == whole
 

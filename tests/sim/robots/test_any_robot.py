@@ -18,7 +18,7 @@ from sim.physics.played_motions import DT, load_sampled_robot
 from sim.retargeting.human_limbs import LIMBS, LimbView
 from sim.retargeting.robot_limbs import RobotLimbs, limb_directions
 from sim.robots.body_matching import match
-from sim.robots.calibrate import calibrate, standing
+from sim.robots.calibrate import calibrate, standing_human
 from sim.robots.limb_directions import LimbDirections
 from sim.robots.robot import load_robot
 from simulated_bodies import bent_pose, human, smooth_poses
@@ -545,7 +545,7 @@ def test_a_leap_leaves_the_floor(robot):
 
 
 def test_the_standing_human_is_made_of_unit_vectors():
-    assert np.allclose(np.linalg.norm(standing(), axis=1), 1.0)
+    assert np.allclose(np.linalg.norm(standing_human(), axis=1), 1.0)
 
 
 def test_inverse_kinematics_needs_parts(tmp_path):

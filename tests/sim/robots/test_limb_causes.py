@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from sim.retargeting.human_limbs import LIMBS
-from sim.robots.calibrate import standing
+from sim.robots.calibrate import standing_human
 from sim.robots.limb_causes import limb_causes
 from sim.robots.limb_directions import LimbDirections, degrees_between
 from sim.robots.reachable import ReachableLimb
@@ -113,7 +113,7 @@ def test_an_arm_of_three_joints_shares_what_it_cannot_reach(tmp_path):
     robot, directions = loaded(tmp_path)
     solver = robot.retarget.solver
     for inwards in (0.4, 0.7, 1.0):
-        goals = standing()
+        goals = standing_human()
         for side, left in (("r", -1.0), ("l", 1.0)):
             for part, way in (("upper_arm", (0.4, 0.3 * left, -0.9)), ("forearm", (0.5, -inwards * left, 0.7))):
                 goals[LIMBS.index(f"{side}_{part}")] = way / np.linalg.norm(way)

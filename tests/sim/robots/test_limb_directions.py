@@ -11,9 +11,9 @@ from sim.models.limb_geometry import centre_of, end_hinge, level_with
 from sim.models.model_file import read_model
 from sim.retargeting.human_limbs import LIMBS
 from sim.robots.body_matching import match
-from sim.robots.calibrate import calibrate, standing
+from sim.robots.calibrate import calibrate, standing_human
 from sim.robots.limb_directions import LimbDirections, beyond_limits
-from sim.robots.proportions import other_units
+from sim.robots.proportions import unit_doubts
 from small_robots import full_humanoid, humanoid
 
 LENGTHS = re.compile(r'(pos|size|fromto)="([^"]*)"')
@@ -191,7 +191,7 @@ def test_a_humanoid_of_human_proportions_is_not_doubted(tmp_path):
     assert found.sound
     assert [segment.part for segment in found.segments] == ["thigh", "shank", "upper_arm", "forearm"]
     assert np.allclose([segment.length for segment in found.segments], np.array([[0.3, 0.3, 0.2, 0.2]]).T, atol=0.01)
-    assert len(standing()) == len(LIMBS)
+    assert len(standing_human()) == len(LIMBS)
 
 
 def test_a_forearm_without_a_wrist_ends_amid_its_fingers(tmp_path):
@@ -216,7 +216,7 @@ def test_other_units_are_named(tmp_path, text, words):
     model, found = loaded(tmp_path, text)
     data = mujoco.MjData(model)
     mujoco.mj_kinematics(model, data)
-    (doubt,) = other_units(model, float(np.ptp(data.xpos[1:, 2])))
+    (doubt,) = unit_doubts(model, float(np.ptp(data.xpos[1:, 2])))
     assert doubt.fatal
     assert re.search(words, doubt.words)
     assert found.parts["l_shank"] == "left_shin"

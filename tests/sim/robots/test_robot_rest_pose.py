@@ -8,7 +8,7 @@ from sim.models.model_file import read_model
 from sim.retargeting.human_limbs import LIMBS
 from sim.retargeting.inverse_kinematics import LimbSolver
 from sim.retargeting.robot_limbs import RobotLimbs, limb_directions
-from sim.robots.calibrate import standing
+from sim.robots.calibrate import standing_human
 from small_robots import calibrated, full_humanoid
 
 UP = np.array([0.0, 0.0, 1.0])
@@ -34,7 +34,7 @@ def test_an_arm_that_hangs_the_wrong_way_round_is_turned_until_its_elbow_bends_f
     limbs = RobotLimbs(path, model, calibration.parts, calibration.root_rotation, calibration.joints)
     lower, upper = model.jnt_range[[model.joint(name).id for name in calibration.joints]].T
     limits = JointLimits(lower, upper, *(np.full(len(lower), rate) for rate in (10.0, 300.0, 15000.0)))
-    bent = standing()
+    bent = standing_human()
     rows = [LIMBS.index(f"{name}_forearm") for name in "rl"]
     bent[rows] = [1.0, 0.0, 0.0]
     limbs.place(LimbSolver(limbs, limits, calibration.rest, 1.0)(bent, UP))

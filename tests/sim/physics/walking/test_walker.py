@@ -13,7 +13,7 @@ from motiondeck_base.shipped import find_library
 from sim.physics.physics_model import feet_of, physics_model
 from sim.physics.playback import PhysicsPlayback
 from sim.physics.walking.preview import AHEAD
-from sim.physics.walking.senses import Sensors
+from sim.physics.walking.state_estimate import Sensors
 from sim.physics.walking.walker import Walker
 from sim.robots.robot import load_robot
 from simulated_bodies import HUMAN, ROBOTS, bent_pose, human, skeleton_of

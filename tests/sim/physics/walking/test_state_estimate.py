@@ -3,7 +3,7 @@ import numpy as np
 import pytest
 
 from sim.physics.physics_model import feet_of, physics_model
-from sim.physics.walking.senses import Estimate, ExactState, Sensors
+from sim.physics.walking.state_estimate import Estimate, ExactState, Sensors
 from sim.robots.robot import load_robot
 from simulated_bodies import ROBOTS, human
 

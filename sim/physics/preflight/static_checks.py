@@ -21,13 +21,13 @@ TICK = 0.005  # s
 BRIEFLY = 0.05  # s
 
 
-def lasting(off: Array, dt: float = TICK) -> Array:
+def sustained(off: Array, dt: float = TICK) -> Array:
     """The largest value that each column of (T, J) exceeds for a whole BRIEFLY, shape (J,)."""
     window = min(len(off), max(1, round(BRIEFLY / dt)))
     return np.lib.stride_tricks.sliding_window_view(off, window, axis=0).min(axis=-1).max(axis=0)
 
 
-def lasting_until(off: Iterable[Array], until: float) -> Array:
+def sustained_until(off: Iterable[Array], until: float) -> Array:
     """The same of rows (J,), a tick each; it stops once a column has been above `until` for BRIEFLY."""
     rows: list[Array] = []
     long = np.zeros(1, dtype=np.int64)
@@ -36,10 +36,10 @@ def lasting_until(off: Iterable[Array], until: float) -> Array:
         long = np.where(row > until, long + 1, 0)
         if long.max() >= round(BRIEFLY / TICK):
             break
-    return lasting(np.array(rows))
+    return sustained(np.array(rows))
 
 
-def longest(flags: NDArray[np.bool_]) -> int:
+def longest_run(flags: NDArray[np.bool_]) -> int:
     """The length of the longest run of set samples."""
     most = run = 0
     for flag in flags:
@@ -60,7 +60,7 @@ OFF_BALANCE = 0.25
 DOWN = 0.7
 
 
-class Numbers:
+class StaticChecks:
     """Judges a motion on a robot; the arguments are those of `Preflight`, `falls` without gantry and controller."""
 
     def __init__(self, robot: Robot, limits: JointLimits, limiter: Limiter, *, falls: bool) -> None:
@@ -73,14 +73,14 @@ class Numbers:
         found = [*self._joints(played, loads, tempo), *self._servos(loads, tempo), collision]
         return found + self.standing(loads, tempo)
 
-    def pass_at(self, played: PlayedMotion, loads: Loads, tempo: float) -> bool:
+    def passes_at_tempo(self, played: PlayedMotion, loads: Loads, tempo: float) -> bool:
         """Whether all findings that depend on the tempo pass; it stops at the first that fails."""
         found = [*self._servos(loads, tempo), *self.standing(loads, tempo)]
         return all(one.ok for one in found) and self._held_back(played, tempo, until=ASTRAY).max() <= ASTRAY
 
     def _joints(self, played: PlayedMotion, loads: Loads, tempo: float) -> list[Finding]:
         joints, limits = self._robot.joints, self._limits
-        beyond = lasting(np.maximum(limits.lower - played.targets, played.targets - limits.upper), DT)
+        beyond = sustained(np.maximum(limits.lower - played.targets, played.targets - limits.upper), DT)
         ends = np.minimum(played.targets - limits.lower, limits.upper - played.targets) < 1e-6
         share = ends.mean(axis=0)
         speed = tempo * np.abs(loads.velocity).max(axis=0) / limits.velocity
@@ -106,19 +106,19 @@ class Numbers:
         for target in targets[:first]:
             limited(target)
         off = (np.abs(limited(target) - goal) for target, goal in zip(targets[first:], inside[first:], strict=True))
-        return lasting_until(off, until)
+        return sustained_until(off, until)
 
     def _servos(self, loads: Loads, tempo: float) -> list[Finding]:
         servo, joints = self._robot.servo, self._robot.joints
         torque = loads.torque(tempo)
         if servo is None:
-            share = lasting(np.abs(torque), DT) / strength(self._robot.model)
+            share = sustained(np.abs(torque), DT) / strength(self._robot.model)
             if share.any():
                 return [of_joints("torque", 100.0 * share, 100.0, "%", joints)]
             peak = np.abs(torque).max(axis=0)
             return [of_joints("torque", peak, None, "N m", joints)]
         velocity = np.clip(tempo * loads.velocity, -self._limits.velocity, self._limits.velocity)
-        share = lasting(np.abs(torque), DT) / servo.most
+        share = sustained(np.abs(torque), DT) / servo.most
         lag = servo_lag(torque / servo.torque + velocity / servo.speed, DT / tempo) * servo.speed
         drawn = servo.drawn(np.clip(torque, -servo.most, servo.most))
         rms = np.sqrt(np.square(drawn).mean(axis=0))
@@ -134,7 +134,7 @@ class Numbers:
         """Findings about feet and balance, without physics."""
         inside = loads.balance(tempo)
         down = loads.lies & (loads.com[:, 2] < DOWN * self._robot.root_height)
-        off = longest((inside < 0.0) & ~down) * DT / tempo
+        off = longest_run((inside < 0.0) & ~down) * DT / tempo
         slide = tempo * float(np.median(loads.slide))
         margin = float(np.median(inside))
         found = [

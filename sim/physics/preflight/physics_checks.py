@@ -15,16 +15,16 @@ from controller.motion.rotations import Array
 from sim.models.servo_motor import ROOM
 from sim.physics.physics_model import physics_model
 from sim.physics.playback import PhysicsPlayback
-from sim.physics.played_motions import PlayedMotion, onward, poses_at, targets_at
-from sim.physics.preflight.by_numbers import ASTRAY, TEN_MINUTES, TICK, lasting_until
+from sim.physics.played_motions import PlayedMotion, endless_poses, poses_at, targets_at
 from sim.physics.preflight.findings import Finding, limited
+from sim.physics.preflight.static_checks import ASTRAY, TEN_MINUTES, TICK, sustained_until
 from sim.robots.robot import Robot
 from sim.robots.target_limiter import Limiter
 
 FALL_SECONDS = 10.0  # simulated on a free root, s
 
 
-class Trials:
+class PhysicsChecks:
     """Plays motions in physics on one robot; the arguments are those of `Preflight`."""
 
     def __init__(
@@ -95,7 +95,7 @@ class Trials:
             a joint's largest error that lasted longer than BRIEFLY, rad; the joint; when the robot fell, s, or None.
         """
         stage = self._stage(root)
-        worst = lasting_until(self._played(stage, played, tempo, seconds), until)
+        worst = sustained_until(self._played(stage, played, tempo, seconds), until)
         return float(worst.max()), int(np.argmax(worst)), stage.fell_s
 
     def _stage(self, root: str, *, walk: bool = False) -> PhysicsPlayback:
@@ -115,7 +115,7 @@ class Trials:
         if self.robot.footing is not None:
             self.robot.footing.reset(TICK)
         # A one-shot holds its end, a loop goes round.
-        rounds = onward(poses) if played.loop else chain(poses, repeat(poses[-1]))
+        rounds = endless_poses(poses) if played.loop else chain(poses, repeat(poses[-1]))
         for k, pose in zip(range(len(targets) if seconds is None else round(seconds / TICK)), rounds, strict=False):
             at = k % len(targets) if played.loop else min(k, len(targets) - 1)
             stage.write(limited(targets[at]), pose)

@@ -6,7 +6,7 @@ import pytest
 
 from controller.motion.rotations import from_matrix
 from sim.physics.physics_model import feet_of, physics_model
-from sim.physics.walking.whole_body import SHIFTED, WholeBody, widest
+from sim.physics.walking.whole_body import SHIFTED, WholeBody, widest_stance
 from sim.robots.robot import load_robot
 from simulated_bodies import ROBOTS, human
 
@@ -30,7 +30,7 @@ def how_wide(robot, most=0.9):
     goal = data.qpos.copy()
     goal[2] -= robot.walk.bend * height
     flat = [from_matrix(foot.axes.T) for foot in feet]
-    return widest(body, goal, flat, sides, 0.36 * height, most * height) / height
+    return widest_stance(body, goal, flat, sides, 0.36 * height, most * height) / height
 
 
 def with_ankles(robot, degrees):
