@@ -170,16 +170,17 @@ def ours(port: str, baud: int) -> Client:
 def ours_with_statuses(port: str, baud: int) -> Client:
     bus = Bus(SerialPort(port, baud), baud, margin=0.5)
     goals, wanted = SyncWrite(IDS, *GOAL), np.full(len(IDS), 2048, dtype=np.int32)
+    blocks = tuple((id, *STATE) for id in IDS)
 
     def sync_write() -> bool:
         goals.values[:] = wanted
         return bus.port.send(goals.frame())
 
     def fast_read() -> bool:
-        return len(bus.fast_sync_read(IDS, *STATE)) == len(IDS)
+        return len(bus.bulk_read(blocks, fast=True)) == len(IDS)
 
     def read() -> bool:
-        return len(bus.sync_read(IDS, *STATE)) == len(IDS)
+        return len(bus.bulk_read(blocks)) == len(IDS)
 
     return {"sync write 4 B": sync_write, "sync read 10 B": read, "fast sync read 10 B": fast_read}, bus.close
 

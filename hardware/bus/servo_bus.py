@@ -6,8 +6,7 @@ Every call has a deadline from the wire time, and one dead servo costs one servo
 from __future__ import annotations
 
 from collections import Counter, deque
-from collections.abc import Mapping, Sequence
-from functools import lru_cache
+from collections.abc import Mapping
 from typing import NamedTuple
 
 from hardware.bus.group_read import Blocks, GroupRead, group_read
@@ -158,17 +157,33 @@ class Bus:
         words = self._protocol(entries[0]).instructions
         return self.port.send(words.sync_write(address, length, entries))
 
-    def sync_read(self, ids: Sequence[int], address: int, length: int) -> dict[int, StatusPacket]:
-        """Reads the same registers of many servos, one status each; silent servos are missing from the result."""
-        return self._read_group(_alike(bytes(ids), address, length), fast=False)
+    def bulk_read(self, blocks: Blocks, fast: bool = False) -> dict[int, StatusPacket]:
+        """Reads (id, address, length) of each servo, all in one reply if `fast`; silent ones are not in the result.
 
-    def fast_sync_read(self, ids: Sequence[int], address: int, length: int) -> dict[int, StatusPacket]:
-        """As `sync_read`, in one joint reply: fewer bytes, and the return delay is paid once."""
-        return self._read_group(_alike(bytes(ids), address, length), fast=True)
-
-    def bulk_read(self, blocks: Blocks) -> dict[int, StatusPacket]:
-        """Reads (id, address, length) of each servo, one status each; silent servos are missing from the result."""
-        return self._read_group(blocks, fast=False)
+        A servo waits for the one before it, so a silent one may silence all behind it: only the first in the line is
+        known to be silent itself. It goes to the back, and after `retries` more chances it is given up.
+        """
+        together = tuple(block for block in blocks if self._protocol(block[0]).group_reads)
+        if len(together) < len(blocks):
+            heard = self.bulk_read(together, fast)
+            for id, address, length in blocks:
+                if not (protocol := self._protocol(id)).group_reads:
+                    status = self._ask(protocol.instructions.read(id, address, length), id, length)
+                    heard |= {} if status is None else {id: status}
+            return heard
+        heard = self._ask_group(blocks, fast)
+        if len(heard) == len(blocks):
+            return heard
+        line = deque(block for block in blocks if block[0] not in heard)
+        silent: Counter[int] = Counter()
+        while line:
+            head = line.popleft()
+            silent[head[0]] += 1
+            if silent[head[0]] <= self._retries:
+                line.append(head)
+            heard |= self._ask_group(tuple(line), fast)
+            line = deque(block for block in line if block[0] not in heard)
+        return heard
 
     def request(self, blocks: Blocks, fast: bool = True, before: bytes = b"") -> bool:
         """Starts a group read without waiting for its reply; False if one is under way or the port is full.
@@ -366,34 +381,6 @@ class Bus:
         self._asked = blocks, fast, request
         return request
 
-    def _read_group(self, blocks: Blocks, fast: bool) -> dict[int, StatusPacket]:
-        """Asks each servo for address and length until it has answered, or was silent too often as the first in line.
-
-        A servo waits for the one before it, so a silent one may silence all behind it: only the first in the line is
-        known to be silent itself. It goes to the back, and after `retries` more chances it is given up.
-        """
-        together = tuple(block for block in blocks if self._protocol(block[0]).group_reads)
-        if len(together) < len(blocks):
-            heard = self._read_group(together, fast)
-            for id, address, length in blocks:
-                if not (protocol := self._protocol(id)).group_reads:
-                    status = self._ask(protocol.instructions.read(id, address, length), id, length)
-                    heard |= {} if status is None else {id: status}
-            return heard
-        heard = self._ask_group(blocks, fast)
-        if len(heard) == len(blocks):
-            return heard
-        line = deque(block for block in blocks if block[0] not in heard)
-        silent: Counter[int] = Counter()
-        while line:
-            head = line.popleft()
-            silent[head[0]] += 1
-            if silent[head[0]] <= self._retries:
-                line.append(head)
-            heard |= self._ask_group(tuple(line), fast)
-            line = deque(block for block in line if block[0] not in heard)
-        return heard
-
     def _ask_group(self, blocks: Blocks, fast: bool) -> dict[int, StatusPacket]:
         """The statuses that answer a group read."""
         self._pending = None
@@ -403,9 +390,3 @@ class Bus:
             self.port.wait(self._margin)
             if (reply := self.collect()) is not None:
                 return reply.statuses if isinstance(reply, GroupReply) else reply.statuses(request.ids)
-
-
-@lru_cache(maxsize=64)
-def _alike(ids: bytes, address: int, length: int) -> Blocks:
-    """The same registers of each servo, each asked once."""
-    return tuple((id, address, length) for id in dict.fromkeys(ids))

@@ -77,23 +77,15 @@ class ControlTable:
         register = self.registers.get(name)
         return None if register is None else (register.address, register.length)
 
-    def block(self, first: str, last: str) -> tuple[int, int]:
-        """Address and length of everything from one register to another, both included."""
-        start, end = self[first], self[last]
-        return start.address, end.address + end.length - start.address
-
-    def dtype(self, first: str | None = None, last: str | None = None) -> np.dtype[Any]:
-        """The layout of the block (all of the table by default) as a numpy record, to read many servos at once."""
-        names = list(self.registers)
-        inside = names[names.index(first) if first else 0 : names.index(last) + 1 if last else None]
-        rows = [self.registers[name] for name in inside]
-        start = rows[0].address
+    def dtype(self) -> np.dtype[Any]:
+        """The layout of the table as a numpy record, to see the memories of many servos at once."""
+        rows = list(self.registers.values())
         return np.dtype(
             {
-                "names": inside,
+                "names": list(self.registers),
                 "formats": [f"<{'i' if row.signed else 'u'}{row.length}" for row in rows],
-                "offsets": [row.address - start for row in rows],
-                "itemsize": rows[-1].address + rows[-1].length - start,
+                "offsets": [row.address for row in rows],
+                "itemsize": self.size,
             }
         )
 

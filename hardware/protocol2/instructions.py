@@ -63,16 +63,6 @@ def reboot(id: int) -> bytes:
     return build(id, REBOOT)
 
 
-def factory_reset(id: int, keep: int = RESET_BUT_ID_AND_BAUD) -> bytes:
-    """Restores the factory EEPROM, but for what `keep` names (RESET_...), and restarts the servo."""
-    return build(id, FACTORY_RESET, bytes((keep,)))
-
-
-def backup(id: int, restore: bool = False) -> bytes:
-    """Stores the EEPROM in the servo, or brings back what was stored and restarts; refused with torque on."""
-    return build(id, BACKUP, BACKUP_RESTORE if restore else BACKUP_STORE)
-
-
 def sync_read(address: int, length: int, ids: Iterable[int]) -> bytes:
     """Asks many servos for the same registers; each answers with its own status, in this order."""
     return build(BROADCAST, SYNC_READ, words(address, length) + bytes(ids))

@@ -75,8 +75,3 @@ class Timings:
     def microseconds(self) -> NDArray[np.float64]:
         """A copy of the durations, shape (up to capacity,), us, in no particular order."""
         return self._microseconds[: self._count].copy()
-
-    @property
-    def median(self) -> float:
-        """The median, us; 0 before the first call."""
-        return float(np.median(self.microseconds)) if self._count else 0.0

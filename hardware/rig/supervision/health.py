@@ -44,33 +44,20 @@ _LOW_VOLTAGE = 0.8  # of the model's nominal one
 _RESTLESS, _RESTLESS_WITHIN = 5, 10.0  # times, s
 _KEPT = 200
 
-_KINDS = (
-    "does not answer",
-    "has lost its torque or restarted",
-    "was cut off for longer than watchdog_ms",
-    "does not follow its target",
-    "pushes against something and gives way",
-    "is getting hot",
-    "has a low supply voltage",
-    "has shut down",
-)
+# By incident the condition that it makes.
+_KINDS = {
+    "does not answer": "does not answer",
+    "has lost its torque or restarted": "is limp",
+    "was cut off for longer than watchdog_ms": "was cut off",
+    "does not follow its target": "does not follow",
+    "pushes against something and gives way": "gives way",
+    "is getting hot": "is getting hot",
+    "has a low supply voltage": "has a low supply voltage",
+    "has shut down": "has shut down",
+}
+_INCIDENTS = tuple(_KINDS)
 _SILENT, _LIMP, _BACK, _STILL, _YIELDS, _WARM, _STARVED, _DOWN = range(len(_KINDS))
-# The place of each kind among the conditions, which go from the best to the worst.
-_SEVERITY = np.array(
-    [
-        CONDITIONS.index(word)
-        for word in (
-            "does not answer",
-            "is limp",
-            "was cut off",
-            "does not follow",
-            "gives way",
-            "is getting hot",
-            "has a low supply voltage",
-            "has shut down",
-        )
-    ]
-)
+_SEVERITY = np.array([CONDITIONS.index(condition) for condition in _KINDS.values()])
 _OFF, _LOST = CONDITIONS.index("is off on command"), CONDITIONS.index("is lost")
 
 
@@ -254,7 +241,7 @@ class Health:
                 detail = f": {measured.temperatures[index]:.0f} degC, its limit is {self._hottest[index]:.0f}"
             elif kind == _STARVED:
                 detail = f": {measured.voltages[index]:.1f} V"
-            self.incidents.append(Incident(now, self._names[index], _KINDS[kind] + detail))
+            self.incidents.append(Incident(now, self._names[index], _INCIDENTS[kind] + detail))
 
     def _explain(self, measured: Measurements, down: Mask, hot: Mask, silent: Mask, restless: Mask) -> None:
         """Notes why each joint in `fatal` is."""

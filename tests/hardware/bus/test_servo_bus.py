@@ -13,7 +13,7 @@ from hardware.protocol2.group_reply import WholeReply
 from hardware.rig.rig_file import RigConfig, RigJoint
 
 XM430 = MODELS["XM430-W350"]
-POSITION = XM430.block("present_position", "present_position")
+POSITION = XM430.place("present_position")
 
 
 def blocks(*ids):
@@ -108,19 +108,19 @@ def test_an_alert_is_information(bus, servos):
     assert bus.read(1, 70, 1).alert
     assert bus.read(1, 70, 1).params == b"\x24"
     assert bus.write(1, 65, b"\x01").alert
-    assert bus.sync_read([1, 2], *POSITION)[1].alert
-    assert bus.fast_sync_read([1, 2], *POSITION)[1].alert
-    assert not bus.sync_read([1, 2], *POSITION)[2].alert
+    assert bus.bulk_read(blocks(1, 2))[1].alert
+    assert bus.bulk_read(blocks(1, 2), fast=True)[1].alert
+    assert not bus.bulk_read(blocks(1, 2))[2].alert
 
 
 @pytest.mark.parametrize("strict", [True, False])
 @pytest.mark.parametrize("dead", [[1], [3], [4], [1, 2], [1, 3], [2, 4], [1, 2, 3, 4]])
-@pytest.mark.parametrize("call", ["sync_read", "fast_sync_read"])
-def test_a_dead_servo_costs_one_servo(bus, servos, strict, dead, call):
+@pytest.mark.parametrize("fast", [False, True])
+def test_a_dead_servo_costs_one_servo(bus, servos, strict, dead, fast):
     servos.strict = strict
     for id in dead:
         servos[id].dead = True
-    heard = positions(getattr(bus, call)([1, 2, 3, 4], *POSITION))
+    heard = positions(bus.bulk_read(blocks(1, 2, 3, 4), fast))
     assert heard == {id: place for id, place in {1: 2048, 2: 2048, 3: 1500, 4: 2048}.items() if id not in dead}
 
 
@@ -129,14 +129,17 @@ def test_a_sync_write_reaches_all(bus, servos):
     assert [servos[id]["led"] for id in (1, 2, 3, 4)] == [1, 1, 0, 1]
 
 
-@pytest.mark.parametrize(("call", "instruction"), [("sync_read", 0x82), ("fast_sync_read", 0x8A), ("bulk_read", 0x92)])
-def test_a_group_read_asks_by_the_instruction_of_its_name(port, call, instruction):
+@pytest.mark.parametrize(
+    ("alike", "fast", "instruction"),
+    [(True, False, 0x82), (True, True, 0x8A), (False, False, 0x92), (False, True, 0x9A)],
+)
+def test_a_group_read_asks_by_its_instruction(port, alike, fast, instruction):
     """Dynamixel Protocol 2.0, section "Instruction": servos that know no fast reads stay silent when asked for one."""
     asked, send = [], port.send
     port.send = lambda data: asked.append(data[7]) or send(data)
     bus = Bus(port, 1_000_000)
-    arguments = [((1, *POSITION), (2, 64, 7))] if call == "bulk_read" else [[1, 2], *POSITION]
-    assert list(getattr(bus, call)(*arguments)) == [1, 2]
+    asked_for = blocks(1, 2) if alike else ((1, *POSITION), (2, 64, 7))
+    assert list(bus.bulk_read(asked_for, fast)) == [1, 2]
     assert asked == [instruction]
 
 
@@ -156,7 +159,7 @@ def test_noise_before_an_answer_does_no_harm(port):
     bus = Bus(damaged(port, lambda data: noise + data if data else data), 1_000_000)
     assert bus.ping(1) is not None
     assert bus.read(1, 132, 4).params == (2048).to_bytes(4, "little")
-    assert list(bus.fast_sync_read([1, 2], *POSITION)) == [1, 2]
+    assert list(bus.bulk_read(blocks(1, 2), fast=True)) == [1, 2]
 
 
 def test_the_answer_of_another_servo_is_not_taken(port):
@@ -200,7 +203,7 @@ class BabblingPort:
 def test_endless_noise_ends_at_the_deadline():
     bus = Bus(BabblingPort(), 1_000_000)
     assert bus.ping(1) is None
-    assert bus.fast_sync_read([1, 2], *POSITION) == {}
+    assert bus.bulk_read(blocks(1, 2), fast=True) == {}
 
 
 def test_a_request_is_collected_without_waiting(bus, port):
@@ -280,7 +283,7 @@ def test_a_stuffed_status_is_read_servo_by_servo(bus, servos):
     servos[2].write(11, b"\x04")
     servos[2].bank.shaft[servos[2].row] = -131073
     servos.advance(1.0)
-    heard = bus.sync_read([1, 2, 3, 4], *POSITION)
+    heard = bus.bulk_read(blocks(1, 2, 3, 4))
     assert positions(heard) == {1: 2048, 2: -131073, 3: 1500, 4: 2048}
 
 
@@ -299,7 +302,7 @@ def test_an_answer_that_comes_too_late_is_not_mistaken_for_the_next(bus, port):
         lambda bus: bus.write(1, 65, b"\x01"),
         lambda bus: bus.sync_write(65, 1, b"\x01\x01"),
         lambda bus: bus.request(blocks(1)),
-        lambda bus: bus.fast_sync_read([1], *POSITION),
+        lambda bus: bus.bulk_read(blocks(1), fast=True),
     ],
 )
 def test_a_vanished_port_is_one_clear_error(bus, port, call):
@@ -312,7 +315,7 @@ def test_a_full_port_is_told_and_not_waited_for(port, bus):
     port.send = lambda data: False
     assert not bus.sync_write(65, 1, b"\x01\x01")
     assert not bus.request(blocks(1))
-    assert bus.fast_sync_read([1], *POSITION) == {}
+    assert bus.bulk_read(blocks(1), fast=True) == {}
     with pytest.raises(NoReplyError):
         bus.read(1, 65, 1)
 

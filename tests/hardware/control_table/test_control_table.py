@@ -1,5 +1,6 @@
 import math
 
+import numpy as np
 import pytest
 
 from hardware.control_table.models import MODELS
@@ -54,11 +55,10 @@ def test_an_unknown_register_names_the_nearest():
         XM430["goal_positon"]
 
 
-def test_a_block_reaches_from_one_register_to_another():
-    assert XM430.block("present_current", "present_position") == (126, 10)
-    layout = XM430.dtype("present_current", "present_position")
-    assert layout.itemsize == 10
-    assert layout.names == ("present_current", "present_velocity", "present_position")
+def test_a_record_has_every_register_at_its_address():
+    layout = XM430.dtype()
+    assert (layout.names, layout.itemsize) == (tuple(XM430.registers), XM430.size)
+    assert layout.fields["present_position"] == (np.dtype("<i4"), 132)
 
 
 def test_indirect_addresses_first_point_to_their_own_data():

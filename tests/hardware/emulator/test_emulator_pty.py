@@ -207,8 +207,9 @@ while True:
 def test_a_dead_servo_on_the_wire_costs_one_servo(served):
     served._bus[2].dead = True
     bus = Bus.open(served.port, 1_000_000)
-    for call in (bus.sync_read, bus.fast_sync_read):
-        assert sorted(until(lambda call=call: call([1, 2, 3, 4], PRESENT, 4), "an answer")) == [1, 3, 4]
+    blocks = tuple((id, PRESENT, 4) for id in (1, 2, 3, 4))
+    for fast in (False, True):
+        assert sorted(until(lambda fast=fast: bus.bulk_read(blocks, fast), "an answer")) == [1, 3, 4]
     bus.close()
 
 

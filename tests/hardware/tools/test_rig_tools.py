@@ -175,8 +175,8 @@ def test_ports_share_the_time_between_two_pictures(rig_of_four, bus, monkeypatch
     ticks = count(0, 0.01)
     monkeypatch.setattr("hardware.tools.monitor.time", SimpleNamespace(monotonic=lambda: next(ticks)))
     looks = []
-    read = bus.sync_read
-    monkeypatch.setattr(bus, "sync_read", lambda *words: looks.append(words) or read(*words))
+    read = bus.bulk_read
+    monkeypatch.setattr(bus, "bulk_read", lambda *words: looks.append(words) or read(*words))
     next(observe(rig_of_four, bus))
     alone = len(looks)
     next(observe(rig_of_four, bus, 0.25))

@@ -111,7 +111,7 @@ def test_a_factory_reset_keeps_what_it_is_told_to(port, keep, id, baud):
     """[P2] Factory Reset: FF all, 01 all but ID, 02 all but ID and baud rate; the servo restarts."""
     servo, device = Servo(port, 2), port.bus[2]
     servo.put("max_position_limit", 3000)
-    assert servo.errors(wire.factory_reset(2, keep)) == [0]
+    assert servo.errors(build(2, wire.FACTORY_RESET, bytes((keep,)))) == [0]
     assert (device["id"], device["baud_rate"], device["max_position_limit"]) == (id, baud, 4095)
     assert servo.say(wire.ping(2)) == []
 
@@ -119,9 +119,9 @@ def test_a_factory_reset_keeps_what_it_is_told_to(port, keep, id, baud):
 def test_a_factory_reset_of_everything_is_not_taken_from_a_broadcast(servo):
     """[P2] Factory Reset: FF to the broadcast ID is ignored from firmware 42 on."""
     servo.put("max_position_limit", 3000)
-    assert servo.say(wire.factory_reset(BROADCAST, wire.RESET_ALL)) == []
+    assert servo.say(build(BROADCAST, wire.FACTORY_RESET, bytes((wire.RESET_ALL,)))) == []
     assert servo.get("max_position_limit") == 3000
-    assert servo.errors(wire.factory_reset(1, 0x77)) == [4]
+    assert servo.errors(build(1, wire.FACTORY_RESET, bytes((0x77,)))) == [4]
 
 
 def test_clear_forgets_whole_turns_and_is_refused_while_moving(servo, port):
@@ -142,15 +142,15 @@ def test_clear_forgets_whole_turns_and_is_refused_while_moving(servo, port):
 
 def test_the_eeprom_is_backed_up_and_restored(servo, port):
     """[P2] Control Table Backup: refused with torque on; restoring restarts; Backup Ready (147) says it is there."""
-    assert servo.errors(wire.backup(1, restore=True)) == [1]
+    assert servo.errors(build(1, wire.BACKUP, wire.BACKUP_RESTORE)) == [1]
     servo.put("max_position_limit", 3000)
-    assert servo.errors(wire.backup(1)) == [0]
+    assert servo.errors(build(1, wire.BACKUP, wire.BACKUP_STORE)) == [0]
     assert servo.get("backup_ready") == 1
     servo.put("max_position_limit", 3500)
     servo.put("torque_enable", 1)
-    assert servo.errors(wire.backup(1)) == [1]
+    assert servo.errors(build(1, wire.BACKUP, wire.BACKUP_STORE)) == [1]
     servo.put("torque_enable", 0)
-    assert servo.errors(wire.backup(1, restore=True)) == [0]
+    assert servo.errors(build(1, wire.BACKUP, wire.BACKUP_RESTORE)) == [0]
     port.elapse(1.0)
     assert servo.get("max_position_limit") == 3000
 

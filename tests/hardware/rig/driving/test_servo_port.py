@@ -374,8 +374,8 @@ def test_a_full_port_is_counted(rig, port):
 
 
 def test_calls_are_timed(rig, port):
-    assert rig.write_us.median == 0.0
+    assert len(rig.write_us.microseconds) == 0
     play(rig, port, [0.0] * 4, 3)
     assert rig.write_us.microseconds.shape == (3,)
     assert rig.read_us.microseconds.shape == (3,)
-    assert rig.write_us.median > 0.0
+    assert (rig.write_us.microseconds > 0.0).all()
