@@ -269,7 +269,7 @@ def _unlike(one: Array, other: Array) -> float:
 
 
 def _first_aside(ends: Array, one: Sequence[int], other: Sequence[int], second: bool) -> float:
-    """How far left a limb is of its counterpart where they first separate: at the hips or the shoulders."""
+    """Distance of a limb to the left of its counterpart where they first separate: at the hips or the shoulders."""
     apart = [float(ends[a, 1] - ends[b, 1]) for a, b in zip(one, other, strict=False)]
     size = max(map(abs, apart), default=0.0)
     first = next((way for way in apart if abs(way) > 0.1 * size), 0.0)

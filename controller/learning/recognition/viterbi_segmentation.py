@@ -41,5 +41,5 @@ def viterbi(costs: Array, change: float) -> Frames:
 
 
 def borders_of(path: Frames) -> Frames:
-    """Where a sequence of classes changes: the first frame of each new one."""
+    """The first frame of each new class in a sequence of classes."""
     return np.flatnonzero(np.diff(path)) + 1

@@ -78,13 +78,13 @@ def _tree(path: str | Path, contents: _Contents, names: list[str], turn: Array, 
             )
         children[above].append(child)
     if not parent:
-        raise FileFormatError(f"{path}: no <joints> say how its segments hang together. Export it again with them.")
+        raise FileFormatError(f"{path}: no <joints> connect its segments. Export it again with them.")
     tops = [name for name in names if name not in parent and children[name]]
     order = tops[:1]
     for name in order:  # grows as it goes: no segment can come twice, because each has one parent
         order += children[name]
     if len(tops) != 1 or not set(parent) <= set(order):
-        raise FileFormatError(f"{path}: its joints do not hang together from one segment. Export it again.")
+        raise FileFormatError(f"{path}: its joints do not connect all segments to one root. Export it again.")
     index = [names.index(name) for name in order]
     where, turned = [place[:, i] for i in index], [turn[:, i] for i in index]
     above = [-1 if name == tops[0] else order.index(parent[name]) for name in order]

@@ -205,10 +205,10 @@ def _parents(lines: list[Line], bones: dict[str, Fields]) -> dict[str, str]:
                 raise line.error(f"bone '{shortened(name)}' is not in :bonedata (it has: {listed(['root', *bones])}).")
         for name in below:
             if name == "root":
-                raise line.error(f"the root cannot hang from bone '{shortened(above)}'. Remove it there.")
+                raise line.error(f"the root cannot have the parent '{shortened(above)}'. Remove it there.")
             if name in parent:
                 both = f"'{shortened(parent[name])}' and '{shortened(above)}'"
-                raise line.error(f"bone '{shortened(name)}' hangs from both {both}. Remove one of them.")
+                raise line.error(f"bone '{shortened(name)}' has two parents, {both}. Remove one of them.")
             parent[name] = above
     return parent
 
@@ -218,7 +218,7 @@ def _order(path: str | Path, names: list[str], parent: dict[str, str]) -> list[s
     children: dict[str, list[str]] = {}
     for name in reversed(names):
         if name not in parent:
-            raise FileFormatError(f"{path}: bone '{shortened(name)}' hangs from no other in :hierarchy. Add it there.")
+            raise FileFormatError(f"{path}: bone '{shortened(name)}' has no parent in :hierarchy. Add it there.")
         children.setdefault(parent[name], []).append(name)
     order: list[str] = []
     waiting = children.get("root", [])
@@ -229,7 +229,7 @@ def _order(path: str | Path, names: list[str], parent: dict[str, str]) -> list[s
     for name in names:
         if name not in reached:
             raise FileFormatError(
-                f"{path}: bone '{shortened(name)}' is its own ancestor, or hangs from one that is. Mend the :hierarchy."
+                f"{path}: bone '{shortened(name)}' is its own ancestor, or below one that is. Correct the :hierarchy."
             )
     return order
 

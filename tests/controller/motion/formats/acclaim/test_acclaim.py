@@ -203,9 +203,9 @@ def complaint(files, **texts):
         ("    dof rx\n  end\n:h", "    dof rx\n:h", "", "no 'end'"),
         ("leg foot", "leg hand", "line 56", "bone 'hand' is not in :bonedata (it has: root, hip, leg, foot, chest)"),
         ("leg foot", "knee foot", "line 56", "bone 'knee' is not in :bonedata"),
-        ("    leg foot\n", "", "", "bone 'foot' hangs from no other"),
-        ("leg foot", "leg foot chest", "line 56", "bone 'chest' hangs from both 'root' and 'leg'"),
-        ("leg foot", "leg foot root", "line 56", "the root cannot hang from bone 'leg'"),
+        ("    leg foot\n", "", "", "bone 'foot' has no parent"),
+        ("leg foot", "leg foot chest", "line 56", "bone 'chest' has two parents, 'root' and 'leg'"),
+        ("leg foot", "leg foot root", "line 56", "the root cannot have the parent 'leg'"),
         ("root hip chest\n", "root chest\n    foot hip\n", "", "bone 'hip' is its own ancestor"),
     ],
 )
