@@ -24,15 +24,15 @@ from controller.wire.network_transport import NetworkConnection, NetworkListener
 
 __all__ = ["DEFAULT_PORT", "Address", "CommandClient", "CommandServer", "SocketError", "Traffic"]
 
-_PER_SENDER = 8  # commands of one sender that are carried out in one poll
-_LINE = 32  # more of them that stand in line for the next polls; what exceeds that is refused
+_PER_SENDER = 8  # commands per sender and poll
+_LINE = 32  # further commands of a sender that queue for the next polls; beyond that they are refused
 _REFUSALS = 8  # refusals of malformed datagrams in one poll: each costs as much as a command
-_TAKEN = 320  # datagrams read from the system in one poll
+_TAKEN = 320  # datagrams received in one poll
 _WAITING = 256  # datagrams kept for later polls
-_REMEMBERED = 256  # second replies of switches that a client keeps until somebody waits for them
+_REMEMBERED = 256  # second replies that a client keeps for `wait_settled`
 
 Address = Hashable
-"""A sender, as the server tells senders apart."""
+"""Identifies a sender."""
 
 
 @dataclass
@@ -66,7 +66,7 @@ class CommandServer:
         else:
             self._listener = NetworkListener(port, host, token)
         self._waiting: deque[tuple[bytes, Address]] = deque()
-        self._in_line: dict[Address, deque[bytes]] = {}  # empty ones are taken out
+        self._queued: dict[Address, deque[bytes]] = {}  # empty ones are taken out
         self._refusals = 0  # in this poll
         self._traffic = Traffic()
         self.port, self.remote = self._listener.port, self._listener.remote
@@ -82,29 +82,29 @@ class CommandServer:
     def poll(self, limit: int = 64) -> Iterator[tuple[DeckCommand, Address]]:
         """The commands among the next `limit` datagrams, each with its sender; an emergency stop comes first.
 
-        Of one sender a few are taken at a time, and some more stand in line for the next polls.
+        Per sender a few are taken in a poll, and some more queue for the next polls.
         """
         self._take()
         self._refusals = 0
         share: Counter[Address] = Counter()
         for _ in range(min(limit, len(self._waiting))):
             data, sender = self._waiting.popleft()
-            if (sender in self._in_line or share[sender] >= _PER_SENDER) and not _is_stop(data):
-                self._stand_in_line(data, sender)
+            if (sender in self._queued or share[sender] >= _PER_SENDER) and not _is_stop(data):
+                self._enqueue(data, sender)
             elif (message := self._read(data, sender)) is not None:
                 share[sender] += 1
                 yield message, sender
-        for sender, line in list(self._in_line.items()):
+        for sender, line in list(self._queued.items()):
             while line and share[sender] < _PER_SENDER:
                 share[sender] += 1
                 if (message := self._read(line.popleft(), sender)) is not None:
                     yield message, sender
             if not line:
-                del self._in_line[sender]
+                del self._queued[sender]
 
-    def _stand_in_line(self, data: bytes, sender: Address) -> None:
+    def _enqueue(self, data: bytes, sender: Address) -> None:
         """Keeps a datagram for a later poll, or refuses it."""
-        line = self._in_line.setdefault(sender, deque())
+        line = self._queued.setdefault(sender, deque())
         if len(line) < _LINE:
             line.append(data)
             return
@@ -112,7 +112,7 @@ class CommandServer:
         self._refuse(data, sender, "too many commands at once")
 
     def _read(self, data: bytes, sender: Address) -> DeckCommand | None:
-        """The command in a datagram; None if it has none, which the sender is told."""
+        """The command in a datagram; None, and a refusal is sent, if it has none."""
         try:
             message = read_command(data)
         except CommandError as error:
@@ -143,12 +143,12 @@ class CommandServer:
         return self._listener.fileno()
 
     def connected(self, sender: Address) -> bool:
-        """Whether a sender is still there, as far as that is known."""
-        return self._listener.connected(sender)  # pyright: ignore[reportArgumentType] (one of its own)
+        """Whether a sender is connected, as far as that is known."""
+        return self._listener.connected(sender)  # pyright: ignore[reportArgumentType] (from this listener)
 
     def reply(self, receiver: Address, reply: Reply) -> None:
         """Sends a reply; one that cannot be sent at once is dropped."""
-        self._listener.send(receiver, encode(reply))  # pyright: ignore[reportArgumentType] (one of its own)
+        self._listener.send(receiver, encode(reply))  # pyright: ignore[reportArgumentType] (from this listener)
 
     def close(self) -> None:
         """Closes the socket; may be called twice."""
@@ -166,7 +166,7 @@ class CommandClient:
         Args:
             port: by which it is found.
             host: its address, if it is not one of this user.
-            token: who has it may command from elsewhere.
+            token: authenticates datagrams from another machine.
             patience: how long a command waits for a deck of this user that takes none at the moment, s.
 
         Raises:
@@ -217,7 +217,7 @@ class CommandClient:
         return self._settled.pop(number)
 
     def _remember(self, reply: Reply) -> None:
-        """Keeps a second reply until `wait_settled` asks; of many that nobody asks for, the latest."""
+        """Keeps the latest second replies for `wait_settled`."""
         if isinstance(reply, SecondReply):
             self._settled[reply.id] = reply
             if len(self._settled) > _REMEMBERED:

@@ -1,7 +1,7 @@
-"""Datagrams between programs of one user on this machine: Unix sockets in a folder that nobody else may enter.
+"""Datagrams between programs of one user on this machine: Unix sockets in a folder of mode 0700.
 
-A deck is found by its number, which is the name of its socket. Each client has a connection of its own, so that one
-that floods or never reads fills nothing but its own buffer, and either side notices at once when the other is gone.
+A deck is found by its number, which is the name of its socket. Each client has its own connection, so that one
+that floods or never reads fills only its own buffer, and either side notices at once when the other is gone.
 """
 
 from __future__ import annotations
@@ -69,7 +69,7 @@ class LocalClient:
 
 
 class LocalListener:
-    """Where programs of this user connect to a deck; never blocks, and never raises once it is open.
+    """Accepts connections from programs of this user; never blocks, and never raises once it is open.
 
     Attributes:
         port: the number by which clients find it.
@@ -81,7 +81,7 @@ class LocalListener:
         """Takes a number, 0 for any free one.
 
         Raises:
-            SocketError: if another deck has it, or it cannot be a number of one.
+            SocketError: if another deck has it, or it is out of range.
         """
         _check(port)
         self._socket = socket.socket(socket.AF_UNIX, socket.SOCK_SEQPACKET)
@@ -89,7 +89,7 @@ class LocalListener:
         self._clients: dict[int, LocalClient] = {}
         folder = command_folder()
         try:
-            with _alone_in(folder):
+            with _locked(folder):
                 self.port = port or _free_number(folder)
                 self._path = folder / str(self.port)
                 if _answers(self._path):
@@ -149,11 +149,11 @@ class LocalListener:
         return self._ready.fileno()
 
     def connected(self, sender: LocalClient) -> bool:
-        """Whether a sender is still there."""
+        """Whether a sender is connected."""
         return sender.connection.fileno() >= 0
 
     def send(self, receiver: LocalClient, data: bytes) -> None:
-        """Sends a datagram; one that its receiver has no room for is dropped."""
+        """Sends a datagram; it is dropped if the receiver's buffer is full."""
         with contextlib.suppress(OSError):
             receiver.connection.send(data)
 
@@ -166,7 +166,7 @@ class LocalListener:
             client.connection.close()
         self._clients.clear()
         self._socket.close()
-        with contextlib.suppress(OSError), _alone_in(self._path.parent):
+        with contextlib.suppress(OSError), _locked(self._path.parent):
             if not _answers(self._path):
                 self._path.unlink(missing_ok=True)
 
@@ -178,7 +178,7 @@ class LocalConnection:
         """Prepares to talk to the deck of a number, which may keep a sender waiting for `patience` seconds.
 
         Raises:
-            SocketError: if it cannot be a number of one.
+            SocketError: if it is out of range.
         """
         _check(port)
         self._port, self._patience = port, patience
@@ -202,7 +202,7 @@ class LocalConnection:
                 raise self._held_up() from None
             except OSError:
                 fresh.close()
-                raise self._nobody() from None
+                raise self._not_running() from None
             self._socket = fresh
         self._socket.settimeout(self._patience)
         try:
@@ -211,7 +211,7 @@ class LocalConnection:
             raise self._held_up() from None
         except OSError:
             self.close()
-            raise self._nobody() from None
+            raise self._not_running() from None
 
     def receive(self, timeout_s: float) -> bytes | None:
         """The next datagram, or None if none arrives in time; without any time it does not wait at all.
@@ -220,7 +220,7 @@ class LocalConnection:
             PeerGoneError: if no deck is running there.
         """
         if self._socket is None:
-            raise self._nobody()
+            raise self._not_running()
         # Any time above 0 becomes at least a millisecond, in which a loop would give up its core.
         self._socket.settimeout(max(timeout_s, 0.0))
         try:
@@ -231,7 +231,7 @@ class LocalConnection:
         except OSError:
             pass
         self.close()
-        raise self._nobody()
+        raise self._not_running()
 
     def fileno(self) -> int:
         """Readable when there is something to receive.
@@ -240,7 +240,7 @@ class LocalConnection:
             PeerGoneError: if it is not connected.
         """
         if self._socket is None:
-            raise self._nobody()
+            raise self._not_running()
         return self._socket.fileno()
 
     def close(self) -> None:
@@ -252,7 +252,7 @@ class LocalConnection:
     def _held_up(self) -> SocketError:
         return SocketError(f"the deck on port {self._port} takes no commands: it is held up")
 
-    def _nobody(self) -> PeerGoneError:
+    def _not_running(self) -> PeerGoneError:
         return PeerGoneError(f"no deck is running on port {self._port}; start one with: motiondeck play")
 
 
@@ -280,8 +280,8 @@ def _check(port: int) -> None:
 
 
 @contextmanager
-def _alone_in(folder: Path) -> Iterator[None]:
-    """Keeps other decks from taking and releasing numbers meanwhile."""
+def _locked(folder: Path) -> Iterator[None]:
+    """Holds the lock on taking and releasing numbers."""
     lock = os.open(folder / "lock", os.O_CREAT | os.O_RDWR | os.O_CLOEXEC, 0o600)
     try:
         fcntl.flock(lock, fcntl.LOCK_EX)
@@ -291,14 +291,14 @@ def _alone_in(folder: Path) -> Iterator[None]:
 
 
 def _free_number(folder: Path) -> int:
-    # By chance, so that the number of a deck that has ended is not soon another's.
+    # Random, so that the number of a deck that has ended is not reused soon.
     while (folder / str(number := random.choice(_FREE_NUMBERS))).exists():
         pass
     return number
 
 
 def _answers(path: Path) -> bool:
-    """Whether somebody listens at a socket."""
+    """Whether a process listens at a socket."""
     with socket.socket(socket.AF_UNIX, socket.SOCK_SEQPACKET) as probe:
         probe.setblocking(False)
         try:

@@ -91,7 +91,7 @@ class NetworkListener:
                 data, address = self._socket.recvfrom(most_bytes + OVERHEAD)
             except BlockingIOError:
                 return
-            except OSError:  # an earlier reply reached nobody
+            except OSError:  # an earlier reply was undeliverable
                 continue
             body = verify(self._token, data)
             if body is None:

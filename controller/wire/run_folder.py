@@ -1,4 +1,4 @@
-"""Folders for what a run shares with its other processes; a folder whose run was killed is removed by the next run."""
+"""Temporary folders that the processes of a run share; the next run removes those of killed runs."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ def run_folder() -> Iterator[Path]:
     """A folder of the user's own (0700) in TMPDIR, gone after the block.
 
     Raises:
-        MotiondeckError: if there can be none; it says what to do.
+        MotiondeckError: if it cannot be made; it says what to do.
     """
     try:
         root = Path(tempfile.gettempdir())
@@ -36,7 +36,7 @@ def run_folder() -> Iterator[Path]:
             f"no temporary folder can be made ({error.strerror or error}). Free some room, or set TMPDIR to a folder "
             "that can be written"
         ) from error
-    # The system lets go of the lock when this process ends, however it ends.
+    # The lock is released when this process ends, even if it is killed.
     lock = os.open(folder / _LOCK, os.O_CREAT | os.O_RDWR, 0o600)
     fcntl.flock(lock, fcntl.LOCK_EX)
     try:
@@ -47,7 +47,7 @@ def run_folder() -> Iterator[Path]:
 
 
 def allocate(file: int, size: int, path: Path) -> None:
-    """Gives an open file its size with all its room on the disk: a sparse one would kill who writes into its map later.
+    """Allocates an open file on the disk; writing to a sparse map on a full disk would kill the process.
 
     Raises:
         MotiondeckError: if there is no such room.

@@ -69,7 +69,7 @@ class RecordingWriter:
             self._file.flush()
         except OSError as error:
             if path.is_file():
-                path.unlink()  # without a beginning nobody can read it
+                path.unlink()  # unreadable without a header
             raise FileFormatError.unwritable(path, error) from None
 
     def append(self, rows: Array) -> None:

@@ -23,59 +23,59 @@ GRID = 0.02
 show's clock keeps aligned, and all decks carry them out in the same one."""
 
 JOINS_EVERY = 1.0
-"""A deck that has missed a cue is given what stands so often, until it has it, s."""
+"""The period at which a deck that has missed a cue is sent the sum of all cues, s."""
 
-TOLD_AFTER = 3.0
-"""A cue that waits for decks for so long says so, s."""
+REPORTED_AFTER = 3.0
+"""A cue that waits longer for decks reports what it waits for, s."""
 
 _NO_CUES = "all cues have been given: type commands to go on"
-_SAID = 0.5  # s within which a deck that was told to stop says so
+_SAID = 0.5  # s within which a deck reports its emergency stop
 _HISTORY = 16  # emergency stops that were seen
 
-Told = Callable[[str], None]
+Notify = Callable[[str], None]
 
 
 class Conductor:
-    """Runs a show.
+    """Conducts a show.
 
     Args:
-        show: what is said when.
+        show: its cues.
         link: to the decks.
-        tell: is told what happens.
+        notify: receives what happens, as lines of text.
         first: the number of the first cue, from 0.
         now: a steady clock, s; the clock of the show.
 
     Attributes:
         decks: those that were seen, by name.
-        stopped_by: who gave the emergency stop; "" without one. `go` goes on.
+        stopped_by: the member that gave the emergency stop, or ""; `go` goes on.
         show, now: as given.
         cues: the cue list.
         given: the time of each cue that was sent, s, by its number from 0.
     """
 
     def __init__(
-        self, show: Show, link: Link, tell: Told, first: int = 0, now: Callable[[], float] = time.monotonic
+        self, show: Show, link: Link, notify: Notify, first: int = 0, now: Callable[[], float] = time.monotonic
     ) -> None:
         self.show, self.now = show, now
-        self._link, self._tell = link, tell
+        self._link, self._notify = link, notify
         self._run = os.urandom(6).hex()
         self._arrived = Mailbox[tuple[str, bytes]]()
         self.cues = CueList(show.cues, show.lead, now(), first)
         self._number = 0
         self._stopped_at = 0.0
         self._stops: list[str] = []
-        self._to_say: list[tuple[float, bytes]] = []
-        self._told_waiting: ShowCue | None = None
+        self._to_publish: list[tuple[float, bytes]] = []
+        self._reported_waiting: ShowCue | None = None
         self._lacks: list[str] = []
-        self._told_lacks: list[str] = []
+        self._reported_lacks: list[str] = []
         self._lacking_since = 0.0
-        self._seen = SeenDecks(show, self._run, tell, now)
+        self._seen = SeenDecks(show, self._run, notify, now)
         self.decks = self._seen.by_name
         self.given: dict[int, float] = {}
         self.stopped_by = ""
         link.answer("clock", self._time)
-        link.hear("health/*", self._hear)
-        link.hear("stop", self._hear)
+        link.subscribe("health/*", self._receive)
+        link.subscribe("stop", self._receive)
         link.watch("deck/*", lambda key, here: self._arrived.put((f"here/{key}", b"1" if here else b"")))
         link.announce(CONDUCTOR)
 
@@ -89,31 +89,31 @@ class Conductor:
         return self.cues.next is None
 
     def step(self) -> float:
-        """Does what there is to do; returns after how long to call again at the latest, s."""
+        """Handles messages and due cues; the time until the next call at the latest, s."""
         for key, data in self._arrived.take():
             self._take(key, data)
         now = self.now()
-        for due in [due for due in self._to_say if due[0] <= now]:
-            self._to_say.remove(due)
-            self._link.say("stop", due[1])
+        for due in [due for due in self._to_publish if due[0] <= now]:
+            self._to_publish.remove(due)
+            self._link.publish("stop", due[1])
         if not self.stopped_by:
-            self._bring_in(now)  # first: who carries out a later cue counts as one who has had those before
+            self._bring_in(now)  # first: a deck that carries out a later cue counts as having had all before
             while (due := self.cues.due(now, self._holds)) is not None:
                 number, cue, at = due
                 self._send_show_cue(number, cue, at)
-        self._tell_waiting()
-        self._tell_lacking(now)
+        self._report_waiting()
+        self._report_lacking(now)
         return 0.01
 
     def close(self) -> None:
-        """Ends the show; what decks do then the show file says."""
+        """Ends the show; decks then react as the show file demands."""
         self._link.close()
         self._arrived.close()
 
-    # What a person says.
+    # The user's commands.
 
     def go(self) -> str:
-        """Passes a hold point, or goes on after an emergency stop; what came of it."""
+        """Passes a hold point, or goes on after an emergency stop; the outcome in words."""
         if self.stopped_by:
             still = [deck.name for deck in self._seen.present if self._is_stopped(deck)]
             if still:
@@ -130,12 +130,12 @@ class Conductor:
         return f"the show does not wait for go; to give {self._next_name} at once: hold, then go"
 
     def hold(self) -> str:
-        """Sends no more cues until `go`; what came of it."""
+        """Sends no more cues until `go`; the outcome in words."""
         if self.over:
             return _NO_CUES
         if not self.cues.waits:
             self.cues.hold()
-            self._told_waiting = self.cues.next
+            self._reported_waiting = self.cues.next
         return f"waits for go: {self._next_name}"
 
     def command(self, names: list[str], line: str) -> str:
@@ -155,20 +155,20 @@ class Conductor:
             for motion in command.motions:
                 self._seen.check_plays(deck, motion)
         self._send(line, _on_grid(self.now() + self.show.lead), names, decks, [command])
-        return f"{_told(decks, self._seen.present_names)}: {line}"
+        return f"{_receivers(decks, self._seen.present_names)}: {line}"
 
     def stop(self) -> None:
         """Stops all decks at once."""
         stop = EmergencyStopAll(CONDUCTOR, os.urandom(8).hex())
         self._stops.append(stop.id)
         now = self.now()
-        self._to_say = [(now + STOP_AGAIN * again, encode(stop)) for again in range(1, STOP_SAID)]
-        self._link.say("stop", encode(stop))
+        self._to_publish = [(now + STOP_AGAIN * again, encode(stop)) for again in range(1, STOP_SAID)]
+        self._link.publish("stop", encode(stop))
         self._stopped_by(CONDUCTOR)
 
-    # What decks say.
+    # Messages of decks.
 
-    def _hear(self, key: str, data: bytes) -> None:
+    def _receive(self, key: str, data: bytes) -> None:
         self._arrived.put((key, data))
 
     def _time(self) -> bytes:
@@ -180,14 +180,14 @@ class Conductor:
             name = name.removeprefix("deck/")
             self._seen.see(name, here=bool(data))
             if data:
-                self._link.ask(f"deck/{name}", self._hear)
+                self._link.ask(f"deck/{name}", self._receive)
         elif kind == "deck" and (about := read(data, About)) is not None:
             self._seen.introduce(name, about)
         elif kind == "health" and (health := read(data, DeckHealth)) is not None:
             self._seen.note_health(name, health)
         elif kind == "stop" and (stop := read(data, EmergencyStopAll)) is not None and stop.id not in self._stops:
             self._stops = [*self._stops[-_HISTORY:], stop.id]
-            self._link.say("stop", data)
+            self._link.publish("stop", data)
             self._stopped_by(stop.by)
 
     def _is_stopped(self, deck: SeenDeck) -> bool:
@@ -196,8 +196,8 @@ class Conductor:
 
     def _stopped_by(self, name: str) -> None:
         self.stopped_by, self._stopped_at = name or "a deck without a name", self.now()
-        who = "the conductor" if name == CONDUCTOR else self.stopped_by
-        self._tell(f"emergency stop by {who}; reset each deck where it is, then: go")
+        source = "the conductor" if name == CONDUCTOR else self.stopped_by
+        self._notify(f"emergency stop by {source}; reset each deck where it is, then: go")
 
     # Cues.
 
@@ -209,10 +209,10 @@ class Conductor:
         try:
             say = cue.commands
         except CommandError as error:  # the file was checked when it was read
-            self._tell(f"{name}: {error}")
+            self._notify(f"{name}: {error}")
             return
         self._send(name, at, cue.receivers, decks, say, self._step_of(cue, decks, at))
-        self._tell(f"{name}: {_told(decks, present)}")
+        self._notify(f"{name}: {_receivers(decks, present)}")
 
     def _step_of(self, cue: ShowCue, decks: list[str], at: float) -> CommonRound | None:
         if cue.in_step is False:
@@ -222,7 +222,7 @@ class Conductor:
         seconds = self._seen.round_of(cue.motions, decks)
         if seconds is not None:
             return CommonRound(at, seconds)
-        self._tell(f"{cue.name or 'the cue'}: no deck knows how long a round takes, so none are in step")
+        self._notify(f"{cue.name or 'the cue'}: no deck knows how long a round takes, so none are in step")
         return None
 
     def _send(
@@ -237,55 +237,55 @@ class Conductor:
         self._number += 1
         cue = TimedCue(self._run, self._number, name, at, decks, say, step)
         self._seen.note_sent(cue, to)
-        self._link.say("cue", encode(cue))
+        self._link.publish("cue", encode(cue))
 
     def _bring_in(self, now: float) -> None:
-        """Gives decks that have missed cues, or are new, what stands."""
+        """Sends decks that have missed cues, or are new, the sum of all cues."""
         for deck in self._seen.present:
-            health, standing = deck.health, deck.standing
-            if health is None or health.clock is None or health.mode == "emergency stop" or not standing.number:
+            health, cues = deck.health, deck.cues
+            if health is None or health.clock is None or health.mode == "emergency stop" or not cues.number:
                 continue
             done = health.cue if health.run == self._run else 0
-            since = now - max(standing.at, deck.joined)
-            if done < standing.number and since > JOINS_EVERY and deck.heard > standing.at:
+            since = now - max(cues.at, deck.joined)
+            if done < cues.number and since > JOINS_EVERY and deck.heard > cues.at:
                 deck.joined = _on_grid(now + self.show.lead)
-                self._link.say("cue", encode(standing.cue(self._run, deck.name, deck.joined)))
-                self._tell(f"{deck.name} joins")
+                self._link.publish("cue", encode(cues.cue(self._run, deck.name, deck.joined)))
+                self._notify(f"{deck.name} joins")
 
     def _holds(self, condition: Condition, cue: ShowCue) -> bool:
         return not self._seen.lacking(condition, cue.receivers)
 
-    def _tell_waiting(self) -> None:
+    def _report_waiting(self) -> None:
         cue = self.cues.next if self.cues.waits else None
-        if cue is not self._told_waiting:
-            self._told_waiting = cue
+        if cue is not self._reported_waiting:
+            self._reported_waiting = cue
             if cue is not None:
-                self._tell(f"waits for go: {self._next_name}")
+                self._notify(f"waits for go: {self._next_name}")
 
-    def _tell_lacking(self, now: float) -> None:
-        """Tells what the next cue waits for, when it takes long, and again when that has changed."""
+    def _report_lacking(self, now: float) -> None:
+        """Reports what the next cue waits for when it takes long, and again when that has changed."""
         cue = self.cues.next
         if cue is None or cue.when is None or self.cues.waits or self.stopped_by:
             return
         lacking = self._seen.lacking(cue.when, cue.receivers)
         if lacking != self._lacks:
             self._lacks, self._lacking_since = lacking, now
-        elif lacking and lacking != self._told_lacks and now - self._lacking_since > TOLD_AFTER:
-            self._told_lacks = lacking
-            self._tell(f"{self._next_name} waits: {', '.join(lacking)}")
+        elif lacking and lacking != self._reported_lacks and now - self._lacking_since > REPORTED_AFTER:
+            self._reported_lacks = lacking
+            self._notify(f"{self._next_name} waits: {', '.join(lacking)}")
 
     @property
     def _next_name(self) -> str:
-        """What the next cue is called."""
+        """The name of the next cue."""
         return self.cue_name(self.cues.number)
 
     def cue_name(self, number: int) -> str:
-        """What a cue is called, by its number from 0."""
+        """The name of a cue by its number from 0."""
         return self.show.cues[number].name or f"cue {number + 1}"
 
 
-def _told(decks: list[str], present: list[str]) -> str:
-    """Which of some decks something is for, and which of them are not here."""
+def _receivers(decks: list[str], present: list[str]) -> str:
+    """The receivers among the decks, and which of them are not connected, in words."""
     here = ", ".join(deck for deck in decks if deck in present) or "no deck is here"
     absent = [deck for deck in decks if deck not in present]
     return here + (f" (not here: {', '.join(absent)})" if absent else "")

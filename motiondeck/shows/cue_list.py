@@ -46,7 +46,7 @@ class CueList:
 
     @property
     def next_at(self) -> float | None:
-        """When that cue comes, s; None where nobody knows yet."""
+        """When that cue comes, s; None if unknown yet."""
         cue = self.next
         return self._zero + cue.at if cue is not None and cue.at is not None and not self._held else None
 

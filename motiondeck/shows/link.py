@@ -1,8 +1,7 @@
 """A member's link to a show over Eclipse zenoh: tokens, publications, questions; the only file that knows zenoh.
 
-Every member is connected to every other one directly, so that an emergency stop needs nobody in between. Nothing is
-searched for on the network: scouting is off. A link that says nothing for LEASE counts as lost; it is dialled again and
-again.
+Every member is connected to every other one directly, so that an emergency stop needs no relay. Scouting is off:
+no member is searched for on the network. A link that is silent for LEASE counts as lost, and is dialled repeatedly.
 """
 
 from __future__ import annotations
@@ -23,8 +22,8 @@ LEASE = 2.0
 
 _RECEIVING_THREADS = 64
 
-Heard = Callable[[str, bytes], None]
-"""Is told a key within the show and what was said; in a thread of zenoh's."""
+Received = Callable[[str, bytes], None]
+"""Called with a key within the show and the data, in a thread of zenoh."""
 
 
 class Link:
@@ -54,32 +53,32 @@ class Link:
 
     @property
     def neighbours(self) -> int:
-        """How many members it is connected to."""
+        """The number of connected members."""
         return len(self._session.info.peers_zid())
 
     def announce(self, key: str) -> None:
-        """Lets others know that it is there, until the link is closed or lost."""
+        """Announces a key until the link is closed or lost."""
         self._kept.append(self._session.liveliness().declare_token(self._root + key))
 
     def watch(self, keys: str, seen: Callable[[str, bool], None]) -> None:
-        """Is told of the announced keys, those of now too, and of those that are gone."""
+        """Calls `seen` with each announced key, present ones included, and with those that are gone."""
         here = self._zenoh.SampleKind.PUT
 
-        def told(sample: zenoh.Sample) -> None:
+        def changed(sample: zenoh.Sample) -> None:
             seen(self._within(sample.key_expr), sample.kind == here)
 
-        self._kept.append(self._session.liveliness().declare_subscriber(self._root + keys, told, history=True))
+        self._kept.append(self._session.liveliness().declare_subscriber(self._root + keys, changed, history=True))
 
-    def hear(self, keys: str, heard: Heard) -> None:
-        """Is told what others publish."""
+    def subscribe(self, keys: str, received: Received) -> None:
+        """Calls `received` with what others publish."""
 
-        def told(sample: zenoh.Sample) -> None:
-            heard(self._within(sample.key_expr), sample.payload.to_bytes())
+        def arrived(sample: zenoh.Sample) -> None:
+            received(self._within(sample.key_expr), sample.payload.to_bytes())
 
-        self._kept.append(self._session.declare_subscriber(self._root + keys, told))
+        self._kept.append(self._session.declare_subscriber(self._root + keys, arrived))
 
-    def say(self, key: str, data: bytes) -> None:
-        """Publishes, ahead of everything that waits; what cannot be sent at once is dropped."""
+    def publish(self, key: str, data: bytes) -> None:
+        """Publishes with the highest priority; drops what cannot be sent at once."""
         self._session.put(
             self._root + key,
             data,
@@ -89,7 +88,7 @@ class Link:
         )
 
     def answer(self, key: str, answer: Callable[[], bytes]) -> None:
-        """Answers questions, in a thread of zenoh's."""
+        """Answers queries, in a thread of zenoh."""
 
         def asked(query: zenoh.Query) -> None:
             with query:
@@ -97,12 +96,12 @@ class Link:
 
         self._kept.append(self._session.declare_queryable(self._root + key, asked, complete=True))
 
-    def ask(self, keys: str, heard: Heard, patience: float = 1.0) -> None:
-        """Asks whoever answers, and does not wait; answers that take longer than `patience`, s, are lost."""
+    def ask(self, keys: str, received: Received, patience: float = 1.0) -> None:
+        """Queries all members that answer, without waiting; answers after `patience`, s, are lost."""
 
         def replied(reply: zenoh.Reply) -> None:
             if reply.ok is not None:
-                heard(self._within(reply.ok.key_expr), reply.ok.payload.to_bytes())
+                received(self._within(reply.ok.key_expr), reply.ok.payload.to_bytes())
 
         # Without consolidation an answer comes when it arrives, not when all have answered.
         self._session.get(

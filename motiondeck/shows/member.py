@@ -1,6 +1,6 @@
-"""A deck's part in a show: it tells how the deck is, keeps the conductor's time, and carries out cues at their times.
+"""A deck's part in a show: reports its health, keeps the conductor's time, and carries out cues at their times.
 
-It is a client of the deck like the prompt, in a process of its own: the deck's loop never waits for a network. Phases
+It is a client of the deck in another process, like the prompt: the deck's loop never waits for a network. Phases
 are kept in step by the deck's own lock to another deck (`controller/deck/locks`): the member answers its questions with
 the phase of the show.
 """
@@ -38,21 +38,21 @@ from motiondeck.shows.messages import (
 )
 
 ASKS_EVERY = 0.25
-"""So often, on average, the conductor is asked for its time and the deck for its state, s; at first more often."""
+"""The mean period of requests for the conductor's time and the deck's state, s; shorter at first."""
 
 LATEST = 0.25
-"""A cue that comes later than this after its time is not carried out, s; the conductor then gives what stands."""
+"""A cue that comes later than this is not carried out, s; the conductor then sends the sum of all cues."""
 
 ALONE_AFTER = 10.0
-"""A deck that no conductor has answered for so long says so, s."""
+"""Time without a conductor after which that is reported, s."""
 
 STOP_SAID, STOP_AGAIN = 5, 0.02
-"""An emergency stop is said so many times, so far apart, s."""
+"""Repetitions of an emergency stop, and their period, s."""
 
 _ASKS_FIRST, _FIRST = 0.05, 40  # so often, s, for the first questions; after them the time counts as known
 _IRREGULAR = 0.6, 1.4
 _PATIENCE = 1.0  # s for an answer
-_OWN_DOING = 1.0  # s within which the deck reports an emergency stop that came from here
+_OWN_DOING = 1.0  # s within which the deck reports an emergency stop that this member gave
 _REMEMBERED = 64  # emergency stops that were passed on
 
 _THEN: dict[Lost, str] = {
@@ -61,7 +61,7 @@ _THEN: dict[Lost, str] = {
     "stop": "emergency stop of this deck",
 }
 
-Told = Callable[[str], None]
+Notify = Callable[[str], None]
 
 
 class Member:
@@ -73,7 +73,7 @@ class Member:
         link: to the show.
         deck: its commands.
         leader: where the deck asks for the phase of the show.
-        tell: is told what a person at the deck should know.
+        notify: receives lines for the user of the deck.
         now: a steady clock, s.
     """
 
@@ -84,17 +84,17 @@ class Member:
         link: Link,
         deck: CommandClient,
         leader: CommandServer,
-        tell: Told,
+        notify: Notify,
         now: Callable[[], float] = time.monotonic,
     ) -> None:
         self._early = 0.5 / about.rate  # s before its time at which the deck may carry out a cue, in its nearest tick
         self._name, self._link, self._deck, self._leader = name, link, deck, leader
-        self._tell, self._now = tell, now
+        self._notify, self._now = notify, now
         self._arrived = Mailbox[tuple[str, bytes]]()
         self._answers = Mailbox[tuple[float, float, bytes]]()
         self._clock, self._time = ClockEstimate(), Time("", 0.0, "go on", 0.0)
         self._asked, self._ask_at, self._answered_at = 0, now(), now()
-        self._lost = self._holds = self._told_alone = False
+        self._lost = self._holds = self._reported_alone = False
         self._cues: list[TimedCue] = []
         self._done = ("", 0)
         self._step: CommonRound | None = None
@@ -102,24 +102,24 @@ class Member:
         self._problem, self._problems = "", 0
         self._stopped_at = -_OWN_DOING
         self._stops: deque[str] = deque(maxlen=_REMEMBERED)
-        self._to_say: list[tuple[float, bytes]] = []
+        self._to_publish: list[tuple[float, bytes]] = []
         self._commands: dict[int, str] = {}
         deck.post(commands.Subscribe())
-        link.hear("cue", self._hear)
-        link.hear("stop", self._hear)
+        link.subscribe("cue", self._receive)
+        link.subscribe("stop", self._receive)
         link.answer(f"deck/{name}", lambda: encode(about))
         link.announce(f"deck/{name}")
 
-    def _hear(self, key: str, data: bytes) -> None:
+    def _receive(self, key: str, data: bytes) -> None:
         self._arrived.put((key, data))
 
     def step(self, longest: float) -> bool:
-        """Waits at most so many seconds for something to do and does it; False when the deck has ended.
+        """Waits at most `longest` seconds for messages and handles them; False when the deck has ended.
 
         Raises:
             SocketError: if the deck is gone without a word.
         """
-        due = [self._ask_at, *(self._due(cue) for cue in self._cues), *(at for at, _ in self._to_say)]
+        due = [self._ask_at, *(self._due(cue) for cue in self._cues), *(at for at, _ in self._to_publish)]
         wait = min(max(min(due) - self._now(), 0.0), longest)
         select.select([self._arrived, self._answers, self._leader, self._deck], [], [], wait)
         self._carry_out()
@@ -133,12 +133,12 @@ class Member:
             self._leader.reply(
                 sender, self._phase(message.id) if asks else Refused("this is a show, not a deck", message.id)
             )
-        running = self._hear_deck()
+        running = self._receive_from_deck()
         now = self._now()
-        self._say_stops(now)
+        self._publish_stops(now)
         if now >= self._ask_at:
             self._ask(now)
-        self._look_for_conductor(now)
+        self._check_conductor(now)
         return running
 
     def close(self) -> None:
@@ -150,7 +150,7 @@ class Member:
     # The conductor's time.
 
     def _ask(self, now: float) -> None:
-        """Asks the conductor for its time and the deck for its state, and tells how it is."""
+        """Requests the conductor's time and the deck's state."""
         self._asked += 1
         # Ticks of decks keep cores busy at the same times of every period. Questions at regular times could meet them
         # again and again on the way there and never on the way back, which looks like another clock.
@@ -167,7 +167,7 @@ class Member:
         if answer is None:
             return
         if answer.run != self._time.run:
-            self._tell(f"the show has {'another' if self._time.run else 'a'} conductor")
+            self._notify(f"the show has {'another' if self._time.run else 'a'} conductor")
             self._clock, self._cues, self._asked = ClockEstimate(), [], 0
             self._deck.post(commands.Heartbeat(answer.after if answer.lost != "go on" else 0.0))
         self._time = answer
@@ -175,24 +175,24 @@ class Member:
         self._answered_at = received
         if self._lost:
             self._lost = False
-            self._tell("the conductor is back")
+            self._notify("the conductor is back")
             if self._holds:
                 self._holds = False
                 self._deck.post(commands.Resume())
 
-    def _look_for_conductor(self, now: float) -> None:
-        """Does what the show says when the conductor has not answered for too long."""
+    def _check_conductor(self, now: float) -> None:
+        """Reacts as the show demands when the conductor has not answered for too long."""
         time_now = self._time
-        if not time_now.run and not self._told_alone and now - self._answered_at > ALONE_AFTER:
-            self._told_alone = True
-            self._tell(
+        if not time_now.run and not self._reported_alone and now - self._answered_at > ALONE_AFTER:
+            self._reported_alone = True
+            self._notify(
                 f"no conductor has answered for {ALONE_AFTER:g} s: is it running, for the same show, with certificates "
                 "of one authority?"
             )
         if self._lost or not time_now.run or now - self._answered_at <= time_now.after:
             return
         self._lost = True
-        self._tell(f"the conductor has not answered for {time_now.after:g} s; {_THEN[time_now.lost]}")
+        self._notify(f"the conductor has not answered for {time_now.after:g} s; {_THEN[time_now.lost]}")
         plays = self._state is not None and self._state.mode == "playing" and not self._state.paused
         if time_now.lost == "hold" and plays:
             self._holds = True
@@ -203,7 +203,7 @@ class Member:
     # Cues.
 
     def _take(self, key: str, data: bytes) -> None:
-        """Takes what another member has said."""
+        """Handles a message of another member."""
         if key == "stop" and (stop := read(data, EmergencyStopAll)) is not None:
             self._take_stop(stop, data)
         cue = read(data, TimedCue) if key == "cue" else None
@@ -227,7 +227,7 @@ class Member:
         self._cues.append(cue)
 
     def _carry_out(self) -> None:
-        """Notes the cues whose time has come: what is answered for the phase changes with them."""
+        """Marks due cues as done; the phase that the deck is answered changes with them."""
         now = self._now()
         for cue in [cue for cue in self._cues if self._due(cue) <= now]:
             self._cues.remove(cue)
@@ -264,13 +264,13 @@ class Member:
 
     # The deck.
 
-    def _hear_deck(self) -> bool:
-        """Takes what the deck says; False when it has ended."""
+    def _receive_from_deck(self) -> bool:
+        """Handles replies and events of the deck; False when it has ended."""
         happened = False
         while (reply := self._deck.receive(0.0)) is not None:
             if isinstance(reply, State):
                 self._state = reply
-                self._tell_health(reply)
+                self._publish_health(reply)
             elif isinstance(reply, Refused):
                 whose = self._commands.pop(reply.id, "")
                 self._note_problem(f"{whose}: {reply.reason}" if whose else reply.reason)
@@ -284,7 +284,7 @@ class Member:
             self._deck.post(commands.GetStatus())
         return True
 
-    def _tell_health(self, state: State) -> None:
+    def _publish_health(self, state: State) -> None:
         now, clock, known = self._now(), self._clock, None
         if clock.known and self._asked >= _FIRST and not self._lost:
             uncertain, shortest = 1e3 * clock.uncertainty(now), 1e3 * clock.shortest
@@ -302,32 +302,32 @@ class Member:
             problem=self._problem,
             problems=self._problems,
         )
-        self._link.say(f"health/{self._name}", encode(health))
+        self._link.publish(f"health/{self._name}", encode(health))
 
     def _note_problem(self, problem: str) -> None:
-        """Notes what went wrong, for the people here and at the conductor."""
+        """Records a problem, for the user here and for the conductor."""
         self._problem, self._problems = problem, self._problems + 1
-        self._tell(problem)
+        self._notify(problem)
 
     # Emergency stops.
 
     def _take_stop(self, stop: EmergencyStopAll, data: bytes) -> None:
-        """Stops the deck, and passes it on once: others may have no link to who said it."""
+        """Stops the deck, and passes the stop on once: other members may have no link to its sender."""
         if stop.id in self._stops:
             return
         self._stops.append(stop.id)
         self._stop_deck(self._now())
-        self._tell(f"emergency stop by {'the conductor' if stop.by == CONDUCTOR else stop.by}")
-        self._link.say("stop", data)
+        self._notify(f"emergency stop by {'the conductor' if stop.by == CONDUCTOR else stop.by}")
+        self._link.publish("stop", data)
 
     def _pass_on_stop(self) -> None:
-        """Has everybody stop because this deck did, unless that came from here."""
+        """Publishes the emergency stop of this deck, unless it came from the show."""
         now = self._now()
         if now - self._stopped_at < _OWN_DOING:
             return
         stop = EmergencyStopAll(self._name, os.urandom(8).hex())
         self._stops.append(stop.id)
-        self._to_say = [(now + STOP_AGAIN * again, encode(stop)) for again in range(STOP_SAID)]
+        self._to_publish = [(now + STOP_AGAIN * again, encode(stop)) for again in range(STOP_SAID)]
 
     def _stop_deck(self, now: float) -> None:
         self._stopped_at = now
@@ -335,10 +335,10 @@ class Member:
         self._cues.clear()
         self._deck.post(commands.EmergencyStop())
 
-    def _say_stops(self, now: float) -> None:
-        for due in [due for due in self._to_say if due[0] <= now]:
-            self._to_say.remove(due)
-            self._link.say("stop", due[1])
+    def _publish_stops(self, now: float) -> None:
+        for due in [due for due in self._to_publish if due[0] <= now]:
+            self._to_publish.remove(due)
+            self._link.publish("stop", due[1])
 
 
 def _plays(cue: TimedCue) -> bool:

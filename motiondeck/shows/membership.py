@@ -1,4 +1,4 @@
-"""Who takes part in a show, and where its members are reached.
+"""The members of a show, and their addresses.
 
 On one machine they meet over Unix sockets in a folder that only their user may enter, and nothing listens to a network:
 
@@ -181,6 +181,6 @@ def _unix(path: Path) -> str:
 
 
 def _answers(path: Path) -> bool:
-    """Whether somebody listens at a socket, or it was left by a member that was killed."""
+    """Whether a process listens at a socket; it may have been left by a killed member."""
     with socket.socket(socket.AF_UNIX, socket.SOCK_STREAM) as probe:
         return probe.connect_ex(str(path)) == 0

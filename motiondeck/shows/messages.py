@@ -1,4 +1,4 @@
-"""What the members of a show tell each other: typed, and JSON on the wire.
+"""The messages of a show: typed, and JSON on the wire.
 
 deck/DECK           token of a deck, and its About as an answer
 conductor           token of the conductor
@@ -18,7 +18,7 @@ from controller.wire.messages.commands import DeckCommand
 from controller.wire.messages.deck_snapshot import Mode
 
 Lost = Literal["go on", "hold", "stop"]
-"""What a deck does that has lost the conductor: nothing, a pause, or an emergency stop of its own."""
+"""What a deck does that has lost the conductor: nothing, a pause, or an emergency stop."""
 
 T = TypeVar("T")
 
@@ -41,7 +41,7 @@ class About(msgspec.Struct, frozen=True):
 
 
 class Time(msgspec.Struct, frozen=True):
-    """What a conductor answers.
+    """The time of a conductor.
 
     Attributes:
         run: of this conductor; another one is another clock.
@@ -80,7 +80,7 @@ class TimedCue(msgspec.Struct, frozen=True):
         number: rises from cue to cue of a run.
         name: for people.
         at: when, in the conductor's time, s.
-        decks: whom it is for.
+        decks: its receivers.
         say: the commands.
         step: what loops keep step with from then on; None for nothing.
     """
@@ -107,7 +107,7 @@ class ClockHealth(msgspec.Struct, frozen=True):
 
 
 class DeckHealth(msgspec.Struct, frozen=True):
-    """How a deck is.
+    """The state of a deck.
 
     Attributes:
         run, cue: the conductor and the number of the last cue that was carried out; "" and 0 for none.
@@ -131,10 +131,10 @@ class DeckHealth(msgspec.Struct, frozen=True):
 
 
 class EmergencyStopAll(msgspec.Struct, frozen=True):
-    """Everybody stops.
+    """Emergency stop of all decks.
 
     Attributes:
-        by: the member that says so.
+        by: the member that sent it.
         id: of this stop, so that a member passes it on once.
     """
 

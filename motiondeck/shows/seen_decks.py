@@ -1,31 +1,62 @@
-"""The decks that a conductor has seen: what they say of themselves, what was sent to them, and what they lack."""
+"""The decks that a conductor has seen: their state, the cues sent to them, and what they lack for a condition."""
 
 from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, field
 
-from motiondeck.shows.messages import About, DeckHealth, TimedCue
+from controller.wire.messages.commands import Blend, DeckCommand, Home, Jump, Pause, Push, Resume, Stop, Switch
+from motiondeck.shows.messages import About, CommonRound, DeckHealth, TimedCue
 from motiondeck.shows.show_file import ALL, Condition, Show, wrong_motions
-from motiondeck.shows.standing import Standing
 from motiondeck_base.errors import MotiondeckError, UnknownNameError
 
 SILENT_AFTER = 1.0
 """A deck whose health is older than this is not counted on, s."""
 
 
+class CueSum:
+    """The sum of all cues of a deck: the commands for one that joins late or has missed some.
+
+    Attributes:
+        number: of the latest cue; 0 before the first.
+        at: when it is carried out, in the conductor's time, s.
+    """
+
+    def __init__(self) -> None:
+        self.number, self.at = 0, 0.0
+        self._commands: list[DeckCommand] = []
+        self._step: CommonRound | None = None
+
+    def take(self, cue: TimedCue) -> None:
+        """Takes a cue that was sent."""
+        self.number, self.at = cue.number, cue.at
+        for command in cue.say:
+            if isinstance(command, Switch | Blend | Home | Stop):  # nothing before it matters any more
+                self._commands, self._step = [], None
+            if isinstance(command, Pause | Resume):
+                self._commands = [before for before in self._commands if not isinstance(before, Pause | Resume)]
+            if not isinstance(command, Jump | Push | Stop):
+                self._commands.append(command)
+        if cue.step is not None:
+            self._step = cue.step
+
+    def cue(self, run: str, deck: str, at: float) -> TimedCue:
+        """The cue that brings a deck there."""
+        return TimedCue(run, self.number, "joins", at, [deck], list(self._commands), self._step)
+
+
 @dataclass
 class SeenDeck:
-    """What the conductor knows of a deck.
+    """A deck as the conductor knows it.
 
     Attributes:
         name: of the deck.
         here: whether it is connected.
-        about, health: what it says of itself; None before that.
-        heard: when its health came, s.
-        standing: what it should be doing.
-        joined: when it was last given that, s.
-        problems: how many have been told.
+        about, health: its latest messages; None before the first.
+        heard: time of its health, s.
+        cues: the sum of the cues sent to it.
+        joined: when that was last sent, s.
+        problems: the number of reported problems.
         losses: how often its connection was lost.
     """
 
@@ -34,27 +65,27 @@ class SeenDeck:
     about: About | None = None
     health: DeckHealth | None = None
     heard: float = 0.0
-    standing: Standing = field(default_factory=Standing)
+    cues: CueSum = field(default_factory=CueSum)
     joined: float = 0.0
     problems: int = 0
     losses: int = 0
 
 
 class SeenDecks:
-    """All of them.
+    """All decks that a conductor has seen.
 
     Args:
         show: that they take part in.
         run: of the conductor.
-        tell: is told what happens.
+        notify: receives what happens, as lines of text.
         now: the clock of the show, s.
 
     Attributes:
         by_name: each by its name.
     """
 
-    def __init__(self, show: Show, run: str, tell: Callable[[str], None], now: Callable[[], float]) -> None:
-        self._show, self._run, self._tell, self._now = show, run, tell, now
+    def __init__(self, show: Show, run: str, notify: Callable[[str], None], now: Callable[[], float]) -> None:
+        self._show, self._run, self._notify, self._now = show, run, notify, now
         self._sent: list[tuple[list[str], TimedCue]] = []
         self.by_name: dict[str, SeenDeck] = {}
 
@@ -65,7 +96,7 @@ class SeenDecks:
             deck = self.by_name[name] = SeenDeck(name)
             for names, cue in self._sent:
                 if name in self._show.members(names, [name]):
-                    deck.standing.take(cue)
+                    deck.cues.take(cue)
         return deck
 
     @property
@@ -121,34 +152,34 @@ class SeenDecks:
         if not here:
             deck.health = None
             deck.losses += 1
-            self._tell(f"{name} is gone")
+            self._notify(f"{name} is gone")
 
     def introduce(self, name: str, about: About) -> None:
-        """Notes what a deck says of itself."""
+        """Records the description of a deck."""
         self[name].about = about
-        self._tell(f"{name} is here: {about.robot}, {about.library}")
+        self._notify(f"{name} is here: {about.robot}, {about.library}")
         for problem in wrong_motions(self._show, {name: about.rounds}):
-            self._tell(f"{self._show.show}: {problem}")
+            self._notify(f"{self._show.show}: {problem}")
 
     def note_health(self, name: str, health: DeckHealth) -> None:
-        """Notes how a deck is, and tells a new problem of its."""
+        """Records the health of a deck, and reports a new problem."""
         deck = self[name]
         deck.health, deck.heard = health, self._now()
         if health.problems > deck.problems:
-            self._tell(f"{name}: {health.problem}")
+            self._notify(f"{name}: {health.problem}")
         deck.problems = health.problems
 
     def note_sent(self, cue: TimedCue, to: list[str]) -> None:
         """Notes a cue that was sent to its decks, and is for all of these names, decks that come later too."""
         for deck in cue.decks:
-            self[deck].standing.take(cue)
+            self[deck].cues.take(cue)
         self._sent.append((to, cue))
 
     def forget_sent(self) -> None:
-        """From now on nothing stands."""
+        """Forgets all cues that were sent."""
         self._sent.clear()
         for deck in self.by_name.values():
-            deck.standing = Standing()
+            deck.cues = CueSum()
 
     def lacking(self, condition: Condition, receivers: list[str]) -> list[str]:
         """What a condition lacks, deck by deck."""
@@ -165,7 +196,7 @@ class SeenDecks:
             return "says nothing"
         if health.clock is None:
             return "does not know the time yet"
-        current = (health.run, health.cue) == (self._run, deck.standing.number) or not deck.standing.number
+        current = (health.run, health.cue) == (self._run, deck.cues.number) or not deck.cues.number
         if condition != "here" and (not current or health.switching):
             return "is switching"
         return "is not in step" if condition == "in step" and not health.lock.startswith("locked") else ""

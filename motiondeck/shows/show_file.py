@@ -54,7 +54,7 @@ class ShowCue(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
         when: waits until this holds.
         within: s after which a condition that does not hold becomes a hold point.
         to: a deck or group, or several; all decks by default.
-        in_step: keeps loops in step from then on, at the length of the motion as recorded, or in so many s a round.
+        in_step: keeps loops in step from then on, at the recorded length of the motion, or at this many s a round.
     """
 
     say: str | list[str]
@@ -73,7 +73,7 @@ class ShowCue(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
 
     @property
     def commands(self) -> list[DeckCommand]:
-        """What is said.
+        """The commands of the cue.
 
         Raises:
             CommandError: if it is no command, or none that a show may give.
@@ -92,7 +92,7 @@ class Show(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
 
     Attributes:
         show: its name.
-        cues: what is said when.
+        cues: the commands and their times.
         decks: those that belong to it; without them every deck that is there.
         groups: names of several decks.
         lead: how long before its time a cue is sent, s.
@@ -140,7 +140,7 @@ def read_show(path: Path) -> Show:
 
 
 def wrong_motions(show: Show, decks: Mapping[str, Mapping[str, float]]) -> Iterator[str]:
-    """What cues say that decks cannot play.
+    """Motions of cues that decks lack, as problems.
 
     Args:
         show: with the cues.

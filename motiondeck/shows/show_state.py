@@ -1,4 +1,4 @@
-"""What the page of a show is told: how the show stands, its cues and its decks, as the conductor knows them."""
+"""The state of a show, as its page shows it: cues and decks."""
 
 from __future__ import annotations
 
@@ -43,9 +43,9 @@ class ShowState(msgspec.Struct, frozen=True, tag="state"):
         cues: all of them, in order.
         present: the number, from 0, of the cue that was last carried out; None before the first.
         upcoming: of the one that comes next; None after the last.
-        seconds: how long until then; None where nobody knows.
+        seconds: how long until then; None if unknown.
         waits: whether only `go` brings it.
-        stopped_by: who gave the emergency stop; "" without one.
+        stopped_by: the member that gave the emergency stop, or "".
         decks: those that were seen, by name.
     """
 
@@ -60,13 +60,13 @@ class ShowState(msgspec.Struct, frozen=True, tag="state"):
 
 
 class ShowNotice(msgspec.Struct, frozen=True, tag="notice"):
-    """What a button has brought about, or why it has not."""
+    """The outcome of a button."""
 
     text: str
 
 
 def show_state(conductor: Conductor) -> ShowState:
-    """How a show stands now."""
+    """The present state of a show."""
     now, cues = conductor.now(), conductor.cues
     present = max((number for number, at in conductor.given.items() if at <= now), default=None)
     # A cue is sent ahead of its time; until then it is still to come.

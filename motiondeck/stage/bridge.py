@@ -1,4 +1,4 @@
-"""The bridge: gives a deck the commands of a stage's signals when they are due, and sends out what the deck says."""
+"""The bridge: sends the commands of signals to a deck when they are due, and the deck's events to OSC."""
 
 from __future__ import annotations
 
@@ -17,29 +17,29 @@ from controller.wire.messages.commands import DeckCommand, EmergencyStop, GetSta
 from controller.wire.messages.events import Event
 from controller.wire.messages.replies import Reply, State
 from motiondeck.stage.osc import OscOutput
-from motiondeck.stage.signals import Input, Signal, Tell
+from motiondeck.stage.signals import Input, Notify, Signal
 
 STATE_EVERY = 0.1
-"""So often the deck is asked for its state, s."""
+"""The period of status requests, s."""
 
 _SUBSCRIBED_FOR = 15.0  # s after which a subscription is renewed
-_LOOK = 0.01  # s between looks at what the deck says
+_POLL = 0.01  # s between reads of the deck's replies
 _MOST_WAITING = 256  # signals that are due later
 _MOST_AT_ONCE = 32  # signals given before replies are read; a deck takes bursts of 40
 
 Answered = Callable[[str, DeckCommand, Reply], None]
-"""Is told what a command came from, the command, and a reply to it."""
+"""Called with the source of a command, the command, and a reply to it."""
 
 
 class Bridge:
-    """Commands a deck by signals until that has ended.
+    """Commands a deck by signals until the deck has ended.
 
     Args:
         client: connected to the deck.
         inputs: where signals come from.
-        output: is told events and states; None for nobody.
-        answered: is told the replies to commands.
-        tell: is told what is refused here, and what the motion is locked to when that changes.
+        output: receives events and states, if any.
+        answered: receives the replies to commands.
+        notify: receives what is refused here, and changes of the lock, as lines of text.
         now: a steady clock, s.
 
     Raises:
@@ -52,11 +52,11 @@ class Bridge:
         inputs: Sequence[Input],
         output: OscOutput | None,
         answered: Answered,
-        tell: Tell,
+        notify: Notify,
         now: Callable[[], float] = time.monotonic,
     ) -> None:
         self._client, self._inputs, self._output = client, inputs, output
-        self._answered, self._tell, self._now = answered, tell, now
+        self._answered, self._notify, self._now = answered, notify, now
         self._waiting: list[tuple[float, int, Signal]] = []
         self._order = itertools.count()
         self._asked: dict[int, Signal] = {}
@@ -71,11 +71,11 @@ class Bridge:
             SocketError: if the deck is gone without a word.
             MidiGoneError: if a MIDI device is unplugged.
         """
-        while self.step(_LOOK):
+        while self.step(_POLL):
             pass
 
     def step(self, longest: float) -> bool:
-        """Waits at most so many seconds for a signal and passes on what there is; False when the deck has ended."""
+        """Waits at most `longest` seconds for a signal and passes signals on; False when the deck has ended."""
         due = self._waiting[0][0] - self._now() if self._waiting else longest
         ready, _, _ = select.select(self._inputs, [], [], min(max(due, 0.0), longest))
         for signals in ready:
@@ -86,7 +86,7 @@ class Bridge:
             if not (self._waiting and self._waiting[0][0] <= now):
                 break
             self._give(heapq.heappop(self._waiting)[2], now)
-        running = self._hear()
+        running = self._receive()
         if running:
             self._ask(now)
         return running
@@ -97,7 +97,7 @@ class Bridge:
         elif len(self._waiting) < _MOST_WAITING:
             heapq.heappush(self._waiting, (signal.due, next(self._order), signal))
         else:
-            self._tell(f"{signal.source}: too many commands at once, so it was left out")
+            self._notify(f"{signal.source}: too many commands at once, so it was left out")
 
     def _give(self, signal: Signal, now: float) -> None:
         command = signal.command
@@ -124,7 +124,7 @@ class Bridge:
         except PeerGoneError:
             raise
         except SocketError as error:
-            self._tell(f"{error}, so what came meanwhile was left out")
+            self._notify(f"{error}, so what came meanwhile was left out")
             self._waiting.clear()
             return None
 
@@ -137,8 +137,8 @@ class Bridge:
             self._ask_at = now + STATE_EVERY
             self._post(GetStatus())
 
-    def _hear(self) -> bool:
-        """Passes on what the deck has said; False when it has ended."""
+    def _receive(self) -> bool:
+        """Passes on replies and events of the deck; False when it has ended."""
         while (reply := self._client.receive(0.0)) is not None:
             signal = self._asked.pop(reply.id, None)
             if signal is not None:
@@ -156,6 +156,6 @@ class Bridge:
         lock = state.lock.state if state.lock is not None else "none"
         if lock != self._lock:
             self._lock = lock
-            self._tell(str(state.lock) if state.lock is not None else "locked to nothing")
+            self._notify(str(state.lock) if state.lock is not None else "locked to nothing")
         if self._output is not None:
             self._output.state(state)

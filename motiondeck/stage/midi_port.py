@@ -91,7 +91,7 @@ class SystemPort:
 
     def _take(self, message: mido.Message) -> None:
         self._came.append((time.monotonic(), message))
-        with contextlib.suppress(OSError):  # full: it rings already; closed: nobody listens any more
+        with contextlib.suppress(OSError):  # full: already signalled; closed: no longer read
             os.write(self._ring, b"!")
 
     def fileno(self) -> int:

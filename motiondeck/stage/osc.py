@@ -1,7 +1,7 @@
 """OSC: messages of programs on this machine are commands, and what the deck does is sent as messages.
 
-OSC knows neither a password nor who sends. Messages are therefore taken on loopback only, and only from programs of
-this user: the system's table of sockets says whose they are.
+OSC has no authentication. Messages are therefore taken on loopback only, and only from programs of this user, by the
+system's table of sockets.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ from controller.wire.messages.commands import CommandError
 from controller.wire.messages.events import Event
 from controller.wire.messages.replies import State
 from motiondeck.stage.command_pattern import CommandPattern
-from motiondeck.stage.signals import Signal, Tell
+from motiondeck.stage.signals import Notify, Signal
 from motiondeck_base.errors import MotiondeckError
 from motiondeck_base.socket_owners import owners_of_datagrams
 
@@ -28,7 +28,7 @@ if TYPE_CHECKING:
 LOOPBACK = "127.0.0.1"
 
 LONGEST_AHEAD = 60.0
-"""A bundle's time tag may be so far ahead, s; later ones are of another clock."""
+"""The most that a bundle's time tag may be ahead, s; later ones are of another clock."""
 
 _MOST = 256  # datagrams read at once
 
@@ -41,15 +41,15 @@ class OscInput:
     Args:
         port: of UDP.
         commands: of each address; patterns in the address of a message are not matched.
-        tell: is told what is refused here.
+        notify: receives what is refused here, as a line of text.
 
     Raises:
         MotiondeckError: if python-osc is not installed, or the port cannot be had.
     """
 
-    def __init__(self, port: int, commands: Mapping[str, CommandPattern], tell: Tell) -> None:
+    def __init__(self, port: int, commands: Mapping[str, CommandPattern], notify: Notify) -> None:
         _require_python_osc()
-        self._commands, self._tell = commands, tell
+        self._commands, self._notify = commands, notify
         self._socket = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
         self._socket.setblocking(False)
         try:
@@ -65,7 +65,7 @@ class OscInput:
         return self._socket.fileno()
 
     def read(self, now: float) -> Iterator[Signal]:
-        """The commands that have arrived; malformed messages and those of other users are told and left out."""
+        """The commands that have arrived; malformed messages and those of other users are reported and left out."""
         for _ in range(_MOST):
             try:
                 data, sender = self._socket.recvfrom(65536)
@@ -74,7 +74,7 @@ class OscInput:
             owners = owners_of_datagrams(sender)
             if not owners or not owners <= {0, os.geteuid()}:
                 whose = "another user's program" if owners else "a program that has already closed its socket"
-                self._tell(f"OSC from {whose} was left out")
+                self._notify(f"OSC from {whose} was left out")
                 continue
             for timed in self._messages(data):
                 yield from self._signals(timed, now)
@@ -85,7 +85,7 @@ class OscInput:
         try:
             return OscPacket(data).messages
         except (ParseError, ValueError, IndexError, struct.error, RecursionError) as error:
-            self._tell(f"OSC that cannot be read was left out ({error})")
+            self._notify(f"OSC that cannot be read was left out ({error})")
             return []
 
     def _signals(self, timed: TimedMessage, now: float) -> Iterator[Signal]:
@@ -95,12 +95,12 @@ class OscInput:
             return
         ahead = max(0.0, timed.time - time.time())
         if ahead > LONGEST_AHEAD:
-            self._tell(f"{address}: its time is {ahead:.0f} s ahead, so it was left out")
+            self._notify(f"{address}: its time is {ahead:.0f} s ahead, so it was left out")
             return
         try:
             command = pattern.command(timed.message.params)
         except CommandError as error:
-            self._tell(f"{address}: {error}")
+            self._notify(f"{address}: {error}")
             return
         if command is not None:
             yield Signal(now + ahead, address, command)
@@ -111,7 +111,7 @@ class OscInput:
 
 
 class OscOutput:
-    """Tells a program by OSC what happens on a deck.
+    """Sends events and states of a deck by OSC.
 
     Args:
         host: its address.
@@ -144,7 +144,7 @@ class OscOutput:
         self._send("lock", state.lock.state if state.lock is not None else "none")
 
     def _send(self, name: str, *values: str | float) -> None:
-        with contextlib.suppress(OSError):  # nobody is there, or the network is gone: OSC is not repeated
+        with contextlib.suppress(OSError):  # no receiver, or no network: OSC is not repeated
             self._client.send_message(f"/motiondeck/{name}", values)
 
     def close(self) -> None:

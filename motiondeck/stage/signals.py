@@ -1,4 +1,4 @@
-"""What the inputs of a stage and the bridge to a deck have in common."""
+"""Signals, and the protocol of their inputs."""
 
 from __future__ import annotations
 
@@ -8,8 +8,8 @@ from typing import Protocol
 
 from controller.wire.messages.commands import DeckCommand
 
-Tell = Callable[[str], None]
-"""Says something to the person who runs the program."""
+Notify = Callable[[str], None]
+"""Prints a line for the user."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -18,8 +18,8 @@ class Signal:
 
     Attributes:
         due: when it is to be given, s, by the bridge's clock; in the past where it was noticed late.
-        source: what it came from, for a person.
-        command: what it asks of the deck.
+        source: its address, note or time, in words.
+        command: its command.
     """
 
     due: float
@@ -28,7 +28,7 @@ class Signal:
 
 
 class Input(Protocol):
-    """Where signals come from."""
+    """An input of signals."""
 
     def fileno(self) -> int:
         """A file descriptor that can be read when signals have come."""
@@ -43,5 +43,5 @@ class Input(Protocol):
         ...
 
     def close(self) -> None:
-        """Lets go of the socket or device; may be called twice."""
+        """Closes the socket or device; may be called twice."""
         ...

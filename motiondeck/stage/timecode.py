@@ -32,7 +32,7 @@ class Timecode(NamedTuple):
         return time
 
     def possible(self, rate: int) -> bool:
-        """Whether there is such a time with so many frames a second."""
+        """Whether the time exists at this frame rate."""
         return self.hours < 24 and self.minutes < 60 and self.seconds < 60 and self.frames < rate
 
     def number(self, kind: int) -> int:

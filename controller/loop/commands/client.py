@@ -1,4 +1,4 @@
-"""A client of the command sockets, and how to reach it."""
+"""The sender of a command."""
 
 from __future__ import annotations
 
@@ -9,14 +9,14 @@ from controller.wire.messages.replies import Reply
 
 
 class Client(NamedTuple):
-    """Who has sent a command, and to which socket."""
+    """The sender of a command, and the socket that received it."""
 
     server: CommandServer
     sender: Address
 
     @property
     def connected(self) -> bool:
-        """Whether it is still there, as far as its socket can tell."""
+        """Whether it is connected, as far as its socket knows."""
         return self.server.connected(self.sender)
 
     def reply(self, reply: Reply) -> None:

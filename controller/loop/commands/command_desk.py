@@ -1,4 +1,4 @@
-"""The command desk: takes the commands of sockets, replies, and tells who wants to know what happens."""
+"""Carries out the commands that arrive at sockets, replies, and sends events to subscribers."""
 
 from __future__ import annotations
 
@@ -38,15 +38,15 @@ class CommandDesk:
         self._servers, self._note = servers, note
         self._listeners = Listeners(run.deck, now)
         self._second = SecondReplies(now)
-        self._told: tuple[Mode, bool] = ("playing", run.deck.paused)
+        self._sent_mode: tuple[Mode, bool] = ("playing", run.deck.paused)
         self._fallen = False
 
     def __call__(self, stop: StopRequest) -> None:
-        """Carries out new commands, and tells what has happened since the last call."""
+        """Carries out new commands, and sends what has happened since the last call."""
         for server in self._servers:
             for message, sender in server.poll():
                 client = Client(server, sender)
-                self._listeners.hear(message, client)
+                self._listeners.note(message, client)
                 outcome = self._carry_out(message, stop, client, remote=server.remote)
                 if isinstance(message, AtTime) and isinstance(outcome.reply, Accepted):
                     self._timed.add(client, message)
@@ -54,21 +54,21 @@ class CommandDesk:
         if self._timed.waiting:
             self._carry_out_timed(stop)
         if self._second.switches:
-            self._second.tell_switches()
+            self._second.reply_for_switches()
         if self._second.looks:
-            self._second.tell_looks()
+            self._second.reply_for_looks()
         if self._listeners.known:
-            self._listeners.miss()
+            self._listeners.check_heartbeats()
         events = self._deck.events
         while events:
             self._listeners.send(events.popleft())
         if self._body is not None and self._body.fallen != self._fallen:
-            self._tell_fall(self._body.fallen)
-        if (stop.mode, self._deck.paused) != self._told:
-            self._tell_mode(stop.mode, self._deck.paused)
+            self._send_fall(self._body.fallen)
+        if (stop.mode, self._deck.paused) != self._sent_mode:
+            self._send_mode(stop.mode, self._deck.paused)
 
     def tell(self, kind: EventKind, text: str, motion: str = "") -> None:
-        """Tells all subscribers that something has happened."""
+        """Sends an event to all subscribers."""
         self._listeners.tell(kind, text, motion)
 
     def carry_out(self, message: DeckCommand, stop: StopRequest) -> Reply:
@@ -78,7 +78,7 @@ class CommandDesk:
     def _carry_out(
         self, message: DeckCommand, stop: StopRequest, client: Client | None = None, *, remote: bool = False
     ) -> Outcome:
-        """Carries out one command; its client is replied to once more if there is more to say."""
+        """Carries out one command, and notes that a second reply is pending."""
         outcome = self._run.carry_out(message, stop, remote=remote)
         if self._note is not None:
             self._note(message, outcome.reply)
@@ -96,15 +96,15 @@ class CommandDesk:
             if isinstance(outcome.reply, Refused):
                 client.reply(outcome.reply)
 
-    def _tell_fall(self, fallen: bool) -> None:
+    def _send_fall(self, fallen: bool) -> None:
         self._fallen = fallen
         self.tell(
             *(("fell", "the robot has fallen") if fallen else ("stands", "the robot stands again")), self._deck.motion
         )
 
-    def _tell_mode(self, mode: Mode, paused: bool) -> None:
-        mode_before, paused_before = self._told
-        self._told = mode, paused
+    def _send_mode(self, mode: Mode, paused: bool) -> None:
+        mode_before, paused_before = self._sent_mode
+        self._sent_mode = mode, paused
         if mode != mode_before:
             self.tell("mode", mode)
         if paused != paused_before:

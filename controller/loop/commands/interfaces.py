@@ -1,4 +1,4 @@
-"""What commands need of what they command: a deck, the servos of a rig, a body that can be pushed, a clock."""
+"""Protocols of what commands act on: the servos of a rig, a body that can be pushed, a clock."""
 
 from __future__ import annotations
 
@@ -21,10 +21,10 @@ class Progress(Protocol):
 
 
 class Look(Protocol):
-    """A look at servos that is under way."""
+    """A request to servos that is under way."""
 
     def answer(self) -> SecondReply | None:
-        """What came of it, or None as long as nothing has."""
+        """The reply, or None before it has come."""
         ...
 
 
@@ -32,19 +32,19 @@ class RigServos(Protocol):
     """The servos of a rig, as commands need them; no call waits."""
 
     def switch(self, joint: str, *, on: bool) -> None:
-        """Takes the torque off a joint, or has it set up again."""
+        """Switches the torque of a joint off, or sets the joint up again."""
         ...
 
     def restart(self, joint: str) -> None:
-        """Has the servo of a joint restarted."""
+        """Restarts the servo of a joint."""
         ...
 
     def registers(self, joint: str, write: tuple[str, int] | None = None) -> Look:
-        """Has all registers of a servo read, and before that one of them written."""
+        """Starts reading all registers of a servo, after writing one of them if given."""
         ...
 
     def scan(self) -> Look:
-        """Has everybody asked who is on the ports."""
+        """Starts a scan of the ports."""
         ...
 
 
@@ -53,7 +53,7 @@ class Pushable(Protocol):
     """A simulated body that can be pushed; the call does not wait.
 
     Attributes:
-        fallen: whether it lies.
+        fallen: whether it lies on the floor.
     """
 
     fallen: bool

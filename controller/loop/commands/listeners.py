@@ -1,4 +1,4 @@
-"""Listeners: clients that are told what happens on a deck, or that have to be heard from."""
+"""Subscriptions and heartbeats of clients."""
 
 from __future__ import annotations
 
@@ -19,12 +19,12 @@ _FORGOTTEN_AFTER = 60.0  # s that a subscriber over a network may be silent
 
 @dataclass
 class _Listener:
-    """One of them.
+    """A client with a subscription or a heartbeat.
 
     Attributes:
         client: how to reach it.
-        heard: when it was last heard from, s.
-        subscribed: whether it gets events.
+        heard: time of its last command, s.
+        subscribed: whether it receives events.
         within: s of silence after which the deck pauses; 0 for never.
     """
 
@@ -35,10 +35,10 @@ class _Listener:
 
 
 class Listeners:
-    """All listeners of a deck.
+    """All listening clients of a deck.
 
     Args:
-        deck: whose events they are, and what pauses when one is missed.
+        deck: its source of events; it pauses when a heartbeat is missed.
         now: a steady clock, s.
 
     Attributes:
@@ -50,8 +50,8 @@ class Listeners:
         self.known: dict[Address, _Listener] = {}
         self._number = 0
 
-    def hear(self, message: DeckCommand, client: Client) -> None:
-        """Notes that a client was heard from, and what it wants to be told or not to be missed for."""
+    def note(self, message: DeckCommand, client: Client) -> None:
+        """Records a sign of life of a client, and its subscription or heartbeat."""
         listener = self.known.get(client.sender)
         if listener is None:
             if not isinstance(message, Subscribe | Heartbeat) or len(self.known) >= _MOST_LISTENERS:
@@ -64,7 +64,7 @@ class Listeners:
             listener.within = message.within
 
     def tell(self, kind: EventKind, text: str, motion: str = "") -> None:
-        """Tells all subscribers that something has happened now."""
+        """Sends an event of now to all subscribers."""
         self.send(Event(kind, text, motion, self._deck.time))
 
     def send(self, event: Event) -> None:
@@ -75,8 +75,8 @@ class Listeners:
             if listener.subscribed:
                 listener.client.reply(event)
 
-    def miss(self) -> None:
-        """Pauses the deck if somebody is gone who had promised to be heard from, and forgets who is gone."""
+    def check_heartbeats(self) -> None:
+        """Pauses the deck when a heartbeat is missed, and forgets clients that are gone."""
         now = self._now()
         for sender, listener in [*self.known.items()]:
             gone = not listener.client.connected

@@ -1,4 +1,4 @@
-"""Second replies: when a switch has settled, and when servos that were looked at have answered."""
+"""Second replies: a switch has settled, or servos have replied."""
 
 from __future__ import annotations
 
@@ -18,14 +18,14 @@ _MOST_AWAITED = 256  # switches, or looks, whose second reply is still to come
 
 
 class SecondReplies:
-    """The replies that are still to come.
+    """Second replies that are pending.
 
     Args:
         now: a steady clock, s.
 
     Attributes:
-        switches: what is under way, with who commanded it and what is played when it has settled.
-        looks: at servos, with who asked for them in which command, and since when.
+        switches: those under way, with client, number, motions and progress.
+        looks: requests to servos, with client, number and start, s.
     """
 
     def __init__(self, now: Callable[[], float]) -> None:
@@ -38,10 +38,10 @@ class SecondReplies:
         self.switches.append((client, message.id, " + ".join(message.motions), progress))
 
     def await_look(self, client: Client, message: DeckCommand, look: Look) -> None:
-        """Replies once more when the servos have answered."""
+        """Replies once more when the servos have replied."""
         self.looks.append((client, message.id, look, self._now()))
 
-    def tell_switches(self) -> None:
+    def reply_for_switches(self) -> None:
         """Replies for switches that have settled, were given up or overtaken."""
         for _ in range(len(self.switches)):
             client, number, to, progress = waiting = self.switches.popleft()
@@ -54,8 +54,8 @@ class SecondReplies:
             else:
                 self.switches.append(waiting)
 
-    def tell_looks(self) -> None:
-        """Replies with what looks have found, or that nothing came of them."""
+    def reply_for_looks(self) -> None:
+        """Replies with what servos have replied, or that they have not."""
         for _ in range(len(self.looks)):
             client, number, look, began = waiting = self.looks.popleft()
             answer: SecondReply | None

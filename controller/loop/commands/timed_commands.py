@@ -1,4 +1,4 @@
-"""Timed commands: those that were given ahead of their time, until the tick that is due then."""
+"""Timed commands: kept until the tick that is due at their time."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from controller.loop.commands.interfaces import RealTime
 from controller.wire.messages.commands import AtTime, DeckCommand
 from motiondeck_base.errors import MotiondeckError
 
-_AHEAD = 60.0  # s, of a command that is given ahead of its time
+_AHEAD = 60.0  # s, the most ahead of its time
 _MOST_TIMED = 64  # commands whose time is still to come
 
 
@@ -19,10 +19,10 @@ class TimedCommands:
     """The commands whose time is still to come.
 
     Args:
-        ticks: the clock of the loop; without one, in another time than the real one, none is taken.
+        ticks: the clock of the loop; without one (not in real time) none is taken.
 
     Attributes:
-        waiting: each command with who gave it.
+        waiting: each command with its client.
     """
 
     def __init__(self, ticks: RealTime | None) -> None:
@@ -30,7 +30,7 @@ class TimedCommands:
         self.waiting: list[tuple[Client, AtTime]] = []
 
     def check(self, message: AtTime, *, remote: bool) -> None:
-        """Checks that one more is taken.
+        """Checks that one more can be kept.
 
         Raises:
             MotiondeckError: if not, and why.
@@ -47,7 +47,7 @@ class TimedCommands:
         self.waiting.append((client, message))
 
     def take_due(self) -> Iterator[tuple[Client, DeckCommand]]:
-        """Takes those whose time is nearer to this tick than to the next one, in their order, of clients still there.
+        """Takes those whose time is nearer to this tick than to the next one, in order, of clients still connected.
 
         A command has the number with which it was given.
         """

@@ -28,7 +28,7 @@ CHANGED = 1e-9
 
 _FINITE = 1e300  # rad
 _ROUNDING = 1e-12  # rad; the rounding error of a sum of many positions
-_STEPS = 16  # an acceleration is chosen to one part in so many between two extremes
+_STEPS = 16  # bisection steps for an acceleration between two extremes
 
 
 class LimitError(MotiondeckError):

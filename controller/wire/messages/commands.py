@@ -343,7 +343,7 @@ class AtTime(CommandMessage, frozen=True, tag="at"):
     say: Annotated[DeckCommand, WholeCommand("'COMMAND'")]
 
     def check(self) -> None:
-        """Raises a CommandError also where the command is not for a later time, or is out of its own ranges."""
+        """Raises a CommandError also where the command is invalid or not for a later time."""
         super().check()
         self.say.row.check_use("timed")
         self.say.check()

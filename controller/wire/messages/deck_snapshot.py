@@ -295,7 +295,7 @@ class SnapshotSource:
 
     Attributes:
         kept_apart: counts the ticks in which limbs were kept from colliding.
-        health: the last percentiles; whoever computes them sets them.
+        health: the last percentiles, set from outside.
     """
 
     deck: DeckState

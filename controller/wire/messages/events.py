@@ -1,4 +1,4 @@
-"""Events: what happens on a deck, told to everybody who subscribed."""
+"""Events of a deck, which subscribers receive."""
 
 from __future__ import annotations
 
@@ -42,10 +42,10 @@ class Event(msgspec.Struct, frozen=True, tag="event"):
             has fallen, stands again; "overrun":
             ticks came more than a period late; "replayed": a recorded datagram was refused; "lost": a heartbeat is
             missing, and the deck was paused; "ended": the run is over.
-        text: the same for a person.
+        text: the same in words.
         motion: the motion that it is about, or "".
         at: s since the deck's start.
-        number: rises by 1 from event to event of a deck; a gap tells of events that were lost on the way.
+        number: rises by 1 from event to event of a deck; a gap means lost events.
         id: always 0, as no command's.
     """
 

@@ -1,7 +1,7 @@
 """The replies of a deck.
 
 A command is answered at once by Accepted, Refused or State; a Switch, Queue or Blend that was accepted is answered once
-more when it has settled, a look at servos when they have answered.
+more when it has settled, a request to servos when they have replied.
 """
 
 from __future__ import annotations
@@ -31,14 +31,14 @@ class Accepted(msgspec.Struct, frozen=True, tag="accepted"):
 
 
 class Refused(msgspec.Struct, frozen=True, tag="refused"):
-    """The command was not carried out, and why; id is 0 where it could not be read."""
+    """The command was not carried out, for this reason; id is 0 where it could not be read."""
 
     reason: str
     id: Natural = 0
 
 
 class Settled(msgspec.Struct, frozen=True, tag="settled"):
-    """The switch is complete, so many seconds after it was commanded."""
+    """The switch is complete; `seconds` counts from the command."""
 
     to: str
     seconds: float
@@ -74,11 +74,11 @@ class ServoOnPort(msgspec.Struct, frozen=True, array_like=True):
 
 
 class OnPorts(msgspec.Struct, frozen=True, tag="ports"):
-    """Who is on the ports of the rig at its baud rate.
+    """The servos on the ports of the rig at its baud rate.
 
     Attributes:
-        servos: that have answered.
-        missing: the joints whose servo has not.
+        servos: those that replied.
+        missing: the joints whose servo did not reply.
     """
 
     servos: list[ServoOnPort]
@@ -87,7 +87,7 @@ class OnPorts(msgspec.Struct, frozen=True, tag="ports"):
 
 
 class PhaseNow(msgspec.Struct, frozen=True, tag="phase"):
-    """How far the motion is, and how fast it turns.
+    """The phase of the motion and its rate.
 
     Attributes:
         motion: the motion that is played.

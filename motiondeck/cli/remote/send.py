@@ -141,7 +141,7 @@ def events(
     client = client_of(command_port, host, token_file)
     try:
         if isinstance(refused := client.request(Subscribe(), _STARTING), Refused):
-            raise MotiondeckError(f"the deck refuses to tell: {refused.reason}")
+            raise MotiondeckError(f"the deck refuses the subscription: {refused.reason}")
         if heartbeat is not None:
             client.post(checked(Heartbeat(heartbeat)))
         last, due = 0, time.monotonic() + every
@@ -158,8 +158,8 @@ def events(
                 if last and reply.number > last + 1:
                     print(f"{reply.number - last - 1} events were lost on the way", file=sys.stderr)
                 last = reply.number
-                told = json.dumps(msgspec.to_builtins(reply)) if as_json else f"{reply.at:.2f} {describe(reply)}"
-                print(told, flush=True)
+                line = json.dumps(msgspec.to_builtins(reply)) if as_json else f"{reply.at:.2f} {describe(reply)}"
+                print(line, flush=True)
                 if reply.kind == "ended":
                     return
             if time.monotonic() >= due:

@@ -19,7 +19,7 @@ from motiondeck_base.printable import printable
 
 if TYPE_CHECKING:
     from motiondeck.cli.show.show_page import ShowPage
-    from motiondeck.shows.conductor import Conductor, Told
+    from motiondeck.shows.conductor import Conductor, Notify
     from motiondeck.shows.link import Link
     from motiondeck.shows.membership import Membership
     from motiondeck.shows.seen_decks import SeenDeck
@@ -79,17 +79,17 @@ def conduct(
         return
     began = time.monotonic()
 
-    def tell(text: str) -> None:
+    def notify(text: str) -> None:
         at = time.monotonic() - began
         line = json.dumps({"at": round(at, 3), "text": text}) if as_json else f"{at:7.2f} {printable(text)}"
         print(line, flush=True)
 
     with ExitStack() as opening:
         page = opening.enter_context(show_page(page_port)) if not headless else None
-        conductor = opening.enter_context(closing(Conductor(show, Link(member), tell, first)))
-        tell(f"{show.show}: {counted(len(show.cues), 'cue')}; {_HELP}")
+        conductor = opening.enter_context(closing(Conductor(show, Link(member), notify, first)))
+        notify(f"{show.show}: {counted(len(show.cues), 'cue')}; {_HELP}")
         try:
-            _converse(conductor, tell, page, as_json=as_json)
+            _converse(conductor, notify, page, as_json=as_json)
             return
         except KeyboardInterrupt:
             pass
@@ -112,8 +112,8 @@ def _member(show: str, file: Path, certificates: Path | None, *, listens: bool) 
     return member
 
 
-def _converse(conductor: Conductor, tell: Told, page: ShowPage | None, *, as_json: bool) -> None:
-    """Runs the show, and does what is typed and what the page says, until `quit`; it goes on when either ends."""
+def _converse(conductor: Conductor, notify: Notify, page: ShowPage | None, *, as_json: bool) -> None:
+    """Runs the show with commands from keyboard and page until `quit`; it goes on when either ends."""
     from motiondeck.shows.show_state import show_state
 
     keyboard = sys.stdin.fileno() if sys.stdin is not None else None
@@ -121,7 +121,7 @@ def _converse(conductor: Conductor, tell: Told, page: ShowPage | None, *, as_jso
     while True:
         inputs = [conductor, *(source for source in (keyboard, page) if source is not None)]
         ready, _, _ = select.select(inputs, [], [], wait)
-        if page is not None and page in ready and not _hear_page(conductor, page, tell):
+        if page is not None and page in ready and not receive_from_page(conductor, page, notify):
             page = None
         if keyboard is not None and keyboard in ready:
             data = os.read(keyboard, 4096)
@@ -129,33 +129,33 @@ def _converse(conductor: Conductor, tell: Told, page: ShowPage | None, *, as_jso
                 keyboard = None
             *lines, typed = (typed + data).split(b"\n")
             for line in lines:
-                if not _do(conductor, line.decode(errors="replace").strip(), tell, as_json=as_json):
+                if not carry_out(conductor, line.decode(errors="replace").strip(), notify, as_json=as_json):
                     return
         wait = conductor.step()
         if page is not None and time.monotonic() >= page_at:
             page_at = time.monotonic() + _PAGE_EVERY
-            page.tell(show_state(conductor))
+            page.show(show_state(conductor))
 
 
-def _hear_page(conductor: Conductor, page: ShowPage, tell: Told) -> bool:
-    """Does what was pressed on the page, as if it had been typed, and tells what came of it; False if it has ended."""
+def receive_from_page(conductor: Conductor, page: ShowPage, notify: Notify) -> bool:
+    """Carries out the buttons of the page as typed words, and reports the outcome; False if it has ended."""
     from motiondeck.shows.show_state import ShowNotice
 
-    def tell_both(text: str) -> None:
-        tell(text)
-        page.tell(ShowNotice(text))
+    def notify_both(text: str) -> None:
+        notify(text)
+        page.show(ShowNotice(text))
 
     try:
         for word in page.words():
-            _do(conductor, word, tell_both, as_json=False)
+            carry_out(conductor, word, notify_both, as_json=False)
     except EOFError:
-        tell("the page has ended; the show goes on")
+        notify("the page has ended; the show goes on")
         return False
     return True
 
 
-def _do(conductor: Conductor, line: str, tell: Told, *, as_json: bool) -> bool:
-    """Does what was typed; False to end."""
+def carry_out(conductor: Conductor, line: str, notify: Notify, *, as_json: bool) -> bool:
+    """Carries out a typed line; False to end."""
     from controller.wire.messages.command_table import BY_WORD
     from motiondeck_base.errors import MotiondeckError
 
@@ -165,29 +165,29 @@ def _do(conductor: Conductor, line: str, tell: Told, *, as_json: bool) -> bool:
             pass
         case ["quit"]:
             show = conductor.show
-            tell(f"ended; after {show.lost_after:g} s without a conductor decks {_WITHOUT[show.if_lost]} (if_lost)")
+            notify(f"ended; after {show.lost_after:g} s without a conductor decks {_WITHOUT[show.if_lost]} (if_lost)")
             return False
         case ["go"]:
-            tell(conductor.go())
+            notify(conductor.go())
         case ["hold"]:
-            tell(conductor.hold())
+            notify(conductor.hold())
         case ["stop"] | ["estop"]:
             conductor.stop()
         case ["status"]:
             _show_status(conductor, as_json=as_json)
         case ["help"]:
-            tell(_HELP)
+            notify(_HELP)
         case [word, *_] if word in BY_WORD and not _are_decks(conductor, word):
-            tell(f"for which decks? For example: all {line}")
+            notify(f"for which decks? For example: all {line}")
         case [names] if _are_decks(conductor, names):
-            tell(f"what is {names} to do? For example: {names} pause")
+            notify(f"what is {names} to do? For example: {names} pause")
         case [names, *command] if command:
             try:
-                tell(conductor.command(names.split(","), " ".join(command)))
+                notify(conductor.command(names.split(","), " ".join(command)))
             except MotiondeckError as error:
-                tell(str(error))
+                notify(str(error))
         case _:
-            tell(f"'{line}' is nothing to do here: {_HELP}")
+            notify(f"'{line}' is nothing to do here: {_HELP}")
     return True
 
 
@@ -208,7 +208,7 @@ def _show_status(conductor: Conductor, *, as_json: bool) -> None:
         present, upcoming = (
             None if number is None else conductor.cue_name(number) for number in (state.present, state.upcoming)
         )
-        told = {
+        status = {
             "present": present,
             "upcoming": upcoming,
             "seconds": state.seconds,
@@ -216,7 +216,7 @@ def _show_status(conductor: Conductor, *, as_json: bool) -> None:
             "stopped_by": state.stopped_by,
             "decks": {deck.name: {"here": deck.here, "health": deck.health} for deck in conductor.decks.values()},
         }
-        print(msgspec.json.encode(told).decode(), flush=True)
+        print(msgspec.json.encode(status).decode(), flush=True)
         return
     shown = show_line(state)
     print(f"        {'; '.join(filter(None, (f'{shown.word} {shown.played}', shown.upcoming)))}", flush=True)
@@ -240,7 +240,7 @@ def _describe(deck: SeenDeck) -> str:
 
 
 def _stop_all(link: Link) -> None:
-    """Says the emergency stop until every deck that is there reports it."""
+    """Publishes the emergency stop until every connected deck reports it."""
     from motiondeck.shows.member import STOP_AGAIN
     from motiondeck.shows.messages import DeckHealth, EmergencyStopAll, encode, read
     from motiondeck_base.errors import MotiondeckError
@@ -252,12 +252,12 @@ def _stop_all(link: Link) -> None:
         if health is not None:
             modes[key.removeprefix("health/")] = health.mode
 
-    link.hear("health/*", heard)
+    link.subscribe("health/*", heard)
     data = encode(EmergencyStopAll("conduct --stop", os.urandom(8).hex()))
     began = time.monotonic()
     try:
         while time.monotonic() < began + _STOP_WITHIN:
-            link.say("stop", data)
+            link.publish("stop", data)
             time.sleep(STOP_AGAIN)
             stopped = bool(modes) and all(mode == "emergency stop" for mode in modes.values())
             if stopped and time.monotonic() > began + _STOP_AT_LEAST:

@@ -1,4 +1,4 @@
-"""The page of a show, in a process of its own: it is told how the show stands, and its buttons are words as if typed.
+"""The process of a show's page: receives the state of the show, and sends its buttons as typed words.
 
 A pair of connected sockets leads there and back. Nothing listens for either, no other program can find them, and
 each side notices at once when the other has ended. Neither waits for the other: what there is no room for is dropped.
@@ -31,7 +31,7 @@ class ShowPage:
         return self._connection.fileno()
 
     def words(self) -> Iterator[str]:
-        """What its buttons say, as it would be typed.
+        """The words of its buttons.
 
         Raises:
             EOFError: if the page has ended.
@@ -45,8 +45,8 @@ class ShowPage:
             pass  # it was killed, and has not read a state
         raise EOFError
 
-    def tell(self, news: ShowState | ShowNotice) -> None:
-        """Shows how the show stands, or a notice."""
+    def show(self, news: ShowState | ShowNotice) -> None:
+        """Sends a state or a notice."""
         with contextlib.suppress(OSError):
             self._connection.send(msgspec.json.encode(news))
 

@@ -42,14 +42,14 @@ def test_members_hear_each_other_and_strangers_neither_hear_nor_command(tmp_path
         plain = plain_peer(int(members["left"].split(":")[1]))
         links.callback(plain.close)
         heard, overheard = [], []
-        left.hear("**", lambda key, data: heard.append(data))
-        stranger.hear("**", lambda key, data: overheard.append(data))
+        left.subscribe("**", lambda key, data: heard.append(data))
+        stranger.subscribe("**", lambda key, data: overheard.append(data))
         plain.declare_subscriber("**", lambda sample: overheard.append(sample.payload.to_bytes()))
         until(lambda: conductor.neighbours == 1 and left.neighbours == 1, "the link", 5.0)
 
         def said():
-            conductor.say("cue", b"true")
-            stranger.say("cue", b"false")
+            conductor.publish("cue", b"true")
+            stranger.publish("cue", b"false")
             plain.put("motiondeck/gala/cue", b"false")
             return b"true" in heard
 

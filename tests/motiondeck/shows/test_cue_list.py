@@ -5,8 +5,8 @@ import pytest
 from controller.wire.messages.command_table import parse_command
 from motiondeck.shows.cue_list import CueList, cue_named
 from motiondeck.shows.messages import CommonRound, TimedCue
+from motiondeck.shows.seen_decks import CueSum
 from motiondeck.shows.show_file import ShowCue
-from motiondeck.shows.standing import Standing
 from motiondeck_base.errors import UnknownNameError
 
 LEAD = 0.5
@@ -70,13 +70,11 @@ def test_a_show_can_begin_later():
 
 
 def test_who_joins_late_gets_what_still_matters():
-    standing = Standing()
+    cues = CueSum()
     says = [["switch walk", "tempo 2"], ["pause"], ["switch jog"], ["jump 0.5", "input speed 1"], ["pause"], ["resume"]]
     for number, lines in enumerate(says, start=1):
         step = CommonRound(10.0, 1.5) if number == 3 else None
-        standing.take(
-            TimedCue("run", number, "", float(number), ["left"], [parse_command(s.split()) for s in lines], step)
-        )
-    joined = standing.cue("run", "left", 99.0)
+        cues.take(TimedCue("run", number, "", float(number), ["left"], [parse_command(s.split()) for s in lines], step))
+    joined = cues.cue("run", "left", 99.0)
     assert [type(command).__name__ for command in joined.say] == ["Switch", "SetInput", "Resume"]
     assert (joined.say[0].to, joined.number, joined.at, joined.step) == ("jog", 6, 99.0, CommonRound(10.0, 1.5))

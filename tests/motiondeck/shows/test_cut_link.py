@@ -29,7 +29,7 @@ from motiondeck.shows.membership import with_certificates
 link.LEASE = {LEASE}
 links = [link.Link(with_certificates(Path(folder))) for folder in sys.argv[1:]]
 for each in links:
-    each.hear("cue", lambda *_: None)
+    each.subscribe("cue", lambda *_: None)
     each.announce("deck/here")
 time.sleep(60)
 """
@@ -44,7 +44,7 @@ def test_lost_links_do_not_silence_the_one_that_is_left(tmp_path, monkeypatch):
     heard, here = [], []
     with ExitStack() as opened:
         conductor = opened.enter_context(closing(Link(with_certificates(tmp_path / "conductor"))))
-        conductor.hear("health/*", lambda *_: heard.append(time.monotonic()))
+        conductor.subscribe("health/*", lambda *_: heard.append(time.monotonic()))
         conductor.watch("deck/*", lambda *seen: here.append(seen))
         talker = opened.enter_context(closing(Link(with_certificates(tmp_path / "talker"))))
         silent = subprocess.Popen([sys.executable, "-c", SITTING, *folders])
@@ -54,11 +54,11 @@ def test_lost_links_do_not_silence_the_one_that_is_left(tmp_path, monkeypatch):
         time.sleep(0.2)  # what the last one wants to hear is known too
         os.kill(silent.pid, signal.SIGSTOP)
         for data in UNREAD:
-            conductor.say("cue", data)
+            conductor.publish("cue", data)
             time.sleep(0.005)  # too much at once is dropped
         end = time.monotonic() + LEASE + 1.5
         while time.monotonic() < end:
-            talker.say("health/talker", b"well")
+            talker.publish("health/talker", b"well")
             time.sleep(0.02)
         assert conductor.neighbours == 1, "the others count as lost"
         assert max(after - before for before, after in zip(heard, [*heard[1:], end], strict=True)) < 1.0

@@ -20,7 +20,7 @@ class Link:
     def __init__(self, now):
         self.now, self.heard, self.asked, self.there = now, {}, [], True
 
-    def hear(self, key, heard):
+    def subscribe(self, key, heard):
         self.heard[key] = heard
 
     def answer(self, key, answer):
@@ -29,7 +29,7 @@ class Link:
     def announce(self, key):
         pass
 
-    def say(self, key, data):
+    def publish(self, key, data):
         pass
 
     def ask(self, key, heard, patience):

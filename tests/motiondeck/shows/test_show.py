@@ -179,7 +179,7 @@ def test_a_deck_that_joins_late_joins_in_step(theatre):
 
 @pytest.mark.thorough
 def test_it_is_told_who_is_missing_and_who_is_left_out(theatre, monkeypatch):
-    monkeypatch.setattr("motiondeck.shows.conductor.TOLD_AFTER", 0.05)
+    monkeypatch.setattr("motiondeck.shows.conductor.REPORTED_AFTER", 0.05)
     left = theatre.deck("left")
     cues = [
         ShowCue(say="switch march", name="early", at=0.0, to=["left", "right"]),
@@ -226,9 +226,9 @@ def test_what_no_show_may_say_is_not_carried_out(theatre):
         theatre.conductor.command(["left"], "reset")
     link = Link(on_this_machine("gala", "other", listens=False))
     with closing(link):
-        link.say("stop", b"nonsense")
-        link.say("cue", b'{"run": 3}')
-        link.say("stop", encode(EmergencyStopAll("other", "1")))
+        link.publish("stop", b"nonsense")
+        link.publish("cue", b'{"run": 3}')
+        link.publish("stop", encode(EmergencyStopAll("other", "1")))
         theatre.until(lambda: any("emergency stop by other" in text for text in theatre.told), 2.0)
     assert left.stop.emergency
 

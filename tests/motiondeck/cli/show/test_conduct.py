@@ -12,7 +12,7 @@ from unittest.mock import Mock
 import pytest
 
 from command_line import motiondeck
-from motiondeck.cli.show.conduct import _do, _hear_page
+from motiondeck.cli.show.conduct import carry_out, receive_from_page
 from motiondeck.cli.show.show_page import ShowPage
 from motiondeck.shows.conductor import Conductor
 from motiondeck.shows.show_file import Show, ShowCue
@@ -70,15 +70,15 @@ def test_a_button_of_the_page_does_what_the_typed_word_does():
     with ours, theirs:
         theirs.send(b"stop")
         theirs.send(b"go")
-        assert _hear_page(conductor, page, told.append)
+        assert receive_from_page(conductor, page, told.append)
         assert [call[0] for call in conductor.method_calls] == ["stop", "go"]
         assert told == ["the show does not wait for go"]
         assert b"does not wait" in theirs.recv(1000)
-        page.tell(ShowNotice("which the page does not read any more"))
+        page.show(ShowNotice("which the page does not read any more"))
         theirs.close()
-        assert not _hear_page(conductor, page, told.append)
+        assert not receive_from_page(conductor, page, told.append)
         assert told[1:] == ["the page has ended; the show goes on"]
-        page.tell(ShowNotice("which nobody reads"))
+        page.show(ShowNotice("which nobody reads"))
 
 
 def conducted(told, *cues, **show):
@@ -102,7 +102,7 @@ def conducted(told, *cues, **show):
 def test_what_is_typed_wrongly_is_answered_with_an_example(typed, says):
     told = []
     with closing(conducted(told, ShowCue(say="home", at=3600.0))) as conductor:
-        assert _do(conductor, typed, told.append, as_json=False)
+        assert carry_out(conductor, typed, told.append, as_json=False)
     assert len(told) == 1
     assert told[0].startswith(says)
 
@@ -111,9 +111,9 @@ def test_the_status_says_where_the_show_is_and_the_end_what_decks_do(capsys):
     told = []
     with closing(conducted(told, ShowCue(say="home", name="bow", hold=True))) as conductor:
         conductor.step()
-        assert _do(conductor, "status", told.append, as_json=False)
+        assert carry_out(conductor, "status", told.append, as_json=False)
         assert capsys.readouterr().out.splitlines()[0].strip() == 'HELD before "bow"; Go brings it'
-        assert _do(conductor, "status", told.append, as_json=True)
+        assert carry_out(conductor, "status", told.append, as_json=True)
         assert json.loads(capsys.readouterr().out) == {
             "present": None,
             "upcoming": "bow",
@@ -123,7 +123,7 @@ def test_the_status_says_where_the_show_is_and_the_end_what_decks_do(capsys):
             "decks": {},
         }
         told.clear()
-        assert not _do(conductor, "quit", told.append, as_json=False)
+        assert not carry_out(conductor, "quit", told.append, as_json=False)
     assert told == ["ended; after 3 s without a conductor decks pause until one is there (if_lost)"]
 
 
