@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from hardware.rig.rig_file import RigConfig
     from hardware.tools.calibration import Sweep
 
-_READ_S, _DRAW_S, _SAVE_S = 0.02, 0.1, 0.5  # between two readings, two tables, two writings of FILE.part
+READ_S, DRAW_S, SAVE_S = 0.02, 0.1, 0.5  # between two readings, two tables, two writings of FILE.part
 _HOW = (
     "Move every joint to both ends, in any order. Enter ends. Or type: zero JOINT (its angle is 0 here), "
     "reverse JOINT (its angle grows the other way), again JOINT (its range anew)"
@@ -96,13 +96,13 @@ def _measure(sweep: Sweep, parts: list[tuple[RigConfig, Bus]], part: Path, typed
     while True:
         silent = _read(sweep, parts)
         now = time.monotonic()
-        if now - saved > _SAVE_S:
+        if now - saved > SAVE_S:
             save_progress(sweep, part)
             saved = now
-        if now - drawn > _DRAW_S:
+        if now - drawn > DRAW_S:
             table.draw(sweep, silent)
             drawn = now
-        line = typed.take(_READ_S)
+        line = typed.take(READ_S)
         if line is None:
             continue
         lacking = [f"{name} {lack}" for name in names if (lack := sweep.lacking(name))]

@@ -11,7 +11,6 @@ import typer
 
 from motiondeck.cli.common.options import PAGE_PORT, JobsOption, JsonOption, PagePortOption, SolverOption
 from motiondeck_base.counted import counted
-from motiondeck_base.errors import MotiondeckError
 from motiondeck_base.jobs import Jobs
 
 app = typer.Typer(help="List, show, calibrate and check robots.", no_args_is_help=True)
@@ -182,7 +181,7 @@ def tune_walk(
         str, typer.Option("--library", metavar="LIBRARY", help="The library of the motions.")
     ] = "thesis15",
     seconds: Annotated[float, typer.Option("--seconds", metavar="SECONDS", help="Length of each trial, s.")] = 60.0,
-    rounds: Annotated[int, typer.Option("--rounds", metavar="N", help="Number of settings to try.")] = 40,
+    rounds: Annotated[int, typer.Option("--rounds", metavar="N", min=0, help="Number of settings to try.")] = 40,
     jobs: JobsOption = "-1",
     as_json: JsonOption = False,
 ) -> None:
@@ -201,8 +200,6 @@ def tune_walk(
 
     check_seconds(seconds)
     file = find_robot(robot)
-    if rounds < 0:
-        raise MotiondeckError(f"--rounds {rounds} is not a number of trials")
     report = tune(file, library, motion or ["walk"], seconds, rounds, Jobs.parse(jobs))
     print(json.dumps(report) if as_json else report_text(report))
     if not report["stood"]:
@@ -241,12 +238,12 @@ def check(
     """
     from motiondeck.cli.robot.check import check as rows_of
     from motiondeck.cli.robot.check import faults, print_rows, recordings, verdict
+    from motiondeck.run.spec.run_spec import check_seconds
     from motiondeck_base.progress import progress
     from motiondeck_base.shipped import find_robot
     from sim.models.robot_file import solver_named
 
-    if seconds is not None and not seconds > 0.0:
-        raise MotiondeckError(f"--seconds {seconds:g} is not a length of time above 0")
+    check_seconds(seconds)
     named = solver_named(solver)
     found = recordings(files)
     rows = []

@@ -76,7 +76,7 @@ def calibrate(rig, tmp_path, monkeypatch):
             "motiondeck.cli.rig.calibrate.open_buses",
             lambda config, ports: nullcontext([(config, Bus(port, config.baud))]),
         )
-        monkeypatch.setattr("motiondeck.cli.rig.calibrate._SAVE_S", 0.0)
+        monkeypatch.setattr("motiondeck.cli.rig.calibrate.SAVE_S", 0.0)
         result = invoked("rig", "calibrate", str(rig), "--out", str(tmp_path / "my.toml"))
         return result, somebody.asked
 
