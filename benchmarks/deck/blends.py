@@ -107,7 +107,7 @@ def main() -> int:
     repertoire = read_motions(library)
     routes = Routes.of(library)
     loops = [name for name, motion in repertoire.items() if motion.loop]
-    pairs = [pair for pair in permutations(loops, 2) if not routes.by_way_of(*pair)][:: options.every]
+    pairs = [pair for pair in permutations(loops, 2) if not routes.way(*pair)][:: options.every]
     seeds = range(options.first_seed, options.first_seed + options.seeds)
     own = alone(library)
     found = {}

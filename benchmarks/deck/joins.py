@@ -51,7 +51,7 @@ def cells_of(library: MotionLibrary, way: Way, phases: int, *, direct: bool) -> 
         targets = [target for target in motions if target != source or not motion.loop]
         if way == "blend":
             blended = [target for target in targets if motion.loop and motions[target].loop]
-            targets = [target for target in blended if direct or not routes.by_way_of(source, target)]
+            targets = [target for target in blended if direct or not routes.way(source, target)]
         cells += [(source, target, float(phase)) for target in targets for phase in moments]
     return cells
 

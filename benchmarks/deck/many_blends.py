@@ -72,9 +72,7 @@ def triples(library: MotionLibrary) -> list[tuple[str, str, str]]:
     """Every three loops that can be blended, in an order of their own: which one leads is drawn."""
     routes, rng = Routes.of(library), np.random.default_rng(7)
     loops = [name for name, motion in read_motions(library).items() if motion.loop]
-    near = {
-        pair for pair in combinations(loops, 2) if not (routes.by_way_of(*pair) or routes.by_way_of(*reversed(pair)))
-    }
+    near = {pair for pair in combinations(loops, 2) if not (routes.way(*pair) or routes.way(*reversed(pair)))}
     found = [three for three in combinations(loops, 3) if all(pair in near for pair in combinations(three, 2))]
     return [tuple(three[k] for k in rng.permutation(3)) for three in found]  # type: ignore[misc]
 
@@ -94,7 +92,7 @@ def measured(library: MotionLibrary, three: tuple[str, str, str], phase: float) 
     """Plays one triple through its blends."""
     first, second, third = three
     deck, run, found = Deck(library, lambda pose: pose.root_position, first, phase=phase), Run(), Found(" ".join(three))
-    motions = [deck._show.motions[name] for name in three]
+    motions = [deck.performance.motions[name] for name in three]
     speed, acceleration = (max(getattr(motion, name) for motion in motions) for name in ("speed", "acceleration"))
     play(deck, library, run, 10)
     blends = [

@@ -86,7 +86,7 @@ def main() -> int:
         measure(library, source, target, options.joining, own)
         for source in motions
         for target in motions
-        if source != target and not routes.by_way_of(source, target)
+        if source != target and not routes.way(source, target)
     ]
     if options.pairs is not None:
         with options.pairs.open("w", newline="") as file:

@@ -88,7 +88,7 @@ class Deck(Lockable):
     @property
     def playing(self) -> str:
         """The motion that plays now, perhaps on the way to `motion`."""
-        return self.performance.here.name
+        return self.performance.motion.name
 
     @property
     def posture(self) -> Posture:
@@ -118,7 +118,7 @@ class Deck(Lockable):
     @property
     def phase_rate(self) -> float | None:
         """Rounds of a loop per second, negative backwards; None for a one-shot or without a phase."""
-        here = self.performance.here
+        here = self.performance.motion
         return self.tempo / here.seconds if here.loop and self.phase is not None else None
 
     @property
@@ -191,7 +191,7 @@ class Deck(Lockable):
         for name in (first, second, *(name for name, _ in also)):
             self._check(name)
         weights = blend_weights(first, second, weight, also)
-        if why := self._routes.why_not_blended([*weights]):
+        if why := self._routes.blend_obstacle([*weights]):
             raise MotiondeckError(why)
         if self.blend and self.playing in weights:
             first = self.playing
@@ -290,7 +290,7 @@ class Deck(Lockable):
 
     def _playhead(self, time: float) -> LoopPlace | None:
         """The place in the motion, for a lock; None for an autonomous network."""
-        here, phase = self.performance.here, self.phase
+        here, phase = self.performance.motion, self.phase
         if phase is None:
             return None
         alone = self.settled and not self.blend and not self.paused

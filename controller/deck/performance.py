@@ -81,7 +81,7 @@ class Performance:
         self._joints(self.posture)  # what its skeleton finds once it finds before the first tick
 
     @property
-    def here(self) -> Motion:
+    def motion(self) -> Motion:
         """The motion that is played, or being switched to."""
         return self.tracks.leading.motion
 
@@ -112,7 +112,7 @@ class Performance:
         restarted = first.restarted() if first.guard is not None else None
         if restarted is not None and tracks.alone:
             first.restart_at(restarted)
-            self._fade_to_first(self.here)
+            self._fade_to_first(self.motion)
         return completed
 
     def finish_tick(self) -> Pose:
@@ -130,7 +130,7 @@ class Performance:
 
         While another switch is under way, or motions are blended, the join is a fade.
         """
-        leaving, entering, joining = self.here, self.motions[motion], self._joining
+        leaving, entering, joining = self.motion, self.motions[motion], self._joining
         anchor = self._best_anchor(motion, self.posture, self._shown)
         self._limit(leaving, entering)
         if joining in ("morph", "crossfade") and not self.fading and self.tracks.alone:
@@ -146,7 +146,7 @@ class Performance:
 
     def jump(self, phase: float) -> None:
         """Goes to a phase in [0, 1] of the motion that is played, and fades from what is shown to it."""
-        motion = self.here
+        motion = self.motion
         self._limit(motion)
         first = self._play_alone(self.tracks.playing[0])
         first.cue_phase(motion.name, phase)
@@ -167,7 +167,7 @@ class Performance:
     @property
     def _onset(self) -> float:
         """The share of the tempo at which the motion plays: a one-shot starts slowly as it fades in."""
-        return self._fade.onset if self._fade is not None and not self.here.loop else 1.0
+        return self._fade.onset if self._fade is not None and not self.motion.loop else 1.0
 
     def _faded(self, target: Posture, dt: float) -> tuple[Posture, bool]:
         """The target with the rest of the last fade, and whether the switch is complete."""
@@ -237,7 +237,7 @@ class Performance:
 
     def _fade_to_first(self, *motions: Motion) -> None:
         """Fades from what is shown to the motion of the first track, which has just been cued."""
-        onset, first = 1.0 if self.here.loop else 0.0, self.tracks.playing[0]
+        onset, first = 1.0 if self.motion.loop else 0.0, self.tracks.playing[0]
         self._take_first_steps(first, onset * self._tempo)
         self._begin_fade(first, onset, *motions)
 

@@ -55,7 +55,7 @@ class Routes:
         """The same motions where no leap is too far, so that every way is direct."""
         return Routes({name: dict.fromkeys(others, 0.0) for name, others in self.leaps.items()}, self.bridges)
 
-    def by_way_of(self, start: str, goal: str) -> tuple[str, ...]:
+    def way(self, start: str, goal: str) -> tuple[str, ...]:
         """The motions on the cheapest way from one motion to another (both left out); empty where it is direct.
 
         The way from a motion to itself is direct.
@@ -75,16 +75,16 @@ class Routes:
 
     def between_blended(self, one: str, other: str) -> str:
         """The first motion that lies between two others, in either direction; "" if they can play side by side."""
-        return next((via[0] for way in ((one, other), (other, one)) if (via := self.by_way_of(*way))), "")
+        return next((via[0] for way in ((one, other), (other, one)) if (via := self.way(*way))), "")
 
-    def why_not_blended(self, motions: Sequence[str]) -> str:
+    def blend_obstacle(self, motions: Sequence[str]) -> str:
         """Why the first of some motions, which is entered first, cannot be blended with the others; "" if it can be."""
         for name in motions:
             if name in self.bridges:
                 return f"{name} is a one-shot; only loops can be blended"
         for one, other in combinations(motions, 2):
             # The first one plays already when the others are blended in.
-            via = next(iter(self.by_way_of(one, other)), "") if one == motions[0] else self.between_blended(one, other)
+            via = next(iter(self.way(one, other)), "") if one == motions[0] else self.between_blended(one, other)
             if via:
                 return f"{one} and {other} are too far apart to be blended: {via} lies between them"
         return ""

@@ -119,7 +119,7 @@ class SwitchPlan:
         blend = performance.tracks.blend
         if not blend or blended is None:
             return
-        playing = performance.here.name
+        playing = performance.motion.name
         weights = {playing: 1.0 - sum(weight for _, weight in blend)} | dict(blend)
         nearer = max(weights, key=weights.__getitem__)
         blended.fell_back = f"{described(playing, blend)} {problem}, fell back to {nearer}"
@@ -133,7 +133,7 @@ class SwitchPlan:
 
     def _start(self, switch: CommandedSwitch, time: float, direct: bool) -> None:
         """Makes a switch the current one and finds its way."""
-        performance, here = self._performance, self._performance.here
+        performance, here = self._performance, self._performance.motion
         self._note("motion", switch.destination, switch.to, time)
         self.current = switch
         if here.loop and self._goes_on(switch):
@@ -146,7 +146,7 @@ class SwitchPlan:
                 self._blend(switch)
             return
         if not direct:
-            switch.via = self._routes.by_way_of(here.name, switch.to)
+            switch.via = self._routes.way(here.name, switch.to)
             switch.after = "" if here.loop or performance.tracks.leading.ended else here.name
         self.ahead.extend((*switch.via, switch.to))
         self._waits = bool(switch.after)
@@ -155,8 +155,8 @@ class SwitchPlan:
         """Whether what is shown, or faded to, plays on in what is commanded, so that only weights change."""
         performance = self._performance
         if not performance.tracks.blend:
-            return switch.to == performance.here.name
-        present = {performance.here.name, *(name for name, _ in performance.tracks.blend)}
+            return switch.to == performance.motion.name
+        present = {performance.motion.name, *(name for name, _ in performance.tracks.blend)}
         wanted = {switch.to, *(name for name, _ in switch.blend)}
         if not switch.blend or not present & wanted or len(present | wanted) > MOST_BLENDED:
             return False

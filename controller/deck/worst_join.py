@@ -78,7 +78,7 @@ def hardest_joins(library: MotionLibrary, count: int, phases: int = PHASES) -> l
     motions, routes = read_motions(library), Routes.of(library)
     found: list[tuple[float, tuple[str, str, float]]] = []
     for leaving, entering in product(motions.values(), repeat=2):
-        if routes.by_way_of(leaving.name, entering.name) or (leaving is entering and leaving.loop):
+        if routes.way(leaving.name, entering.name) or (leaving is entering and leaving.loop):
             continue
         phase, places, velocities = _exits(leaving, phases)
         apart = _apart(places, velocities, entering) / max(leaving.acceleration, entering.acceleration)

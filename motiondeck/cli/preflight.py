@@ -126,12 +126,12 @@ def _by_their_parts(
 
 def _row(verdict: PreflightVerdict) -> dict[str, Any]:
     # A switch by way of other motions has its findings in the rows of its parts.
-    findings = [] if verdict.by_way_of else [asdict(finding) for finding in verdict.findings]
+    findings = [] if verdict.way else [asdict(finding) for finding in verdict.findings]
     return {
         "name": verdict.name,
         "ok": verdict.ok,
         "passes_at": verdict.passes_at,
-        "by_way_of": list(verdict.by_way_of),
+        "way": list(verdict.way),
         "troubles": sorted({finding.check for finding in verdict.troubles}),
         "findings": findings,
         "obstacles": [asdict(finding) for finding in verdict.obstacles],

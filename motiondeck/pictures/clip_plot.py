@@ -60,7 +60,7 @@ def _figures(axes: Any, clip: Clip) -> None:
     frames = np.linspace(0, len(clip) - 1, FIGURES).astype(int)
     apart = 1.15 * max(float(np.ptp(joints[..., 2])), 0.5)
     for place, frame in enumerate(frames):
-        across, up = _seen(joints[frame] - joints[frame, 0] * [1.0, 1.0, 0.0], clip.rotation[frame, 0])
+        across, up = _projected(joints[frame] - joints[frame, 0] * [1.0, 1.0, 0.0], clip.rotation[frame, 0])
         for bone, parent in enumerate(clip.skeleton.parent + 1):
             ends = [parent, 1 + bone]
             axes.plot(across[ends] + place * apart, up[ends], color=COLOUR[parts.side[bone]], linewidth=2.0)
@@ -71,7 +71,7 @@ def _figures(axes: Any, clip: Clip) -> None:
     axes.set_axis_off()
 
 
-def _seen(joints: Array, pelvis: Array) -> tuple[Array, Array]:
+def _projected(joints: Array, pelvis: Array) -> tuple[Array, Array]:
     """Joints (N, 3) projected along a view 50 degrees to the side of the pelvis: across and up, m."""
     from controller.motion.rotations import rotate
 

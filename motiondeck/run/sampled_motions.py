@@ -44,7 +44,7 @@ def play_switches(library: MotionLibrary, robot: Robot, names: Sequence[str] | N
         for _ in range(round((SETTLED if source.loop else source.seconds) / DT)):
             deck.update(DT)
         for target in repertoire:
-            if target == source.name or routes.by_way_of(source.name, target):
+            if target == source.name or routes.way(source.name, target):
                 continue
             branch = _copied(deck, robot)
             targets, poses = [], []
@@ -69,7 +69,7 @@ def switches_by_way_of(library: MotionLibrary) -> dict[tuple[str, str], tuple[st
     repertoire = read_motions(library)
     routes = Routes.of(library)
     pairs = ((a, b) for a in repertoire for b in repertoire if a != b)
-    return {(a, b): way for a, b in pairs if (way := routes.by_way_of(a, b))}
+    return {(a, b): way for a, b in pairs if (way := routes.way(a, b))}
 
 
 def count_switches(library: MotionLibrary) -> int:

@@ -89,11 +89,11 @@ def blends_of(motions: Sequence[str], routes: Routes) -> dict[str, Partners]:
 
 
 def _partners(one: str, loops: Sequence[str], routes: Routes) -> Partners:
-    if why := routes.why_not_blended([one]):
+    if why := routes.blend_obstacle([one]):
         return Partners(never=why)
-    refused = {other: routes.why_not_blended([one, other]) for other in loops if other != one}
+    refused = {other: routes.blend_obstacle([one, other]) for other in loops if other != one}
     near = _side_by_side(one, [other for other, why in refused.items() if not why], routes)
-    apart = [routes.why_not_blended([one, *pair]) for pair in pairwise([*near, *near[:1]])]
+    apart = [routes.blend_obstacle([one, *pair]) for pair in pairwise([*near, *near[:1]])]
     return Partners(near, apart, {other: why for other, why in refused.items() if why})
 
 

@@ -38,14 +38,14 @@ class PreflightVerdict:
         name: of the motion or switch.
         findings: all of them.
         passes_at: the largest passing tempo, up to the judged one; None if no tempo passes.
-        by_way_of: the intermediate motions of a switch that is judged by its parts.
+        way: the intermediate motions of a switch that is judged by its parts.
         obstacles: if no tempo passes, the findings that fail even at the slowest.
     """
 
     name: str
     findings: tuple[Finding, ...]
     passes_at: float | None
-    by_way_of: tuple[str, ...] = ()
+    way: tuple[str, ...] = ()
     obstacles: tuple[Finding, ...] = ()
 
     @property

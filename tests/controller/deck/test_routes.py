@@ -50,7 +50,7 @@ BODY = repertoire(
     ],
 )
 def test_a_far_motion_is_reached_by_what_leads_there(start, goal, way):
-    assert Routes.between(BODY).by_way_of(start, goal) == way
+    assert Routes.between(BODY).way(start, goal) == way
 
 
 @pytest.mark.parametrize(
@@ -64,14 +64,14 @@ def test_a_far_motion_is_reached_by_what_leads_there(start, goal, way):
 )
 def test_what_cannot_play_side_by_side_is_not_blended(motions, why):
     routes = Routes.between(BODY)
-    assert routes.why_not_blended(motions).startswith(why)
-    assert bool(routes.why_not_blended(motions)) == bool(why)
-    assert bool(routes.direct.why_not_blended(motions)) == ("one-shot" in why)
+    assert routes.blend_obstacle(motions).startswith(why)
+    assert bool(routes.blend_obstacle(motions)) == bool(why)
+    assert bool(routes.direct.blend_obstacle(motions)) == ("one-shot" in why)
 
 
 def test_loops_are_never_gone_by():
     loops = repertoire(*(motion(str(h), h, h, loop=True) for h in (0.1, 0.5, 0.9)))
-    assert Routes.between(loops).by_way_of("0.1", "0.9") == ()
+    assert Routes.between(loops).way("0.1", "0.9") == ()
 
 
 def test_a_leap_is_the_difference_in_height():
@@ -80,7 +80,7 @@ def test_a_leap_is_the_difference_in_height():
 
 
 def test_between_near_motions_the_way_is_direct():
-    assert Routes.between(read_motions(synthetic.small_library())).by_way_of("march", "wave") == ()
+    assert Routes.between(read_motions(synthetic.small_library())).way("march", "wave") == ()
 
 
 @pytest.fixture(scope="module")
@@ -100,7 +100,7 @@ def shipped():
     ],
 )
 def test_the_shipped_motions_are_joined_as_people_would(shipped, start, goal, way):
-    assert Routes.between(read_motions(shipped)).by_way_of(start, goal) == way
+    assert Routes.between(read_motions(shipped)).way(start, goal) == way
 
 
 def test_from_crawl_to_waltz_the_body_stands_up_first(shipped):
