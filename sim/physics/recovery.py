@@ -23,6 +23,18 @@ from sim.models.gravity import GRAVITY
 from sim.robots.robot import Robot
 
 SOFT = 0.5
+# Largest height of a fallen root, in heights of the played one, or least lean beyond the played one, rad.
+FALLEN_HEIGHT = 0.6
+FALLEN_TILT = 1.0
+# Speed of a root at rest, heights a second, for this time, s; least duration of a fall, and longest rocking, s.
+SLOW, STILL, FALLS, ROCKS = 0.2, 0.4, 0.6, 5.0
+# Durations of lying straight and of standing up from the last posture, in sqrt(height / g).
+STRAIGHT, STANDS = 5.0, 5.0
+# Least height of a standing root, in its heights, and largest lean, rad.
+HIGH, LEAN = 0.85, 0.3
+TRIES = 6
+# Time after which a tucked robot has given up, and from the rest pose into the motion, s.
+GIVEN_UP, JOINS = 1.0, 0.6
 
 
 class FallGuard:
@@ -63,11 +75,6 @@ class FallGuard:
         self._model.actuator_biasprm[:, 1] = share * self._bias
 
 
-# Largest height of a fallen root, in heights of the played one, or least lean beyond the played one, rad.
-FALLEN_HEIGHT = 0.6
-FALLEN_TILT = 1.0
-
-
 def has_fallen(qpos: Array, played: Array, standing: Array) -> bool:
     """Whether a root at qpos (>= 7,) is too low or leans too far beside the commanded one (>= 7,).
 
@@ -77,17 +84,6 @@ def has_fallen(qpos: Array, played: Array, standing: Array) -> bool:
     upright = rotate(np.stack([qpos[3:7], played[3:7]]), up)[:, 2]
     lean, played_lean = np.arccos(np.clip(upright, -1.0, 1.0))
     return bool(qpos[2] < FALLEN_HEIGHT * played[2] or lean > played_lean + FALLEN_TILT)
-
-
-# Speed of a root at rest, heights a second, for this time, s; least duration of a fall, and longest rocking, s.
-SLOW, STILL, FALLS, ROCKS = 0.2, 0.4, 0.6, 5.0
-# Durations of lying straight and of standing up from the last posture, in sqrt(height / g).
-STRAIGHT, STANDS = 5.0, 5.0
-# Least height of a standing root, in its heights, and largest lean, rad.
-HIGH, LEAN = 0.85, 0.3
-TRIES = 6
-# Time after which a tucked robot has given up, and from the rest pose into the motion, s.
-GIVEN_UP, JOINS = 1.0, 0.6
 
 
 class Legs(Protocol):

@@ -21,6 +21,16 @@ from sim.retargeting.human_limbs import turning
 Point = tuple[float, float, float]
 
 HEEL = 1.25 * cos(FOOT_SLOPE)  # lengths of the foot bone from the ball back to the heel
+# Heights of a sole that still stands, and of a still foot above the other one that hardly does, lengths of the leg.
+STANDS, NEAR = 0.02, 0.05
+# Speeds below which heel or ball is still, and ankle and ball of a flat foot are, lengths of the leg a second.
+STILL, FLAT = 0.4, 0.15
+# Weight of a rolling foot beside one that stands on its whole sole.
+ROLLING = 0.1
+# Rate, 1/s, at which the floor follows a foot upwards that is still for some time, s: the top of a leap is still for a
+# moment. Down it follows at once.
+FOLLOWS, SURE = 60.0, 0.08
+TELEPORT = 0.3  # lengths of the leg in one tick: a cut, not a step
 
 
 @dataclass(slots=True)
@@ -76,18 +86,6 @@ class Soles:
             heel = (x - along * fx, y - along * fy, z + back * sin(slope - even))
             found.append(Sole(heel, (x, y, z), (x - fx, y - fy, z - fz), slope, min(heel[2], z)))
         return found
-
-
-# Heights of a sole that still stands, and of a still foot above the other one that hardly does, lengths of the leg.
-STANDS, NEAR = 0.02, 0.05
-# Speeds below which heel or ball is still, and ankle and ball of a flat foot are, lengths of the leg a second.
-STILL, FLAT = 0.4, 0.15
-# Weight of a rolling foot beside one that stands on its whole sole.
-ROLLING = 0.1
-# Rate, 1/s, at which the floor follows a foot upwards that is still for some time, s: the top of a leap is still for a
-# moment. Down it follows at once.
-FOLLOWS, SURE = 60.0, 0.08
-TELEPORT = 0.3  # lengths of the leg in one tick: a cut, not a step
 
 
 class HumanStance:

@@ -13,6 +13,9 @@ from motiondeck_base.errors import FileFormatError
 _DECLARATION = re.compile(r"<\?xml\b[^>]*\?>")
 _ENCODING = re.compile(rb"""<\?xml\b[^>]*\bencoding\s*=\s*["']([\w.-]+)["']""")
 UTF16 = (codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)
+ROOTS = ("mujoco", "robot")
+MODEL = "a robot's model is an MJCF (.xml) or a URDF (.urdf)"
+_SHOWN = 5
 
 
 def xml_text(path: Path) -> str:
@@ -31,11 +34,6 @@ def xml_text(path: Path) -> str:
     except (UnicodeDecodeError, LookupError):
         text = content.decode("latin-1")
     return _DECLARATION.sub("", text, count=1).strip().lstrip("\ufeff")
-
-
-ROOTS = ("mujoco", "robot")
-MODEL = "a robot's model is an MJCF (.xml) or a URDF (.urdf)"
-_SHOWN = 5
 
 
 def model_kind(path: Path) -> str:

@@ -16,6 +16,12 @@ from sim.models.formats.model_kind import xml_text
 
 # Largest plausible speed, rad/s: a file with more, such as 100 for all joints, has placeholders.
 FASTEST = 50.0
+_COMMENT = re.compile(r"<!--.*?-->", re.DOTALL)
+_NUMBERS = re.compile(r"""\b(xyz|rpy)\s*=\s*(["'])([^"']*,[^"']*)\2""")
+_NO_NUMBER = re.compile(r"""\b(?:lower|upper|effort|velocity)\s*=\s*["']\s*[+-]?nan\s*["']""", re.IGNORECASE)
+_URI = re.compile(r'(?:package|model):/{2,3}([^/"\']+)/([^"\']*)')
+_LOOK = re.compile(r"<visual\b.*?</visual\s*>", re.DOTALL)
+_FILE = re.compile(r"""(<mesh\b[^>]*\bfilename\s*=\s*["'])(?:file://)?([^"':]+)(?=["'])""")
 
 
 def urdf_speeds(path: Path) -> dict[str, float]:
@@ -62,14 +68,6 @@ def _number(words: str) -> float:
         return float(words)
     except ValueError:
         return 0.0
-
-
-_COMMENT = re.compile(r"<!--.*?-->", re.DOTALL)
-_NUMBERS = re.compile(r"""\b(xyz|rpy)\s*=\s*(["'])([^"']*,[^"']*)\2""")
-_NO_NUMBER = re.compile(r"""\b(?:lower|upper|effort|velocity)\s*=\s*["']\s*[+-]?nan\s*["']""", re.IGNORECASE)
-_URI = re.compile(r'(?:package|model):/{2,3}([^/"\']+)/([^"\']*)')
-_LOOK = re.compile(r"<visual\b.*?</visual\s*>", re.DOTALL)
-_FILE = re.compile(r"""(<mesh\b[^>]*\bfilename\s*=\s*["'])(?:file://)?([^"':]+)(?=["'])""")
 
 
 def readable_urdf(path: Path, packages: Mapping[str, Path], visuals: bool = False) -> str:

@@ -72,15 +72,15 @@ class Preflight:
         if lasting:
             return PreflightVerdict(played.name, findings, None, obstacles=lasting)
 
-        def by_numbers(slow: float) -> bool:
+        def passes_static(slow: float) -> bool:
             return self.static.passes_at_tempo(played, loads, slow)
 
-        def in_physics(slow: float) -> bool:
-            return self.physics.follow(played, slow) and by_numbers(slow)
+        def passes_physics(slow: float) -> bool:
+            return self.physics.follow(played, slow) and passes_static(slow)
 
-        passes = fastest_passing(by_numbers, tempo, _WITHIN)
-        if simulate and passes is not None and not in_physics(passes):
-            passes = fastest_passing(in_physics, passes, _WITHIN_IN_PHYSICS)
+        passes = fastest_passing(passes_static, tempo, _WITHIN)
+        if simulate and passes is not None and not passes_physics(passes):
+            passes = fastest_passing(passes_physics, passes, _WITHIN_IN_PHYSICS)
         obstacles = self._obstacles(played, loads, simulate=simulate) if passes is None else ()
         return PreflightVerdict(played.name, findings, passes, obstacles=obstacles)
 

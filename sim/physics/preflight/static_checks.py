@@ -19,6 +19,16 @@ from sim.robots.target_limiter import Limiter
 
 TICK = 0.005  # s
 BRIEFLY = 0.05  # s
+TEN_MINUTES = 600.0
+# A motion is not played any more if a joint is farther than this from its target, rad, for longer than BRIEFLY;
+# STARTING, s, is not counted.
+ASTRAY = 0.17
+STARTING = 0.2
+# A body that is off balance for longer than this, s, falls.
+OFF_BALANCE = 0.25
+# A robot that touches the floor with more than its soles, its centre of mass below this share of the height of a
+# standing root, is lying down already.
+DOWN = 0.7
 
 
 def sustained(off: Array, dt: float = TICK) -> Array:
@@ -46,18 +56,6 @@ def longest_run(flags: NDArray[np.bool_]) -> int:
         run = run + 1 if flag else 0
         most = max(most, run)
     return most
-
-
-TEN_MINUTES = 600.0
-# A motion is not played any more if a joint is farther than this from its target, rad, for longer than BRIEFLY;
-# STARTING, s, is not counted.
-ASTRAY = 0.17
-STARTING = 0.2
-# A body that is off balance for longer than this, s, falls.
-OFF_BALANCE = 0.25
-# A robot that touches the floor with more than its soles, its centre of mass below this share of the height of a
-# standing root, is lying down already.
-DOWN = 0.7
 
 
 class StaticChecks:
