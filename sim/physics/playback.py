@@ -15,7 +15,6 @@ from controller.motion.rotations import Array
 from motiondeck_base.errors import MotiondeckError
 from sim.models.surface import LowestPoint
 from sim.physics.balance import Balance
-from sim.physics.contact_forces import contact_forces
 from sim.physics.physics_model import Alteration, check_root, feet_of, lead_of, physics_model
 from sim.physics.pushes import PUSH_LASTS, PUSHES_TOWARDS, push_force, usual_push
 from sim.physics.recovery import Phase, Recovery, has_fallen
@@ -251,8 +250,33 @@ class PhysicsPlayback:
         return asked + self._walker.preview.travel.metres, walked + self._walker.travel.metres
 
     def contact_forces(self, out: Array) -> None:
-        """Writes the floor's contact forces, as of `contact_forces`, into (N, 6)."""
-        contact_forces(self.model, self.data, out)
+        """Writes point (m) and force (N) of the floor's contact with each body part into out (N, 6), in the world.
+
+        Parts beyond N are left out; rows without a part are NaN.
+        """
+        model, data = self.model, self.data
+        out[:] = np.nan
+        parts: dict[int, int] = {}
+        force = np.empty(6)
+        for index in range(data.ncon):
+            contact = data.contact[index]
+            first, second = (int(model.geom_bodyid[geom]) for geom in (contact.geom1, contact.geom2))
+            if 0 not in (first, second):
+                continue
+            row = parts.setdefault(first or second, len(parts))
+            if row >= len(out):
+                continue
+            mujoco.mj_contactForce(model, data, index, force)
+            # The frame's x axis, and the force, go from the first geom to the second.
+            pushed = (-1.0 if second == 0 else 1.0) * force[:3] @ contact.frame.reshape(3, 3)
+            if np.isnan(out[row, 0]):
+                out[row] = 0.0
+            weight = max(float(np.linalg.norm(pushed)), 1e-9)
+            total = out[row, 3:] + pushed
+            # The point is the mean of the contacts, weighted by force.
+            sums = float(np.linalg.norm(out[row, 3:]))
+            out[row, :3] = (sums * out[row, :3] + weight * contact.pos) / (sums + weight)
+            out[row, 3:] = total
 
     def push(self, force: Array) -> None:
         """Pushes the root with a force (3,), N, in the world, until the next call."""
