@@ -17,7 +17,7 @@ from motiondeck.deck_process import DeckProcess
 from motiondeck.libraries import Library
 from motiondeck.live import LiveDeck
 from motiondeck.run.live_deck import with_right_types
-from motiondeck.run.spec.run_spec import RunSpec, options
+from motiondeck.run.spec.run_spec import RunSpec, kinds, options
 
 __all__ = ["play"]
 
@@ -28,8 +28,9 @@ def _with_options_of(spec: Callable[P, RunSpec]) -> Callable[[Callable[..., Live
     """Gives a function the parameters of a run's spec, and describes them in its docstring."""
 
     def decorate(function: Callable[..., LiveDeck]) -> Callable[P, LiveDeck]:
-        signature = inspect.signature(spec)
-        setattr(function, "__signature__", signature.replace(return_annotation="LiveDeck"))  # noqa: B010
+        types, signature = kinds(), inspect.signature(spec)
+        plain = [one.replace(annotation=types[one.name]) for one in signature.parameters.values()]
+        setattr(function, "__signature__", signature.replace(parameters=plain, return_annotation=LiveDeck))  # noqa: B010
         described = "\n".join(f"        {name}: {option.help}" for name, option in options().items())
         function.__doc__ = (function.__doc__ or "").replace("{options}", described.lstrip())
         return function

@@ -8,6 +8,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import KW_ONLY, dataclass, fields
+from functools import cache
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal, Protocol, get_args, get_type_hints
 
@@ -284,12 +285,14 @@ class RunSpec:
             )
 
 
+@cache
 def options() -> dict[str, Option]:
     """The option of each field of `RunSpec`."""
     hints = get_type_hints(RunSpec, include_extras=True)
     return {field.name: get_args(hints[field.name])[-1] for field in fields(RunSpec)}
 
 
+@cache
 def kinds() -> dict[str, Any]:
     """The type of each field of `RunSpec`."""
     hints = get_type_hints(RunSpec)
