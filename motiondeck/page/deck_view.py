@@ -12,9 +12,7 @@ from controller.wire.command_socket import CommandClient
 from controller.wire.messages.events import Event
 from motiondeck.page.body.body_push import BodyPush
 from motiondeck.page.body.drawn_model import DrawnModel
-from motiondeck.page.body.live_footprints import LiveSteps
-from motiondeck.page.body.live_forces import LiveForces
-from motiondeck.page.body.target_pose import TargetPose
+from motiondeck.page.body.live_marks import LiveForces, LiveSteps, TargetPose
 from motiondeck.page.ghost import Ghost
 from motiondeck.page.learning.hand_recorder import HandRecorder
 from motiondeck.page.learning.learn_panel import LearnPanel

@@ -132,7 +132,7 @@ class Session:
         recorded = {"recording": self.recorder.finish()} if self.recorder else {}
         names = [name for robot in self.robots for name in robot.joints]
         full = run_report(report, names, self.deck.switches, self._permissions)
-        full |= {"refused": self._refused, "restarts": self.deck.restarts}
+        full |= {"refused": self._refused, "restarts": self.snapshots.take(self.stop).restarts}
         full |= {"library": self.source, "robot": self._first.name} | recorded
         return full | self._kept_apart() | ({"recognition": self.watch.report()} if self.watch else {})
 

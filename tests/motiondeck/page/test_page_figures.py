@@ -9,9 +9,8 @@ import pytest
 
 from controller.motion.posture import Pose
 from motiondeck.page.body.drawn_model import DrawnModel
-from motiondeck.page.body.live_footprints import LiveSteps
+from motiondeck.page.body.live_marks import LiveSteps, TargetPose
 from motiondeck.page.body.solids import batches, poses
-from motiondeck.page.body.target_pose import TargetPose
 from motiondeck.page.ghost import OPACITY, WAYS, Ghost, draw_ghost
 from sim.robots.robot import load_robot
 from simulated_bodies import ROBOTS, bent_pose, human

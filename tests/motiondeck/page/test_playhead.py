@@ -4,7 +4,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from motiondeck.page.playhead import Playhead
+from motiondeck.page.clip_page import Playhead
 
 ACTIONS = st.one_of(
     st.tuples(st.just("advance"), st.floats(0.0, 20.0)),

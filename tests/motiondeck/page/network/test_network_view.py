@@ -5,8 +5,7 @@ import pytest
 
 from controller.library.motion_library import load_library
 from controller.networks.orbits import orbits
-from motiondeck.page.network.inner_life import InnerLife
-from motiondeck.page.network.network_view import REACH, NetworkView
+from motiondeck.page.network.network_view import REACH, InnerLife, NetworkView
 from motiondeck.page.web.parts import PageParts
 from motiondeck.page.web.private_page import PrivatePage
 from motiondeck_base.shipped import find_library
