@@ -135,16 +135,9 @@ class Rig:
         for port in self._all_ports():
             if port.gone:
                 conditions[port.joints] = np.maximum(conditions[port.joints], _NO_ANSWER)
-        return ServoStates(
-            self.goals,
-            self.positions,
-            self.currents,
-            self.temperatures,
-            self.voltages,
-            measured.errors,
-            measured.torque,
-            conditions,
-        )
+        temperatures, voltages = self.temperatures, self.voltages
+        shown = (self.goals, self.positions, self.currents, temperatures, voltages, measured.errors, measured.torque)
+        return ServoStates(*shown, conditions)
 
     @property
     def incidents(self) -> Sequence[Incident]:
@@ -172,10 +165,9 @@ class Rig:
         A target beyond a limit stops there, one that is NaN or infinite leaves the joint's goal; both are counted.
         """
         ready = self._ready()
-        if len(ready) < len(self._recoveries):
-            for one in self._recoveries:
-                if one not in ready:
-                    self.faults.unsent[one.port.joints] += 1
+        for one in self._recoveries if len(ready) < len(self._recoveries) else ():
+            if one not in ready:
+                self.faults.unsent[one.port.joints] += 1
         if not ready:
             return
         with self.write_us:
@@ -359,7 +351,7 @@ class Rig:
         Raises:
             RigError: if the rig must stop.
         """
-        recovering = [port.joints for one in self._recoveries if one.under_way for port in (one.port,)]
+        recovering = [one.port.joints for one in self._recoveries if one.under_way]
         if len(recovering) == len(self._recoveries):
             return
         health, measured, now = self._health, self.measured, self._now()

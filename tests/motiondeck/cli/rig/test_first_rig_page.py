@@ -123,7 +123,7 @@ def test_a_taught_wave_loops_and_switches_to_a_taught_nod(tmp_path):
     emulator = terminals[1]
     try:
         emulator.type(typed[0][1][0])
-        emulator.wait_for("hands:")
+        emulator.wait_for("commands:")
         emulator.line()
         for number, (first, *rest) in typed[1:-1]:
             if any("»" in line for line in rest):
