@@ -154,10 +154,10 @@ def view(
     ] = None,
     port: PagePortOption = PAGE_PORT,
 ) -> None:
-    """View a recording in the browser, alone or beside a robot that follows it.
+    """View a recording in the browser, alone or beside a robot.
 
-    The page has a time bar, single steps, a tempo, footprints and contacts, and a camera that follows. It is served
-    on 127.0.0.1 only; Ctrl-C ends it.
+    The robot follows the human. The page has a time bar, single steps, a tempo, footprints and contacts, and a camera
+    that follows. It is served on 127.0.0.1 only; Ctrl-C ends it.
 
     Example:  motiondeck clip view dance.c3d --robot servo20
     """

@@ -18,10 +18,10 @@ def certificates(
         typer.Argument(metavar="NAME=ADDRESS...", help="The conductor and every deck, such as left=192.168.1.21."),
     ],
 ) -> None:
-    """Make the certificates with which the members of a show trust each other.
+    """Make the certificates of the members of a show.
 
-    Copy each member's folder to its machine. FOLDER/authority.key can make more members: keep it to yourself.
-    Called again, members are added and all certificates renewed.
+    With them machines trust each other. Copy each member's folder to its machine. FOLDER/authority.key can make more
+    members: keep it to yourself. Called again, members are added and all certificates renewed.
 
     [bold]Example[/]
 

@@ -68,6 +68,27 @@ def wrong(program, words):
     return f"{' '.join(words)}: no option {', '.join(sorted(unknown))}" if unknown else ""
 
 
+def leaves(command):
+    """The commands below a command that are no groups."""
+    for below in getattr(command, "commands", {}).values():
+        yield from leaves(below) if hasattr(below, "commands") else [below]
+
+
+def test_every_command_has_an_example_and_begins_with_a_sentence_of_one_line(program):
+    for command in leaves(program):
+        sentence = command.help.partition("\n\n")[0]
+        assert "Example" in command.help, command.name
+        assert len(sentence) <= 66, sentence
+        assert [one.name for one in command.params if not one.help] == []
+
+
+def test_the_command_line_stays_small(program):
+    commands = list(leaves(program))
+    options = [one for command in commands for one in command.params if one.param_type_name == "option"]
+    assert len(commands) <= 40
+    assert len([one for one in options if one.name != "help"]) <= 220
+
+
 @pytest.mark.parametrize("path", [*CONFIGS, *PAGES, *PRODUCT], ids=lambda path: path.relative_to(ROOT).as_posix())
 def test_what_a_text_names_exists(program, elsewhere, path):
     text = path.read_text(encoding="utf-8")
