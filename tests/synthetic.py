@@ -10,8 +10,9 @@ from controller.learning.preparation.loops import hold_end
 from controller.learning.preparation.training_motion import TrainingMotion
 from controller.learning.reservoirs.conceptor_training import ConceptorRecipe, conceptor_network, load_reservoir
 from controller.learning.trainers.phase_conceptor import PhaseRecipe
-from controller.learning.trainers.phase_driven import train_phase_driven
 from controller.learning.trainers.phase_echo_state import PhaseEchoStateRecipe
+from controller.learning.trainers.registry import trainer_of
+from controller.learning.trainers.trainer import Lessons
 from controller.library.library_header import VERSION, LibraryInfo, MotionInfo
 from controller.library.motion_library import MotionLibrary
 from controller.motion.encodings.bone_directions import BoneDirections
@@ -99,6 +100,13 @@ def lessons():
     return [TrainingMotion(name, normalisation.apply(f), name != "bow") for name, f in frames.items()], normalisation
 
 
+def trained(recipe, motions=None, normalisation=None, seed=0):
+    """The network of a recipe, untested; by default of `lessons`."""
+    if motions is None:
+        motions, normalisation = lessons()
+    return trainer_of(recipe).train(recipe, Lessons(motions, normalisation, RATE), seed)
+
+
 def learned_once(learn):
     """What a function learned, a copy for each caller: as many tests ask for it, but for the first it costs little."""
     learned = {}
@@ -122,7 +130,7 @@ def small_network(seed=0, recipe=SMALL_RECIPE):
 @learned_once
 def small_phase_network(seed=0, **recipe):
     taught, normalisation = lessons()
-    network = train_phase_driven(taught, normalisation, PhaseRecipe(**(SMALL_PHASE | recipe)), RATE, seed)
+    network = trained(PhaseRecipe(**(SMALL_PHASE | recipe)), taught, normalisation, seed=seed)
     assert isinstance(network, PhaseConceptorNetwork)
     return network
 
@@ -131,7 +139,7 @@ def small_phase_network(seed=0, **recipe):
 def small_phase_echo_state(seed=0, **recipe):
     """The same motions in a phase-driven echo-state network."""
     taught, normalisation = lessons()
-    return train_phase_driven(taught, normalisation, PhaseEchoStateRecipe(**recipe), RATE, seed)
+    return trained(PhaseEchoStateRecipe(**recipe), taught, normalisation, seed=seed)
 
 
 def small_phase_library(seed=0, **recipe):

@@ -27,8 +27,8 @@ from benchmarks import command
 from controller.learning.preparation.cycles import aligned_cycles, phase_lag
 from controller.learning.preparation.person_styles import person_variants
 from controller.learning.preparation.training_motion import TrainingMotion, Variant
-from controller.learning.trainers.phase_conceptor import PhaseRecipe
-from controller.learning.trainers.phase_driven import train_phase_driven
+from controller.learning.trainers.phase_conceptor import TRAINER, PhaseRecipe
+from controller.learning.trainers.trainer import Lessons
 from controller.motion.canonical.canonical_body import carried, to_canonical
 from controller.motion.canonical.clip_edits import resampled
 from controller.motion.encodings.encoding import Encoding, encoding_of
@@ -121,7 +121,7 @@ def learned(variants: list[Variant], seed: int) -> PhaseDrivenNetwork[Any]:
     motion = TrainingMotion(
         GAIT, taught[0].frames, True, None, DrivingInput("speed", values, seconds, values[0]), taught
     )
-    return train_phase_driven([motion], normalisation, RECIPE, RATE, seed)
+    return TRAINER.train(RECIPE, Lessons([motion], normalisation, RATE), seed)
 
 
 def played(network: PhaseDrivenNetwork[Any], value: float) -> Array:

@@ -14,7 +14,7 @@ from benchmarks.centralized.motion_index import load_index, save_index
 from benchmarks.centralized.motion_signature import part_weights, signature
 from benchmarks.centralized.restyling import restyled, with_frequencies
 from controller.learning.centralized.model_search import score_models
-from controller.learning.trainers.centralized import CentralizedRecipe, train_centralized_network
+from controller.learning.trainers.centralized import CentralizedRecipe
 from controller.library.motion_library import MotionLibrary, load_library, save_library
 from motiondeck_base.errors import MotiondeckError, UnknownNameError
 
@@ -25,7 +25,7 @@ ENCODING = synthetic.small_encoding()
 def library():
     taught, normalisation = synthetic.lessons()
     recipe = CentralizedRecipe(satellites=16, iterations=20)
-    network = train_centralized_network(taught, normalisation, recipe, synthetic.RATE, 0)
+    network = synthetic.trained(recipe, taught, normalisation)
     plain = synthetic.small_library()
     return MotionLibrary(msgspec.structs.replace(plain.info, network="centralized"), network, plain.encoding)
 

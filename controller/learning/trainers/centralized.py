@@ -39,33 +39,6 @@ class CentralizedRecipe(msgspec.Struct, forbid_unknown_fields=True, frozen=True,
         return ANCHOR_EVERY
 
 
-def train_centralized_network(
-    to_learn: list[TrainingMotion], normalisation: Normalisation, recipe: CentralizedRecipe, rate: float, seed: int
-) -> CentralizedNetwork:
-    """The network of several motions, trained independently.
-
-    Raises:
-        SwitchingModuleError: before anything is trained, if there are more motions than can be switched between.
-        MotiondeckError: see `train_centralized`.
-    """
-    design_module(len(to_learn))
-    motions = {}
-    for motion in to_learn:
-        channels = normalisation.invert(motion.frames)
-        centers, satellites = _sizes(recipe, channels, rate, loop=motion.loop, seed=seed)
-        motions[motion.name] = train_centralized(
-            channels,
-            rate,
-            loop=motion.loop,
-            centers=centers,
-            satellites=satellites,
-            rank=recipe.rank,
-            iterations=recipe.iterations,
-            seed=seed,
-        )
-    return CentralizedNetwork(motions, rate)
-
-
 def _sizes(recipe: CentralizedRecipe, channels: Array, rate: float, *, loop: bool, seed: int) -> tuple[int, int]:
     """n and m for a motion."""
     fits = max(1, len(channels) // 3)
@@ -93,8 +66,29 @@ class CentralizedTrainer(Trainer[CentralizedRecipe]):
     stored_noise_note = noise_note
 
     def train(self, recipe: CentralizedRecipe, lessons: Lessons, seed: int) -> CentralizedNetwork:
-        """One network that holds all motions, untested."""
-        return train_centralized_network(lessons.motions, lessons.normalisation, recipe, lessons.rate, seed)
+        """One network of motions that are trained independently.
+
+        Raises:
+            SwitchingModuleError: before anything is trained, if there are more motions than can be switched between.
+            MotiondeckError: see `train_centralized`.
+        """
+        normalisation, rate = lessons.normalisation, lessons.rate
+        design_module(len(lessons.motions))
+        motions = {}
+        for motion in lessons.motions:
+            channels = normalisation.invert(motion.frames)
+            centers, satellites = _sizes(recipe, channels, rate, loop=motion.loop, seed=seed)
+            motions[motion.name] = train_centralized(
+                channels,
+                rate,
+                loop=motion.loop,
+                centers=centers,
+                satellites=satellites,
+                rank=recipe.rank,
+                iterations=recipe.iterations,
+                seed=seed,
+            )
+        return CentralizedNetwork(motions, rate)
 
     def add(
         self, recipe: CentralizedRecipe, network: CentralizedNetwork, motion: NewMotion

@@ -17,7 +17,6 @@ from controller.learning.measures.self_test import Judge
 from controller.learning.measures.trials import failures
 from controller.learning.preparation.training_motion import TrainingMotion
 from controller.learning.trainers.trainer import Lessons, NewMotion, SettledNetwork, Trainer
-from controller.motion.encodings.normalisation import Normalisation
 from controller.motion.rotations import Array
 from controller.networks.echo_state.network import EchoStateMotion, EchoStateNetwork
 from controller.networks.reservoirs.reservoir import Floats, Reservoir, drive, random_reservoir
@@ -58,32 +57,6 @@ class EchoStateRecipe(msgspec.Struct, forbid_unknown_fields=True, frozen=True, k
     wrong_starts: int = 0
     clipped: bool = True
     anchor_every: int = 8
-
-
-def train_echo_state(
-    to_learn: list[TrainingMotion], normalisation: Normalisation, recipe: EchoStateRecipe, seed: int
-) -> EchoStateNetwork:
-    """One network of all motions, with the recipe's noise."""
-    rng = np.random.default_rng(seed)
-    reservoir = random_reservoir(
-        recipe.neurons,
-        to_learn[0].frames.shape[1],
-        spectral_radius=recipe.spectral_radius,
-        input_scale=recipe.feedback_scale,
-        bias_scale=recipe.bias_scale,
-        rng=rng,
-        leak=recipe.leak,
-    )
-    motions = learn_readouts(reservoir, to_learn, recipe, rng)
-    return EchoStateNetwork(
-        reservoir.weights.astype(np.float32),
-        reservoir.input_weights.astype(np.float32),
-        reservoir.bias.astype(np.float32),
-        recipe.leak,
-        normalisation,
-        motions,
-        clipped=recipe.clipped,
-    )
 
 
 def learn_readouts(
@@ -156,8 +129,28 @@ class EchoStateTrainer(Trainer[EchoStateRecipe]):
     recipe = EchoStateRecipe
 
     def train(self, recipe: EchoStateRecipe, lessons: Lessons, seed: int) -> EchoStateNetwork:
-        """One network that holds all motions, untested."""
-        return train_echo_state(lessons.motions, lessons.normalisation, recipe, seed)
+        """One network of all motions, with the recipe's noise."""
+        to_learn = lessons.motions
+        rng = np.random.default_rng(seed)
+        reservoir = random_reservoir(
+            recipe.neurons,
+            to_learn[0].frames.shape[1],
+            spectral_radius=recipe.spectral_radius,
+            input_scale=recipe.feedback_scale,
+            bias_scale=recipe.bias_scale,
+            rng=rng,
+            leak=recipe.leak,
+        )
+        motions = learn_readouts(reservoir, to_learn, recipe, rng)
+        return EchoStateNetwork(
+            reservoir.weights.astype(np.float32),
+            reservoir.input_weights.astype(np.float32),
+            reservoir.bias.astype(np.float32),
+            recipe.leak,
+            lessons.normalisation,
+            motions,
+            clipped=recipe.clipped,
+        )
 
     def settle(self, recipe: EchoStateRecipe, lessons: Lessons, seed: int, judge: Judge) -> SettledNetwork:
         """The network of a recipe and the number of failed trials of each motion, if it chooses the noise.

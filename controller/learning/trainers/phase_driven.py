@@ -91,16 +91,6 @@ class PhaseDrivenRecipe(msgspec.Struct, forbid_unknown_fields=True, frozen=True,
         raise NotImplementedError
 
 
-def train_phase_driven(
-    to_learn: list[TrainingMotion], normalisation: Normalisation, recipe: PhaseDrivenRecipe, rate: float, seed: int
-) -> PhaseDrivenNetwork[Any]:
-    """One network of all motions."""
-    scales = recipe.scales(driven=any(one.driving is not None for one in to_learn))
-    reservoir = PhaseReservoir.draw(scales, to_learn[0].frames.shape[1], seed)
-    motions = {one.name: recipe.learn(one, reservoir, normalisation, rate) for one in to_learn}
-    return recipe.plays(scales, seed, normalisation, motions)
-
-
 def course_of(motion: TrainingMotion, piece_frames: float) -> PhaseCourse:
     """The course of the phase for pieces of about `piece_frames`; a motion with an input is one piece."""
     frames, piece_frames = len(motion.frames), max(piece_frames, FEWEST_PIECE_FRAMES)
@@ -160,37 +150,6 @@ def affine_ridge(states: Array, targets: Array, regulariser: float, weight: Arra
 Recipe = TypeVar("Recipe", bound=PhaseDrivenRecipe)
 
 
-Recipe = TypeVar("Recipe", bound=PhaseDrivenRecipe)
-
-
-def smallest_within(
-    tolerance_mm: float,
-    motions: list[TrainingMotion],
-    normalisation: Normalisation,
-    recipe: Recipe,
-    rate: float,
-    seed: int,
-    judge: Judge,
-    progress: Callable[[str], None] = lambda _: None,
-) -> Recipe:
-    """The recipe with the smallest size whose network passes with every motion within a tolerance, else the largest.
-
-    The tolerance is the mean distance of joints at the same phase; `progress` gets each size that is tried.
-    """
-    sized = recipe
-    for size in recipe.sizes:
-        progress("trying " + ", ".join(f"{name} {value}" for name, value in size.items()))
-        changes: Any = size
-        sized = msgspec.structs.replace(recipe, **changes)
-        verdicts = self_test(train_phase_driven(motions, normalisation, sized, rate, seed), judge)
-        if all(verdict.passed and verdict.error_mm <= tolerance_mm for verdict in verdicts.values()):
-            break
-    return sized
-
-
-Recipe = TypeVar("Recipe", bound=PhaseDrivenRecipe)
-
-
 class PhaseDrivenTrainer(Trainer[Recipe]):
     """Learns the readouts of each motion from the settled states of the network."""
 
@@ -215,8 +174,12 @@ class PhaseDrivenTrainer(Trainer[Recipe]):
         return sized
 
     def train(self, recipe: Recipe, lessons: Lessons, seed: int) -> PhaseDrivenNetwork[Any]:
-        """One network that holds all motions, untested."""
-        return train_phase_driven(lessons.motions, lessons.normalisation, recipe, lessons.rate, seed)
+        """One network of all motions, untested."""
+        to_learn, normalisation = lessons.motions, lessons.normalisation
+        scales = recipe.scales(driven=any(one.driving is not None for one in to_learn))
+        reservoir = PhaseReservoir.draw(scales, to_learn[0].frames.shape[1], seed)
+        motions = {one.name: recipe.learn(one, reservoir, normalisation, lessons.rate) for one in to_learn}
+        return recipe.plays(scales, seed, normalisation, motions)
 
     def add(
         self, recipe: Recipe, network: PhaseDrivenNetwork[Any], motion: NewMotion

@@ -24,7 +24,6 @@ from scipy.linalg import cho_factor, cho_solve
 from controller.learning.measures.accuracy import mabs
 from controller.learning.preparation.training_motion import TrainingMotion
 from controller.learning.trainers.trainer import Lessons, Trainer
-from controller.motion.encodings.normalisation import Normalisation
 from controller.motion.rotations import Array
 from controller.networks.random_feature.network import (
     FeatureMotion,
@@ -91,37 +90,6 @@ class RandomFeatures:
     inputs: Float32
     bias: Float32
     uses: list[np.ndarray]
-
-
-def train_random_features(
-    to_learn: list[TrainingMotion], normalisation: Normalisation, recipe: RandomFeatureRecipe, seed: int
-) -> RandomFeatureNetwork:
-    """One network of all motions; the normalisation becomes part of the readout."""
-    rng = np.random.default_rng(seed)
-    drawn = draw_features(recipe, to_learn[0].frames.shape[1], len(to_learn), rng)
-    regressions = [_Regression(recipe.features, to_learn[0].frames.shape[1]) for _ in range(2)]
-    motions = {}
-    for motion, uses in zip(to_learn, drawn.uses, strict=True):
-        signal = (motion.frames @ drawn.inputs.T + drawn.bias).astype(np.float32)
-        features, feedback = drawn.features[uses], drawn.feedback[uses]
-        conception, mean = conception_weights(signal, features, feedback, recipe)
-        offset = (1.0 - conception) * mean
-        before, after = _harvest(motion, drawn, features, feedback, conception, offset, recipe, rng)
-        for regression, states in zip(regressions, (before, after), strict=True):
-            regression.learn(uses, states.reshape(-1, len(uses)), np.repeat(motion.frames, states.shape[1], axis=0))
-        quiet = np.ascontiguousarray(after[:: recipe.anchor_every, 0])
-        motions[motion.name] = FeatureMotion(uses, conception, offset, quiet)
-    estimate, readout = (regression.solved(recipe.ridge) for regression in regressions)
-    # Going back to the encoding's units is affine, so it can be part of the readout.
-    zero = normalisation.invert(np.zeros(readout.shape[1]))
-    reservoir = FeatureReservoir(
-        drawn.features,
-        drawn.feedback + (estimate @ drawn.inputs.T).astype(np.float32),
-        drawn.bias,
-        (normalisation.invert(readout) - zero).astype(np.float32),
-        zero.astype(np.float32),
-    )
-    return RandomFeatureNetwork(reservoir, motions)
 
 
 def draw_features(recipe: RandomFeatureRecipe, channels: int, motions: int, rng: np.random.Generator) -> RandomFeatures:
@@ -237,8 +205,33 @@ class RandomFeatureTrainer(Trainer[RandomFeatureRecipe]):
             )
 
     def train(self, recipe: RandomFeatureRecipe, lessons: Lessons, seed: int) -> RandomFeatureNetwork:
-        """One network that holds all motions, untested."""
-        return train_random_features(lessons.motions, lessons.normalisation, recipe, seed)
+        """One network of all motions; the normalisation becomes part of the readout."""
+        to_learn, normalisation = lessons.motions, lessons.normalisation
+        rng = np.random.default_rng(seed)
+        drawn = draw_features(recipe, to_learn[0].frames.shape[1], len(to_learn), rng)
+        regressions = [_Regression(recipe.features, to_learn[0].frames.shape[1]) for _ in range(2)]
+        motions = {}
+        for motion, uses in zip(to_learn, drawn.uses, strict=True):
+            signal = (motion.frames @ drawn.inputs.T + drawn.bias).astype(np.float32)
+            features, feedback = drawn.features[uses], drawn.feedback[uses]
+            conception, mean = conception_weights(signal, features, feedback, recipe)
+            offset = (1.0 - conception) * mean
+            before, after = _harvest(motion, drawn, features, feedback, conception, offset, recipe, rng)
+            for regression, states in zip(regressions, (before, after), strict=True):
+                regression.learn(uses, states.reshape(-1, len(uses)), np.repeat(motion.frames, states.shape[1], axis=0))
+            quiet = np.ascontiguousarray(after[:: recipe.anchor_every, 0])
+            motions[motion.name] = FeatureMotion(uses, conception, offset, quiet)
+        estimate, readout = (regression.solved(recipe.ridge) for regression in regressions)
+        # Going back to the encoding's units is affine, so it can be part of the readout.
+        zero = normalisation.invert(np.zeros(readout.shape[1]))
+        reservoir = FeatureReservoir(
+            drawn.features,
+            drawn.feedback + (estimate @ drawn.inputs.T).astype(np.float32),
+            drawn.bias,
+            (normalisation.invert(readout) - zero).astype(np.float32),
+            zero.astype(np.float32),
+        )
+        return RandomFeatureNetwork(reservoir, motions)
 
     def readout_size(self, network: RandomFeatureNetwork, scaling: Array) -> float:
         """The mean absolute readout, of channels scaled to [-1, 1]."""

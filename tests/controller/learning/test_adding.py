@@ -16,8 +16,8 @@ from controller.learning.preparation.training_motion import TrainingMotion
 from controller.learning.recipe import LibraryRecipe, MotionRecipe
 from controller.learning.reservoirs.conceptor_training import conceptor_network, load_reservoir
 from controller.learning.reservoirs.incremental_loading import load_one_more, quota
-from controller.learning.trainers.centralized import CentralizedRecipe, train_centralized_network
-from controller.learning.trainers.echo_state import EchoStateRecipe, train_echo_state
+from controller.learning.trainers.centralized import CentralizedRecipe
+from controller.learning.trainers.echo_state import EchoStateRecipe
 from controller.learning.trainers.phase_conceptor import PhaseRecipe
 from controller.learning.trainers.phase_echo_state import PhaseEchoStateRecipe
 from controller.learning.training_set import prepare
@@ -89,12 +89,12 @@ def conceptor_library(**changes):
 
 def echo_state_library():
     plan = EchoStateRecipe(neurons=300, drives=2, washout=60, wrong_starts=2)
-    return described(plan, train_echo_state(*synthetic.lessons(), plan, 0))
+    return described(plan, synthetic.trained(plan))
 
 
 def centralized_library():
     plan = CentralizedRecipe(satellites=30, iterations=10)
-    return described(plan, train_centralized_network(*synthetic.lessons(), plan, synthetic.RATE, 0))
+    return described(plan, synthetic.trained(plan))
 
 
 def phase_library():

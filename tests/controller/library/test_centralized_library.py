@@ -10,7 +10,7 @@ import synthetic
 from controller.deck.deck import Deck
 from controller.deck.tracks.frame_player import FramePlayer
 from controller.learning.measures.self_test import Judge, self_test
-from controller.learning.trainers.centralized import CentralizedRecipe, train_centralized_network
+from controller.learning.trainers.centralized import CentralizedRecipe
 from controller.library.motion_library import MotionLibrary, load_library, save_library
 from controller.motion.encodings.motion_matching import joint_features
 from controller.networks.centralized.low_rank import LowRankWeights
@@ -24,7 +24,7 @@ RECIPE = CentralizedRecipe(satellites=16, iterations=10)
 @pytest.fixture(scope="module")
 def library():
     taught, normalisation = synthetic.lessons()
-    network = train_centralized_network(taught, normalisation, RECIPE, synthetic.RATE, 0)
+    network = synthetic.trained(RECIPE, taught, normalisation)
     plain = synthetic.small_library()
     return MotionLibrary(msgspec.structs.replace(plain.info, network="centralized"), network, plain.encoding)
 
@@ -59,7 +59,7 @@ def small_library(library):
     """The same motions, with weights of low rank."""
     taught, normalisation = synthetic.lessons()
     recipe = msgspec.structs.replace(RECIPE, rank="auto")
-    network = train_centralized_network(taught, normalisation, recipe, synthetic.RATE, 0)
+    network = synthetic.trained(recipe, taught, normalisation)
     return MotionLibrary(library.info, network, library.encoding)
 
 

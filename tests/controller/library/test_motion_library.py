@@ -12,7 +12,7 @@ from safetensors import safe_open
 from safetensors.numpy import save_file
 
 import synthetic
-from controller.learning.trainers.echo_state import EchoStateRecipe, train_echo_state
+from controller.learning.trainers.echo_state import EchoStateRecipe
 from controller.library.motion_library import MotionLibrary, load_library, once_a_library, save_library
 from motiondeck.cli.common.tables import show_table
 from motiondeck.cli.main import main
@@ -65,7 +65,7 @@ def test_a_library_plays_the_same_after_saving_and_loading(library, saved):
 
 def test_an_echo_state_library_survives_too(library, tmp_path):
     taught, normalisation = synthetic.lessons()
-    network = train_echo_state(taught, normalisation, EchoStateRecipe(neurons=120), seed=0)
+    network = synthetic.trained(EchoStateRecipe(neurons=120), taught, normalisation)
     info = msgspec.structs.replace(library.info, network="echo-state", leak=0.6)
     path = tmp_path / "echo.safetensors"
     save_library(MotionLibrary(info, network, library.encoding), path)

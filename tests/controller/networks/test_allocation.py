@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 import synthetic
-from controller.learning.trainers.centralized import CentralizedRecipe, train_centralized_network
-from controller.learning.trainers.echo_state import EchoStateRecipe, train_echo_state
-from controller.learning.trainers.random_feature import RandomFeatureRecipe, train_random_features
+from controller.learning.trainers.centralized import CentralizedRecipe
+from controller.learning.trainers.echo_state import EchoStateRecipe
+from controller.learning.trainers.random_feature import RandomFeatureRecipe
 from controller.networks.centralized.centralized import CentralizedGenerator
 
 # Views and numbers are Python objects of some ten bytes; the smallest array here, a frame, has 28 x 8.
@@ -16,17 +16,17 @@ NO_ARRAY = 150
 
 
 def echo_state(**changes):
-    return train_echo_state(*synthetic.lessons(), EchoStateRecipe(neurons=150, washout=60, drives=1, **changes), 0)
+    return synthetic.trained(EchoStateRecipe(neurons=150, washout=60, drives=1, **changes))
 
 
 def random_features():
     recipe = RandomFeatureRecipe(neurons=150, features=120, features_each=60, drives=1)
-    return train_random_features(*synthetic.lessons(), recipe, 0)
+    return synthetic.trained(recipe)
 
 
 def centralized(satellites):
     recipe = CentralizedRecipe(centers=1, satellites=satellites, iterations=2)
-    return train_centralized_network(*synthetic.lessons(), recipe, synthetic.RATE, 0)
+    return synthetic.trained(recipe)
 
 
 NETWORKS = {

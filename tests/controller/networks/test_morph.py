@@ -3,7 +3,7 @@ import pytest
 
 import synthetic
 from controller.learning.reservoirs.conceptor_training import ConceptorRecipe, conceptor_network, load_reservoir
-from controller.learning.trainers.echo_state import EchoStateRecipe, train_echo_state
+from controller.learning.trainers.echo_state import EchoStateRecipe
 from controller.networks.conceptor.network import ConceptorNetwork
 from motiondeck_base.errors import MotiondeckError, UnknownNameError
 
@@ -18,7 +18,7 @@ def conceptors():
 
 def echo():
     lessons, normalisation = synthetic.lessons()
-    return train_echo_state(lessons, normalisation, EchoStateRecipe(neurons=150, washout=60), 0)
+    return synthetic.trained(EchoStateRecipe(neurons=150, washout=60), lessons, normalisation)
 
 
 def run(step, frames, channels):

@@ -5,7 +5,7 @@ import pytest
 
 import synthetic
 from controller.learning.centralized.motion_training import train_centralized
-from controller.learning.trainers.centralized import CentralizedRecipe, train_centralized_network
+from controller.learning.trainers.centralized import CentralizedRecipe
 from motiondeck_base.errors import MotiondeckError
 
 
@@ -37,7 +37,7 @@ def test_the_same_seed_gives_the_same_network():
 def test_more_motions_than_can_be_switched_between_are_refused_at_once():
     lessons, normalisation = synthetic.lessons()
     with pytest.raises(MotiondeckError, match=r"201 motions in one centralized network.*1 to 200.*several libraries"):
-        train_centralized_network(67 * lessons, normalisation, CentralizedRecipe(), synthetic.RATE, 0)
+        synthetic.trained(CentralizedRecipe(), 67 * lessons, normalisation)
 
 
 def test_what_cannot_be_taught_is_refused():

@@ -10,7 +10,7 @@ from controller.learning.measures.disturbance import STEPS, GuardKnowledge, dist
 from controller.learning.measures.intervals import grouped, wilson
 from controller.learning.measures.self_test import Judge, after_disturbance, self_test
 from controller.learning.stress_test import stress_test
-from controller.learning.trainers.echo_state import EchoStateRecipe, train_echo_state
+from controller.learning.trainers.echo_state import EchoStateRecipe
 from controller.learning.training_set import TrainingSet
 from controller.networks.guard import Guard, beat, spread
 
@@ -33,7 +33,7 @@ def conceptors():
 @pytest.fixture(scope="module")
 def echo():
     lessons, normalisation = synthetic.lessons()
-    return train_echo_state(lessons, normalisation, SMALL_ECHO, 0)
+    return synthetic.trained(SMALL_ECHO, lessons, normalisation)
 
 
 @pytest.fixture(scope="module")

@@ -11,7 +11,6 @@ from controller.learning.preparation.cycles import ground_speed, one_cycle, phas
 from controller.learning.preparation.training_motion import TrainingMotion, Variant
 from controller.learning.recipe import LibraryRecipe, MotionRecipe, check_recipe
 from controller.learning.trainers.phase_conceptor import PhaseRecipe
-from controller.learning.trainers.phase_driven import train_phase_driven
 from controller.learning.trainers.phase_echo_state import PhaseEchoStateRecipe
 from controller.library.motion_library import MotionLibrary, load_library, save_library
 from controller.motion.encodings.motion_matching import joint_features
@@ -49,7 +48,7 @@ def library(request):
         TrainingMotion("gait", normalised[0].frames, True, None, driving, normalised),
         TrainingMotion("wave", normalisation.apply(wave), True),
     ]
-    network = train_phase_driven(taught, normalisation, RECIPES[request.param], synthetic.RATE, 0)
+    network = synthetic.trained(RECIPES[request.param], taught, normalisation)
     plain = synthetic.small_library()
     gait, wave_info = (
         msgspec.structs.replace(one, name=name) for one, name in zip(plain.info.motions, ("gait", "wave"), strict=False)

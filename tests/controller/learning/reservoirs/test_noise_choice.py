@@ -8,7 +8,7 @@ from controller.learning.measures.self_test import Judge, MotionVerdict
 from controller.learning.measures.trials import FREE_RUN, failures, with_trials
 from controller.learning.recipe import LibraryRecipe, MotionRecipe
 from controller.learning.trainers import echo_state
-from controller.learning.trainers.echo_state import FACTORS, TRAINER, EchoStateRecipe, train_echo_state
+from controller.learning.trainers.echo_state import FACTORS, TRAINER, EchoStateRecipe
 from controller.learning.trainers.trainer import Lessons
 from controller.learning.training_set import TrainingSet
 
@@ -23,7 +23,7 @@ def judge():
 
 @pytest.fixture(scope="module")
 def plain():
-    return train_echo_state(*synthetic.lessons(), RECIPE, 0)
+    return synthetic.trained(RECIPE)
 
 
 def settled(judge):

@@ -7,7 +7,6 @@ import pytest
 import synthetic
 from controller.learning.measures.self_test import Judge, self_test
 from controller.learning.trainers.phase_conceptor import TRAINER, PhaseRecipe
-from controller.learning.trainers.phase_driven import train_phase_driven
 from controller.learning.trainers.phase_echo_state import PhaseEchoStateRecipe
 from controller.learning.trainers.trainer import Lessons
 
@@ -27,7 +26,7 @@ def chosen(tolerance, recipe):
     lessons = Lessons(motions, normalisation, synthetic.RATE)
     recipe = msgspec.structs.replace(recipe, tolerance_mm=tolerance)
     recipe = TRAINER.sized(recipe, lessons, 0, judge, lambda _: None)
-    verdicts = self_test(train_phase_driven(motions, normalisation, recipe, synthetic.RATE, 0), judge)
+    verdicts = self_test(synthetic.trained(recipe, motions, normalisation), judge)
     return recipe, max(verdict.error_mm for verdict in verdicts.values())
 
 

@@ -2,19 +2,14 @@ import numpy as np
 import pytest
 
 import synthetic
-from controller.learning.trainers.echo_state import EchoStateRecipe, train_echo_state
+from controller.learning.trainers.echo_state import EchoStateRecipe
 from motiondeck_base.errors import UnknownNameError
 
 
 @pytest.fixture(scope="module")
 def network():
-    taught, normalisation = synthetic.lessons()
-    return train_echo_state(
-        taught,
-        normalisation,
-        EchoStateRecipe(neurons=300, washout=60, ridge=0.01, state_noise=0.005, teacher_noise=0.005),
-        seed=1,
-    )
+    recipe = EchoStateRecipe(neurons=300, washout=60, ridge=0.01, state_noise=0.005, teacher_noise=0.005)
+    return synthetic.trained(recipe, seed=1)
 
 
 def run(network, frames):
@@ -53,8 +48,7 @@ def test_two_runs_from_one_snapshot_are_identical(network):
 
 def test_the_same_seed_gives_the_same_bytes():
     first, second, other = (
-        train_echo_state(*synthetic.lessons(), EchoStateRecipe(neurons=60, washout=60, drives=1), seed)
-        for seed in (4, 4, 5)
+        synthetic.trained(EchoStateRecipe(neurons=60, washout=60, drives=1), seed=seed) for seed in (4, 4, 5)
     )
     assert first.weights.tobytes() == second.weights.tobytes()
     assert first["bow"].readout.tobytes() == second["bow"].readout.tobytes()

@@ -9,7 +9,7 @@ from safetensors.numpy import save_file
 
 import synthetic
 from controller.learning.recipe import read_recipe
-from controller.learning.trainers.random_feature import RandomFeatureRecipe, conception_weights, train_random_features
+from controller.learning.trainers.random_feature import RandomFeatureRecipe, conception_weights
 from controller.library.motion_library import MotionLibrary, load_library, save_library
 from motiondeck_base.errors import FileFormatError, MotiondeckError, UnknownNameError
 
@@ -29,7 +29,7 @@ RECIPE = RandomFeatureRecipe(
 
 @pytest.fixture(scope="module")
 def network():
-    return train_random_features(*synthetic.lessons(), RECIPE, 0)
+    return synthetic.trained(RECIPE)
 
 
 @pytest.fixture(scope="module")
@@ -92,7 +92,7 @@ def test_a_motion_of_its_own_is_told_by_few_numbers(network):
 def test_the_same_seed_gives_the_same_bytes():
     lessons = synthetic.lessons()
     quick = msgspec.structs.replace(RECIPE, neurons=50, features=60, features_each=30, adapt_frames=50)
-    first, second, other = (train_random_features(*lessons, quick, seed) for seed in (4, 4, 5))
+    first, second, other = (synthetic.trained(quick, *lessons, seed=seed) for seed in (4, 4, 5))
     assert first.reservoir.feedback.tobytes() == second.reservoir.feedback.tobytes()
     assert first["bow"].states.tobytes() == second["bow"].states.tobytes()
     assert first["bow"].states.tobytes() != other["bow"].states.tobytes()
@@ -219,7 +219,7 @@ def test_conception_weights_that_diverge_are_refused():
     lessons = synthetic.lessons()
     quick = msgspec.structs.replace(RECIPE, neurons=50, features=60, features_each=30, learning_rate=10.0)
     with pytest.raises(MotiondeckError, match=r"learning_rate = 10\.0 and network\.aperture = 10\.0"):
-        train_random_features(*lessons, quick, 0)
+        synthetic.trained(quick, *lessons)
 
 
 def test_an_unknown_motion_is_refused_with_the_nearest_name(network):
