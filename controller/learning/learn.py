@@ -182,7 +182,6 @@ def _row(one: AnalysedRecording, training_set: TrainingSet, library: MotionLibra
 
 
 def _remedy(one: AnalysedRecording) -> str:
-    """The remedy for a motion that failed its self-test."""
     if one.motion.plays == "loop":
         return "Set plays = 'once' in the recipe, or frames to some whole cycles, and learn the recipe."
     return "Give it frames without pauses, more neurons or a shorter piece_seconds in the recipe, and learn the recipe."

@@ -97,7 +97,6 @@ class TrainingSet:
         ], normalisation
 
     def _driving(self, motion: str) -> DrivingInput | None:
-        """The input of a motion, if it has one."""
         if motion not in self.variants:
             return None
         rising = sorted(self.variants[motion], key=lambda variant: variant.value)
@@ -194,7 +193,6 @@ def reading_options(data: Path, path: Path, motion: MotionRecipe) -> ReadingOpti
 
 
 def _body(recipe: LibraryRecipe, data: Path, clips: dict[str, Clip]) -> Skeleton:
-    """The skeleton of a recipe's motions."""
     if recipe.body:
         path = find_recording(data, recipe.body)
         motion = next((one for one in recipe.motions if one.file == recipe.body), MotionRecipe(name="", file=""))

@@ -281,7 +281,6 @@ def _parent(skeleton: Skeleton, bone: int) -> int:
 
 
 def _path(skeleton: Skeleton, bone: int) -> list[int]:
-    """The bones from the root to this one."""
     path = [bone]
     while (parent := _parent(skeleton, path[0])) != ROOT:
         path.insert(0, parent)

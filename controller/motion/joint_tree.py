@@ -116,7 +116,6 @@ def clip_of(
 
 
 def _body_of(tree: JointTree, path: str | Path) -> RecordedBody:
-    """The bones of a tree."""
     children = [np.flatnonzero(tree.parent == joint).tolist() for joint in range(len(tree.names))]
     above = np.maximum(tree.parent, 0)
     offset = rotate(conjugate(tree.rotation[:, above]), tree.position - tree.position[:, above])
@@ -185,7 +184,6 @@ def _root(tree: JointTree, parts: Parts, children: list[list[int]]) -> int:
 
 
 def _above(tree: JointTree, joint: int) -> list[int]:
-    """A joint and its ancestors."""
     way = [joint]
     while tree.parent[way[-1]] >= 0:
         way.append(int(tree.parent[way[-1]]))

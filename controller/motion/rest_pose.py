@@ -239,7 +239,6 @@ def _straightened(body: RecordedBody, stance: _Stance) -> _Stance:
 
 
 def _up_in_recording(body: RecordedBody, rest: _Stance, stands: bool, skeleton: Skeleton, unit: float) -> Up:
-    """The vertical axis while the body moves."""
     spine = [] if rest.parts is None else rest.parts.all("trunk")
     if rest.parts is None or not spine:
         return rest.up

@@ -138,7 +138,6 @@ def learn_low_rank(
 
 
 def _ranked(target: Array, time: Array, starts: list[Array], few: int) -> list[Array]:
-    """Frequency vectors, the most promising first."""
     left, size, _ = np.linalg.svd(target, full_matrices=False)
     thin = max(1, len(target) // max(THINNED, 3 * few))
     scores = (left[:, :MOST_CURVES] * size[:MOST_CURVES])[::thin]
@@ -157,7 +156,6 @@ def _learn_at(
     iterations: int,
     move_frequencies: bool,
 ) -> LowRankNetwork:
-    """The optimisation for one frequency vector and one price of a weight."""
     left, size, directions = np.linalg.svd(target, full_matrices=False)
     curves = min(MOST_CURVES, int((size > 1e-9 * size[0]).sum()))
     scores, energy = left[:, :curves] * size[:curves], np.square(size[:curves])
@@ -217,7 +215,6 @@ def _path(by_channel: Array, energy: Array, explained: Array, whole: float, weig
 def _chosen(
     plans: list[_Plan], centers: int, shape: tuple[int, ...], parameters: int | None, independent: int
 ) -> _Plan:
-    """The largest network within some parameters, or the one with the least AICc."""
     if parameters is None:
         frames, channels = shape
         scale = independent / frames

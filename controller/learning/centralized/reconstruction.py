@@ -119,7 +119,6 @@ def fill_missing(markers: Array, rate: float, tick: Callable[[], None] = lambda:
 
 
 def _groups(gaps: list[Gap], most: int) -> list[list[Gap]]:
-    """Groups of gaps that lie within `most` frames."""
     groups: list[list[Gap]] = []
     for gap in gaps:
         if groups and gap.end - groups[-1][0].first <= most:
@@ -130,7 +129,6 @@ def _groups(gaps: list[Gap], most: int) -> list[list[Gap]]:
 
 
 def _fill_group(markers: Array, filled: Array, group: list[Gap], rate: float) -> list[Gap]:
-    """Fills some gaps from one network."""
     context = round(CONTEXT_S * rate) + max(gap.frames for gap in group)
     begin = max(0, min(gap.first for gap in group) - context)
     stop = min(len(markers), max(gap.end for gap in group) + context)
@@ -197,7 +195,6 @@ def _scores(flat: Array, rate: float) -> Array:
 
 
 def _predicted(target: Array, rate: float) -> Array:
-    """The output of a network that is trained on coordinates (K, F)."""
     middle = target.mean(0)
     time = np.arange(len(target)) / rate
     satellites = int(np.clip(SATELLITES_A_SECOND * time[-1], 4, max(1, len(target) // 3)))
@@ -272,7 +269,6 @@ def _fill(scores: Array, path: Array, missing: Flags, way: FillMethod) -> Array:
 
 
 def _bridged(markers: Array, missing: Flags) -> Array:
-    """Markers (K, M, 3) with linearly interpolated gaps."""
     whole = np.where(missing[..., None], np.nan, markers)
     for m in np.flatnonzero(missing.any(0)):
         whole[:, m] = bridged(whole[:, m])

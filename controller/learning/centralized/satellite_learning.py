@@ -220,7 +220,6 @@ def learn(
 def _learn(
     scores: Array, time: Array, count: int, starts: list[Array], keep: int, iterations: int, move_frequencies: bool
 ) -> LearnedSatellites:
-    """`learn` for the principal scores of a motion."""
     if not scores.any():
         # Nothing moves: any satellites are right, with weights of 0. The logarithm of the error would have no gradient.
         phase = np.zeros(len(starts[0]))

@@ -88,7 +88,6 @@ def slopes(values: Array, rate: float) -> Array:
 
 
 def _reach(rate: float) -> int:
-    """The number of frames on either side of one for a slope."""
     return max(1, round(0.5 * SLOPE_SECONDS * rate))
 
 

@@ -135,7 +135,6 @@ def _period(take: Array, rate: float) -> Array:
 
 
 def _middle_length(takes: Sequence[Array]) -> int:
-    """The index of the take of median length."""
     return sorted(range(len(takes)), key=lambda number: len(takes[number]))[len(takes) // 2]
 
 

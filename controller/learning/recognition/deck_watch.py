@@ -126,7 +126,6 @@ class DeckWatch:
         return alarms
 
     def _count(self, commanded: str, counting: bool) -> None:
-        """Updates the statistics of the report."""
         if commanded != self._commanded:
             # The first motion was not switched to.
             self._since_command = None if self._commanded is None else 0.0

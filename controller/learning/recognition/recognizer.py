@@ -128,7 +128,6 @@ def train_recognizer(
 def _trained_bank(
     signals: list[list[Array]], learn: Iterable[int], dataset: Dataset, experts: ExpertRecipe
 ) -> ExpertBank:
-    """A bank trained on all signals of some examples."""
     pairs = [(signal, dataset.examples[i].label) for i in learn for signal in signals[i]]
     return teach(experts, [signal for signal, _ in pairs], [label for _, label in pairs])
 

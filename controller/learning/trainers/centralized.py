@@ -40,7 +40,6 @@ class CentralizedRecipe(msgspec.Struct, forbid_unknown_fields=True, frozen=True,
 
 
 def _sizes(recipe: CentralizedRecipe, channels: Array, rate: float, *, loop: bool, seed: int) -> tuple[int, int]:
-    """n and m for a motion."""
     fits = max(1, len(channels) // 3)
     if recipe.centers != "auto" and recipe.satellites != "auto":
         return recipe.centers, max(1, min(recipe.satellites, fits))

@@ -92,7 +92,6 @@ def _learn_pieces(
     washout: int,
     overlap: int,
 ) -> StoredPieces:
-    """A motion piece by piece, each from its own states."""
     many = int(course.piece[-1]) + 1
     overlap = 0 if motion.loop and many == 1 else overlap
     states, first = _driven_states(motion, course, reservoir, washout, overlap)

@@ -126,7 +126,6 @@ def _turns(clip: Clip) -> Array:
 
 
 def _sizes(own: Clip, recorded: Skeleton, marks: Landmarks) -> list[str]:
-    """Warnings about implausible lengths of the canonical body, with the names of the recorded one."""
     found: list[str] = []
     length = dict(zip(CANONICAL_BONES, own.skeleton.length.tolist(), strict=True))
     name = {bone: recorded.bones[marks.bone[bone]] for bone in marks.joint if marks.bone.get(bone, -1) >= 0}
@@ -155,7 +154,6 @@ _NAMES |= {"sho": "shoulder", "elb": "upper arm", "wri": "forearm", "han": "hand
 
 
 def _called(bone: str) -> str:
-    """A canonical bone in words."""
     side = {"l": "left ", "r": "right "}.get(bone[0], "")
     return side + _NAMES[bone[1:]] if bone[1:] in _NAMES else {"neck": "chest"}.get(bone, bone)
 

@@ -145,7 +145,6 @@ def without_reference_pose(clip: Clip) -> tuple[Clip, int]:
 
 
 def _reference_frames(joints: Array, rate: float) -> int:
-    """The number of frames before a jump at the beginning."""
     step = np.sqrt(np.square(np.diff(joints, axis=0)).sum(-1)).max(1)
     after = max(2, round(AFTER_JUMP * rate))
     for frame in range(min(max(1, round(JUMP_WITHIN * rate)), len(step) - 2)):

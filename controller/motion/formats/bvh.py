@@ -78,7 +78,6 @@ def _split(text: str) -> tuple[str, str, int]:
 
 
 def _hierarchy(path: str | Path, lines: list[Line]) -> list[Joint]:
-    """The joints, parents first."""
     joints: list[Joint] = []
     open_joints: list[int] = []
     awaited: Joint | None = None  # named, its brace not read yet
@@ -150,7 +149,6 @@ def _named(line: Line, joints: list[Joint], open_joints: list[int]) -> Joint:
 
 
 def _numbered(name: str) -> Iterator[str]:
-    """The name, then the name with rising numbers."""
     yield name
     yield from (f"{name} {number}" for number in range(2, MOST_JOINTS + 3))
 

@@ -131,7 +131,6 @@ def _driven(path: str | Path, asset: Asset, number: int) -> list[tuple[int, str,
 
 
 def _parents(path: str | Path, asset: Asset) -> list[int]:
-    """The parent of each node, -1 for those at the top."""
     parents = [-1] * len(asset.nodes)
     for index, node in enumerate(asset.nodes):
         for child in node.children:

@@ -165,7 +165,6 @@ def open_gltf(path: str | Path) -> tuple[Asset, Accessors]:
 
 
 def _chunks(path: str | Path, content: bytes) -> tuple[bytes, bytes]:
-    """The JSON and the bytes of a .glb."""
     found: dict[bytes, bytes] = {}
     at = 12
     while at + 8 <= len(content):
@@ -236,7 +235,6 @@ class Accessors:
         return np.zeros((0, width), number) if rows is None else rows
 
     def _buffer(self, index: int) -> bytes:
-        """The bytes of a buffer."""
         if not 0 <= index < len(self._asset.buffers):
             raise self._broken(f"buffer {index} is named, but there are {len(self._asset.buffers)}")
         if index not in self._buffers:

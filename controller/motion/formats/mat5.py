@@ -94,7 +94,6 @@ def _elements(data: bytes, order: str) -> Iterator[tuple[int, bytes]]:
 
 
 def _variable(data: bytes, order: str) -> tuple[str, Variable]:
-    """Name and content of a variable."""
     parts = _elements(data, order)
     (flags,) = struct.unpack_from(order + "I", next(parts)[1])
     number = flags & 0xFF

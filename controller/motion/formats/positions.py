@@ -133,7 +133,6 @@ def _words(text: str, separator: str) -> list[str]:
 
 
 def _table(path: str | Path) -> _Positions:
-    """The names of the columns, the rate, and the numbers."""
     texts = [(number, text) for number, text in enumerate(read_lines(path), 1) if _is_row(text)]
     if not texts:
         raise FileFormatError(f"{path}: there is nothing in it. Write it again.")

@@ -26,8 +26,6 @@ Plays = Literal["loop", "once"]
 
 
 class _ClipHeader(msgspec.Struct, forbid_unknown_fields=True, frozen=True):
-    """The header of a taught clip's file."""
-
     version: int
     name: str
     joints: list[str]

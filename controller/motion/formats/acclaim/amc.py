@@ -124,7 +124,6 @@ def _all_at_once(lines: list[str], columns: Columns) -> Array | None:
 
 
 def _line_by_line(path: str | Path, lines: list[str], skeleton: AcclaimSkeleton, columns: Columns) -> Array:
-    """The values of any file that follows the format."""
     width = sum(len(channels) for channels in skeleton.dof)
     rows: list[Row] = []
     row: Row | None = None
@@ -179,7 +178,6 @@ def _check_angles(path: str | Path, size: Array, angle_unit: float, declared: bo
 
 
 def _check_frame(begin: Line | None, row: Row | None, skeleton: AcclaimSkeleton, columns: Columns) -> None:
-    """Raises FileFormatError if a bone is missing from the frame that just ended."""
     if begin is not None and row is not None and None in row:
         missing = [name for name, span in columns.items() if None in row[span]]
         raise begin.error(
@@ -189,7 +187,6 @@ def _check_frame(begin: Line | None, row: Row | None, skeleton: AcclaimSkeleton,
 
 
 def _complaint(line: Line, row: Row | None, skeleton: AcclaimSkeleton, columns: Columns) -> FileFormatError:
-    """The error in a bone's line that could not be parsed."""
     name = line.words[0]
     if name not in columns:
         return line.error(
@@ -259,7 +256,6 @@ def read_acclaim(path: str | Path, options: ReadingOptions) -> Clip:
 
 
 def _skeletons(folder: Path) -> list[Path]:
-    """The .asf files in a folder."""
     try:
         return sorted(p for p in folder.iterdir() if p.suffix.lower() == ".asf")
     except OSError as error:

@@ -160,7 +160,6 @@ def _units(lines: list[Line]) -> tuple[float, float]:
 
 
 def _bones(path: str | Path, lines: list[Line]) -> dict[str, Fields]:
-    """The fields of each bone by name."""
     bones: dict[str, Fields] = {}
     block: list[Line] | None = None
     for line in lines:
@@ -194,7 +193,6 @@ def _bones(path: str | Path, lines: list[Line]) -> dict[str, Fields]:
 
 
 def _parents(lines: list[Line], bones: dict[str, Fields]) -> dict[str, str]:
-    """The name of each bone's parent."""
     parent: dict[str, str] = {}
     for line in lines:
         above, *below = line.words
@@ -235,7 +233,6 @@ def _order(path: str | Path, names: list[str], parent: dict[str, str]) -> list[s
 
 
 def _needed(path: str | Path, bone: str, fields: Fields, key: str) -> Line:
-    """A field that every bone must have."""
     if key not in fields:
         raise FileFormatError(f"{path}: bone '{shortened(bone)}' has no '{key}' line. Add it.")
     return fields[key]

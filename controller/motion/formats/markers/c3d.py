@@ -149,7 +149,6 @@ def seen_points(content: bytes, form: C3dLayout) -> Array:
 
 
 def _parameters(path: str | Path, content: bytes, at: int, processor: int) -> Parameters:
-    """Every parameter by the names of its group and itself."""
     groups: dict[int, str] = {}
     found: dict[tuple[int, str], NDArray[np.generic]] = {}
     order = ">" if processor == MIPS else "<"
@@ -207,7 +206,6 @@ def _floats(raw: bytes, processor: int) -> Array:
 
 
 def _number(parameters: Parameters, name: str, otherwise: float) -> float:
-    """A number from the parameters, with a default."""
     values = parameters.get(name)
     return otherwise if values is None or values.size == 0 or values.dtype.kind == "S" else float(values.ravel()[0])
 

@@ -120,7 +120,6 @@ def jointed_body(joints: dict[str, Array], markers: Markers, name: str) -> Clip:
 
 
 def _pelvis_rotation(ends: dict[str, Array]) -> Array:
-    """Rotation of the pelvis, shape (T, 4)."""
     left = normalise(ends["lhip"] - ends["rhip"])
     ahead = normalise(np.cross(left, ends["pelvis"] - ends["root"]))
     return best_fit(np.stack([ahead, left, np.cross(ahead, left)], axis=-1))

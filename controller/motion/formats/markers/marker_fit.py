@@ -176,7 +176,6 @@ def _people(markers: Markers) -> tuple[dict[str, Array], set[str]]:
 
 
 def _upright(markers: Markers, seen: dict[str, Array]) -> dict[str, Array]:
-    """The tracks in our axes, z up."""
     up = markers.up
     if up not in TO_OURS:
         head = np.stack([seen["LFHD"], seen["RFHD"]])

@@ -128,7 +128,6 @@ def _landmarks(markers: Markers) -> Landmarks:
 
 
 def _place(label: str) -> tuple[str, str] | None:
-    """The landmark of a label, and its side."""
     label = _COMPUTED.sub("", label.rpartition(":")[2].upper().removesuffix("_STUDY"))  # OpenCap's
     bare = _BETWEEN.sub("", label)
     if bare in _MIDDLE_PLACES:
