@@ -10,7 +10,6 @@ import sys
 import time
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import ExitStack
-from importlib.metadata import entry_points
 from typing import Any, Protocol
 
 import numpy as np
@@ -115,7 +114,11 @@ def open_outputs(opening: ExitStack, specs: Sequence[str], joints: Sequence[str]
         UnknownNameError: if no installed package provides the name; it names the nearest.
         MotiondeckError: if one cannot be imported or opened.
     """
-    found: dict[str, Any] = {point.name: point for point in entry_points(group=GROUP)} if specs else {}
+    if not specs:
+        return []
+    from importlib.metadata import entry_points  # slow to import
+
+    found: dict[str, Any] = {point.name: point for point in entry_points(group=GROUP)}
     channels: list[Channel] = []
     for spec in specs:
         name, _, argument = spec.partition(":")
