@@ -181,7 +181,6 @@ class LiveDeck(DeckCommands[CommandedMotion]):
         return self._clients.own
 
     def _refuse_fork(self) -> None:
-        """Raises MotiondeckError in a fork of the process that started the deck, whose sockets it shares."""
         if self._process.in_fork:
             raise MotiondeckError(
                 "this deck belongs to the process that started it: command it there, or from anywhere with "

@@ -110,7 +110,6 @@ def _check_for_film(spec: RunSpec) -> None:
 
 
 def _film_run(spec: RunSpec, program: Program, video: Path, look: Any, *, as_json: bool) -> None:
-    """Films the run instead of playing it live."""
     from motiondeck.pictures.library_pictures import film_run
 
     report, words = film_run(spec, program, video, look)

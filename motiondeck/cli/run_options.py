@@ -42,7 +42,6 @@ def with_run_options(*names: str) -> Callable[[Callable[..., None]], Callable[..
 
 
 def _parameter(name: str, option: Option, kind: Any, default: Any) -> inspect.Parameter:
-    """The option as typer takes it."""
     if option.typed is not None:
         kind, default = type(option.typed), option.typed
     elif option.off:

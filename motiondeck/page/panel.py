@@ -172,7 +172,6 @@ class Panel:
             self._controls.append((self._tap, BY_WORD["beat"]))
 
     def _add_pushes(self, usual: float) -> None:
-        """A button for each side to push the body from, and how hard, N s."""
         gui = self._page.gui
         with gui.add_folder("push", expand_by_default=False):
             step = usual / 20.0
@@ -181,7 +180,6 @@ class Panel:
         sides.on_click(lambda _: self.send(Push(cast(Side, sides.value), float(impulse.value))))
 
     def _add_keys(self) -> None:
-        """Esc, space and the digits, also found in the page's command palette."""
         gui = self._page.gui
         gui.add_command("Emergency stop", hotkey="escape").on_trigger(lambda _: self.send(EmergencyStop()))
         gui.add_command("Pause or resume", hotkey="space").on_trigger(lambda _: self._pause_or_resume())
@@ -190,7 +188,6 @@ class Panel:
             gui.add_command(motion, hotkey=digit).on_trigger(lambda _, motion=motion: self.send(Switch(motion)))
 
     def _add_tap(self) -> viser.GuiButtonHandle:
-        """A button to tap a beat, and one to end the lock."""
         gui = self._page.gui
         with gui.add_folder("beat", expand_by_default=False):
             tap = gui.add_button("Tap", color="gray", hint=BY_WORD["beat"].help)

@@ -96,7 +96,6 @@ def show_events(events: CommandClient, shown: DeckView) -> None:
 
 
 def _reason(state: Path) -> str:
-    """Why the run has ended; empty where the deck could not say it any more."""
     try:
         return state.with_name(REASON_FILE).read_text(encoding="utf-8")
     except (OSError, UnicodeDecodeError):

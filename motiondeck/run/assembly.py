@@ -198,7 +198,6 @@ def _assemble(opening: ExitStack, stop: StopRequest, spec: RunSpec, played: Play
 
 
 def _wired_stop(opening: ExitStack, spec: RunSpec) -> WiredStop | None:
-    """The emergency stop that is wired to a device, if there is one."""
     if spec.stop_input is None:
         return None
     from hardware.tools.stop_input import open_stop_input
@@ -228,7 +227,6 @@ def _servers(opening: ExitStack, spec: RunSpec) -> list[CommandServer]:
 
 
 def _leader(opening: ExitStack, spec: RunSpec) -> LeaderLink | None:
-    """A link to the deck on the command port that the phase is locked to, if it is."""
     if spec.lock_to in (None, "beat", "body"):
         return None
     link = LeaderLink.to(str(spec.lock_to))
@@ -242,7 +240,6 @@ def _measured_by(channel: Channel, joints: int) -> Callable[[], Array | None]:
 
 
 def _watch(spec: RunSpec, played: Played, first: RobotOnDeck, channel: Channel) -> Watch | None:
-    """Recognizes motions, if that is wanted."""
     if spec.recognizer is not None:
         # What recognizes takes longer to import than all that plays.
         from controller.learning.recognition.recognizer_file import load_recognizer

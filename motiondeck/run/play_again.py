@@ -45,7 +45,6 @@ def play_again(
 
 
 def _typed_options(context: typer.Context) -> list[str]:
-    """The options of the command line, without those that are replaced."""
     words: list[str] = []
     for parameter in context.command.params:
         name = parameter.name or ""

@@ -145,7 +145,6 @@ class Session:
             print(permission, file=sys.stderr)
 
     def _kept_apart(self) -> dict[str, Any]:
-        """The counts of limbs that were kept apart, with --check-collisions."""
         guards = {robot.prefix: robot.guard for robot in self.robots if robot.guard is not None}
         counts = {prefix + pair: count for prefix, guard in guards.items() for pair, count in guard.kept_apart.items()}
         return {"kept_apart": counts} if guards else {}

@@ -114,7 +114,6 @@ class LiveSteps:
             self._leave(corners)
 
     def _leave(self, corners: Array) -> None:
-        """One more print, corners (4, 3), m, in place of the oldest."""
         name = f"/steps/print{self._prints % PRINTS}"
         self._page.scene.add_mesh_simple(
             name, corners.astype(np.float32), _FACES, color=PRINT, opacity=0.55, flat_shading=True

@@ -116,7 +116,6 @@ class HandRecorder:
                 self._send(ServoTorque(joint, "on"))
 
     def _finish(self) -> None:
-        """Writes what was seen, and hands it over."""
         self.recording = False
         self._count += 1
         self._folder.mkdir(mode=0o700, exist_ok=True)

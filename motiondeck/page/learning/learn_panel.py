@@ -64,7 +64,6 @@ class LearnPanel:
                 ask(event, f"Play {new.motion}?", STARTS_AGAIN, "Start again with it", load)
 
     def _take(self, dropped: viser.UploadedFile) -> None:
-        """Keeps a file under its own name and looks at it."""
         name = re.sub(r"[^\w.\- ]", "_", Path(dropped.name).name)[-80:]
         self._folder.mkdir(mode=0o700, exist_ok=True)
         file = self._folder / (name.lstrip(".") or "recording")
@@ -85,7 +84,6 @@ class LearnPanel:
         self._work(LearnRequest(str(file)))
 
     def _start(self) -> None:
-        """Learns the part between the handles."""
         if self._file is None:
             return
         low, high = (float(value) for value in self._part.value)
@@ -97,7 +95,6 @@ class LearnPanel:
             self._learn.disabled = False
 
     def _work(self, request: LearnRequest) -> None:
-        """Has the process do it, and shows what it says."""
         self._play.visible = False
         self._progress.value, self._progress.visible = 15.0, True
         for news in work(self._command, request):

@@ -158,7 +158,6 @@ class NetworkView:
 
 
 def _pale(index: int, count: int) -> tuple[int, int, int]:
-    """A distinct pale colour for each of several motions."""
     colour = 255.0 * np.array(colorsys.hsv_to_rgb(index / count, 0.75, 0.8))
     red, green, blue = (colour + PALE * (BACKGROUND - colour)).round().astype(int).tolist()
     return red, green, blue

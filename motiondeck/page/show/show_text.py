@@ -85,7 +85,6 @@ def _card(deck: DeckRow) -> str:
 
 
 def _doing(deck: DeckRow) -> tuple[str, str]:
-    """What a deck does, in a word or two, and the colour of that."""
     health = deck.health
     if not deck.here:
         return ("GONE", RED) if deck.losses else ("not here yet", AMBER)

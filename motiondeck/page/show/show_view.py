@@ -104,6 +104,5 @@ class ShowView:
 
 
 def _put(place: viser.GuiHtmlHandle, content: str) -> None:
-    """Writes what has changed."""
     if place.content != content:
         place.content = content

@@ -76,7 +76,6 @@ def _inspect_hands(file: Path) -> Seen:
 
 
 def _places(count: int, wanted: int) -> NDArray[np.int64]:
-    """`wanted` frame numbers, evenly spaced over `count` frames."""
     return np.linspace(0, count - 1, wanted).round().astype(np.int64)
 
 
@@ -145,7 +144,6 @@ def _cut(file: Path, name: str, within: tuple[float, float]) -> Path:
 
 
 def _free_name(stem: str) -> Path:
-    """A file in this folder that does not exist yet."""
     number, out = 2, Path(f"{stem}.safetensors")
     while out.exists():
         number, out = number + 1, Path(f"{stem}-{number}.safetensors")

@@ -9,8 +9,7 @@ from typing import TYPE_CHECKING, Any
 from controller.loop.loop import LoopState
 from controller.loop.stop_requests import StopRequest
 from controller.motion.skeleton import Skeleton
-from controller.wire.messages.deck_snapshot import Recognized
-from motiondeck.run.recognition.watch import WatchedDeck
+from controller.wire.messages.deck_snapshot import DeckState, Recognized
 
 if TYPE_CHECKING:
     from controller.learning.recognition.recognizer import Recognizer
@@ -49,7 +48,7 @@ class BodyWatch:
         """The recognized motion, with its confidence; None while none is certain."""
         return Recognized(self._body.seen, self._body.confidence) if self._body.seen is not None else None
 
-    def update(self, state: LoopState, deck: WatchedDeck, stop: StopRequest) -> None:
+    def update(self, state: LoopState, deck: DeckState, stop: StopRequest) -> None:
         """Takes in one tick; while the deck's time stands still there is nothing to be seen."""
         dt = deck.time - self._time if self._time is not None else 0.0
         if dt <= 0.0 and self._time is not None:

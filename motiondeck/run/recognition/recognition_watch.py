@@ -16,8 +16,7 @@ from controller.library.motion_library import MotionLibrary
 from controller.loop.loop import LoopState
 from controller.loop.output_channel import Channel
 from controller.loop.stop_requests import StopRequest
-from controller.wire.messages.deck_snapshot import Recognized
-from motiondeck.run.recognition.watch import WatchedDeck
+from controller.wire.messages.deck_snapshot import DeckState, Recognized
 from motiondeck.run.robots.robot_on_deck import RobotOnDeck
 
 MOST_PRINTED = 20  # alarms on the terminal; the report has more
@@ -114,7 +113,7 @@ class RecognitionWatch:
         stuck = self.watch.stuck
         return self._joints[int(stuck.argmax())] if stuck.any() else ""
 
-    def update(self, state: LoopState, deck: WatchedDeck, stop: StopRequest) -> None:
+    def update(self, state: LoopState, deck: DeckState, stop: StopRequest) -> None:
         """Takes in one tick; an alarm is printed once, and ends the run if that is the policy."""
         played = stop.mode == "playing" and deck.time != self._time
         self._time = deck.time

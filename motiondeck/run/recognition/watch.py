@@ -7,23 +7,7 @@ from typing import Any, Protocol
 
 from controller.loop.loop import LoopState
 from controller.loop.stop_requests import StopRequest
-from controller.wire.messages.deck_snapshot import RecognitionState
-
-
-class WatchedDeck(Protocol):
-    """A deck whose motions are recognized."""
-
-    time: float
-
-    @property
-    def playing(self) -> str:
-        """What is played now."""
-        ...
-
-    @property
-    def settled(self) -> bool:
-        """Whether no switch is under way."""
-        ...
+from controller.wire.messages.deck_snapshot import DeckState, RecognitionState
 
 
 class Watch(RecognitionState, Protocol):
@@ -34,7 +18,7 @@ class Watch(RecognitionState, Protocol):
         """The motions that it knows."""
         ...
 
-    def update(self, state: LoopState, deck: WatchedDeck, stop: StopRequest) -> None:
+    def update(self, state: LoopState, deck: DeckState, stop: StopRequest) -> None:
         """Takes in one tick; it may end the run."""
         ...
 

@@ -108,7 +108,6 @@ def _targets(clip: Clip, retarget: Retargeter) -> Array:
 
 
 def _limits_of(config: RigConfig) -> JointLimits:
-    """What the rig file allows its joints."""
     joints = config.joints
     acceleration = np.array([joint.acceleration or _ACCELERATION for joint in joints])
     return JointLimits(
