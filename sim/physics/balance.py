@@ -18,6 +18,7 @@ from motiondeck_base.errors import MotiondeckError
 from sim.models.gravity import GRAVITY
 from sim.physics.physics_model import feet_of
 from sim.physics.support_polygon import convex_hull, margin
+from sim.physics.walking.steps import azimuth
 from sim.physics.walking.whole_body import WholeBody
 from sim.robots.robot import Robot
 
@@ -94,14 +95,14 @@ class Balance:
         """Chooses the places of the feet: on the floor below, in a stance that can balance."""
         plan = self._plan
         turned = multiply(plan.qpos[3:7], conjugate(self._model.qpos0[3:7]))
-        facing = _azimuth(rotate(turned, np.array([1.0, 0.0, 0.0])))
+        facing = azimuth(rotate(turned, np.array([1.0, 0.0, 0.0])))
         ahead = np.array([np.cos(facing), np.sin(facing)])
         left = np.array([-ahead[1], ahead[0]])
         at, turn = [], []
         for foot, body in zip(self._feet, self._bodies, strict=True):
             axes = plan.xmat[body].reshape(3, 3)
             at.append((plan.xpos[body] + axes @ foot.sole)[:2])
-            own = _azimuth(axes @ foot.axes[:, 0]) - facing
+            own = azimuth(axes @ foot.axes[:, 0]) - facing
             turn.append(facing + np.clip(np.arctan2(np.sin(own), np.cos(own)), -STANCE_TURN, STANCE_TURN))
         middle, apart = 0.5 * (at[0] + at[1]), 0.5 * (at[0] - at[1])
         height = float(plan.qpos[2])
@@ -159,8 +160,3 @@ class Balance:
             else:
                 found.append(data.xpos[body] + foot.corners @ data.xmat[body].reshape(3, 3).T)
         return np.concatenate(found)[:, :2]
-
-
-def _azimuth(direction: Array) -> float:
-    """Azimuth of a direction (3,), rad."""
-    return float(np.arctan2(direction[1], direction[0]))

@@ -11,7 +11,7 @@ from sim.models.gravity import GRAVITY
 from sim.models.walk_settings import WalkSettings
 from sim.physics.walking.footfalls import Swing
 from sim.physics.walking.rolling import Rolling
-from sim.physics.walking.steps import MEETS, Step, pressure_course, swing_path
+from sim.physics.walking.steps import MEETS, Step, pressure_course, swing_path, wrapped
 
 # Shares of the first steps after standing for STOOD, s.
 GROWS, STOOD = (0.3, 0.55, 0.8, 1.0), 0.6
@@ -158,7 +158,7 @@ class Gait:
             along, _ = swing_path((now - self.step.start) / (self.step.end - self.step.start))
             astray += along * (self.step.astray - self._astray)
             stands = self.yaws[[1 - self.step.foot]]
-        twist = [_wrapped(heading + astray - yaw) for yaw in stands]
+        twist = [wrapped(heading + astray - yaw) for yaw in stands]
         excess = max(max(twist) - TWIST, 0.0) + min(min(twist) + TWIST, 0.0)
         self._astray -= excess
         return astray - excess
@@ -222,11 +222,11 @@ class Gait:
             heading, astray: of the robot before the step, and relative to the motion, rad.
             count: number of steps since the robot stood.
         """
-        turn = _wrapped(swing.heading + astray - heading)
+        turn = wrapped(swing.heading + astray - heading)
         turned = min(max(turn, -TURN), TURN)
         # Hips that turn to and fro with each step would put one foot in front of the other.
         half = 0.5 * turned
-        turned += _clipped(heading + turned - stands, TWIST) - _wrapped(heading + turned - stands)
+        turned += _clipped(heading + turned - stands, TWIST) - wrapped(heading + turned - stands)
         heading, astray = heading + turned, astray + turned - turn
         direction = heading - half
         share = self._set.share * GROWS[min(count, len(GROWS) - 1)]
@@ -246,14 +246,9 @@ class Gait:
         return Step(swing.foot, swing.start, end, place, yaw, heading, astray, direction, leaves, lands)
 
 
-def _wrapped(turn: float) -> float:
-    """The same turn, between half a turn to the right and to the left, rad."""
-    return (turn + np.pi) % (2.0 * np.pi) - np.pi
-
-
 def _clipped(turn: float, most: float = FOOT_TURN) -> float:
     """A turn, rad, of at most so much to either side."""
-    return min(max(_wrapped(turn), -most), most)
+    return min(max(wrapped(turn), -most), most)
 
 
 def _turned(vector: Array | tuple[float, float], angle: float) -> Array:

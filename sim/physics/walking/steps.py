@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import TypeVar
 
 import numpy as np
 
@@ -18,6 +19,7 @@ RAMP = 0.25
 # Largest lift, heights of the root for each second of the swing: a quick foot would hit the floor.
 RISES = 0.3
 
+Angles = TypeVar("Angles", float, Array)
 Knot = tuple[float, float, float]
 """Centre of pressure, m, and its change by the present step's length."""
 
@@ -128,3 +130,13 @@ def swing_ramps(start: float, end: float) -> tuple[tuple[float, float, float, fl
 def highest(lift: float, seconds: float) -> float:
     """Lift of a foot whose swing takes some seconds, at most `lift`; heights of the root."""
     return min(lift, RISES * seconds)
+
+
+def azimuth(direction: Array) -> float:
+    """Azimuth of a direction (3,), rad."""
+    return float(np.arctan2(direction[1], direction[0]))
+
+
+def wrapped(angle: Angles) -> Angles:
+    """Angles, rad, wrapped to half a turn either way."""
+    return (angle + np.pi) % (2.0 * np.pi) - np.pi

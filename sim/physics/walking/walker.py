@@ -45,7 +45,7 @@ from sim.physics.walking.momentum import Momentum
 from sim.physics.walking.preview import AHEAD, Preview, Travel
 from sim.physics.walking.rolling import ROUNDED, from_flat
 from sim.physics.walking.state_estimate import Estimate, ExactState, Sensors
-from sim.physics.walking.steps import highest, swing_path
+from sim.physics.walking.steps import azimuth, highest, swing_path, wrapped
 from sim.physics.walking.strength import check_legs
 from sim.physics.walking.whole_body import WholeBody, widest_stance
 from sim.robots.robot import Robot
@@ -149,7 +149,7 @@ class Walker:
         plan.qpos[:] = data.qpos
         mujoco.mj_kinematics(model, plan)
         soles, yaws = self._stance(plan)
-        facing = _azimuth(rotate(multiply(plan.qpos[3:7], conjugate(model.qpos0[3:7])), np.array([1.0, 0.0, 0.0])))
+        facing = azimuth(rotate(multiply(plan.qpos[3:7], conjugate(model.qpos0[3:7])), np.array([1.0, 0.0, 0.0])))
         self._centre = soles[:, :2].mean(axis=0)
         self._pressure, self._astray = self._centre.copy(), 0.0
         self._off, self._lasting = np.zeros(2), LastingError(height, self._dt)
@@ -221,16 +221,16 @@ class Walker:
     def _stand_where_it_landed(self, foot: int, soles: Array, yaws: Array) -> None:
         """Continues the plan from the foot's real landing place, seen from the other foot."""
         gait, other = self._gait, 1 - foot
-        turn = float(_wrapped(gait.yaws[other] - yaws[other]))
+        turn = float(wrapped(gait.yaws[other] - yaws[other]))
         gait.places[foot] = gait.places[other] + _turning(turn) @ (soles[foot] - soles[other])[:2]
-        gait.yaws[foot] += float(_wrapped(yaws[foot] + turn - gait.yaws[foot]))
+        gait.yaws[foot] += float(wrapped(yaws[foot] + turn - gait.yaws[foot]))
 
     def _measure(self, data: mujoco.MjData, soles: Array, yaws: Array) -> tuple[Array, Array]:
         """The capture point in the plan's plane, (2,), m, and the trunk's tilt against the plan, (3,), rad."""
         gait, standing = self._gait, self._gait.standing
         turns = gait.yaws - yaws
         # Around half a turn, one foot may be just before and the other just after it.
-        turn = float(turns[0] + standing @ _wrapped(turns - turns[0]))
+        turn = float(turns[0] + standing @ wrapped(turns - turns[0]))
         turning, omega = _turning(turn), self._omega
         centre = standing @ gait.places + turning @ (data.subtree_com[self._root] - standing @ soles)[:2]
         capture = centre + turning @ data.subtree_linvel[self._root, :2] / omega
@@ -261,7 +261,7 @@ class Walker:
         if step is not None:
             start, angle, share = gait.swing(self._now)
             along, high = swing_path(share)
-            yaws[step.foot] = angle + along * float(_wrapped(np.array(step.yaw - angle)))
+            yaws[step.foot] = angle + along * float(wrapped(np.array(step.yaw - angle)))
             lift = self._height * highest(self._set.lift, step.end - step.start)
             place = np.array([*(start + along * (step.place - start)), lift * high])
             arm, back = place - places[1 - step.foot], -self._set.upright * min(1.0, share / TILT_FROM) * tilt
@@ -296,7 +296,7 @@ class Walker:
         soles, yaws = np.empty((2, 3)), np.empty(2)
         for foot, body in enumerate(self._body.bodies):
             soles[foot] = self._body.sole(data, foot)
-            yaws[foot] = _azimuth(data.xmat[body].reshape(3, 3) @ self._toes[foot])
+            yaws[foot] = azimuth(data.xmat[body].reshape(3, 3) @ self._toes[foot])
         return soles, yaws
 
     def _pitches(self, data: mujoco.MjData) -> Array:
@@ -318,16 +318,6 @@ class Walker:
         sole, body = self._body.sole(data, foot), self._body.bodies[foot]
         edge = self._half * min(max(float(self._pitches(data)[foot]) / ROUNDED, -1.0), 1.0)
         return sole + data.xmat[body].reshape(3, 3) @ (edge * self._toes[foot]), body
-
-
-def _azimuth(direction: Array) -> float:
-    """Azimuth of a direction (3,), rad."""
-    return float(np.arctan2(direction[1], direction[0]))
-
-
-def _wrapped(angle: Array) -> Array:
-    """Angles, rad, wrapped to half a turn."""
-    return (angle + np.pi) % (2.0 * np.pi) - np.pi
 
 
 def _turning(angle: float) -> Array:
