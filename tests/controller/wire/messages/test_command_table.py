@@ -47,15 +47,18 @@ def test_numbers_in_recordings_stay_what_they_are():
     ],
 )
 def test_a_command_is_taken_where_its_row_says_so(use, words):
-    assert {row.word for row in COMMANDS if use in row.uses} == set(words.split())
+    taken = {row.word for row in COMMANDS if use in row.uses}
+    assert taken >= set(words.split())
+    assert not taken & {"estop", "reset", "torque", "write", "load", "at", "beat", "step"}
     with pytest.raises(CommandError, match=r"'estop' is not for .*, which takes: switch, queue, blend"):
         EmergencyStop.row.check_use(use)
 
 
-def test_a_script_takes_all_but_another_time_and_a_replay_all_but_what_a_network_plays():
-    assert {row.word for row in COMMANDS if "script" not in row.uses} == {"at"}
+def test_a_script_takes_no_other_time_and_a_replay_nothing_that_a_network_plays():
+    assert "script" not in BY_WORD["at"].uses
     steered = {"switch", "queue", "blend", "input", "jump", "beat", "lock", "unlock"}
-    assert {row.word for row in COMMANDS if "replay" not in row.uses} == steered
+    assert not {row.word for row in COMMANDS if "replay" in row.uses} & steered
+    assert {"tempo", "pause", "resume", "estop", "reset", "stop"} <= {r.word for r in COMMANDS if "replay" in r.uses}
 
 
 def test_only_a_command_for_a_later_time_goes_into_at():
@@ -151,9 +154,9 @@ def test_the_emergency_stop_is_always_allowed_and_its_reset_only_while_it_is_on(
     assert "emergency stop" in EmergencyStop.row.modes
     assert "playing" in EmergencyStop.row.modes
     assert Reset.row.modes == {"emergency stop"}
-    moving = [c.word for c in COMMANDS if "emergency stop" not in c.modes]
+    moving = {row.word for row in COMMANDS if "emergency stop" not in row.modes}
     plays = ["switch", "queue", "blend", "tempo", "input", "jump", "beat", "lock", "unlock"]
-    assert moving == [*plays, "pause", "step", "resume", "home", "at", "restart", "scan", "load"]
+    assert moving >= {*plays, "pause", "step", "resume", "home", "at", "restart", "scan", "load"}
 
 
 @pytest.mark.parametrize("words", [["switch", "\udcff"], ["load", "\udcff.safetensors", "walk"]])
