@@ -16,7 +16,12 @@ from hardware.rig.driving.wire_load import longest_tick
 from hardware.rig.registers import read_register
 from hardware.rig.rig_file import RigConfig, RigJoint
 from hardware.rig.switching.audit import ANSWER_EVERYTHING, Difference, audit, settle
-from hardware.rig.switching.identities import hardware_errors, have_answer, have_old_answer, know_fast_reads
+from hardware.rig.switching.identities import (
+    hardware_errors,
+    know_fast_reads,
+    raise_answer_level,
+    raise_answer_level_in_eeprom,
+)
 from hardware.tools.latency_timer import latency_file, latency_timer
 from hardware.tools.scan import LIKELY_BAUDS, scan
 
@@ -197,8 +202,8 @@ def fix_settings(config: RigConfig, bus: Bus) -> Fixed:
         one = config.only([index])
         try:
             level = _answer_level(joint, bus)
-            have_old_answer(one, bus)
-            have_answer(one, bus)
+            raise_answer_level_in_eeprom(one, bus)
+            raise_answer_level(one, bus)
             if level != _answer_level(joint, bus) == ANSWER_EVERYTHING:
                 done.append(f"{joint.label}: status_return_level was {level} and is {ANSWER_EVERYTHING}")
             differences = audit(one, bus)
@@ -255,7 +260,7 @@ def _ask(joint: RigJoint, identity: Identity, bus: Bus) -> ServoReport:
 
 
 def _turns_endlessly(joint: RigJoint, differences: Iterable[Difference]) -> bool:
-    """Whether an old servo is a wheel (its position limits are both 0) or counts many turns (both at its end)."""
+    """Whether a servo without modes is a wheel (both position limits 0) or counts many turns (both at its end)."""
     limits = {one.register: one.found for one in differences}
     low = limits.get("min_position_limit")
     end = joint.table.one_turn[1]

@@ -120,7 +120,7 @@ def settle(differences: Iterable[Difference], config: RigConfig, bus: Bus) -> No
     """Writes what the rig needs where it differs. EEPROM registers are locked while torque is on.
 
     Raises:
-        ServoError: if a servo stays silent, or refuses; an old one may keep its EEPROM locked until its power is off.
+        ServoError: if a servo stays silent, or refuses; a locked EEPROM stays so until its power is off.
     """
     tables = {joint.id: joint.table for joint in config.joints}
     for difference in differences:

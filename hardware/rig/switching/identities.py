@@ -41,15 +41,15 @@ def check_identities(config: RigConfig, bus: Bus) -> None:
         raise RigError(f"{'; '.join(others)}. Correct the model in the rig file.")
 
 
-def have_answer(config: RigConfig, bus: Bus) -> None:
-    """Has servos answer every instruction: one set to keep silent would look like one that is missing."""
+def raise_answer_level(config: RigConfig, bus: Bus) -> None:
+    """Sets servos to answer every instruction: a mute one would look like one that is missing."""
     tell_all(config.only(_answer_by_ram(config)), bus, "status_return_level", ANSWER_EVERYTHING)
 
 
-def have_old_answer(config: RigConfig, bus: Bus) -> None:
-    """Sets old servos that answer only a ping, or only reads: of these a ping does not tell the model.
+def raise_answer_level_in_eeprom(config: RigConfig, bus: Bus) -> None:
+    """The same for servos with this level in EEPROM; where it is too low, the ping does not tell the model.
 
-    The level is in EEPROM, whose cells wear out, so it is written only where it is wrong.
+    EEPROM cells wear out, so it is written only where it is wrong.
     """
     newer = _answer_by_ram(config)
     for index, joint in enumerate(config.joints):
@@ -65,7 +65,7 @@ def have_old_answer(config: RigConfig, bus: Bus) -> None:
 
 
 def _answer_by_ram(config: RigConfig) -> list[int]:
-    """The joints whose status return level is in RAM, as it is but in the old models."""
+    """The joints whose status return level is in RAM."""
     return [i for i, joint in enumerate(config.joints) if joint.table["status_return_level"].memory == "RAM"]
 
 

@@ -16,7 +16,12 @@ from hardware.rig.registers import list_joints, read_each, read_register, tell_a
 from hardware.rig.rig_file import RigConfig, RigJoint
 from hardware.rig.scale import Array, RigScale
 from hardware.rig.switching.audit import POSITION_MODE, audit, in_counts, position_ends, settle
-from hardware.rig.switching.identities import check_identities, have_answer, have_old_answer, refuse_shut_down
+from hardware.rig.switching.identities import (
+    check_identities,
+    raise_answer_level,
+    raise_answer_level_in_eeprom,
+    refuse_shut_down,
+)
 
 _NEAR = 0.05  # rad that a joint may stand outside its limits when switched on: play, and the rounding of pulses
 _PATH = ("present_velocity", "present_position", "velocity_trajectory", "position_trajectory")
@@ -40,9 +45,9 @@ def switch_on(config: RigConfig, bus: Bus, cancelled: Callable[[], bool] = lambd
         RigError: if servos are missing, of another model, shut down, set so that they could move wrongly (see `audit`),
             or outside their limits, it names them all; or if it was cancelled.
     """
-    have_old_answer(config, bus)
+    raise_answer_level_in_eeprom(config, bus)
     check_identities(config, bus)
-    have_answer(config, bus)
+    raise_answer_level(config, bus)
     try:
         write_each(config, bus, "torque_enable", [0] * len(config.joints))
         refuse_shut_down(config, bus)
@@ -111,7 +116,7 @@ def resume(config: RigConfig, bus: Bus, pace: float, cancelled: Callable[[], boo
         RigError: as `switch_on`.
     """
     check_identities(config, bus)
-    have_answer(config, bus)
+    raise_answer_level(config, bus)
     try:
         refuse_shut_down(config, bus)
         ends = position_ends(config).astype(np.int64).tolist()
