@@ -35,16 +35,7 @@ def report_recipe(
     taught: Path | None,
     as_json: bool,
 ) -> None:
-    """Reports a library that was trained by a recipe: its self-tests, and how close it is to the recordings.
-
-    Args:
-        library: the trained library.
-        recipe: its recipe.
-        training_set: the recordings.
-        written: the file of the library, if it was written.
-        taught: the recipe that was written for clips taught by hand.
-        as_json: print one JSON object.
-    """
+    """Reports a trained recipe; `taught` is the recipe that was written for clips taught by hand."""
     closeness = _compare(library, training_set, recipe.network.anchor_every)
     learned = _learned_parts(recipe, training_set) if taught else None
     worst = worst_join(library)
@@ -101,7 +92,6 @@ def _places(library: MotionLibrary, training_set: TrainingSet, motion: str, ever
 
 
 def _print_closeness(library: MotionLibrary, parts: dict[str, LearnedPart], rows: list[dict[str, Any]]) -> None:
-    """Prints a row for each motion: the learned part, the seam, the network and the errors."""
     unit = "mrad" if library.info.encoding == "joint angles" else "mm"
     headings = [name.replace("_mm", f", {unit}").replace("_", " ") for name in rows[0]]
     cells = [[f"{value:.4g}" if isinstance(value, float) else str(value) for value in row.values()] for row in rows]
@@ -123,7 +113,6 @@ def _learned_parts(plan: LibraryRecipe, training_set: TrainingSet) -> list[dict[
 
 
 def _described(row: dict[str, Any]) -> str:
-    """A row of `_learned_parts` as text."""
     if row["takes"] > 1:
         of = f"{row['takes']} takes, averaged"
     else:
@@ -137,7 +126,6 @@ def _described(row: dict[str, Any]) -> str:
 
 
 def _rows(learned: LearnedLibrary) -> list[dict[str, Any]]:
-    """A row for each recording, for scripts; null where a recording was left out."""
     rows: list[dict[str, Any]] = []
     for motion in learned.motions:
         part = motion.part

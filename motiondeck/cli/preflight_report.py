@@ -104,7 +104,6 @@ def strength_notes(robot: Robot) -> list[str]:
 
 
 def _print_obstacles(verdicts: Sequence[PreflightVerdict]) -> None:
-    """Prints what makes motions fail at every tempo, and what would help, once for each check."""
     from rich.console import Console
 
     blocked = [(verdict.name, finding) for verdict in verdicts for finding in verdict.obstacles]

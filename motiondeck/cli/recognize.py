@@ -151,7 +151,6 @@ def run(
 
 
 def _streamed(recognizer: Recognizer, clip: Any) -> dict[str, Any]:
-    """Verdicts of the online recognizer on a clip, as spans of the same motion."""
     import time
 
     import numpy as np

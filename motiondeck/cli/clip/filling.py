@@ -44,7 +44,6 @@ def fill(file: Path, out: Path, as_json: bool) -> None:
 
 
 def _by_marker(markers: Markers, gaps: list[Gap]) -> list[dict[str, Any]]:
-    """The gaps of each marker, and how they were filled."""
     rows = []
     for index in dict.fromkeys(gap.marker for gap in gaps):
         own = [gap for gap in gaps if gap.marker == index]
@@ -71,7 +70,6 @@ def _mean_mm(gaps: list[Gap]) -> float | None:
 
 
 def _print(rows: list[dict[str, Any]]) -> None:
-    """Prints a row for each marker with gaps."""
     from motiondeck.cli.common.tables import show_table
 
     cells = []

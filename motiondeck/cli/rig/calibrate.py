@@ -73,7 +73,6 @@ def _continues(part: Path) -> str:
 
 
 def _measure(sweep: Sweep, parts: list[tuple[RigConfig, Bus]], part: Path, typed: LineInput) -> None:
-    """Switches the torque off and reads the joints until every range is known and Enter is pressed."""
     from hardware.errors import RigError
     from hardware.tools.calibration import clear_offsets, save_progress
     from hardware.tools.loose_joints import loosen

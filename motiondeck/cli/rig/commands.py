@@ -152,7 +152,6 @@ def stop(rig: RigArgument, port: PortOption = None, as_json: JsonOption = False)
 
 
 def _draw(rows: list[dict[str, object]], hz: float) -> None:
-    """Prints the table; on a terminal it replaces the previous one."""
     if sys.stdout.isatty():
         print("\x1b[H\x1b[2J", end="")
     print(f"{hz:.0f} Hz")

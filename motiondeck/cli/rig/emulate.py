@@ -109,7 +109,6 @@ def _hands(config: RigConfig) -> Callable[[Sequence[EmulatedBus]], None]:
 
 
 def _plant(config: RigConfig, robot: str, root: str) -> JointPlant:
-    """The simulated body that the joints of a rig turn."""
     from controller.motion.encodings.joint_angles import JointBody
     from motiondeck_base.shipped import find_robot
     from sim.physics.rig_plant import RigPlant

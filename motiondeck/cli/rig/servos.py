@@ -150,7 +150,6 @@ def import_calibration(
 
 
 def _answering(port: str, bauds: list[int] | None = None) -> list[Found]:
-    """The servos that answer on a port, at the likely baud rates or at the given ones."""
     from hardware.bus.servo_bus import Bus
     from hardware.rig.rig_file import BAUD_RATES
     from hardware.tools.scan import scan as scan_port

@@ -244,7 +244,6 @@ class _Session:
         return doubts
 
     def _written_takes(self, file: Path) -> list[Path]:
-        """Takes of the same motion that were saved before."""
         from controller.learning.preparation.takes import motion_of
 
         written = [Path(str(one["written"])) for one in self.written]
