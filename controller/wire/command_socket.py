@@ -253,7 +253,6 @@ _numbered = msgspec.json.Decoder(_Numbered)
 
 
 def _is_stop(data: bytes) -> bool:
-    """Whether a datagram is an emergency stop."""
     try:
         return b'"estop"' in data and isinstance(read_command(data), EmergencyStop)
     except CommandError:

@@ -276,7 +276,6 @@ class Conductor:
 
     @property
     def _next_name(self) -> str:
-        """The name of the next cue."""
         return self.cue_name(self.cues.number)
 
     def cue_name(self, number: int) -> str:

@@ -150,7 +150,6 @@ class Member:
     # The conductor's time.
 
     def _ask(self, now: float) -> None:
-        """Requests the conductor's time and the deck's state."""
         self._asked += 1
         # Ticks of decks keep cores busy at the same times of every period. Questions at regular times could meet them
         # again and again on the way there and never on the way back, which looks like another clock.
@@ -203,7 +202,6 @@ class Member:
     # Cues.
 
     def _take(self, key: str, data: bytes) -> None:
-        """Handles a message of another member."""
         if key == "stop" and (stop := read(data, EmergencyStopAll)) is not None:
             self._take_stop(stop, data)
         cue = read(data, TimedCue) if key == "cue" else None
@@ -342,7 +340,6 @@ class Member:
 
 
 def _plays(cue: TimedCue) -> bool:
-    """Whether a cue plays another motion."""
     return any(command.motions for command in cue.say)
 
 

@@ -7,13 +7,17 @@ from typing import Any
 
 from controller.wire.messages.commands import GiveBeat
 from motiondeck.stage.command_pattern import CommandPattern
-from motiondeck.stage.midi_clock import MidiClock
 from motiondeck.stage.midi_port import MidiPort
 from motiondeck.stage.signals import Signal
 from motiondeck.stage.stage_file import MidiMap
 from motiondeck.stage.timecode import TimecodeReader
 
 _FULL_FRAME = (0x7F, 0x01, 0x01)  # universal real time, timecode, full message; the second byte is a device
+
+PULSES = 24
+"""Of a quarter note."""
+
+_PER_POSITION = 6  # pulses a unit of the song position, which is a sixteenth
 
 
 class MidiInput:
@@ -73,3 +77,35 @@ class MidiInput:
     def close(self) -> None:
         """Lets go of the port; may be called twice."""
         self._port.close()
+
+
+class MidiClock:
+    """Picks the pulses of a MIDI clock that are beats: 24 make a quarter note (MIDI 1.0, system real time).
+
+    Without a start message the first pulse counts as a beat.
+    """
+
+    def __init__(self) -> None:
+        self._pulse = 0
+        self._running = True
+
+    def take(self, kind: str, position: int = 0) -> bool:
+        """Takes a message by mido's name of its type; whether it is a beat.
+
+        Args:
+            kind: "clock" for a pulse, "start", "stop", "continue", "songpos"; others change nothing.
+            position: of "songpos", in sixteenths.
+        """
+        match kind:
+            case "start":
+                self._pulse, self._running = 0, True
+            case "continue":
+                self._running = True
+            case "stop":
+                self._running = False
+            case "songpos":
+                self._pulse = position * _PER_POSITION
+            case "clock" if self._running:
+                self._pulse += 1
+                return self._pulse % PULSES == 1
+        return False

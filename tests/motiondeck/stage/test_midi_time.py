@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from motiondeck.stage.midi_clock import MidiClock
+from motiondeck.stage.midi import MidiClock
 from motiondeck.stage.timecode import Timecode, TimecodeReader
 
 
