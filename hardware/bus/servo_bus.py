@@ -295,11 +295,9 @@ class Bus:
         self.port.close()
 
     def _protocol(self, id: int) -> Protocol:
-        """The protocol of the servo with this ID."""
         return PROTOCOLS[self.protocols.get(id, 2)]
 
     def _identity(self, status: StatusPacket) -> Identity:
-        """Model number and firmware from the reply to a ping."""
         number, firmware = status.params[0] | status.params[1] << 8, status.params[2]
         return Identity(status.id, number, firmware, status.alert, self.protocols.get(status.id, 2))
 
@@ -371,7 +369,6 @@ class Bus:
         self._may_be_late = True
 
     def _plan(self, blocks: Blocks, fast: bool) -> GroupRead:
-        """The cached group read of these blocks."""
         request = self._requests.get((blocks, fast))
         if request is None:
             request = group_read(blocks, fast, self._protocol(blocks[0][0]))
@@ -382,7 +379,6 @@ class Bus:
         return request
 
     def _ask_group(self, blocks: Blocks, fast: bool) -> dict[int, StatusPacket]:
-        """The statuses that answer a group read."""
         self._pending = None
         if not blocks or not self.request(blocks, fast) or (request := self._pending) is None:
             return {}

@@ -113,7 +113,6 @@ _STEPS = 1228  # to a turn: 1023 of them are 300 degrees
 
 
 def _ax(model: str, traits: Traits) -> ControlTable:
-    """An AX or RX servo."""
     table = parse_table(model, traits.figures[0], _STEPS, _EEPROM + _SLOPES + _MEASURED, traits.family)
     _set_defaults(table, traits)
     return table
@@ -126,7 +125,6 @@ def _rx(model: str, traits: Traits) -> ControlTable:
 
 
 def _mx(model: str, traits: Traits) -> ControlTable:
-    """An MX servo with firmware of Protocol 1.0."""
     number = traits.figures[0]
     current = _MX_CURRENT if number != 29 else ""
     reverse = "\n      10      1      drive_mode             RW     EEPROM  0..3               0        -\n"
@@ -147,7 +145,6 @@ def _xl320(model: str, traits: Traits) -> ControlTable:
 
 
 def _set_defaults(table: ControlTable, traits: Traits, **defaults: int) -> None:
-    """Puts a model's own defaults into its table."""
     defaults |= {"model_number": table.number, "temperature_limit": traits.temperature_limit}
     for name, value in defaults.items():
         table.registers[name] = replace(table.registers[name], default=value)

@@ -118,7 +118,6 @@ def parse_table(model: str, number: int, pulses_per_turn: int, text: str, family
 
 
 def _registers(row: list[str]) -> list[Register]:
-    """The register of a row, or all that it stands for."""
     address, length_word, name, access, memory, range_word, default_word, unit_word = row
     if access not in ("R", "RW") or memory not in ("EEPROM", "RAM"):
         raise ValueError("access is R or RW, memory EEPROM or RAM")

@@ -94,7 +94,6 @@ class EmulatedBus:
         return answers + self._answer_protocol1(data) if self._speaks_protocol1 else answers
 
     def _answer_protocol1(self, data: bytes) -> list[Answer]:
-        """The answers of the servos of Protocol 1.0 to these bytes."""
         answers: list[Answer] = []
         for frame in self._parser1.feed(data):
             self._fed = self._time
@@ -164,7 +163,6 @@ class EmulatedBus:
         return self._awake(self._by_id[id], protocol) if id in self._by_id else []
 
     def _answer(self, frame: Frame) -> list[Answer]:
-        """The servos' answers to one instruction."""
         group = _GROUP.get(frame.instruction)
         if group is not None:
             return group(self, frame.params) if frame.id == BROADCAST else []
@@ -198,7 +196,6 @@ class EmulatedBus:
         return Answer(first, bytes(mixed), answers[0].id)
 
     def _alone(self, device: Device, id: int, frame: Frame, shadow: bool = False) -> list[Answer]:
-        """Carries out an instruction to a single servo and returns its status."""
         params, error, answer, level = frame.params, 0, b"", 2
         deaf_until = self._time + BOOT_TIME
         # The answer leaves before the instruction changes ID, speed or status return level.

@@ -170,7 +170,6 @@ class FaultPlan:
                 self._undo.setdefault(key, undo)
 
     def _strike_port(self, fault: Fault) -> Callable[[], None]:
-        """Applies a fault to the adapter; returns what undoes it."""
         if fault.kind == "unplug":
             self.unplugged = True
             return lambda: setattr(self, "unplugged", False)
@@ -179,7 +178,6 @@ class FaultPlan:
 
 
 def _strike(fault: Fault, device: Device, bus: EmulatedBus, now: float) -> Callable[[], None] | None:
-    """Applies a fault to one servo; returns what undoes it, if anything does."""
     drive, row, value = device.bank.drive, device.row, fault.value
     match fault.kind:
         case "dead":

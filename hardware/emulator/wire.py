@@ -77,7 +77,6 @@ class Wire:
         self.bus.advance(now)
 
     def _time(self, data: bytes) -> float:
-        """The time that bytes take, s."""
         return 10.0 * len(data) / self.bus.baud
 
     def _handed_over(self, arrived: float) -> float:

@@ -169,7 +169,6 @@ class Parser:
         return frames
 
     def _find_headers(self) -> None:
-        """Notes where the frame of each newly arrived header ends."""
         buffer, header, overhead = self._buffer, self._header, self._overhead
         at = buffer.find(header, self._searched - self._gone)
         while at >= 0 and at + overhead <= len(buffer):
@@ -202,11 +201,9 @@ class Parser:
         return Frame(id, instruction, (body if fast_reply else unstuff(body))[1:])
 
     def _drop(self, start: int) -> None:
-        """Counts the frame that begins here as damaged."""
         self.corrupt += 1
         self.damaged.append(self._buffer[start - self._gone + self._id])
 
     def _forget(self, before: int) -> None:
-        """Drops the bytes before this position."""
         del self._buffer[: before - self._gone]
         self._gone = before

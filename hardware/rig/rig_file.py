@@ -219,7 +219,6 @@ class RigConfig(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
         return joint.port or self.port
 
     def _refuse_doubles(self, key: str, values: Sequence[object]) -> None:
-        """Raises ValueError where two joints have the same value; None is ignored."""
         twice = [value for value, count in Counter(values).items() if count > 1 and value is not None]
         if twice:
             where = ", ".join(
@@ -301,7 +300,6 @@ def _line_of(text: str, key: str, joint: int | None = None) -> int | None:
 
 
 def _joint_starts(lines: list[str]) -> list[tuple[int, int]]:
-    """Row and column, from 0, at which each joint begins."""
     headed = [(row, 0) for row, line in enumerate(lines) if re.match(r"\s*\[\[\s*joints\s*\]\]", line)]
     if headed:
         return headed
@@ -310,6 +308,5 @@ def _joint_starts(lines: list[str]) -> list[tuple[int, int]]:
 
 
 def _find(lines: list[str], key: str, start: int, end: int) -> int | None:
-    """The line from 1 in rows start to end - 1 in which a key is given a value."""
     given = re.compile(rf"(?:^|[\s{{,]){re.escape(key)}\s*=")
     return next((row + 1 for row in range(start, end) if given.search(lines[row])), None)

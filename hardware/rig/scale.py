@@ -57,7 +57,6 @@ class RigScale:
 
 
 def _with_sign(counts: NDArray[Any]) -> Array:
-    """Speeds and loads that are stored as size and, in bit 10, sign."""
     size = (counts & 1023).astype(np.float64)
     return np.where(counts & 1024, -size, size)
 

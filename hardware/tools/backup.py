@@ -55,7 +55,6 @@ def back_up(config: RigConfig, bus: Bus) -> list[ServoBackup]:
 
 
 def _read_all(joint: RigJoint, bus: Bus) -> dict[str, int]:
-    """What every register of a servo holds."""
     rows = list(joint.table.registers.values())
     held: dict[str, int] = {}
     while rows:

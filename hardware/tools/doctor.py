@@ -228,14 +228,12 @@ def _answer_level(joint: RigJoint, bus: Bus) -> int:
 
 
 def _settle_each(differences: Iterable[Difference], config: RigConfig, bus: Bus) -> Iterator[str]:
-    """Sets one register after the other, and says so."""
     for one in differences:
         settle([one], config, bus)
         yield f"{one.joint} (id {one.id}): {one.register} was {one.found} and is {one.needed}"
 
 
 def _ask(joint: RigJoint, identity: Identity, bus: Bus) -> ServoReport:
-    """Reads the report of one servo."""
     value = partial(read_register, joint, bus)
     bits = hardware_errors(joint, bus)
     temperature, voltage = float(value("present_temperature")), value("present_input_voltage") / 10.0

@@ -82,7 +82,6 @@ def imported(motors: Mapping[str, MotorCalibration], found: Sequence[Found], por
 
 
 def _joint(joint: RigJoint, motor: MotorCalibration) -> tuple[RigJoint, list[str]]:
-    """A joint with the zero, direction and range of a calibrated motor."""
     sign = -1 if motor.drive_mode & _REVERSED else 1
     low, high = sorted(sign * (present - motor.homing_offset) for present in (motor.range_min, motor.range_max))
     return measured_joint(joint, sign, (low + high) // 2, low, high, margin=0.0)

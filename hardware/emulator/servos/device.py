@@ -338,7 +338,6 @@ class Device:
         return plan
 
     def _refusal(self, register: Register, value: int) -> int:
-        """The error number with which the servo refuses a value, 0 if it takes it."""
         name = register.name
         if not register.minimum <= value <= register.maximum:
             return RANGE
@@ -363,7 +362,6 @@ class Device:
         return 0
 
     def _take_effect(self, name: str, value: int, switched_on: bool) -> None:
-        """The effects of a written register; `switched_on`: torque was off before."""
         bank, row = self.bank, self.row
         if name == "goal_position" and self._get("torque_enable"):
             bank.pursue(row)
@@ -382,6 +380,5 @@ class Device:
             bank.to_one_turn(row) if value == 3 else bank.halt(row)
 
     def _behind(self, cell: int) -> int:
-        """The address that an indirect data cell stands for."""
         pointer = self._cells[cell]
         return self._memory[pointer] | self._memory[pointer + 1] << 8

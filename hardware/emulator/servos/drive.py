@@ -157,7 +157,6 @@ class MotorDrive:
         return not ((unsettled & self.on) | (np.abs(self.speed) > 0.05) | (self.load != 0.0)).any()
 
     def _run(self, steps: int, dt: float) -> None:
-        """Integrates the law in the module's first lines."""
         full, no_load = self.motor.full_pwm, self._no_load
         speed_per_pwm = no_load / full * (self.supply / self.motor.voltage)
         approach = -math.expm1(-dt / self.motor.lag)

@@ -112,12 +112,10 @@ def _alone(bus: ServoBus, device: Device, frame: Frame) -> list[Answer]:
 
 
 def _bits(error: int) -> int:
-    """The error bits for one of Protocol 2.0's error numbers."""
     return _ERROR_BITS.get(error, BAD_INSTRUCTION) if error else 0
 
 
 def _sync_write(bus: ServoBus, params: bytes) -> list[Answer]:
-    """Writes the same registers of many servos."""
     if len(params) > 2 and params[1]:
         size = params[1] + 1
         for at in range(2, len(params) - size + 1, size):
@@ -128,7 +126,6 @@ def _sync_write(bus: ServoBus, params: bytes) -> list[Answer]:
 
 
 def _bulk_read(bus: ServoBus, params: bytes) -> list[Answer]:
-    """The statuses of MX servos, one behind the other."""
     answers: list[Answer] = []
     for at in range(1, len(params) - 2, 3):
         length, id, address = params[at : at + 3]

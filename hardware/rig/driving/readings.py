@@ -178,7 +178,6 @@ class Readings:
         return self._take_each(reply, request, now)
 
     def _take_registers(self, reading: RegisterReading, reply: WholeReply | GroupReply) -> None:
-        """Hands over the registers in a servo's reply."""
         id, self._register_reading = reading.block[0], None
         status = (reply.statuses([id]) if isinstance(reply, WholeReply) else reply.statuses).get(id)
         reading.take(None if status is None or status.error else status.params)

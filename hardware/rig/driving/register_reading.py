@@ -79,7 +79,6 @@ def shown_registers(table: ControlTable) -> list[Register]:
 
 
 def _parts(table: ControlTable) -> list[list[Register]]:
-    """The registers in order of address, as parts of a few bytes."""
     parts: list[list[Register]] = []
     for row in shown_registers(table):
         if parts and row.address + row.length - parts[-1][0].address <= _MOST_BYTES:
@@ -90,7 +89,6 @@ def _parts(table: ControlTable) -> list[list[Register]]:
 
 
 def _frame(servo: RigJoint, name: str, count: int) -> bytes:
-    """The bytes that write a count into a register, unanswered."""
     table = servo.table
     if name not in WRITABLE or name not in table.registers:
         can = ", ".join(one for one in WRITABLE if one in table.registers)

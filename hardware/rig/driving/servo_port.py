@@ -255,7 +255,6 @@ class _Group(NamedTuple):
 
 
 def _groups(part: RigConfig, name: str, port: ServoPort) -> Iterator[_Group]:
-    """The joints by where a register is written."""
     for (protocol, address, length), members in same_place(part, name).items():
         write = SyncWrite([part.joints[index].id for index in members], address, length, PROTOCOLS[protocol])
         yield _Group(port.places if len(members) == len(part.joints) else port.joints[members], write)

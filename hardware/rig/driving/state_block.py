@@ -93,12 +93,10 @@ def everything(table: ControlTable) -> StateBlock:
 
 
 def _fields(table: ControlTable) -> tuple[str, ...]:
-    """What a block with the health of this model has."""
     return tuple(name for name in FIELDS if name == "force" or name in table.registers)
 
 
 def _rows(table: ControlTable) -> list[Register]:
-    """The registers of these fields."""
     force = "present_current" if "present_current" in table.registers else "present_load"
     return [table[force if name == "force" else name] for name in _fields(table)]
 

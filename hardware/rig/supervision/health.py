@@ -212,7 +212,6 @@ class Health:
         return "; ".join(f"{self._names[index]} {self._reason[index]}" for index in np.flatnonzero(self.fatal).tolist())
 
     def _often_mended(self, now: float) -> Mask:
-        """Which joints were set up again too often lately."""
         return np.array([len(times) == _RESTLESS and now - times[0] < _RESTLESS_WITHIN for times in self._mended])
 
     def _still(self, measured: Measurements, goals: Array, now: float) -> Mask:
@@ -232,7 +231,6 @@ class Health:
             self.incidents.append(Incident(now, self._names[index], "answers again", fault=False))
 
     def _report(self, new: Mask, measured: Measurements, now: float) -> None:
-        """Makes incidents of what is new, shape (kinds, J)."""
         for kind, index in zip(*(axis.tolist() for axis in np.nonzero(new)), strict=True):
             detail = ""
             if kind == _DOWN:
@@ -244,7 +242,6 @@ class Health:
             self.incidents.append(Incident(now, self._names[index], _INCIDENTS[kind] + detail))
 
     def _explain(self, measured: Measurements, down: Mask, hot: Mask, silent: Mask, restless: Mask) -> None:
-        """Notes why each joint in `fatal` is."""
         for index in np.flatnonzero(self.fatal).tolist():
             if down[index]:
                 reason = f"has shut down: {describe_errors(int(measured.errors[index]))}"

@@ -186,7 +186,6 @@ class Strain:
 
 
 def _allowed(joint: RigJoint) -> float:
-    """The current that a joint may take for long, A."""
     return min(joint.current or math.inf, _MOST * TRAITS[joint.model].stall_current)
 
 

@@ -291,7 +291,6 @@ class Rig:
         return [one.port for one in self._recoveries]
 
     def _recovery_of(self, joint: int) -> PortRecovery:
-        """The recovery of the port that has a joint."""
         return next(one for one in self._recoveries if joint in one.port.joints)
 
     def _ready(self) -> list[PortRecovery]:
@@ -342,7 +341,6 @@ class Rig:
         one.start(self.config.reconnect_s)
 
     def _note_port(self, port: ServoPort, what: str, *, fault: bool = True) -> None:
-        """Makes an incident of a port's state."""
         self._health.incidents.append(Incident(self._now(), f"the port {port.part.port}", what, fault))
 
     def _look_after(self) -> None:
@@ -374,7 +372,6 @@ class Rig:
                 one.start(_RECOVERED_WITHIN)
 
     def _loosen(self, joints: NDArray[np.bool_]) -> None:
-        """Takes the torque off some joints, shape (J,)."""
         for one in self._recoveries:
             if not one.under_way:
                 try:

@@ -152,7 +152,6 @@ def in_counts(joint: RigJoint, name: str, limit: float) -> int:
 
 
 def _read_settings(joint: RigJoint, bus: Bus) -> dict[str, int]:
-    """What the registers of one servo hold that the audit compares, read as two blocks."""
     rows = [register for name, register in joint.table.registers.items() if name in _COMPARED]
     held: dict[str, int] = {}
     for memory in ("EEPROM", "RAM"):

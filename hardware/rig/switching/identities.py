@@ -65,7 +65,6 @@ def raise_answer_level_in_eeprom(config: RigConfig, bus: Bus) -> None:
 
 
 def _answer_by_ram(config: RigConfig) -> list[int]:
-    """The joints whose status return level is in RAM."""
     return [i for i, joint in enumerate(config.joints) if joint.table["status_return_level"].memory == "RAM"]
 
 

@@ -198,7 +198,6 @@ def _take_torque_on(config: RigConfig, bus: Bus) -> None:
 
 
 def _is_set(joint: RigJoint, bus: Bus, low: int, high: int) -> bool:
-    """Whether a servo has torque, is in position mode and keeps the joint's limits."""
     wanted = {
         "torque_enable": 1,
         "operating_mode": POSITION_MODE,
