@@ -143,7 +143,7 @@ class Panel:
             "Step", icon=viser.Icon.PLAYER_SKIP_FORWARD, color="gray", visible=False, hint=STEPS + " Key: S."
         )
         self._step.on_click(lambda _: self.send(StepOn(seconds=STEP)))
-        self._controls_of_motions = MotionControls(
+        self.motion_controls = MotionControls(
             self.parts,
             about.motions,
             Path(about.library_file) if about.library_file else None,
@@ -204,7 +204,7 @@ class Panel:
         """Brings buttons, slider and figures up to date."""
         before, self._state = self._state, now
         self._line.content = state_line(now).as_html()
-        self._controls_of_motions.show(now)
+        self.motion_controls.show(now)
         if now.paused != before.paused:
             self._pause.label = "Resume" if now.paused else "Pause"
             self._pause.icon = viser.Icon.PLAYER_PLAY if now.paused else viser.Icon.PLAYER_PAUSE
@@ -241,7 +241,7 @@ class Panel:
     def end(self, reason: str) -> None:
         """Shows that the run has ended, and why; nothing can be commanded any more."""
         self._line.content = ended_line(reason).as_html()
-        self._controls_of_motions.end()
+        self.motion_controls.end()
         for control, _ in self._controls:
             control.disabled = True
         self._estop.disabled = self._end.disabled = True

@@ -92,7 +92,7 @@ class LiveSteps:
         self._steps = StepWatch(model, feet, height)
         scene = page.scene
         self._floor = scene.add_frame("/steps", show_axes=False)
-        self._marks = [
+        self.marks = [
             scene.add_icosphere(f"/steps/contact{foot}", radius=0.03 * height, color=STANDS, opacity=0.6, visible=False)
             for foot in range(len(feet))
         ]
@@ -102,12 +102,12 @@ class LiveSteps:
         """Marks what the feet do after dt more seconds, seen from the centre (2,), m."""
         self._floor.visible = visible
         if not visible:
-            for mark in self._marks:
+            for mark in self.marks:
                 mark.visible = False
             return
         left = self._steps(data, dt)
         self._floor.position = (-float(centre[0]), -float(centre[1]), 0.0)
-        for foot, mark in enumerate(self._marks):
+        for foot, mark in enumerate(self.marks):
             mark.visible = bool(self._steps.stands[foot])
             mark.position = tuple(self._steps.corners[foot].mean(axis=0))
         for corners in left:

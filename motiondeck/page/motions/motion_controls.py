@@ -49,7 +49,7 @@ class MotionControls:
         self._motions, self._has_phase, self._send = motions, has_phase, send
         self._state = DeckSnapshot(motion="")
         self._touched = 0.0
-        self._glance = LibraryGlance(library, direct=direct) if library is not None else None
+        self.glance = LibraryGlance(library, direct=direct) if library is not None else None
         self._grid = parts.add("motion-grid", "motions", {"motions": motions, "searched": SEARCHED}, self._pressed)
         self._pictures = parts.add("motion-pictures", "motion-pictures")
         self._dial = parts.add("motion-dial", "motion-dial", heard=self._turned)
@@ -68,11 +68,11 @@ class MotionControls:
                 "orders": not now.switching,
             }
         )
-        if self._glance is not None and self._glance.pictures:
-            self._pictures.show({"grid": "motions", "pictures": self._glance.pictures})
+        if self.glance is not None and self.glance.pictures:
+            self._pictures.show({"grid": "motions", "pictures": self.glance.pictures})
         if time.monotonic() - self._touched > HAND_ON:
             phase = round(now.phase or 0.0, 2) if self._has_phase else None
-            partners = self._glance.blends.get(now.playing, NONE) if self._glance is not None else NONE
+            partners = self.glance.blends.get(now.playing, NONE) if self.glance is not None else NONE
             blend = [[name, round(weight, 2)] for name, weight in now.blend]
             weights = [WEIGHT.lowest, WEIGHT.highest]
             pad = {"playing": now.playing, **msgspec.to_builtins(partners), "blend": blend, "weights": weights}

@@ -36,7 +36,7 @@ class JointGlow:
         ids = {model.joint(index).name: index for index in range(model.njnt)}
         self._joints = [ids.get(name) for name in joints]
         self._shown: dict[int, str] = {}  # the level of each joint of the model that glows
-        self._balls: viser.BatchedMeshHandle | None = None
+        self.balls: viser.BatchedMeshHandle | None = None
 
     def mark(self, looks: Sequence[ServoLook], data: mujoco.MjData, centre: Array) -> None:
         """Lets those joints glow whose servos are not well, where `show` would have them."""
@@ -48,11 +48,11 @@ class JointGlow:
         if wanted == self._shown:
             return
         self._shown = wanted
-        if self._balls is not None:
-            self._balls.remove()
-            self._balls = None
+        if self.balls is not None:
+            self.balls.remove()
+            self.balls = None
         if wanted:
-            self._balls = self._page.scene.add_batched_meshes_simple(
+            self.balls = self._page.scene.add_batched_meshes_simple(
                 "/glow",
                 *sphere(10, 18),
                 batched_wxyzs=self._turns(),
@@ -68,8 +68,8 @@ class JointGlow:
 
     def show(self, data: mujoco.MjData, centre: Array) -> None:
         """Brings the balls to their joints, as seen by someone at the centre (2,), m."""
-        if self._balls is not None:
-            self._page.move_copies(self._balls, self._places(data, centre), self._turns())
+        if self.balls is not None:
+            self._page.move_copies(self.balls, self._places(data, centre), self._turns())
 
     def _places(self, data: mujoco.MjData, centre: Array) -> NDArray[np.float32]:
         places = data.xanchor[[*self._shown]].astype(np.float32)

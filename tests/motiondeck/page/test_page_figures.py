@@ -94,9 +94,9 @@ def test_a_foot_that_stands_is_marked_and_one_that_has_stood_leaves_a_print():
         mujoco.mj_kinematics(robot.model, data)
         steps.show(data, np.zeros(2), 1.0 / 30.0, visible=True)
     assert len(page.prints) == 2  # one of each foot, and none of the foot in the air
-    assert sorted(mark.visible for mark in steps._marks) == [False, True]
+    assert sorted(mark.visible for mark in steps.marks) == [False, True]
     steps.show(data, np.zeros(2), 1.0 / 30.0, visible=False)
-    assert not any(mark.visible for mark in steps._marks)
+    assert not any(mark.visible for mark in steps.marks)
 
 
 def test_the_target_pose_is_sent_when_it_is_first_looked_at():

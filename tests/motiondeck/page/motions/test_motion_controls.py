@@ -71,7 +71,7 @@ class Known:
 def test_grid_queue_ring_and_pad_send_commands(browser):
     page, sent = PrivatePage(free_port(), "test"), []
     controls = MotionControls(PageParts(page), MOTIONS, None, has_phase=True, send=sent.append)
-    controls._glance = Known()
+    controls.glance = Known()
     playing = DeckSnapshot(motion="walk", playing="walk", queue=["jog", "waltz"], phase=0.4)
     controls.show(playing)
     tab = browser.new_page(viewport={"width": 500, "height": 900})
@@ -172,7 +172,7 @@ def test_a_long_list_of_what_cannot_be_blended_makes_the_panel_no_wider(browser)
     page = PrivatePage(free_port(), "test")
     about = PageDescription(model_file="", robot="test", motions=MOTIONS, has_phase=True)
     panel = Panel(page, about, Mock(), look_from=Mock())
-    panel._controls_of_motions._glance = KnownToBeFarApart()
+    panel.motion_controls.glance = KnownToBeFarApart()
     panel.show(DeckSnapshot(motion="walk", playing="walk", phase=0.4))
     tab = browser.new_page(viewport={"width": 1000, "height": 700})
     tab.set_default_timeout(60_000)

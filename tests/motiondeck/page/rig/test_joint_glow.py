@@ -27,9 +27,9 @@ def test_a_ball_stands_where_a_servo_is_not_well_and_goes_when_it_is(page):
     glow = JointGlow(page, model, ["elbow", "no such joint", "shoulder"], height=1.0)
     well, hot = ServoLook("ok", "ok"), ServoLook("warn", "is getting hot")
     glow.mark([well, hot, well], data, np.zeros(2))
-    assert glow._balls is None
+    assert glow.balls is None
     glow.mark([hot, hot, well], data, np.zeros(2))
     glow.show(data, np.array([0.1, 0.2]))
-    assert glow._balls.batched_positions == pytest.approx(np.array([[0.2, -0.2, 1.0]]))
+    assert glow.balls.batched_positions == pytest.approx(np.array([[0.2, -0.2, 1.0]]))
     glow.mark([well, hot, well], data, np.zeros(2))
-    assert glow._balls is None
+    assert glow.balls is None
