@@ -16,10 +16,10 @@ import typer
 
 from benchmarks import command
 from benchmarks.papers.segment_network import play_segment
+from benchmarks.papers.vakulenko_plots import draw_lines
 from controller.learning.centralized.model_choice import mean_absolute, mean_distance
 from controller.motion.formats.reading import read_clip
 from controller.motion.segmentation import body_features, find_segments
-from motiondeck.pictures.curve_plots import draw_lines
 from motiondeck.pictures.figures import check_picture
 
 SEGMENTS = 11

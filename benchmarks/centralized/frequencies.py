@@ -22,6 +22,7 @@ from benchmarks.centralized.anticipation import Anticipator, foresight
 from benchmarks.centralized.motion_index import MotionIndex, load_index, save_index
 from benchmarks.centralized.motion_signature import part_weights, signature
 from benchmarks.centralized.restyling import in_the_style, restyled
+from benchmarks.papers.vakulenko_plots import draw_lines
 from controller.library.motion_library import load_library, save_library
 from controller.motion.canonical.canonical_body import carried
 from controller.motion.clip import Clip
@@ -29,7 +30,6 @@ from controller.motion.encodings.encoding import encoding_of
 from controller.motion.formats.reading import read_clip, recordings_below
 from controller.motion.reading_options import ReadingOptions
 from controller.motion.rotations import Array
-from motiondeck.pictures.curve_plots import draw_lines
 from motiondeck_base.errors import MotiondeckError
 from motiondeck_base.jobs import Jobs, spread
 from motiondeck_base.shipped import find_library

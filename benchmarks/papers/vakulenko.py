@@ -13,7 +13,7 @@ import typer
 from benchmarks import command
 from benchmarks.papers.hidden_joints import fill_hidden
 from benchmarks.papers.segment_network import play_segment
-from benchmarks.papers.vakulenko_plots import draw_hidden, draw_segment_errors
+from benchmarks.papers.vakulenko_plots import draw_coordinates, draw_hidden, draw_lines, draw_segment_errors
 from controller.learning.centralized.model_choice import (
     hands_and_feet,
     mean_absolute,
@@ -27,7 +27,6 @@ from controller.motion.clip import Clip
 from controller.motion.formats.reading import read_clip
 from controller.motion.segmentation import body_features, find_segments
 from motiondeck.cli.common.tables import deliver
-from motiondeck.pictures.curve_plots import draw_coordinates, draw_lines
 from motiondeck.pictures.figures import check_picture
 from motiondeck_base.errors import MotiondeckError
 from motiondeck_base.files import check_folder

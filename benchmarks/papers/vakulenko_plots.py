@@ -8,8 +8,10 @@ from typing import Any
 import numpy as np
 
 from controller.learning.evaluation.tables import Table
-from motiondeck.pictures.curve_plots import PLAYED, RECORDED
+from controller.motion.rotations import Array
 from motiondeck.pictures.figures import new_figure, save
+
+RECORDED, PLAYED = "#c0392b", "#1f5fa8"
 
 
 def draw_segment_errors(table: Table, path: Path) -> None:
@@ -81,4 +83,59 @@ def draw_table1(table: Table, path: Path) -> None:
     panels[0].set_ylabel("integral relative accuracy, eq. 26")
     panels[0].legend(fontsize=8)
     figure.suptitle(table.title)
+    save(figure, path)
+
+
+def draw_coordinates(
+    recorded: Array, played: dict[str, Array], names: list[str], rate: float, title: str, path: Path
+) -> None:
+    """Coordinates over time, recorded and as networks play them, and the last marker in space (figures 3 to 12).
+
+    Args:
+        recorded: shape (K, M, 3), mm.
+        played: the same by each network.
+        names: of the markers.
+        rate: frames per second.
+        title: above it.
+        path: the file.
+    """
+    figure = new_figure(3.6 * len(names) + 3.6, 8.0)
+    grid = figure.add_gridspec(3, len(names) + 1)
+    time = np.arange(len(recorded)) / rate
+    shades = dict(zip(played, ("#8fc1e3", "#3c8dbc", PLAYED)[-len(played) :], strict=True))
+    for column, name in enumerate(names):
+        for row, axis in enumerate("xyz"):
+            axes = figure.add_subplot(grid[row, column])
+            axes.plot(time, recorded[:, column, row], color=RECORDED, linewidth=2.6, alpha=0.6, label="recorded")
+            for label, output in played.items():
+                axes.plot(time, output[:, column, row], color=shades[label], linewidth=0.9, label=label)
+            if not row:
+                axes.set_title(name)
+            if not column:
+                axes.set_ylabel(f"{axis}, mm")
+            if row == 2:
+                axes.set_xlabel("s")
+    figure.legend(*figure.axes[0].get_legend_handles_labels(), loc="lower right")
+    space = figure.add_subplot(grid[:2, -1], projection="3d")
+    space.plot(*recorded[:, -1].T, color=RECORDED, linewidth=1.4)
+    for label, output in played.items():
+        space.plot(*output[:, -1].T, color=shades[label], linewidth=0.7)
+    space.set_title(f"{names[-1]} in space, mm")
+    figure.suptitle(title)
+    save(figure, path)
+
+
+def draw_lines(
+    curves: dict[str, tuple[Array, Array]], labels: tuple[str, str], title: str, path: Path, **scale: Any
+) -> None:
+    """Curves (x, y) by name; scale may be xscale="log", yscale="log", xlim or ylim."""
+    figure = new_figure(7.0, 4.4)
+    axes = figure.add_subplot(**scale)
+    for name, (x, y) in curves.items():
+        axes.plot(x, y, "o-", markersize=3.5, label=name)
+    axes.set_xlabel(labels[0])
+    axes.set_ylabel(labels[1])
+    axes.set_title(title)
+    axes.grid(alpha=0.3)
+    axes.legend(fontsize=8)
     save(figure, path)

@@ -56,7 +56,7 @@ def segment(
     method = "planes" if recognizer is None else "experts"
     report = {"file": str(file), "method": method, "frames": len(clip), "segments": segments}
     if plot is not None:
-        from motiondeck.pictures.curve_plots import draw_segments
+        from motiondeck.pictures.clip_plot import draw_segments
 
         draw_segments(clip, report, plot)
     if as_json:

@@ -115,3 +115,25 @@ def _gaps(axes: Any, recording: FittedClip) -> None:
     axes.plot(time, mean, color=COLOUR["middle"], label="markers off, mm rms")
     axes.plot(time, (~seen).sum(axis=1), color="#c0392b", label="markers not seen")
     axes.legend(loc="upper right", fontsize=8)
+
+
+def draw_segments(clip: Clip, report: dict[str, Any], path: Path) -> None:
+    """Heights of hands, feet and head of a recording over time, and the cuts through them."""
+    figure = new_figure(11, 3.6)
+    axes = figure.add_subplot()
+    time = np.arange(len(clip)) / clip.rate
+    for bone, height in zip(("root", *clip.skeleton.bones), clip.joints()[:, :, 2].T, strict=True):
+        if bone.endswith(("hand", "wrist", "foot", "head", "root")):
+            axes.plot(time, height, linewidth=0.8, label=bone)
+    for index, one in enumerate(report["segments"]):
+        if index:
+            axes.axvline(one["from_s"], color="black", linewidth=1.4, label="cut" if index == 1 else None)
+        name = one["motion"] or str(index + 1)
+        axes.annotate(
+            name, (0.5 * (one["from_s"] + one["to_s"]), 1.01), xycoords=("data", "axes fraction"), ha="center"
+        )
+    axes.set_xlabel("s")
+    axes.set_ylabel("height, m")
+    axes.set_xlim(0.0, time[-1])
+    axes.legend(fontsize=7, loc="center left", bbox_to_anchor=(1.0, 0.5))
+    save(figure, path)
