@@ -21,7 +21,7 @@ import numpy as np  # noqa: E402
 from controller.deck.deck import Deck  # noqa: E402
 from controller.deck.locks.phase_lock import LOCKED_WITHIN, wrapped  # noqa: E402
 from controller.library.motion_library import MotionLibrary, load_library  # noqa: E402
-from controller.loop.commands.command_desk import CommandDesk  # noqa: E402
+from controller.loop.commands.command_handler import CommandHandler  # noqa: E402
 from controller.loop.commands.commanded_run import CommandedRun  # noqa: E402
 from controller.loop.stop_requests import StopRequest  # noqa: E402
 from controller.motion.rotations import Array  # noqa: E402
@@ -49,7 +49,7 @@ def two_decks(library: MotionLibrary, motion: str, start: float, offset: float) 
     """The error of the second deck at each tick, s, and its tempo."""
     first, second = new_deck(library, motion, start), new_deck(library, motion, (start + offset) % 1.0)
     with closing(CommandServer(0)) as server, closing(CommandClient(server.port)) as client:
-        desk, stop = CommandDesk(CommandedRun(first), [server]), StopRequest()
+        desk, stop = CommandHandler(CommandedRun(first), [server]), StopRequest()
         second.leader = LeaderLink(client)
         second.lock("deck")
         errors, tempos = [], []

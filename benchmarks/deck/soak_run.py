@@ -24,7 +24,7 @@ from controller.deck.switch import CommandedSwitch
 from controller.deck.switch_plan import REMEMBERED_SWITCHES
 from controller.library.motion_library import MotionLibrary
 from controller.loop.clock import VirtualClock
-from controller.loop.commands.command_desk import CommandDesk
+from controller.loop.commands.command_handler import CommandHandler
 from controller.loop.commands.commanded_run import CommandedRun
 from controller.loop.loop import LoopState, run
 from controller.loop.output_channel import Channel
@@ -194,7 +194,7 @@ def soak(
         closing(_socket(server.port)) as client,
         closing(_socket(server.port)) as flooder,
     ):
-        desk = CommandDesk(CommandedRun(deck), [server])
+        desk = CommandHandler(CommandedRun(deck), [server])
 
         def command(stop: StopRequest) -> None:
             nonlocal commands, answered, flood, restless, halted, tick

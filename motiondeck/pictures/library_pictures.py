@@ -15,7 +15,7 @@ import numpy as np
 
 from controller.deck.deck import Deck
 from controller.library.motion_library import MotionLibrary, load_library
-from controller.loop.commands.command_desk import CommandDesk
+from controller.loop.commands.command_handler import CommandHandler
 from controller.loop.commands.commanded_run import CommandedRun
 from controller.loop.stop_requests import StopRequest
 from controller.motion.rotations import Array
@@ -204,7 +204,7 @@ def _shots(
     from sim.physics.playback import PhysicsPlayback
 
     dt = 1.0 / STEPS_A_SECOND
-    desk, envelope = CommandDesk(CommandedRun(deck), ()), SafetyEnvelope(body.limits, dt)
+    desk, envelope = CommandHandler(CommandedRun(deck), ()), SafetyEnvelope(body.limits, dt)
     stage = KinematicPlayback(body)
     if spec.physics:
         stage = PhysicsPlayback(body, dt, spec.root, spec.balance, spec.walk)

@@ -12,7 +12,7 @@ from controller.deck.lockable import Lockable
 from controller.deck.recorded_deck import RecordedDeck
 from controller.library.motion_library import MotionLibrary
 from controller.loop.clock import Clock, Ticker
-from controller.loop.commands.command_desk import CommandDesk
+from controller.loop.commands.command_handler import CommandHandler
 from controller.loop.commands.commanded_run import CommandedRun
 from controller.loop.ensemble import all_limits, together
 from controller.loop.output_channel import Channel
@@ -165,7 +165,7 @@ def _assemble(opening: ExitStack, stop: StopRequest, spec: RunSpec, played: Play
     if recorder is not None:
         children.add("the recorder", recorder.process)
     run = CommandedRun(deck, servos, body, host.restarts, ticker, snapshots=snapshots)
-    desk = CommandDesk(run, servers, recorder.note if recorder is not None else None)
+    desk = CommandHandler(run, servers, recorder.note if recorder is not None else None)
     seen = (lambda: watch.seen) if watch is not None else None
     session = Session(
         spec=spec,

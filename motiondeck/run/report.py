@@ -12,7 +12,7 @@ import numpy as np
 
 from controller.deck.switch import CommandedSwitch
 from controller.loop.clock import Clock
-from controller.loop.commands.command_desk import CommandDesk
+from controller.loop.commands.command_handler import CommandHandler
 from controller.loop.loop import LoopReport
 from controller.loop.output_channel import Channel
 from controller.loop.permissions import Permission
@@ -40,7 +40,7 @@ class RunNews:
 
     def __init__(
         self,
-        desk: CommandDesk,
+        desk: CommandHandler,
         clock: Clock,
         channels: Sequence[Channel],
         servers: Sequence[CommandServer],

@@ -13,7 +13,7 @@ import numpy as np
 from controller.deck.recorded_deck import RecordedDeck
 from controller.deck.switch import CommandedSwitch
 from controller.loop.clock import Clock
-from controller.loop.commands.command_desk import CommandDesk
+from controller.loop.commands.command_handler import CommandHandler
 from controller.loop.commands.commanded_run import Playback
 from controller.loop.loop import LoopState, run
 from controller.loop.output_channel import Channel
@@ -79,7 +79,7 @@ class Session:
     clock: Clock
     envelope: SafetyEnvelope
     snapshots: SnapshotSource
-    desk: CommandDesk
+    desk: CommandHandler
     news: RunNews
     children: Children
     command_port: int

@@ -5,7 +5,7 @@ from __future__ import annotations
 import sys
 from typing import Protocol
 
-from controller.loop.commands.command_desk import CommandDesk
+from controller.loop.commands.command_handler import CommandHandler
 from controller.loop.stop_requests import StopRequest
 from controller.wire.messages.commands import EmergencyStop
 
@@ -25,7 +25,7 @@ class WiredStop(Protocol):
 class WiredStopWatch:
     """Stops while the wired stop is pulled, or if it was since the last poll; until then a reset has no effect."""
 
-    def __init__(self, wired: WiredStop, desk: CommandDesk) -> None:
+    def __init__(self, wired: WiredStop, desk: CommandHandler) -> None:
         self._wired, self._desk, self._pulls = wired, desk, 0
 
     def poll(self, stop: StopRequest) -> None:

@@ -9,7 +9,7 @@ import numpy as np
 import synthetic
 from controller.deck.deck import Deck
 from controller.deck.switch_plan import REMEMBERED_SWITCHES
-from controller.loop.commands.command_desk import CommandDesk
+from controller.loop.commands.command_handler import CommandHandler
 from controller.loop.commands.commanded_run import CommandedRun
 from controller.loop.stop_requests import StopRequest
 from controller.wire.messages.commands import Switch
@@ -19,7 +19,7 @@ def test_commands_leave_nothing_behind_once_the_record_is_full():
     library = synthetic.small_library()
     motions = library.network.motions
     deck = Deck(library, lambda pose: np.zeros(3), motions[0])
-    desk, stop = CommandDesk(CommandedRun(deck), []), StopRequest()
+    desk, stop = CommandHandler(CommandedRun(deck), []), StopRequest()
 
     def command(count):
         for number in range(count):

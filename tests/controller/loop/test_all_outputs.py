@@ -8,7 +8,7 @@ import synthetic
 from controller.deck.deck import Deck
 from controller.deck.interfaces import JointLimits
 from controller.loop.clock import VirtualClock
-from controller.loop.commands.command_desk import CommandDesk
+from controller.loop.commands.command_handler import CommandHandler
 from controller.loop.commands.commanded_run import CommandedRun
 from controller.loop.ensemble import Ensemble, RobotOutput, all_limits
 from controller.loop.loop import run
@@ -90,7 +90,7 @@ def played(timeline):
         for output in pair
     ]
     limits = all_limits([QUICK, SLOW])
-    desk, answers = CommandDesk(CommandedRun(deck), []), []
+    desk, answers = CommandHandler(CommandedRun(deck), []), []
     waiting = list(zip(np.cumsum([ticks for ticks, _ in timeline]).tolist(), (c for _, c in timeline), strict=True))
     tick = 0
 

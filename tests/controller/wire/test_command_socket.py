@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 
 from controller.deck.interfaces import JointLimits
 from controller.loop.clock import VirtualClock
-from controller.loop.commands.command_desk import CommandDesk
+from controller.loop.commands.command_handler import CommandHandler
 from controller.loop.commands.commanded_run import CommandedRun
 from controller.loop.loop import run
 from controller.loop.safety.safety_envelope import SafetyEnvelope
@@ -163,7 +163,7 @@ class Stage:
 
     def __init__(self):
         self.deck, self.server, self.stop = TinyDeck(), CommandServer(0), StopRequest()
-        self.desk = CommandDesk(CommandedRun(self.deck), [self.server])
+        self.desk = CommandHandler(CommandedRun(self.deck), [self.server])
         self.client = CommandClient(self.server.port)
 
     def tick(self):
@@ -333,7 +333,7 @@ def test_a_client_that_has_gone_before_its_switch_settled_does_no_harm(stage):
 def test_the_state_says_what_the_joints_look_like_and_how_surely(stage):
     recognition = SimpleNamespace(seen=None, mismatch_s=0.0, stuck="")
     run = CommandedRun(stage.deck, snapshots=SnapshotSource(stage.deck, recognition=recognition))
-    stage.desk = CommandDesk(run, [stage.server])
+    stage.desk = CommandHandler(run, [stage.server])
     assert stage.ask(GetStatus()).seen is None
     recognition.seen = Recognized("jog", 0.75)
     assert stage.ask(GetStatus()).seen == ("jog", 0.75)
@@ -350,7 +350,7 @@ def test_a_blend_that_fell_back_is_answered_with_why_and_the_state_says_it_too(s
 
 def test_a_note_is_taken_of_each_command(stage):
     noted = []
-    stage.desk = CommandDesk(CommandedRun(stage.deck), [stage.server], lambda *both: noted.append(both))
+    stage.desk = CommandHandler(CommandedRun(stage.deck), [stage.server], lambda *both: noted.append(both))
     stage.ask(Pause())
     stage.ask(Switch("wlak"))
     assert [(type(message), type(reply)) for message, reply in noted] == [(Pause, Accepted), (Switch, Refused)]

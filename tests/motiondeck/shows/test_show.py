@@ -9,7 +9,7 @@ import pytest
 import synthetic
 from controller.deck.deck import Deck
 from controller.deck.locks.phase_lock import wrapped
-from controller.loop.commands.command_desk import CommandDesk
+from controller.loop.commands.command_handler import CommandHandler
 from controller.loop.commands.commanded_run import CommandedRun
 from controller.loop.stop_requests import StopRequest
 from controller.wire.command_socket import CommandClient, CommandServer
@@ -56,7 +56,7 @@ class Machine(threading.Thread):
         ticks = Ticks(self.deck.due)
         self.stop, self.desk = (
             StopRequest(),
-            CommandDesk(CommandedRun(self.deck, ticks=ticks), [server], note=self._note),
+            CommandHandler(CommandedRun(self.deck, ticks=ticks), [server], note=self._note),
         )
         client = self.open.enter_context(closing(CommandClient(server.port)))
         about = About("dummy", "small", 1.0 / DT, dict.fromkeys(self.deck.motions, ROUND))

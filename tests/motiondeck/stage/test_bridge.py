@@ -13,7 +13,7 @@ import pytest
 import synthetic
 from controller.deck.deck import Deck
 from controller.deck.locks.phase_lock import wrapped
-from controller.loop.commands.command_desk import CommandDesk
+from controller.loop.commands.command_handler import CommandHandler
 from controller.loop.commands.commanded_run import CommandedRun
 from controller.loop.stop_requests import StopRequest
 from controller.wire.command_socket import CommandClient, CommandServer
@@ -55,7 +55,7 @@ class Stage:
         self.deck = Deck(library, lambda pose: pose.rotation.ravel(), "march", phase=0.3)
         self.stop, self.told, self.replies = StopRequest(), [], []
         server = cleanup.enter_context(closing(CommandServer(0)))
-        self.desk = CommandDesk(CommandedRun(self.deck), [server])
+        self.desk = CommandHandler(CommandedRun(self.deck), [server])
         port = free_port()
         self.osc_input = cleanup.enter_context(closing(OscInput(port, patterns(COMMANDS), self.told.append)))
         self.osc = cleanup.enter_context(udp_client.SimpleUDPClient("127.0.0.1", port))

@@ -12,7 +12,7 @@ from controller.learning.recognition.features import FeatureRecipe
 from controller.learning.recognition.recognizer import train_recognizer
 from controller.learning.recognition.recognizer_file import load_recognizer, save_recognizer
 from controller.loop.clock import VirtualClock
-from controller.loop.commands.command_desk import CommandDesk
+from controller.loop.commands.command_handler import CommandHandler
 from controller.wire.messages.commands import SetTempo, Switch
 from motiondeck.run.assembly import Host, Played, open_session
 from motiondeck.run.recognition.body_watch import BodyWatch
@@ -52,8 +52,8 @@ def session(library, recognizer, seconds, timeline=()):
 def test_what_the_deck_plays_is_recognized_and_told(library, file, monkeypatch):
     timeline = [Timed(3.0, Switch(to="wave"))]
     told = []
-    tell = CommandDesk.tell
-    monkeypatch.setattr(CommandDesk, "tell", lambda desk, *event: (told.append(event), tell(desk, *event)))
+    tell = CommandHandler.tell
+    monkeypatch.setattr(CommandHandler, "tell", lambda desk, *event: (told.append(event), tell(desk, *event)))
     with session(library, str(file), 6.0, timeline) as run:
         report = run.run()
     recognized = [motion for kind, _, *motion in told if kind == "recognized"]

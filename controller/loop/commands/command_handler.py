@@ -17,7 +17,7 @@ from controller.wire.messages.events import EventKind
 from controller.wire.messages.replies import Accepted, Refused, Reply
 
 
-class CommandDesk:
+class CommandHandler:
     """Carries out the commands that have arrived, once a tick; it never waits, and no client can make it raise.
 
     Args:

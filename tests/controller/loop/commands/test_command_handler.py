@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 
 from command_strategies import commands
 from controller.loop.commands import commanded_run
-from controller.loop.commands.command_desk import CommandDesk
+from controller.loop.commands.command_handler import CommandHandler
 from controller.loop.commands.commanded_run import CommandedRun
 from controller.loop.fault_counter import FaultCounter
 from controller.loop.stop_requests import StopRequest
@@ -83,7 +83,7 @@ class Desk:
 
     def __init__(self, remote=False, **more):
         self.deck, self.server, self.stop, self.now = Deck(), Server(remote), StopRequest(), 100.0
-        self.desk = CommandDesk(CommandedRun(self.deck, **more), [self.server], now=lambda: self.now)
+        self.desk = CommandHandler(CommandedRun(self.deck, **more), [self.server], now=lambda: self.now)
 
     def ask(self, message, sender="somebody"):
         """The first reply to a command."""
@@ -452,7 +452,7 @@ PATHS = st.one_of(
 def test_whatever_a_command_raises_refuses_that_command_only(given, error, remote):
     parts = FailingParts(error)
     server, stop, counter = Server(remote), StopRequest(), FaultCounter()
-    desk = CommandDesk(CommandedRun(parts, servos=parts, body=parts, restarts=True, ticks=parts), [server])
+    desk = CommandHandler(CommandedRun(parts, servos=parts, body=parts, restarts=True, ticks=parts), [server])
     for message in given:
         server.commands.append((message, "somebody"))
         counter.call(desk, stop)
