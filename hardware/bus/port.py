@@ -57,11 +57,6 @@ class SerialPort:
     now = staticmethod(time.monotonic)
 
     def __init__(self, name: str, baud: int) -> None:
-        """Opens the device.
-
-        Raises:
-            SerialPortError: if there is none, it is in use, or it cannot do this baud rate.
-        """
         self.name = name
         try:
             self._serial = serial.Serial(name, baud, timeout=0, exclusive=True)

@@ -90,11 +90,7 @@ class Bus:
 
     @classmethod
     def open(cls, name: str, baud: int) -> Bus:
-        """The bus on a serial device.
-
-        Raises:
-            SerialPortError: if it cannot be opened.
-        """
+        """The bus on a serial device."""
         return cls(SerialPort(name, baud), baud)
 
     def wire_time(self, count: int) -> float:
@@ -125,34 +121,18 @@ class Bus:
         return self._insist(frame, id, length, f"read register {address}")
 
     def write(self, id: int, address: int, data: bytes) -> StatusPacket:
-        """Writes bytes into a servo's control table and waits for its answer.
-
-        Raises:
-            NoReplyError: if the servo stays silent.
-            RefusedError: if it answers with an error number.
-        """
+        """Writes bytes into a servo's control table and waits for its answer; errors as of `read`."""
         frame = self._protocol(id).instructions.write(id, address, data)
         return self._insist(frame, id, 0, f"write register {address}")
 
     def restart(self, id: int) -> None:
-        """Restarts a servo that can be, and waits for its answer; it is deaf and without torque for a while.
-
-        Raises:
-            NoReplyError: if the servo stays silent.
-            RefusedError: if it answers with an error number.
-        """
+        """Restarts a servo that can be; it is deaf and without torque for a while. Errors as of `read`."""
         self._insist(self._protocol(id).instructions.reboot(id), id, 0, "restart")
 
     def sync_write(self, address: int, length: int, entries: bytes) -> bool:
-        """Writes the same registers of many servos of one protocol, without an answer and without waiting.
+        """Writes the same registers of many servos of one protocol, unanswered; False if the port takes no bytes.
 
-        Args:
-            address: of the first byte to write.
-            length: how many bytes each servo gets.
-            entries: ID and `length` bytes, servo after servo.
-
-        Returns:
-            False if the port would not take the bytes: nothing is written then.
+        The `entries` are ID and `length` bytes, servo after servo.
         """
         words = self._protocol(entries[0]).instructions
         return self.port.send(words.sync_write(address, length, entries))

@@ -69,11 +69,7 @@ class Register:
         return count
 
     def encode(self, value: int) -> bytes:
-        """The bytes of a count.
-
-        Raises:
-            ValueError: if it is outside the register's range.
-        """
+        """The bytes of a count; raises ValueError if it is outside the register's range."""
         if not self.minimum <= value <= self.maximum:
             raise ValueError(f"{self.name} takes {self.minimum} to {self.maximum}, not {value}")
         return value.to_bytes(self.length, "little", signed=self.signed)

@@ -40,11 +40,7 @@ class ModelFile(NamedTuple):
 
 
 def model_numbers(folder: Path | None = None) -> dict[str, int]:
-    """The number of every model that the installed SDK has a table for, by model name.
-
-    Raises:
-        ModelFileError: if the SDK has none.
-    """
+    """The number of every model that the installed SDK has a table for, by model name."""
     text = _read("dynamixel.model", folder)
     rows = (line.split() for line in text.splitlines())
     files = [(row[1].removesuffix(".model"), int(row[0])) for row in rows if len(row) == 2 and row[0].isdigit()]
@@ -52,11 +48,7 @@ def model_numbers(folder: Path | None = None) -> dict[str, int]:
 
 
 def model_file(model: str, folder: Path | None = None) -> ModelFile:
-    """The maker's table of a model, by model name.
-
-    Raises:
-        ModelFileError: if there is none, or it is not of the form that is known.
-    """
+    """The maker's table of a model; raises ModelFileError if there is none of the known form."""
     name = f"{_stem(model)}.model"
     try:
         sections = dict(_sections(_read(name, folder)))

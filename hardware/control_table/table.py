@@ -38,11 +38,7 @@ class ControlTable:
     family: Family = X
 
     def __getitem__(self, name: str) -> Register:
-        """The register of this name.
-
-        Raises:
-            UnknownRegisterError: with the nearest names.
-        """
+        """The register of this name; an UnknownRegisterError has the nearest names."""
         try:
             return self.registers[name]
         except KeyError:

@@ -62,11 +62,7 @@ class Fault(NamedTuple):
 
 
 def parse_fault(text: str) -> Fault:
-    """Reads a fault from words as in the module's first lines.
-
-    Raises:
-        FaultError: naming what is allowed.
-    """
+    """Reads a fault from words as in the module's first lines; a FaultError names what is allowed."""
     kind, _, rest = text.partition(":")
     if kind not in KINDS:
         raise FaultError(f"no fault '{kind}'. There are: {', '.join(KINDS)}.")
@@ -107,11 +103,7 @@ class FaultPlan:
         self.latency = 0.0
 
     def check(self, ids: Sequence[int]) -> None:
-        """Takes the servos' IDs, by which the faults know them, whatever IDs the faults give them later.
-
-        Raises:
-            FaultError: if a fault is about none of them.
-        """
+        """Takes the servos' first IDs, which the faults go by; raises FaultError if a fault is about none of them."""
         self._ids = ids
         for fault in self._faults:
             if fault.id is not None and fault.id not in ids:

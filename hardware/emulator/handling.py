@@ -29,15 +29,7 @@ class HandlingError(MotiondeckError):
 
 
 class _Grip(NamedTuple):
-    """A joint in a hand.
-
-    Attributes:
-        since: when it was taken, s.
-        start: where it stood then, pulses.
-        way: how far it is moved, pulses.
-        seconds: for the way there, or there and back.
-        swings: whether it comes back, again and again.
-    """
+    """A joint in a hand since a time, s, on a way, pulses, that takes some seconds there, or there and back."""
 
     since: float
     start: float

@@ -47,12 +47,7 @@ class EmulatorProcess:
 
 
 def start_emulator(path: str | Path) -> EmulatorProcess:
-    """Emulates the rig of a rig file in a child process.
-
-    Raises:
-        RigFileError: if the file is not good.
-        SerialPortError: if the emulator does not start.
-    """
+    """Emulates the rig of a rig file in a child process; raises SerialPortError if that does not start."""
     config = load_rig(path)
     command = [sys.executable, "-P", "-m", "hardware.emulator", str(path)]
     # In another session: Ctrl-C is for the deck, which still needs its servos to come to rest.

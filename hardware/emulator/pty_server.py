@@ -43,15 +43,7 @@ class PtyServer:
     ) -> None:
         """Opens a pseudo-terminal.
 
-        Args:
-            bus: the servos.
-            faults: what goes wrong.
-            paced: whether bytes take their time on the wire.
-            link: a name for the port that stays the same when it is unplugged and plugged in again.
-
-        Raises:
-            SerialPortError: if the link cannot be made.
-            FaultError: if a fault is about a servo that is not there.
+        A `link` names the port and stays the same when it is unplugged and plugged in again.
         """
         bus.longest_gap = None
         self._bus = bus

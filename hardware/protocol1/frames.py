@@ -24,11 +24,7 @@ ERROR_NUMBERS = {BAD_INSTRUCTION: 2, BAD_CHECKSUM: 3, OUT_OF_RANGE: 4, ANGLE_LIM
 
 
 def build(id: int, instruction: int, params: bytes = b"") -> bytes:
-    """The bytes of one frame; for an answer, `instruction` is the error byte.
-
-    Raises:
-        ValueError: if the ID is none (0 to 253, 254), or the frame would be too long.
-    """
+    """The bytes of one frame; for an answer, `instruction` is the error byte. ValueError for an ID or length beyond."""
     if not 0 <= id <= BROADCAST:
         raise ValueError(f"{id} is no Dynamixel id of Protocol 1.0: 0 to 253, or 254 for all")
     length = len(params) + 2

@@ -85,11 +85,7 @@ def trailer(frame: bytes | bytearray) -> bytes:
 
 
 def build(id: int, instruction: int, params: bytes = b"") -> bytes:
-    """The bytes of one frame.
-
-    Raises:
-        ValueError: if the ID is none (0 to 252, 254), or the frame would be longer than LONGEST.
-    """
+    """The bytes of one frame; raises ValueError for an ID or a length beyond the protocol's."""
     if not (0 <= id <= 252 or id == BROADCAST):
         raise ValueError(f"{id} is no Dynamixel id: 0 to 252, or 254 for all")
     body = stuff(bytes((instruction,)) + params)

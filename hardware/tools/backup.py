@@ -21,14 +21,7 @@ _MUTE = "{} answers a ping but no read: its status_return_level is 0. Set it wit
 
 
 class ServoBackup(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
-    """The control table of one servo.
-
-    Attributes:
-        joint: its name in the rig file.
-        id: on the bus.
-        model: the maker's name.
-        registers: what each held, in counts, by name.
-    """
+    """The control table of one servo, in counts by register name."""
 
     joint: str
     id: int
@@ -37,12 +30,7 @@ class ServoBackup(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
 
 
 def back_up(config: RigConfig, bus: Bus) -> list[ServoBackup]:
-    """Reads the whole table of every servo.
-
-    Raises:
-        RigError: if a servo is missing or of another model.
-        ServoError: if one stays silent, or refuses to be read.
-    """
+    """Reads the whole table of every servo; raises RigError if one is missing or of another model."""
     backups: list[ServoBackup] = []
     for joint in config.joints:
         _check_model(joint, bus)
@@ -88,7 +76,6 @@ def restore(config: RigConfig, backups: Iterable[ServoBackup], bus: Bus) -> list
     Raises:
         RigError: if a servo is missing or of another model, or has its torque on, or the backup has what it cannot
             take; nothing is written then.
-        ServoError: if one stays silent, or refuses a value.
     """
     kept = {backup.joint: backup for backup in backups}
     lines = [f"{joint.label}: not in the backup" for joint in config.joints if joint.name not in kept]
@@ -122,20 +109,12 @@ def restore(config: RigConfig, backups: Iterable[ServoBackup], bus: Bus) -> list
 
 
 def save_backups(backups: list[ServoBackup], path: Path) -> None:
-    """Writes backups as JSON.
-
-    Raises:
-        FileFormatError: if the file cannot be written.
-    """
+    """Writes backups as JSON."""
     write_file(path, msgspec.json.format(msgspec.json.encode(backups)))
 
 
 def load_backups(path: Path) -> list[ServoBackup]:
-    """Reads what `save_backups` wrote.
-
-    Raises:
-        RigError: if the file cannot be read, or is not a backup.
-    """
+    """Reads what `save_backups` wrote; raises RigError if the file is not that."""
     try:
         return msgspec.json.decode(path.read_bytes(), type=list[ServoBackup])
     except OSError as error:

@@ -50,12 +50,7 @@ class Range(NamedTuple):
 
 
 class Sweep:
-    """The calibration of a rig under way.
-
-    Attributes:
-        config: the rig as it was.
-        measured: what is known so far, by joint.
-    """
+    """The calibration of a rig under way: the rig as it was, and what is measured so far by joint."""
 
     def __init__(self, config: RigConfig, measured: Mapping[str, MeasuredJoint] | None = None) -> None:
         self.config = config
@@ -76,11 +71,7 @@ class Sweep:
         one.high = place if one.high is None else max(one.high, place)
 
     def zero_here(self, name: str) -> None:
-        """Where a joint stands now is its angle 0.
-
-        Raises:
-            RigError: if it has not been heard yet.
-        """
+        """Where a joint stands now is its angle 0; raises RigError if it has not answered yet."""
         if name not in self._now:
             raise RigError(f"{name} has not answered yet. Check its cable.")
         self.measured[name].zero = self._now[name]
@@ -181,34 +172,19 @@ def measured_joint(
 
 
 def clear_offsets(config: RigConfig, bus: Bus) -> list[str]:
-    """Sets homing offset and drive mode of every servo to 0, torque off; the zero that is found holds without them.
-
-    Returns:
-        What was changed, a line each.
-
-    Raises:
-        ServoError: if a servo stays silent, or refuses.
-    """
+    """Sets homing offset and drive mode of every servo to 0, torque off; returns what was changed, a line each."""
     left = [one for one in audit(config, bus) if one.register in ("homing_offset", "drive_mode")]
     settle(left, config, bus)
     return [f"{one.joint} (id {one.id}): {one.register} was {one.found} and is {one.needed}" for one in left]
 
 
 def save_progress(sweep: Sweep, path: Path) -> None:
-    """Writes what was measured so far.
-
-    Raises:
-        FileFormatError: if it cannot be written.
-    """
+    """Writes what was measured so far."""
     write_file(path, msgspec.json.format(msgspec.json.encode(sweep.measured)))
 
 
 def load_progress(config: RigConfig, path: Path) -> Sweep:
-    """Goes on with what `save_progress` has kept.
-
-    Raises:
-        RigError: if it cannot be read, or is about another rig.
-    """
+    """Goes on with what `save_progress` has kept; raises RigError if that is of another rig."""
     try:
         measured = msgspec.json.decode(path.read_bytes(), type=dict[str, MeasuredJoint])
     except (OSError, msgspec.DecodeError) as error:

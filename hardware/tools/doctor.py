@@ -92,12 +92,7 @@ class Report(msgspec.Struct, frozen=True):
 
 
 class Fixed(NamedTuple):
-    """What came of setting registers, one line each.
-
-    Attributes:
-        done: what was set.
-        refused: what a servo did not take, or that it did not answer.
-    """
+    """Registers that were set, and those that a servo refused or did not answer; one line each."""
 
     done: list[str]
     refused: list[str]

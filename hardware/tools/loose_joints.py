@@ -15,11 +15,7 @@ from hardware.rig.switching.torque import switch_off
 
 
 def loosen(config: RigConfig, bus: Bus) -> None:
-    """Takes the torque off every servo.
-
-    Raises:
-        RigError: if one is missing or of another model, or does not confirm it; it is named.
-    """
+    """Takes the torque off every servo; raises RigError naming those that are missing or do not confirm it."""
     check_identities(config, bus)
     unconfirmed = switch_off(config, bus)
     if unconfirmed:

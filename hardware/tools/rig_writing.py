@@ -20,11 +20,7 @@ _PORT_LINE = re.compile(r"^port\s*=.*$", re.MULTILINE)
 
 
 def new_joint(name: str, id: int, model: str) -> RigJoint:
-    """A joint of which only the servo is known: angle 0 is in the middle of its one turn, and all of it is allowed.
-
-    Raises:
-        RigError: if the model cannot be a joint of a rig.
-    """
+    """A joint of which only the servo is known: angle 0 is in the middle of its one turn, and all of it is allowed."""
     if model not in MODELS:
         raise RigError(f"id {id}: Motiondeck does not know its model ({model}).")
     table = MODELS[model]
@@ -66,11 +62,7 @@ def rig_of(found: Sequence[Found], port: str) -> tuple[RigConfig, list[str]]:
 
 
 def assembled(joints: Iterable[RigJoint], port: str, baud: int) -> RigConfig:
-    """The rig of some joints on one port.
-
-    Raises:
-        RigError: if they cannot share it.
-    """
+    """The rig of some joints on one port; raises RigError if they cannot share it."""
     try:
         return RigConfig(port, baud, _RATE, tuple(joints))
     except ValueError as error:
@@ -78,11 +70,7 @@ def assembled(joints: Iterable[RigJoint], port: str, baud: int) -> RigConfig:
 
 
 def save_rig(config: RigConfig, path: Path) -> None:
-    """Writes a rig file.
-
-    Raises:
-        FileFormatError: if it cannot be written.
-    """
+    """Writes a rig file."""
     settings = msgspec.structs.asdict(config)
     lines = [f"{key} = {_toml(value)}" for key, value in settings.items() if key != "joints"]
     lines += ["", "# zero in pulses, lower and upper in rad, velocity in rad/s", "joints = ["]
@@ -97,13 +85,7 @@ def save_rig(config: RigConfig, path: Path) -> None:
 def set_port(path: Path, port: str) -> str:
     """Writes another port into a rig file, and leaves all else in it as it is, comments too.
 
-    Returns:
-        The port that stood there before.
-
-    Raises:
-        RigFileError: if it is not a rig file.
-        RigError: if it has several ports.
-        FileFormatError: if it cannot be written.
+    Returns the port that stood there before; raises RigError if the file has several.
     """
     config = load_rig(path)
     if config.ports != (config.port,):

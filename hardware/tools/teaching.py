@@ -24,12 +24,7 @@ _KEPT = 0.2  # s before the first and after the last movement
 
 
 class Moment(NamedTuple):
-    """The joints at one moment.
-
-    Attributes:
-        time: s since the first one.
-        angles: shape (J,), rad; NaN where a servo did not answer.
-    """
+    """The angles (J,), rad, NaN where a servo did not answer, at a time in s since the first."""
 
     time: float
     angles: Array
@@ -89,10 +84,6 @@ class Taught(NamedTuple):
 
 def taught(moments: Sequence[Moment], rate: float) -> Taught:
     """What was written down, at a steady rate (Hz).
-
-    Args:
-        moments: in order.
-        rate: of the result.
 
     Raises:
         RigError: if there are too few moments, a joint was never heard, or nothing moved.

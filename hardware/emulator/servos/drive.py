@@ -215,9 +215,7 @@ class MotorDrive:
         velocity = (2.0 * self.path_speed - self.speed) * full / no_load
         current = (self.goal_current + self.speed / no_load) * full
         return np.select(
-            [self.mode == VELOCITY, self.mode == CURRENT, self.mode == PWM],
-            [velocity, current, self.goal_pwm],
-            drive,
+            [self.mode == VELOCITY, self.mode == CURRENT, self.mode == PWM], [velocity, current, self.goal_pwm], drive
         )
 
 

@@ -116,8 +116,7 @@ class Readings:
 
         Args:
             joints: their indices.
-            positions: of these joints.
-            blocks: what is read of each of these joints.
+            positions, blocks: of these joints.
             now: the time, s.
         """
         where, measured = np.array(joints, dtype=np.int64), self.measured

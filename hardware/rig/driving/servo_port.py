@@ -60,20 +60,14 @@ class ServoPort:
     """
 
     def __init__(self, config: RigConfig, part: RigConfig, bus: Bus, measured: Measurements, faults: RigFaults) -> None:
-        """Switches the servos of an open bus on, each where it stands.
+        """Switches the servos `part` of an open bus on, each where it stands.
 
-        Args:
-            config: the rig.
-            part: the joints of this port.
-            bus: open.
-            measured: of the whole rig; the readings are written into it.
-            faults: of the whole rig; they are counted in it.
+        Readings are written into `measured`, and faults counted in `faults`, of the whole rig.
 
         Raises:
             RigError: if servos are missing, of another model, or not fit to be switched on; it names them all. Or if
                 the wire is too slow for the rate. Torque is taken off again, the bus closed, and joints that did not
                 confirm that are named too.
-            SerialPortError: if the port vanishes; the same.
         """
         self.part = part
         self.joints = np.array([config.names.index(name) for name in part.names])
@@ -167,11 +161,7 @@ class ServoPort:
             tell_all(self.part.only(own), self.bus, "torque_enable", 0)
 
     def close(self) -> list[str]:
-        """Ends as the rig file asks: torque off, or each joint held where it is; may be called twice.
-
-        Returns:
-            The joints that did not confirm it.
-        """
+        """Switches off, or holds, as the rig file asks; returns the joints that did not confirm it."""
         if self._closed:
             return []
         self.gone = True
@@ -243,12 +233,7 @@ class ServoPort:
 
 
 class _Group(NamedTuple):
-    """Joints whose servos keep a register at the same place, and speak the same protocol.
-
-    Attributes:
-        joints: their indices in the rig, shape (n,), or all.
-        write: of their registers, counts.
-    """
+    """Joints, as an index of arrays, with a register at the same place and of the same protocol."""
 
     joints: NDArray[np.int64] | slice
     write: SyncWrite

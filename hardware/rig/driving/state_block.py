@@ -52,13 +52,7 @@ class StateBlock:
 
 @dataclass(frozen=True, slots=True)
 class Arrangement:
-    """An arranged block and how to arrange it.
-
-    Attributes:
-        block: what to read afterwards.
-        address: of the first indirect address.
-        pointers: what to write there.
-    """
+    """An arranged block, and the pointers to write at the address of the first indirect address."""
 
     block: StateBlock
     address: int
@@ -129,11 +123,7 @@ def row_layout(layout: np.dtype[Any], stride: int, error: int, data: int) -> np.
 
 
 def arrange_state(config: RigConfig, bus: Bus) -> list[StateBlock]:
-    """The block to read of each joint in the loop: its arranged cells, or its registers in place.
-
-    Raises:
-        NoReplyError: if a servo stays silent.
-    """
+    """The block to read of each joint in the loop: its arranged cells, or its registers in place."""
     return [_arrange(joint, bus) for joint in config.joints]
 
 

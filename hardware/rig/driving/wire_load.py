@@ -29,7 +29,7 @@ def longest_tick(config: RigConfig, blocks: Sequence[StateBlock], fast: bool, re
     """The longest time of goals, a request and its replies while all servos answer, s.
 
     Args:
-        config: of the servos on one port.
+        config: of one port.
         blocks: what is read of each joint.
         fast: whether the servos of Protocol 2.0 answer in one joint reply.
         return_delays: of each joint's servo, s.

@@ -110,12 +110,7 @@ class Health:
         self._reason = [""] * count
 
     def look(
-        self,
-        measured: Measurements,
-        goals: Array,
-        yielding: Mask,
-        recovering: Sequence[NDArray[np.int64]],
-        now: float,
+        self, measured: Measurements, goals: Array, yielding: Mask, recovering: Sequence[NDArray[np.int64]], now: float
     ) -> None:
         """Judges the joints by their latest measurements at the time `now`, s; sets `mend` and `fatal`.
 

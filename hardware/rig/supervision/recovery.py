@@ -25,14 +25,7 @@ _PAUSE = 0.05  # s between two tries
 
 
 class Recovered(NamedTuple):
-    """Joints that are set up again.
-
-    Attributes:
-        bus: open.
-        joints: their indices in the rig file.
-        held: where they hold, rad.
-        blocks: what to read of each in the loop.
-    """
+    """Joints, by index, that are set up again: where they hold, rad, and the block to read of each."""
 
     bus: Bus
     joints: list[int]
@@ -52,12 +45,7 @@ class PortRecovery:
     """
 
     def __init__(
-        self,
-        port: ServoPort,
-        health: Health,
-        open_bus: Callable[[], Bus],
-        beside: bool,
-        sleep: Callable[[float], None],
+        self, port: ServoPort, health: Health, open_bus: Callable[[], Bus], beside: bool, sleep: Callable[[float], None]
     ) -> None:
         """Does nothing yet; without `beside` the loop waits for it."""
         self.port, self._health, self._open_bus = port, health, open_bus

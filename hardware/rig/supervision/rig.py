@@ -73,15 +73,14 @@ class Rig:
 
         Args:
             config: the rig file.
-            open_bus: opens the bus of the joints of one port, now and again after the port has vanished.
+            open_bus: opens the bus of the joints of one port, also after the port has vanished.
             beside: whether a recovery runs in a thread beside the loop; otherwise the loop waits for it.
             sleep: how to wait where there is no port to wait on.
             ports: in place of the rig file's own.
 
         Raises:
-            RigError: as `ServoPort` and `RigConfig.on_ports`; torque is taken off again where it was on, and joints
-                that did not confirm that are named.
-            SerialPortError: if a port cannot be opened, or vanishes; the same.
+            RigError, SerialPortError: as `ServoPort` and `RigConfig.on_ports`; torque is taken off again where it was
+                on, and joints that did not confirm that are named.
         """
         count = len(config.joints)
         self.config = config
@@ -113,11 +112,7 @@ class Rig:
 
     @classmethod
     def connect(cls, config: RigConfig, ports: Sequence[str] = ()) -> Rig:
-        """Opens the ports of a rig (its file's own, unless others are given) and switches it on.
-
-        Raises:
-            RigError, SerialPortError: as the constructor.
-        """
+        """Opens the ports of a rig (its file's own, unless others are given) and switches it on."""
         # The adapter may come back as another tty; by this name it is found again.
         names = {part.port: lasting_name(part.port) for part in config.on_ports(ports)}
         return cls(config, lambda part: Bus.open(names[part.port], part.baud), ports=ports)
@@ -273,11 +268,7 @@ class Rig:
         return scan
 
     def close(self) -> list[str]:
-        """Ends it as the rig file asks; may be called twice.
-
-        Returns:
-            The joints that did not confirm it.
-        """
+        """Switches off, or holds, as the rig file asks; returns the joints that did not confirm it."""
         self._stopped = True
         for one in self._recoveries:
             one.stop()
@@ -294,11 +285,7 @@ class Rig:
         return next(one for one in self._recoveries if joint in one.port.joints)
 
     def _ready(self) -> list[PortRecovery]:
-        """Those of the ports that take and give something now; takes over what the others have recovered.
-
-        Raises:
-            RigError: if a recovery has failed.
-        """
+        """The ports in use; takes back those whose recovery is over, and raises RigError where it has failed."""
         if self._stopped:
             return []
         ready: list[PortRecovery] = []
@@ -310,11 +297,6 @@ class Rig:
         return ready
 
     def _take_back(self, one: PortRecovery) -> None:
-        """Goes on with a port whose recovery is over.
-
-        Raises:
-            RigError: if it has failed.
-        """
         recovered, port, now = one.take(), one.port, self._now()
         if recovered is None:
             self._stopped = True
@@ -329,11 +311,7 @@ class Rig:
         port.keep_pace(self._pace.of_servos)
 
     def _recover_port(self, one: PortRecovery, error: SerialPortError) -> None:
-        """Starts to reopen a port that has vanished.
-
-        Raises:
-            RigError: if the rig file does not want that.
-        """
+        """Starts to reopen a port that has vanished; raises RigError if the rig file does not want that."""
         self._note_port(one.port, "is gone")
         if self.config.reconnect_s == 0.0:
             self._stopped = True
@@ -344,11 +322,7 @@ class Rig:
         self._health.incidents.append(Incident(self._now(), f"the port {port.part.port}", what, fault))
 
     def _look_after(self) -> None:
-        """Eases hot joints, has joints recovered, and stops the rig for a lost one or goes on without it.
-
-        Raises:
-            RigError: if the rig must stop.
-        """
+        """Eases hot joints, has joints recovered, and stops the rig (RigError) for a lost one or goes on without it."""
         recovering = [one.port.joints for one in self._recoveries if one.under_way]
         if len(recovering) == len(self._recoveries):
             return

@@ -79,12 +79,9 @@ When = Literal["switch-on", "refused", "advised"]
 
 
 class Difference(NamedTuple):
-    """A register that holds something else than the rig needs.
+    """A register that differs from what the rig needs.
 
     Attributes:
-        joint: its name.
-        id: of the servo.
-        register: its name.
         found, needed: in counts.
         when: "switch-on" if it is set then; else it is set on request, and "refused" until then or only "advised".
     """
@@ -102,11 +99,7 @@ class Difference(NamedTuple):
 
 
 def audit(config: RigConfig, bus: Bus) -> list[Difference]:
-    """Where the servos' settings differ from what the rig needs, joint by joint.
-
-    Raises:
-        ServoError: if a servo stays silent, or does not let itself be read.
-    """
+    """Where the servos' settings differ from what the rig needs, joint by joint."""
     found: list[Difference] = []
     for joint, (low, high) in zip(config.joints, position_ends(config).T, strict=True):
         held = _read_settings(joint, bus)
@@ -120,7 +113,7 @@ def settle(differences: Iterable[Difference], config: RigConfig, bus: Bus) -> No
     """Writes what the rig needs where it differs. EEPROM registers are locked while torque is on.
 
     Raises:
-        ServoError: if a servo stays silent, or refuses; a locked EEPROM stays so until its power is off.
+        ServoError: if a servo refuses; a locked EEPROM stays so until its power is off.
     """
     tables = {joint.id: joint.table for joint in config.joints}
     for difference in differences:

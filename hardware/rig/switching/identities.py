@@ -69,11 +69,7 @@ def _answer_by_ram(config: RigConfig) -> list[int]:
 
 
 def knows_fast_reads(config: RigConfig, bus: Bus) -> bool:
-    """Whether model and firmware of every servo answer fast sync reads.
-
-    Raises:
-        RigError: if a servo does not answer.
-    """
+    """Whether model and firmware of every servo answer fast sync reads."""
     try:
         return know_fast_reads(config, read_each(config, bus, "firmware_version"))
     except ServoError as error:
@@ -99,11 +95,7 @@ def refuse_shut_down(config: RigConfig, bus: Bus) -> None:
 
 
 def hardware_errors(joint: RigJoint, bus: Bus) -> int:
-    """The problems that a servo reports, in the bits of `describe_errors`.
-
-    Raises:
-        NoReplyError: if it does not answer.
-    """
+    """The problems that a servo reports, in the bits of `describe_errors`."""
     # In Protocol 1.0 every reply has the error.
     error = joint.table.registers.get("hardware_error_status")
     register = error or joint.table["torque_enable"]

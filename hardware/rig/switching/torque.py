@@ -33,13 +33,7 @@ _ROUNDS = 2  # of asking for torque or its end: a servo that has just restarted 
 def switch_on(config: RigConfig, bus: Bus, cancelled: Callable[[], bool] = lambda: False) -> Array:
     """Checks identities, takes torque off, audits and sets registers, makes each position the goal, takes torque on.
 
-    Args:
-        config: the rig.
-        bus: open.
-        cancelled: whether the rig is being closed meanwhile; torque does not come on then.
-
-    Returns:
-        The angles (J,), rad, at which the joints now hold.
+    Torque does not come on if it is `cancelled` meanwhile. Returns the angles (J,), rad, at which the joints now hold.
 
     Raises:
         RigError: if servos are missing, of another model, shut down, set so that they could move wrongly (see `audit`),
@@ -68,13 +62,7 @@ def switch_on(config: RigConfig, bus: Bus, cancelled: Callable[[], bool] = lambd
 def hold_still(config: RigConfig, bus: Bus, pace: float = 1.0) -> Array:
     """Clears the watchdogs, limits the speed, and has each joint hold where it stands or can come to rest.
 
-    Args:
-        config: the rig.
-        bus: open.
-        pace: the part of its speed limit that each servo keeps from now on.
-
-    Returns:
-        The goals (J,), rad.
+    Each servo keeps the part `pace` of its speed limit from now on. Returns the goals (J,), rad.
 
     Raises:
         RigError: if a servo does not answer, or stands outside its limits.
@@ -103,17 +91,7 @@ def resume(config: RigConfig, bus: Bus, pace: float, cancelled: Callable[[], boo
 
     A servo that has kept torque and settings just holds; one that has lost them is switched on anew (see `switch_on`).
 
-    Args:
-        config: the rig.
-        bus: open.
-        pace: as `hold_still`.
-        cancelled: as `switch_on`.
-
-    Returns:
-        The angles (J,), rad, at which the joints now hold.
-
-    Raises:
-        RigError: as `switch_on`.
+    Arguments, result and errors as of `hold_still` and `switch_on`.
     """
     check_identities(config, bus)
     raise_answer_level(config, bus)
@@ -131,11 +109,7 @@ def resume(config: RigConfig, bus: Bus, pace: float, cancelled: Callable[[], boo
 
 
 def switch_off(config: RigConfig, bus: Bus) -> list[str]:
-    """Takes the torque off all servos at once, then off each one, and waits for its answer.
-
-    Returns:
-        The joints that did not confirm it: dead ones, or all where the port is gone.
-    """
+    """Takes the torque off all servos at once, then off each; returns the joints that did not confirm it."""
 
     def confirms(joint: RigJoint) -> bool:
         try:
@@ -156,11 +130,7 @@ def switch_off(config: RigConfig, bus: Bus) -> list[str]:
 
 
 def hold_each(config: RigConfig, bus: Bus) -> list[str]:
-    """Has each servo hold where it stands or can come to rest, without a watchdog; a silent one costs no other.
-
-    Returns:
-        The joints that did not confirm it: dead ones, or all where the port is gone.
-    """
+    """Has each servo hold where it can come to rest, without a watchdog; returns the joints that did not confirm it."""
     unconfirmed: list[str] = []
     ends = position_ends(config).astype(np.int64).T.tolist()
     try:
@@ -252,11 +222,7 @@ def places_of_rest(config: RigConfig, bus: Bus, scale: RigScale) -> tuple[Array,
 
 
 def _read_path(config: RigConfig, bus: Bus) -> list[dict[str, int]]:
-    """The registers of `_PATH` of every servo, read at the same time; a model without a path is where it is.
-
-    Raises:
-        NoReplyError: if a servo stays silent; all that do are named.
-    """
+    """The registers of `_PATH` of every servo, read at the same time; a model without a path is where it is."""
     rows = [[joint.table[name] for name in _PATH if name in joint.table.registers] for joint in config.joints]
     starts = [min(row.address for row in own) for own in rows]
     ends = [max(row.address + row.length for row in own) for own in rows]
