@@ -25,13 +25,11 @@ class GroupRead(NamedTuple):
     """A group read of servos of one protocol.
 
     Attributes:
-        frame: the bytes of the instruction.
         fast: whether it asks for a joint reply.
         ids: of the servos, in the order asked.
         lengths: of what each sends, bytes.
         whole: takes a reply that is complete and undamaged, else gives None; None where the lengths differ.
         needed: bytes of the complete reply.
-        protocol: of the servos.
     """
 
     frame: bytes
@@ -64,7 +62,6 @@ def group_read(blocks: Blocks, fast: bool, protocol: Protocol) -> GroupRead:
     Args:
         blocks: of servos of one protocol.
         fast: whether those that can answer in one joint reply.
-        protocol: of the servos.
     """
     lengths = tuple(length for _, _, length in blocks)
     ids = bytes(id for id, _, _ in blocks)

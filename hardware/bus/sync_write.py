@@ -23,10 +23,7 @@ class SyncWrite:
         """All values are 0 at first.
 
         Args:
-            ids: of the servos.
-            address: of the register.
             length: of the register, 1, 2 or 4 bytes, signed.
-            protocol: of the servos.
         """
         self._address, self._length, self._protocol = address, length, protocol
         self._trailer, self._stuffed = protocol.trailer, protocol.stuffed

@@ -31,7 +31,6 @@ class Traits:
         temperature_limit: its default, degC.
         position_p: default of the position P gain, or the equivalent in the unit of the X series.
         fast_read: the firmware from which it answers fast sync and fast bulk reads; None for never.
-        modes: its operating modes.
         figures: the model number where the maker's files lack it, then what the tables of its family need besides.
     """
 

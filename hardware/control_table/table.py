@@ -27,7 +27,6 @@ class ControlTable:
         model: the maker's name, "XM430-W350".
         number: the model number a ping answers with.
         pulses_per_turn: position counts in one turn of the horn.
-        registers: by name, in order of address.
         family: what it shares with other models.
     """
 

@@ -32,10 +32,10 @@ class EmulatedBus:
     """Servos on a wire.
 
     Attributes:
-        devices: the servos, in the order of the rig.
         strict: whether a servo keeps silent when the one before it in a sync read does.
         baud: the host's, bits/s; a servo set to another hears nothing.
         longest_gap: the silence inside an instruction that the servos forgive, s; None for any.
+        time: up to which the servos are computed, s.
     """
 
     def __init__(
@@ -52,7 +52,7 @@ class EmulatedBus:
         self.strict = strict
         self.baud = config.baud
         self.longest_gap = longest_gap
-        self._time = 0.0
+        self.time = 0.0
         self._heard = 0.0
         self._fed = 0.0
         self._parser, self._parser1 = Parser(), Parser1()
@@ -86,7 +86,7 @@ class EmulatedBus:
         answers: list[Answer] = []
         for frame in self._parser.feed(data):
             if frame.instruction != STATUS:
-                self._fed = self._time
+                self._fed = self.time
                 answers += self._answer(frame)
         for id in self._parser.damaged:
             for device in self.hearing(id):
@@ -96,7 +96,7 @@ class EmulatedBus:
     def _answer_protocol1(self, data: bytes) -> list[Answer]:
         answers: list[Answer] = []
         for frame in self._parser1.feed(data):
-            self._fed = self._time
+            self._fed = self.time
             answers += protocol1_answers.answer(self, frame)
         for id in self._parser1.damaged:
             for device in self.hearing(id, 1):
@@ -105,7 +105,7 @@ class EmulatedBus:
 
     def advance(self, now: float) -> None:
         """Advances the servos to the time `now`, s; an earlier time changes nothing."""
-        if now <= self._time:
+        if now <= self.time:
             return
         while self._coupling is not None and now - self._turned >= STEP:
             self._turned += STEP
@@ -119,7 +119,7 @@ class EmulatedBus:
                     if device.bank is bank and device.row in bank.browned_out:
                         device.reboot(now + BOOT_TIME)
                 bank.browned_out.clear()
-        self._time = now
+        self.time = now
 
     def feed(self, at: float) -> None:
         """Feeds the watchdogs at the time `at`, s, without any bytes."""
@@ -145,17 +145,12 @@ class EmulatedBus:
         """The servos that hear and speak this protocol."""
         return self._awake(self.devices, protocol)
 
-    @property
-    def time(self) -> float:
-        """Until when the servos have lived, s."""
-        return self._time
-
     def _awake(self, devices: list[Device], protocol: int = 2) -> list[Device]:
         """Those that are alive, not starting up, listen at the host's speed, and speak this protocol."""
         return [
             d
             for d in devices
-            if d.protocol == protocol and not d.dead and self._time >= d.asleep_until and d.baud == self.baud
+            if d.protocol == protocol and not d.dead and self.time >= d.asleep_until and d.baud == self.baud
         ]
 
     def hearing(self, id: int, protocol: int = 2) -> list[Device]:
@@ -197,7 +192,7 @@ class EmulatedBus:
 
     def _alone(self, device: Device, id: int, frame: Frame, shadow: bool = False) -> list[Answer]:
         params, error, answer, level = frame.params, 0, b"", 2
-        deaf_until = self._time + BOOT_TIME
+        deaf_until = self.time + BOOT_TIME
         # The answer leaves before the instruction changes ID, speed or status return level.
         done = self._status(device, id, 0, b"", 2)
         match frame.instruction:

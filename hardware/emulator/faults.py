@@ -45,7 +45,6 @@ class Fault(NamedTuple):
     """One fault.
 
     Attributes:
-        kind: one of KINDS.
         id: of the servo; None for any.
         at: when it begins, s since the rig was switched on.
         lasts: for how long, s.

@@ -34,7 +34,6 @@ class PtyServer:
     the end of an answer under way (a client may be late without knowing), and gaps within an instruction are forgiven.
 
     Attributes:
-        port: what a client opens.
         wire: between the pseudo-terminal and the servos.
     """
 

@@ -20,19 +20,12 @@ class SimulatedRig:
     """Servos that are switched on where they stand; with the loop's side of `hardware.rig.supervision.rig.Rig`.
 
     Attributes:
-        config: the rig file.
-        names: of the joints.
         servos: the emulated servos, to look at and to harm.
         positions, velocities, currents: last measured, shape (J,), rad, rad/s, A.
-        faults: what went wrong so far.
     """
 
     def __init__(self, config: RigConfig) -> None:
-        """Switches the servos on.
-
-        Raises:
-            RigError: if a model cannot be emulated.
-        """
+        """Switches the servos on; raises RigError if a model cannot be emulated."""
         self.config = config
         self.names = config.names
         self.servos = EmulatedBus(config)

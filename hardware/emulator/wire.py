@@ -17,8 +17,6 @@ class Wire:
     """One adapter and a bus behind it.
 
     Attributes:
-        bus: the servos.
-        faults: what goes wrong.
         paced: whether bytes take their time; otherwise all happens at once.
         half_duplex: whether a frame that the host sends during an answer destroys both, as on a real wire. Otherwise
             it waits for the answer's end, and is only counted.

@@ -28,7 +28,6 @@ class MeasuredJoint(msgspec.Struct, forbid_unknown_fields=True):
     """The calibration of one joint so far, pulses.
 
     Attributes:
-        id: of its servo.
         direction: 1 or -1, which way the servo turns when the joint's angle grows.
         zero: where it stands at angle 0; None until that is known.
         low, high: the lowest and the highest position seen; None before the first.
@@ -134,7 +133,6 @@ def measured_joint(
     """A joint as it was measured, and what of its range lies beyond the servo's one turn and is given up.
 
     Args:
-        joint: as it was.
         direction: 1 or -1.
         zero: its position at angle 0, pulses, in any turn.
         low, high: the ends of its range, pulses, in the same turn.

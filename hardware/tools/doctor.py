@@ -41,11 +41,6 @@ class ServoReport(msgspec.Struct, frozen=True):
     """What a servo of the rig reports.
 
     Attributes:
-        name: of its joint.
-        id: on the bus.
-        model: the maker's name.
-        firmware: version.
-        torque: whether torque is on.
         errors: hardware errors in words, with the limits that it keeps; "" for none.
         position: rad.
         temperature: degC.
@@ -69,7 +64,6 @@ class Report(msgspec.Struct, frozen=True):
     """What an examination found.
 
     Attributes:
-        port: that was examined.
         baud: bits/s.
         latency_ms: of the USB adapter's timer; None where there is none to read.
         rate_hz: asked for by the rig file.

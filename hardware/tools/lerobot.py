@@ -35,11 +35,7 @@ class MotorCalibration(msgspec.Struct, frozen=True):
 
 
 def read_calibration(path: Path) -> dict[str, MotorCalibration]:
-    """The motors of a calibration file, by name.
-
-    Raises:
-        RigError: if it cannot be read, or is not one.
-    """
+    """The motors of a calibration file, by name; raises RigError if it cannot be read, or is not one."""
     try:
         motors = msgspec.json.decode(path.read_bytes(), type=dict[str, MotorCalibration])
     except OSError as error:

@@ -21,8 +21,6 @@ def observe(config: RigConfig, bus: Bus, share: float = 1.0) -> Iterator[tuple[l
     """What the joints measure, a row each, and how often it could be read in the last second (Hz); for ever.
 
     Args:
-        config: the joints of one port.
-        bus: that port's.
         share: of each second that is spent on this port, where several are watched one after another.
     """
     scale = RigScale(config)

@@ -42,7 +42,6 @@ class Device:
     """A servo: row `row` of a bank.
 
     Attributes:
-        model: the maker's name.
         protocol: 1 or 2, that it speaks; see `choose_protocol`.
         asleep_until: the servo is deaf before this time, s, as after a reboot.
     """
@@ -55,8 +54,8 @@ class Device:
         self.model = bank.table.model
         self._table = bank.table
         self._modes = TRAITS[self.model].modes
-        self._family = bank.table.family
-        self._limited_by = _LIMITED_BY | (_PROFILE_LIMITED_BY if self._family.checks_profiles else {})
+        self.family = bank.table.family
+        self._limited_by = _LIMITED_BY | (_PROFILE_LIMITED_BY if self.family.checks_profiles else {})
         self._backup: bytes | None = None
         size = bank.table.size
         self._memory = memoryview(bank.memory)[row * size : (row + 1) * size]
@@ -109,7 +108,7 @@ class Device:
     @property
     def baud(self) -> int:
         """The speed at which it hears and answers, bits/s."""
-        return self._family.baud_of(self._get("baud_rate")) or 0
+        return self.family.baud_of(self._get("baud_rate")) or 0
 
     @property
     def return_delay(self) -> float:
@@ -123,16 +122,6 @@ class Device:
         return since is not None and self._get("firmware_version") >= since
 
     @property
-    def bulk_reads(self) -> bool:
-        """Whether it answers bulk reads."""
-        return self._family.bulk_reads
-
-    @property
-    def reboots(self) -> bool:
-        """Whether an instruction restarts it."""
-        return self._family.reboots
-
-    @property
     def moving(self) -> bool:
         """Whether it reports that it moves: it turns faster than its moving threshold."""
         return self["moving"] != 0
@@ -140,7 +129,7 @@ class Device:
     @property
     def torque(self) -> bool:
         """Whether torque is on."""
-        return self._get("torque_enable") != 0 and self._get(self._family.shuts_down_by) != 0
+        return self._get("torque_enable") != 0 and self._get(self.family.shuts_down_by) != 0
 
     @property
     def pulses_per_radian(self) -> float:
@@ -164,7 +153,7 @@ class Device:
 
     def fail(self, bits: int) -> None:
         """Gives the servo a hardware problem: 1 voltage, 4 heat, 8 encoder, 16 shock, 32 overload."""
-        self["hardware_error_status"] = self._get("hardware_error_status") | self._family.own_problems(bits)
+        self["hardware_error_status"] = self._get("hardware_error_status") | self.family.own_problems(bits)
         if self.shut_down and self._get("torque_enable"):
             self.bank.let_go(self.row)
 
@@ -352,13 +341,13 @@ class Device:
         if name == "operating_mode":
             return 0 if value in self._modes else RANGE
         if name == "drive_mode":
-            return RANGE if value & _FOLLOWER and not self._family.follows else 0
+            return RANGE if value & _FOLLOWER and not self.family.follows else 0
         if name == "baud_rate":
-            return 0 if self._family.baud_of(value) else RANGE
+            return 0 if self.family.baud_of(value) else RANGE
         if name == "lock":
             return 0 if value or not self._get("lock") else RANGE  # only power-up unlocks
         if name == "torque_enable":
-            return RESULT_FAIL if value and self.shut_down and self._family.shuts_down_by == name else 0
+            return RESULT_FAIL if value and self.shut_down and self.family.shuts_down_by == name else 0
         return 0
 
     def _take_effect(self, name: str, value: int, switched_on: bool) -> None:

@@ -87,7 +87,6 @@ class MotorDrive:
         shaft, speed: of each horn.
         path, path_speed: where the profile has led so far.
         load: torque against the horn's positive direction, as a part of the stall torque.
-        jammed: whether the horn is blocked.
         supply: V.
         temperature: degC.
         pwm, current: at the end of the last step.

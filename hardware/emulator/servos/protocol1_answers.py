@@ -25,7 +25,6 @@ class Answer(NamedTuple):
 
     Attributes:
         delay: how long they waited before, s.
-        data: the bytes.
         id: the sender; BROADCAST where several write one frame.
     """
 
@@ -38,11 +37,7 @@ class ServoBus(Protocol):
     """What is needed of the bus."""
 
     strict: bool
-
-    @property
-    def time(self) -> float:
-        """Until when the servos have lived, s."""
-        ...
+    time: float
 
     def hearing(self, id: int, protocol: int = 2) -> list[Device]:
         """The servos with this ID that hear."""
@@ -100,7 +95,7 @@ def _alone(bus: ServoBus, device: Device, frame: Frame) -> list[Answer]:
             bits = _bits(device.register(params[0], params[1:]))
         case wire.ACTION:
             bits = _bits(device.act())
-        case wire.REBOOT if device.reboots:
+        case wire.REBOOT if device.family.reboots:
             device.reboot(bus.time + BOOT_TIME)
             return done
         case wire.FACTORY_RESET:
@@ -131,7 +126,7 @@ def _bulk_read(bus: ServoBus, params: bytes) -> list[Answer]:
         length, id, address = params[at : at + 3]
         own: list[Answer] = []
         for device in bus.hearing(id, 1):
-            if device.bulk_reads:
+            if device.family.bulk_reads:
                 data = device.read(address, length)
                 own += status(device, 0 if data else OUT_OF_RANGE, data or b"", 1)
         if not own and bus.strict:

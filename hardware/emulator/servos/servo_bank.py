@@ -86,7 +86,6 @@ class ServoBank:
         """Sets a servo's memory as after power-up: its EEPROM stays, its position is within one turn again.
 
         Args:
-            row: which servo.
             restored: RAM registers that startup configuration brings back.
         """
         for register in self.table.registers.values():

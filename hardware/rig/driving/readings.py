@@ -117,7 +117,6 @@ class Readings:
         Args:
             joints: their indices.
             positions, blocks: of these joints.
-            now: the time, s.
         """
         where, measured = np.array(joints, dtype=np.int64), self.measured
         for index, block in zip(joints, blocks, strict=True):

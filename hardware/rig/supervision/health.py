@@ -67,7 +67,6 @@ class Incident(NamedTuple):
     Attributes:
         time: on the port's clock, s.
         source: the joint with its id, or the port.
-        what: in words.
         fault: whether something is wrong; not where it was commanded, or is well again.
     """
 
@@ -119,7 +118,6 @@ class Health:
             goals: last sent, shape (J,), rad.
             yielding: joints that give way to what they push against, shape (J,).
             recovering: the indices of joints, port by port, that stay as they were judged.
-            now: the time, s.
         """
         missing = measured.missed_in_a_row > 0
         silence = now - self._heard

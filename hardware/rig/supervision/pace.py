@@ -63,7 +63,6 @@ class JointPace:
             targets: asked for, shape (J,), rad, finite.
             goals: last sent, shape (J,), rad, within the limits.
             positions: last measured, shape (J,), rad.
-            now: the time, s.
         """
         passed = self._passed = max(0.0, now - self._last)
         self._last = now
@@ -96,9 +95,6 @@ class CatchingUp:
 
     Its goal may reach the target while the joint is still far off, or turns away. It has caught up when it is at most
     `_LAG` seconds at the speed of its target and `_PLAY` rad behind or, held by a load or a hand, after `_PATIENCE`.
-
-    Attributes:
-        joints: those that catch up, shape (J,).
     """
 
     def __init__(self, config: RigConfig) -> None:
@@ -122,7 +118,6 @@ class CatchingUp:
             targets, goals, positions: asked for (within the limits), sent and measured, shape (J,), rad.
             kept: joints that go on catching up, shape (J,).
             passed: since the last call, s.
-            now: the time, s.
         """
         arrived = np.abs(targets - goals) < _ARRIVED
         self._since = np.where(arrived & self.joints, np.minimum(self._since, now), np.inf)

@@ -37,11 +37,9 @@ class PortRecovery:
     """The recovery of one port.
 
     Attributes:
-        port: its servos.
         under_way: whether it runs, or its result was not taken yet.
         failure: why the last try has failed.
         to_do: another task that waits for answers; it is done first.
-        job: the thread.
     """
 
     def __init__(

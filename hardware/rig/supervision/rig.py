@@ -50,13 +50,9 @@ class Rig:
     for good; it names the servo, and from then on they do nothing.
 
     Attributes:
-        config: the rig file.
-        names: of the joints.
         goals: last sent, shape (J,), rad.
         positions, velocities, currents: last measured, shape (J,), rad, rad/s, A, in the joint's direction.
         temperatures, voltages: last measured, shape (J,), degC, V; NaN until first read.
-        measured: all measurements.
-        faults: counts of what went wrong.
         recoveries: how often something was recovered.
         write_us, read_us: durations of `write`, and of collecting a state; never the time on the wire.
     """
@@ -72,7 +68,6 @@ class Rig:
         """Opens the buses and switches the servos on, each where it stands.
 
         Args:
-            config: the rig file.
             open_bus: opens the bus of the joints of one port, also after the port has vanished.
             beside: whether a recovery runs in a thread beside the loop; otherwise the loop waits for it.
             sleep: how to wait where there is no port to wait on.

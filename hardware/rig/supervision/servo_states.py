@@ -30,10 +30,8 @@ class ServoStates(NamedTuple):
 
     Attributes:
         goals: last sent, shape (J,), rad.
-        positions: last measured, shape (J,), rad.
-        currents: last measured, shape (J,), A.
-        temperatures: last measured, shape (J,), degC; NaN until first read.
-        voltages: last measured, shape (J,), V; NaN until first read.
+        positions, currents: last measured, shape (J,), rad, A.
+        temperatures, voltages: last measured, shape (J,), degC, V; NaN until first read.
         errors: hardware error bits, shape (J,).
         torque: whether torque is on, shape (J,).
         conditions: places in CONDITIONS, shape (J,).
