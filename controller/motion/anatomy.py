@@ -1,8 +1,7 @@
 """Anatomy: the body part of each bone of a skeleton, by usual names or else by shape.
 
-Names are used if both legs have them (`bone_names`); arms without such names are found by shape, and a spine without
-them leads to the arms. An unnamed bone belongs to the part that it leads to: towards a thigh it is hip, towards an
-upper arm clavicle, towards the head trunk or neck. Fingers belong to the hand, toes to the foot.
+Names are used if both legs have them (`bone_names`); unnamed arms are found by shape, and an unnamed spine leads to
+the arms. An unnamed bone belongs to the part that it leads to. Fingers belong to the hand, toes to the foot.
 
 By shape: limbs are pairs of chains of the same length. The pair that branches off at the root is the legs, the pair
 further up the arms, and the spine connects them and continues to the highest end near the middle. If that is ambiguous,
@@ -13,10 +12,10 @@ of a leg with the largest sum of lengths; the upper arm is the longest bone of a
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import combinations
-from typing import Literal
+from typing import Literal, TypeAlias
 
 import numpy as np
 
@@ -33,6 +32,7 @@ Part = Literal[
 ]
 Side = Literal["left", "right", "middle"]
 SIDES: tuple[Side, Side] = ("left", "right")
+FirstBones: TypeAlias = dict[tuple[str, str], int]  # by part and side
 
 
 @dataclass(frozen=True)
@@ -63,11 +63,10 @@ def anatomy(skeleton: Skeleton) -> Anatomy:
 def named_anatomy(skeleton: Skeleton) -> Anatomy | None:
     """The parts of a skeleton whose names identify both legs; None for others."""
     named = named_parts(skeleton.bones)
-    bones = {(of.part, of.side): bone for bone, of in reversed(list(enumerate(named))) if of is not None}
-
-    def first(part: Part, side: Side) -> int | None:
-        return bones.get((part, side))
-
+    first: FirstBones = {}
+    for bone, of in enumerate(named):
+        if of is not None:
+            first.setdefault((of.part, of.side), bone)
     part: list[Part] = ["other"] * len(skeleton)
     side: list[Side] = ["middle"] * len(skeleton)
     for which in SIDES:
@@ -110,25 +109,25 @@ def leg_without_name(skeleton: Skeleton) -> Side | None:
 
 _LEG: tuple[Part, ...] = ("hip", "thigh", "shank", "foot")
 _ARM: tuple[Part, ...] = ("clavicle", "upper arm", "forearm", "hand")
+_LIMBS_AND_HEAD = (
+    *(("thigh", "left"), ("thigh", "right"), ("upper arm", "left"), ("upper arm", "right")),
+    *(("head", "middle"), ("neck", "middle")),
+)
 
 
 def _name_limb(
-    skeleton: Skeleton,
-    first: Callable[[Part, Side], int | None],
-    which: Side,
-    kinds: tuple[Part, ...],
-    part: list[Part],
-    side: list[Side],
+    skeleton: Skeleton, first: FirstBones, which: Side, kinds: tuple[Part, ...], part: list[Part], side: list[Side]
 ) -> bool:
     """Labels a leg or an arm from its two long bones; False if they are not named, or not in one chain."""
-    upper, lower = first(kinds[1], which), first(kinds[2], which)
+    upper, lower = first.get((kinds[1], which)), first.get((kinds[2], which))
     if upper is None or lower is None or not skeleton.chain[lower, upper] or upper == lower:
         return False
-    end = first(kinds[3], which)
+    end = first.get((kinds[3], which))
     limb = _path(skeleton, lower)
     sides = [b for b in limb if skeleton.chain[b, upper]]
+    others = [first[of] for of in _LIMBS_AND_HEAD if of in first and first[of] != upper]
     begin = limb.index(upper)
-    while begin > 0 and _belongs(skeleton, limb[begin - 1], upper, first, which, kinds[0]):
+    while begin > 0 and not skeleton.chain[others, limb[begin - 1]].any():
         begin -= 1
     for bone in limb[begin : limb.index(upper)]:
         part[bone], side[bone] = kinds[0], which
@@ -156,17 +155,7 @@ def _level(skeleton: Skeleton, spine: list[int], arm: int) -> int:
     return place + (bool(way) and beside)
 
 
-def _belongs(
-    skeleton: Skeleton, bone: int, upper: int, first: Callable[[Part, Side], int | None], which: Side, kind: Part
-) -> bool:
-    """Whether a bone above a thigh or an upper arm leads to no other limb and no head."""
-    others = [first("thigh", side) for side in SIDES] + [first("upper arm", side) for side in SIDES]
-    others += [first("head", "middle"), first("neck", "middle")]
-    return not any(o is not None and o != upper and skeleton.chain[o, bone] for o in others)
-
-
 def _main_end(skeleton: Skeleton, bone: int, named: list[NamedPart | None]) -> int:
-    """The last named bone up from a bone of the spine."""
     while True:
         up = [int(b) for b in skeleton.children(bone) if (of := named[b]) is not None and of.part in ("neck", "head")]
         if not up:
@@ -297,7 +286,7 @@ def _main_path(skeleton: Skeleton, branch: int, leaves: list[int]) -> list[int]:
 def _name_leg(skeleton: Skeleton, main: Sequence[int], limb: np.ndarray, part: list[Part]) -> None:
     length = skeleton.length[list(main)]
     thigh = int(np.argmax(length[:-1] + length[1:])) if len(main) > 1 else 0
-    _name(skeleton, main, limb, thigh, part, ("hip", "thigh", "shank", "foot"))
+    _name(skeleton, main, limb, thigh, part, _LEG)
 
 
 def _name_arm(skeleton: Skeleton, main: Sequence[int], limb: np.ndarray, part: list[Part]) -> None:
@@ -308,16 +297,11 @@ def _name_arm(skeleton: Skeleton, main: Sequence[int], limb: np.ndarray, part: l
         ratio = np.maximum(length.sum() - np.cumsum(length), 1e-9)[:-1] / np.maximum(length[:-1], 1e-9)
         nearly_longest = length[:-1] >= 0.9 * length[:-1].max()
         upper = int(np.argmin(np.where(nearly_longest, np.abs(np.log(ratio / BEYOND_ELBOW)), np.inf)))
-    _name(skeleton, main, limb, upper, part, ("clavicle", "upper arm", "forearm", "hand"))
+    _name(skeleton, main, limb, upper, part, _ARM)
 
 
 def _name(
-    skeleton: Skeleton,
-    main: Sequence[int],
-    limb: np.ndarray,
-    first: int,
-    part: list[Part],
-    names: tuple[Part, Part, Part, Part],
+    skeleton: Skeleton, main: Sequence[int], limb: np.ndarray, first: int, part: list[Part], names: tuple[Part, ...]
 ) -> None:
     """Labels a limb: bones before its first long bone, the two long bones, and all that follow."""
     for place, bone in enumerate(main):

@@ -20,21 +20,8 @@ from typing import Literal, NamedTuple
 from controller.motion import foreign_names
 from controller.motion.foreign_names import ENGLISH, without_accents
 
-Part = Literal[
-    "pelvis",
-    "trunk",
-    "neck",
-    "head",
-    "hip",
-    "thigh",
-    "shank",
-    "foot",
-    "toes",
-    "clavicle",
-    "upper arm",
-    "forearm",
-    "hand",
-]
+LimbPart = Literal["hip", "thigh", "shank", "foot", "clavicle", "upper arm", "forearm", "hand"]
+Part = Literal["pelvis", "trunk", "neck", "head", "toes"] | LimbPart
 Side = Literal["left", "right", "middle"]
 
 
@@ -100,7 +87,6 @@ _THESIS: dict[str, NamedPart] = {
     "neck": NamedPart("trunk", "middle"),
     "head": NamedPart("head", "middle"),
 }
-LimbPart = Literal["hip", "thigh", "shank", "foot", "clavicle", "upper arm", "forearm", "hand"]
 # Suffixes of the thesis's bones on either side, and their parts.
 THESIS_LIMBS: tuple[tuple[str, LimbPart], ...] = (
     ("hip", "hip"),
@@ -112,16 +98,11 @@ THESIS_LIMBS: tuple[tuple[str, LimbPart], ...] = (
     ("wri", "forearm"),
     ("han", "hand"),
 )
-_SIDES: tuple[tuple[str, Side], ...] = (("l", "left"), ("r", "right"))
-for _letter, _side in _SIDES:
-    _THESIS |= {_letter + end: NamedPart(part, _side) for end, part in THESIS_LIMBS}
-
-
+_THESIS |= {"l" + end: NamedPart(part, "left") for end, part in THESIS_LIMBS}
+_THESIS |= {"r" + end: NamedPart(part, "right") for end, part in THESIS_LIMBS}
 # Sides written together with a part, the longest first: "links" before "l".
-_SPELLED: tuple[tuple[frozenset[str], Side], ...] = ((_LEFT, "left"), (_RIGHT, "right"))
-_AFFIXES: list[tuple[str, Side]] = [
-    (word, side) for words, side in _SPELLED for word in sorted(words, key=len, reverse=True)
-]
+_AFFIXES: list[tuple[str, Side]] = [(word, "left") for word in sorted(_LEFT, key=len, reverse=True)]
+_AFFIXES += [(word, "right") for word in sorted(_RIGHT, key=len, reverse=True)]
 
 
 class _Style(NamedTuple):
@@ -148,14 +129,11 @@ class _Style(NamedTuple):
         said = [frozenset(_words(joint)) for joint in joints]
         counts = Counter(word for words in said for word in words)
         known = _LEFT | _RIGHT | _KNOWN
-        shared = frozenset(
-            word
-            for word, count in counts.items()
-            if len(said) > 3 and count > _SHARED * len(said) and word not in known
-        )
+        shared: frozenset[str] = frozenset()
         if len(said) > 3:
-            shared |= _besides_parts(map(_words, joints)) - known
-        keys = {key for joint in joints for key, _ in [_key(joint, shared)]}
+            shared = frozenset(word for word, count in counts.items() if count > _SHARED * len(said))
+            shared = (shared | _besides_parts(map(_words, joints))) - known
+        keys = {_key(joint, shared)[0] for joint in joints}
         thighs = bool(keys & {"upleg", "upperleg", "legupper", "uleg", "thigh", "thighbend", "femur"})
         shins = bool(keys & {"shin", "calf", "shank", "lowerleg", "lowleg", "loleg", "leglower", "lleg", "knee"})
         uppers = {"upperarm", "uparm", "armupper", "arm", "uarm", "humerus"}
@@ -234,7 +212,6 @@ def _key(name: str, shared: frozenset[str]) -> tuple[str, Side]:
 
 
 def _english_key(words: tuple[str, ...]) -> tuple[str, Side]:
-    """As `_key`, of the words of a name."""
     key, side = _sided_key(words)
     return ENGLISH.get(key, key), side
 

@@ -16,8 +16,6 @@ class Clip:
     """T frames of a skeleton with B bones.
 
     Attributes:
-        name: of the motion.
-        skeleton: of the body.
         rate: frames per second, Hz.
         root_position: shape (T, 3), m; z up.
         rotation: world rotation of the root and of each bone, shape (T, 1 + B, 4).

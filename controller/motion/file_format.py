@@ -1,4 +1,7 @@
-"""A file format of recordings: a module of the folder `formats` that defines its row FORMAT."""
+"""A file format of recordings: a module of the folder `formats` that defines its row FORMAT.
+
+Readers raise FileFormatError, naming the file and where possible the line, if it cannot be read or is broken.
+"""
 
 from __future__ import annotations
 
@@ -15,13 +18,11 @@ Reader = Callable[[str | Path, ReadingOptions], Clip | Markers]
 
 @dataclass(frozen=True, kw_only=True)
 class Format:
-    """One row of the list of formats.
+    """One row of the list of formats, and of the table in docs/clips.md.
 
     Attributes:
-        name: of the format and where such files come from, as in the table of docs/clips.md.
         suffixes: in lower case.
         read: returns the clip, or the markers that a body is then fitted to.
-        supported, unsupported: contents of the files, for that table.
         magic: first bytes of every such file, by which a wrong suffix is recognised; may be empty.
         matches: whether a file with one of the suffixes is a recording, where other files share them.
     """

@@ -39,11 +39,7 @@ class ReadingOptions:
             raise FileFormatError(f"the axis '{self.up}' cannot be up: give y or z")
 
     def renamed(self, names: tuple[str, ...], path: str | Path) -> tuple[str, ...]:
-        """The names after `rename`.
-
-        Raises:
-            FileFormatError: if a name to be replaced is not among them, or two would be equal.
-        """
+        """The names after `rename` (FileFormatError if one to be replaced is missing, or two would be equal)."""
         missing = [old for old in self.rename if old not in names]
         if missing:
             raise FileFormatError(f"{path}: nothing to rename is called '{missing[0]}' (there are: {listed(names)}).")

@@ -79,10 +79,7 @@ def doubts(clip: Clip) -> list[str]:
 
 
 def _lie(lines: Array) -> bool:
-    """Whether lines (T, N, 3) are horizontal: nearly always all of them, or on average with constant directions.
-
-    The legs of a body that walks with another vertical axis swing up and down.
-    """
+    """Whether lines (T, N, 3) are horizontal: nearly always all of them, or on average with constant directions."""
     steepest = np.abs(lines[..., 2]).max(axis=1)
     whole = lines.mean(axis=0)
     same_way = np.linalg.norm(whole, axis=-1).min() > STEADY and np.abs(whole[:, 2]).max() < LIES
@@ -90,7 +87,6 @@ def _lie(lines: Array) -> bool:
 
 
 def _arms_by_shape(skeleton: Skeleton, marks: Landmarks) -> str:
-    """The arms that were found by shape instead of names, in words; or an empty string."""
     named = set(named_parts(skeleton.bones))
     arms = [
         f"the {side} arm"
@@ -101,20 +97,12 @@ def _arms_by_shape(skeleton: Skeleton, marks: Landmarks) -> str:
 
 
 def _toes_ahead(own: Clip) -> float:
-    """The median cosine between the toes of a canonical clip and the heading.
-
-    Only the part across the shank counts: the feet of a crawling or kneeling body point backwards.
-    """
-    line = {
-        bone: rotate(
-            own.rotation[:, 1 + own.skeleton.index(bone)], own.skeleton.rest_direction[own.skeleton.index(bone)]
-        )
-        for bone in ("lank", "rank", "lfoo", "rfoo")
-    }
-    aside = [
-        foot - dot(foot, shank)[:, None] * shank
-        for foot, shank in ((line["lfoo"], line["lank"]), (line["rfoo"], line["rank"]))
-    ]
+    """The median cosine between the toes, but for their part along the shank, and the heading of a canonical clip."""
+    lines = rotate(own.rotation[:, 1:], own.skeleton.rest_direction)
+    aside: list[Array] = []
+    for side in "lr":
+        foot, shank = (lines[:, own.skeleton.index(side + end)] for end in ("foo", "ank"))
+        aside.append(foot - dot(foot, shank)[:, None] * shank)  # crawling feet point backwards along it
     forward = rotate(own.rotation[:, 0], np.array([1.0, 0.0, 0.0]))
     return float(np.median(dot(0.5 * (aside[0] + aside[1]), forward)))
 

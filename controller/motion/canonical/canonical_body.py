@@ -3,8 +3,7 @@
 Rest poses of different files cannot be compared; directions of limbs in the world can. So every recording is carried to
 a body of 20 landmarks: the middle between the hips (its root), waist, base of the neck, head, and on each side hip,
 knee, ankle, toe base, shoulder, elbow, wrist and knuckles. Its 19 bones are the lines between them, named and ordered
-as in the thesis (`formats/jaeger_patterns`): recordings of markers and Jaeger's patterns are already on this body. The
-number of bones of a spine, missing fingers and toes, and names make no difference.
+as in the thesis: recordings of markers and Jaeger's patterns are already on this body.
 
 Each bone has the direction of the recorded landmarks in every frame, and the median of their distance as its length.
 Its twist is that of the recorded bone at its end, relative to the recording's rest pose.
@@ -37,17 +36,11 @@ _HANGS = (0.0, 0.17, -0.985)  # direction of a missing left arm
 
 @dataclass(frozen=True)
 class Landmarks:
-    """The joints of a skeleton that are landmarks; a joint is 0 for the root or 1 + the bone that ends there.
+    """The joints of a skeleton that are landmarks; a joint is 0 for the root or 1 + the bone that ends there."""
 
-    Attributes:
-        joint: of each canonical bone, the joint in which it ends; absent if the skeleton lacks it.
-        bone: of each canonical bone, the recorded bone that gives its rotation.
-        waist: the joint nearest to the middle of the trunk, or None if the trunk is one bone.
-    """
-
-    joint: dict[str, int]
-    bone: dict[str, int]
-    waist: int | None
+    joint: dict[str, int]  # in which each canonical bone ends that the skeleton has
+    bone: dict[str, int]  # that gives each canonical bone its rotation
+    waist: int | None  # the joint nearest to the middle of the trunk; None if the trunk is one bone
 
     @property
     def lacking(self) -> list[str]:
@@ -65,11 +58,7 @@ def is_canonical(skeleton: Skeleton) -> bool:
 
 
 def landmarks_of(skeleton: Skeleton) -> Landmarks:
-    """The landmarks of any skeleton of a human.
-
-    Raises:
-        FileFormatError: if it does not have two legs.
-    """
+    """The landmarks of any skeleton of a human (FileFormatError without two legs)."""
     lacks = leg_without_name(skeleton)
     if lacks is not None:
         raise _no_leg(skeleton, lacks)
@@ -126,11 +115,7 @@ def _main(skeleton: Skeleton, parts: Anatomy, part: Part, side: Side) -> list[in
 
 
 def to_canonical(clip: Clip) -> Clip:
-    """A recording on the canonical body, with its own proportions and recorded directions of bones.
-
-    Raises:
-        FileFormatError: if the skeleton does not have two legs.
-    """
+    """A recording on the canonical body, with its own proportions (FileFormatError without two legs)."""
     if is_canonical(clip.skeleton):
         return clip
     marks = landmarks_of(clip.skeleton)
@@ -161,14 +146,11 @@ def to_canonical(clip: Clip) -> Clip:
 def carried(clip: Clip, skeleton: Skeleton) -> Clip:
     """A recording on a given body: the canonical one with other proportions, or the skeleton of a library.
 
-    Limbs keep their recorded directions. The path is scaled by the ratio of leg lengths.
-
-    Raises:
-        FileFormatError: if either does not have two legs.
+    Limbs keep their recorded directions. The path is scaled by the ratio of leg lengths. FileFormatError without two
+    legs.
     """
-    joints = skeleton.is_rig or clip.skeleton.is_rig
     same = set(clip.skeleton.bones) == set(skeleton.bones)
-    if joints and not same:
+    if (skeleton.is_rig or clip.skeleton.is_rig) and not same:
         raise FileFormatError(
             f"clip '{clip.name}': its joints are not those of '{skeleton.name}'. A taught clip fits its rig only."
         )
@@ -194,10 +176,7 @@ def _with_same_bones(clip: Clip, skeleton: Skeleton) -> Clip:
 
 
 def _from_canonical(clip: Clip, skeleton: Skeleton) -> Clip:
-    """A canonical clip on another skeleton: each bone follows the canonical bone of its part.
-
-    Several bones of a part (a spine, a neck, toes) move as one and keep their rest shape.
-    """
+    """A canonical clip on another skeleton: all bones of a part follow its canonical bone, in their rest shape."""
     parts = anatomy(skeleton)
     marks = landmarks_of(skeleton)
     rest, _ = _landmark_places(skeleton, marks, np.zeros((1, 3)), _identity(1, len(skeleton)))

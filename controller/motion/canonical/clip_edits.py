@@ -59,18 +59,13 @@ def _beyond(points: list[Array], at_first: NDArray[np.bool_], at_last: NDArray[n
     """Four points around each time, with those beyond an end of the recording extrapolated."""
     before, start, end, after = points
     first, last = (mask.reshape(-1, *[1] * (start.ndim - 1)) for mask in (at_first, at_last))
-    return [
-        np.where(first, 3.0 * (start - end) + after, before),
-        start,
-        end,
-        np.where(last, 3.0 * (end - start) + before, after),
-    ]
+    ahead = np.where(first, 3.0 * (start - end) + after, before)
+    return [ahead, start, end, np.where(last, 3.0 * (end - start) + before, after)]
 
 
-def _cubic(points: list[Array], share: Array) -> Array:
+def _cubic(points: list[Array], s: Array) -> Array:
     """Interpolates between the second and the third of four points, at shares from 0 to 1."""
     before, start, end, after = points
-    s = share
     slope, slope_end = 0.5 * (end - before), 0.5 * (after - start)
     return (
         (1.0 + 2.0 * s) * (1.0 - s) ** 2 * start
@@ -81,10 +76,7 @@ def _cubic(points: list[Array], share: Array) -> Array:
 
 
 def moving_part(clip: Clip) -> tuple[int, int]:
-    """The frames (first, end) between the still ends; (0, 0) if nothing moves.
-
-    A reference pose before the motion (often a first frame with arms held out) is excluded.
-    """
+    """The frames (first, end) between still ends, without a reference pose (arms out); (0, 0) if nothing moves."""
     if len(clip) < 2:
         return 0, 0
     joints = clip.joints()
@@ -100,10 +92,7 @@ def jumps(clip: Clip) -> list[int]:
 
 
 def spikes(clip: Clip) -> list[tuple[int, int]]:
-    """The frames in which a joint is at an impossible position, and the bone that ends there.
-
-    Measured by the distance of a joint, relative to the root, from the middle of its two neighbours in time.
-    """
+    """The frames in which a joint is far from the middle of its neighbours in time, and the bone that ends there."""
     if len(clip) < 3:
         return []
     own = clip.joints()[:, 1:] - clip.root_position[:, None]
@@ -114,11 +103,7 @@ def spikes(clip: Clip) -> list[tuple[int, int]]:
 
 
 def breaks(clip: Clip, first: int = 0, end: int | None = None) -> tuple[list[int], list[str]]:
-    """Jumps and spikes in some frames of a clip, by default in all.
-
-    Returns:
-        The frames at which to cut, in order, and a phrase for each kind of break with its times.
-    """
+    """The frames at which to cut for jumps and spikes, by default of all, and a phrase for each kind with times."""
     part = span(clip, first, len(clip) if end is None else end)
     jumped = [first + jump for jump in jumps(part)]
     spiked = [(first + frame, bone) for frame, bone in spikes(part)]
@@ -169,17 +154,12 @@ def _between_still_ends(joints: Array, rate: float) -> tuple[int, int]:
 
 
 def mirrored(clip: Clip) -> Clip:
-    """The motion on the canonical body with left and right exchanged.
-
-    Raises:
-        FileFormatError: if the clip's skeleton has no two legs, or is a rig's.
-    """
+    """The motion on the canonical body with left and right exchanged (FileFormatError for a rig, or without legs)."""
     if clip.skeleton.is_rig:
         raise FileFormatError(f"clip '{clip.name}': a rig's joints have no left and right to exchange")
     own = to_canonical(clip)
-    swap = {"l": "r", "r": "l"}
-    names = [swap.get(bone[0], "") + bone[1:] if bone[1:] in _SIDED else bone for bone in CANONICAL_BONES]
-    partner = np.array([CANONICAL_BONES.index(name) for name in names])
+    swapped = {"l" + end: "r" + end for end in _SIDED} | {"r" + end: "l" + end for end in _SIDED}
+    partner = np.array([CANONICAL_BONES.index(swapped.get(bone, bone)) for bone in CANONICAL_BONES])
     rotation = own.rotation[:, np.concatenate([[0], 1 + partner])] * np.array([1.0, -1.0, 1.0, -1.0])
     return replace(
         own,
@@ -198,11 +178,7 @@ def span(clip: Clip, first: int, end: int) -> Clip:
 
 
 def seconds_of(clip: Clip, begin: float, end: float | None = None) -> Clip:
-    """The piece of a clip between two times, s, by default up to its end.
-
-    Raises:
-        FileFormatError: if the times are not within the clip.
-    """
+    """The piece of a clip between two times, s, by default up to its end (FileFormatError beyond it)."""
     frames = len(clip) if end is None else round(end * clip.rate)
     first = round(begin * clip.rate)
     if not 0 <= first < frames <= len(clip):

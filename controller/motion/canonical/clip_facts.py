@@ -6,7 +6,7 @@ from typing import TypedDict
 
 import numpy as np
 
-from controller.motion.anatomy import SIDES, Part, Side, anatomy
+from controller.motion.anatomy import SIDES, Part, anatomy
 from controller.motion.canonical.body_doubts import doubts, recorded_parts
 from controller.motion.formats.markers.marker_fit import Fit, misplaced
 from controller.motion.formats.reading import FittedClip
@@ -56,14 +56,13 @@ def facts(recording: FittedClip) -> Facts:
     """The statistics of a recording."""
     clip = recording.clip
     joints = clip.joints()
-    low, high = joints.min(axis=(0, 1)), joints.max(axis=(0, 1))
+    x, y, z = np.stack([joints.min(axis=(0, 1)), joints.max(axis=(0, 1))], axis=1).tolist()
     step = np.linalg.norm(np.diff(clip.root_position[:, :2], axis=0), axis=-1)
     speed = np.linalg.norm(np.diff(joints, axis=0), axis=-1) * clip.rate
     fastest = int(speed.max(axis=0).argmax()) if len(clip) > 1 else 0
     parts = anatomy(clip.skeleton)
     human = all(parts.first("thigh", side) is not None for side in SIDES)
-    sides: tuple[Side, ...] = ("left", "right")
-    missing = [f"{side} {part}" for part in LIMBS for side in sides if parts.first(part, side) is None]
+    missing = [f"{side} {part}" for part in LIMBS for side in SIDES if parts.first(part, side) is None]
     return Facts(
         name=clip.name,
         source=clip.source,
@@ -76,9 +75,9 @@ def facts(recording: FittedClip) -> Facts:
         frames=len(clip),
         rate=clip.rate,
         duration=clip.duration,
-        x=[float(low[0]), float(high[0])],
-        y=[float(low[1]), float(high[1])],
-        z=[float(low[2]), float(high[2])],
+        x=x,
+        y=y,
+        z=z,
         root_height=[float(clip.root_position[:, 2].min()), float(clip.root_position[:, 2].max())],
         path=float(step.sum()),
         median_speed=float(np.median(step) * clip.rate) if len(step) else 0.0,

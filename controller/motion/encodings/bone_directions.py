@@ -37,20 +37,15 @@ HIPS = (("rhip", "lhip"), ("rhipjoint", "lhipjoint"))
 
 @dataclass(frozen=True)
 class BoneDirections:
-    """Conversion between clips of a skeleton and channels.
-
-    Attributes:
-        skeleton: of the clips.
-        right_hip, left_hip: names of the bones from the root to the hips.
-    """
+    """Conversion between clips of a skeleton and channels."""
 
     skeleton: Skeleton
-    right_hip: str = "rhip"
+    right_hip: str = "rhip"  # the bones from the root to the hips
     left_hip: str = "lhip"
 
     name: ClassVar[str] = "bone directions"
     twist_by_rule: ClassVar[bool] = True
-    """Whether the twist of bones follows a rule (`controller/motion/orientation.py`) and is not in the channels."""
+    """Whether the twist of bones follows a rule (`orientation.py`) and is not in the channels."""
 
     @classmethod
     def of(cls, skeleton: Skeleton) -> Self:

@@ -16,11 +16,7 @@ ENCODINGS: dict[str, type[Encoding]] = {kind.name: kind for kind in (BoneDirecti
 
 
 def encoding_of(skeleton: Skeleton, *, twist: bool = False) -> Encoding:
-    """The encoding for clips of a skeleton, with the twist of bones if `twist`.
-
-    Raises:
-        FileFormatError: if it is a body whose hips are not found.
-    """
+    """The encoding for clips of a skeleton, with twists if `twist` (FileFormatError for a body without hips)."""
     if isinstance(skeleton, JointBody):
         return JointAngles(skeleton)
     return JointRotations.of(skeleton) if twist else BoneDirections.of(skeleton)

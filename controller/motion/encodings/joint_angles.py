@@ -33,11 +33,7 @@ class JointBody(Skeleton):
 
     @classmethod
     def of(cls, joints: Sequence[str]) -> JointBody:
-        """The body of joints with these names.
-
-        Raises:
-            FileFormatError: if there are none, or a name is used twice.
-        """
+        """The body of joints with these names (FileFormatError if there are none, or a name is used twice)."""
         count = len(joints)
         forward = np.tile([1.0, 0.0, 0.0], (count, 1))
         return cls("joints", tuple(joints), np.full(count, ROOT), forward, np.full(count, _LEVER))
@@ -50,11 +46,7 @@ class JointBody(Skeleton):
 
 @dataclass(frozen=True)
 class JointAngles:
-    """Clips of a joint body to channels and back; the same interface as `bone_directions.BoneDirections`.
-
-    Attributes:
-        skeleton: the joints.
-    """
+    """Clips of a joint body to channels and back; the same interface as `bone_directions.BoneDirections`."""
 
     skeleton: JointBody
 
@@ -63,11 +55,7 @@ class JointAngles:
 
     @classmethod
     def restore(cls, info: SkeletonInfo) -> JointAngles:
-        """The encoding of a library with these joints.
-
-        Raises:
-            FileFormatError: as `JointBody.of`.
-        """
+        """The encoding of a library with these joints (FileFormatError as `JointBody.of`)."""
         return cls(JointBody.of(info.bones))
 
     def skeleton_info(self) -> SkeletonInfo:

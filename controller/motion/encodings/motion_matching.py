@@ -62,16 +62,7 @@ class MotionMatch:
 
 
 class Matcher:
-    """The windows of every motion.
-
-    Args:
-        references: the features of each motion, shape (T_j, F).
-        loops: whether each is a loop.
-        rate: frames per second, Hz.
-
-    Attributes:
-        stride: frames from one window to the next.
-    """
+    """The windows of every motion, of features (T_j, F) each, `stride` frames from one to the next."""
 
     def __init__(self, references: list[Array], loops: list[bool], rate: float) -> None:
         self.stride = stride_of(rate)

@@ -45,11 +45,7 @@ class Joint:
 
 
 def read_bvh(path: str | Path, options: ReadingOptions = AS_FOUND) -> Clip:
-    """The motion in a BVH file.
-
-    Raises:
-        FileFormatError: naming file and line, if it cannot be read or does not follow the format.
-    """
+    """The motion in a BVH file."""
     head, rows, at = _split(read_text(path))
     lines = [Line(path, number, text.split()) for number, text in enumerate(head.split("\n"), 1)]
     found = (index for index, line in enumerate(lines) if line.words and line.words[0].upper() == "MOTION")
@@ -128,7 +124,6 @@ def _one_brace_a_line(lines: list[Line]) -> Iterator[Line]:
 
 
 def _named(line: Line, joints: list[Joint], open_joints: list[int]) -> Joint:
-    """Adds the joint that a ROOT, JOINT or End Site line begins."""
     kind, *words = line.words
     if (kind.upper() == "ROOT") == bool(joints):
         raise line.error("expected one ROOT, and every joint below it. Split a file with several bodies.")
@@ -187,10 +182,7 @@ def _rate(period: float, written: str) -> float:
 
 
 def _values(rows: str, at: int, width: int, announced: Line) -> Array:
-    """The values in the file, shape (frames, channels), after `at` lines.
-
-    More frames than announced are read too: some exporters count one too few.
-    """
+    """The values, shape (frames, channels), also of unannounced frames: some exporters count one too few."""
     frames = announced.number_from(announced.words[-1])
     with warnings.catch_warnings():
         warnings.simplefilter("error", DeprecationWarning)  # of numpy where a word is not a number
@@ -222,7 +214,6 @@ def _frame_problem(rows: str, at: int, frames: float, width: int, count: int) ->
 
 
 def _no_number(path: str | Path, rows: str, at: int) -> FileFormatError:
-    """The error that names the first word that is not a number, in rows after `at` lines."""
     for number, row in enumerate(rows.split("\n"), at + 1):
         for word in row.split():
             value = as_float(word)
@@ -232,10 +223,7 @@ def _no_number(path: str | Path, rows: str, at: int) -> FileFormatError:
 
 
 def _added(place: Array, joint: Joint) -> bool:
-    """Whether position channels (T, 3) are relative to the OFFSET: else a joint would lie in its parent.
-
-    Judged by the first frames of a root, which then moves, and by the median of other joints: some frames may be lost.
-    """
+    """Whether position channels (T, 3) are relative to the OFFSET: in the first frames of a root, or the median."""
     if sum(channel.endswith("position") for channel in joint.channels) < 3:
         return False
     away = np.linalg.norm(place, axis=1) / max(float(np.linalg.norm(np.array(joint.offset))), 1e-9)
@@ -245,7 +233,6 @@ def _added(place: Array, joint: Joint) -> bool:
 
 
 def _tree(joints: list[Joint], values: Array) -> JointTree:
-    """Forward kinematics of the file's channels, in its axes and unit."""
     frames = len(values)
     turn = np.empty((frames, len(joints), 4))
     place = np.empty((frames, len(joints), 3))

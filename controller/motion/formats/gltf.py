@@ -15,7 +15,7 @@ import numpy as np
 
 from controller.motion.clip import Clip
 from controller.motion.file_format import Format
-from controller.motion.formats.gltf_buffers import Accessors, Asset, Sampler, open_gltf
+from controller.motion.formats.gltf_buffers import Accessors, Animation, Asset, Sampler, open_gltf
 from controller.motion.joint_tree import MOST_POSES, JointTree, clip_of, distinct
 from controller.motion.reading_options import AS_FOUND, ReadingOptions
 from controller.motion.rotations import (
@@ -36,25 +36,12 @@ SAME = 1e-5  # s: keys are float32, so a sample at a key may come out just befor
 
 
 def read_gltf(path: str | Path, options: ReadingOptions = AS_FOUND) -> Clip:
-    """The longest animation in a glTF or VRM file.
-
-    Raises:
-        FileFormatError: naming the file, if it cannot be read, is broken, or has no animation of a body.
-    """
+    """The longest animation in a glTF or VRM file."""
     asset, accessors = open_gltf(path)
     parents = _parents(path, asset)
     if not asset.animations:
         raise FileFormatError(f"{path}: there is no animation in it, only a model. Export it with its animation.")
-    tracks = max(
-        (
-            [
-                _Track(path, asset, accessors, node, kind, sampler)
-                for node, kind, sampler in _driven(path, asset, number)
-            ]
-            for number in range(len(asset.animations))
-        ),
-        key=_length,
-    )
+    tracks = max((_tracks(path, asset, accessors, animation) for animation in asset.animations), key=_length)
     if not tracks:
         raise FileFormatError(f"{path}: its animations move no node. Export it with its animation.")
     begin = min(float(track.keys[0]) for track in tracks)
@@ -116,17 +103,15 @@ def _length(tracks: list[_Track]) -> float:
     return max((float(track.keys[-1]) for track in tracks), default=-1.0)
 
 
-def _driven(path: str | Path, asset: Asset, number: int) -> list[tuple[int, str, Sampler]]:
-    """Node, property and sampler of each channel of an animation."""
-    animation = asset.animations[number]
-    found: list[tuple[int, str, Sampler]] = []
+def _tracks(path: str | Path, asset: Asset, accessors: Accessors, animation: Animation) -> list[_Track]:
+    found: list[_Track] = []
     for channel in animation.channels:
         node, kind = channel.target.node, channel.target.path
         if node is None or kind not in ("translation", "rotation", "scale"):
             continue  # weights of shapes, and pointers of extensions
         if not 0 <= channel.sampler < len(animation.samplers):
             raise FileFormatError(f"{path}: an animation names sampler {channel.sampler}, which it lacks.")
-        found.append((node, kind, animation.samplers[channel.sampler]))
+        found.append(_Track(path, asset, accessors, node, kind, animation.samplers[channel.sampler]))
     return found
 
 
@@ -154,11 +139,8 @@ def _human_bones(asset: Asset) -> dict[int, str]:
         if isinstance(bones, dict):  # VRM 1.0
             pairs = [(name, _inside(bone, "node")) for name, bone in bones.items()]
         else:  # VRM 0.x
-            pairs = (
-                [(_inside(bone, "bone"), _inside(bone, "node")) for bone in bones if bones]
-                if isinstance(bones, list)
-                else []
-            )
+            listed = bones if isinstance(bones, list) else []
+            pairs = [(_inside(bone, "bone"), _inside(bone, "node")) for bone in listed]
         for name, node in pairs:
             if isinstance(name, str) and isinstance(node, int) and 0 <= node < len(asset.nodes):
                 named.setdefault(node, name)
@@ -171,10 +153,8 @@ def _inside(value: object, key: str) -> object:
 
 def _joints(asset: Asset, parents: list[int], human: dict[int, str], driven: set[int]) -> list[int]:
     """The nodes of the body, parents first: its joints and their ancestors."""
-    wanted = {joint for skin in asset.skins for joint in skin.joints} | set(human)
-    wanted = wanted or driven
     kept: set[int] = set()
-    for node in wanted:
+    for node in {joint for skin in asset.skins for joint in skin.joints} | set(human) or driven:
         while node != -1 and node not in kept:
             kept.add(node)
             node = parents[node]
@@ -188,7 +168,6 @@ def _joints(asset: Asset, parents: list[int], human: dict[int, str], driven: set
 def _posed(
     asset: Asset, parents: list[int], joints: list[int], human: dict[int, str], tracks: list[_Track], times: Array
 ) -> JointTree:
-    """World positions and rotations of the joints at some times."""
     index = {node: place for place, node in enumerate(joints)}
     several = sum(parents[node] == -1 for node in joints) > 1
     frames = len(times)

@@ -22,6 +22,7 @@ from motiondeck_base.files import read_bytes, shortened
 MOST_NODES = 10_000
 MOST_NUMBERS = 100_000_000
 _KINDS = {5120: "<i1", 5121: "<u1", 5122: "<i2", 5123: "<u2", 5125: "<u4", 5126: "<f4"}
+_COMPRESSIONS = ("EXT_meshopt_compression", "KHR_meshopt_compression")
 _WIDTHS = {"SCALAR": 1, "VEC2": 2, "VEC3": 3, "VEC4": 4, "MAT2": 4, "MAT3": 9, "MAT4": 16}
 
 
@@ -63,7 +64,9 @@ class Sampler(msgspec.Struct):
     interpolation: str = "LINEAR"
 
 
-class _Animation(msgspec.Struct):
+class Animation(msgspec.Struct):
+    """Channels, each of which drives a property of a node by one of the samplers."""
+
     channels: list[_Channel] = []
     samplers: list[Sampler] = []
 
@@ -121,7 +124,7 @@ class Asset(msgspec.Struct, rename="camel"):
     asset: _About
     nodes: list[GltfNode] = []
     skins: list[_Skin] = []
-    animations: list[_Animation] = []
+    animations: list[Animation] = []
     buffers: list[_Buffer] = []
     buffer_views: list[_View] = []
     accessors: list[_Accessor] = []
@@ -134,11 +137,7 @@ class Asset(msgspec.Struct, rename="camel"):
 
 
 def open_gltf(path: str | Path) -> tuple[Asset, Accessors]:
-    """The contents of a glTF file.
-
-    Raises:
-        FileFormatError: naming the file, if it cannot be read or does not follow the format.
-    """
+    """The contents of a glTF file (FileFormatError if it is broken)."""
     content = read_bytes(path)
     text, chunk = _chunks(path, content) if content[:4] == b"glTF" else (content, b"")
     try:
@@ -148,9 +147,7 @@ def open_gltf(path: str | Path) -> tuple[Asset, Accessors]:
     if not asset.asset.version.startswith("2."):
         version = shortened(asset.asset.version) or "unknown"
         raise FileFormatError(f"{path}: glTF of version {version} is not read. Export it as glTF 2.0.")
-    packed = [
-        name for name in asset.extensions_required if name in ("EXT_meshopt_compression", "KHR_meshopt_compression")
-    ]
+    packed = [name for name in asset.extensions_required if name in _COMPRESSIONS]
     if packed:
         raise FileFormatError(f"{path}: its numbers are packed ({packed[0]}). Export it without compression.")
     if len(asset.nodes) > MOST_NODES:
@@ -177,18 +174,14 @@ def _chunks(path: str | Path, content: bytes) -> tuple[bytes, bytes]:
 
 
 class Accessors:
-    """The numbers of a glTF file, by accessor."""
+    """The numbers of a glTF file, by accessor (FileFormatError where they are broken)."""
 
     def __init__(self, path: str | Path, asset: Asset, chunk: bytes) -> None:
         self._path, self._asset, self._chunk = path, asset, chunk
         self._buffers: dict[int, bytes] = {}
 
     def numbers(self, index: int, width: int) -> Array:
-        """The numbers of an accessor, shape (count, width); normalised integers as -1 to 1.
-
-        Raises:
-            FileFormatError: if it is missing, has another shape, or lies outside its buffer.
-        """
+        """The numbers of an accessor, shape (count, width); normalised integers as -1 to 1."""
         if not 0 <= index < len(self._asset.accessors):
             raise self._broken(f"accessor {index} is named, but there are {len(self._asset.accessors)}")
         accessor = self._asset.accessors[index]
@@ -219,7 +212,6 @@ class Accessors:
         return values
 
     def _view(self, index: int, offset: int, count: int, width: int, number: np.dtype[np.generic]) -> np.ndarray:
-        """Numbers in a view of a buffer, shape (count, width)."""
         if not 0 <= index < len(self._asset.buffer_views):
             raise self._broken(f"buffer view {index} is named, but there are {len(self._asset.buffer_views)}")
         view = self._asset.buffer_views[index]
@@ -231,8 +223,9 @@ class Accessors:
             raise self._broken(f"buffer view {index} is broken")
         if end > min(len(buffer), view.byte_offset + view.byte_length):
             raise self._broken(f"buffer view {index} ends before its numbers")
-        rows = np.ndarray((count, width), number, buffer, begin, (stride, number.itemsize)) if count else None
-        return np.zeros((0, width), number) if rows is None else rows
+        if count == 0:
+            return np.zeros((0, width), number)
+        return np.ndarray((count, width), number, buffer, begin, (stride, number.itemsize))
 
     def _buffer(self, index: int) -> bytes:
         if not 0 <= index < len(self._asset.buffers):
@@ -245,10 +238,10 @@ class Accessors:
     def _fetched(self, uri: str) -> bytes:
         head, comma, data = uri.partition(",")
         if uri.startswith("data:"):
+            if not comma or "base64" not in head:
+                return b""
             try:
-                return (
-                    binascii.a2b_base64(data.encode("ascii"), strict_mode=True) if comma and "base64" in head else b""
-                )
+                return binascii.a2b_base64(data.encode("ascii"), strict_mode=True)
             except (ValueError, UnicodeEncodeError):
                 raise self._broken("a buffer is no base64") from None
         name = unquote(uri)

@@ -30,9 +30,6 @@ def read_pattern(path: str | Path, options: ReadingOptions = AS_FOUND) -> Clip:
 
     All frames of the file are kept: nnRawWaltz.mat holds its 450 twice. Encoding the clip with BoneDirections gives the
     file's channels in m, rad and s, except for the velocities of the first frame.
-
-    Raises:
-        FileFormatError: if the file cannot be read or holds something else, or options are given.
     """
     options.refuse(path)
     pattern, data, lengths = _fields(path)

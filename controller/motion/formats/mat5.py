@@ -32,15 +32,9 @@ COMPLEX = 0x0800
 
 @dataclass(frozen=True)
 class Variable:
-    """One variable of a MAT file.
+    """One variable of a MAT file, with its numbers if it is one of real doubles."""
 
-    Attributes:
-        kind: MATLAB's name for its class, "complex" for complex doubles, "other" for the rarer classes.
-        shape: as in the file.
-        values: its numbers if `kind` is "double".
-    """
-
-    kind: str
+    kind: str  # MATLAB's name for its class, "complex" for complex doubles, "other" for the rarer classes
     shape: tuple[int, ...]
     values: Array | None
 

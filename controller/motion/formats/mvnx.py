@@ -7,7 +7,6 @@ segments. Sensors, joint angles and contacts are ignored.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
 from pathlib import Path
 from xml.parsers import expat
 
@@ -27,24 +26,9 @@ FARTHEST = 1e5  # m
 _POSES = ("identity", "tpose", "npose", "tpose-isb")  # frames that are no part of the motion
 
 
-@dataclass
-class _Contents:
-    """The parts of a file: segments with their points, joints, and the numbers of each frame."""
-
-    rate: str | None = None
-    points: dict[str, dict[str, list[float]]] = field(default_factory=dict[str, dict[str, list[float]]])
-    joints: list[tuple[str, str]] = field(default_factory=list[tuple[str, str]])
-    orientation: list[Array] = field(default_factory=list[Array])
-    position: list[Array] = field(default_factory=list[Array])
-
-
 def read_mvnx(path: str | Path, options: ReadingOptions = AS_FOUND) -> Clip:
-    """The motion in an MVNX file.
-
-    Raises:
-        FileFormatError: naming the file, and the line if there is one, if it cannot be read or is broken.
-    """
-    contents = _MvnxReader(path).contents()
+    """The motion in an MVNX file."""
+    contents = _Contents(path)
     names = list(contents.points)
     try:
         rate = float(contents.rate or "")
@@ -73,9 +57,8 @@ def _tree(path: str | Path, contents: _Contents, names: list[str], turn: Array, 
     children: dict[str, list[str]] = {name: [] for name in names}
     for child, above in parent.items():
         if above not in children or child not in children:
-            raise FileFormatError(
-                f"{path}: a joint leads from '{shortened(above)}' to '{shortened(child)}', no segments."
-            )
+            ends = f"from '{shortened(above)}' to '{shortened(child)}'"
+            raise FileFormatError(f"{path}: a joint leads {ends}, no segments.")
         children[above].append(child)
     if not parent:
         raise FileFormatError(f"{path}: no <joints> connect its segments. Export it again with them.")
@@ -100,12 +83,16 @@ def _tree(path: str | Path, contents: _Contents, names: list[str], turn: Array, 
     return JointTree(tuple(labels), np.array(above), np.stack(where, axis=1), np.stack(turned, axis=1), turns)
 
 
-class _MvnxReader:
-    """Parses the XML in one pass; entities and document types are refused."""
+class _Contents:
+    """The parts of a file, parsed in one pass; entities and document types are refused."""
 
     def __init__(self, path: str | Path) -> None:
+        self.rate: str | None = None
+        self.points: dict[str, dict[str, list[float]]] = {}  # by segment
+        self.joints: list[tuple[str, str]] = []  # parent and child segment
+        self.orientation: list[Array] = []  # of each frame
+        self.position: list[Array] = []
         self._path = path
-        self._contents = _Contents()
         self._text: list[str] | None = None
         self._segment = self._point = self._connector = ""
         self._frame_counts = False
@@ -116,8 +103,6 @@ class _MvnxReader:
         self._parser.CharacterDataHandler = self._characters
         self._parser.StartDoctypeDeclHandler = self._refuse
         self._parser.EntityDeclHandler = self._refuse
-
-    def contents(self) -> _Contents:
         try:
             with Path(self._path).open("rb") as file:
                 if found := what_it_is(self._path, file.read(1024)):
@@ -128,10 +113,8 @@ class _MvnxReader:
             reason = getattr(error, "strerror", None) or str(error)
             raise FileFormatError(f"{self._path}: cannot be read ({reason}). Check the name.") from None
         except expat.ExpatError as error:
-            raise self._error(
-                f"this is no well-formed XML ({expat.ErrorString(error.code)}). Fetch it again."
-            ) from None
-        return self._contents
+            reason = expat.ErrorString(error.code)
+            raise self._error(f"this is no well-formed XML ({reason}). Fetch it again.") from None
 
     def _error(self, problem: str) -> FileFormatError:
         return FileFormatError(f"{self._path} line {self._parser.CurrentLineNumber}: {problem}")
@@ -140,17 +123,16 @@ class _MvnxReader:
         raise self._error("document types and entities are not read. Remove the DOCTYPE.")
 
     def _start(self, tag: str, attributes: dict[str, str]) -> None:
-        contents = self._contents
         match tag.rpartition(" ")[2]:
             case "subject":
-                if contents.rate is not None:
+                if self.rate is not None:
                     raise self._error("a second subject begins, but one is read. Export each alone.")
-                contents.rate = attributes.get("frameRate", "")
+                self.rate = attributes.get("frameRate", "")
             case "segment":
                 self._segment = attributes.get("label", "")
-                if not self._segment or self._segment in contents.points or len(contents.points) >= MOST_SEGMENTS:
+                if not self._segment or self._segment in self.points or len(self.points) >= MOST_SEGMENTS:
                     raise self._error(f"segment '{shortened(self._segment)}' has no unique name. Export it again.")
-                contents.points[self._segment] = {}
+                self.points[self._segment] = {}
             case "point":
                 self._point = attributes.get("label", "")
             case "frame":
@@ -170,20 +152,19 @@ class _MvnxReader:
         if self._text is None:
             return
         text, self._text = "".join(self._text), None
-        contents = self._contents
         match tag.rpartition(" ")[2]:
             case "pos_b" | "pos_s" if self._segment:
-                contents.points[self._segment][self._point] = self._numbers(text, 3).tolist()
+                self.points[self._segment][self._point] = self._numbers(text, 3).tolist()
             case "connector1":
                 self._connector = text.strip().partition("/")[0]
             case "connector2":
-                contents.joints.append((self._connector, text.strip().partition("/")[0]))
+                self.joints.append((self._connector, text.strip().partition("/")[0]))
             case "orientation":
-                contents.orientation.append(self._numbers(text, 4 * len(contents.points)).reshape(-1, 4))
-                if len(contents.orientation) * len(contents.points) > MOST_POSES:
+                self.orientation.append(self._numbers(text, 4 * len(self.points)).reshape(-1, 4))
+                if len(self.orientation) * len(self.points) > MOST_POSES:
                     raise self._error("more frames than fit into memory. Export a part of it.")
             case "position":
-                contents.position.append(self._numbers(text, 3 * len(contents.points)).reshape(-1, 3))
+                self.position.append(self._numbers(text, 3 * len(self.points)).reshape(-1, 3))
             case _:
                 pass
 

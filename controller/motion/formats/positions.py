@@ -56,11 +56,7 @@ class _Positions:
 
 
 def read_positions(path: str | Path, options: ReadingOptions = AS_FOUND) -> Clip | Markers:
-    """The body or the markers of a CSV table.
-
-    Raises:
-        FileFormatError: naming file and line, if it cannot be read or is no such table.
-    """
+    """The body or the markers of a CSV table."""
     table = _table(path)
     is_body = table.names[0].lower() == "root"
     unit = unit_of_size(table.position) if len(table.names) > 1 else 1.0
@@ -167,11 +163,7 @@ def _table(path: str | Path) -> _Positions:
 
 
 def _even(time: Array, position: Array, lines: list[Line]) -> tuple[float, Array]:
-    """The rate, Hz, and the positions at even times, interpolated linearly where frames are late or missing.
-
-    Raises:
-        FileFormatError: naming the line, if times do not rise or have long gaps.
-    """
+    """The rate, Hz, and the positions at even times, interpolated linearly where frames are late or missing."""
     if len(time) == 1 and np.isfinite(time[0]):
         return 120.0, position
     steps = np.diff(time, prepend=time[0] - 1.0)  # one for the first frame too, which comes after anything
@@ -219,7 +211,6 @@ def _row(line: Line, count: int) -> list[float]:
 
 
 def _parents(names: tuple[str, ...], position: Array) -> list[int]:
-    """The parent of each joint but the root, which is the first."""
     seen = position[:: max(1, len(position) // COMPARED)]
     start = [name.partition("-")[0] if "-" in name else name for name in names]
     parent: dict[int, int] = {}

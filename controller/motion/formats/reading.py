@@ -64,9 +64,6 @@ class FittedClip:
 def read_clip(path: str | Path, options: ReadingOptions = AS_FOUND) -> Clip:
     """The clip in a recording of one of FORMATS; capitals in the suffix do not matter.
 
-    Without a skeleton in the options, an .amc takes the .asf that `skeleton_of` finds in its folder or the one above,
-    and an .npz average proportions.
-
     Raises:
         FileFormatError: if the format is another, the skeleton is ambiguous, or reading fails.
     """
@@ -95,7 +92,6 @@ def recordings_below(folder: Path) -> list[Path]:
 
 
 def _format_by_content(path: Path) -> Format | None:
-    """The format whose magic bytes a file begins with."""
     try:
         with path.open("rb") as file:
             beginning = file.read(64).lstrip()

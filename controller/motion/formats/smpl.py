@@ -60,11 +60,7 @@ _PELVIS_BELOW = {"SMPL": 0.24, "SMPL-X": 0.35}
 
 
 def read_smpl(path: str | Path, options: ReadingOptions = AS_FOUND) -> Clip:
-    """The motion in an .npz file of the SMPL family.
-
-    Raises:
-        FileFormatError: naming the file and its arrays, if it is no such motion, or is broken.
-    """
+    """The motion in an .npz file of the SMPL family."""
     arrays = NpzArrays(path)
     root = arrays.first("root_orient", "global_orient")
     if root is not None:
@@ -147,7 +143,6 @@ def _joints_of(model: Path, betas: Array | None) -> Array:
 
 
 def _rows(array: Array) -> Array:
-    """An array (T, ...) as (T, n)."""
     return array.reshape(len(array), int(np.prod(array.shape[1:]))) if array.ndim else np.zeros((0, 0))
 
 
@@ -158,11 +153,7 @@ _BROKEN += (zipfile.BadZipFile, zlib.error, tokenize.TokenError)
 
 
 class NpzArrays:
-    """The arrays of numbers in an .npz file, a zip of .npy files; pickled objects are never loaded.
-
-    Raises:
-        FileFormatError: naming the file, if it is not an .npz file.
-    """
+    """The arrays of numbers in an .npz file, a zip of .npy files; pickled objects are never loaded."""
 
     def __init__(self, path: str | Path) -> None:
         self._path = path
@@ -173,11 +164,7 @@ class NpzArrays:
             raise FileFormatError(f"{path}: this is no .npz file ({error}). Is it the right one?") from None
         entries = [entry for entry in self._archive.infolist() if entry.filename.endswith(".npy")]
         self._sizes = {entry.filename[: -len(".npy")]: entry.file_size for entry in entries}
-
-    @property
-    def names(self) -> list[str]:
-        """Names of the arrays."""
-        return list(self._sizes)
+        self.names = list(self._sizes)
 
     def first(self, *names: str) -> Array | None:
         """The first of these arrays that exists, as float64; None if there is none.

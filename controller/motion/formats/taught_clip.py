@@ -35,11 +35,7 @@ class _ClipHeader(msgspec.Struct, forbid_unknown_fields=True, frozen=True):
 
 
 def taught_clip(name: str, joints: Sequence[str], rate: float, angles: Array, source: str = "") -> Clip:
-    """The clip of joint angles (T, J), rad, at a rate in Hz.
-
-    Raises:
-        FileFormatError: if shapes disagree, there are no frames, or an angle is not finite or beyond two turns.
-    """
+    """The clip of joint angles (T, J), rad, at a rate in Hz (FileFormatError for angles beyond two turns)."""
     body = JointBody.of(joints)
     if angles.ndim != 2 or angles.shape[1] != len(body):
         raise FileFormatError(f"clip '{name}': angles of shape {angles.shape} for {len(body)} joints")
@@ -52,21 +48,13 @@ def taught_clip(name: str, joints: Sequence[str], rate: float, angles: Array, so
 
 
 def save_taught_clip(clip: Clip, path: Path, plays: Plays = "loop") -> None:
-    """Writes a clip of a joint body and how to play it once it is learned, atomically.
-
-    Raises:
-        FileFormatError: if the folder cannot be written.
-    """
+    """Writes a clip of a joint body and how to play it once it is learned, atomically."""
     header = _ClipHeader(_KIND.version, clip.name, list(clip.skeleton.bones), clip.rate, clip.source, plays)
     write_arrays(path, _KIND, header, {"angles": angles_of(clip.rotation[:, 1:])})
 
 
 def read_taught_clip(path: str | Path, options: ReadingOptions = AS_FOUND) -> Clip:
-    """Reads the clip that `save_taught_clip` has written.
-
-    Raises:
-        FileFormatError: one line that names the file and the error; or if options are given.
-    """
+    """Reads the clip that `save_taught_clip` has written."""
     options.refuse(path)
     header, stored = _read(Path(path))
     angles = stored.take("angles", stored.size("angles"), len(header.joints), kind=np.float64)
@@ -78,11 +66,7 @@ def read_taught_clip(path: str | Path, options: ReadingOptions = AS_FOUND) -> Cl
 
 
 def taught_mode(path: str | Path) -> Plays:
-    """Whether the motion in a file of `save_taught_clip` loops.
-
-    Raises:
-        FileFormatError: as `read_taught_clip`.
-    """
+    """Whether the motion in a file of `save_taught_clip` loops."""
     return _read(Path(path))[0].plays
 
 

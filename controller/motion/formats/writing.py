@@ -22,11 +22,7 @@ ROOT_ORDER, ORDER = "YXZ", "ZYX"
 
 
 def write_clip(clip: Clip, path: Path) -> None:
-    """Writes a clip in the format of the suffix: .bvh or .csv.
-
-    Raises:
-        FileFormatError: for another suffix, or if the file cannot be written.
-    """
+    """Writes a clip in the format of the suffix, .bvh or .csv (FileFormatError for another)."""
     if path.suffix.lower() not in FORMATS:
         raise FileFormatError(f"{path}: clips are written as {' or '.join(FORMATS)}. Name the file so.")
     text = bvh_text(clip) if path.suffix.lower() == ".bvh" else csv_text(clip)

@@ -29,12 +29,7 @@ _ANGLE_UNITS = {":degrees": np.pi / 180.0, ":radians": 1.0}
 
 
 def read_amc(path: str | Path, skeleton: AcclaimSkeleton, rate: float = 120.0) -> Clip:
-    """The motion in an AMC file, of the skeleton that it was recorded with, at a rate in Hz.
-
-    Raises:
-        FileFormatError: naming file and line, if it cannot be read, does not follow the format or does not fit the
-            skeleton.
-    """
+    """The motion in an AMC file, of the skeleton that it was recorded with, at a rate in Hz."""
     names = ("root", *skeleton.skeleton.bones)
     ends = np.cumsum([0, *(len(channels) for channels in skeleton.dof)]).tolist()
     columns = {name: slice(*span) for name, span in zip(names, pairwise(ends), strict=True)}
@@ -158,10 +153,7 @@ def _line_by_line(path: str | Path, lines: list[str], skeleton: AcclaimSkeleton,
 
 
 def _check_angles(path: str | Path, size: Array, angle_unit: float, declared: bool) -> None:
-    """Raises FileFormatError if angles of these sizes (T, n), in the file's unit, are implausible for that unit.
-
-    Not checked without movement, or with few angles.
-    """
+    """Raises FileFormatError if moving angles of these sizes (T, n) are implausible for their unit."""
     turn = 2.0 * np.pi
     if size.shape[1] < LEAST_ANGLES or np.ptp(size, axis=0).max() == 0.0:
         return
@@ -206,7 +198,6 @@ def _complaint(line: Line, row: Row | None, skeleton: AcclaimSkeleton, columns: 
 
 
 def _raise_infinite(path: str | Path, lines: list[str], columns: Columns) -> None:
-    """Raises FileFormatError for the first line with a number that is not finite."""
     for number, text in enumerate(lines, 1):
         words = text.partition("#")[0].split()
         if words and words[0] in columns:
@@ -234,11 +225,7 @@ def skeleton_of(recording: Path, top: Path) -> Path | None:
 
 
 def read_acclaim(path: str | Path, options: ReadingOptions) -> Clip:
-    """The motion in an AMC file, with the given skeleton or the one that `skeleton_of` finds.
-
-    Raises:
-        FileFormatError: as `read_amc`, or if the skeleton is missing or ambiguous.
-    """
+    """The motion in an AMC file, with the given skeleton or the one that `skeleton_of` finds."""
     recording = Path(path)
     if not options.skeleton and not recording.exists():
         raise FileFormatError.missing(path)

@@ -36,16 +36,12 @@ Fields: TypeAlias = dict[str, Line]
 
 @dataclass(frozen=True, eq=False)
 class AcclaimSkeleton:
-    """A skeleton and the channels of its recordings; lists of 1 + B entries begin with the root.
+    """A skeleton of B bones, and the units, m and rad, and channels of its recordings; lists begin with the root.
 
     Attributes:
-        skeleton: B bones, in our axes, m.
         axis: orientation of the axes of each bone's angles in the rest pose, shape (1 + B, 4).
         dof: names of each bone's recorded channels in order, of rx, ry, rz (the root also tx, ty, tz).
         root_position: added to all recorded root positions, shape (3,), m.
-        length_unit: of the ASF, m.
-        angle_unit: of the ASF, rad.
-        source: name of the file.
     """
 
     skeleton: Skeleton
@@ -71,11 +67,7 @@ def turned(turns: Iterable[tuple[str, Array | float]]) -> Array:
 
 
 def read_asf(path: str | Path, unit: float | None = None) -> AcclaimSkeleton:
-    """The skeleton in an ASF file; `unit` overrides its unit of length, m.
-
-    Raises:
-        FileFormatError: naming file and line, if it cannot be read or does not follow the format.
-    """
+    """The skeleton in an ASF file; `unit` overrides its unit of length, m."""
     sections = _sections(path)
     for section in ("root", "bonedata", "hierarchy"):
         if section not in sections:
@@ -141,7 +133,7 @@ def _fields(lines: list[Line]) -> Fields:
 
 
 def _units(lines: list[Line]) -> tuple[float, float]:
-    """The unit of length, m, and of angles, rad."""
+    """The units of length, m, and of angles, rad."""
     fields = _fields(lines)
     length_unit, angle_unit = INCH, np.pi / 180.0
     if "length" in fields:

@@ -3,8 +3,7 @@
 A file is blocks of 512 bytes: a header, parameters in groups (POINT, TRIAL, ...), then the frames, each with x, y, z
 and a residual for every point, and analog samples, which are skipped. Numbers are Intel's, DEC's (VAX) or MIPS's;
 points are int16 times a scale, or float32 if that scale is negative. A point with a negative residual, or exactly at
-the origin, was not seen. (Of the two public readers one can crash the process on a damaged file and the other refuses
-files with an analog rate but no analog data.)
+the origin, was not seen. (A public reader can crash the process on a damaged file.)
 """
 
 from __future__ import annotations
@@ -35,12 +34,10 @@ class C3dLayout:
     """Location and meaning of the numbers in a C3D file.
 
     Attributes:
-        processor: that wrote them: INTEL, DEC or MIPS.
-        parameters: of the file.
+        processor: INTEL, DEC or MIPS.
         at: the first byte of the points.
-        frames, points, width: their counts, and that of the numbers in a frame (4 a point, then analog ones).
+        width: count of the numbers in a frame (4 a point, then analog ones).
         scale: of whole numbers; negative for floating-point numbers.
-        rate: frames per second, Hz.
         unit: of the file, m; None if it names no known one.
     """
 
@@ -72,11 +69,7 @@ class C3dLayout:
 
 
 def read_layout(path: str | Path, content: bytes) -> C3dLayout:
-    """The layout of a C3D file.
-
-    Raises:
-        FileFormatError: naming the file, if it does not follow the format or holds no points.
-    """
+    """The layout of a C3D file (FileFormatError if it is broken or holds no points)."""
     if len(content) < 2 * BLOCK or content[1] != 0x50:
         raise FileFormatError(f"{path}: this is no C3D file. Is it the right one?")
     start = (content[0] - 1) * BLOCK
@@ -113,11 +106,7 @@ def read_layout(path: str | Path, content: bytes) -> C3dLayout:
 
 
 def read_c3d(path: str | Path, options: ReadingOptions = AS_FOUND) -> Markers:
-    """The points in a C3D file.
-
-    Raises:
-        FileFormatError: naming the file, if it cannot be read, does not follow the format or holds no points.
-    """
+    """The points in a C3D file."""
     content = read_bytes(path)
     form = read_layout(path, content)
     position = seen_points(content, form)
@@ -196,7 +185,6 @@ def _values(content: bytes, at: int, processor: int) -> NDArray[np.generic]:
 
 
 def _floats(raw: bytes, processor: int) -> Array:
-    """Numbers of 32 bits in the format of a processor, shape (n,)."""
     if processor != DEC:
         return np.frombuffer(raw, ">f4" if processor == MIPS else "<f4").astype(np.float64)
     # DEC's have their halves exchanged, and an exponent that is two higher.
@@ -246,11 +234,8 @@ def _labels(parameters: Parameters, points: int) -> tuple[str, ...]:
 def with_points(path: Path, position: Array) -> bytes:
     """The content of a C3D file with positions for its unseen points; all other bytes stay.
 
-    They get the residual 0, the format's mark for points that were not measured.
-
-    Args:
-        path: the file.
-        position: shape (T, M, 3), m, in the axes of the file; NaN for points that stay open.
+    They get the residual 0, the format's mark for points that were not measured. Positions have the shape (T, M, 3),
+    m, and the axes of the file; NaN for points that stay open.
 
     Raises:
         FileFormatError: if the file cannot be read, or a position is out of range of the numbers of the file.

@@ -28,11 +28,7 @@ UNSEEN = {"", "nan", "-nan", "none"}
 
 
 def read_trc(path: str | Path, options: ReadingOptions = AS_FOUND) -> Markers:
-    """The markers in a TRC file.
-
-    Raises:
-        FileFormatError: naming file and line, if it cannot be read or does not follow the format.
-    """
+    """The markers in a TRC file."""
     texts = [(number, text) for number, text in enumerate(read_lines(path), 1) if text.strip()]
     lines = [Line(path, number, text.rstrip().split("\t")) for number, text in texts[:5]]
     if len(lines) < 5 or lines[0].words[0].strip().lower() != "pathfiletype":
