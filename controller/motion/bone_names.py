@@ -102,7 +102,7 @@ _THESIS |= {"l" + end: NamedPart(part, "left") for end, part in THESIS_LIMBS}
 _THESIS |= {"r" + end: NamedPart(part, "right") for end, part in THESIS_LIMBS}
 # Sides written together with a part, the longest first: "links" before "l".
 _AFFIXES: list[tuple[str, Side]] = [(word, "left") for word in sorted(_LEFT, key=len, reverse=True)]
-_AFFIXES += [(word, "right") for word in sorted(_RIGHT, key=len, reverse=True)]
+_AFFIXES.extend((word, "right") for word in sorted(_RIGHT, key=len, reverse=True))
 
 
 class _Style(NamedTuple):

@@ -20,11 +20,9 @@ class Markers:
     """T frames of M points.
 
     Attributes:
-        labels: of the points, as in the file.
         rate: frames per second, Hz.
         position: shape (T, M, 3), m, in the axes of the file; NaN where a point was not seen.
         up: vertical axis of the file, "x", "y" or "z"; None if unknown.
-        source: name of the file.
     """
 
     labels: tuple[str, ...]

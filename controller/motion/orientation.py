@@ -14,8 +14,8 @@ orthogonal vectors of equal length span it, for any quaternion u whose e is not 
 Of its unit quaternions the one with the largest <q, p> is the least rotation from where the parent's p carries the
 bone: the projection of p,  q ~ <e, p> e + <f, p> f. Lengths are normalised at the end.
 
-The loop needs one frame at a time, where numpy's calls on arrays of three numbers would cost ten times more than the
-arithmetic. So the walk along the bones is written by components: plain numbers for one frame, arrays for many.
+The walk along the bones is written by components, plain numbers for one frame and arrays for many: in the loop, numpy's
+calls on arrays of three numbers would cost ten times more than the arithmetic.
 """
 
 from __future__ import annotations
@@ -38,13 +38,8 @@ _OPPOSITE = 0.01
 def orient(skeleton: Skeleton, direction: Array) -> Array:
     """Rotations of the root and of each bone that rotate the rest pose into the given directions.
 
-    Args:
-        skeleton: with B bones.
-        direction: unit vectors of the bones, shape (..., B, 3), finite; a bone with a zero vector moves with its
-            parent.
-
-    Returns:
-        Unit quaternions, shape (..., 1 + B, 4), with rotate(result[..., 1:, :], rest_direction) == direction.
+    Directions are finite unit vectors, shape (..., B, 3); a bone with a zero vector moves with its parent. The result
+    has the shape (..., 1 + B, 4), with rotate(result[..., 1:, :], rest_direction) == direction.
     """
     first = skeleton.first
     hanging = direction.take(first, axis=-2).swapaxes(-1, -2)

@@ -54,12 +54,7 @@ def walk_path(posture: Posture, dt: float, speed: float = 1.0) -> Pose:
     heading = np.cumsum(posture.turn_rate * dt * speed)
     step = posture.velocity * dt * speed
     cos, sin = np.cos(heading), np.sin(heading)
-    position = np.stack(
-        [
-            np.cumsum(cos * step[:, 0] - sin * step[:, 1]),
-            np.cumsum(sin * step[:, 0] + cos * step[:, 1]),
-            posture.height,
-        ],
-        axis=-1,
-    )
+    x = np.cumsum(cos * step[:, 0] - sin * step[:, 1])
+    y = np.cumsum(sin * step[:, 0] + cos * step[:, 1])
+    position = np.stack([x, y, posture.height], axis=-1)
     return Pose(position, heading, multiply(yaw(heading)[:, None, :], posture.rotation))

@@ -53,21 +53,13 @@ NEARLY = np.radians(10.0)  # a smaller heading counts as straight ahead
 
 @dataclass(frozen=True, eq=False)
 class RecordedBody:
-    """B bones and T frames in the axes and the unit of a file.
-
-    Attributes:
-        bones: their names.
-        parent: shape (B,), parents first.
-        vector: of each bone in the zero pose, shape (B, 3).
-        position: of the root, shape (T, 3).
-        rotation: world rotation of the root and of each bone, shape (T, 1 + B, 4).
-    """
+    """B bones and T frames in the axes and the unit of a file."""
 
     bones: tuple[str, ...]
-    parent: NDArray[np.int64]
-    vector: Array
-    position: Array
-    rotation: Array
+    parent: NDArray[np.int64]  # (B,), parents first
+    vector: Array  # of each bone in the zero pose, (B, 3)
+    position: Array  # of the root, (T, 3)
+    rotation: Array  # of the root and of each bone in the world, (T, 1 + B, 4)
 
 
 @dataclass(frozen=True, eq=False)
@@ -85,11 +77,7 @@ def rest_skeleton(
 ) -> tuple[Skeleton, Array, Array]:
     """The skeleton of a body with at least one bone, its root positions (T, 3), m, and rotations (T, 1 + B, 4).
 
-    Args:
-        name: of the skeleton.
-        body: as recorded.
-        unit: of length, m; None detects it.
-        up: vertical axis of the file; None detects it.
+    None detects the unit of length, m, or the vertical axis of the file.
     """
     zero = np.tile(IDENTITY, (1 + len(body.bones), 1))
     stances = [_stance(body, axis, zero) for axis in AXES]
@@ -125,11 +113,8 @@ def _stance(body: RecordedBody, up: Up, pose: Array) -> _Stance:
         vector = rotate(turn[1:], body.vector)
     parts = anatomy(_as_skeleton(body, vector))
     direction = normalise(vector)
-    cosines: list[float] = []
-    for side in ("left", "right"):
-        for part in ("thigh", "shank"):
-            bone = parts.first(part, side)
-            cosines.append(-1.0 if bone is None else -float(direction[bone, 2]))
+    legs = [parts.first(part, side) for side in SIDES for part in ("thigh", "shank")]
+    cosines = [-1.0 if bone is None else -float(direction[bone, 2]) for bone in legs]
     spine = [bone for part in ("trunk", "neck") for bone in parts.all(part)] or parts.all("head")
     if spine:
         cosines.append(float(normalise(vector[spine].sum(axis=0))[2]))

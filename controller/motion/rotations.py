@@ -191,9 +191,8 @@ def best_fit(m: Array) -> Array:
 def _best_fit_of_one(m: Array) -> Array | None:
     """As `best_fit` for one matrix, in plain numbers, twice as fast; None where that is inexact.
 
-    The largest eigenvalue of Davenport's matrix K is found by Newton's method from above, on the characteristic
-    polynomial, which has no cubic term (Theobald 2005); its eigenvector is the first column of the adjugate of
-    K - lambda.
+    Newton's method from above on the characteristic polynomial of Davenport's matrix K, without a cubic term, finds its
+    largest eigenvalue (Theobald 2005); the eigenvector is the first column of the adjugate of K - lambda.
     """
     a, b, c, d, e, f, g, h, i = m.ravel().tolist()
     ca, cb, cc = e * i - f * h, f * g - d * i, d * h - e * g

@@ -16,11 +16,10 @@ from controller.motion.clip import Clip
 from controller.motion.rotations import Array, conjugate, multiply, rotate, yaw
 from motiondeck_base.errors import FileFormatError
 
-RATE = 10.0
+RATE = 10.0  # Hz, of the frames compared
 PLANE = 4
 SHORTEST_SECONDS = 1.0
 REDUCED = 16
-
 WORTH = 0.03  # share of the residual of the undivided recording that a further border has to remove
 MOST_SEGMENTS = 40
 
@@ -73,10 +72,7 @@ def find_segments(features: Array, rate: float, count: int | None = None, plane:
 
 
 def _residuals(seen: Array, plane: int, shortest: int) -> Array:
-    """The residual of the best plane for frames i to j, shape (T + 1, T + 1); infinite where j - i is too short.
-
-    Measured in the first REDUCED principal directions of the recording.
-    """
+    """The residual, in REDUCED principal directions, of the best plane for frames i to j; infinite if too short."""
     centred = seen - seen.mean(0)
     _, _, axes = np.linalg.svd(centred, full_matrices=False)
     reduced = centred @ axes[: max(plane + 1, REDUCED)].T

@@ -35,8 +35,6 @@ class Skeleton:
     A bone starts where its parent ends (or at the root) and ends in the joint of its name.
 
     Attributes:
-        name: of the skeleton.
-        bones: names, length B.
         parent: index of each bone's parent, shape (B,); ROOT at the root.
         rest_direction: unit vectors in the rest pose, arms out sideways, shape (B, 3); x forward, y left, z up.
         length: shape (B,), m.
@@ -84,11 +82,7 @@ class Skeleton:
 
     @classmethod
     def restore(cls, info: SkeletonInfo) -> Skeleton:
-        """The skeleton of a header.
-
-        Raises:
-            FileFormatError: as for the class, or if a list is not one of numbers.
-        """
+        """The skeleton of a header (FileFormatError as for the class, or if a list is not one of numbers)."""
         try:
             arrays = (np.array(info.rest_direction, dtype=np.float64), np.array(info.length, dtype=np.float64))
             return Skeleton(info.name, tuple(info.bones), np.array(info.parent, dtype=np.int64), *arrays)
@@ -139,14 +133,9 @@ class Skeleton:
         return float(-np.min((self.chain @ self._vectors.vectors)[:, 2]))
 
     def joints(self, root_position: Array, rotation: Array) -> Array:
-        """Forward kinematics: positions of the root and of the ends of the bones.
+        """Forward kinematics: positions of the root and of the ends of the bones, shape (..., 1 + B, 3), m.
 
-        Args:
-            root_position: shape (..., 3), m.
-            rotation: world rotation of the root and of each bone, shape (..., 1 + B, 4).
-
-        Returns:
-            Joint positions, the root first, shape (..., 1 + B, 3), m.
+        From root positions (..., 3), m, and world rotations of the root and of each bone (..., 1 + B, 4).
         """
         ends = root_position[..., None, :] + self.chain @ self._vectors.turned(rotation[..., 1:, :])
         return np.concatenate([root_position[..., None, :], ends], axis=-2)

@@ -36,11 +36,9 @@ def up_in_recording(rest: Up, certain: bool, trunk: Array, root: Array, joints: 
     A trunk along an axis may stand or lie: a lying body touches the ground along the other axis.
 
     Args:
-        rest: vertical axis of the rest pose.
-        certain: whether the zero pose of the file stands along that axis.
+        rest: vertical axis of the rest pose, `certain` if the zero pose of the file stands along it.
         trunk: direction of the trunk, shape (T, 3), in the axes of the file.
-        root: position of the root, shape (T, 3), m.
-        joints: positions of the joints of limbs and head, shape (T, J, 3), m.
+        root, joints: positions of the root (T, 3), and of the joints of limbs and head (T, J, 3), m.
         leg: length of a leg, m.
     """
     other: Up = "z" if rest == "y" else "y"

@@ -22,18 +22,17 @@ from controller.motion.skeleton import ROOT, Skeleton
 from controller.motion.thesis_body import JAEGER_BONES, JAEGER_PARENT, JAEGER_REST, thesis_skeleton
 from controller.motion.up_axis import TO_OURS
 
-LEGS = tuple(side + joint for side in "lr" for joint in ("hip", "kne", "ank"))
-"""The joints that every body needs."""
+LEGS = tuple(side + joint for side in "lr" for joint in ("hip", "kne", "ank"))  # which every body needs
 ARMS = tuple(side + joint for side in "lr" for joint in ("sho", "elb", "wri"))
 HAND, HEAD, FOOT = 0.3, 0.9, 0.4  # over forearm, shoulder width and shank, if no point is known there
 
 _USUAL = {"back": "Spine", "neck": "Chest", "head": "Head", "pelvis": "Pelvis"}
-_USUAL_LIMBS = {
-    **{"hip": "Hip", "kne": "UpLeg", "ank": "Leg", "foo": "Foot"},
-    **{"sho": "Shoulder", "elb": "Arm", "wri": "ForeArm", "han": "Hand"},
-}
-for _side, _name in (("l", "Left"), ("r", "Right")):
-    _USUAL |= {_side + end: _name + part for end, part in _USUAL_LIMBS.items()}
+for _end, _part in zip(
+    ("hip", "kne", "ank", "foo", "sho", "elb", "wri", "han"),
+    ("Hip", "UpLeg", "Leg", "Foot", "Shoulder", "Arm", "ForeArm", "Hand"),
+    strict=True,
+):
+    _USUAL |= {"l" + _end: "Left" + _part, "r" + _end: "Right" + _part}
 # Bone, parent and rest direction.
 _TREE = [
     (bone, "root" if of == ROOT else JAEGER_BONES[of], rest)
@@ -73,13 +72,10 @@ def joint_points(markers: Markers) -> dict[str, Array]:
 
 
 def jointed_body(joints: dict[str, Array], markers: Markers, name: str) -> Clip:
-    """The motion of a body with these joints.
+    """The motion of a body with these joints of a recording.
 
-    Args:
-        joints: positions, shape (T, 3), m, in the axes of the file, without gaps; by canonical joint. Those of LEGS
-            are required; "pelvis" is a point straight above the middle between the hips.
-        markers: the recording.
-        name: of the clip.
+    Positions (T, 3), m, by canonical joint, in the axes of the file, without gaps. Those of LEGS are required; "pelvis"
+    is a point straight above the middle between the hips.
     """
     upwards = sum(joints[side + "hip"] - joints[side + "ank"] for side in "lr")
     up = markers.up
@@ -126,7 +122,6 @@ def _pelvis_rotation(ends: dict[str, Array]) -> Array:
 
 
 def _assume_ends(ends: dict[str, Array]) -> None:
-    """Adds the missing head and toes of a body with all limbs."""
     upright = normalise(ends["neck"] - ends["root"])
     width = np.sqrt(np.square(ends["lsho"] - ends["rsho"]).sum(-1, keepdims=True))
     ends.setdefault("head", ends["neck"] + HEAD * width * upright)

@@ -84,25 +84,15 @@ AT_ONCE = 256  # frames, to keep the matrices small
 
 @dataclass(frozen=True, eq=False)
 class Fit:
-    """A clip and its distances from the markers.
-
-    Attributes:
-        clip: of the thesis's skeleton.
-        markers: names of the markers used.
-        residual: distance of each marker from its place on the clip's body, shape (T, M), m; NaN where it was not seen.
-    """
+    """A clip of the thesis's skeleton and its distances from the markers used."""
 
     clip: Clip
     markers: tuple[str, ...]
-    residual: Array
+    residual: Array  # distance of each marker from its place on the body, (T, M), m; NaN where it was not seen
 
 
 def fit_markers(markers: Markers, name: str) -> Fit:
-    """The motion of the body that carries these markers.
-
-    Raises:
-        FileFormatError: if a required marker is missing, or the markers do not fit a body.
-    """
+    """The motion of the body that carries these markers (FileFormatError if one is missing, or they fit no body)."""
     seen = _upright(markers, _named(markers))
     names = [marker for marker in BONE_OF if marker in seen]
     filled = {marker: bridged(seen[marker]) for marker in names}
@@ -227,7 +217,7 @@ def _joint_centres(m: dict[str, Array]) -> dict[str, Array]:
 
 def _skeleton(joints: dict[str, Array], name: str) -> Skeleton:
     """The thesis's skeleton with the median lengths, left and right alike."""
-    length = {}
+    length: dict[str, float] = {}
     for bone, parent in zip(JAEGER_BONES, JAEGER_PARENT, strict=True):
         start = joints["root" if parent == ROOT else JAEGER_BONES[parent]]
         length[bone] = float(np.median(np.linalg.norm(joints[bone] - start, axis=-1)))

@@ -1,9 +1,8 @@
 """Joint centres under markers on the skin, of any marker set whose labels name landmarks of the body.
 
-Marker sets name landmarks differently: the outside of the left knee is LKNE (Vicon), LLEK (Motek), L.Knee.Lat
-(OpenSim), L_FLE (Qualisys) or LKneeOut (OptiTrack). `_OF_A_SIDE` and `_MIDDLE` list them. The centre of a joint lies
-between the markers on both sides of it, or half its width inwards of the outer one; that of a hip is Bell's regression
-from the pelvis (`marker_fit`). Pelvis and legs are required; trunk, head and arms are found if they have markers.
+The outside of the left knee is LKNE (Vicon), LLEK (Motek), L.Knee.Lat (OpenSim), L_FLE (Qualisys) or LKneeOut
+(OptiTrack). The centre of a joint lies between the markers on both sides of it, or half its width inwards of the outer
+one; that of a hip is Bell's regression from the pelvis (`marker_fit`). Pelvis and legs are required.
 """
 
 from __future__ import annotations
@@ -143,13 +142,11 @@ def _place(label: str) -> tuple[str, str] | None:
 
 
 def _mean(seen: Landmarks, *places: tuple[str, str]) -> Array | None:
-    """The mean of the places that have markers, or None."""
     there = [seen[place] for place in places if place in seen]
     return np.mean(there, axis=0) if there else None
 
 
 def _between(seen: Landmarks, one: tuple[str, str], other: tuple[str, str]) -> Array | None:
-    """The middle of two places if both have markers, or None."""
     return 0.5 * (seen[one] + seen[other]) if one in seen and other in seen else None
 
 
@@ -163,7 +160,6 @@ def _pelvis_back(seen: Landmarks) -> Array | None:
 
 
 def _leg(seen: Landmarks, side: str, sign: float, ahead: Array) -> dict[str, Array]:
-    """Knee, ankle and, where it has markers, toe base."""
     toes = _between(seen, ("inside of the toes", side), ("outside of the toes", side))
     for place in ("middle of the toes", "inside of the toes", "outside of the toes", "tip of the toes"):
         toes = seen.get((place, side)) if toes is None else toes
@@ -190,7 +186,6 @@ def _centre(seen: Landmarks, joint: str, side: str, inwards: Array) -> Array:
 
 
 def _trunk(seen: Landmarks, root: Array) -> dict[str, Array]:
-    """Base of the neck and head, where they have markers."""
     neck = _between(seen, ("back of the neck", ""), ("front of the neck", ""))
     if neck is None:
         neck = _between(seen, ("shoulder", "l"), ("shoulder", "r"))
