@@ -28,31 +28,17 @@ from motiondeck_base.errors import MotiondeckError
 
 @dataclass(frozen=True)
 class Addition:
-    """A library with one motion more.
-
-    Attributes:
-        library: with the new motion as its last.
-        verdict: of the self-test on it.
-        part: which part of the recording it was learned from.
-        quota_before, quota: the share of the reservoir's space that the stored motions claim, without it and with it;
-            None for networks that have no space to share.
-    """
+    """A library with one more motion, its last."""
 
     library: MotionLibrary
     verdict: MotionVerdict
-    part: LearnedPart
-    quota_before: float | None
-    quota: float | None
+    part: LearnedPart  # the part of the recording that was learned
+    quota_before: float | None  # share of the reservoir that the stored motions use; None where nothing is shared
+    quota: float | None  # the same with the new motion
 
 
 def add_motion(library: MotionLibrary, path: Path, clip: Clip, motion: MotionRecipe) -> Addition:
-    """Learns a clip as one more motion of a library.
-
-    Args:
-        library: as it was trained or added to.
-        path: of the library, for error messages.
-        clip: the recording, of any skeleton and rate.
-        motion: its name, kind and frames.
+    """Learns a clip, of any skeleton and rate, as one more motion of a library; `path` of the library is for messages.
 
     Raises:
         MotiondeckError: if the name is taken or cannot be typed, the clip does not fit, or the network cannot be added

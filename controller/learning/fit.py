@@ -33,7 +33,7 @@ def fit(recipe: LibraryRecipe, data: Path, progress: Progress = lambda _: None) 
     Args:
         recipe: that is trained.
         data: the folder that the recipe's files lie in.
-        progress: called with each step in a few words; there are `steps(recipe)` of them without retries.
+        progress: called with each step; there are `steps(recipe)` of them without retries.
 
     Raises:
         MotiondeckError: if a recording is missing or damaged.
@@ -44,11 +44,7 @@ def fit(recipe: LibraryRecipe, data: Path, progress: Progress = lambda _: None) 
 def fit_prepared(
     recipe: LibraryRecipe, training_set: TrainingSet, progress: Progress = lambda _: None
 ) -> MotionLibrary:
-    """Trains the library of a recipe whose recordings have been read.
-
-    Returns:
-        The library of the first seed with which every motion passes the self-test; where none does, that of the seed
-        with which most do.
+    """Trains the library of a recipe whose recordings have been read, with `first_to_pass` of its seeds.
 
     Raises:
         FileFormatError: if the recipe's anchors are too far apart for a motion.
@@ -81,19 +77,12 @@ def fit_prepared(
 
 @dataclass(frozen=True)
 class TrainedNetwork:
-    """A trained network.
-
-    Attributes:
-        seed: it was drawn with.
-        network: that plays.
-        verdicts: of the self-test.
-        weights: W of a conceptor network, shape (N, N).
-    """
+    """A network that was trained with a seed."""
 
     seed: int
     network: AnyNetwork
-    verdicts: dict[str, MotionVerdict]
-    weights: NDArray[np.float32] | None = None
+    verdicts: dict[str, MotionVerdict]  # of the self-test
+    weights: NDArray[np.float32] | None = None  # W of a conceptor network, shape (N, N)
 
     @property
     def passed(self) -> int:

@@ -35,17 +35,14 @@ from motiondeck_base.jobs import ALONE, Jobs, spread
 
 @dataclass(frozen=True)
 class LearnedMotion:
-    """The result for one recording.
+    """The result for one recording; `name` of the file, and empty fields, if it was not learned.
 
     Attributes:
-        name: of the motion; of the file, if it was not learned.
-        file: the recording.
-        plays: "loop" or "once"; "" if it was not learned.
+        plays: "loop" or "once".
         seconds: duration of a round of the loop, or of the one-shot without the hold at its end.
-        part: the learned part of the recording, and the errors at its best seam; None if it was not learned.
+        part: the learned part of the recording, and the errors at its best seam.
         error_mm: of the free run.
-        passed: whether the motion may be played.
-        remedy: if it may not.
+        passed: whether the motion may be played; if not, `remedy` says what helps.
         doubts: warnings about the body.
     """
 
@@ -198,7 +195,6 @@ def _takes(files: list[Path]) -> dict[Path, list[Path]]:
 def _examined(
     file: Path, name: str, options: ReadingOptions, takes: list[Path], within: tuple[float, float] | None = None
 ) -> AnalysedRecording | LearnedMotion:
-    """An analysed recording, or one that is left out, with the reason."""
     try:
         return analyse_recording(file, name, options, within, takes)
     except MotiondeckError as error:

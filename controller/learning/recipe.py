@@ -100,11 +100,7 @@ class LibraryRecipe(msgspec.Struct, forbid_unknown_fields=True, frozen=True, kw_
 
 
 def read_recipe(path: Path, data: Path | None = None) -> LibraryRecipe:
-    """The recipe in a TOML file.
-
-    Args:
-        path: of the recipe.
-        data: the folder of its recordings, if they are to be there.
+    """The recipe in a TOML file, whose recordings have to be in the folder `data`, if it is given.
 
     Raises:
         FileFormatError: one line for each problem that names the file, the key and what is allowed.
@@ -134,11 +130,7 @@ def gesture_recipe(name: str, clips: Sequence[Path], trim: bool = True) -> Libra
     """The recipe for a library of clips taught to a rig by hand, each a motion or a take of one (`takes.by_motion`).
 
     A centralized network, because its state is a place on a closed curve: nothing can lead it away, and servos follow.
-
-    Args:
-        name: of the library.
-        clips: taught to a rig.
-        trim: whether only the part of a loop is learned that comes back to its start best, or all of it.
+    With `trim`, only the part of a loop is learned that comes back to its start best.
 
     Raises:
         FileFormatError: if a name cannot be typed or is used twice, a clip cannot be read, or clips are of different
@@ -237,7 +229,6 @@ def find_recording(data: Path, file: str) -> Path:
 
 
 def _missing_files(recipe: LibraryRecipe, data: Path) -> Iterator[str]:
-    """The files of a recipe that are not in the data folder."""
     files = [file for motion in recipe.motions for file in (motion.file, motion.skeleton, *motion.takes)]
     for file in dict.fromkeys([*files, recipe.body]):
         try:
@@ -248,7 +239,6 @@ def _missing_files(recipe: LibraryRecipe, data: Path) -> Iterator[str]:
 
 
 def _motion_problems(recipe: LibraryRecipe) -> Iterator[str]:
-    """Problems of a recipe's motions and of their preparation."""
     names = [motion.name for motion in recipe.motions]
     if not names:
         yield "there are no [[motions]] in it"
@@ -271,7 +261,6 @@ def _motion_problems(recipe: LibraryRecipe) -> Iterator[str]:
 
 
 def _input_problems(motion: MotionRecipe, recipe: LibraryRecipe) -> Iterator[str]:
-    """Problems of the input of a motion."""
     if not motion.input:
         for key in ("values", "people"):
             if getattr(motion, key):

@@ -37,20 +37,13 @@ SEAM_MM, SEAM_SHARE, LEFT_OUT_SHARE = 50.0, 0.5, 0.6
 
 @dataclass(frozen=True)
 class AnalysedRecording:
-    """A recording that can be learned.
-
-    Attributes:
-        motion: its recipe.
-        clip: all of its frames.
-        seam_mm, seam_degrees: mean distance of joints, and largest angle of a bone, at the best seam.
-        doubts: warnings about the body.
-    """
+    """A recording that can be learned."""
 
     motion: MotionRecipe
-    clip: Clip
-    seam_mm: float
-    seam_degrees: float
-    doubts: list[str]
+    clip: Clip  # all of its frames
+    seam_mm: float  # mean distance of joints at the best seam
+    seam_degrees: float  # largest angle of a bone there
+    doubts: list[str]  # warnings about the body
 
 
 def analyse_recording(
@@ -63,7 +56,6 @@ def analyse_recording(
     """Reads a recording and determines its frames to learn and whether they are a loop.
 
     Args:
-        file: the recording.
         name: of the motion.
         options: override the file.
         within: part to use, from and to, s; by default all.
@@ -125,7 +117,7 @@ def _skeleton(file: Path, options: ReadingOptions) -> Path | None:
 
 
 def _loops(clip: Clip) -> tuple[bool, float, float]:
-    """Whether a clip is a loop; mean distance of joints, mm, and largest angle of a bone, degrees, at its best seam."""
+    """Whether a clip is a loop, and the error at its best seam; see `seam_error`."""
     one = resampled(to_canonical(clip), COMMON_RATE)
     encoding = encoding_of(one.skeleton)
     channels = encoding.encode(one)

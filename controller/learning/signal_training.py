@@ -103,12 +103,7 @@ def run_free(network: FrameNetwork, motion: str, frames: int, anchor: int = 0) -
 
 @dataclass(frozen=True, eq=False)
 class ReservoirResponse:
-    """A driven reservoir with a readout: an input signal in, an output signal out.
-
-    Attributes:
-        reservoir: with C inputs.
-        readout: W_out, shape (D, N).
-    """
+    """A driven reservoir with a readout W_out (D, N): an input signal (T, C) in, an output signal (T, D) out."""
 
     reservoir: Reservoir
     readout: Array
@@ -145,7 +140,6 @@ def learn_response(
 def _motions(
     signals: Mapping[str, Array], loops: Collection[str], washout: int
 ) -> tuple[list[TrainingMotion], Normalisation]:
-    """Normalised signals as training motions, with their washout."""
     if not isinstance(signals, Mapping):  # what pyright sees, a user's script does not
         raise MotiondeckError(f"signals are {{name: array of shape (T, D)}}, not a {type(signals).__name__}")
     if not signals:

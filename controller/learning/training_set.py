@@ -38,11 +38,9 @@ Reader = Callable[[MotionRecipe], Clip]
 
 @dataclass(frozen=True)
 class LearnedPart:
-    """The part of a recording that is learned.
+    """The part of a recording that is learned, from `first` to `end`, s, of `recorded` s.
 
     Attributes:
-        first, end: in the recording, s.
-        recorded: duration of the recording, s.
         seam_mm, seam_degrees: mean distance of joints, and largest angle of a bone, at the seam of a loop before the
             mismatch is eased out; None for a one-shot.
     """
@@ -59,24 +57,19 @@ class TrainingSet:
     """The training frames of a recipe.
 
     Attributes:
-        encoding: of the channels.
-        rate: frames per second, Hz.
-        frames: of each motion, shape (T, channels), in the encoding's units.
-        loops: whether each motion is a loop.
-        before: recorded frames before those, if any.
+        before: recorded frames before `frames`, if any.
         parts: learned part of each recording; not for recordings learned as recorded.
-        least_range: of a channel, for its normalisation, in its unit.
         variants: of motions with an input, the loop at each of its values, the first as in `frames`.
         inputs: names of the inputs.
     """
 
     encoding: Encoding
     rate: float
-    frames: dict[str, Array]
-    loops: dict[str, bool]
+    frames: dict[str, Array]  # of each motion, shape (T, channels), in the encoding's units
+    loops: dict[str, bool]  # whether each motion is a loop
     before: dict[str, Array] = field(default_factory=dict[str, Array])
     parts: dict[str, LearnedPart] = field(default_factory=dict[str, LearnedPart])
-    least_range: float = 0.0
+    least_range: float = 0.0  # of a channel, for its normalisation, in its unit
     variants: dict[str, list[Variant]] = field(default_factory=dict[str, list[Variant]])
     inputs: dict[str, str] = field(default_factory=dict[str, str])
 
@@ -207,9 +200,7 @@ def to_learn(
     """The training frames (T, C) of a recording, a closed loop or a motion with a hold, and their part of it.
 
     Args:
-        encoding: of the channels; the clip is carried to its body.
-        clip: of the recording, already mirrored if wanted.
-        motion: its frames and mode.
+        encoding: of the channels; the clip, already mirrored if wanted, is carried to its body.
         rate: of the training frames, Hz.
         loop_keeps: the least share of the frames that a loop keeps.
     """

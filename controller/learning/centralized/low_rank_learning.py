@@ -76,7 +76,6 @@ class _Plan:
     left: float  # of the sum of squares, about
 
     def numbers(self, centers: int) -> int:
-        """As `LowRankNetwork.numbers`."""
         flags = -(-self.kept.size // 32)
         satellites = int(self.used.max()) * (2 * centers + 1)
         return int(self.kept.sum() + self.used.sum()) + len(self.used) + flags + satellites + 2 * centers
@@ -103,8 +102,7 @@ def learn_low_rank(
         satellites: m at most.
         parameters: at most this many; by default Akaike's criterion chooses.
         independent: effective sample size K for Akaike's criterion (default: all frames).
-        keep: number of frequency vectors for the full optimisation; the best result is kept.
-        iterations: of L-BFGS for each.
+        keep: number of frequency vectors for the full optimisation, each with `iterations` of L-BFGS.
         move_frequencies: whether frequencies and phases are optimised too; not for closed loops.
 
     Raises:
@@ -189,13 +187,12 @@ def _learn_at(
 
 
 def _path(by_channel: Array, energy: Array, explained: Array, whole: float, weight_price: float) -> list[_Plan]:
-    """The path of networks of falling sizes.
+    """Networks of rising size, from parts of the sum of squares `whole`.
 
     Args:
-        by_channel: part of the sum of squares of each channel and curve, shape (D, r).
+        by_channel: part of each channel and curve, shape (D, r).
         energy: of each curve, shape (r,).
         explained: of each curve by each further satellite, shape (m, r).
-        whole: the sum of squares.
         weight_price: of a weight of a curve, in shares.
     """
     left = np.maximum(np.vstack([energy, energy - np.cumsum(explained, axis=0)]), 0.0)
@@ -233,11 +230,7 @@ def _chosen(
 
 
 def nested_readout(response: Array, target: Array, used: NDArray[np.int64]) -> Array:
-    """Ridge regression where column j of a target (K, r) is a sum of the first used[j] responses (K, m).
-
-    Returns:
-        The weights, shape (r, m), 0 beyond used[j].
-    """
+    """Weights (r, m): column j of a target (K, r) is a ridge sum of the first used[j] responses (K, m), 0 beyond."""
     gram = response.T @ response
     gram[np.diag_indices(len(gram))] += RIDGE_SHARE * len(response)
     lower = cholesky(gram, lower=True)

@@ -21,19 +21,12 @@ ITERATIONS = 15  # of the refinement of compared networks
 
 @dataclass(frozen=True)
 class Scored:
-    """One choice of sizes.
+    """One choice of sizes."""
 
-    Attributes:
-        centers, satellites: n and m.
-        aicc: the criterion at RATE; the least is best.
-        error: root mean square error over the standard deviation of the channels.
-        motion: the network.
-    """
-
-    centers: int
-    satellites: int
-    aicc: float
-    error: float
+    centers: int  # n
+    satellites: int  # m
+    aicc: float  # at RATE; the least is best
+    error: float  # root mean square error over the standard deviation of the channels
     motion: CentralizedMotion
 
 

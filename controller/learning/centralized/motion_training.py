@@ -38,10 +38,9 @@ def train_centralized(
     iterations: int = 150,
     seed: int = 0,
 ) -> CentralizedMotion:
-    """The network of one motion.
+    """The network of one motion (K, D), of a loop one period.
 
     Args:
-        channels: the motion, shape (K, D); of a loop one period.
         rate: frames per second, Hz.
         loop: whether the first frame follows the last.
         centers, satellites: n and m; with rank "auto", m at most.

@@ -61,6 +61,5 @@ def learn_primitive(
 
 
 def _at(demonstration: Array, phase: Array) -> Array:
-    """A demonstration at phases (T,), by linear interpolation, shape (T, D)."""
     own = np.linspace(0.0, 1.0, len(demonstration))
     return np.stack([np.interp(phase, own, column) for column in demonstration.T], axis=-1)

@@ -50,15 +50,10 @@ Flags = NDArray[np.bool_]
 
 @dataclass(frozen=True)
 class FillMethod:
-    """A method to fill a gap.
+    """A method to fill a gap."""
 
-    Attributes:
-        ridge_share: of the weights, per seen frame; None interpolates the marker's own path.
-        cubic: whether the residual or the path is interpolated by a cubic; otherwise by a line.
-    """
-
-    ridge_share: float | None
-    cubic: bool
+    ridge_share: float | None  # of the weights, per seen frame; None interpolates the marker's own path
+    cubic: bool  # else a line interpolates the residual or the path
 
 
 WAYS = [
@@ -73,10 +68,8 @@ class Gap:
     """A marker that is not seen from frame `first` to before frame `end`.
 
     Attributes:
-        marker, first, end: the gap.
         expected: mean absolute error of a coordinate on hidden intervals of the same length, in the unit of the
             markers; None if there was none, or the gap was not filled.
-        filled: whether it was filled.
         by: the method with the larger weight: "network", or the marker's own path, as a "cubic" or a "line".
     """
 

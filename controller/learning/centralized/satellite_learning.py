@@ -43,18 +43,12 @@ def principal_scores(target: Array, keep: int = 40) -> Array:
 
 @dataclass(frozen=True, eq=False)
 class LearnedSatellites:
-    """Centers and satellites for one motion.
+    """Centers and satellites, in the 2 n coordinates of the centers, for one motion."""
 
-    Attributes:
-        frequency, phase: of the centers, shape (n,), rad/s and rad.
-        satellites: in the 2 n coordinates of the centers.
-        error: the squared error over the motion's sum of squares.
-    """
-
-    frequency: Array
-    phase: Array
+    frequency: Array  # shape (n,), rad/s
+    phase: Array  # shape (n,), rad
     satellites: GaussianSatellites
-    error: float
+    error: float  # squared error over the motion's sum of squares
 
     def respond(self, time: Array) -> Array:
         """Phi at times (K,), shape (K, m)."""
@@ -84,12 +78,11 @@ def choose_satellites(states: Array, target: Array, count: int) -> tuple[Gaussia
 def rank_satellites(
     states: Array, target: Array, count: int, widths: tuple[float, ...] = WIDTHS
 ) -> tuple[GaussianSatellites, Array]:
-    """At most `count` satellites, each with the largest gain after those before it.
+    """At most `count` satellites, each with the largest gain after those before it; fewer if all is explained.
 
     Args:
-        states: of the centers, shape (K, d).
+        states: of the centers, shape (K, d); more than `count`.
         target: the motion, shape (K, D).
-        count: m < K; fewer if nothing is left to explain.
         widths: candidates of the sharpness.
 
     Returns:
@@ -138,12 +131,9 @@ def learn_jointly(
     move_frequencies: bool = True,
     read_out: ReadOut | None = None,
 ) -> LearnedSatellites:
-    """Variable projection from a start; the result is never worse than the start.
+    """Variable projection from a start for a target (K, D) at times (K,), s; never worse than the start.
 
     Args:
-        start: centers and satellites.
-        target: the motion, shape (K, D).
-        time: of each frame, shape (K,), s.
         iterations: of L-BFGS at most.
         move_frequencies: whether frequencies and phases are optimised too; not for closed loops.
         read_out: the best W for responses and target, by default by ridge regression.
@@ -194,15 +184,13 @@ def learn(
     iterations: int = 200,
     move_frequencies: bool = True,
 ) -> LearnedSatellites:
-    """Ranks frequency vectors, then chooses and optimises satellites for the best few.
+    """Ranks frequency vectors `starts` (n,), rad/s, then chooses and optimises satellites for the best few.
 
     Args:
         target: the motion, shape (K, D).
         time: of each frame, shape (K,), s.
         count: m satellites.
-        starts: frequency vectors, shape (n,) each, rad/s.
-        keep: number of frequency vectors for the full optimisation.
-        iterations: of L-BFGS for each.
+        keep: number of frequency vectors for the full optimisation, each with `iterations` of L-BFGS.
         move_frequencies: see `learn_jointly`.
 
     Raises:
@@ -252,14 +240,12 @@ class _Projection:
         self.states = pairs_at(start.frequency, start.phase, time)
 
     def pack(self, learned: LearnedSatellites) -> Array:
-        """The parameters as one vector."""
         parts = [learned.satellites.places.ravel(), np.log(learned.satellites.sharpness)]
         if self.move:
             parts += [np.log(learned.frequency), learned.phase]
         return np.concatenate(parts)
 
     def split(self, x: Array) -> tuple[GaussianSatellites, Array, Array]:
-        """Satellites, frequencies and phases of a vector."""
         m, d = self.shape
         satellites = GaussianSatellites(x[: m * d].reshape(m, d), np.exp(x[m * d : m * d + m]))
         if not self.move:
@@ -268,7 +254,6 @@ class _Projection:
         return satellites, np.exp(x[-2 * n : -n]), x[-n:]
 
     def bounds(self) -> list[tuple[float, float]]:
-        """Bounds of positions, of the logarithms of sharpness and frequencies, and of phases."""
         m, d = self.shape
         bounds = [(-4.0, 4.0)] * (m * d) + [(np.log(LEAST_SHARPNESS), np.log(GREATEST_SHARPNESS))] * m
         if self.move:
@@ -277,7 +262,6 @@ class _Projection:
         return bounds
 
     def unpack(self, x: Array) -> LearnedSatellites:
-        """The result with its error."""
         satellites, frequency, phase = self.split(x)
         learned = LearnedSatellites(frequency, phase, satellites, 0.0)
         response = learned.respond(self.time)
@@ -285,7 +269,6 @@ class _Projection:
         return LearnedSatellites(frequency, phase, satellites, float(np.square(left).sum()) / self.size)
 
     def loss(self, x: Array) -> tuple[float, Array]:
-        """log J and its gradient."""
         satellites, frequency, phase = self.split(x)
         places, square = satellites.places, np.square(satellites.sharpness)
         states = pairs_at(frequency, phase, self.time) if self.move else self.states

@@ -23,14 +23,7 @@ from motiondeck_base.shipped import find_library
 
 @dataclass(frozen=True)
 class Evaluation:
-    """A recipe or a library with the recordings that it was learned from.
-
-    Attributes:
-        name: of the recipe or library.
-        recipe: of its networks; a library holds its own.
-        library: the file, or None for a recipe.
-        syllabus: the frames to learn and to judge by.
-    """
+    """A recipe (`library` is None) or a library, with the recordings that it was learned from."""
 
     name: str
     recipe: LibraryRecipe
@@ -56,7 +49,7 @@ class Evaluation:
 
     @property
     def trainer(self) -> Trainer[Any]:
-        """Of its kind of network."""
+        """The trainer of its kind of network."""
         return trainer_of(self.recipe.network)
 
     @property
@@ -94,11 +87,7 @@ def training_error(
 ) -> TrainingError:
     """Trains a recipe with a seed and measures it, as tables 4.1, 4.3 and 4.5 of Deliallisi 2017.
 
-    Args:
-        recipe: that is trained.
-        syllabus: its frames.
-        seed: of everything random.
-        readout_targets: what the readout of a conceptor network learns, one (T, channels) a motion; its frames if None.
+    `readout_targets`, one (T, channels) a motion, replace its frames as targets of a conceptor network's readout.
     """
     lessons = Lessons(*syllabus.normalised(), syllabus.rate)
     judge = Judge(syllabus.encoding, syllabus.frames, syllabus.loops, syllabus.rate, holds=not recipe.as_recorded)

@@ -30,43 +30,26 @@ SEEDS_APART = 10_000
 
 @dataclass(frozen=True)
 class Subject:
-    """A trained network that is disturbed.
-
-    Attributes:
-        seed: that was asked for.
-        drawn: the seed of the network, a later one where an earlier network failed the self-test.
-        network: that plays.
-        weights: W of a conceptor network, shape (N, N), or None where it was not kept (a library keeps W U only).
-    """
+    """A trained network that is disturbed."""
 
     seed: int
-    drawn: int
+    drawn: int  # seed of the network, later than `seed` if an earlier one failed the self-test
     network: AnyNetwork
-    weights: NDArray[np.float32] | None = None
+    weights: NDArray[np.float32] | None = None  # W of a conceptor network, shape (N, N); a library keeps W U only
 
 
 @dataclass(frozen=True)
 class Count:
-    """The failures of one motion of one network.
-
-    Attributes:
-        motion: its name.
-        loop: whether it is a loop.
-        seed, drawn: of the network, as in `Subject`.
-        runs: their number.
-        intrinsic: failures without a guard.
-        guarded: failures with one, or None without guarded runs.
-        reason: of the first intrinsic failure, or "".
-    """
+    """The failures of one motion of one network."""
 
     motion: str
     loop: bool
     seed: int
-    drawn: int
+    drawn: int  # as in `Subject`
     runs: int
-    intrinsic: int
-    guarded: int | None
-    reason: str
+    intrinsic: int  # failures without a guard
+    guarded: int | None  # failures with one
+    reason: str  # of the first intrinsic failure, or ""
 
 
 def train_subjects(
@@ -97,11 +80,10 @@ def sweep(
         subjects: the networks.
         syllabus: the frames that they learned, to judge by.
         runs: of each motion of each network.
-        motions: which of them, or all.
+        motions: by default all.
         holds: whether one-shots were taught to hold their end.
         guarded: whether to play all runs once more with a guard.
-        jobs: that do the work.
-        tick: is called after each motion of each network.
+        jobs: that do the work; `tick` is called after each motion of each network.
 
     Returns:
         One count for each, by seed and in the order of the motions.
@@ -117,7 +99,6 @@ def sweep(
 
 
 def _gathered(tasks: Iterable[Any], jobs: Jobs, tick: Tick) -> list[Any]:
-    """The results of tasks, in the order of completion."""
     results = []
     for result in spread(tasks, jobs):
         results.append(result)

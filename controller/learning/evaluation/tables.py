@@ -18,21 +18,13 @@ Value = str | int | float | None
 
 @dataclass(frozen=True)
 class Table:
-    """A table.
-
-    Attributes:
-        title: above it.
-        rows: each a value by column; all have the same columns.
-        draws: the columns that a plot shows.
-        notes: below it, one line each.
-        details: the single measurements that the rows summarise, for CSV and JSON; may be empty.
-    """
+    """A table."""
 
     title: str
-    rows: list[dict[str, Value]]
-    draws: tuple[str, ...]
-    notes: list[str] = field(default_factory=list)
-    details: list[dict[str, Value]] = field(default_factory=list)
+    rows: list[dict[str, Value]]  # each a value by column; all have the same columns
+    draws: tuple[str, ...]  # the columns that a plot shows
+    notes: list[str] = field(default_factory=list)  # below it, one line each
+    details: list[dict[str, Value]] = field(default_factory=list)  # measurements that the rows summarise
 
 
 def failure_table(title: str, counts: Sequence[Count], notes: list[str]) -> Table:
@@ -127,7 +119,6 @@ def with_clip_verdicts(table: Table, verdicts: dict[str, MotionVerdict]) -> Tabl
 
 
 def _tested(verdicts: dict[str, MotionVerdict]) -> dict[str, Value]:
-    """A self-test as columns of a training table."""
     failing = [name for name, verdict in verdicts.items() if not verdict.passed]
     apart = [verdict.error_mm for verdict in verdicts.values()]
     return {

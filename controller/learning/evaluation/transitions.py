@@ -41,28 +41,18 @@ METHODS = ("morph", "deck", "crossfade", "cut", "clip player")
 
 @dataclass(frozen=True)
 class MeasuredTransition:
-    """One transition.
-
-    Attributes:
-        source, target: the motions.
-        method: one of METHODS.
-        frames: of the transition.
-        velocity, acceleration, jerk: peaks over the larger of both motions' own.
-        bone_error: the largest |length / true length - 1| of a bone on the way.
-        failed: whether the target was not what played afterwards.
-        reason: why, or "".
-    """
+    """One transition; peaks over the larger of both motions' own."""
 
     source: str
     target: str
-    method: str
-    frames: int
+    method: str  # one of METHODS
+    frames: int  # of the transition
     velocity: float
     acceleration: float
     jerk: float
-    bone_error: float
-    failed: bool
-    reason: str
+    bone_error: float  # largest |length / true length - 1| of a bone on the way
+    failed: bool  # whether another motion than the target played afterwards
+    reason: str  # why, or ""
 
 
 def all_crossings(
@@ -79,8 +69,7 @@ def all_crossings(
         library: whose network plays.
         syllabus: the frames that it learned, to judge by.
         holds: whether one-shots were taught to hold their end.
-        jobs: that do the work.
-        tick: is called after each source.
+        jobs: that do the work; `tick` is called after each source.
 
     Raises:
         MotiondeckError: if the motions were taught on a rig: they have no bones to be judged by.
@@ -114,7 +103,6 @@ def _from(
     judge: Judge,
     peaks: dict[str, Array],
 ) -> list[MeasuredTransition]:
-    """All transitions out of one motion."""
     crossings = []
     motions = list(syllabus.frames)
     # The thesis morphs within a reservoir that runs by itself.
@@ -137,7 +125,7 @@ def _from(
 def _played(
     method: str, library: MotionLibrary, source: str, target: str, begin: int, after: int
 ) -> tuple[Array, int, int]:
-    """The channels of a run with a transition in it, and where that begins and ends."""
+    """The channels of a run with a transition, and the frames where it begins and ends."""
     if method == "morph":
         return _morphed(library, source, target, begin, after)
     joining: dict[str, Joining | None] = {"crossfade": "crossfade", "cut": "cut"}
@@ -145,7 +133,6 @@ def _played(
 
 
 def _morphed(library: MotionLibrary, source: str, target: str, begin: int, after: int) -> tuple[Array, int, int]:
-    """The channels of a run with a mu ramp in it, and where the ramp begins and ends."""
     network = library.network.twin()
     autonomous = network.as_autonomous
     assert autonomous is not None, "only a network that runs by itself is morphed"
@@ -166,7 +153,6 @@ def _morphed(library: MotionLibrary, source: str, target: str, begin: int, after
 def _switched(
     library: MotionLibrary, source: str, target: str, begin: int, after: int, joining: Joining | None
 ) -> tuple[Array, int, int]:
-    """The channels of a run of the deck with a switch in it, and where the switch begins and has settled."""
     deck = Deck(library, _nothing, source, joining=joining)
     dt = 1.0 / library.info.rate
     shown = [deck.posture]

@@ -28,17 +28,11 @@ NOISY_STEPS = 250
 
 @dataclass(frozen=True)
 class GuardKnowledge:
-    """The settings of a guard for a batch of runs.
-
-    Attributes:
-        beat: of the motion.
-        scale: the spread of each channel, shape (C,).
-        start: the first anchor's frame, shape (C,).
-    """
+    """The settings of a guard for a batch of runs."""
 
     beat: Beat
-    scale: Array
-    start: Array
+    scale: Array  # the spread of each channel, shape (C,)
+    start: Array  # the first anchor's frame, shape (C,)
 
 
 def disturbed(
@@ -50,14 +44,9 @@ def disturbed(
     watched: GuardKnowledge | None = None,
     weights: NDArray[np.float32] | None = None,
 ) -> NDArray[np.float32]:
-    """Disturbs several runs of a motion, each from its first anchor on.
+    """Disturbs R runs of a motion, each from its first anchor on; the network's own state is left alone.
 
     Args:
-        kind: of disturbance.
-        network: that plays; its own state is left alone.
-        motion: which of its motions.
-        runs: R.
-        rng: source of the noise.
         watched: for guarded runs, of a network that runs by itself.
         weights: W of a conceptor network, shape (N, N), of which it keeps only k directions; without it only the part
             of a displacement counts that lies in them.
@@ -87,7 +76,6 @@ def disturbed(
 
 
 def _restart(network: AutonomousNetwork, motion: str, watch: LossWatch, lost: NDArray[np.bool_]) -> None:
-    """Puts the lost runs back to where the guard restarts them."""
     rows = np.flatnonzero(lost)
     if len(rows):
         network.cue(motion, watch.restart(rows), rows)

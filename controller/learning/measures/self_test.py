@@ -46,7 +46,6 @@ class MotionVerdict:
     """The result of the self-test for one motion.
 
     Attributes:
-        passed: whether the motion may be played.
         error_mm: median distance to the nearest window of the motion, over the last third of the run, mm; the mean
             distance at the same phase where that is known.
         right: share of those windows that are nearest to this motion and no other (1 for one-shots).
@@ -175,7 +174,6 @@ def _bound_in_time(reference: Array) -> float:
 
 
 def _judge_once(run: Array, matcher: Matcher, index: int, reference: Array, *, holds: bool) -> MotionVerdict:
-    """The verdict on features (T, F) of a one-shot, learned from reference features."""
     found = matcher.match(run, index, alone=True)
     error = float(np.median(found.distance[2 * len(found.distance) // 3 :]))
     moving = np.square(np.diff(matcher.windows(reference), axis=0)).mean(1) > STILL_MM**2
@@ -192,7 +190,6 @@ def _judge_once(run: Array, matcher: Matcher, index: int, reference: Array, *, h
 
 
 def _judge_loop(run: Array, matcher: Matcher, index: int, reference: Array, rate: float) -> MotionVerdict:
-    """The verdict on features (T, F) of a loop, by the last third of its windows."""
     found = matcher.match(run[matcher.stride * (2 * matcher.window_count(len(run)) // 3) :], index)
     error = float(np.median(found.distance))
     right = float(np.mean(found.motion == index))

@@ -43,15 +43,9 @@ def failures(
     seed: int,
     weights: NDArray[np.float32] | None = None,
 ) -> int:
-    """The number of failed runs of a motion; if the free run fails, no other is tried.
+    """The number of failed runs of a motion under kinds of disturbance; if the free run fails, no other is tried.
 
-    Args:
-        network: that plays.
-        motion: which of its motions.
-        kinds: of disturbance that it has to survive.
-        judge: of the motions.
-        seed: of the noise.
-        weights: W of a conceptor network, as for `disturbed`.
+    `weights` are W of a conceptor network, as for `disturbed`.
     """
     if not self_test(network, judge, (motion,))[motion].passed:
         return FREE_RUN

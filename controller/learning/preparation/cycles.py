@@ -24,15 +24,10 @@ AS_WELL = 2.0  # a cycle is the shortest period with a mismatch up to this facto
 
 
 def one_cycle(features: Array, rate: float, name: str) -> Seam:
-    """The seam of one cycle of a recording.
-
-    Args:
-        features: joint positions, shape (T, F).
-        rate: frames per second, Hz.
-        name: of the recording, for the error.
+    """The seam of one cycle of a recording with joint positions (T, F) at a rate in Hz.
 
     Raises:
-        FileFormatError: if the recording is too short.
+        FileFormatError: if the recording is too short; it gives the name.
     """
     seen = with_velocities(features, rate)
     shortest, longest = round(SHORTEST_SECONDS * rate), len(seen) - 1
@@ -68,10 +63,8 @@ def aligned_cycles(encoding: Encoding, clips: Sequence[Clip], values: Sequence[f
     """One cycle of each recording of a loop, with the phase and number of frames of the first.
 
     Args:
-        encoding: of the channels.
-        clips: of its body.
-        values: of the input in each recording; by default the speed, m/s.
-        rate: of the clips, Hz.
+        encoding: of the channels; the clips have its body and the rate, Hz.
+        values: of the input in each recording; if empty, the speed, m/s.
 
     Raises:
         FileFormatError: if a recording is too short.

@@ -27,26 +27,15 @@ MOST_STARTS = 1200  # tried first; longer clips are searched with a stride, then
 
 @dataclass(frozen=True)
 class Seam:
-    """The cut of a clip into a loop.
-
-    Attributes:
-        start, end: the loop's first frame, and the frame nearest to it, which is left out.
-        mismatch: of their features, velocities included (root of the sum of squares).
-    """
+    """The cut of a clip into a loop."""
 
     start: int
-    end: int
-    mismatch: float
+    end: int  # the frame nearest to the start, which is left out
+    mismatch: float  # of their features with velocities (root of the sum of squares)
 
 
 def best_seam(features: Array, rate: float, *, at_least: float) -> Seam:
-    """The seam with the least mismatch.
-
-    Args:
-        features: joint positions, shape (T, F).
-        rate: frames per second, Hz.
-        at_least: share of the clip that the loop keeps, in (0, 1).
-    """
+    """The seam with the least mismatch of joint positions (T, F) at a rate in Hz; the loop keeps a share `at_least`."""
     seen = with_velocities(features, rate)
     frames = len(features)
     shortest = max(2, int(at_least * frames))

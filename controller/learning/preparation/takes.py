@@ -86,16 +86,10 @@ def is_periodic(channels: Array, rate: float, at_least: float) -> bool:
 
 
 def join_takes(takes: Sequence[Array], names: Sequence[str], rate: float, *, loop: bool) -> JoinedTakes:
-    """One motion from several takes of it.
-
-    Args:
-        takes: each of shape (T_i, C).
-        names: of the takes, for messages.
-        rate: frames per second, Hz.
-        loop: whether the motion loops.
+    """One motion from several takes (T_i, C) of it at a rate in Hz.
 
     Raises:
-        FileFormatError: if a take differs too much from the others.
+        FileFormatError: if a take differs too much from the others; it names it.
     """
     periods = [_period(take, rate) for take in takes] if loop else list(takes)
     reference = _middle_length(periods)
@@ -157,7 +151,6 @@ def _best_part(take: Array, reference: Array) -> Array:
 
 
 def _laid_over(take: Array, reference: Array) -> Array:
-    """A take warped to the time of the reference."""
     few = min(_WARPED_AT, len(take), len(reference))
     coarse = [_resampled(one, few) for one in (reference, take)]
     own, other = _path(*coarse)

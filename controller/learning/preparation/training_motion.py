@@ -12,17 +12,11 @@ from controller.networks.driving_input import DrivingInput
 
 @dataclass(frozen=True)
 class Variant:
-    """A loop at one value of its input.
+    """A loop at one value of its input."""
 
-    Attributes:
-        value: of the input, in its unit.
-        seconds: duration of a round.
-        frames: channels, shape (T, C), aligned with the other variants.
-    """
-
-    value: float
-    seconds: float
-    frames: Array
+    value: float  # of the input, in its unit
+    seconds: float  # duration of a round
+    frames: Array  # channels, shape (T, C), aligned with the other variants
 
 
 @dataclass(frozen=True)
@@ -30,9 +24,7 @@ class TrainingMotion:
     """One motion to learn.
 
     Attributes:
-        name: of the motion.
         frames: normalised channels, shape (T, C): one period of a loop, or all of a one-shot.
-        loop: whether it is a loop.
         before: recorded frames before these, shape (T', C), or None.
         driving: its input besides the phase, if any; `frames` are those at the usual value.
         variants: the motion at each value of the input, normalised too.

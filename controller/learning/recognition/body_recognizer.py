@@ -15,11 +15,7 @@ STEADY = 0.06  # s for which a verdict must be constant before it is reported
 
 
 class BodyRecognizer:
-    """Recognizes the motion of a body of B bones.
-
-    Args:
-        recognizer: trained on recordings of any bodies.
-        skeleton: of the body.
+    """Recognizes the motion of a body of B bones with a recognizer trained on recordings of any bodies.
 
     Attributes:
         seen: the motion that has been the verdict for STEADY seconds, or None.
@@ -60,7 +56,6 @@ class BodyRecognizer:
         Args:
             root_position: shape (3,), m.
             rotation: of the root and of each bone in the world, shape (1 + B, 4).
-            dt: s.
         """
         if not (np.isfinite(root_position).all() and np.isfinite(rotation).all()):
             self.online.skipped += 1

@@ -43,13 +43,10 @@ def joint_motions(library: MotionLibrary, retarget: Retargeter, rate: float = RA
 
 
 def unwind(joints: Array, balls: NDArray[np.int64]) -> None:
-    """Replaces the rotation vectors of ball joints, v = angle axis, by sin(angle) axis, in place.
+    """Replaces rotation vectors v = angle axis of ball joints, with indices (N, 3), by sin(angle) axis, in place.
 
-    That is smooth, and the same for all rotation vectors of a rotation, which are whole turns apart.
-
-    Args:
-        joints: shape (..., J), rad.
-        balls: indices of rotation vectors, shape (N, 3).
+    The joints have the shape (..., J), rad. The result is smooth, and the same for all rotation vectors of a rotation,
+    which are whole turns apart.
     """
     if len(balls):
         vectors = joints[..., balls]
@@ -69,15 +66,10 @@ def teach_joints(motions: dict[str, Array], recipe: ExpertRecipe = EXPERTS) -> E
 
 
 class JointWatcher:
-    """Passes joints measured at any rate to an online recognizer at its own rate.
-
-    Args:
-        bank: experts on joint positions; see `teach_joints`.
-        rate: frames per second of their training, Hz.
-        threshold: the margin below which a motion is unknown.
+    """Passes joints measured at any rate to an online recognizer at the rate of its training, Hz.
 
     Attributes:
-        recognizer: with the verdict.
+        recognizer: with the verdict, by experts on joint positions (`teach_joints`).
     """
 
     def __init__(self, bank: ExpertBank, rate: float = RATE, threshold: float = THRESHOLD) -> None:

@@ -26,21 +26,13 @@ MOST_ALARMS = 100
 
 @dataclass(frozen=True)
 class Alarm:
-    """A joint that does not follow, or another motion than the commanded one.
+    """A joint that does not follow, or another motion than the commanded one."""
 
-    Attributes:
-        at: time of the deck, s.
-        commanded: motion.
-        seen: the recognized motion.
-        joint: that does not follow, or "" for another motion.
-        text: one line for the user.
-    """
-
-    at: float
+    at: float  # time of the deck, s
     commanded: str
-    seen: str
-    joint: str
-    text: str
+    seen: str  # the recognized motion
+    joint: str  # that does not follow, or "" for another motion
+    text: str  # one line for the user
 
 
 class DeckWatch:
@@ -54,9 +46,7 @@ class DeckWatch:
 
     Attributes:
         seen: the recognized motion, or None at rest or before the first verdict.
-        confidence: as `OnlineRecognizer.confidence`.
-        alarms: the latest MOST_ALARMS.
-        raised: number of alarms.
+        alarms: the latest MOST_ALARMS; `raised` counts all.
         seen_after: recognition time of each switch, from the first tick of the new motion, s.
     """
 
@@ -98,8 +88,7 @@ class DeckWatch:
         """Processes a tick and returns the alarms that begin with it.
 
         Args:
-            targets: of the joints, shape (J,), rad.
-            measured: positions, shape (J,), rad; NaN if unknown.
+            targets, measured: of the joints, shape (J,), rad; NaN if not measured.
             commanded: motion.
             settled: whether it is playing, and no switch is under way.
             at: time of the deck, s.

@@ -26,19 +26,12 @@ from controller.networks.reservoirs.reservoir import Reservoir
 
 @dataclass(frozen=True, eq=False)
 class ExpertBank:
-    """M experts that share a reservoir.
-
-    Attributes:
-        recipe: parameters.
-        reservoir: N neurons, C channels.
-        classes: the names of the motions, length M.
-        moments: of each class's training motions.
-    """
+    """M experts that share a reservoir of N neurons."""
 
     recipe: ExpertRecipe
     reservoir: Reservoir
-    classes: tuple[str, ...]
-    moments: tuple[Moments, ...]
+    classes: tuple[str, ...]  # names of the motions, length M
+    moments: tuple[Moments, ...]  # of each class's training motions
 
     @cached_property
     def readouts(self) -> Array:

@@ -106,15 +106,10 @@ def expert_reservoir(recipe: ExpertRecipe, channels: int) -> Reservoir:
 
 @dataclass(frozen=True)
 class Forced:
-    """A motion driven through the reservoir: states and the frames that follow.
+    """A motion driven through the reservoir."""
 
-    Attributes:
-        states: x(t), a function of y up to t - 1, shape (T', N).
-        targets: y(t), shape (T', C).
-    """
-
-    states: Array
-    targets: Array
+    states: Array  # x(t), a function of y up to t - 1, shape (T', N)
+    targets: Array  # y(t), shape (T', C)
 
 
 def force(reservoir: Reservoir, signals: list[Array], washout: int) -> list[Forced]:
@@ -138,19 +133,12 @@ def force(reservoir: Reservoir, signals: list[Array], washout: int) -> list[Forc
 
 @dataclass(frozen=True)
 class Moments:
-    """Moments of some motions, from which readouts and their errors follow.
+    """Moments of some motions, from which readouts and their errors follow."""
 
-    Attributes:
-        xx: sum of x x', shape (N, N).
-        xy: sum of x y', shape (N, C).
-        yy: sum of y^2, shape (C,).
-        count: number of values y, C a frame.
-    """
-
-    xx: Array
-    xy: Array
-    yy: Array
-    count: float
+    xx: Array  # sum of x x', shape (N, N)
+    xy: Array  # sum of x y', shape (N, C)
+    yy: Array  # sum of y^2, shape (C,)
+    count: float  # number of values y, C a frame
 
     def __add__(self, other: Moments) -> Moments:
         return Moments(self.xx + other.xx, self.xy + other.xy, self.yy + other.yy, self.count + other.count)
@@ -182,12 +170,9 @@ def group_readouts(of: Moments, recipe: ExpertRecipe) -> Array:
 
 
 def frame_errors(readouts: Array, forced: Forced, together: int) -> Array:
-    """The squared errors of each expert, by groups and joints, shape (T', M, K).
+    """The squared errors of readouts (M, G, C, N / G), by experts, and by groups and joints, shape (T', M, K).
 
-    Args:
-        readouts: shape (M, G, C, N / G).
-        forced: the motion.
-        together: number of adjacent channels to average; see `ExpertRecipe.together`.
+    `together` adjacent channels are averaged; see `ExpertRecipe.together`.
     """
     experts, groups, channels, size = readouts.shape
     found = np.empty((len(forced.states), experts, groups, channels // together))

@@ -75,12 +75,8 @@ def common_joints(clips: Sequence[Clip]) -> tuple[str, ...]:
 def features(clip: Clip, recipe: FeatureRecipe, stretch: float = 1.0) -> Array:
     """The features of a clip, shape (frames at the recipe's rate, channels).
 
-    A clip that lacks the recipe's joints is converted to the canonical body, which has the same ones.
-
-    Args:
-        clip: recording.
-        recipe: parameters.
-        stretch: factor on the duration of the motion (time warp).
+    A clip that lacks the recipe's joints is converted to the canonical body, which has the same ones. `stretch` is a
+    factor on the duration of the motion.
 
     Raises:
         MotiondeckError: if the skeleton lacks a joint of the recipe.

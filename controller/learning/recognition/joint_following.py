@@ -22,7 +22,6 @@ class FollowingWatch:
     """Monitors J joints at constant cost.
 
     Args:
-        joints: J.
         rate: of ticks, Hz.
         lag: largest delay of a joint that follows, s.
         tolerance: error of a joint that follows, rad.
@@ -48,11 +47,9 @@ class FollowingWatch:
         self.moved = np.zeros(joints)
 
     def update(self, targets: Array, measured: Array) -> NDArray[np.bool_]:
-        """Processes a tick and returns whether each joint does not follow, shape (J,); the next call overwrites it.
+        """Processes targets and measured positions of a tick, shape (J,), rad; NaN counts as not following.
 
-        Args:
-            targets: of this tick, shape (J,), rad.
-            measured: positions, shape (J,), rad; NaN counts as not following.
+        Returns whether each joint does not follow, shape (J,), which the next call overwrites.
         """
         if self._tick == 0:
             self._targets[:] = targets

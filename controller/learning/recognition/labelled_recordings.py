@@ -26,32 +26,20 @@ SHORTEST = 4
 
 @dataclass(frozen=True, eq=False)
 class Example:
-    """One labelled recording.
-
-    Attributes:
-        clip: recording.
-        label: class.
-        actor: name of the skeleton.
-        path: file.
-    """
+    """One labelled recording."""
 
     clip: Clip
-    label: str
-    actor: str
+    label: str  # class
+    actor: str  # name of the skeleton
     path: Path
 
 
 @dataclass(frozen=True, eq=False)
 class Dataset:
-    """Labelled recordings.
-
-    Attributes:
-        examples: in the order of their paths.
-        skipped: a line for each unusable file, with the reason.
-    """
+    """Labelled recordings, in the order of their paths."""
 
     examples: list[Example]
-    skipped: list[str]
+    skipped: list[str]  # a line for each unusable file, with the reason
 
     @cached_property
     def classes(self) -> list[str]:
@@ -71,13 +59,9 @@ class Dataset:
 
 
 def read_dataset(folder: Path, progress: Callable[[int, int], None] = lambda done, total: None) -> Dataset:
-    """Reads a folder of recordings, one folder a class.
+    """Reads a folder of recordings, one folder a class; `progress` gets the number of files done and of all.
 
     Files that cannot be read, or are shorter than SHORTEST frames, are listed in `skipped`.
-
-    Args:
-        folder: of the set.
-        progress: called with the number of files done and of all files.
 
     Raises:
         MotiondeckError: if there is no such folder, or no usable recording in it.

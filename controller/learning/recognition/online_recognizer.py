@@ -43,13 +43,11 @@ class OnlineRecognizer:
     """Recognizes a stream of feature frames.
 
     Args:
-        bank: the experts.
         threshold: the confidence (`ExpertBank.confidences`) below which a motion is unknown.
         rate: frames per second of the training, Hz.
         memory: averaging time, s.
 
     Attributes:
-        classes: the known motions.
         costs: the centred log error of each expert, shape (M,); NaN until the first frame is predicted.
         frames: number of frames processed.
         skipped: number of frames with NaN or infinite values.
@@ -172,10 +170,8 @@ class MismatchWatch:
     Time does not count during a switch and for `grace` seconds after it.
 
     Args:
-        recognizer: of the measured joints.
         behind: log error behind the best expert from which the commanded motion counts as not done.
         patience: time until detection, s.
-        grace: s.
 
     Attributes:
         mismatch: duration of the mismatch so far, s.
@@ -198,10 +194,7 @@ class MismatchWatch:
     def update(self, commanded: str, settled: bool, dt: float) -> bool:
         """Advances by dt seconds; whether a mismatch has outlasted the patience.
 
-        Args:
-            commanded: motion; an unknown one is not checked.
-            settled: whether no switch is under way.
-            dt: s since the last call.
+        An unknown commanded motion is not checked. `settled` means that no switch is under way.
         """
         if commanded != self._commanded or not settled:
             self._commanded, self._since_switch, self.mismatch = commanded, 0.0, 0.0

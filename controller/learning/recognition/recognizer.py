@@ -27,19 +27,12 @@ SHORTEST_STRETCH, LONGEST_STRETCH = 0.1, 10.0
 
 @dataclass(frozen=True)
 class RecognitionVerdict:
-    """The classification of a motion.
+    """The classification of a motion."""
 
-    Attributes:
-        motion: the nearest class.
-        known: whether the confidence reaches the threshold.
-        margin: difference of log errors between the second-best and the best expert.
-        costs: the centred log error of each class; the least is nearest.
-    """
-
-    motion: str
-    known: bool
-    margin: float
-    costs: dict[str, float]
+    motion: str  # the nearest class
+    known: bool  # whether the confidence reaches the threshold
+    margin: float  # difference of log errors between the second-best and the best expert
+    costs: dict[str, float]  # the centred log error of each class
 
 
 @dataclass(frozen=True, eq=False)
@@ -48,7 +41,6 @@ class Recognizer:
 
     Attributes:
         recipe: of its features, with explicit joints.
-        bank: its experts.
         threshold: the confidence (`ExpertBank.confidences`) below which a motion is called unknown.
         clips: number of training clips.
         sources: names of their files.
@@ -69,11 +61,7 @@ class Recognizer:
         return self.verdict(self.bank.costs([self.features(clip)])[0])
 
     def features(self, clip: Clip) -> Array:
-        """The features of a clip, shape (T, C), T >= 2.
-
-        Raises:
-            MotiondeckError: see `recognize`.
-        """
+        """The features of a clip, shape (T, C), T >= 2; errors as `recognize`."""
         signal = features(clip, self.recipe)
         if len(signal) < 2:
             raise MotiondeckError(
@@ -93,13 +81,7 @@ class Recognizer:
 def train_recognizer(
     dataset: Dataset, look: FeatureRecipe, experts: ExpertRecipe, stretches: Sequence[float] = (1.0,)
 ) -> Recognizer:
-    """A recognizer of the classes of a dataset.
-
-    Args:
-        dataset: training clips.
-        look: parameters of the features.
-        experts: their parameters.
-        stretches: factors on the duration of each clip, one copy each; at least one.
+    """A recognizer of the classes of a dataset, with a copy of each clip for each factor `stretches` on its duration.
 
     Raises:
         MotiondeckError: if there are fewer than two classes, a clip lacks a joint the features need, or a stretch is

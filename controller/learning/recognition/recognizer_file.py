@@ -24,17 +24,7 @@ KIND = Kind("recognizer", KEY, VERSION, "`motiondeck recognize train`", OLDER)
 
 
 class RecognizerInfo(msgspec.Struct, forbid_unknown_fields=True, frozen=True, kw_only=True):
-    """The header of a recognizer.
-
-    Attributes:
-        version: of the format.
-        classes: known motions.
-        features, experts: their parameters.
-        threshold: the confidence below which a motion is called unknown.
-        clips: number of training clips.
-        sources: names of their files.
-        licence: terms of the recordings, if given.
-    """
+    """The header of a recognizer; fields as in `Recognizer`, and the licence of the recordings, if given."""
 
     version: int
     classes: list[str]

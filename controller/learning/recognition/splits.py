@@ -23,12 +23,7 @@ HALVES = 3
 
 
 def folds(protocol: Protocol, labels: Indices, actors: Indices, seed: int = 0) -> list[Fold]:
-    """The splits of a protocol; examples whose class is not in the training set are not tested.
-
-    Args:
-        protocol: name.
-        labels, actors: of each example, shape (n,).
-        seed: of the random halves.
+    """The splits of examples with labels and actors (n,); classes that are not in the training set are not tested.
 
     Raises:
         MotiondeckError: if there is only one actor and two are needed, or no test example is left.

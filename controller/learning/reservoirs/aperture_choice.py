@@ -80,7 +80,6 @@ def _tried(
     judge: Judge,
     seed: int,
 ) -> tuple[ConceptorNetwork, dict[str, int]]:
-    """The network with the best apertures, and the failed trials of each motion."""
     weights = loaded.weights.astype(np.float32)
     motions = {name: network[name] for name in network.motions}
     left: dict[str, int] = {}

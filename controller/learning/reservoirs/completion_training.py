@@ -53,7 +53,6 @@ def learn_completion(
     Args:
         examples: measured and all channels of each recording; for noisy measurements give noisy ones.
         rate: frames per second of all of them, Hz.
-        recipe: sizes and scales.
         seed: of the reservoir.
 
     Raises:

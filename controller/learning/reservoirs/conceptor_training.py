@@ -61,22 +61,14 @@ class ConceptorRecipe(msgspec.Struct, forbid_unknown_fields=True, frozen=True, k
 
 @dataclass(frozen=True)
 class LoadedReservoir:
-    """A reservoir that reproduces its motions without input.
+    """A reservoir that reproduces its motions without input."""
 
-    Attributes:
-        reservoir: as drawn, with W*, W_in and b.
-        weights: W, shape (N, N).
-        readout: W_out, shape (C, N).
-        before, states: states before and after each frame of each motion, shape (T_j, N).
-        estimate: V, shape (C, N), or None if all of W was learned.
-    """
-
-    reservoir: Reservoir
-    weights: Array
-    readout: Array
-    before: list[Array]
-    states: list[Array]
-    estimate: Array | None = None
+    reservoir: Reservoir  # as drawn, with W*, W_in and b
+    weights: Array  # W, shape (N, N)
+    readout: Array  # W_out, shape (C, N)
+    before: list[Array]  # states before each frame of each motion, shape (T_j, N)
+    states: list[Array]  # states after it
+    estimate: Array | None = None  # V, shape (C, N), or None if all of W was learned
 
 
 def draw_reservoir(recipe: ConceptorRecipe, channels: int, seed: int) -> Reservoir:

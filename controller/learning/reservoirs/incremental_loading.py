@@ -37,13 +37,9 @@ REDRAWN = 1e-2  # largest relative difference between redrawn and stored weights
 def load_one_more(
     network: ConceptorNetwork, lengths: dict[str, int], motion: TrainingMotion, recipe: ConceptorRecipe, seed: int
 ) -> ConceptorNetwork:
-    """The network with one more motion.
+    """The network, trained with a recipe and seed, with one more motion, normalised by its memory.
 
-    Args:
-        network: trained or added to.
-        lengths: frames of each of its motions.
-        motion: normalised by the network's memory.
-        recipe, seed: of the network.
+    `lengths` are the frames of each stored motion.
 
     Raises:
         MotiondeckError: if the network has no memory, all of W was learned, or its reservoir cannot be drawn again.

@@ -128,7 +128,6 @@ def learn_readouts(states: Float32, piece: NDArray[np.int64], frames: Array, reg
         states: settled state at each frame, shape (T, k).
         piece: of each frame, shape (T,).
         frames: targets, shape (T, C).
-        regulariser: of the ridge regressions.
     """
     pieces = [np.flatnonzero(piece == one) for one in range(int(piece.max()) + 1)]
     weight = np.ones(len(frames))

@@ -76,20 +76,13 @@ class RandomFeatureRecipe(msgspec.Struct, forbid_unknown_fields=True, frozen=Tru
 
 @dataclass(frozen=True)
 class RandomFeatures:
-    """The random part, which is not trained.
+    """The random part, which is not trained."""
 
-    Attributes:
-        features, feedback: F' and G', shape (M, N).
-        inputs: W_in, shape (N, C).
-        bias: b, shape (N,).
-        uses: the features of each motion, each of shape (k,).
-    """
-
-    features: Float32
-    feedback: Float32
-    inputs: Float32
-    bias: Float32
-    uses: list[np.ndarray]
+    features: Float32  # F', shape (M, N)
+    feedback: Float32  # G', shape (M, N)
+    inputs: Float32  # W_in, shape (N, C)
+    bias: Float32  # b, shape (N,)
+    uses: list[np.ndarray]  # the features of each motion, each of shape (k,)
 
 
 def draw_features(recipe: RandomFeatureRecipe, channels: int, motions: int, rng: np.random.Generator) -> RandomFeatures:
@@ -109,12 +102,9 @@ def draw_features(recipe: RandomFeatureRecipe, channels: int, motions: int, rng:
 def conception_weights(
     signal: Float32, features: Float32, feedback: Float32, recipe: RandomFeatureRecipe
 ) -> tuple[Float32, Float32]:
-    """The conception weights and means of a looped signal, shape (k,) each.
+    """The conception weights and means of a looped signal W_in p + b (T, N), shape (k,) each.
 
-    Args:
-        signal: W_in p + b of each frame, shape (T, N).
-        features, feedback: of the motion, shape (k, N).
-        recipe: aperture, rate and duration of learning.
+    `features` and `feedback` are those of the motion, shape (k, N).
 
     Raises:
         MotiondeckError: if the weights diverge.

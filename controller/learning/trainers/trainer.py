@@ -40,51 +40,33 @@ Recipe = TypeVar("Recipe", bound=NetworkRecipe)
 
 @dataclass(frozen=True)
 class Lessons:
-    """The motions that a network learns.
+    """The motions that a network learns."""
 
-    Attributes:
-        motions: normalised.
-        normalisation: between their channels and the encoding's units.
-        rate: frames per second.
-    """
-
-    motions: list[TrainingMotion]
-    normalisation: Normalisation
-    rate: float
+    motions: list[TrainingMotion]  # normalised
+    normalisation: Normalisation  # between their channels and the encoding's units
+    rate: float  # frames per second, Hz
 
 
 @dataclass(frozen=True)
 class SettledNetwork:
-    """A trained network.
-
-    Attributes:
-        network: that plays.
-        failed: trials of each motion that failed, where the recipe chooses by trials.
-        weights: W of a conceptor network, shape (N, N).
-    """
+    """A trained network."""
 
     network: AnyNetwork
-    failed: dict[str, int] = field(default_factory=dict[str, int])
-    weights: NDArray[np.float32] | None = None
+    failed: dict[str, int] = field(default_factory=dict[str, int])  # trials of each motion
+    weights: NDArray[np.float32] | None = None  # W of a conceptor network, shape (N, N)
 
 
 @dataclass(frozen=True)
 class NewMotion:
-    """A motion that a library is to learn besides its own.
+    """A motion that a library is to learn besides its own."""
 
-    Attributes:
-        library, encoding, rate, seed: the library's.
-        lengths: frames of the stored motions.
-        name, frames, loop: of the new motion, frames in the encoding's units.
-    """
-
-    library: str
+    library: str  # name
     encoding: Encoding
     rate: float
     seed: int
-    lengths: dict[str, int]
+    lengths: dict[str, int]  # frames of the stored motions
     name: str
-    frames: Array
+    frames: Array  # in the encoding's units
     loop: bool
 
     def scaled(self, normalisation: Normalisation) -> TrainingMotion:
@@ -108,10 +90,8 @@ class TrainingError:
     """The result of one seed.
 
     Attributes:
-        seed: of the network.
         mabs_readout, nrmse_readout: of W_out; means over the motions where their readouts differ.
         mabs_weights, nrmse_weights: of W, where it was learned in full.
-        network: that was trained.
     """
 
     seed: int
@@ -183,16 +163,9 @@ class Trainer(ABC, Generic[Recipe]):
         judge: Judge,
         readout_targets: Sequence[Array] | None = None,
     ) -> TrainingError:
-        """Trains a recipe with a seed and measures it.
+        """Trains a recipe with a seed and measures it on the frames of each motion, in the encoding's units.
 
-        Args:
-            recipe: that is trained.
-            lessons: the same as `frames`, normalised.
-            frames: of each motion, in the encoding's units.
-            seed: of everything random.
-            judge: of the motions.
-            readout_targets: what the readout of a conceptor network learns, one (T, channels) a motion; its frames if
-                None.
+        `readout_targets`, one (T, channels) a motion, replace the frames as targets of a conceptor network's readout.
         """
         dense = self.dense(recipe)
         network = self.settle(dense, lessons, seed, judge).network
