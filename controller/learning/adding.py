@@ -15,8 +15,8 @@ from threadpoolctl import threadpool_limits
 
 from controller.learning.fit import describe_motion
 from controller.learning.measures.self_test import Judge, MotionVerdict, run_free, self_test
+from controller.learning.measures.trials import stress_test
 from controller.learning.recipe import MotionRecipe, check_name, recipe_of
-from controller.learning.stress_test import stress_test
 from controller.learning.trainers.registry import kind_of, trainer_of
 from controller.learning.trainers.trainer import NewMotion
 from controller.learning.training_set import LearnedPart, to_learn

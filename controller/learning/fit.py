@@ -13,9 +13,8 @@ from threadpoolctl import threadpool_limits
 
 from controller.learning.measures.accuracy import nrmse
 from controller.learning.measures.self_test import Judge, MotionVerdict, self_test
-from controller.learning.measures.trials import with_trials
+from controller.learning.measures.trials import stress_test, with_trials
 from controller.learning.recipe import LibraryRecipe, MotionRecipe, NetworkRecipe
-from controller.learning.stress_test import stress_test
 from controller.learning.trainers.registry import kind_of, trainer_of
 from controller.learning.trainers.trainer import Lessons
 from controller.learning.training_set import Progress, TrainingSet, prepare
@@ -55,10 +54,7 @@ def fit_prepared(
                 f"network.anchor_every = {recipe.network.anchor_every} leaves '{name}' with fewer than "
                 f"{FEWEST_ANCHORS} states to start from; give a smaller number"
             )
-    lessons = Lessons(*training_set.normalised(), training_set.rate)
-    holds = not recipe.as_recorded
-    judge = Judge(training_set.encoding, training_set.frames, training_set.loops, training_set.rate, holds=holds)
-
+    lessons, judge = training_set.lessons(), training_set.judge(holds=not recipe.as_recorded)
     with threadpool_limits(1):
         sized = trainer_of(recipe.network).sized(recipe.network, lessons, recipe.seeds[0], judge, progress)
     recipe = msgspec.structs.replace(recipe, network=sized)

@@ -9,8 +9,7 @@ from __future__ import annotations
 from collections.abc import Collection, Mapping
 from dataclasses import dataclass
 
-import numpy as np
-
+from controller.learning.measures import self_test
 from controller.learning.preparation.training_motion import TrainingMotion
 from controller.learning.recipe import NetworkRecipe, require_sizes
 from controller.learning.reservoirs.conceptor_training import ConceptorRecipe, load_reservoir
@@ -94,11 +93,7 @@ def run_free(network: FrameNetwork, motion: str, frames: int, anchor: int = 0) -
     count, start, anchors = whole_number(frames, "frames"), whole_number(anchor, "anchor"), len(network.anchors(motion))
     if start >= anchors:
         raise MotiondeckError(f"anchor is {start}; '{motion}' has anchors from 0 to {anchors - 1}")
-    network.cue(motion, start)
-    out = np.empty((count, network.channels))
-    for frame in out:
-        network.advance(frame)
-    return out
+    return self_test.run_free(network, motion, count, start)
 
 
 @dataclass(frozen=True, eq=False)

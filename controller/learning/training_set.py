@@ -8,6 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
+from controller.learning.measures.self_test import Judge
 from controller.learning.preparation.cycles import aligned_cycles
 from controller.learning.preparation.loops import Seam, best_seam, close_loop, hold_end
 from controller.learning.preparation.person_styles import person_variants
@@ -15,6 +16,7 @@ from controller.learning.preparation.takes import read_takes
 from controller.learning.preparation.training_motion import TrainingMotion, Variant
 from controller.learning.recipe import LibraryRecipe, MotionRecipe, find_recording
 from controller.learning.trainers.registry import trainer_of
+from controller.learning.trainers.trainer import Lessons
 from controller.motion.canonical.canonical_body import carried, to_canonical
 from controller.motion.canonical.clip_edits import jumps, mirrored, resampled, span, spikes
 from controller.motion.clip import Clip
@@ -72,6 +74,14 @@ class TrainingSet:
     least_range: float = 0.0  # of a channel, for its normalisation, in its unit
     variants: dict[str, list[Variant]] = field(default_factory=dict[str, list[Variant]])
     inputs: dict[str, str] = field(default_factory=dict[str, str])
+
+    def lessons(self) -> Lessons:
+        """The normalised motions for a trainer."""
+        return Lessons(*self.normalised(), self.rate)
+
+    def judge(self, *, holds: bool) -> Judge:
+        """Judges runs by the training frames; `holds`, if one-shots were taught to hold their end."""
+        return Judge(self.encoding, self.frames, self.loops, self.rate, holds=holds)
 
     def normalised(self) -> tuple[list[TrainingMotion], Normalisation]:
         """The normalised training motions, and the normalisation."""

@@ -26,8 +26,8 @@ from controller.learning.centralized.satellite_learning import (
     RIDGE_SHARE,
     WIDTHS,
     LearnedSatellites,
-    choose_satellites,
     learn_jointly,
+    rank_frequencies,
     rank_satellites,
 )
 from controller.motion.rotations import Array
@@ -43,9 +43,7 @@ SHARPER = (*WIDTHS, 24.0, 48.0)
 PRICES = np.geomspace(1e-13, 1e-2, 881)  # of a share, as parts of the motion's sum of squares
 # Price of a weight of a curve, in shares: moved satellites need fewer weights, but not fewer shares.
 WEIGHT_PRICES = (0.7, 1.5, 3.0)
-
-# Number of satellites, and approximate number of frames, for ranking frequencies.
-FEW, THINNED = 25, 150
+KEPT = 2  # frequency vectors for the full optimisation
 
 
 @dataclass(frozen=True, eq=False)
@@ -89,7 +87,6 @@ def learn_low_rank(
     satellites: int,
     parameters: int | None = None,
     independent: int | None = None,
-    keep: int = 2,
     iterations: int = 200,
     move_frequencies: bool = True,
 ) -> LowRankNetwork:
@@ -102,7 +99,7 @@ def learn_low_rank(
         satellites: m at most.
         parameters: at most this many; by default Akaike's criterion chooses.
         independent: effective sample size K for Akaike's criterion (default: all frames).
-        keep: number of frequency vectors for the full optimisation, each with `iterations` of L-BFGS.
+        iterations: of L-BFGS for each of KEPT frequency vectors.
         move_frequencies: whether frequencies and phases are optimised too; not for closed loops.
 
     Raises:
@@ -116,31 +113,20 @@ def learn_low_rank(
         require_frequencies(frequency)
     if not target.any():
         raise MotiondeckError("nothing moves: there is no curve to learn")
+    channels, independent = target.shape[1], independent or len(target)
     with threadpool_limits(1):
-        best = _ranked(target, time, starts, min(FEW, most))[:keep]
+        left, size, _ = np.linalg.svd(target, full_matrices=False)
+        best = rank_frequencies(starts, left[:, :MOST_CURVES] * size[:MOST_CURVES], time, most)[:KEPT]
         found = [
-            _learn_at(
-                f, price, target, time, most, parameters, independent or len(target), iterations, move_frequencies
-            )
+            _learn_at(f, price, target, time, most, parameters, independent, iterations, move_frequencies)
             for f in best
             for price in WEIGHT_PRICES
         ]
     if parameters is not None:
         return min(found, key=lambda network: network.satellites.error)
-    size, seen = float(np.square(target).sum()), (independent or len(target)) * target.shape[1]
+    whole, seen = float(np.square(target).sum()), independent * channels
     scale = seen / target.size
-    return min(
-        found,
-        key=lambda one: aicc(one.satellites.error * size * scale, seen, one.numbers + target.shape[1]),
-    )
-
-
-def _ranked(target: Array, time: Array, starts: list[Array], few: int) -> list[Array]:
-    left, size, _ = np.linalg.svd(target, full_matrices=False)
-    thin = max(1, len(target) // max(THINNED, 3 * few))
-    scores = (left[:, :MOST_CURVES] * size[:MOST_CURVES])[::thin]
-    few = min(few, len(scores) - 1)
-    return sorted(starts, key=lambda f: choose_satellites(pairs_at(f, np.zeros(len(f)), time[::thin]), scores, few)[1])
+    return min(found, key=lambda one: aicc(one.satellites.error * whole * scale, seen, one.numbers + channels))
 
 
 def _learn_at(

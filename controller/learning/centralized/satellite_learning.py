@@ -26,6 +26,9 @@ from motiondeck_base.errors import MotiondeckError
 WIDTHS = (0.7, 1.5, 3.0, 6.0, 12.0)
 RIDGE_SHARE = 1e-9
 
+# Number of satellites, and approximate number of frames, for ranking frequencies.
+FEW, THINNED = 25, 150
+
 LEAST_NEW = 1e-6  # share outside the span of the chosen satellites, below which a candidate adds only rounding
 LEAST_SHARPNESS, GREATEST_SHARPNESS = 0.05, 60.0
 
@@ -202,30 +205,29 @@ def learn(
         require_frequencies(frequency)
     # With matrices as small as these, two BLAS threads are slower than one.
     with threadpool_limits(1):
-        return _learn(principal_scores(target), time, count, starts, keep, iterations, move_frequencies)
-
-
-def _learn(
-    scores: Array, time: Array, count: int, starts: list[Array], keep: int, iterations: int, move_frequencies: bool
-) -> LearnedSatellites:
-    if not scores.any():
-        # Nothing moves: any satellites are right, with weights of 0. The logarithm of the error would have no gradient.
-        phase = np.zeros(len(starts[0]))
-        return LearnedSatellites(starts[0], phase, *choose_satellites(pairs_at(starts[0], phase, time), scores, count))
-    few = min(count, 25)
-    thin = max(1, len(scores) // max(150, 3 * few))
-    ranked = sorted(
-        starts,
-        key=lambda f: choose_satellites(pairs_at(f, np.zeros(len(f)), time[::thin]), scores[::thin], few)[1],
-    )
-    thin = max(1, len(scores) // max(300, 4 * count))
-    found = []
-    for frequency in ranked[:keep]:
-        phase = np.zeros(len(frequency))
-        satellites, error = choose_satellites(pairs_at(frequency, phase, time[::thin]), scores[::thin], count)
-        start = LearnedSatellites(frequency, phase, satellites, error)
-        found.append(learn_jointly(start, scores, time, iterations, move_frequencies=move_frequencies))
+        scores = principal_scores(target)
+        if not scores.any():
+            # Any satellites are right, with weights of 0; the logarithm of the error would have no gradient.
+            phase = np.zeros(len(starts[0]))
+            chosen = choose_satellites(pairs_at(starts[0], phase, time), scores, count)
+            return LearnedSatellites(starts[0], phase, *chosen)
+        thin = max(1, len(scores) // max(300, 4 * count))
+        found = []
+        for frequency in rank_frequencies(starts, scores, time, count)[:keep]:
+            phase = np.zeros(len(frequency))
+            chosen = choose_satellites(pairs_at(frequency, phase, time[::thin]), scores[::thin], count)
+            start = LearnedSatellites(frequency, phase, *chosen)
+            found.append(learn_jointly(start, scores, time, iterations, move_frequencies=move_frequencies))
     return min(found, key=lambda learned: learned.error)
+
+
+def rank_frequencies(starts: list[Array], scores: Array, time: Array, count: int) -> list[Array]:
+    """Frequency vectors by their error with at most FEW of `count` satellites, the best first."""
+    few = min(count, FEW)
+    thin = max(1, len(scores) // max(THINNED, 3 * few))
+    scores, time = scores[::thin], time[::thin]
+    few = min(few, len(scores) - 1)
+    return sorted(starts, key=lambda f: choose_satellites(pairs_at(f, np.zeros(len(f)), time), scores, few)[1])
 
 
 class _Projection:

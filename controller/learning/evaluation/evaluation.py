@@ -11,7 +11,7 @@ from controller.learning.evaluation.failure_rates import Subject, train_subjects
 from controller.learning.measures.self_test import Judge, MotionVerdict, self_test
 from controller.learning.recipe import LibraryRecipe, read_recipe, recipe_of
 from controller.learning.trainers.registry import trainer_of
-from controller.learning.trainers.trainer import Lessons, Trainer, TrainingError
+from controller.learning.trainers.trainer import Trainer, TrainingError
 from controller.learning.training_set import TrainingSet, prepare
 from controller.library.motion_library import load_library
 from controller.motion.rotations import Array
@@ -38,9 +38,7 @@ class Evaluation:
     @property
     def judge(self) -> Judge:
         """Decides whether a run is right."""
-        return Judge(
-            self.syllabus.encoding, self.syllabus.frames, self.syllabus.loops, self.syllabus.rate, holds=self.holds
-        )
+        return self.syllabus.judge(holds=self.holds)
 
     @property
     def clips(self) -> ClipPlayer:
@@ -89,10 +87,8 @@ def training_error(
 
     `readout_targets`, one (T, channels) a motion, replace its frames as targets of a conceptor network's readout.
     """
-    lessons = Lessons(*syllabus.normalised(), syllabus.rate)
-    judge = Judge(syllabus.encoding, syllabus.frames, syllabus.loops, syllabus.rate, holds=not recipe.as_recorded)
-    trainer = trainer_of(recipe.network)
-    return trainer.training_error(recipe.network, lessons, syllabus.frames, seed, judge, readout_targets)
+    trainer, judge = trainer_of(recipe.network), syllabus.judge(holds=not recipe.as_recorded)
+    return trainer.training_error(recipe.network, syllabus.lessons(), syllabus.frames, seed, judge, readout_targets)
 
 
 def read_evaluation(subject: str, data: Path) -> Evaluation:

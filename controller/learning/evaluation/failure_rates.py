@@ -15,7 +15,6 @@ from controller.learning.fit import first_to_pass, settle
 from controller.learning.measures.disturbance import GuardKnowledge, Kind, disturbed
 from controller.learning.measures.self_test import Judge, after_disturbance
 from controller.learning.recipe import LibraryRecipe
-from controller.learning.trainers.trainer import Lessons
 from controller.learning.training_set import TrainingSet
 from controller.networks import guard
 from controller.networks.base import AnyNetwork
@@ -88,7 +87,7 @@ def sweep(
     Returns:
         One count for each, by seed and in the order of the motions.
     """
-    judge = Judge(syllabus.encoding, syllabus.frames, syllabus.loops, syllabus.rate, holds=holds)
+    judge = syllabus.judge(holds=holds)
     motions = list(syllabus.frames) if motions is None else motions
     tasks = (
         delayed(_count)(kind, subject, motion, runs, judge, len(syllabus.frames[motion]), guarded)
@@ -108,8 +107,7 @@ def _gathered(tasks: Iterable[Any], jobs: Jobs, tick: Tick) -> list[Any]:
 
 def _train(recipe: LibraryRecipe, syllabus: TrainingSet, seed: int) -> Subject:
     """Trains a network; as in `fit`, other seeds are tried if a motion fails its self-test, but not `as_recorded`."""
-    lessons = Lessons(*syllabus.normalised(), syllabus.rate)
-    judge = Judge(syllabus.encoding, syllabus.frames, syllabus.loops, syllabus.rate, holds=not recipe.as_recorded)
+    lessons, judge = syllabus.lessons(), syllabus.judge(holds=not recipe.as_recorded)
     seeds = [seed + SEEDS_APART * attempt for attempt in range(1 if recipe.as_recorded else ATTEMPTS)]
     with threadpool_limits(1):
         taught = first_to_pass(seeds, lambda drawn: settle(recipe.network, lessons, drawn, judge))

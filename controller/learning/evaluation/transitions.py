@@ -20,7 +20,7 @@ from threadpoolctl import threadpool_limits
 
 from controller.deck.deck import Deck
 from controller.deck.joins.joining import Joining
-from controller.learning.measures.self_test import Judge
+from controller.learning.measures.self_test import Judge, distances
 from controller.learning.training_set import TrainingSet
 from controller.library.motion_library import MotionLibrary
 from controller.motion.encodings.bone_directions import FIRST_BONE, HEIGHT, TURN_RATE
@@ -79,20 +79,15 @@ def all_crossings(
             f"library '{library.info.name}' holds the joint angles of a rig, and transitions are judged by where the "
             "joints of a body go. How closely a rig follows a switch is in the report of: motiondeck rig play --json"
         )
-    judge = Judge(syllabus.encoding, syllabus.frames, syllabus.loops, syllabus.rate, holds=holds)
+    judge = syllabus.judge(holds=holds)
     peaks = {name: _own_peaks(syllabus, frames, syllabus.loops[name]) for name, frames in syllabus.frames.items()}
-    recorded = with_clips(library, syllabus)
+    recorded = replace(library, network=ClipPlayer(syllabus.frames, syllabus.loops))
     tasks = (delayed(_from)(source, library, recorded, syllabus, judge, peaks) for source in syllabus.frames)
     found: list[MeasuredTransition] = []
     for crossings in spread(tasks, jobs, ordered=True):
         found += crossings
         tick()
     return found
-
-
-def with_clips(library: MotionLibrary, syllabus: TrainingSet) -> MotionLibrary:
-    """The same library whose motions a clip player plays."""
-    return replace(library, network=ClipPlayer(syllabus.frames, syllabus.loops))
 
 
 def _from(
@@ -218,7 +213,7 @@ def _failure(target: str, run: Array, judge: Judge) -> str:
     """Why the motion after a transition was not the target, or ""."""
     if judge.loops[target] or not judge.holds:
         return judge(target, run).reason
-    away = float(np.sqrt(np.square(joint_features(judge.encoding, run[-1:]) - judge.end(target)).mean() * 3.0))
+    away = float(distances(joint_features(judge.encoding, run[-1:]), judge.end(target))[0])
     return f"holds a pose {away:.0f} mm away from the last one" if away > LOST_MM else ""
 
 

@@ -58,9 +58,9 @@ class MotionVerdict:
     reason: str
 
 
-def run_free(network: FrameNetwork, motion: str, frames: int) -> Array:
-    """The channels that a network plays from a motion's first anchor, shape (frames, channels)."""
-    network.cue(motion, 0)
+def run_free(network: FrameNetwork, motion: str, frames: int, anchor: int = 0) -> Array:
+    """The channels that a network plays from an anchor of a motion, shape (frames, channels)."""
+    network.cue(motion, anchor)
     out = np.empty((frames, network.channels))
     for frame in out:
         network.advance(frame)
@@ -179,7 +179,7 @@ def _judge_once(run: Array, matcher: Matcher, index: int, reference: Array, *, h
     moving = np.square(np.diff(matcher.windows(reference), axis=0)).mean(1) > STILL_MM**2
     places = found.place[found.place < len(moving)]
     passed_through = rising_length(places[moving[places]]) / max(1, int(moving.sum()))
-    end = float(np.sqrt(np.square(run[-1] - reference[-1]).sum() / (len(run[-1]) / 3.0)))
+    end = float(distances(run[-1], reference[-1]))
     whole = run[: len(reference) - 1]
     in_time = distances(whole, reference[1 : 1 + len(whole)]).mean() <= _bound_in_time(reference)
     if passed_through < 0.7 and not in_time:

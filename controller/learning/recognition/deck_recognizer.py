@@ -53,7 +53,7 @@ def unwind(joints: Array, balls: NDArray[np.int64]) -> None:
         joints[..., balls] = vectors * np.sinc(np.linalg.norm(vectors, axis=-1, keepdims=True) / np.pi)
 
 
-def teach_joints(motions: dict[str, Array], recipe: ExpertRecipe = EXPERTS) -> ExpertBank:
+def teach_joints(motions: dict[str, Array]) -> ExpertBank:
     """Experts on joint positions (T, J), rad, with ball joints unwound.
 
     Raises:
@@ -62,19 +62,19 @@ def teach_joints(motions: dict[str, Array], recipe: ExpertRecipe = EXPERTS) -> E
     if len(motions) < 2:
         raise MotiondeckError("a library of one motion leaves nothing to recognize")
     signals = [joints / ANGLE_UNIT for joints in motions.values()]
-    return teach(recipe, signals, list(motions))
+    return teach(EXPERTS, signals, list(motions))
 
 
 class JointWatcher:
-    """Passes joints measured at any rate to an online recognizer at the rate of its training, Hz.
+    """Passes joints measured at any rate to an online recognizer at RATE.
 
     Attributes:
         recognizer: with the verdict, by experts on joint positions (`teach_joints`).
     """
 
-    def __init__(self, bank: ExpertBank, rate: float = RATE, threshold: float = THRESHOLD) -> None:
-        self.recognizer = OnlineRecognizer(bank, threshold, rate, MEMORY)
-        self._times = FrameTimes(rate)
+    def __init__(self, bank: ExpertBank) -> None:
+        self.recognizer = OnlineRecognizer(bank, THRESHOLD, RATE, MEMORY)
+        self._times = FrameTimes(RATE)
         self._before: Array | None = None
         self._frame = np.zeros(self.recognizer.channels)
         self._scaled = np.zeros(self.recognizer.channels)

@@ -14,14 +14,19 @@ from numpy.typing import NDArray
 
 from controller.learning.recognition.deck_recognizer import JointWatcher
 from controller.learning.recognition.expert_bank import ExpertBank
-from controller.learning.recognition.joint_following import FollowingWatch
 from controller.learning.recognition.online_recognizer import MismatchWatch
 from controller.motion.rotations import Array
+from motiondeck_base.errors import MotiondeckError
 
 PATIENCE = 0.5  # s
 STILL = 0.02  # rad: largest range of a joint's targets in the last quarter second at rest
 CALM = 3.0  # s without cause after which an alarm ends
 MOST_ALARMS = 100
+
+LAG = 0.25  # s: largest delay of a joint that follows
+TOLERANCE = 0.1  # rad: largest error of one
+# s of a larger error until detection; the count falls as fast as it rises. In slow walking an ankle moves for 0.1 s.
+FOLLOWING_PATIENCE = 0.08
 
 
 @dataclass(frozen=True)
@@ -33,6 +38,56 @@ class Alarm:
     seen: str  # the recognized motion
     joint: str  # that does not follow, or "" for another motion
     text: str  # one line for the user
+
+
+class FollowingWatch:
+    """Detects joints that do not follow their targets, because they are jammed or unplugged, at constant cost.
+
+    A joint that follows with a delay of up to LAG is always within the range of its targets of the last LAG
+    seconds. Its error is the distance from that range: a delay adds nothing, a jam shows as soon as the target has
+    moved away. The experts cannot detect it: they see the past of the stuck joint and soon expect it to stay
+    (docs/recognition.md).
+
+    Attributes:
+        off: error of each joint, shape (J,), rad.
+        moved: range of each joint's targets of the last LAG seconds, shape (J,), rad.
+    """
+
+    def __init__(self, joints: int, rate: float) -> None:
+        if joints < 1 or not rate * LAG >= 1.0:
+            raise MotiondeckError(f"watching {joints} joints at {rate:g} Hz over {LAG:g} s is not possible")
+        self._period = 1.0 / rate
+        self._targets = np.zeros((round(rate * LAG) + 1, joints))
+        self._tick = 0
+        self._late = np.zeros(joints)
+        self._lowest, self._highest = np.zeros(joints), np.zeros(joints)
+        self._bad = np.zeros(joints, dtype=np.bool_)
+        self.off = np.zeros(joints)
+        self.moved = np.zeros(joints)
+
+    def update(self, targets: Array, measured: Array) -> NDArray[np.bool_]:
+        """Processes targets and measured positions of a tick, shape (J,), rad; NaN counts as not following.
+
+        Returns whether each joint does not follow, shape (J,), which the next call overwrites.
+        """
+        if self._tick == 0:
+            self._targets[:] = targets
+        self._targets[self._tick % len(self._targets)] = targets
+        self._tick += 1
+        lowest, highest, off, bad = self._lowest, self._highest, self.off, self._bad
+        np.minimum.reduce(self._targets, axis=0, out=lowest)
+        np.maximum.reduce(self._targets, axis=0, out=highest)
+        np.subtract(highest, lowest, out=self.moved)
+        lowest -= measured
+        np.subtract(measured, highest, out=off)
+        np.maximum(lowest, off, out=off)
+        np.maximum(off, 0.0, out=off)
+        np.copyto(off, np.inf, where=np.isnan(off, out=bad))
+        np.greater(off, TOLERANCE, out=bad)
+        self._late -= self._period
+        self._late += 2.0 * self._period * bad
+        np.clip(self._late, 0.0, 2.0 * FOLLOWING_PATIENCE, out=self._late)
+        return np.greater(self._late, FOLLOWING_PATIENCE, out=bad)
 
 
 class DeckWatch:
@@ -55,7 +110,7 @@ class DeckWatch:
         self._period = 1.0 / rate
         self._watcher = JointWatcher(bank)
         self._recognizer = self._watcher.recognizer
-        self._mismatch = MismatchWatch(self._recognizer, patience=patience)
+        self._mismatch = MismatchWatch(self._recognizer, patience)
         self._following = FollowingWatch(len(joints), rate)
         self._calm = np.full(len(joints) + 1, CALM)  # s since the last cause, of each joint and of the motion
         self._on = np.zeros(len(joints) + 1, dtype=np.bool_)

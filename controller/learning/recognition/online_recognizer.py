@@ -21,6 +21,8 @@ from controller.motion.rotations import Array
 from motiondeck_base.errors import MotiondeckError
 
 MEMORY = 0.15  # s
+GRACE = 0.7  # s after a switch
+BEHIND = 0.5  # log error behind the best expert from which the commanded motion counts as not done
 
 
 class FrameTimes:
@@ -167,21 +169,14 @@ class OnlineRecognizer:
 class MismatchWatch:
     """Detects that another motion than the commanded one is recognized for a set time.
 
-    Time does not count during a switch and for `grace` seconds after it.
-
-    Args:
-        behind: log error behind the best expert from which the commanded motion counts as not done.
-        patience: time until detection, s.
+    Time does not count during a switch and for GRACE after it.
 
     Attributes:
-        mismatch: duration of the mismatch so far, s.
+        mismatch: duration of the mismatch so far, s; detected when it exceeds the patience, s.
     """
 
-    def __init__(
-        self, recognizer: OnlineRecognizer, *, behind: float = 0.5, patience: float = 0.5, grace: float = 0.7
-    ) -> None:
-        self._recognizer = recognizer
-        self._behind, self._patience, self._grace = behind, patience, grace
+    def __init__(self, recognizer: OnlineRecognizer, patience: float) -> None:
+        self._recognizer, self._patience = recognizer, patience
         self._commanded: str | None = None
         self._since_switch = 0.0
         self.mismatch = 0.0
@@ -189,7 +184,7 @@ class MismatchWatch:
     @property
     def counting(self) -> bool:
         """Whether the grace after the last switch is over."""
-        return self._since_switch > self._grace
+        return self._since_switch > GRACE
 
     def update(self, commanded: str, settled: bool, dt: float) -> bool:
         """Advances by dt seconds; whether a mismatch has outlasted the patience.
@@ -201,6 +196,6 @@ class MismatchWatch:
             return False
         self._since_switch += dt
         recognizer = self._recognizer
-        wrong = commanded in recognizer.classes and recognizer.behind(commanded) > self._behind
+        wrong = commanded in recognizer.classes and recognizer.behind(commanded) > BEHIND
         self.mismatch = self.mismatch + dt if wrong and self.counting else 0.0
         return self.mismatch > self._patience

@@ -22,10 +22,10 @@ from controller.learning.reservoirs.conceptor_training import (
     LoadedReservoir,
     conceptor_motion,
     conceptor_network,
+    cut_to_tolerance,
     mean_state,
     principal_directions,
 )
-from controller.learning.reservoirs.rank_choice import cut_to_tolerance
 from controller.motion.encodings.normalisation import Normalisation
 from controller.motion.rotations import Array
 from controller.networks.conceptor.network import ConceptorNetwork

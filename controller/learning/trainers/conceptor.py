@@ -12,11 +12,11 @@ from controller.learning.reservoirs.aperture_choice import settled_network
 from controller.learning.reservoirs.conceptor_training import (
     ConceptorRecipe,
     conceptor_network,
+    cut_to_tolerance,
     input_targets,
     load_reservoir,
 )
 from controller.learning.reservoirs.incremental_loading import load_one_more, memory_of, quota
-from controller.learning.reservoirs.rank_choice import cut_to_tolerance
 from controller.learning.trainers.trainer import Lessons, NewMotion, SettledNetwork, Trainer, TrainingError
 from controller.motion.rotations import Array
 from controller.networks.conceptor.network import ConceptorNetwork

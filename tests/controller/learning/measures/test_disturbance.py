@@ -9,7 +9,7 @@ from controller.learning.evaluation.tables import failure_table
 from controller.learning.measures.disturbance import STEPS, GuardKnowledge, disturbed
 from controller.learning.measures.intervals import grouped, wilson
 from controller.learning.measures.self_test import Judge, after_disturbance, self_test
-from controller.learning.stress_test import stress_test
+from controller.learning.measures.trials import stress_test
 from controller.learning.trainers.echo_state import EchoStateRecipe
 from controller.learning.training_set import TrainingSet
 from controller.networks.guard import Guard, beat, spread
@@ -159,7 +159,7 @@ def test_a_loop_that_does_not_survive_noise_fails_the_stress_test(conceptors, sy
     def dying(kind, network, motion, runs, rng):
         return np.zeros((runs, STEPS, conceptors.channels), dtype=np.float32) + conceptors.anchors("march")[0]
 
-    monkeypatch.setattr("controller.learning.stress_test.disturbed", dying)
+    monkeypatch.setattr("controller.learning.measures.trials.disturbed", dying)
     verdicts = stress_test(conceptors, free, judge, 0)
     assert verdicts["march"].reason == "fails 5 of 5 times when started from noise"
     assert verdicts["bow"].passed

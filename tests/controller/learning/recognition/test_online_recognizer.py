@@ -4,10 +4,10 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from controller.learning.recognition.deck_recognizer import JointWatcher, joint_motions, teach_joints, unwind
+from controller.learning.recognition.deck_watch import FollowingWatch
 from controller.learning.recognition.expert_bank import teach
 from controller.learning.recognition.experts import ExpertRecipe
 from controller.learning.recognition.features import ANGLE_UNIT, FeatureRecipe, features
-from controller.learning.recognition.joint_following import FollowingWatch
 from controller.learning.recognition.online_recognizer import MismatchWatch, OnlineRecognizer
 from motiondeck_base.errors import MotiondeckError
 from recognition_examples import CLASSES, clip
@@ -90,7 +90,7 @@ def test_a_memory_that_is_no_time_is_refused(bank):
 def watch(bank, done, commanded, settled=True, seconds=3.0):
     """When the mismatch watch first raises its voice, or None."""
     online = OnlineRecognizer(bank, 0.1, 30.0)
-    watcher = MismatchWatch(online, patience=0.5, grace=0.7)
+    watcher = MismatchWatch(online, patience=0.5)
     frames = features(clip(done, "cem"), LOOK)
     for tick in range(round(seconds * 30)):
         online.update(frames[tick % len(frames)])

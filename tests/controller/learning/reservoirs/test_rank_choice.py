@@ -6,7 +6,7 @@ import synthetic
 from controller.learning.fit import settle
 from controller.learning.measures.self_test import Judge, run_free, self_test
 from controller.learning.recipe import read_recipe
-from controller.learning.reservoirs.rank_choice import cut, cut_to_tolerance, off_mm, rank_within
+from controller.learning.reservoirs.conceptor_training import cut, cut_to_tolerance, off_mm, rank_within
 from controller.learning.trainers.trainer import Lessons
 from controller.motion.encodings.motion_matching import joint_features
 from controller.networks.conceptor.network import ConceptorNetwork
