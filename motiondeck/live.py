@@ -13,8 +13,9 @@ from typing import Any, Literal
 
 from controller.wire.command_socket import CommandClient, SocketError
 from controller.wire.messages import commands
+from controller.wire.messages.arguments import CommandError
 from controller.wire.messages.command_table import checked
-from controller.wire.messages.commands import CommandError, DeckCommand
+from controller.wire.messages.commands import DeckCommand
 from controller.wire.messages.events import Event as DeckEvent
 from controller.wire.messages.lock_state import LockState
 from controller.wire.messages.replies import Accepted, Refused, Settled

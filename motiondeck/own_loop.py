@@ -22,8 +22,9 @@ from controller.loop.safety.safety_envelope import SafetyEnvelope
 from controller.loop.stop_requests import StopRequest
 from controller.motion.posture import Pose
 from controller.wire.messages import commands
+from controller.wire.messages.arguments import CommandError
 from controller.wire.messages.command_table import checked, parse_command
-from controller.wire.messages.commands import CommandError, DeckCommand
+from controller.wire.messages.commands import DeckCommand
 from controller.wire.messages.events import Event as DeckEvent
 from controller.wire.messages.replies import Refused, Reply
 from controller.wire.messages.replies import State as DeckStatus

@@ -49,7 +49,6 @@ class Clock(Protocol):
 
     def start(self) -> None:
         """Makes the present the time of tick 0."""
-        ...
 
     def wait(self) -> int:
         """Waits for the next tick; returns how late it is, ns."""
@@ -57,11 +56,7 @@ class Clock(Protocol):
 
 
 def period_ns(rate: float) -> int:
-    """The time between two ticks at a rate in Hz, ns.
-
-    Raises:
-        RateError: if no loop runs at this rate.
-    """
+    """The time between two ticks at a rate in Hz, ns; raises a RateError if no loop runs at this rate."""
     if not 1.0 <= rate <= 10_000.0:
         raise RateError(f"a loop cannot run at {rate} Hz; give a rate from 1 to 10000")
     return round(1e9 / rate)

@@ -71,20 +71,12 @@ class StopRequest:
         self.mode = "playing"
 
     def go_home(self) -> None:
-        """Sends the joints to the rest pose.
-
-        Raises:
-            EmergencyStopError: if the emergency stop is on.
-        """
+        """Sends the joints to the rest pose; raises an EmergencyStopError if the emergency stop is on."""
         self.check_released()
         self.mode = "home"
 
     def check_released(self) -> None:
-        """Checks that the joints may be moved.
-
-        Raises:
-            EmergencyStopError: if the emergency stop is on.
-        """
+        """Checks that the joints may be moved; raises an EmergencyStopError if the emergency stop is on."""
         if self.emergency:
             raise EmergencyStopError("the emergency stop is on; release it with: reset")
 

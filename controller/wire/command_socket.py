@@ -16,9 +16,10 @@ from dataclasses import dataclass
 import msgspec
 
 from controller.wire.local_transport import DEFAULT_PORT, LocalConnection, LocalListener, PeerGoneError, SocketError
+from controller.wire.messages.arguments import CommandError
 from controller.wire.messages.command_row import Natural
 from controller.wire.messages.command_table import read_command
-from controller.wire.messages.commands import MOST_BYTES, CommandError, DeckCommand, EmergencyStop, encode
+from controller.wire.messages.commands import MOST_BYTES, DeckCommand, EmergencyStop, encode
 from controller.wire.messages.replies import Refused, Reply, SecondReply, read_reply
 from controller.wire.network_transport import NetworkConnection, NetworkListener
 
@@ -103,7 +104,6 @@ class CommandServer:
                 del self._queued[sender]
 
     def _enqueue(self, data: bytes, sender: Address) -> None:
-        """Keeps a datagram for a later poll, or refuses it."""
         line = self._queued.setdefault(sender, deque())
         if len(line) < _LINE:
             line.append(data)
@@ -189,11 +189,7 @@ class CommandClient:
         return number
 
     def request(self, message: DeckCommand, timeout_s: float = 1.0) -> Reply:
-        """Sends a command and waits for its first reply.
-
-        Raises:
-            SocketError: if no deck replies in time.
-        """
+        """Sends a command and waits for its first reply; raises a SocketError if no deck replies in time."""
         number = self.post(message)
         deadline = time.monotonic() + timeout_s
         while reply := self.receive(deadline - time.monotonic()):
@@ -217,7 +213,6 @@ class CommandClient:
         return self._settled.pop(number)
 
     def _remember(self, reply: Reply) -> None:
-        """Keeps the latest second replies for `wait_settled`."""
         if isinstance(reply, SecondReply):
             self._settled[reply.id] = reply
             if len(self._settled) > _REMEMBERED:

@@ -6,7 +6,8 @@ import contextlib
 from dataclasses import dataclass
 
 from controller.wire.command_socket import CommandClient, SocketError
-from controller.wire.messages.commands import CommandError, GetPhase
+from controller.wire.messages.arguments import CommandError
+from controller.wire.messages.commands import GetPhase
 from controller.wire.messages.replies import PhaseNow
 
 ASKED_EVERY = 0.05  # s

@@ -78,11 +78,7 @@ class LocalListener:
     remote = False
 
     def __init__(self, port: int) -> None:
-        """Takes a number, 0 for any free one.
-
-        Raises:
-            SocketError: if another deck has it, or it is out of range.
-        """
+        """Takes a number, 0 for any free one; raises a SocketError if another deck has it, or it is out of range."""
         _check(port)
         self._socket = socket.socket(socket.AF_UNIX, socket.SOCK_SEQPACKET)
         self._socket.setblocking(False)
@@ -234,11 +230,7 @@ class LocalConnection:
         raise self._not_running()
 
     def fileno(self) -> int:
-        """Readable when there is something to receive.
-
-        Raises:
-            PeerGoneError: if it is not connected.
-        """
+        """Readable when there is something to receive; raises a PeerGoneError if it is not connected."""
         if self._socket is None:
             raise self._not_running()
         return self._socket.fileno()
@@ -281,7 +273,6 @@ def _check(port: int) -> None:
 
 @contextmanager
 def _locked(folder: Path) -> Iterator[None]:
-    """Holds the lock on taking and releasing numbers."""
     lock = os.open(folder / "lock", os.O_CREAT | os.O_RDWR | os.O_CLOEXEC, 0o600)
     try:
         fcntl.flock(lock, fcntl.LOCK_EX)
@@ -298,7 +289,6 @@ def _free_number(folder: Path) -> int:
 
 
 def _answers(path: Path) -> bool:
-    """Whether a process listens at a socket."""
     with socket.socket(socket.AF_UNIX, socket.SOCK_SEQPACKET) as probe:
         probe.setblocking(False)
         try:

@@ -153,11 +153,7 @@ class NetworkConnection:
     """A client's way to a deck on another machine; it asks for a challenge when something is first sent."""
 
     def __init__(self, port: int, host: str, token: bytes) -> None:
-        """Prepares to talk to the deck at an address and port.
-
-        Raises:
-            SocketError: if they cannot exist.
-        """
+        """Prepares to talk to the deck at an address and port; raises a SocketError if they cannot exist."""
         self._port, self._host, self._token = port, host, token
         family, address = _resolve(host, port, "cannot be reached")
         self._socket = socket.socket(family, socket.SOCK_DGRAM)
@@ -172,11 +168,7 @@ class NetworkConnection:
         self._pending = b""  # the last command, to be sent again if the deck had another challenge for us
 
     def send(self, data: bytes) -> None:
-        """Sends a command.
-
-        Raises:
-            PeerGoneError: if no deck replies there.
-        """
+        """Sends a command; raises a PeerGoneError if no deck replies there."""
         if not self._challenge:
             self._greet()
         self._pending = data

@@ -59,11 +59,7 @@ def allocate(file: int, size: int, path: Path) -> None:
 
 
 def write_shared(path: Path, text: str) -> None:
-    """Writes a text into the folder of a run.
-
-    Raises:
-        MotiondeckError: if there is no room for it.
-    """
+    """Writes a text into the folder of a run; raises a MotiondeckError if there is no room for it."""
     try:
         path.write_text(text)
     except OSError as error:
@@ -78,7 +74,6 @@ def _no_room(path: Path, size: int, error: OSError) -> MotiondeckError:
 
 
 def _remove_abandoned(root: Path) -> None:
-    """Removes the folders of runs that were killed."""
     for folder in root.glob(f"{_PREFIX}*"):
         with contextlib.suppress(OSError):
             if folder.is_symlink() or folder.stat().st_uid != os.getuid():

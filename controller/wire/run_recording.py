@@ -56,11 +56,7 @@ class RecordingWriter:
     """Writes a recording chunk by chunk; each is on the disk when `append` returns."""
 
     def __init__(self, path: Path, description: Mapping[str, Any], fields: Mapping[str, int]) -> None:
-        """Creates the file, in place of an older one.
-
-        Raises:
-            FileFormatError: if it cannot be written.
-        """
+        """Creates the file, in place of an older one; raises a FileFormatError if it cannot be written."""
         self._path = path
         header = msgspec.json.encode(_RecordingHeader(VERSION, dict(description), dict(fields)))
         try:
@@ -133,11 +129,7 @@ class RunRecording:
 
 
 def load_recording(path: Path) -> RunRecording:
-    """Reads all whole chunks of a recording.
-
-    Raises:
-        FileFormatError: if it cannot be read or is not a recording.
-    """
+    """Reads all whole chunks of a recording; raises a FileFormatError if it cannot be read or is not a recording."""
     try:
         data = path.read_bytes()
     except OSError as error:

@@ -78,11 +78,7 @@ def evaluate(
 
 
 def _seeds(text: str) -> range:
-    """Consecutive seeds: a number of them from 0 on, or the first and the last.
-
-    Raises:
-        MotiondeckError: if the text is neither, or these are more than 1000 or no seeds.
-    """
+    """Consecutive seeds: a number of them from 0 on, or the first and the last."""
     first, dash, last = text.rpartition("-")
     numbers = [first, last] if dash else [last]
     if all(number.isdecimal() and int(number) < 2**31 for number in numbers):

@@ -110,11 +110,7 @@ def learn(options: LearnOptions, reading: Reading, as_json: JsonOption = False) 
 
 
 def _library(options: LearnOptions, name: str, *, and_recipe: bool = False) -> Path:
-    """The library to write, after a check that neither it nor the recipe to write exists.
-
-    Raises:
-        MotiondeckError: if the folder does not exist, or a file exists and --force is not given.
-    """
+    """The library to write, after a check that neither it nor the recipe to write exists."""
     out = options.out or Path(f"{name}.safetensors")
     check_folder(out)
     recipe = out.with_suffix(".toml")
@@ -124,7 +120,6 @@ def _library(options: LearnOptions, name: str, *, and_recipe: bool = False) -> P
 
 
 def _learn_recordings(paths: list[Path], out: Path, reading: ReadingOptions, jobs: Jobs, as_json: bool) -> str:
-    """Learns recordings, writes library and recipe, and reports; returns the first motion that passed."""
     from rich.console import Console
     from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
 
@@ -152,11 +147,7 @@ def _learn_recordings(paths: list[Path], out: Path, reading: ReadingOptions, job
 def _learn_recipe(
     recipe: LibraryRecipe, folder: Path, file: Path, out: Path, options: LearnOptions, as_json: bool, *, taught: bool
 ) -> str:
-    """Trains a recipe, writes the library (and the recipe of taught clips), and reports; returns the first motion.
-
-    Raises:
-        MotiondeckError: if a motion fails its self-test, without --allow-failing.
-    """
+    """Trains a recipe, writes the library (and the recipe of taught clips), and reports; returns the first motion."""
     from controller.learning import fit as training
     from controller.learning.recipe import recipe_text, warnings
     from controller.learning.training_set import prepare

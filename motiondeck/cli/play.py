@@ -94,11 +94,6 @@ def play(
 
 
 def _check_for_film(spec: RunSpec) -> None:
-    """Refuses options that make no sense with --video.
-
-    Raises:
-        MotiondeckError: if one of them is given.
-    """
     if spec.rig is not None:
         raise MotiondeckError("a film is not made live, so nothing can be streamed to a rig: leave --rig or --video")
     if spec.record is not None:
@@ -117,11 +112,7 @@ def _film_run(spec: RunSpec, program: Program, video: Path, look: Any, *, as_jso
 
 
 def _play_live(spec: RunSpec, program: Program, page: PageProcess | None, *, quiet: bool, as_json: bool) -> Session:
-    """Plays until the run has ended; the session, which knows how it goes on.
-
-    Raises:
-        typer.Exit: if the recording is not complete, or a rig was lost or stopped for its motion.
-    """
+    """Plays until the run has ended; the session, which knows how it goes on."""
     from motiondeck.run.assembly import Host
     from motiondeck.run.library_run import library_run
     from motiondeck.run.report import summary

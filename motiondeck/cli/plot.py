@@ -71,11 +71,6 @@ def measure(recording: RunRecording) -> dict[str, Any]:
 
 
 def _draw(recording: RunRecording, picture: Path) -> None:
-    """Draws lateness, tracking errors and motions over the same time axis.
-
-    Raises:
-        MotiondeckError: if matplotlib is missing or the picture cannot be written.
-    """
     import numpy as np
 
     from controller.wire.messages.command_table import RECORDED

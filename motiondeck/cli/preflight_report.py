@@ -127,7 +127,6 @@ def _names(findings: Sequence[Finding]) -> str:
 
 
 def _say(line: str) -> None:
-    """Prints a line and flushes it, in a pipe too."""
     from rich.console import Console
 
     Console(soft_wrap=True).print(line, highlight=False)

@@ -82,11 +82,7 @@ def _switches(run: PreflightRun, source: str) -> list[PreflightVerdict]:
 
 @lru_cache(maxsize=1)
 def loaded(run: PreflightRun) -> tuple[MotionLibrary, Preflight]:
-    """The library, and the judge of its motions on the robot.
-
-    Raises:
-        MotiondeckError: if a file cannot be used.
-    """
+    """The library, and the judge of its motions on the robot; raises a MotiondeckError if a file cannot be used."""
     from controller.library.motion_library import load_library
     from controller.loop.safety.safety_envelope import SafetyEnvelope
     from motiondeck_base.shipped import find_library, find_robot

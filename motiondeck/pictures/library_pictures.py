@@ -19,7 +19,8 @@ from controller.loop.commands.command_handler import CommandHandler
 from controller.loop.commands.commanded_run import CommandedRun
 from controller.loop.stop_requests import StopRequest
 from controller.motion.rotations import Array
-from controller.wire.messages.commands import Blend, CommandError
+from controller.wire.messages.arguments import CommandError
+from controller.wire.messages.commands import Blend
 from controller.wire.messages.replies import Refused
 from motiondeck.run.spec.program import Program
 from motiondeck.run.spec.run_spec import RunSpec

@@ -19,7 +19,7 @@ from typing import Any, TypeVar, get_args, get_type_hints
 
 import msgspec
 
-from controller.wire.messages.commands import CommandError
+from controller.wire.messages.arguments import CommandError
 from motiondeck.run.spec.run_spec import RunSpec
 from motiondeck_base.errors import MotiondeckError
 

@@ -106,7 +106,6 @@ def _member_file(show: str, name: str, members: Mapping[str, str]) -> bytes:
 
 
 def _authority(folder: Path, show: str) -> tuple[x509.Certificate, ec.EllipticCurvePrivateKey]:
-    """The authority in a folder; a new one where there is none."""
     try:
         from cryptography import x509
         from cryptography.hazmat.primitives import serialization

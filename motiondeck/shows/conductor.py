@@ -7,7 +7,8 @@ import os
 import time
 from collections.abc import Callable
 
-from controller.wire.messages.commands import CommandError, DeckCommand
+from controller.wire.messages.arguments import CommandError
+from controller.wire.messages.commands import DeckCommand
 from motiondeck.shows.cue_list import CueList
 from motiondeck.shows.link import Link
 from motiondeck.shows.mailbox import Mailbox
@@ -284,7 +285,6 @@ class Conductor:
 
 
 def _receivers(decks: list[str], present: list[str]) -> str:
-    """The receivers among the decks, and which of them are not connected, in words."""
     here = ", ".join(deck for deck in decks if deck in present) or "no deck is here"
     absent = [deck for deck in decks if deck not in present]
     return here + (f" (not here: {', '.join(absent)})" if absent else "")

@@ -95,11 +95,7 @@ class CueList:
 
 
 def cue_named(cues: Sequence[ShowCue], name: str) -> int:
-    """The number, from 0, of a cue by its name or by its number from 1.
-
-    Raises:
-        UnknownNameError: if there is none.
-    """
+    """The number, from 0, of a cue by its name or by its number from 1; raises an UnknownNameError if there is none."""
     names = [cue.name or str(number) for number, cue in enumerate(cues, start=1)]
     if name in names:
         return names.index(name)

@@ -18,6 +18,7 @@ import msgspec
 
 from controller.wire.command_socket import CommandClient, CommandServer
 from controller.wire.messages import commands
+from controller.wire.messages.arguments import CommandError
 from controller.wire.messages.events import Event
 from controller.wire.messages.replies import PhaseNow, Refused, State
 from motiondeck.shows.clock_estimate import ClockEstimate, RoundTrip
@@ -180,7 +181,6 @@ class Member:
                 self._deck.post(commands.Resume())
 
     def _check_conductor(self, now: float) -> None:
-        """Reacts as the show demands when the conductor has not answered for too long."""
         time_now = self._time
         if not time_now.run and not self._reported_alone and now - self._answered_at > ALONE_AFTER:
             self._reported_alone = True
@@ -219,7 +219,7 @@ class Member:
                 command.row.check_use("cue")
                 command.check()
             self._give(cue)
-        except commands.CommandError as error:
+        except CommandError as error:
             self._note_problem(f"{cue.name}: {error}")
             cue = msgspec.structs.replace(cue, say=[], step=None)
         self._cues.append(cue)
@@ -254,7 +254,6 @@ class Member:
             del self._commands[next(iter(self._commands))]
 
     def _phase(self, number: int) -> PhaseNow:
-        """The phase of the show now, for the deck's lock."""
         if self._step is None or not self._clock.known:
             return PhaseNow("", None, None, number)
         now = self._now()
@@ -303,7 +302,6 @@ class Member:
         self._link.publish(f"health/{self._name}", encode(health))
 
     def _note_problem(self, problem: str) -> None:
-        """Records a problem, for the user here and for the conductor."""
         self._problem, self._problems = problem, self._problems + 1
         self._notify(problem)
 
@@ -319,7 +317,6 @@ class Member:
         self._link.publish("stop", data)
 
     def _pass_on_stop(self) -> None:
-        """Publishes the emergency stop of this deck, unless it came from the show."""
         now = self._now()
         if now - self._stopped_at < _OWN_DOING:
             return

@@ -72,11 +72,7 @@ class Membership:
 
 
 def check_name(name: str, what: str) -> str:
-    """A name of a show or a member.
-
-    Raises:
-        MotiondeckError: if it cannot be one.
-    """
+    """A name of a show or a member; raises a MotiondeckError if it cannot be one."""
     if not _NAME.match(name):
         raise MotiondeckError(f"'{name}' cannot name a {what}: take up to 31 of a-z, 0-9 and -, such as left-2")
     return name
@@ -154,11 +150,7 @@ def with_certificates(folder: Path, *, listens: bool = True) -> Membership:
 
 
 def host_and_port(address: str) -> tuple[str, int]:
-    """The parts of HOST, HOST:PORT, or [IPv6]:PORT.
-
-    Raises:
-        MotiondeckError: if it is none of them.
-    """
+    """The parts of HOST, HOST:PORT, or [IPv6]:PORT; raises a MotiondeckError if it is none of them."""
     host, _, port = address.rpartition(":") if re.search(r":\d+\Z", address) else (address, "", str(PORT))
     host = host.removeprefix("[").removesuffix("]")
     if not host or re.search(r"[\s/#?\[\]]", host) or not 0 < int(port) < 65536:
@@ -167,11 +159,7 @@ def host_and_port(address: str) -> tuple[str, int]:
 
 
 def tls_endpoint(address: str) -> str:
-    """An address as zenoh writes it.
-
-    Raises:
-        MotiondeckError: if it is none.
-    """
+    """An address as zenoh writes it; raises a MotiondeckError if it is none."""
     host, port = host_and_port(address)
     return f"tls/[{host}]:{port}" if ":" in host else f"tls/{host}:{port}"
 

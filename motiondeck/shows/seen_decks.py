@@ -188,7 +188,6 @@ class SeenDecks:
         return lacks if decks else ["no deck is here"]
 
     def _lack(self, condition: Condition, deck: SeenDeck | None) -> str:
-        """What a deck lacks for a condition; "" for nothing."""
         if deck is None or not deck.here:
             return "is not here"
         health = deck.health

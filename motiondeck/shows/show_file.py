@@ -27,8 +27,9 @@ from typing import Annotated, Literal
 
 import msgspec
 
+from controller.wire.messages.arguments import CommandError
 from controller.wire.messages.command_table import parse_command
-from controller.wire.messages.commands import CommandError, DeckCommand
+from controller.wire.messages.commands import DeckCommand
 from motiondeck.shows.membership import CONDUCTOR, check_name
 from motiondeck.shows.messages import Lost
 from motiondeck_base.errors import FileFormatError, MotiondeckError, UnknownNameError
@@ -73,11 +74,7 @@ class ShowCue(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
 
     @property
     def commands(self) -> list[DeckCommand]:
-        """The commands of the cue.
-
-        Raises:
-            CommandError: if it is no command, or none that a show may give.
-        """
+        """The commands of the cue; raises a CommandError if it is no command, or none that a show may give."""
         lines = [self.say] if isinstance(self.say, str) else self.say
         return [show_command(line) for line in lines]
 
@@ -116,11 +113,7 @@ class Show(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
 
 
 def show_command(line: str) -> DeckCommand:
-    """The command in a line of a show.
-
-    Raises:
-        CommandError: if it is none, or none that a show may give.
-    """
+    """The command in a line of a show; raises a CommandError if it is none, or none that a show may give."""
     message = parse_command(line.split())
     message.row.check_use("cue")
     return message

@@ -114,11 +114,7 @@ class Bridge:
             del self._asked[next(iter(self._asked))]  # its reply was lost
 
     def _post(self, message: DeckCommand) -> int | None:
-        """Sends a message; None, and what waits is left out, where the deck is held up.
-
-        Raises:
-            PeerGoneError: if it is gone.
-        """
+        """Sends a message; None, and what waits is left out, where the deck is held up."""
         try:
             return self._client.post(message)
         except PeerGoneError:
@@ -129,7 +125,6 @@ class Bridge:
             return None
 
     def _ask(self, now: float) -> None:
-        """Asks for events and, now and then, for the state."""
         if now >= self._subscribe_at:
             self._subscribe_at = now + _SUBSCRIBED_FOR
             self._post(Subscribe())

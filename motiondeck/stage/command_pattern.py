@@ -6,8 +6,9 @@ import re
 from collections.abc import Sequence
 from dataclasses import dataclass
 
+from controller.wire.messages.arguments import CommandError
 from controller.wire.messages.command_table import BY_WORD, parse_command
-from controller.wire.messages.commands import CommandError, DeckCommand
+from controller.wire.messages.commands import DeckCommand
 
 _PLACE = re.compile(r"\$([1-9])")
 

@@ -37,11 +37,7 @@ class MidiInput:
         return self._port.fileno()
 
     def read(self, now: float) -> Iterator[Signal]:
-        """The commands of the messages that have come.
-
-        Raises:
-            MidiGoneError: if the port is gone.
-        """
+        """The commands of the messages that have come; raises a MidiGoneError if the port is gone."""
         for at, message in self._port.messages(now):
             yield from self._signals(at, message)
 

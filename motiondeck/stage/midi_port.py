@@ -37,7 +37,6 @@ class MidiPort(Protocol):
 
     def close(self) -> None:
         """Lets go of the port; may be called twice."""
-        ...
 
 
 class RawDevice:

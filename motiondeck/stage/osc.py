@@ -14,7 +14,7 @@ import time
 from collections.abc import Iterator, Mapping
 from typing import TYPE_CHECKING
 
-from controller.wire.messages.commands import CommandError
+from controller.wire.messages.arguments import CommandError
 from controller.wire.messages.events import Event
 from controller.wire.messages.replies import State
 from motiondeck.stage.command_pattern import CommandPattern

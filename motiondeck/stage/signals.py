@@ -44,4 +44,3 @@ class Input(Protocol):
 
     def close(self) -> None:
         """Closes the socket or device; may be called twice."""
-        ...

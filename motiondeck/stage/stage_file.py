@@ -9,7 +9,7 @@ from typing import Annotated, TypeVar
 
 import msgspec
 
-from controller.wire.messages.commands import CommandError
+from controller.wire.messages.arguments import CommandError
 from motiondeck.stage.command_pattern import CommandPattern
 from motiondeck.stage.timecode import Timecode
 from motiondeck_base.errors import FileFormatError

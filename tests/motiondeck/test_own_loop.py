@@ -9,7 +9,8 @@ from hypothesis import strategies as st
 
 import motiondeck
 import synthetic
-from controller.wire.messages.commands import CommandError, Jump, Switch
+from controller.wire.messages.arguments import CommandError
+from controller.wire.messages.commands import Jump, Switch
 from controller.wire.messages.replies import Accepted, PhaseNow
 from motiondeck import MotiondeckError, UnknownNameError
 from motiondeck.libraries import Library

@@ -78,7 +78,6 @@ class CommandHandler:
     def _carry_out(
         self, message: DeckCommand, stop: StopRequest, client: Client | None = None, *, remote: bool = False
     ) -> Outcome:
-        """Carries out one command, and notes that a second reply is pending."""
         outcome = self._run.carry_out(message, stop, remote=remote)
         if self._note is not None:
             self._note(message, outcome.reply)

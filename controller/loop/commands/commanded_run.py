@@ -43,19 +43,15 @@ class Playback(DeckState, Protocol):
 
     def set_tempo(self, factor: float, over: float = 0.0) -> None:
         """Plays at another tempo."""
-        ...
 
     def pause(self) -> None:
         """Comes to a standstill."""
-        ...
 
     def step_on(self, seconds: float = 0.0) -> None:
         """Goes on in a pause for some seconds."""
-        ...
 
     def resume(self) -> None:
         """Plays on."""
-        ...
 
 
 @runtime_checkable
@@ -76,23 +72,18 @@ class Commandable(Playback, Protocol):
 
     def set_input(self, name: str, value: float) -> None:
         """Changes the value of an input."""
-        ...
 
     def lock(self, source: LockSource, phase: float = 0.0, steps: int = 0) -> None:
         """Locks the phase to beats, to another deck, or to the measured joints."""
-        ...
 
     def unlock(self) -> None:
         """Ends a lock."""
-        ...
 
     def beat(self, ago: float = 0.0) -> None:
         """Takes a beat."""
-        ...
 
     def jump(self, phase: float) -> None:
         """Goes to a phase of the motion that is played."""
-        ...
 
 
 def refusal(error: Exception, number: int) -> Refused:
@@ -225,7 +216,6 @@ class CommandedRun:
         return self._commandable
 
     def _played(self, message: DeckCommand, progress: Progress, stop: StopRequest) -> Outcome:
-        """The outcome of a command that plays another motion, which lets the joints follow the deck again."""
         if stop.mode != "playing":
             stop.play()
             self.deck.resume()
@@ -243,7 +233,6 @@ class CommandedRun:
             )
 
     def _load(self, message: commands.LoadLibrary, stop: StopRequest, remote: bool) -> None:
-        """Asks for a controlled end, after which another library is started."""
         if remote:
             raise MotiondeckError("a library is loaded from this machine only")
         if not self.restarts:

@@ -33,11 +33,9 @@ class RigServos(Protocol):
 
     def switch(self, joint: str, *, on: bool) -> None:
         """Switches the torque of a joint off, or sets the joint up again."""
-        ...
 
     def restart(self, joint: str) -> None:
         """Restarts the servo of a joint."""
-        ...
 
     def registers(self, joint: str, write: tuple[str, int] | None = None) -> Look:
         """Starts reading all registers of a servo, after writing one of them if given."""
@@ -60,7 +58,6 @@ class Pushable(Protocol):
 
     def attach(self, clock: Callable[[], float], holds: Callable[[], bool]) -> None:
         """Connects the clock of its events, s, and whether it is to stay as it lies and not get up."""
-        ...
 
     def push_from(self, side: Side, impulse: float, towards: float | None) -> float:
         """Pushes it from a side, or towards a direction, with an impulse, N s, 0 for its own choice; that impulse."""
@@ -81,4 +78,3 @@ class RealTime(Protocol):
 
     def align(self, here: int, there: int) -> None:
         """Moves them onto those of a clock that shows `there` when this one shows `here`, ns."""
-        ...

@@ -30,11 +30,7 @@ class TimedCommands:
         self.waiting: list[tuple[Client, AtTime]] = []
 
     def check(self, message: AtTime, *, remote: bool) -> None:
-        """Checks that one more can be kept.
-
-        Raises:
-            MotiondeckError: if not, and why.
-        """
+        """Checks that one more can be kept; the MotiondeckError says why not."""
         if self._ticks is None or remote:
             raise MotiondeckError("commands for a time are given by programs of this machine, on a deck in real time")
         if message.when > self._ticks.due() + _AHEAD:

@@ -26,7 +26,6 @@ from controller.wire.messages.arguments import (
     WeightedMotions,
     WholeCommand,
 )
-from controller.wire.messages.arguments import CommandError as CommandError
 from controller.wire.messages.blends import MOST_BLENDED, blend_weights
 from controller.wire.messages.command_row import ALWAYS, CommandMessage, CommandRow
 from controller.wire.messages.lock_state import LOCK_SOURCES, LockSource

@@ -128,11 +128,7 @@ _replies = msgspec.json.Decoder(Reply)
 
 
 def read_reply(data: bytes) -> Reply:
-    """The reply in a datagram.
-
-    Raises:
-        CommandError: if it is not one.
-    """
+    """The reply in a datagram; raises a CommandError if it is not one."""
     try:
         return _replies.decode(data)
     except (msgspec.MsgspecError, UnicodeDecodeError, RecursionError) as error:

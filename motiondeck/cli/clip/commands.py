@@ -181,11 +181,6 @@ def view(
 
 
 def _read(file: Path, options: ReadingOptions) -> FittedClip:
-    """Reads a recording of a body.
-
-    Raises:
-        MotiondeckError: if it cannot be read, or holds the angles of a rig's joints.
-    """
     from controller.motion.formats.reading import read_fitted
 
     recording = read_fitted(file, options)

@@ -62,7 +62,6 @@ def _by_marker(markers: Markers, gaps: list[Gap]) -> list[dict[str, Any]]:
 
 
 def _mean_mm(gaps: list[Gap]) -> float | None:
-    """The expected error of gaps, weighted by their frames, mm."""
     known = [(gap.expected, gap.frames) for gap in gaps if gap.expected is not None]
     if not known:
         return None

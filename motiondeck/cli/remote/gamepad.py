@@ -113,14 +113,12 @@ def drive(device: EventDevice, client: CommandClient) -> None:
 
 
 def _print_lock(client: CommandClient) -> None:
-    """Prints what the motion is locked to, if it is."""
     state = client.request(commands.GetStatus())
     if isinstance(state, State) and state.lock is not None:
         print(state.lock, flush=True)
 
 
 def _typed(message: DeckCommand) -> str:
-    """A command as a person would type it."""
     word = message.row.word
     return f"{word} {message.to}" if isinstance(message, commands.Switch) else word
 

@@ -89,7 +89,6 @@ def stage(
 
 
 def _check_motions(mapped: StageMap, path: Path, client: CommandClient) -> None:
-    """Raises a FileFormatError where commands name motions that the deck does not have."""
     from controller.wire.messages.commands import GetStatus
     from controller.wire.messages.replies import State
     from motiondeck.run.terminal import describe
@@ -109,7 +108,6 @@ def _check_motions(mapped: StageMap, path: Path, client: CommandClient) -> None:
 
 
 def _open(mapped: StageMap, tell: Sparing) -> list[Input]:
-    """The inputs that a stage file names, opened."""
     from motiondeck.stage.midi import MidiInput
     from motiondeck.stage.midi_port import open_midi_port
     from motiondeck.stage.osc import OscInput
@@ -128,7 +126,6 @@ def _open(mapped: StageMap, tell: Sparing) -> list[Input]:
 
 
 def _summary(mapped: StageMap) -> str:
-    """What is listened to, in a few words."""
     osc, midi = mapped.osc, mapped.midi
     parts = (
         [f"OSC on port {osc.port} of loopback ({counted(len(osc.commands), 'address')})"]

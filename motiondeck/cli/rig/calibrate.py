@@ -136,11 +136,6 @@ def _read(sweep: Sweep, parts: list[tuple[RigConfig, Bus]]) -> set[str]:
 
 
 def _carry_out(line: str, sweep: Sweep) -> str:
-    """Carries out a typed line and returns the reply to print.
-
-    Raises:
-        RigError: if that joint has not answered yet.
-    """
     word, _, name = line.partition(" ")
     name = name.strip()
     actions = {"zero": sweep.zero_here, "reverse": sweep.reverse, "again": sweep.forget}
@@ -196,5 +191,4 @@ class _Table:
 
     @staticmethod
     def _unfinished_first(rows: list[str], room: int) -> list[str]:
-        """As many rows as fit on the screen, joints that are not measured yet first."""
         return sorted(rows, key=lambda row: row.endswith("  ok"))[:room]

@@ -25,11 +25,7 @@ PortOption = Annotated[
 
 
 def load(rig: str) -> RigConfig:
-    """Loads a rig file, or a shipped one by its name.
-
-    Raises:
-        MotiondeckError: if there is none, or it is invalid.
-    """
+    """Loads a rig file, or a shipped one by its name; raises a MotiondeckError if there is none, or it is invalid."""
     from hardware.rig.rig_file import load_rig
     from motiondeck_base.shipped import find_rig
 

@@ -221,7 +221,6 @@ class _Session:
                     self._say(f"unknown choice '{choice}'")
 
     def _doubts(self, recording: _Recording, file: Path) -> list[str]:
-        """Doubts about a recording: beyond limits, or unlike the takes before it."""
         from controller.learning.preparation.takes import join_takes
         from controller.motion.encodings.joint_angles import angles_of
         from controller.motion.formats.taught_clip import read_taught_clip
@@ -250,11 +249,6 @@ class _Session:
         return [one for one in written if motion_of(one) == motion_of(file) and one != file]
 
     def _recorded(self, parts: list[tuple[RigConfig, Bus]], seconds: float | None) -> _Recording:
-        """Records the joints until Enter, or for some seconds.
-
-        Raises:
-            RigError: if the recording is unusable.
-        """
         from controller.learning.preparation.takes import is_periodic
         from hardware.errors import RigError, SerialPortError
         from hardware.tools.teaching import taught, watch_hands
@@ -317,7 +311,6 @@ class _Session:
 
 
 def _next_take(out: Path) -> Path:
-    """The name of the next take of a motion: wave.2.clip, wave.3.clip and so on."""
     number = 2
     while (file := out.with_name(f"{out.stem}.{number}.clip")).exists():
         number += 1

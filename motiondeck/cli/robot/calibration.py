@@ -225,11 +225,7 @@ def model_file(model: str) -> Path:
 
 
 def catalogue_of_robots() -> Any:
-    """The package of MuJoCo Menagerie.
-
-    Raises:
-        MotiondeckError: if it is not installed.
-    """
+    """The package of MuJoCo Menagerie; raises a MotiondeckError if it is not installed."""
     try:
         return import_module("mujoco_menagerie")
     except ImportError:

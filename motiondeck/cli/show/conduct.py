@@ -192,7 +192,6 @@ def carry_out(conductor: Conductor, line: str, notify: Notify, *, as_json: bool)
 
 
 def _are_decks(conductor: Conductor, names: str) -> bool:
-    """Whether these are names of decks and groups, separated by commas."""
     show = conductor.show
     return {*names.split(",")} <= {"all", *conductor.decks, *show.decks, *show.groups}
 
@@ -240,7 +239,6 @@ def _describe(deck: SeenDeck) -> str:
 
 
 def _stop_all(link: Link) -> None:
-    """Publishes the emergency stop until every connected deck reports it."""
     from motiondeck.shows.member import STOP_AGAIN
     from motiondeck.shows.messages import DeckHealth, EmergencyStopAll, encode, read
     from motiondeck_base.errors import MotiondeckError

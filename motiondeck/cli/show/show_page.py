@@ -31,11 +31,7 @@ class ShowPage:
         return self._connection.fileno()
 
     def words(self) -> Iterator[str]:
-        """The words of its buttons.
-
-        Raises:
-            EOFError: if the page has ended.
-        """
+        """The words of its buttons; raises an EOFError if the page has ended."""
         try:
             while data := self._connection.recv(_MOST_BYTES):
                 yield data.decode(errors="replace")

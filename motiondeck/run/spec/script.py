@@ -16,8 +16,9 @@ from pathlib import Path
 
 import msgspec
 
+from controller.wire.messages.arguments import CommandError
 from controller.wire.messages.command_table import BY_WORD, parse_command
-from controller.wire.messages.commands import CommandError, DeckCommand
+from controller.wire.messages.commands import DeckCommand
 from motiondeck_base.errors import FileFormatError, MotiondeckError, UnknownNameError
 from motiondeck_base.toml_file import read_toml
 

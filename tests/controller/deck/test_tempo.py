@@ -3,7 +3,7 @@
 import pytest
 
 from controller.deck.tempo import Paced
-from controller.wire.messages.commands import CommandError
+from controller.wire.messages.arguments import CommandError
 from motiondeck_base.errors import MotiondeckError
 
 

@@ -20,9 +20,9 @@ from controller.loop.stop_requests import StopRequest
 from controller.motion.posture import Pose
 from controller.wire.command_socket import CommandClient, CommandServer, SocketError
 from controller.wire.local_transport import command_folder
+from controller.wire.messages.arguments import CommandError
 from controller.wire.messages.command_table import parse_command, read_command
 from controller.wire.messages.commands import (
-    CommandError,
     DeckCommand,
     EmergencyStop,
     GetPhase,

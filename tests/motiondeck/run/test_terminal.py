@@ -11,10 +11,10 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from controller.wire.command_socket import CommandClient, CommandServer
+from controller.wire.messages.arguments import CommandError
 from controller.wire.messages.command_table import COMMANDS, parse_command
 from controller.wire.messages.commands import (
     Blend,
-    CommandError,
     EmergencyStop,
     GetPhase,
     GetStatus,

@@ -1,6 +1,7 @@
 import pytest
 
-from controller.wire.messages.commands import Blend, CommandError, LockPhase, SetTempo, Switch
+from controller.wire.messages.arguments import CommandError
+from controller.wire.messages.commands import Blend, LockPhase, SetTempo, Switch
 from motiondeck.stage.command_pattern import CommandPattern
 from motiondeck.stage.stage_file import read_stage
 from motiondeck.stage.timecode import Timecode

@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from controller.deck.locks.phase_lock import wrapped
 from controller.wire.command_socket import CommandClient, CommandServer
 from controller.wire.leader_link import LeaderLink, Sighting
-from controller.wire.messages.commands import CommandError
+from controller.wire.messages.arguments import CommandError
 from controller.wire.messages.replies import PhaseNow
 from motiondeck_base.errors import MotiondeckError
 from wheel import DT, Wheel

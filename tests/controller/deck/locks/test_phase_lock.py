@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 import synthetic
 from controller.deck.deck import Deck
 from controller.deck.locks.phase_lock import correction, wrapped
-from controller.wire.messages.commands import CommandError
+from controller.wire.messages.arguments import CommandError
 from motiondeck_base.errors import MotiondeckError
 from wheel import DT, ROUND, Wheel
 
