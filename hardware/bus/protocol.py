@@ -43,26 +43,11 @@ class Protocol:
         return (status for frame in self.parser().feed(received) if (status := self.as_status(frame)) is not None)
 
 
+_FRAMES1 = (frames1.Parser1, frames1.as_status, frames1.status_length, frames1.trailer)
+_FRAMES2 = (Parser, frames2.as_status, group_reply.status_length, frames2.trailer)
+
 PROTOCOLS = {
-    1: Protocol(
-        1,
-        instructions1,
-        frames1.Parser1,
-        frames1.as_status,
-        frames1.status_length,
-        frames1.trailer,
-        stuffed=False,
-        group_reads=False,
-    ),
-    2: Protocol(
-        2,
-        instructions2,
-        Parser,
-        frames2.as_status,
-        group_reply.status_length,
-        frames2.trailer,
-        stuffed=True,
-        group_reads=True,
-    ),
+    1: Protocol(1, instructions1, *_FRAMES1, stuffed=False, group_reads=False),
+    2: Protocol(2, instructions2, *_FRAMES2, stuffed=True, group_reads=True),
 }
 """By version."""

@@ -344,7 +344,6 @@ class Bus:
         return None
 
     def _discard(self) -> None:
-        """Discards late replies to an earlier call; the next call may get late ones too."""
         self.port.receive()
         self._may_be_late = True
 

@@ -120,7 +120,6 @@ def _register_like_xm430(row: Row, torque: int, rad_per_s: float) -> Register:
 
 
 def _plain_register(row: Row, torque: int, rad_per_s: float) -> Register:
-    """A register of which only name and place are known."""
     like = _COMMON.get(row.name)
     signed = (
         (like.signed and like.length == row.length)
@@ -154,7 +153,6 @@ def _rpm(rad_per_s: float) -> float:
 
 
 def _as_this_model(register: Register, traits: Traits) -> Register:
-    """The register with this model's figures in place of the XM430's."""
     most = traits.current_limit
     tenths = round(traits.voltage * 10)
     match register.name:

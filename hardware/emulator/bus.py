@@ -253,7 +253,6 @@ class EmulatedBus:
         return self._in_turn([(block[0], block[1:]) for block in _blocks(params, 5)])
 
     def _in_turn(self, asked: list[tuple[int, bytes]]) -> list[Answer]:
-        """The statuses of servos that answer one behind the other."""
         answers: list[Answer] = []
         for id, params in asked:
             own: list[Answer] = []
@@ -275,7 +274,6 @@ class EmulatedBus:
         return self._in_one_frame([(block[0], _word(block, 1), _word(block, 3)) for block in _blocks(params, 5)])
 
     def _in_one_frame(self, asked: list[tuple[int, int, int]]) -> list[Answer]:
-        """One frame that the servos write together, each with a CRC over all that was sent before it."""
         size = 1 + sum(length + 4 for _, _, length in asked)
         answer = HEADER + bytes((BROADCAST, size & 0xFF, size >> 8 & 0xFF, STATUS))
         crc = checksum(answer)

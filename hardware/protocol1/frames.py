@@ -63,13 +63,11 @@ class Parser1(Parser):
     __slots__ = ()
 
     def _length(self, at: int) -> int:
-        """The LENGTH of the frame whose header is here in the buffer; 0 where it can be none."""
         id, length = self._buffer[at + 2], self._buffer[at + 3]
         # Three FF are noise before a header, which begins with the second or the third.
         return length if id <= BROADCAST and _SHORTEST <= length <= LONGEST else 0
 
     def _frame_in(self, data: bytes) -> Frame | None:
-        """The frame that these bytes are, None if its checksum is bad."""
         if ~sum(data[2:-1]) & 0xFF != data[-1]:
             return None
         return Frame(data[2], data[4], data[5:-1])

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from functools import partial
+from pathlib import Path
 from typing import NamedTuple
 
 import msgspec
@@ -22,12 +23,12 @@ from hardware.rig.switching.identities import (
     raise_answer_level,
     raise_answer_level_in_eeprom,
 )
-from hardware.tools.latency_timer import latency_file, latency_timer
 from hardware.tools.scan import LIKELY_BAUDS, scan
 
 _NEWEST = 255  # what a servo that does not answer may have as firmware
 _CLOSE_TO_HOT = 12.0  # degC
 _VOLTAGE, _HEAT = 1, 4  # bits of a hardware error
+_USB_SERIAL = Path("/sys/bus/usb-serial/devices")
 _SILENT = (
     "answers a ping but no read, as if its status_return_level is 0, the rig needs 2: --fix sets it, and so does every "
     "switch-on"
@@ -139,7 +140,6 @@ def examine(config: RigConfig, bus: Bus) -> Report:
 
 
 def _no_answer(bus: Bus) -> str:
-    """The problem of a servo whose reply was garbled or missing."""
     if bus.garbled:
         return (
             "gives garbled answers: two servos may have its id; connect one of them alone, then "
@@ -149,7 +149,6 @@ def _no_answer(bus: Bus) -> str:
 
 
 def _not_its_servo(joint: RigJoint, identity: Identity) -> str:
-    """Why what has answered cannot be the servo of a joint, or ""."""
     if identity.model_number == UNKNOWN_MODEL and identity.protocol == joint.table.protocol:
         return _SILENT
     if identity.model != joint.model:
@@ -256,7 +255,6 @@ def _turns_endlessly(joint: RigJoint, differences: Iterable[Difference]) -> bool
 
 
 def _complaints(servo: ServoReport, joint: RigJoint, name: str, differing: set[str]) -> list[str]:
-    """What is wrong with one servo, some of whose registers differ from what the rig needs."""
     found: list[str] = []
     if servo.errors:
         found.append(f"{name} reports {servo.errors}: mend the cause, then switch its power off and on")
@@ -273,3 +271,33 @@ def _complaints(servo: ServoReport, joint: RigJoint, name: str, differing: set[s
     if servo.temperature > joint.hottest - _CLOSE_TO_HOT:
         found.append(f"{name} has {servo.temperature:.0f} degC and shuts down at {joint.hottest:.0f}: let it cool")
     return found
+
+
+def latency_timer(port: str) -> int | None:
+    """The latency timer of a USB adapter, ms; None where the system has none for this port."""
+    try:
+        return int(latency_file(port).read_text())
+    except (OSError, ValueError):
+        return None
+
+
+def shorten_latency(port: str) -> str:
+    """Sets the latency timer of a USB adapter to 1 ms; what was done, or what to do for it, in words.
+
+    The adapter forgets it when it is unplugged.
+    """
+    before, file = latency_timer(port), latency_file(port)
+    if before is None:
+        return f"{port} has no latency timer that could be set"
+    if before <= 1:
+        return f"the latency timer of {port} is 1 ms already"
+    try:
+        file.write_text("1")
+    except OSError as error:
+        return f"the latency timer of {port} stays {before} ms ({error.strerror}): echo 1 | sudo tee {file}"
+    return f"the latency timer of {port} was {before} ms and is {latency_timer(port)} ms now, until it is unplugged"
+
+
+def latency_file(port: str) -> Path:
+    """Where the system shows the latency timer of a port."""
+    return _USB_SERIAL / Path(port).resolve().name / "latency_timer"

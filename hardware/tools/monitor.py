@@ -70,7 +70,6 @@ def _measured(table: ControlTable) -> tuple[int, int]:
 
 
 def _errors(joint: RigJoint, bus: Bus) -> str:
-    """The problems that a servo reports, in words; "" for none, also where it has fallen silent just now."""
     try:
         bits = hardware_errors(joint, bus)
     except ServoError:

@@ -1,11 +1,14 @@
-"""Scan of a bus for servos: every baud rate, both protocols."""
+"""Scan of a bus for servos at every baud rate, in both protocols; and the set-up of a single one."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable
 from typing import NamedTuple
 
-from hardware.bus.servo_bus import Bus, Identity
+from hardware.bus.servo_bus import UNKNOWN_MODEL, Bus, Identity
+from hardware.control_table.models import MODELS
+from hardware.control_table.table import ControlTable
+from hardware.errors import NoReplyError, RigError
 
 LIKELY_BAUDS = (57600, 1_000_000, 4_000_000, 2_000_000, 3_000_000, 115_200, 9600)
 """Where a servo is looked for, the likely rates first."""
@@ -41,3 +44,70 @@ def scan(
         finally:
             bus.close()
     return found
+
+
+def set_up(open_bus: Callable[[int], Bus], id: int, baud: int) -> tuple[Found, Identity]:
+    """Gives the only servo on a bus its ID and baud rate, and a return delay of 0; verifies that it answers there.
+
+    Returns what it was, and what it is now.
+
+    Raises:
+        RigError: if there is no servo, or more than one, or its model is not known.
+        ServoError: if it does not take a value, or does not answer afterwards.
+    """
+    garbled: list[int] = []
+    found = scan(open_bus, on_garbled=garbled.append)
+    if garbled:
+        raise RigError(
+            f"garbled answers at {garbled[0]} baud: two servos may have the same id. Connect the one to set up alone."
+        )
+    if not found:
+        raise RigError("no servo answers at any baud rate. Check power, cable and adapter.")
+    if len(found) > 1:
+        servos = ", ".join(f"id {one.identity.id} at {one.baud}" for one in found)
+        raise RigError(f"{len(found)} servos answer ({servos}). Connect the one to set up alone.")
+    before = found[0]
+    bus = open_bus(before.baud)
+    try:
+        bus.protocols = dict.fromkeys((before.identity.id, id), before.identity.protocol)
+        before = Found(before.baud, _who_answers(before.identity, bus))
+        table = MODELS[before.identity.model]
+        value = table.baud_value(baud)
+        if value is None:
+            raise RigError(f"a servo of model {table.model} cannot do {baud} baud.")
+        _put(bus, before.identity.id, table, "torque_enable", 0)
+        _put(bus, before.identity.id, table, "return_delay_time", 0)
+        if before.identity.protocol != table.protocol:
+            _put(bus, before.identity.id, table, "protocol_type", table.protocol)
+            bus.protocols = {}
+        if id != before.identity.id:
+            _put(bus, before.identity.id, table, "id", id)
+        if baud != before.baud:
+            _put(bus, id, table, "baud_rate", value)
+    finally:
+        bus.close()
+    bus = open_bus(baud)
+    try:
+        bus.protocols = {id: table.protocol}
+        after = bus.ping(id)
+    finally:
+        bus.close()
+    if after is None:
+        raise NoReplyError(f"the servo does not answer as id {id} at {baud} baud. Try motiondeck rig scan.")
+    return before, after
+
+
+def _who_answers(identity: Identity, bus: Bus) -> Identity:
+    """The identity of a servo that answers every instruction from now on, whatever its status return level was."""
+    untold = identity.model_number == UNKNOWN_MODEL
+    table = MODELS["AX-12A" if untold else identity.model] if untold or identity.model in MODELS else None
+    if table is None:
+        raise RigError(f"the servo answers as {identity.model}, whose control table is not known.")
+    for name, value in (("torque_enable", 0), ("status_return_level", 2)):  # at the same place in all of Protocol 1.0
+        bus.sync_write(table[name].address, 1, bytes((identity.id, value)))
+    return bus.ping(identity.id) or identity if untold else identity
+
+
+def _put(bus: Bus, id: int, table: ControlTable, name: str, value: int) -> None:
+    register = table[name]
+    bus.write(id, register.address, register.encode(value))

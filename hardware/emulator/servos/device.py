@@ -274,7 +274,6 @@ class Device:
         return "startup_configuration" in self._places and self._get("firmware_version") >= _NEWER_FIRMWARE
 
     def _get(self, name: str) -> int:
-        """The value of a register that the servo does not measure."""
         place, signed = self._places[name]
         return int.from_bytes(self._memory[place], "little", signed=signed)
 

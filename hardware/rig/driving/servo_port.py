@@ -246,7 +246,6 @@ def _groups(part: RigConfig, name: str, port: ServoPort) -> Iterator[_Group]:
 
 
 def _frames(groups: list[_Group], counts: Array) -> bytes:
-    """The sync writes of counts (J,), one a group."""
     frames = []
     for group in groups:
         group.write.values[:] = counts[group.joints]

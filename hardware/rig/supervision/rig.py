@@ -270,7 +270,6 @@ class Rig:
         return _close_all(self._all_ports())
 
     def _now(self) -> float:
-        """The time on the clock of the first port, s."""
         return self._recoveries[0].port.bus.port.now()
 
     def _all_ports(self) -> list[ServoPort]:

@@ -48,15 +48,12 @@ _LAST_ID, _NO_SECOND_ID = 252, 255
 _COOLEST_LIMIT = 40  # degC: with a lower one a servo shuts down where it is warm
 _ROUNDED_UP = 1.01  # of a limit: a register may hold so much of it
 _SLOW_ANSWER = 10  # counts of 2 us that do no harm
-_COMPARED = frozenset({
+_COMPARED = {
     "drive_mode", "homing_offset", "secondary_id", "startup_configuration", "shutdown", "temperature_limit",
     "velocity_limit", "acceleration_limit", "pwm_limit", "current_limit", "operating_mode", "min_position_limit",
-    "max_position_limit",
-    "return_delay_time", "position_p_gain", "position_i_gain", "feedforward_1st_gain", "feedforward_2nd_gain",
-    "goal_pwm", "control_mode", "multi_turn_offset", "resolution_divider", "torque_control_mode", "torque_limit",
-    "max_torque", "status_return_level", "cw_compliance_margin", "ccw_compliance_margin", "cw_compliance_slope",
-    "ccw_compliance_slope",
-})  # fmt: skip
+    "max_position_limit", "return_delay_time", "goal_pwm", "control_mode", "multi_turn_offset", "resolution_divider",
+    "torque_control_mode", "torque_limit", "max_torque", "status_return_level", *_GAINS,
+}  # fmt: skip
 _WHY = {
     "drive_mode": "reversed, or with a profile in time instead of speed, or with torque that a goal takes on",
     "homing_offset": "its zero is elsewhere",

@@ -185,7 +185,6 @@ def speed_counts(joint: RigJoint, pace: float) -> int:
 
 
 def _limit_speed(config: RigConfig, bus: Bus, pace: float) -> None:
-    """Has each servo keep its joint's limits, and this part of its speed limit, on its own."""
     speeds = [speed_counts(joint, pace) for joint in config.joints]
     rates = [
         in_counts(joint, "profile_acceleration", joint.acceleration * joint.gear) if joint.acceleration else 0

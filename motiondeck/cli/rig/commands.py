@@ -38,8 +38,7 @@ def doctor(
     import msgspec
 
     from hardware.bus.servo_bus import Bus
-    from hardware.tools.doctor import examine, fix_settings, look_elsewhere
-    from hardware.tools.latency_timer import shorten_latency
+    from hardware.tools.doctor import examine, fix_settings, look_elsewhere, shorten_latency
 
     config = load(rig)
     reports, done, refused = [], [], []

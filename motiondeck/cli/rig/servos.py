@@ -90,7 +90,7 @@ def setup(
     from hardware.bus.servo_bus import Bus
     from hardware.rig.rig_file import BAUD_RATES, load_rig
     from hardware.tools.rig_writing import set_port
-    from hardware.tools.set_up import set_up
+    from hardware.tools.scan import set_up
 
     lasting = lasting_name(port)
     if rig is not None:

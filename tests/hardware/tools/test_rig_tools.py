@@ -12,11 +12,9 @@ from hardware.emulator.bus import EmulatedBus
 from hardware.emulator.port import EmulatedPort
 from hardware.errors import RigError
 from hardware.rig.supervision.rig import Rig
-from hardware.tools.doctor import examine, fix_settings
-from hardware.tools.latency_timer import latency_timer, shorten_latency
+from hardware.tools.doctor import examine, fix_settings, latency_timer, shorten_latency
 from hardware.tools.monitor import observe
-from hardware.tools.scan import scan
-from hardware.tools.set_up import set_up
+from hardware.tools.scan import scan, set_up
 
 
 @pytest.fixture
@@ -116,7 +114,7 @@ def test_a_port_without_a_latency_timer_has_none(tmp_path):
 
 
 def test_the_latency_timer_is_set_on_request(tmp_path, monkeypatch, rig_of_four, bus):
-    monkeypatch.setattr("hardware.tools.latency_timer._USB_SERIAL", tmp_path)
+    monkeypatch.setattr("hardware.tools.doctor._USB_SERIAL", tmp_path)
     file = tmp_path / "emulated" / "latency_timer"
     assert "has no latency timer" in shorten_latency("emulated")
     file.parent.mkdir()

@@ -23,8 +23,7 @@ from hardware.rig.supervision.servo_states import CONDITIONS
 from hardware.rig.switching.audit import audit
 from hardware.tools.doctor import examine, fix_settings
 from hardware.tools.monitor import observe
-from hardware.tools.scan import scan
-from hardware.tools.set_up import set_up
+from hardware.tools.scan import scan, set_up
 
 COUNT = len(OLD_MODELS)
 TICK = 0.01

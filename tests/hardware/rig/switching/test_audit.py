@@ -11,7 +11,7 @@ from hardware.rig.rig_file import RigConfig, RigJoint
 from hardware.rig.supervision.rig import Rig
 from hardware.rig.switching.audit import audit, in_counts, settle
 from hardware.tools.doctor import examine, fix_settings, look_elsewhere
-from hardware.tools.set_up import set_up
+from hardware.tools.scan import set_up
 
 LIMIT = 1.5  # rad/s
 
