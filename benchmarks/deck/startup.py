@@ -58,7 +58,7 @@ def done(clock):
     return 0
 out = sys.argv.pop(1)
 sys.meta_path.insert(0, Hook())
-from motiondeck.cli.main import main
+from motiondeck.command import main  # there in earlier checkouts, too
 main()
 """
 

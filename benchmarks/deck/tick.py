@@ -15,6 +15,8 @@ so that a machine that becomes slower or faster meanwhile changes all of them.
 With --calls the calls of Python functions in a tick of `play` with simulated servos and masses are counted instead
 (`sys.setprofile`, the mean of 200 ticks, no time is measured): in all, for each room, and the functions that are called
 most. With --rig the servos of an emulated rig are driven, too, in real time.
+
+With --beside the ticks of another checkout are measured too, each by its own version of this program, in turn.
 """
 
 from __future__ import annotations
@@ -22,6 +24,8 @@ from __future__ import annotations
 import argparse
 import json
 import os
+import statistics
+import subprocess
 import sys
 import time
 from collections import Counter
@@ -163,6 +167,23 @@ def measure(library: MotionLibrary, motion: str, ticks: int) -> dict[str, Any]:
     return {"us": runs, "us_after_a_pause": pauses}
 
 
+def measure_beside(beside: Path, rounds: int, options: list[str]) -> dict[str, dict[str, list[float]]]:
+    """Medians of whole ticks of this and another checkout in each run, us, one of each round."""
+    found: dict[str, dict[str, list[float]]] = {}
+    for _ in range(rounds):
+        for name, checkout in (("this", Path(__file__).parents[2]), ("beside", beside.resolve())):
+            done = subprocess.run(
+                [sys.executable, "-m", "benchmarks", "tick", "--json", *options],
+                env=os.environ | {"PYTHONPATH": str(checkout)},
+                cwd=checkout,
+                stdout=subprocess.PIPE,
+                check=True,
+            )
+            for run, rows in json.loads(done.stdout)["us"].items():
+                found.setdefault(run, {}).setdefault(name, []).append(rows["p50 of whole ticks"])
+    return found
+
+
 def main() -> int:
     parser = argparse.ArgumentParser(
         prog="python -m benchmarks tick", description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
@@ -172,8 +193,22 @@ def main() -> int:
     parser.add_argument("--ticks", type=int, default=2000, help="of each run")
     parser.add_argument("--calls", action="store_true", help="count the Python calls of a tick of play instead")
     parser.add_argument("--rig", action="store_true", help="with --calls: drive an emulated rig, too")
+    parser.add_argument("--beside", type=Path, metavar="CHECKOUT", help="measure another checkout, too, in turn")
+    parser.add_argument("--rounds", type=int, default=5, help="with --beside: of each checkout")
     parser.add_argument("--json", action="store_true", help="one JSON object")
     options = parser.parse_args()
+    if options.beside is not None:
+        words = ["--library", options.library, "--motion", options.motion, "--ticks", str(options.ticks)]
+        found = measure_beside(options.beside, options.rounds, words)
+        if options.json:
+            print(json.dumps({"us_p50_of_whole_ticks": found}))
+            return 0
+        print("| whole ticks, median of medians (least) | this, us | beside, us | ratio |\n|---|---|---|---|")
+        for run, rows in found.items():
+            middle = {name: statistics.median(values) for name, values in rows.items()}
+            cells = [f"{middle[name]:.0f} ({min(values):.0f})" for name, values in rows.items()]
+            print(f"| {run} | {' | '.join(cells)} | {middle['this'] / middle['beside']:.2f} |")
+        return 0
     library = load_library(find_library(options.library))
     played = {"library": library.info.name, "motion": options.motion}
     if options.calls:
