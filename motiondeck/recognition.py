@@ -196,11 +196,7 @@ def load_recognizer(path: str | Path) -> Recognizer:
 
 
 def _labelled(clips: Mapping[str, Collection[Clip]]) -> Dataset:
-    """Clips as a dataset, in which each skeleton is one actor.
-
-    Raises:
-        MotiondeckError: if what is given for a motion is no collection of clips.
-    """
+    """Clips as a dataset, in which each skeleton is one actor."""
     for motion, own in clips.items():
         if isinstance(own, Clip | str | Path):
             raise MotiondeckError(f"motion '{motion}': give a list of its clips, even of one")

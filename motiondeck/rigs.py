@@ -124,7 +124,6 @@ class Rig:
             self.wait(seconds / steps)
 
     def _targets(self, angles: ArrayLike | Mapping[str, float]) -> Array:
-        """Angles of all joints, shape (J,), rad."""
         if not isinstance(angles, Mapping):
             targets = np.array(angles, dtype=np.float64)
             if targets.shape != (len(self.joints),):
@@ -179,6 +178,5 @@ def open_rig(name: str | Path, servos: Servos = "real", ports: Sequence[str] = (
 
 
 def _portions(seconds: float, longest: float) -> list[float]:
-    """A time in equal parts of at most `longest` s."""
     count = max(1, round(seconds / longest))
     return [seconds / count] * count

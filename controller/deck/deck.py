@@ -33,22 +33,15 @@ class Deck(Lockable):
     """Plays one library on one robot.
 
     Args:
-        library: the motions.
         retarget: from the skeleton's poses to the robot's joints.
-        motion: the motion to begin with.
         direct: whether every switch goes straight to its motion, at once.
         joining: how motions are joined; the default suits the network.
         phase: where in the motion to begin, in [0, 1).
 
     Attributes:
-        motions: the names of all motions.
-        direct: as given.
         time: s since the start, summed over updates.
         switches: the latest REMEMBERED_SWITCHES commanded switches.
         events: the latest events, at most REMEMBERED_EVENTS; their reader removes them.
-        plan: decides what is played when.
-        performance: plays the motions and joins them.
-        pose: the pose that is shown.
     """
 
     def __init__(
@@ -214,11 +207,7 @@ class Deck(Lockable):
         return self.plan.enqueue(CommandedSwitch(to, self.time))
 
     def require_phase(self) -> None:
-        """Checks that the network has a phase.
-
-        Raises:
-            MotiondeckError: if it runs by itself.
-        """
+        """Checks that the network has a phase; MotiondeckError if it runs by itself."""
         self.performance.tracks.leading.player.require_phase()
 
     def set_tempo(self, factor: float, over: float = 0.0) -> None:
@@ -289,7 +278,6 @@ class Deck(Lockable):
         return targets, self.pose
 
     def _playhead(self, time: float) -> LoopPlace | None:
-        """The place in the motion, for a lock; None for an autonomous network."""
         here, phase = self.performance.motion, self.phase
         if phase is None:
             return None
@@ -305,14 +293,11 @@ ACROSS_SECONDS = 1.0  # s, of an input from one end of its learned range to the 
 
 
 class Inputs:
-    """The inputs of a library's motions.
+    """The inputs of a library's motions and their `present` values.
 
     Args:
         ranges: the learned range of each input, by name.
         usual: the value of each at the start.
-
-    Attributes:
-        present: their present values.
     """
 
     def __init__(self, ranges: Mapping[str, tuple[float, float]], usual: Mapping[str, float]) -> None:

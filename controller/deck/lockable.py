@@ -52,11 +52,7 @@ class Lockable(Paced, ABC):
 
     @abstractmethod
     def require_phase(self) -> None:
-        """Checks that the network has a phase.
-
-        Raises:
-            MotiondeckError: if it runs by itself.
-        """
+        """Checks that the network has a phase; MotiondeckError if it runs by itself."""
 
     @abstractmethod
     def _playhead(self, time: float) -> LoopPlace | None:
@@ -118,7 +114,6 @@ class Lockable(Paced, ABC):
             self._lock = self._beats = None
 
     def _note(self, targets: Array) -> None:
-        """Passes the joint targets (J,), rad, of a tick to a lock to the body."""
         if isinstance(self._lock, BodyLock) and (playhead := self._playhead(self.time)) is not None:
             self._lock.note(playhead, targets)
 

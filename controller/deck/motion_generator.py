@@ -20,7 +20,6 @@ class MotionGenerator:
 
     Args:
         library: the library; it is not changed, and generators of one library are independent.
-        motion: its name.
         tempo: 1 is as fast as recorded, 0 stands still, negative plays backwards; may be changed between steps.
         phase: where in the motion to begin, in [0, 1]; a one-shot ends at 1.
         inputs: values of the motion's inputs besides the phase, such as {"speed": 1.4}, clipped to the learned range.

@@ -50,15 +50,11 @@ class Performance:
     A tick is one `step`, perhaps a `switch_to` or `blend_in`, and in the end `finish_tick`.
 
     Attributes:
-        motions: the motions of the library by name.
         tracks: the tracks that play; `tracks.leading` has the phase and the inputs.
-        posture: the posture that is shown.
-        pose: the same in the world.
         blend_problem: the problem of the blend in the last step, or "".
     """
 
     def __init__(self, library: MotionLibrary, motion: str, joining: Joining | None, phase: float = 0.0) -> None:
-        """Begins with a motion of the library at a phase in [0, 1); `joining` as for the deck."""
         self.motions = read_motions(library)
         self._skeleton = library.encoding.skeleton
         self._by_module = library.network.as_crossing is not None
@@ -170,7 +166,6 @@ class Performance:
         return self._fade.onset if self._fade is not None and not self.motion.loop else 1.0
 
     def _faded(self, target: Posture, dt: float) -> tuple[Posture, bool]:
-        """The target with the rest of the last fade, and whether the switch is complete."""
         if self._fade is not None:
             self._fade.advance(dt, float(target.turn_rate))
             if self._fade.lasts:
@@ -183,7 +178,6 @@ class Performance:
         return target, True
 
     def _keep_within(self, limits: JoinLimits, dt: float, tempo: float) -> None:
-        """Slows, gives up or replaces a join near or beyond its limits."""
         tracks = self.tracks
         # Played faster, the motions themselves go beyond what they need at their own tempo.
         use = limits.use(self._next, dt) / max(1.0, abs(tempo))
@@ -203,11 +197,9 @@ class Performance:
             self._fade_instead()
 
     def _extrapolate(self, dt: float) -> None:
-        """Extrapolates the last two postures for this tick."""
         self._set_posture(extrapolated(self._before, self.posture, dt, self.tracks.rest_direction))
 
     def _set_posture(self, shown: Posture) -> None:
-        """Sets the posture of this tick."""
         self._shown, self._next = shown, advance(self.pose, shown, self._dt)
 
     def _limit(self, *motions: Motion) -> None:
@@ -219,7 +211,6 @@ class Performance:
         self._correct_from = CORRECTED_FROM
 
     def _mix_to(self, motion: str, anchor: int) -> None:
-        """Starts a morph of the network if it can, or a crossing of both motions."""
         morphs = self._joining == "morph"
         if morphs and self._morphs_inside:
             self.tracks.playing[0].morph(motion, anchor, MORPH_SECONDS)
@@ -230,7 +221,6 @@ class Performance:
         self._switching = True
 
     def _play_alone(self, track: Track) -> Track:
-        """Leaves one track playing alone."""
         self.tracks.play_alone(track)
         self._switching = False
         return track
@@ -242,7 +232,6 @@ class Performance:
         self._begin_fade(first, onset, *motions)
 
     def _fade_instead(self) -> None:
-        """Replaces a join that has become too fast by a fade from here to its target."""
         track, onset = self.tracks.leading, self._onset
         if self.tracks.alone and track.morphing:
             track.cue(track.motion.name, self._best_anchor(track.motion.name, self.posture, self._shown))
@@ -270,7 +259,6 @@ class Performance:
         self._fade = Fading(search, onset)
 
     def _best_anchor(self, motion: str, before: Posture, now: Posture) -> int:
-        """The anchor where a motion resembles a body most."""
         entering, place = self.motions[motion], self._joints(now)
         velocity = (place - self._joints(before)) / self._dt
         return best_anchor(place, velocity, entering.places, entering.velocities, VELOCITY_REACH)

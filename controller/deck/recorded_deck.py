@@ -25,10 +25,6 @@ class RecordedDeck(Paced):
         recording: with at least one tick.
         same_robot: whether the recorded robot plays it; its root then follows the recorded path.
 
-    Attributes:
-        motions: the motions that were played.
-        time: s since the start.
-
     Raises:
         MotiondeckError: if the recording is empty.
     """

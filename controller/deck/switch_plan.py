@@ -22,11 +22,6 @@ _NO_WEIGHT = 1e-9
 class SwitchPlan:
     """The switches that a performance is to play.
 
-    Args:
-        performance: plays them.
-        routes: between its motions.
-        direct: whether those in the queue go straight to their motion.
-
     Attributes:
         current: the switch that is under way.
         fading: the switch whose fade is under way.
@@ -132,7 +127,6 @@ class SwitchPlan:
         self.ahead.append(nearer)
 
     def _start(self, switch: CommandedSwitch, time: float, direct: bool) -> None:
-        """Makes a switch the current one and finds its way."""
         performance, here = self._performance, self._performance.motion
         self._note("motion", switch.destination, switch.to, time)
         self.current = switch
@@ -164,7 +158,6 @@ class SwitchPlan:
         return not any(self._routes.between_blended(*pair) for pair in new)
 
     def _blend(self, switch: CommandedSwitch) -> None:
-        """Begins the blend of a switch of which something is playing."""
         blend = dict(switch.blend)
         rest = 1.0 - sum(blend.values())
         # Weights such as 0.1, 0.2 and 0.7 do not sum to 1 exactly.

@@ -39,7 +39,6 @@ class Join:
     """One switch.
 
     Attributes:
-        source, target: the motions.
         phase: where the source is left, [0, 1] of it.
         speed, acceleration: the largest of any joint in the world, over the larger of both motions' own.
         seconds: until nothing of the source was left.

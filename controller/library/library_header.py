@@ -43,9 +43,6 @@ class LibraryInfo(NetworkHeader, frozen=True, kw_only=True):
 
     Attributes:
         version: of the format.
-        name: of the library.
-        network: the kind of network that plays it.
-        encoding: of its channels.
         skeleton: of the body that its motions are on.
         recipe: of the training, as it was read.
         licence: terms under which the library may be passed on.
@@ -100,11 +97,7 @@ def read_header(path: Path, tree: object) -> LibraryInfo:
 
 
 def encoding_in(path: Path, info: LibraryInfo) -> Encoding:
-    """The encoding of a library, by its header.
-
-    Raises:
-        FileFormatError: if its skeleton is damaged.
-    """
+    """The encoding of a library, by its header; FileFormatError if its skeleton is damaged."""
     try:
         return ENCODINGS[info.encoding].restore(info.skeleton)
     except FileFormatError as error:

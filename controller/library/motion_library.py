@@ -32,13 +32,7 @@ KIND = Kind("motion library", "motiondeck", VERSION, "`motiondeck learn`", OLDER
 
 @dataclass(frozen=True, eq=False)
 class MotionLibrary:
-    """A library in memory; two are the same only if they are one object.
-
-    Attributes:
-        info: the header.
-        network: plays the motions.
-        encoding: between the network's channels and postures.
-    """
+    """A library in memory; two are the same only if they are one object."""
 
     info: LibraryInfo
     network: AnyNetwork

@@ -26,12 +26,7 @@ Motion = TypeVar("Motion")
 
 
 class FrameNetwork(Protocol):
-    """Plays one frame at a time and can be started from stored states, its anchors.
-
-    Attributes:
-        motions: the names of what it has learned.
-        channels: of a frame.
-    """
+    """Plays one frame at a time and can be started from stored states, its anchors."""
 
     motions: tuple[str, ...]
     channels: int
@@ -148,14 +143,7 @@ class CrossingNetwork(FrameNetwork, Protocol):
 
 
 class NamedMotions(Generic[Motion]):
-    """A table of motions by name.
-
-    Args:
-        motions: at least one.
-
-    Attributes:
-        motions: their names.
-    """
+    """A table of at least one motion by name."""
 
     def __init__(self, motions: Mapping[str, Motion]) -> None:
         self._of = dict(motions)
@@ -175,7 +163,6 @@ class Network(NamedMotions[Motion], ABC):
 
     Attributes:
         kind: its name in files and recipes; the registry finds it by its folder.
-        channels: of a frame.
         neurons: of all motions together.
         runs: the leading shape, () or (R,).
         activation: of the neurons in the last step, shape (*runs, N), overwritten by the next one; None without any.
@@ -240,11 +227,7 @@ class Network(NamedMotions[Motion], ABC):
     @classmethod
     @abstractmethod
     def load(cls, stored: StoredNetwork) -> Self:
-        """The network that a file holds.
-
-        Raises:
-            FileFormatError: if an array is missing or has another shape or type.
-        """
+        """The network that a file holds; FileFormatError if an array is missing or has another shape or type."""
 
     @property
     def as_phase_network(self) -> PhaseNetwork | None:
@@ -282,12 +265,7 @@ AnyNetwork = Network[Any]
 
 
 class Generator(Protocol):
-    """Plays motions in continuous time.
-
-    Attributes:
-        motions: the names of what it can play.
-        motion: the one it plays.
-    """
+    """Plays motions in continuous time."""
 
     motions: tuple[str, ...]
     motion: str

@@ -23,12 +23,7 @@ class TimedMotion(Protocol):
 
 
 class Entries:
-    """The windows that follow the entry points of some motions.
-
-    Args:
-        motions: by name.
-        starts: the entry points of each, shape (E,), s.
-    """
+    """The windows that follow the entry points of some motions, (E,), s."""
 
     def __init__(self, motions: Mapping[str, TimedMotion], starts: Mapping[str, Array]) -> None:
         self._ahead = np.linspace(0.0, WINDOW_SECONDS, WINDOW_FRAMES)
@@ -42,13 +37,6 @@ class Entries:
         self._windows = {name: w / self._scale for name, w in windows.items()}
 
     def best(self, source: TimedMotion, time: float, target: str, among: int | None = None) -> int:
-        """The best of a motion's first `among` entry points; each channel counts by its spread.
-
-        Args:
-            source: the motion that is left.
-            time: when it is left, s.
-            target: the motion that is entered.
-            among: entry points that are compared, all by default.
-        """
+        """The best of the first `among` entry points for leaving a motion at a time, s; spread scales channels."""
         coming = source.at(time + self._ahead) / self._scale
         return int(np.square(self._windows[target][:among] - coming).sum((1, 2)).argmin())

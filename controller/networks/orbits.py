@@ -51,12 +51,7 @@ class Orbits:
 
 
 def orbits(network: AnyNetwork, frames: Mapping[str, int]) -> Orbits:
-    """The orbits of a network with neurons: plays each motion once, on a twin.
-
-    Args:
-        network: that plays.
-        frames: of each motion.
-    """
+    """The orbits of a network with neurons: plays each motion once, on a twin."""
     player = network.twin()
     out = np.zeros(player.channels)
     activations: dict[str, Activation] = {}
@@ -82,7 +77,6 @@ def orbits(network: AnyNetwork, frames: Mapping[str, int]) -> Orbits:
 
 
 def _overlap(activations: Sequence[Activation]) -> Array:
-    """The overlap of each two motions, of their activations (T, N), shape (M, M)."""
     # trace(R_i R_j) = |X_i X_j'|^2 / (T_i T_j)
     products = np.array([[np.square(a @ b.T).mean() for b in activations] for a in activations], dtype=np.float64)
     sizes = np.sqrt(np.maximum(products.diagonal(), 1e-12))

@@ -77,31 +77,19 @@ def square(value: ArrayLike, what: str, size: int | None = None) -> Array:
 
 
 def whole_number(value: object, what: str, least: int = 0) -> int:
-    """A whole number of at least `least`.
-
-    Raises:
-        MotiondeckError: if it is none.
-    """
+    """A whole number of at least `least`; MotiondeckError if it is none."""
     if not isinstance(value, Integral) or int(value) < least:
         raise MotiondeckError(f"{what} is {value!r}; give a whole number, {least} or more")
     return int(value)
 
 
 def sampling_rate(value: object) -> float:
-    """The rate of a time series, Hz.
-
-    Raises:
-        MotiondeckError: if it is no number from 1e-9 to 1e12.
-    """
+    """The rate of a time series, Hz; MotiondeckError if it is no number from 1e-9 to 1e12."""
     return number_within(value, "the rate, Hz,", 1e-9, 1e12)
 
 
 def number_within(value: object, what: str, least: float, most: float) -> float:
-    """A number from `least` to `most`.
-
-    Raises:
-        MotiondeckError: if it is none.
-    """
+    """A number from `least` to `most`; MotiondeckError if it is none."""
     if not isinstance(value, Real) or not least <= float(value) <= most:
         raise MotiondeckError(f"{what} is {value!r}; it lies between {least:g} and {most:g}")
     return float(value)

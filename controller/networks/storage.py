@@ -42,7 +42,6 @@ class MotionHeader(msgspec.Struct, forbid_unknown_fields=True, frozen=True, kw_o
     """The fields of a motion in a library's header that its network reads.
 
     Attributes:
-        name: of the motion.
         plays: "loop" goes on for ever, "once" ends in a pose and holds it.
         frames: that it was learned from.
         input: its input besides the phase, of a motion learned from recordings that differ in it.
@@ -76,25 +75,17 @@ class NetworkHeader(msgspec.Struct, forbid_unknown_fields=True, frozen=True, kw_
 
 @dataclass(frozen=True)
 class StoredNetwork:
-    """The arrays of a file with its header.
-
-    Attributes:
-        stored: the arrays.
-        header: of the library.
-        channels: of a frame, by the encoding.
-    """
+    """The arrays of a file with its header; `channels` of a frame follow from the encoding."""
 
     stored: StoredArrays
     header: NetworkHeader
     channels: int
 
     def read(self, at: str, sizes: dict[str, int], dtype: type = np.float32, **shapes: str) -> dict[str, NDArray[Any]]:
-        """Arrays by name, each with its axes as letters.
+        """Arrays by name, each with its axes as letters; `at` begins all names.
 
         Args:
-            at: the beginning of their names.
             sizes: of the letters. A letter that is not among them takes the size of the first axis that has it.
-            dtype: of all.
             shapes: such as recurrent="nk".
 
         Raises:
@@ -110,11 +101,7 @@ class StoredNetwork:
         }
 
     def anchors(self, at: str) -> int:
-        """The number of stored states of a motion.
-
-        Raises:
-            FileFormatError: if they are fewer than FEWEST_ANCHORS.
-        """
+        """The number of stored states of a motion; FileFormatError if they are fewer than FEWEST_ANCHORS."""
         count = self.stored.size(at + "states")
         if count < FEWEST_ANCHORS:
             raise self.error(f"'{at}states' holds {count} anchors; {FEWEST_ANCHORS} are the fewest")
@@ -135,8 +122,3 @@ class StoredNetwork:
 def arrays_of(part: Any, at: str) -> dict[str, NDArray[Any]]:
     """The arrays of a dataclass, by names that begin with `at`."""
     return {f"{at}{field.name}": getattr(part, field.name) for field in fields(part)}
-
-
-def normalisation_arrays(normalisation: Normalisation, at: str = "") -> dict[str, NDArray[Any]]:
-    """The stored arrays of a normalisation by name."""
-    return {f"{at}shift": normalisation.shift, f"{at}scaling": normalisation.scaling}

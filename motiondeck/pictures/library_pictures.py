@@ -162,7 +162,6 @@ def film(
 
     Args:
         spec: the robot and its simulation.
-        library: the motions.
         deck_for: makes the deck for the robot's retargeter.
         timeline: the commands, in order of time.
         seconds: duration, s.

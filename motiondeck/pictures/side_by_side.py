@@ -82,11 +82,7 @@ TILE = (480, 440)  # pixels: large enough to see the knees
 
 
 def played(library: str, motion: str, seconds: float) -> Clip:
-    """A motion as a library plays it, as a clip at RATE.
-
-    Raises:
-        UnknownNameError: if there is no such library or motion.
-    """
+    """A motion as a library plays it, as a clip at RATE; UnknownNameError if there is no such library or motion."""
     loaded = load_library(find_library(library))
     if motion not in loaded.network.motions:
         raise UnknownNameError.among("motion", motion, loaded.network.motions)

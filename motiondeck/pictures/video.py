@@ -39,7 +39,6 @@ def render(
         model: the robot on its stage.
         frames: one qpos (nq,), or more to be drawn, a picture.
         path: the file, .mp4 or .gif.
-        fps: pictures a second.
         size: width and height, pixels; even numbers for mp4.
         shadows: prettier and about twice as slow.
         progress: called with the number of frames done.

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Sequence
-from typing import Protocol
 
 from controller.deck.joins.crossing_search import CrossingSearch
 from controller.motion.quintic import rise
@@ -12,25 +11,29 @@ from controller.motion.rotations import Array
 from controller.networks.centralized.centralized import Passage
 
 
-class Weights(Protocol):
+class Weights(ABC):
     """The weights of motions that run side by side, on their way to their goals."""
 
     @property
+    @abstractmethod
     def values(self) -> tuple[float, ...]:
         """The present weights, which sum to 1."""
-        ...
 
     @property
+    @abstractmethod
     def changing(self) -> bool:
         """Whether they have not reached their goals."""
-        ...
+
+    @abstractmethod
+    def _advance(self, dt: float) -> None: ...
 
     def advance(self, dt: float) -> tuple[float, ...]:
         """The weights dt seconds later."""
-        ...
+        self._advance(dt)
+        return self.values
 
 
-class Ramps:
+class Ramps(Weights):
     """Weights that change along quintics, all within the same time.
 
     Args:
@@ -53,42 +56,11 @@ class Ramps:
         """Whether they have not reached their goals."""
         return self._elapsed < self._seconds
 
-    def advance(self, dt: float) -> tuple[float, ...]:
-        """The weights dt seconds later."""
-        self._elapsed += dt
-        return self.values
-
-
-class TakeOver(ABC):
-    """The weights of two motions, of which the second takes over."""
-
-    @property
-    @abstractmethod
-    def weight(self) -> float:
-        """The present weight of the second motion, in [0, 1]."""
-
-    @property
-    @abstractmethod
-    def changing(self) -> bool:
-        """Whether it has not reached 1."""
-
-    @abstractmethod
     def _advance(self, dt: float) -> None:
-        """Goes dt seconds on."""
-
-    @property
-    def values(self) -> tuple[float, ...]:
-        """The present weights."""
-        weight = self.weight
-        return 1.0 - weight, weight
-
-    def advance(self, dt: float) -> tuple[float, ...]:
-        """The weights dt seconds later."""
-        self._advance(dt)
-        return self.values
+        self._elapsed += dt
 
 
-class Crossing(TakeOver):
+class Crossing(Weights):
     """A take-over along a quintic, which begins when its duration is found, and never where there is none.
 
     Args:
@@ -106,14 +78,15 @@ class Crossing(TakeOver):
         return self._search.found and self._search.seconds is None
 
     @property
-    def weight(self) -> float:
-        """The present weight of the second motion."""
+    def values(self) -> tuple[float, ...]:
+        """The present weights of both motions."""
         seconds = self._search.seconds
-        return rise(min(1.0, self._elapsed / seconds)) if seconds is not None else 0.0
+        weight = rise(min(1.0, self._elapsed / seconds)) if seconds is not None else 0.0
+        return 1.0 - weight, weight
 
     @property
     def changing(self) -> bool:
-        """Whether it has not reached 1."""
+        """Whether the second motion has not taken over."""
         return self._search.seconds is None or self._elapsed < self._search.seconds
 
     def _advance(self, dt: float) -> None:
@@ -125,7 +98,7 @@ class Crossing(TakeOver):
         self._elapsed += dt
 
 
-class ModuleTakeOver(TakeOver):
+class ModuleTakeOver(Weights):
     """A take-over as a switching module goes from one motion to another (Vakulenko et al. 2017)."""
 
     def __init__(self, motions: int, source: int, target: int) -> None:
@@ -135,13 +108,14 @@ class ModuleTakeOver(TakeOver):
         self._changing = True
 
     @property
-    def weight(self) -> float:
-        """The present weight of the second motion."""
-        return self._passage.share if self._changing else 1.0
+    def values(self) -> tuple[float, ...]:
+        """The present weights of both motions."""
+        weight = self._passage.share if self._changing else 1.0
+        return 1.0 - weight, weight
 
     @property
     def changing(self) -> bool:
-        """Whether it has not reached 1."""
+        """Whether the second motion has not taken over."""
         return self._changing
 
     def _advance(self, dt: float) -> None:

@@ -85,7 +85,6 @@ class Motion:
     """One motion of a library.
 
     Attributes:
-        name: its name.
         loop: whether it is a loop; else it is a one-shot.
         places, velocities: joint positions in the heading frame and their rates at the anchors where it may be entered,
             shape (A, F), m and m/s.

@@ -84,7 +84,6 @@ class FadeSearch:
         return self.fade
 
     def _try(self, longest: Fade) -> Fade:
-        """Tries a fade, and takes the best so far or considers another; the fade to go on with."""
         fade, self.trials = self._candidate, self.trials + 1
         beyond = self._beyond(fade)
         if better := beyond < self._least:

@@ -23,12 +23,7 @@ FASTEST, HARDEST = 1.5, 2.0
 
 @dataclass(frozen=True)
 class Bounds:
-    """The largest speed and acceleration allowed for a joint in the world.
-
-    Attributes:
-        speed: m/s.
-        acceleration: m/s^2.
-    """
+    """The largest speed, m/s, and acceleration, m/s^2, allowed for a joint in the world."""
 
     speed: float
     acceleration: float

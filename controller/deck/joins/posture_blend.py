@@ -110,11 +110,7 @@ def smooth_headings(turn_rate: Array, dt: float) -> tuple[Array, Array]:
 
 
 class TurnsLeft:
-    """Turns of bones that run out along quintics.
-
-    Args:
-        bones: how many.
-    """
+    """Turns of a number of bones that run out along quintics."""
 
     def __init__(self, bones: int) -> None:
         self._turn, self._rate = np.zeros((2, bones, 3))
@@ -232,12 +228,8 @@ class PostureBlend:
     def _change_sides(self, weight: Array) -> Array | None:
         """Has motions that are too far ahead of the others change sides, for each bone one after the other.
 
-        Args:
-            weight: of each motion, >= 0, shape (M,).
-
-        Returns:
-            -1 for each motion and bone that has changed and has a weight, 1 for all others, shape (M, 1 + B); None if
-            there is no such one.
+        Returns -1 for each motion and bone that has changed and has a weight, 1 for all others, shape (M, 1 + B);
+        None if there is no such one.
         """
         points, idle = self._points, weight == 0.0
         longer = np.full(len(weight), 0.5) if self._held else np.abs(weight - np.rint(weight))

@@ -145,7 +145,6 @@ def best_anchor(place: Array, velocity: Array, places: Array, velocities: Array,
 
 
 def _side_by_side(first: Posture, second: Posture) -> Posture:
-    """Two postures in one, on a leading axis."""
     return Posture(
         np.array([first.height, second.height]),
         np.array([first.velocity, second.velocity]),
@@ -181,5 +180,4 @@ def _turn(shown: Array, target: Array) -> Array:
 
 
 def _drift(posture: Posture) -> Array:
-    """Height and velocity, shape (..., 3)."""
     return np.concatenate([np.asarray(posture.height)[..., None], posture.velocity], axis=-1)

@@ -40,8 +40,6 @@ class PoseTable:
 
     Args:
         seconds: duration of a round or of the one-shot, s.
-        joints: the number of joints.
-        loop: whether it is a loop.
     """
 
     def __init__(self, seconds: float, joints: int, *, loop: bool) -> None:
@@ -139,11 +137,7 @@ _WAITS = 0.5  # a tempo that is off by more than this share of the commanded one
 
 
 class BodyLock:
-    """Steers the tempo by how far the measured joints are behind.
-
-    Args:
-        measured: where the joints are.
-    """
+    """Steers the tempo by how far the measured joints are behind."""
 
     rate = 5.0
     owns_tempo = False

@@ -14,11 +14,8 @@ class LoopPlace:
 
     Attributes:
         time: when it was there, by the clock on which ticks are due (the deck's own time without one), s.
-        motion: the name of the motion.
         phase: of the motion, [0, 1) in a loop.
         seconds: duration of a round or of the one-shot at tempo 1, s.
-        loop: whether it is a loop.
-        tempo: the commanded tempo.
         alone: whether the motion is played alone: nothing is joined, blended or paused.
     """
 
@@ -27,7 +24,7 @@ class LoopPlace:
     phase: float
     seconds: float
     loop: bool
-    tempo: float
+    tempo: float  # as commanded
     alone: bool
 
 

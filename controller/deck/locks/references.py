@@ -98,7 +98,6 @@ class OtherDeck:
         return Reference(seen.phase + self._ahead + seen.rate * since, seen.rate, steady=since < FORGOTTEN_AFTER)
 
     def _corrected(self, new: Sighting) -> Sighting:
-        """A new sighting, and what was to be expected of it."""
         old = self._seen
         if old is None or new.time - old.time > FORGOTTEN_AFTER:
             return new

@@ -7,25 +7,13 @@ frames behind.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
 from controller.motion.cubic import CUBIC
 from controller.networks.base import Channels, FrameNetwork
 from motiondeck_base.errors import MotiondeckError, UnknownNameError
-
-
-@dataclass(frozen=True)
-class PlayerState:
-    """A copy of a player's whole state."""
-
-    motion: str
-    network: object
-    frames: Channels
-    fraction: float
-    phases: tuple[float, ...]
-    forwards: bool
 
 
 class FramePlayer:
@@ -77,7 +65,6 @@ class FramePlayer:
         self._begin(motion)
 
     def _begin(self, motion: str) -> None:
-        """Takes the frames after the first one from the network, which is there."""
         self.motion, self._fraction, self._forwards = motion, 0.0, True
         if self._driven is not None:
             self.pace = self._driven.pace
@@ -122,7 +109,6 @@ class FramePlayer:
         return np.matmul(self._weights, self._frames, out=self._out)
 
     def _take(self, place: int) -> None:
-        """The next frame in the direction of play."""
         if self._forwards:
             self.network.advance(self._frames[place])
         elif self._center is not None:
@@ -164,34 +150,21 @@ class FramePlayer:
         self.pace = self._driven.pace
 
     def require_phase(self) -> None:
-        """Checks that a center drives the network.
-
-        Raises:
-            MotiondeckError: if it runs by itself.
-        """
+        """Checks that a center drives the network; MotiondeckError if it runs by itself."""
         if self._center is None:
             raise MotiondeckError(
                 "this library's network runs by itself: it has no phase to jump to or to lock, and cannot be played "
                 "backwards; `motiondeck learn` makes libraries whose networks have one"
             )
 
-    def snapshot(self) -> PlayerState:
+    def snapshot(self) -> Any:
         """A copy of the state: two runs from one snapshot are identical."""
-        return PlayerState(
-            self.motion,
-            self.network.snapshot(),
-            self._frames.copy(),
-            self._fraction,
-            tuple(self._phases),
-            self._forwards,
-        )
+        own = self._frames.copy(), tuple(self._phases), self._fraction, self._forwards
+        return self.motion, self.network.snapshot(), *own
 
-    def restore(self, playhead: PlayerState) -> None:
+    def restore(self, snapshot: Any) -> None:
         """Puts the state back to a snapshot."""
-        self.motion = playhead.motion
-        self.network.restore(playhead.network)
+        self.motion, network, self._frames[:], self._phases[:], self._fraction, self._forwards = snapshot
+        self.network.restore(network)
         if self._driven is not None:
             self.pace = self._driven.pace
-        self._frames[:] = playhead.frames
-        self._fraction, self._forwards = playhead.fraction, playhead.forwards
-        self._phases[:] = playhead.phases

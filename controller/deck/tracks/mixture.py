@@ -19,9 +19,6 @@ class Mixture:
     Args:
         network: plays one motion alone, perhaps guarded.
         core: the same network without the guard; it plays mixtures.
-
-    Attributes:
-        motion: the motion that is played, or left.
     """
 
     def __init__(self, network: FrameNetwork, core: AutonomousNetwork | None) -> None:

@@ -66,8 +66,7 @@ class PlayingTracks:
     """The tracks of a library, of which one plays or up to MOST_BLENDED, each with its weight.
 
     Args:
-        library: the motions.
-        motions: the same as the deck sees them.
+        motions: those of the library, as the deck sees them.
 
     Attributes:
         every: all tracks, playing or idle.

@@ -20,8 +20,7 @@ class Track:
     """Plays one motion at a time with its own copy of the network.
 
     Args:
-        library: the motions.
-        motions: the same as the deck sees them.
+        motions: those of the library, as the deck sees them.
         beside: another track of the library, whose anchors it shares.
 
     Attributes:
@@ -132,7 +131,6 @@ class Track:
         return self.motion.postures_ahead(self.at + tempo * times, tempo)
 
     def _decode(self, channels: Array, tempo: float) -> Posture:
-        """The posture of channels, its path played at a tempo."""
         posture = self._encoding.decode(channels)
         posture.height = posture.height.copy()  # the channels are overwritten by the next step
         posture.velocity, posture.turn_rate = posture.velocity * tempo, posture.turn_rate * tempo

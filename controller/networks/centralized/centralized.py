@@ -10,7 +10,6 @@ has come from the one to the other, and the target is entered where it is most l
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
@@ -110,7 +109,6 @@ class CentersPlayer:
     undone at the end of the round, where every center begins anew.
 
     Args:
-        motion: that it plays.
         time: since the beginning, s.
         runs: the leading shape of its states.
     """
@@ -130,7 +128,6 @@ class CentersPlayer:
         self._begin(time)
 
     def _begin(self, time: float) -> None:
-        """Puts every center to where it is at a time."""
         self.time = time
         np.exp(self._turn * time + self._start, out=self.centers)
 
@@ -170,14 +167,7 @@ class CentersPlayer:
 
 
 class Passage:
-    """The switching module while it goes from one motion to another.
-
-    Args:
-        motions: their number.
-
-    Attributes:
-        module: state k is the k-th motion.
-    """
+    """The switching module while it goes from one motion to another; its state k is the k-th of `motions`."""
 
     def __init__(self, motions: int) -> None:
         self.module = SwitchingModule(design_module(motions), time_scale=GAIN * TIME_CONSTANT)
@@ -219,18 +209,6 @@ def mix(share: float, source: Channels, out: Channels) -> None:
     np.add(out, source, out=out)
 
 
-@dataclass(frozen=True, eq=False)
-class GeneratorState:
-    """A copy of a generator's whole state."""
-
-    motion: str
-    player: CentersPlayer
-    source: CentersPlayer | None
-    waiting: str | None
-    crossing: tuple[object, float, float]
-    noise: Mapping[str, Any]
-
-
 class CentralizedGenerator(NamedMotions[CentralizedMotion]):
     """Plays centralized motions and switches between them; fits `base.Generator`.
 
@@ -241,7 +219,6 @@ class CentralizedGenerator(NamedMotions[CentralizedMotion]):
         seed: of the noise.
 
     Attributes:
-        motions: their names.
         motion: the one that plays or is being switched to.
         tempo: multiplies all frequencies.
         module: the switching module; state k is the k-th motion.
@@ -316,22 +293,19 @@ class CentralizedGenerator(NamedMotions[CentralizedMotion]):
         shares = self.module.design.memberships(z)
         return np.concatenate([s * part.matrix for s, part in zip(shares, self._of.values(), strict=True)], axis=1)
 
-    def snapshot(self) -> GeneratorState:
+    def snapshot(self) -> tuple[Any, ...]:
         """A copy of the state: two runs from one snapshot are identical."""
         source = self._source.copy() if self._source is not None else None
-        noise = self._random.bit_generator.state
-        return GeneratorState(self.motion, self._player.copy(), source, self._waiting, self._crossing.snapshot(), noise)
+        noise, crossing = self._random.bit_generator.state, self._crossing.snapshot()
+        return self.motion, self._player.copy(), source, self._waiting, crossing, noise
 
-    def restore(self, state: GeneratorState) -> None:
+    def restore(self, snapshot: tuple[Any, ...]) -> None:
         """Puts the state back to a snapshot."""
-        self.motion, self._player = state.motion, state.player.copy()
-        self._source = state.source.copy() if state.source is not None else None
-        self._waiting = state.waiting
-        self._crossing.restore(state.crossing)
-        self._random.bit_generator.state = state.noise
+        self.motion, player, source, self._waiting, crossing, self._random.bit_generator.state = snapshot
+        self._player, self._source = player.copy(), source.copy() if source is not None else None
+        self._crossing.restore(crossing)
 
     def _mix(self, dt: float) -> None:
-        """Moves z on and mixes what is left of the source into the output."""
         assert self._source is not None
         if not self._crossing.advance(dt):
             self._source = None

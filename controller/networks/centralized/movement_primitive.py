@@ -166,7 +166,6 @@ class MovementPrimitive:
 
     @cached_property
     def _factor(self) -> tuple[Array, bool]:
-        """The Cholesky factor of the covariance of the via points."""
         from scipy.linalg import cho_factor  # slow to import, and nothing that plays needs it
 
         via, steps = self.via, np.arange(len(self.via.phase))
@@ -177,7 +176,6 @@ class MovementPrimitive:
 
     @cached_property
     def _pull(self) -> Array:
-        """The contribution of each via point, shape (V,)."""
         from scipy.linalg import cho_solve
 
         via = self.via

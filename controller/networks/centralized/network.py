@@ -25,10 +25,7 @@ ANCHOR_EVERY = 2
 class CentralizedNetwork(Network[CentralizedMotion]):
     """Plays centralized motions frame by frame; fits `base.CrossingNetwork`.
 
-    Args:
-        motions: by name, all with the same channels.
-        rate: frames per second.
-        runs: the leading shape of its states; several runs are disturbed and read, and do not cross.
+    Several runs are disturbed and read, and do not cross.
     """
 
     kind = "centralized"

@@ -190,7 +190,6 @@ def design_module(motions: int, beta: float = 0.5, slope: float = 24.0, kappa: f
 
 
 def _check(design: ModuleDesign) -> None:
-    """Refuses a module that does not do what Lemma 1 demands."""
     m, beta = len(design), design.beta
     if not (design.weights > 0.0).all():
         raise SwitchingModuleError(f"the switching module for {m} motions would need a negative weight")

@@ -84,12 +84,10 @@ class SwitchingModule:
     """A module in motion.
 
     Args:
-        design: its constants.
         state: the motion it starts in, counted from 0.
         time_scale: s that one unit of module time takes.
 
     Attributes:
-        z: of the center.
         w: of the satellites, shape (m,).
     """
 

@@ -33,7 +33,7 @@ from numpy.typing import NDArray
 from controller.motion.encodings.normalisation import Normalisation
 from controller.networks.base import Channels, Rows
 from controller.networks.reservoirs.reservoir_network import DirectionMorph, DirectionReservoir, Float32, lead_shape
-from controller.networks.storage import StoredNetwork, normalisation_arrays
+from controller.networks.storage import StoredNetwork, arrays_of
 
 LARGEST_NOISE = 2.0  # beyond it |s + noise| > 1, which tanh never gives: |s| <= 1
 
@@ -79,13 +79,7 @@ class Memory:
 
 
 class ConceptorNetwork(DirectionReservoir[ConceptorMotion]):
-    """Plays the motions of one reservoir frame by frame; fits `base.AutonomousNetwork`.
-
-    Args:
-        motions: by name.
-        memory: for adding a motion, if it was kept.
-        runs: the leading shape of its states.
-    """
+    """Plays the motions of one reservoir frame by frame; fits `base.AutonomousNetwork`."""
 
     kind = "conceptor"
 
@@ -160,7 +154,7 @@ class ConceptorNetwork(DirectionReservoir[ConceptorMotion]):
         found = super().arrays()
         if (memory := self.memory) is not None:
             found |= {f"memory/{name}": getattr(memory, name) for name in ("estimate", "readout", "means")}
-            found |= normalisation_arrays(memory.normalisation, "memory/")
+            found |= arrays_of(memory.normalisation, "memory/")
         return found
 
     @classmethod

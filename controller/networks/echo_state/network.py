@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 from controller.motion.encodings.normalisation import Normalisation
 from controller.networks.base import Channels, Rows
 from controller.networks.reservoirs.reservoir_network import AutonomousReservoir, Float32, lead_shape, require_playing
-from controller.networks.storage import StoredNetwork, normalisation_arrays
+from controller.networks.storage import StoredNetwork, arrays_of
 
 OUTPUT_BOUND = 1.05
 
@@ -49,9 +49,7 @@ class EchoStateNetwork(AutonomousReservoir[EchoStateMotion]):
         bias: b, shape (N,).
         leak: a in (0, 1].
         normalisation: between normalised channels and the encoding's units.
-        motions: a readout and anchors for each.
         clipped: whether state and output are kept in the range of training (the thesis does not clip).
-        runs: the leading shape of its states.
     """
 
     kind = "echo-state"
@@ -151,7 +149,7 @@ class EchoStateNetwork(AutonomousReservoir[EchoStateMotion]):
     def arrays(self) -> dict[str, NDArray[Any]]:
         """The stored arrays by name."""
         shared = {"weights": self.weights, "feedback": self.feedback, "bias": self.bias}
-        return super().arrays() | shared | normalisation_arrays(self.normalisation)
+        return super().arrays() | shared | arrays_of(self.normalisation, "")
 
     def header_fields(self) -> dict[str, Any]:
         """Leak and clipping."""

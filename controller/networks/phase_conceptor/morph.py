@@ -41,7 +41,6 @@ class _Knot:
     """The mixture at one mu, seen in q directions.
 
     Attributes:
-        mu: the share of the target.
         conceptor: C, shape (q, q).
         centre: the mean channels of a round, shape (C,).
         gain: of each channel's deviation from it, shape (C,).
@@ -144,12 +143,10 @@ class PhaseMorph:
         return _Knot(mu, conceptor, played.mean(0), np.clip(gain, 1.0 / LARGEST_GAIN, LARGEST_GAIN))
 
     def _frames(self, mu: float) -> int:
-        """Frames of a round of the mixture."""
         source, target = self._motions
         return round(len(source) ** (1.0 - mu) * len(target) ** mu)
 
     def _step(self, mu: float, conceptor: Array) -> None:
-        """z' = C (U' tanh(...) - U' m) one frame on."""
         shares = np.array([1.0 - mu, mu])
         self._share = (self._share + 1.0 / self._frames(mu)) % 1.0
         phases = np.array([self._share * motion.course.whole for motion in self._motions])
@@ -158,7 +155,6 @@ class PhaseMorph:
         self._z = conceptor @ (self._project @ np.tanh(hidden) - shares @ self._means)
 
     def _read(self, mu: float) -> Array:
-        """The channels of the present state."""
         return self._readout @ (self._z + (1.0 - mu) * self._means[0] + mu * self._means[1]) + self._rest
 
 
@@ -195,7 +191,6 @@ def _principal(centred: Array) -> Array:
 
 
 def _correlation(centred: Array, neurons: int) -> Array:
-    """R = X' X / N of states (T, q), with the thesis's 1 / N (eq. 3.9)."""
     return centred.T @ centred / neurons
 
 

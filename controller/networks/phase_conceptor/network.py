@@ -55,12 +55,6 @@ class StoredPieces:
 class PhaseConceptorMotion(PhaseMotion):
     """One motion, ready to be played.
 
-    Args:
-        stored: its pieces.
-        course: of its phase.
-        reservoir: the weights that it shares with others.
-        driving: its input besides the phase, if it has one.
-
     Attributes:
         drive: (A, W_phi, W_u, B) of each piece, shape (P, N, k + I + 1), to be multiplied with (z, p, u, 1).
         project: S U' of each piece, shape (P, k, N).
@@ -102,22 +96,16 @@ class PhaseConceptorMotion(PhaseMotion):
 
     def player(self, frame: int, state: Float32, level: float, runs: tuple[int, ...] = ()) -> PhaseConceptorPlayer:
         """A player at a frame, in a state, the input at a level; of several runs with a leading shape."""
-        return PhaseConceptorPlayer(self, frame, state, self.drive.shape[1], level, runs)
+        return PhaseConceptorPlayer(self, frame, state, level, runs)
 
 
 class PhaseConceptorPlayer(PhasePlayer[PhaseConceptorMotion]):
     """A motion while it plays; its state is z."""
 
     def __init__(
-        self,
-        motion: PhaseConceptorMotion,
-        frame: int,
-        state: Float32,
-        neurons: int,
-        level: float,
-        runs: tuple[int, ...] = (),
+        self, motion: PhaseConceptorMotion, frame: int, state: Float32, level: float, runs: tuple[int, ...] = ()
     ) -> None:
-        super().__init__(motion, frame, state, neurons, level, runs)
+        super().__init__(motion, frame, state, level, runs)
         rank, inputs = state.shape[-1], motion.inputs.shape[1]
         self._input = np.ones((*runs, rank + inputs + 1), dtype=np.float32)
         self._before, self._given = self._input[..., :rank], self._input[..., rank:-1]

@@ -37,12 +37,6 @@ class StoredReadouts:
 class PhaseEchoStateMotion(PhaseMotion):
     """One motion, ready to be played.
 
-    Args:
-        stored: its readouts.
-        course: of its phase.
-        reservoir: the weights that it shares with others.
-        driving: its input besides the phase, if it has one.
-
     Attributes:
         driven: W_phi p + b at each frame, shape (T, N).
         drive: W_u, shape (N,).
@@ -64,7 +58,7 @@ class PhaseEchoStateMotion(PhaseMotion):
 
     def player(self, frame: int, state: Float32, level: float, runs: tuple[int, ...] = ()) -> PhaseEchoStatePlayer:
         """A player at a frame, in a state, the input at a level; of several runs with a leading shape."""
-        return PhaseEchoStatePlayer(self, frame, state, state.shape[-1], level, runs)
+        return PhaseEchoStatePlayer(self, frame, state, level, runs)
 
 
 class PhaseEchoStatePlayer(PhasePlayer[PhaseEchoStateMotion]):

@@ -64,13 +64,7 @@ class FeatureMotion:
 
 
 class RandomFeatureNetwork(DirectionReservoir[FeatureMotion]):
-    """Plays the motions of one reservoir frame by frame; fits `base.AutonomousNetwork`.
-
-    Args:
-        reservoir: of all motions.
-        motions: by name.
-        runs: the leading shape of its states.
-    """
+    """Plays the motions of one reservoir frame by frame; fits `base.AutonomousNetwork`."""
 
     kind = "random-feature"
 
@@ -119,10 +113,6 @@ class RandomFeatureNetwork(DirectionReservoir[FeatureMotion]):
         """r(0) = s + noise, as far as the motion's features see it."""
         self._z += self._conception * (noise @ self._features.T)
 
-    def rows(self) -> FeatureRows:
-        """The features, the feedback and the readout that the playing motion uses; valid until the next cue."""
-        return self._features, self._feedback, self._readout
-
     def rows_beside(self, motion: str) -> FeatureRows:
         """Those of a second motion, in the same memory at each call, so that a morph in a tick allocates none."""
         return self._gather(self[motion], self._second)
@@ -136,7 +126,7 @@ class RandomFeatureNetwork(DirectionReservoir[FeatureMotion]):
         super().start(part, bound, state)
         if part is not self._gathered:
             self._gathered, self._conception, self._offset = part, part.conception, part.offset
-            self._features, self._feedback, self._readout = self._gather(part, self._first)
+            self._features, self._feedback, self._readout = self.rows = self._gather(part, self._first)
 
     def _gather(self, part: FeatureMotion, into: tuple[Float32, ...]) -> FeatureRows:
         features, feedback, readout = (rows[: len(part.uses)] for rows in into)
@@ -170,7 +160,7 @@ class _FeatureMorph(DirectionMorph[FeatureMotion]):
         super().__init__(network, source, target)
         self._network = network
         # Views: the network plays the source and stands still meanwhile.
-        self._rows_source, self._rows_target = network.rows(), network.rows_beside(target)
+        self._rows_source, self._rows_target = network.rows, network.rows_beside(target)
 
     def advance(self, mu: float, out: Channels) -> None:
         a, b, shared = self._source, self._target, self._network.reservoir

@@ -94,7 +94,6 @@ class LiveCompletion:
 
 
 def _values(measured: Array, count: int) -> Array:
-    """A measurement as an array (count,)."""
     try:
         values = np.asarray(measured, dtype=float)
     except (TypeError, ValueError):

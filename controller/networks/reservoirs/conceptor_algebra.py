@@ -121,7 +121,6 @@ def attenuation(c: Array, correlations: Array) -> float:
 
 
 def _pair(first: Array, second: Array) -> tuple[Array, Array]:
-    """Two square matrices of one size."""
     first = square(first, "the first conceptor")
     return first, square(second, "the second matrix", len(first))
 

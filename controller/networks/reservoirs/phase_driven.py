@@ -27,13 +27,7 @@ from controller.networks.reservoirs.phase_reservoir import (
     PhaseReservoir,
 )
 from controller.networks.reservoirs.reservoir_network import ReservoirNetwork, lead_shape
-from controller.networks.storage import (
-    MotionHeader,
-    PhaseScales,
-    StoredNetwork,
-    arrays_of,
-    normalisation_arrays,
-)
+from controller.networks.storage import MotionHeader, PhaseScales, StoredNetwork, arrays_of
 from motiondeck_base.errors import UnknownNameError
 
 
@@ -58,11 +52,7 @@ class PhaseMotion(ABC):
     by_level: Float32
 
     def __init__(
-        self,
-        stored: Any,
-        course: PhaseCourse,
-        reservoir: PhaseReservoir,
-        driving: DrivingInput | None = None,
+        self, stored: Any, course: PhaseCourse, reservoir: PhaseReservoir, driving: DrivingInput | None = None
     ) -> None:
         self.stored, self.readout = stored, stored.readout
         self.readers = [piece.T for piece in self.readout]  # views, made once and not in a step
@@ -117,26 +107,18 @@ Motion = TypeVar("Motion", bound=PhaseMotion)
 
 
 class PhasePlayer(ABC, Generic[Motion]):
-    """A motion while it plays.
-
-    Args:
-        motion, frame, state: at the start.
-        neurons: N.
-        level: of its input.
-        runs: the leading shape of its states; all runs are at one frame.
+    """A motion while it plays, its input at a level; all runs are at one frame.
 
     Attributes:
         state: shape (*runs, k).
         activation: of the neurons in the last step, shape (*runs, N).
     """
 
-    def __init__(
-        self, motion: Motion, frame: int, state: Float32, neurons: int, level: float, runs: tuple[int, ...] = ()
-    ) -> None:
+    def __init__(self, motion: Motion, frame: int, state: Float32, level: float, runs: tuple[int, ...] = ()) -> None:
         # The state and a 1 side by side, for the readout.
         self._extended = np.ones((*runs, state.shape[-1] + 1), dtype=np.float32)
         self.state = self._extended[..., :-1]
-        self.activation = np.zeros((*runs, neurons), dtype=np.float32)
+        self.activation = np.zeros((*runs, len(motion.reservoir.bias)), dtype=np.float32)
         self.level = level
         self.place(motion, frame, state)
 
@@ -164,14 +146,7 @@ class PhasePlayer(ABC, Generic[Motion]):
 
 
 class PhaseDrivenNetwork(ReservoirNetwork[Motion]):
-    """Plays phase-driven motions frame by frame; fits `base.PhaseNetwork`.
-
-    Args:
-        scales, seed: of the shared weights.
-        normalisation: between the normalised channels that are learned and the encoding's units.
-        motions: by name.
-        runs: the leading shape of its states.
-    """
+    """Plays phase-driven motions frame by frame; fits `base.PhaseNetwork`."""
 
     def __init__(
         self,
@@ -226,13 +201,11 @@ class PhaseDrivenNetwork(ReservoirNetwork[Motion]):
         return driving.pace(self._player.level) if driving is not None else 1.0
 
     def _level_of(self, motion: Motion) -> float:
-        """The level of a motion's input at its present value."""
         if motion.driving is None:
             return 0.0
         return motion.driving.level(self._values.get(motion.driving.name, motion.driving.usual))
 
     def _place(self, motion: Motion, frame: int) -> None:
-        """Goes to a frame of a motion, in its settled state there with the present input."""
         self._player.level = self._level_of(motion)
         self._player.place(motion, frame, motion.state_at(frame, self._player.level))
 
@@ -305,7 +278,7 @@ class PhaseDrivenNetwork(ReservoirNetwork[Motion]):
 
     def arrays(self) -> dict[str, NDArray[Any]]:
         """The stored arrays by name."""
-        found = normalisation_arrays(self.normalisation)
+        found = arrays_of(self.normalisation, "")
         for name in self.motions:
             part, at = self[name], f"motion/{name}/"
             found |= arrays_of(part.stored, at) | {at + "held": np.array([part.course.held], dtype=np.int32)}
@@ -335,11 +308,7 @@ class PhaseDrivenNetwork(ReservoirNetwork[Motion]):
 
 
 def stored_course(stored: StoredNetwork, motion: MotionHeader, pieces: int) -> PhaseCourse:
-    """The phase of a stored motion of P pieces.
-
-    Raises:
-        FileFormatError: if pieces and frames do not fit each other.
-    """
+    """The phase of a stored motion of P pieces; FileFormatError if pieces and frames do not fit each other."""
     at = f"motion/{motion.name}/"
     held = int(stored.stored.take(at + "held", 1, kind=np.int32)[0])
     if not 0 <= held < motion.frames or pieces > motion.frames:

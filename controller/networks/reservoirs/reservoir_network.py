@@ -15,17 +15,7 @@ Float32 = NDArray[np.float32]
 
 
 class ReservoirNetwork(Network[Motion]):
-    """N neurons and the motions that they have learned.
-
-    Args:
-        motions: by name.
-        neurons: N.
-        channels: of a frame.
-        runs: the leading shape of all states, () or (R,).
-
-    Attributes:
-        neurons: N.
-    """
+    """N neurons and the motions that they have learned."""
 
     activation: Float32
 
@@ -69,15 +59,11 @@ class AutonomousReservoir(ReservoirNetwork[Motion]):
         """A morph that starts where the network is in the source (Deliallisi 2017, eqs 3.7, 3.16 and 3.17).
 
         mu = 0 is the source, mu = 1 the target; between them lies interpolation, beyond them extrapolation.
-
-        Raises:
-            MotiondeckError: if the network does not play the source.
-            UnknownNameError: if there is no such motion.
         """
 
 
 class StatesMotion(Protocol):
-    """A motion with states z at its anchors, shape (A, k)."""
+    """A motion with states z at its anchors."""
 
     @property
     def states(self) -> Float32:
@@ -154,10 +140,6 @@ def lead_shape(runs: int | None) -> tuple[int, ...]:
 
 
 def require_playing(plays: bool, source: str) -> None:
-    """Checks that a morph starts in its source.
-
-    Raises:
-        MotiondeckError: if it does not.
-    """
+    """Raises a MotiondeckError if a morph does not start in its source."""
     if not plays:
         raise MotiondeckError(f"a morph from '{source}' needs a network that plays '{source}'; cue it first")

@@ -81,7 +81,7 @@ def test_switches_are_no_rougher_than_their_motions(generator, loops, encoding):
         for phase in rng.uniform(size=3):
             generator.cue(source, phase)
             generator.switch(target)
-            entered = generator.snapshot().player.time
+            entered = generator.snapshot()[1].time
             frames = []
             while not generator.settled:
                 frames.append(generator.step(1 / 120).copy())
