@@ -33,13 +33,9 @@ class JointLimits:
 
 @dataclass(slots=True)
 class PlacedPose(Pose):
-    """A pose with the place that the robot's own root was meant to have in it.
+    """A pose with the place that the robot's own root was meant to have in it."""
 
-    Attributes:
-        robot_root: position, m, and quaternion, shape (7,).
-    """
-
-    robot_root: Array
+    robot_root: Array  # position, m, and quaternion, shape (7,)
 
 
 class Retargeter(Protocol):

@@ -28,15 +28,10 @@ LEAP_M = 0.2
 
 @dataclass(frozen=True)
 class Routes:
-    """The graph of the motions of a library.
+    """The graph of the motions of a library."""
 
-    Attributes:
-        leaps: from each motion to each other one, m.
-        bridges: the motions that may lie on a way.
-    """
-
-    leaps: Mapping[str, Mapping[str, float]]
-    bridges: frozenset[str]
+    leaps: Mapping[str, Mapping[str, float]]  # from each motion to each other one, m
+    bridges: frozenset[str]  # the motions that may lie on a way
 
     @classmethod
     def between(cls, motions: Mapping[str, Motion]) -> Routes:

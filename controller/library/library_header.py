@@ -21,43 +21,27 @@ MOST_NEURONS, MOST_HARMONICS = 20_000, 100
 
 
 class MotionInfo(MotionHeader, frozen=True, kw_only=True):
-    """A motion in the header of a library.
+    """A motion in the header of a library."""
 
-    Attributes:
-        source: the file that it was learned from.
-        nrmse: of the readout over training, mean over channels (Jaeger's nrmse.m).
-        error_mm: median distance to the recorded motion at the end of the free run, mm.
-        passed: whether the self-test passed.
-        reason: why not, or "".
-    """
-
-    source: str
-    nrmse: float
-    error_mm: float
-    passed: bool
-    reason: str = ""
+    source: str  # the file that it was learned from
+    nrmse: float  # of the readout over training, mean over channels (Jaeger's nrmse.m)
+    error_mm: float  # median distance to the recorded motion at the end of the free run, mm
+    passed: bool  # whether the self-test passed
+    reason: str = ""  # why not, or ""
 
 
 class LibraryInfo(NetworkHeader, frozen=True, kw_only=True):
-    """The header of a library.
+    """The header of a library."""
 
-    Attributes:
-        version: of the format.
-        skeleton: of the body that its motions are on.
-        recipe: of the training, as it was read.
-        licence: terms under which the library may be passed on.
-        acknowledgement: that the owners of the data ask for.
-    """
-
-    version: int
+    version: int  # of the format
     name: str
     network: str
     encoding: str
     motions: list[MotionInfo]
-    skeleton: SkeletonInfo
-    recipe: dict[str, Any]
-    licence: str
-    acknowledgement: str
+    skeleton: SkeletonInfo  # of the body that its motions are on
+    recipe: dict[str, Any]  # of the training, as it was read
+    licence: str  # terms under which the library may be passed on
+    acknowledgement: str  # that the owners of the data ask for
 
 
 def read_header(path: Path, tree: object) -> LibraryInfo:

@@ -16,19 +16,12 @@ LEVELS: Array = np.linspace(-1.0, 1.0, 9)
 
 
 class DrivingInput(msgspec.Struct, forbid_unknown_fields=True, frozen=True):
-    """The range of an input of a motion, and how long a round takes.
+    """The range of an input of a motion, and how long a round takes."""
 
-    Attributes:
-        name: such as "speed".
-        values: that the motion was learned at, rising, in the input's own unit.
-        seconds: of a round at each.
-        usual: the value while none is given.
-    """
-
-    name: str
-    values: tuple[float, ...]
-    seconds: tuple[float, ...]
-    usual: float
+    name: str  # such as "speed"
+    values: tuple[float, ...]  # that the motion was learned at, rising, in the input's own unit
+    seconds: tuple[float, ...]  # of a round at each
+    usual: float  # the value while none is given
 
     @property
     def possible(self) -> bool:

@@ -35,27 +35,16 @@ MEMORY = 0.1
 
 @dataclass(frozen=True)
 class Beat:
-    """The settings of a guard for one motion.
+    """The settings of a guard for one motion."""
 
-    Attributes:
-        anchors: those of the network that frames are compared with, shape (A,).
-        places: their frames, each channel divided by its spread over all motions, shape (A, C).
-        squares: |place|^2, shape (A,).
-        pace: the mean movement between two comparisons.
-        slowest: the least smoothed movement that counts as playing; 0 where standing still is right.
-        disorder: the largest distance of a one-shot from its place.
-        stride: anchors that a one-shot advances between two comparisons; None for a loop.
-        look_every: frames between two comparisons.
-    """
-
-    anchors: NDArray[np.int64]
-    places: Channels
-    squares: Channels
-    pace: float
-    slowest: float
-    disorder: float
-    stride: float | None
-    look_every: int
+    anchors: NDArray[np.int64]  # those of the network that frames are compared with, shape (A,)
+    places: Channels  # their frames, each channel divided by its spread over all motions, shape (A, C)
+    squares: Channels  # |place|^2, shape (A,)
+    pace: float  # the mean movement between two comparisons
+    slowest: float  # the least smoothed movement that counts as playing; 0 where standing still is right
+    disorder: float  # the largest distance of a one-shot from its place
+    stride: float | None  # anchors that a one-shot advances between two comparisons; None for a loop
+    look_every: int  # frames between two comparisons
 
 
 class LossWatch:

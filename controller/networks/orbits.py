@@ -28,21 +28,13 @@ INNER = 0.95  # this share of all points is within a distance of 1 of the middle
 
 @dataclass(frozen=True)
 class Orbits:
-    """The paths of motions in three directions of a network's neurons.
+    """The paths of motions in three directions of a network's neurons."""
 
-    Attributes:
-        directions: D, shape (3, N), scaled so that nearly all points are within 1 of the middle.
-        centre: c, shape (N,).
-        paths: of each motion, shape (POINTS, 3) or shorter.
-        share: of the activations' variance in the three directions.
-        overlap: of each two motions, shape (M, M), in the order of the paths.
-    """
-
-    directions: Activation
-    centre: Activation
-    paths: dict[str, Activation]
-    share: float
-    overlap: Array
+    directions: Activation  # D, shape (3, N), scaled so that nearly all points are within 1 of the middle
+    centre: Activation  # c, shape (N,)
+    paths: dict[str, Activation]  # of each motion, shape (POINTS, 3) or shorter
+    share: float  # of the activations' variance in the three directions
+    overlap: Array  # of each two motions, shape (M, M), in the order of the paths
 
     def point(self, activation: Array) -> Activation:
         """The projection of an activation (N,), shape (3,)."""

@@ -21,17 +21,11 @@ MOST = 4
 
 @dataclass(frozen=True)
 class Shot:
-    """One picture of a film.
+    """One picture of a film."""
 
-    Attributes:
-        qpos: the robot, shape (nq,).
-        ghost: the robot drawn translucent as well, shape (nq,).
-        prints: corners of footprints on the floor, shape (4, 3) each, m.
-    """
-
-    qpos: Array
-    ghost: Array | None = None
-    prints: Sequence[Array] = ()
+    qpos: Array  # the robot, shape (nq,)
+    ghost: Array | None = None  # the robot drawn translucent as well, shape (nq,)
+    prints: Sequence[Array] = ()  # corners of footprints on the floor, shape (4, 3) each, m
 
 
 class Screens:

@@ -67,15 +67,10 @@ _LITTLE = 1e-12
 
 @dataclass(slots=True)
 class SmoothHeading:
-    """The heading of one motion, smoothed.
+    """The heading of one motion, smoothed."""
 
-    Attributes:
-        offset: the heading of the hips less the smooth one, rad.
-        rate: of the smooth one, rad/s.
-    """
-
-    rate: float
-    offset: float = 0.0
+    rate: float  # of the smooth one, rad/s
+    offset: float = 0.0  # the heading of the hips less the smooth one, rad
 
     def advance(self, turn_rate: float, dt: float) -> None:
         """Follows a heading that turns by `turn_rate` (rad/s) for dt seconds."""

@@ -10,22 +10,15 @@ from controller.wire.messages.lock_state import LockState
 
 @dataclass(frozen=True, slots=True)
 class LoopPlace:
-    """The place of a deck in its motion.
+    """The place of a deck in its motion."""
 
-    Attributes:
-        time: when it was there, by the clock on which ticks are due (the deck's own time without one), s.
-        phase: of the motion, [0, 1) in a loop.
-        seconds: duration of a round or of the one-shot at tempo 1, s.
-        alone: whether the motion is played alone: nothing is joined, blended or paused.
-    """
-
-    time: float
+    time: float  # when it was there, by the clock on which ticks are due (the deck's own time without one), s
     motion: str
-    phase: float
-    seconds: float
+    phase: float  # of the motion, [0, 1) in a loop
+    seconds: float  # duration of a round or of the one-shot at tempo 1, s
     loop: bool
     tempo: float  # as commanded
-    alone: bool
+    alone: bool  # whether the motion is played alone: nothing is joined, blended or paused
 
 
 @dataclass(frozen=True, slots=True)
@@ -37,15 +30,10 @@ class Steering:
 
 
 class Lock(Protocol):
-    """Steers the tempo of a deck.
+    """Steers the tempo of a deck."""
 
-    Attributes:
-        rate: the rate of change of the tempo, 1/s.
-        owns_tempo: whether it replaces the commanded tempo.
-    """
-
-    rate: float
-    owns_tempo: bool
+    rate: float  # the rate of change of the tempo, 1/s
+    owns_tempo: bool  # whether it replaces the commanded tempo
 
     def steer(self, playhead: LoopPlace) -> Steering:
         """The steering of this tick; called once a tick."""

@@ -35,15 +35,10 @@ class SwitchingModuleError(MotiondeckError):
 
 @dataclass(frozen=True, eq=False)
 class RestPoint:
-    """A state in which the module stays.
+    """A state in which the module stays."""
 
-    Attributes:
-        z: of its center.
-        eigenvalues: of the Jacobian there, shape (m + 1,), complex, in units of 1 / module time.
-    """
-
-    z: float
-    eigenvalues: NDArray[np.complex128]
+    z: float  # of its center
+    eigenvalues: NDArray[np.complex128]  # of the Jacobian there, shape (m + 1,), complex, in units of 1 / module time
 
     @property
     def stable(self) -> bool:

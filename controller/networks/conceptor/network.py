@@ -40,42 +40,25 @@ LARGEST_NOISE = 2.0  # beyond it |s + noise| > 1, which tanh never gives: |s| <=
 
 @dataclass(frozen=True)
 class ConceptorMotion:
-    """One motion as playback needs it, of rank k in a reservoir of N neurons, with C channels and A anchors.
+    """One motion as playback needs it, of rank k in a reservoir of N neurons, with C channels and A anchors."""
 
-    Attributes:
-        recurrent: W U, shape (N, k).
-        bias: W m + b, shape (N,).
-        project: S U', shape (k, N).
-        offset: S U' m, shape (k,).
-        readout: W_out U in the units of the encoding, shape (C, k).
-        rest: W_out m in the units of the encoding, shape (C,).
-        states: z at the anchors, shape (A, k).
-    """
-
-    recurrent: Float32
-    bias: Float32
-    project: Float32
-    offset: Float32
-    readout: Float32
-    rest: Float32
-    states: Float32
+    recurrent: Float32  # W U, shape (N, k)
+    bias: Float32  # W m + b, shape (N,)
+    project: Float32  # S U', shape (k, N)
+    offset: Float32  # S U' m, shape (k,)
+    readout: Float32  # W_out U in the units of the encoding, shape (C, k)
+    rest: Float32  # W_out m in the units of the encoding, shape (C,)
+    states: Float32  # z at the anchors, shape (A, k)
 
 
 @dataclass(frozen=True)
 class Memory:
-    """What adding a motion needs, and playing does not: learned for all P motions of a reservoir of N neurons.
+    """What adding a motion needs, and playing does not: learned for all P motions of a reservoir of N neurons."""
 
-    Attributes:
-        estimate: V, shape (C, N): which input the network expects by its state.
-        readout: W_out, shape (C, N).
-        means: m of each motion, shape (P, N).
-        normalisation: between the channels of both and the encoding's units.
-    """
-
-    estimate: Float32
-    readout: Float32
-    means: Float32
-    normalisation: Normalisation
+    estimate: Float32  # V, shape (C, N): which input the network expects by its state
+    readout: Float32  # W_out, shape (C, N)
+    means: Float32  # m of each motion, shape (P, N)
+    normalisation: Normalisation  # between the channels of both and the encoding's units
 
 
 class ConceptorNetwork(DirectionReservoir[ConceptorMotion]):

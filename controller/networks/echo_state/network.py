@@ -27,17 +27,11 @@ OUTPUT_BOUND = 1.05
 
 @dataclass(frozen=True)
 class EchoStateMotion:
-    """One motion in a reservoir of N neurons, with C channels and A anchors.
+    """One motion in a reservoir of N neurons, with C channels and A anchors."""
 
-    Attributes:
-        readout: W_out, shape (C, N).
-        states: x at the anchors, shape (A, N).
-        outputs: normalised y at the anchors, shape (A, C).
-    """
-
-    readout: Float32
-    states: Float32
-    outputs: Float32
+    readout: Float32  # W_out, shape (C, N)
+    states: Float32  # x at the anchors, shape (A, N)
+    outputs: Float32  # normalised y at the anchors, shape (A, C)
 
 
 class EchoStateNetwork(AutonomousReservoir[EchoStateMotion]):

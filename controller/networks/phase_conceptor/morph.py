@@ -38,18 +38,12 @@ LARGEST_GAIN = 4.0
 
 @dataclass(frozen=True)
 class _Knot:
-    """The mixture at one mu, seen in q directions.
-
-    Attributes:
-        conceptor: C, shape (q, q).
-        centre: the mean channels of a round, shape (C,).
-        gain: of each channel's deviation from it, shape (C,).
-    """
+    """The mixture at one mu, seen in q directions."""
 
     mu: float
-    conceptor: Array
-    centre: Array
-    gain: Array
+    conceptor: Array  # C, shape (q, q)
+    centre: Array  # the mean channels of a round, shape (C,)
+    gain: Array  # of each channel's deviation from it, shape (C,)
 
 
 class PhaseMorph:

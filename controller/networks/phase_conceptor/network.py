@@ -35,21 +35,13 @@ Float16 = NDArray[np.float16]
 
 @dataclass(frozen=True)
 class StoredPieces:
-    """A motion as a library keeps it: P pieces of rank k in N neurons, with C channels.
+    """A motion as a library keeps it: P pieces of rank k in N neurons, with C channels."""
 
-    Attributes:
-        directions: U, shape (P, N, k), half precision.
-        strength: the diagonal of S, shape (P, k).
-        mean: m, shape (P, N), half precision.
-        estimate: (V U, V m + v) in normalised channels, shape (P, C, k + 1), half precision.
-        readout: (R U, R m + r) in the units of the encoding, shape (P, C, k + 1).
-    """
-
-    directions: Float16
-    strength: Float32
-    mean: Float16
-    estimate: Float16
-    readout: Float32
+    directions: Float16  # U, shape (P, N, k), half precision
+    strength: Float32  # the diagonal of S, shape (P, k)
+    mean: Float16  # m, shape (P, N), half precision
+    estimate: Float16  # (V U, V m + v) in normalised channels, shape (P, C, k + 1), half precision
+    readout: Float32  # (R U, R m + r) in the units of the encoding, shape (P, C, k + 1)
 
 
 class PhaseConceptorMotion(PhaseMotion):

@@ -25,13 +25,9 @@ from controller.networks.storage import MotionHeader, StoredNetwork
 
 @dataclass(frozen=True)
 class StoredReadouts:
-    """A motion as a library keeps it: P pieces in N neurons, with C channels.
+    """A motion as a library keeps it: P pieces in N neurons, with C channels."""
 
-    Attributes:
-        readout: (R, r) in the units of the encoding, shape (P, C, N + 1).
-    """
-
-    readout: Float32
+    readout: Float32  # (R, r) in the units of the encoding, shape (P, C, N + 1)
 
 
 class PhaseEchoStateMotion(PhaseMotion):

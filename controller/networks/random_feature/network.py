@@ -29,38 +29,23 @@ FeatureRows = tuple[Float32, Float32, Float32]
 
 @dataclass(frozen=True)
 class FeatureReservoir:
-    """The weights that all motions share, with N neurons, M features and C channels.
+    """The weights that all motions share, with N neurons, M features and C channels."""
 
-    Attributes:
-        features: F', one feature a row, shape (M, N).
-        feedback: G', from each feature to the neurons, shape (M, N).
-        bias: b, shape (N,).
-        readout: W_out', in the units of the encoding, shape (M, C).
-        rest: the readout of z = 0, in the units of the encoding, shape (C,).
-    """
-
-    features: Float32
-    feedback: Float32
-    bias: Float32
-    readout: Float32
-    rest: Float32
+    features: Float32  # F', one feature a row, shape (M, N)
+    feedback: Float32  # G', from each feature to the neurons, shape (M, N)
+    bias: Float32  # b, shape (N,)
+    readout: Float32  # W_out', in the units of the encoding, shape (M, C)
+    rest: Float32  # the readout of z = 0, in the units of the encoding, shape (C,)
 
 
 @dataclass(frozen=True)
 class FeatureMotion:
-    """One motion that uses k features, with A anchors.
+    """One motion that uses k features, with A anchors."""
 
-    Attributes:
-        uses: which features, rising, shape (k,).
-        conception: c of them, shape (k,).
-        offset: (1 - c) m, shape (k,).
-        states: z at the anchors, shape (A, k).
-    """
-
-    uses: NDArray[np.int32]
-    conception: Float32
-    offset: Float32
-    states: Float32
+    uses: NDArray[np.int32]  # which features, rising, shape (k,)
+    conception: Float32  # c of them, shape (k,)
+    offset: Float32  # (1 - c) m, shape (k,)
+    states: Float32  # z at the anchors, shape (A, k)
 
 
 class RandomFeatureNetwork(DirectionReservoir[FeatureMotion]):

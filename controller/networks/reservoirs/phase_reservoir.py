@@ -26,21 +26,13 @@ SETTLING_STEPS = 100
 
 @dataclass(frozen=True)
 class PhaseReservoir:
-    """The weights that all motions share, with N neurons, C channels and H harmonics.
+    """The weights that all motions share, with N neurons, C channels and H harmonics."""
 
-    Attributes:
-        weights: W, shape (N, N).
-        input_weights: W_in, shape (N, C).
-        phase_weights: W_phi a / sqrt(H), shape (N, 2 H).
-        bias: b, shape (N,).
-        drive_weights: W_u, shape (N, 1), or (N, 0) where there is no input besides the phase.
-    """
-
-    weights: Float32
-    input_weights: Float32
-    phase_weights: Float32
-    bias: Float32
-    drive_weights: Float32
+    weights: Float32  # W, shape (N, N)
+    input_weights: Float32  # W_in, shape (N, C)
+    phase_weights: Float32  # W_phi a / sqrt(H), shape (N, 2 H)
+    bias: Float32  # b, shape (N,)
+    drive_weights: Float32  # W_u, shape (N, 1), or (N, 0) where there is no input besides the phase
 
     @classmethod
     def draw(cls, scales: PhaseScales, channels: int, seed: int) -> PhaseReservoir:
@@ -70,17 +62,11 @@ class PhaseReservoir:
 
 @dataclass(frozen=True)
 class PhaseCourse:
-    """The phase of the center in a motion of T frames in P pieces.
+    """The phase of the center in a motion of T frames in P pieces."""
 
-    Attributes:
-        phase: phi at each frame, shape (T,), rad; it rises, and stays where a one-shot has stopped.
-        piece: which piece plays each frame, shape (T,).
-        loop: whether frame 0 follows the last one.
-    """
-
-    phase: NDArray[np.float64]
-    piece: NDArray[np.int64]
-    loop: bool
+    phase: NDArray[np.float64]  # phi at each frame, shape (T,), rad; it rises, and stays where a one-shot has stopped
+    piece: NDArray[np.int64]  # which piece plays each frame, shape (T,)
+    loop: bool  # whether frame 0 follows the last one
 
     @classmethod
     def of(cls, frames: int, pieces: int, *, loop: bool, held: int = 0) -> PhaseCourse:
