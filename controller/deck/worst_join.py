@@ -36,20 +36,14 @@ _LONGEST = 4.0  # s
 
 @dataclass(frozen=True)
 class Join:
-    """One switch.
-
-    Attributes:
-        phase: where the source is left, [0, 1] of it.
-        speed, acceleration: the largest of any joint in the world, over the larger of both motions' own.
-        seconds: until nothing of the source was left.
-    """
+    """One switch."""
 
     source: str
     target: str
-    phase: float
-    speed: float
-    acceleration: float
-    seconds: float
+    phase: float  # where the source is left, [0, 1] of it
+    speed: float  # the largest of any joint in the world, over the larger of both motions' own
+    acceleration: float  # likewise
+    seconds: float  # until nothing of the source was left
 
     @property
     def passes(self) -> bool:

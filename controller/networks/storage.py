@@ -19,58 +19,35 @@ FEWEST_ANCHORS = 3  # with fewer it is unknown how a motion moves
 
 
 class PhaseScales(msgspec.Struct, forbid_unknown_fields=True, frozen=True):
-    """The sizes and scales with which the shared weights of a phase-driven network are drawn.
+    """The sizes and scales with which the shared weights of a phase-driven network are drawn."""
 
-    Attributes:
-        neurons: N.
-        harmonics: H of the phase.
-        spectral_radius: of W, by the circular law: that of an infinitely large W.
-        input_scale, phase_scale, bias_scale: of W_in, W_phi (a in the equation) and b.
-        drive_scale: of W_u; 0 where no motion has an input besides the phase.
-    """
-
-    neurons: int
-    harmonics: int
-    spectral_radius: float
-    input_scale: float
-    phase_scale: float
-    bias_scale: float
-    drive_scale: float = 0.0
+    neurons: int  # N
+    harmonics: int  # H of the phase
+    spectral_radius: float  # of W, by the circular law: that of an infinitely large W
+    input_scale: float  # of W_in
+    phase_scale: float  # of W_phi, a in the equation
+    bias_scale: float  # of b
+    drive_scale: float = 0.0  # of W_u; 0 where no motion has an input besides the phase
 
 
 class MotionHeader(msgspec.Struct, forbid_unknown_fields=True, frozen=True, kw_only=True):
-    """The fields of a motion in a library's header that its network reads.
-
-    Attributes:
-        plays: "loop" goes on for ever, "once" ends in a pose and holds it.
-        frames: that it was learned from.
-        input: its input besides the phase, of a motion learned from recordings that differ in it.
-    """
+    """The fields of a motion in a library's header that its network reads."""
 
     name: str
-    plays: Literal["loop", "once"]
-    frames: int
-    input: DrivingInput | None = None
+    plays: Literal["loop", "once"]  # "loop" goes on for ever, "once" ends in a pose and holds it
+    frames: int  # that it was learned from
+    input: DrivingInput | None = None  # besides the phase, of a motion learned from recordings that differ in it
 
 
 class NetworkHeader(msgspec.Struct, forbid_unknown_fields=True, frozen=True, kw_only=True):
-    """The fields of a library's header that its network reads.
+    """The fields of a library's header that its network reads."""
 
-    Attributes:
-        motions: that it plays.
-        rate: frames per second.
-        seed: of everything random in training.
-        leak: of an echo-state network, else 1.
-        clipped: whether an echo-state network keeps its state and output in the range of training.
-        scales: of the weights that the motions of a phase-driven network share; they are drawn with the seed.
-    """
-
-    motions: Sequence[MotionHeader]
-    rate: float
-    seed: int
-    leak: float = 1.0
-    clipped: bool = True
-    scales: PhaseScales | None = None
+    motions: Sequence[MotionHeader]  # that it plays
+    rate: float  # frames per second
+    seed: int  # of everything random in training
+    leak: float = 1.0  # of an echo-state network, else 1
+    clipped: bool = True  # whether an echo-state network keeps its state and output in the range of training
+    scales: PhaseScales | None = None  # of the weights that phase-driven motions share, drawn with the seed
 
 
 @dataclass(frozen=True)

@@ -30,7 +30,7 @@ from motiondeck_base.shipped import find_library, find_robot
 
 if TYPE_CHECKING:
     from motiondeck.pictures.offscreen import Camera
-    from motiondeck.pictures.screens import Shot
+    from motiondeck.pictures.video import Shot
     from sim.physics.kinematic_playback import KinematicPlayback
     from sim.robots.robot import Robot
 
@@ -197,7 +197,7 @@ def _shots(
     """The frames of the film; between them the deck plays in ticks, as `play` does."""
     from controller.loop.safety.safety_envelope import SafetyEnvelope
     from motiondeck.page.body.footprints import StepWatch
-    from motiondeck.pictures.screens import Shot
+    from motiondeck.pictures.video import Shot
     from sim.models.scenery import body_height
     from sim.physics.kinematic_playback import KinematicPlayback
     from sim.physics.physics_model import feet_of

@@ -36,13 +36,6 @@ class SideBySide:
     """
 
     def __init__(self, skeleton: Skeleton, human: Path, robot: Path, dt: float) -> None:
-        """Loads both.
-
-        Args:
-            skeleton: of the poses.
-            human, robot: the robot files of the mannequin and of the robot.
-            dt: seconds from one pose to the next.
-        """
         self.robot = load_robot(robot, skeleton, dt=dt)
         self.scale = self.robot.path_scale
         self.human = load_robot(human, replace(skeleton, length=skeleton.length * self.scale))
@@ -93,7 +86,6 @@ def played(library: str, motion: str, seconds: float) -> Clip:
 
 def draw_beside(clip: Clip, robot: Path, out: Path) -> None:
     """Two rows of moments of a clip: the human, and beside it the robot."""
-    from motiondeck.pictures.side_by_side import SideBySide
     from motiondeck.pictures.video import contact_sheet
 
     both = SideBySide(clip.skeleton, find_robot("mannequin"), robot, 1.0 / clip.rate)

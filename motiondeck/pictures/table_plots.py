@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -13,11 +14,6 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
     from controller.learning.evaluation.tables import Table
-
-from collections.abc import Sequence
-from typing import TYPE_CHECKING
-
-if TYPE_CHECKING:
     from sim.physics.preflight.findings import PreflightVerdict
 
 _LABELS = {

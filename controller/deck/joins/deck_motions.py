@@ -82,32 +82,20 @@ PEAKS_OVER = 0.005
 
 @dataclass(frozen=True)
 class Motion:
-    """One motion of a library.
-
-    Attributes:
-        loop: whether it is a loop; else it is a one-shot.
-        places, velocities: joint positions in the heading frame and their rates at the anchors where it may be entered,
-            shape (A, F), m and m/s.
-        exits: the positions where it may be left: anywhere in a loop, the last pose of a one-shot, shape (E, F), m.
-        course, postures: at all anchors, those too where it may not be entered.
-        spacing: from anchor to anchor, s.
-        seconds: duration of a round of a loop, or of a one-shot until it holds its last pose, s.
-        whole: time until its phase is 1, s.
-        speed, acceleration: the largest of any joint in the world, over PEAKS_OVER, m/s and m/s^2.
-    """
+    """One motion of a library."""
 
     name: str
-    loop: bool
-    places: Array
-    velocities: Array
-    exits: Array
-    course: BodyCourse
+    loop: bool  # whether it is a loop; else it is a one-shot
+    places: Array  # joint positions in the heading frame at the anchors where it may be entered, shape (A, F), m
+    velocities: Array  # their rates, m/s
+    exits: Array  # places where it may be left: all of a loop, the end of a one-shot, shape (E, F), m
+    course: BodyCourse  # at all anchors, those too where it may not be entered
     postures: Posture
-    spacing: float
-    seconds: float
-    whole: float
-    speed: float
-    acceleration: float
+    spacing: float  # from anchor to anchor, s
+    seconds: float  # of a round of a loop, or of a one-shot until it holds its last pose
+    whole: float  # time until its phase is 1, s
+    speed: float  # the largest of any joint in the world, over PEAKS_OVER, m/s
+    acceleration: float  # likewise, m/s^2
 
     def ahead(self, at: Array, rate: Array) -> BodyCourse:
         """The course at times (S,), s from its beginning, when it is played at these rates (S,), 1 being its own."""

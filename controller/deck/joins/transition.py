@@ -43,17 +43,12 @@ class Fade:
     It has a row for the turn of the root and of each bone, rad, one for the drift of height, m, and velocity, m/s, and,
     where twists follow a rule, one for the twist of each bone about itself in the rest pose, rad. Turns and drift are
     seen from the heading at the switch.
-
-    Attributes:
-        duration: how long it takes, s.
-        slowing: how long until nothing is left of its rate, s, at most the duration.
-        value, rate: of the difference when it begins, shape (rows, 3), and a second.
     """
 
-    duration: float
-    slowing: float
-    value: Array
-    rate: Array
+    duration: float  # how long it takes, s
+    slowing: float  # how long until nothing is left of its rate, s, at most the duration
+    value: Array  # of the difference when it begins, shape (rows, 3)
+    rate: Array  # the same a second
 
     def left(self, elapsed: float) -> Array:
         """What is left of the difference after some seconds, shape (rows, 3)."""

@@ -55,19 +55,12 @@ _SLOWEST = 0.1  # a reference below this tempo stands: then errors are seconds o
 
 @dataclass(frozen=True, slots=True)
 class Reference:
-    """The phase that a loop should have.
+    """The phase that a loop should have."""
 
-    Attributes:
-        phase: now.
-        rate: rounds per second; negative backwards.
-        modulus: phases that differ by this are the same; 1 for a round, less where several beats belong to one.
-        steady: whether it is known well enough for a lock.
-    """
-
-    phase: float
-    rate: float
-    modulus: float = 1.0
-    steady: bool = True
+    phase: float  # now
+    rate: float  # rounds per second; negative backwards
+    modulus: float = 1.0  # phases that differ by this are the same; less than a round where it has several beats
+    steady: bool = True  # whether it is known well enough for a lock
 
 
 class ReferenceSource(Protocol):

@@ -63,19 +63,12 @@ class LowRankWeights:
 
 @dataclass(frozen=True, eq=False)
 class PackedWeights:
-    """Low-rank weights as a library stores them.
+    """Low-rank weights as a library stores them."""
 
-    Attributes:
-        nonzero: flags of the numbers of B that are not zero, D r bits row by row, the first the highest of its byte.
-        shares: B there, in the same order.
-        used: of how many satellites each curve is a sum, shape (r,).
-        curves: A, what is used of its rows one after the other.
-    """
-
-    nonzero: NDArray[np.uint8]
-    shares: NDArray[np.float32]
-    used: NDArray[np.int32]
-    curves: NDArray[np.float32]
+    nonzero: NDArray[np.uint8]  # flags of B, D r bits row by row, the first the highest of its byte
+    shares: NDArray[np.float32]  # B there, in the same order
+    used: NDArray[np.int32]  # of how many satellites each curve is a sum, shape (r,)
+    curves: NDArray[np.float32]  # A, what is used of its rows one after the other
 
     @classmethod
     def of(cls, weights: LowRankWeights) -> PackedWeights:

@@ -48,16 +48,11 @@ class RestPoint:
 
 @dataclass(frozen=True)
 class Window:
-    """For which xi, as multiples of the designed one, the module has how many states.
+    """For which xi, as multiples of the designed one, the module has how many states."""
 
-    Attributes:
-        low, high: between them there are m stable states.
-        single: above it there is one.
-    """
-
-    low: float
+    low: float  # above it, and below `high`, there are m stable states
     high: float
-    single: float
+    single: float  # above it there is one
 
 
 @dataclass(frozen=True, eq=False)

@@ -15,22 +15,14 @@ from controller.networks.centralized.switching_design import ModuleDesign
 
 @dataclass(slots=True)
 class CommandInput:
-    """The terms that a command adds to eqs 14 and 15 for a while; all zero without a command.
+    """The terms that a command adds to eqs 14 and 15 for a while; all zero without a command."""
 
-    Attributes:
-        pull, towards: adds pull (towards - z) to z': a clamp current.
-        level: added to the argument of each satellite, shape (m,).
-        haste: multiplies the right side of eq. 15.
-        xi: multiplies xi.
-        kick: added to z'.
-    """
-
-    level: Array
-    pull: float = 0.0
+    level: Array  # added to the argument of each satellite, shape (m,)
+    pull: float = 0.0  # adds pull (towards - z) to z': a clamp current
     towards: float = 0.0
-    haste: float = 1.0
-    xi: float = 1.0
-    kick: float = 0.0
+    haste: float = 1.0  # multiplies the right side of eq. 15
+    xi: float = 1.0  # multiplies xi
+    kick: float = 0.0  # added to z'
 
 
 @dataclass(frozen=True, eq=False)
