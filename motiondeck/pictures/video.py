@@ -86,7 +86,6 @@ class Screens:
         self._open.close()
 
 
-
 def render(
     model: mujoco.MjModel,
     frames: Iterable[Array | Shot],

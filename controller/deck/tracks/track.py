@@ -95,7 +95,6 @@ class Mixture:
         self._other, self._frames, self._length = "", 0, 0
 
 
-
 class Track:
     """Plays one motion at a time with its own copy of the network.
 

@@ -6,8 +6,7 @@ import pytest
 from PIL import Image, ImageSequence
 
 from motiondeck.pictures.offscreen import OffScreen, PictureError, with_less_detail
-from motiondeck.pictures.video import Screens, Shot
-from motiondeck.pictures.video import contact_sheet, render
+from motiondeck.pictures.video import Screens, Shot, contact_sheet, render
 from sim.models.mannequin.mannequin import build_mannequin
 from simulated_bodies import human
 
