@@ -6,19 +6,17 @@ or "lt", and the rest is looked up. A bone is named after the joint that it star
 itself ("ltibia"); several bones of one joint have both names ("Hips-LeftUpLeg"). Some words depend on the others: a
 "leg" above a "shin" is a thigh, a "foot" below an "ankle" the toes, a "shoulder" above an "elbow" an upper arm. Words
 that most names share ("Robot_Hips"), and words besides most part names ("LeftLeg_bind" beside "hair_1"), are ignored.
-Names in other languages are translated (`foreign_names`).
+Names in other languages are translated.
 """
 
 from __future__ import annotations
 
 import re
+import unicodedata
 from collections import Counter
 from collections.abc import Iterable
 from functools import lru_cache
 from typing import Literal, NamedTuple
-
-from controller.motion import foreign_names
-from controller.motion.foreign_names import ENGLISH, without_accents
 
 LimbPart = Literal["hip", "thigh", "shank", "foot", "clavicle", "upper arm", "forearm", "hand"]
 Part = Literal["pelvis", "trunk", "neck", "head", "toes"] | LimbPart
@@ -55,17 +53,62 @@ _KEYS: dict[str, Part] = {
     word: part for table in (_MIDDLE, _SIDED) for part, words in table.items() for word in words.split()
 }
 _KEYS |= {"hip": "pelvis", "thorax": "trunk"}  # with a side they are limbs, which `_Style.part` knows
+# English words in German, Spanish, French, Italian, Portuguese, Russian, Chinese, Korean; Japanese as MikuMikuDance has
+# it. Without accents, sharp s as ss.
+_FOREIGN = {
+    "hips": "huefte huften becken cadera caderas bassin hanche hanches bacino anca anche quadril センター 腰 "
+    "таз бедра 骨盆 臀部 臀 골반 엉덩이",
+    "hip": "hufte 髋 髋关节 고관절",
+    "spine": "wirbelsaule wirbelsaeule rucken ruecken columna espalda colonne dos colonna schiena coluna 上半身 "
+    "позвоночник спина поясница 脊柱 脊椎 腰椎 척추 허리",
+    "chest": "brust brustkorb pecho torax poitrine torace petto peito грудь 胸 胸部 가슴",
+    "neck": "hals nacken cuello cou collo pescoco 首 шея 颈 颈部 頸 脖子 목",
+    "head": "kopf cabeza tete testa cabeca 頭 голова 头 头部 머리",
+    "thigh": "oberschenkel muslo cuisse coscia coxa 足 бедро 大腿 허벅지",
+    "leg": "bein pierna jambe gamba perna нога 腿 다리",
+    "shin": "unterschenkel espinilla mollet polpaccio canela голень 小腿 종아리 정강이",
+    "knee": "knie rodilla genou ginocchio joelho ひざ колено 膝 膝盖 膝蓋 무릎",
+    "ankle": "knochel knoechel sprunggelenk tobillo cheville caviglia tornozelo 足首 "
+    "лодыжка щиколотка 脚踝 腳踝 踝 발목",
+    "foot": "fuss pie pied piede стопа ступня 脚 腳 발",
+    "toes": "zehen zeh dedospie orteils orteil つま先 носок 脚趾 腳趾 脚尖 발가락 발끝",
+    "clavicle": "schlusselbein schluesselbein clavicula clavicola ключица 锁骨 鎖骨 쇄골",
+    "shoulder": "schulter hombro epaule spalla ombro 肩 肩膀 肩部 어깨",
+    "upperarm": "oberarm brazo bras braccio braco 腕 плечо 上臂 大臂 위팔 윗팔 상완",
+    "forearm": "unterarm antebrazo avantbras avambraccio antebraco предплечье 前臂 小臂 아래팔 아랫팔 전완",
+    "elbow": "ellbogen ellenbogen codo coude gomito cotovelo ひじ локоть 肘 手肘 팔꿈치",
+    "hand": "mano main mao кисть 手 手掌 손",
+    "wrist": "handgelenk muneca poignet polso pulso 手首 запястье 手腕 腕部 손목",
+}
+_FOREIGN_SIDES = {
+    "left": "links linker linke linkes izquierda izquierdo izq gauche sinistra sinistro sx esquerda esquerdo 左 "
+    "левая левый левое лев л 왼쪽 왼 좌",
+    "right": "rechts rechter rechte rechtes derecha derecho der droite droit destra destro dx direita direito 右 "
+    "правая правый правое прав п 오른쪽 오른 우",
+}
+
+
+def _without_accents(name: str) -> str:
+    """A name without accents; letters of other alphabets stay."""
+    if name.isascii():
+        return name
+    marked = unicodedata.normalize("NFKD", name.replace("ß", "ss"))
+    return unicodedata.normalize("NFC", "".join(c for c in marked if not "\u0300" <= c <= "\u036f"))
+
+
+_ENGLISH = {_without_accents(word): english for english, words in _FOREIGN.items() for word in words.split()}
+_LEFT, _RIGHT = (frozenset(map(_without_accents, _FOREIGN_SIDES[side].split())) for side in ("left", "right"))
+_LEFT |= {"left", "l", "lt", "lf", "lft"}
+_RIGHT |= {"right", "r", "rt", "rg", "rgt"}
 _PREFIXES = re.compile(
     r"^(mixamorig\d*|character\d*|bip\d*|cc base|j bip|joint|jnt|def|org|mch|rl|b|[mf] avg|avg|bone|valvebiped)\b"
 )
 _RIGGED = re.compile(r"^(DEF|ORG|MCH)-")  # Blender's rigs
-_LEFT = foreign_names.LEFT | {"left", "l", "lt", "lf", "lft"}
-_RIGHT = foreign_names.RIGHT | {"right", "r", "rt", "rg", "rgt"}
 # Another part with a separate side: "r_larm" is a lower arm, "LArm" a left arm.
 _SIDED_ONLY: dict[str, Part] = {"hip": "thigh", "thorax": "clavicle", "larm": "forearm", "lleg": "shank"}
 # "LFArm" is a left forearm, though "lf" elsewhere means left.
 _WHOLE = {f"{letter}{key}" for letter in "lr" for key in ("farm", "uarm")}
-_KNOWN = frozenset(_KEYS) | frozenset(ENGLISH)
+_KNOWN = frozenset(_KEYS) | frozenset(_ENGLISH)
 _SILENT = ("c", "m", "x", "stretch")  # the middle; a bone of Auto-Rig Pro that deforms
 _SHARED = 0.6  # of the names contain a word that is ignored
 # The next parts: a bone "A-B" belongs to A only if B continues it.
@@ -106,21 +149,13 @@ _AFFIXES.extend((word, "right") for word in sorted(_RIGHT, key=len, reverse=True
 
 
 class _Style(NamedTuple):
-    """The naming convention of a skeleton.
+    """The naming convention of a skeleton."""
 
-    Attributes:
-        shared: ignored words, because most names contain them.
-        joints: a shoulder is the upper arm, because bones are named after joints, or collar bones have other names.
-        shins: a leg is a thigh, because a shin or knee follows.
-        ankles: a foot is the toes, because an ankle precedes it.
-        thighs: a hip with a side is above the thigh, because thighs have other names.
-    """
-
-    shared: frozenset[str]
-    joints: bool
-    shins: bool
-    ankles: bool
-    thighs: bool
+    shared: frozenset[str]  # ignored words, because most names contain them
+    joints: bool  # a shoulder is the upper arm: bones are named after joints, or collar bones have other names
+    shins: bool  # a leg is a thigh, because a shin or knee follows
+    ankles: bool  # a foot is the toes, because an ankle precedes it
+    thighs: bool  # a hip with a side is above the thigh, because thighs have other names
 
     @classmethod
     def of(cls, names: Iterable[str]) -> _Style:
@@ -196,7 +231,7 @@ def _named(name: str, style: _Style) -> NamedPart | None:
 @lru_cache(maxsize=4096)
 def _words(name: str) -> tuple[str, ...]:
     """The words of a name in lower case, without the prefixes of common exporters."""
-    name = without_accents(re.split("[:|/]", name)[-1])
+    name = _without_accents(re.split("[:|/]", name)[-1])
     name = re.sub(r"([a-z0-9])([A-Z])", r"\1 \2", name)
     name = re.sub(r"([A-Z])([A-Z][a-z])", r"\1 \2", name)
     spaced = " ".join(re.sub(r"[\W_]+", " ", name.lower()).split())
@@ -213,7 +248,7 @@ def _key(name: str, shared: frozenset[str]) -> tuple[str, Side]:
 
 def _english_key(words: tuple[str, ...]) -> tuple[str, Side]:
     key, side = _sided_key(words)
-    return ENGLISH.get(key, key), side
+    return _ENGLISH.get(key, key), side
 
 
 def _besides_parts(names: Iterable[tuple[str, ...]]) -> frozenset[str]:

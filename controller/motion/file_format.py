@@ -18,19 +18,12 @@ Reader = Callable[[str | Path, ReadingOptions], Clip | Markers]
 
 @dataclass(frozen=True, kw_only=True)
 class Format:
-    """One row of the list of formats, and of the table in docs/clips.md.
-
-    Attributes:
-        suffixes: in lower case.
-        read: returns the clip, or the markers that a body is then fitted to.
-        magic: first bytes of every such file, by which a wrong suffix is recognised; may be empty.
-        matches: whether a file with one of the suffixes is a recording, where other files share them.
-    """
+    """One row of the list of formats, and of the table in docs/clips.md."""
 
     name: str
-    suffixes: tuple[str, ...]
-    read: Reader
+    suffixes: tuple[str, ...]  # in lower case
+    read: Reader  # returns the clip, or the markers that a body is then fitted to
     supported: str
     unsupported: str = ""
-    magic: bytes = b""
-    matches: Callable[[Path], bool] = lambda _: True
+    magic: bytes = b""  # first bytes of every such file, by which a wrong suffix is recognised; may be empty
+    matches: Callable[[Path], bool] = lambda _: True  # false for other files with one of the suffixes

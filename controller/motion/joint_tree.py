@@ -14,7 +14,7 @@ A reader gives the world position and rotation of every joint in every frame:
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Collection, Iterable, Sequence
 from dataclasses import dataclass, replace
 from itertools import chain, count
 from pathlib import Path
@@ -39,21 +39,13 @@ BENT = 0.5  # cosine: wrists and necks are bent by less than 60 degrees on avera
 
 @dataclass(frozen=True, eq=False)
 class JointTree:
-    """J joints over T frames, in the axes and the unit of a file.
+    """J joints over T frames, in the axes and the unit of a file."""
 
-    Attributes:
-        names: of the joints, unique.
-        parent: of each joint, shape (J,), parents first; -1 at the top.
-        position: world positions, shape (T, J, 3).
-        rotation: world rotations, shape (T, J, 4).
-        turns: whether the rotation of a joint is recorded (not of an end site), shape (J,).
-    """
-
-    names: tuple[str, ...]
-    parent: NDArray[np.int64]
-    position: Array
-    rotation: Array
-    turns: NDArray[np.bool_]
+    names: tuple[str, ...]  # unique
+    parent: NDArray[np.int64]  # (J,), parents first; -1 at the top
+    position: Array  # in the world, (T, J, 3)
+    rotation: Array  # in the world, (T, J, 4)
+    turns: NDArray[np.bool_]  # (J,), whether the rotation of a joint is recorded (not of an end site)
 
 
 def played(
@@ -74,9 +66,14 @@ def distinct(names: Iterable[str]) -> list[str]:
     """Unique names: a repeated name gets a number."""
     found: dict[str, None] = {}
     for name in names:
-        numbered = (f"{name} {number}" for number in count(2))
-        found[next(free for free in chain([name], numbered) if free not in found)] = None
+        found[free_name(name, found)] = None
     return list(found)
+
+
+def free_name(name: str, taken: Collection[str]) -> str:
+    """The name, with a number if it is taken."""
+    numbered = (f"{name} {number}" for number in count(2))
+    return next(free for free in chain([name], numbered) if free not in taken)
 
 
 def clip_of(

@@ -17,19 +17,13 @@ FARTHEST = 1e4  # m: a point beyond is a broken number
 
 @dataclass(frozen=True, eq=False)
 class Markers:
-    """T frames of M points.
-
-    Attributes:
-        rate: frames per second, Hz.
-        position: shape (T, M, 3), m, in the axes of the file; NaN where a point was not seen.
-        up: vertical axis of the file, "x", "y" or "z"; None if unknown.
-    """
+    """T frames of M points."""
 
     labels: tuple[str, ...]
-    rate: float
-    position: Array
-    up: str | None
-    source: str
+    rate: float  # Hz
+    position: Array  # (T, M, 3), m, in the axes of the file; NaN where a point was not seen
+    up: str | None  # vertical axis of the file, "x", "y" or "z"; None if unknown
+    source: str  # name of the file
 
 
 def unit_of_size(position: Array) -> float:

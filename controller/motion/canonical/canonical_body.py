@@ -21,7 +21,7 @@ import numpy as np
 from controller.motion.anatomy import SIDES, Anatomy, Part, Side, anatomy, leg_without_name
 from controller.motion.bone_names import THESIS_LIMBS
 from controller.motion.clip import Clip
-from controller.motion.rotations import Array, between, continuous, multiply, normalise, rotate, yaw
+from controller.motion.rotations import IDENTITY, Array, between, continuous, multiply, normalise, rotate, yaw
 from controller.motion.skeleton import Skeleton
 from controller.motion.thesis_body import JAEGER_BONES, JAEGER_PARENT, JAEGER_REST, thesis_skeleton
 from motiondeck_base.errors import FileFormatError
@@ -119,7 +119,9 @@ def to_canonical(clip: Clip) -> Clip:
     if is_canonical(clip.skeleton):
         return clip
     marks = landmarks_of(clip.skeleton)
-    rest, _ = _landmark_places(clip.skeleton, marks, np.zeros((1, 3)), _identity(1, len(clip.skeleton)))
+    rest, _ = _landmark_places(
+        clip.skeleton, marks, np.zeros((1, 3)), np.tile(IDENTITY, (1, 1 + len(clip.skeleton), 1))
+    )
     place, turned = _landmark_places(clip.skeleton, marks, clip.root_position, clip.rotation)
     line = place[:, 1:] - place[:, np.array(JAEGER_PARENT) + 1]
     length = np.median(np.sqrt(np.square(line).sum(-1)), axis=0)
@@ -179,7 +181,7 @@ def _from_canonical(clip: Clip, skeleton: Skeleton) -> Clip:
     """A canonical clip on another skeleton: all bones of a part follow its canonical bone, in their rest shape."""
     parts = anatomy(skeleton)
     marks = landmarks_of(skeleton)
-    rest, _ = _landmark_places(skeleton, marks, np.zeros((1, 3)), _identity(1, len(skeleton)))
+    rest, _ = _landmark_places(skeleton, marks, np.zeros((1, 3)), np.tile(IDENTITY, (1, 1 + len(skeleton), 1)))
     start = normalise(rest[0, 1:] - rest[0, np.array(JAEGER_PARENT) + 1])
     trunk = _main(skeleton, parts, "trunk", "middle")
     low = 1 + trunk.index(marks.waist - 1) if marks.waist is not None else 0
@@ -241,9 +243,3 @@ def _landmark_places(
             waist = 0.5 * (place[:, 0] + place[:, at]) if marks.waist is None else joints[:, marks.waist]
             place[:, index["back"]] = waist
     return place, turned
-
-
-def _identity(frames: int, bones: int) -> Array:
-    rotation = np.zeros((frames, 1 + bones, 4))
-    rotation[..., 0] = 1.0
-    return rotation

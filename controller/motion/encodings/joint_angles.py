@@ -102,10 +102,7 @@ class JointAngles:
 class JointRetargeter:
     """Carries poses of a joint body to the joints of the same names; a `deck.interfaces.Retargeter`.
 
-    Args:
-        body: of the poses.
-        joints: of the robot.
-        rest: targets of the joints that the body lacks, shape (J,), rad.
+    Joints of the robot that the body lacks keep their targets in `rest`, shape (J,), rad.
 
     Raises:
         UnknownNameError: if the body has a joint that the robot lacks.

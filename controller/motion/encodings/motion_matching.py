@@ -48,17 +48,11 @@ def windows(features: Array, stride: int, *, wrap: bool = False) -> Array:
 
 @dataclass(frozen=True)
 class MotionMatch:
-    """The windows of a run compared with the motions of a library.
+    """The n windows of a run compared with the motions of a library."""
 
-    Attributes:
-        motion: index of the nearest motion to each window, shape (n,).
-        distance: to the nearest window of the intended motion, shape (n,), mm (root mean square over joints).
-        place: index of that window, shape (n,).
-    """
-
-    motion: NDArray[np.int64]
-    distance: Array
-    place: NDArray[np.int64]
+    motion: NDArray[np.int64]  # index of the nearest motion to each window
+    distance: Array  # to the nearest window of the intended motion, mm (root mean square over joints)
+    place: NDArray[np.int64]  # index of that window
 
 
 class Matcher:

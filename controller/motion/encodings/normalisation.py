@@ -25,8 +25,7 @@ class Normalisation:
 
     Attributes:
         shift: shape (C,), in the channels' units.
-        scaling: shape (C,), 1 / the channels' units; 0 for a channel that is constant, which maps to 0 and back to its
-            constant.
+        scaling: shape (C,); 0 for a channel that is constant, which maps to 0 and back to its constant.
 
     Raises:
         MotiondeckError: if the shapes disagree, a number is not finite or a scaling is negative.
@@ -37,10 +36,8 @@ class Normalisation:
 
     def __post_init__(self) -> None:
         if self.shift.ndim != 1 or self.shift.shape != self.scaling.shape:
-            raise MotiondeckError(
-                f"normalisation: shift of shape {self.shift.shape} and scaling of shape {self.scaling.shape}; "
-                "expected one number a channel in both"
-            )
+            shapes = f"shift of shape {self.shift.shape} and scaling of shape {self.scaling.shape}"
+            raise MotiondeckError(f"normalisation: {shapes}; expected one number a channel in both")
         if not (np.isfinite(self.shift).all() and np.isfinite(self.scaling).all() and np.all(self.scaling >= 0.0)):
             raise MotiondeckError("normalisation: a shift or a scaling is not finite, or a scaling is negative")
 
@@ -48,12 +45,8 @@ class Normalisation:
     def fit(cls, patterns: Sequence[Array], least_range: float = 0.0) -> Normalisation:
         """The joint normalisation of patterns (T, C).
 
-        A channel whose range float32 cannot resolve counts as constant: scaled up, it would be rounding noise.
-
-        Args:
-            patterns: at least one.
-            least_range: of a channel, in its unit; a channel with a smaller range is scaled by this one, since a motion
-                that is added later may move it.
+        A channel whose range float32 cannot resolve counts as constant: scaled up, it would be rounding noise. One with
+        less than `least_range` is scaled by this, since a motion that is added later may move it.
 
         Raises:
             MotiondeckError: if there is no frame, the patterns differ in their channels, or a number is not finite.

@@ -19,7 +19,7 @@ import numpy as np
 
 from controller.motion.clip import Clip
 from controller.motion.file_format import Format
-from controller.motion.joint_tree import MOST_POSES, JointTree, clip_of, played
+from controller.motion.joint_tree import MOST_POSES, JointTree, clip_of, free_name, played
 from controller.motion.reading_options import AS_FOUND, ReadingOptions
 from controller.motion.rotations import Array, about, multiply
 from motiondeck_base.errors import FileFormatError
@@ -137,15 +137,8 @@ def _named(line: Line, joints: list[Joint], open_joints: list[int]) -> Joint:
         name = f"{joints[parent].name} end"
     elif not name:
         raise line.error(f"{kind.upper()} has no name. Add one.")
-    taken = {joint.name for joint in joints}
-    joint = Joint(next(n for n in _numbered(name) if n not in taken), parent)
-    joints.append(joint)
-    return joint
-
-
-def _numbered(name: str) -> Iterator[str]:
-    yield name
-    yield from (f"{name} {number}" for number in range(2, MOST_JOINTS + 3))
+    joints.append(Joint(free_name(name, {joint.name for joint in joints}), parent))
+    return joints[-1]
 
 
 def _channels(line: Line) -> tuple[str, ...]:

@@ -18,7 +18,7 @@ from __future__ import annotations
 
 import math
 import re
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -31,7 +31,7 @@ from controller.motion.orientation import orient
 from controller.motion.reading_options import AS_FOUND, ReadingOptions
 from controller.motion.rest_pose import RecordedBody, rest_skeleton
 from controller.motion.rotations import Array, continuous, dot, normalise
-from controller.motion.skeleton import ROOT, Skeleton
+from controller.motion.skeleton import Skeleton
 from motiondeck_base.errors import FileFormatError
 from motiondeck_base.files import Line, as_float, no_number, read_lines
 
@@ -47,23 +47,14 @@ _TIMES = ("time_s", "time", "time (s)", "time [s]", "timestamp", "seconds", "t")
 _COLUMN = re.compile(r"(.+?)[._ :]?([xyz])", re.IGNORECASE)
 
 
-@dataclass(frozen=True, eq=False)
-class _Positions:
-    names: tuple[str, ...]
-    rate: float
-    position: Array  # (T, N, 3), m; NaN where a cell is empty
-    ours: bool  # whether the columns are named as in `writing`
-
-
 def read_positions(path: str | Path, options: ReadingOptions = AS_FOUND) -> Clip | Markers:
     """The body or the markers of a CSV table."""
-    table = _table(path)
-    is_body = table.names[0].lower() == "root"
-    unit = unit_of_size(table.position) if len(table.names) > 1 else 1.0
-    position = table.position * (options.unit or unit)
-    names = options.renamed(table.names, path)
-    up = options.up or ("z" if table.ours else None)
-    points = Markers(names, table.rate, position, up, Path(path).name)
+    columns, rate, position, ours = _table(path)
+    is_body = columns[0].lower() == "root"
+    position *= options.unit or (unit_of_size(position) if len(columns) > 1 else 1.0)
+    names = options.renamed(columns, path)
+    up = options.up or ("z" if ours else None)
+    points = Markers(names, rate, position, up, Path(path).name)
     if not is_body or _in_joints(points):
         return points if up else _turned_over(points)
     if len(names) < 2 or np.isnan(position).any():
@@ -71,7 +62,7 @@ def read_positions(path: str | Path, options: ReadingOptions = AS_FOUND) -> Clip
     name = Path(path).stem
     body = _body(names[1:], _parents(names, position), position)
     skeleton, root, rotation = rest_skeleton(name, body, 1.0, up)
-    return Clip(name, skeleton, table.rate, root, continuous(rotation), Path(path).name)
+    return Clip(name, skeleton, rate, root, continuous(rotation), Path(path).name)
 
 
 def _in_joints(points: Markers) -> bool:
@@ -128,7 +119,8 @@ def _words(text: str, separator: str) -> list[str]:
     return [word.strip().strip("\"'").strip() for word in text.split(separator)]
 
 
-def _table(path: str | Path) -> _Positions:
+def _table(path: str | Path) -> tuple[tuple[str, ...], float, Array, bool]:
+    """Names, rate, Hz, positions (T, N, 3), NaN where a cell is empty, and whether `writing` names columns so."""
     texts = [(number, text) for number, text in enumerate(read_lines(path), 1) if _is_row(text)]
     if not texts:
         raise FileFormatError(f"{path}: there is nothing in it. Write it again.")
@@ -159,7 +151,7 @@ def _table(path: str | Path) -> _Positions:
     rate, position = _even(time, position, [Line(path, number, []) for number, _ in rows])
     position[np.isnan(position).any(axis=-1)] = np.nan
     ours = columns[0] == "time_s" and columns[1::3] == [f"{name}.x" for name in names]
-    return _Positions(names, rate, position, ours)
+    return names, rate, position, ours
 
 
 def _even(time: Array, position: Array, lines: list[Line]) -> tuple[float, Array]:
@@ -235,11 +227,9 @@ def _body(names: tuple[str, ...], parent: list[int], position: Array) -> Recorde
         if length[bone] < NO_LENGTH:  # has no direction: moves with its parent
             length[bone] = 0.0
             direction[:, bone] = direction[:, above - 1] if above > 0 else np.array([0.0, 0.0, 1.0])
-    hangs = np.array(parent) - 1
-    skeleton = Skeleton("", names, np.where(hangs < 0, ROOT, hangs), direction[0], length)
-    return RecordedBody(
-        names, skeleton.parent, direction[0] * length[:, None], position[:, 0], orient(skeleton, direction)
-    )
+    skeleton = Skeleton("", names, np.array(parent) - 1, direction[0], length)
+    vector = direction[0] * length[:, None]
+    return RecordedBody(names, skeleton.parent, vector, position[:, 0], orient(skeleton, direction))
 
 
 FORMAT = Format(

@@ -54,14 +54,8 @@ def bvh_text(clip: Clip) -> str:
         name = "root" if bone == ROOT else skeleton.bones[bone]
         channels = "CHANNELS 3" if bone != ROOT else "CHANNELS 6 Xposition Yposition Zposition"
         turns = " ".join(f"{axis}rotation" for axis in (ORDER if bone != ROOT else ROOT_ORDER))
-        lines.extend(
-            [
-                f"{pad}{'ROOT' if bone == ROOT else 'JOINT'} {'_'.join(name.split())}",
-                f"{pad}{{",
-                f"{pad}  OFFSET {_numbers(start)}",
-                f"{pad}  {channels} {turns}",
-            ]
-        )
+        lines.extend([f"{pad}{'ROOT' if bone == ROOT else 'JOINT'} {'_'.join(name.split())}", f"{pad}{{"])
+        lines.extend([f"{pad}  OFFSET {_numbers(start)}", f"{pad}  {channels} {turns}"])
         children = skeleton.children(bone)
         for child in children:
             joint(int(child), depth + 1)

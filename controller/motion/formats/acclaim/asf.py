@@ -36,21 +36,15 @@ Fields: TypeAlias = dict[str, Line]
 
 @dataclass(frozen=True, eq=False)
 class AcclaimSkeleton:
-    """A skeleton of B bones, and the units, m and rad, and channels of its recordings; lists begin with the root.
-
-    Attributes:
-        axis: orientation of the axes of each bone's angles in the rest pose, shape (1 + B, 4).
-        dof: names of each bone's recorded channels in order, of rx, ry, rz (the root also tx, ty, tz).
-        root_position: added to all recorded root positions, shape (3,), m.
-    """
+    """A skeleton of B bones, and the units and channels of its recordings; lists begin with the root."""
 
     skeleton: Skeleton
-    axis: Array
-    dof: tuple[tuple[str, ...], ...]
-    root_position: Array
-    length_unit: float
-    angle_unit: float
-    source: str
+    axis: Array  # orientation of the axes of each bone's angles in the rest pose, (1 + B, 4)
+    dof: tuple[tuple[str, ...], ...]  # each bone's recorded channels in order, of rx, ry, rz (the root also tx, ty, tz)
+    root_position: Array  # added to all recorded root positions, (3,), m
+    length_unit: float  # m
+    angle_unit: float  # rad
+    source: str  # name of the file
 
 
 def from_acclaim(vector: Array | list[float]) -> Array:

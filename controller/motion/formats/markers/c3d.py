@@ -31,36 +31,23 @@ Parameters: TypeAlias = dict[str, NDArray[np.generic]]  # values of "POINT:RATE"
 
 @dataclass(frozen=True, eq=False)
 class C3dLayout:
-    """Location and meaning of the numbers in a C3D file.
+    """Location and meaning of the numbers in a C3D file."""
 
-    Attributes:
-        processor: INTEL, DEC or MIPS.
-        at: the first byte of the points.
-        width: count of the numbers in a frame (4 a point, then analog ones).
-        scale: of whole numbers; negative for floating-point numbers.
-        unit: of the file, m; None if it names no known one.
-    """
-
-    processor: int
+    processor: int  # INTEL, DEC or MIPS
     parameters: Parameters
-    at: int
+    at: int  # the first byte of the points
     frames: int
     points: int
-    width: int
-    scale: float
-    rate: float
-    unit: float | None
+    width: int  # count of the numbers in a frame (4 a point, then analog ones)
+    scale: float  # of whole numbers; negative for floating-point numbers
+    rate: float  # Hz
+    unit: float | None  # m; None if the file names no known one
 
     @property
     def number(self) -> np.dtype[np.generic]:
         """The stored type; floating-point numbers of a DEC also need `_floats`."""
         order = ">" if self.processor == MIPS else "<"
         return np.dtype(order + ("f4" if self.scale < 0.0 else "i2"))
-
-    @property
-    def bytes(self) -> slice:
-        """The bytes of the points in the file."""
-        return slice(self.at, self.at + self.frames * self.width * self.number.itemsize)
 
     @property
     def step(self) -> float:
@@ -128,7 +115,7 @@ def read_c3d(path: str | Path, options: ReadingOptions = AS_FOUND) -> Markers:
 
 def seen_points(content: bytes, form: C3dLayout) -> Array:
     """Positions of the points, shape (T, M, 3), in the file's axes and unit; NaN where one was not seen."""
-    raw = content[form.bytes]
+    raw = content[form.at : form.at + form.frames * form.width * form.number.itemsize]
     words = _floats(raw, form.processor) if form.scale < 0.0 else np.frombuffer(raw, form.number).astype(np.float64)
     place = words.reshape(form.frames, form.width)[:, : 4 * form.points].reshape(form.frames, form.points, 4)
     with np.errstate(all="ignore"):  # a broken number is a point not seen

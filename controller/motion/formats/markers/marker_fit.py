@@ -98,7 +98,8 @@ def fit_markers(markers: Markers, name: str) -> Fit:
     filled = {marker: bridged(seen[marker]) for marker in names}
     joints = _joint_centres(filled)
     skeleton = _skeleton(joints, name)
-    position, rotation = _first_guess(skeleton, joints)
+    ends = np.stack([joints[bone] for bone in ("root", *skeleton.bones)], axis=1)
+    position, rotation = ends[:, 0], orient(skeleton, normalise(ends[:, 1:] - ends[:, skeleton.parent + 1]))
 
     place = np.stack([filled[marker] for marker in names], axis=1)
     weight = np.where(np.isnan(np.stack([seen[marker][:, 0] for marker in names], axis=1)), BRIDGED, 1.0)
@@ -225,13 +226,6 @@ def _skeleton(joints: dict[str, Array], name: str) -> Skeleton:
         if bone[0] == "l":
             length[bone] = length["r" + bone[1:]] = 0.5 * (length[bone] + length["r" + bone[1:]])
     return thesis_skeleton(np.array([length[bone] for bone in JAEGER_BONES]), name)
-
-
-def _first_guess(skeleton: Skeleton, joints: dict[str, Array]) -> tuple[Array, Array]:
-    """Root positions (T, 3) and rotations (T, 1 + B, 4) with the bones along the estimated joints."""
-    ends = np.stack([joints[bone] for bone in ("root", *skeleton.bones)], axis=1)
-    direction = normalise(ends[:, 1:] - ends[:, skeleton.parent + 1])
-    return joints["root"], orient(skeleton, direction)
 
 
 def misplaced(fit: Fit) -> list[str]:
