@@ -67,10 +67,7 @@ class Ticker:
     """Ticks on the monotonic clock: sleeps until shortly before the deadline, then spins.
 
     Attributes:
-        rate: ticks per second, 1 to 10000.
         policy: what an overrun does: `skip` drops the missed ticks, `catch_up` runs them without waiting.
-        overruns: ticks that began more than a period late.
-        skipped: ticks that never ran.
 
     Raises:
         RateError: if the rate is out of range.
@@ -142,10 +139,6 @@ class Ticker:
 @dataclass
 class VirtualClock:
     """Ticks without waiting, each exactly on time: for tests and for rendering.
-
-    Attributes:
-        rate: ticks per virtual second, 1 to 10000.
-        overruns, skipped: always 0.
 
     Raises:
         RateError: if the rate is out of range.

@@ -40,11 +40,9 @@ class RobotOutput:
     """The output of one robot of an ensemble, given that robot's joints only; fits `interfaces.Output`.
 
     Args:
-        output: the robot's own output.
         first: index of the robot's first joint among all.
         joints: the number of its joints.
         of: the number of joints of all robots.
-        called: a prefix of the output's name, to tell the robots apart.
     """
 
     def __init__(self, output: Output, first: int, joints: int, of: int, called: str = "") -> None:

@@ -18,8 +18,6 @@ class FaultCounter:
     """The faults of one kind of call.
 
     Attributes:
-        faults: how many calls have raised.
-        fault: the last exception, in words.
         given_up: whether the last FAULTS_TO_GIVE_UP calls have all raised; no further one is made.
     """
 

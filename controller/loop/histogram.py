@@ -32,7 +32,6 @@ class DurationHistogram:
 
     Attributes:
         longest: the longest duration so far, ns, exact.
-        count: how many durations were added.
     """
 
     longest: int = 0

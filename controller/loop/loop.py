@@ -34,10 +34,7 @@ class LoopState:
 
     Attributes:
         targets: the targets written to the outputs, shape (J,), rad.
-        pose: the pose they come from.
-        tick: the number of completed ticks.
         seconds: s since the loop started.
-        overruns: ticks that began more than a period late.
         lateness, work: histograms of how late ticks began and how long their work took.
         late_ns: lateness of the present tick, ns.
         work_ns: work of the tick before, ns.
@@ -65,13 +62,10 @@ class LoopReport(msgspec.Struct, frozen=True):
     """The result of a loop.
 
     Attributes:
-        rate_hz: achieved ticks per second.
-        ticks: how many ran.
         overruns: how many began more than a period late.
         skipped: how many never ran, because the ones before took too long.
         lateness_us, work_us: percentiles of lateness and work, us.
         outputs: for each output its name, faults, whether it was parked, and its own report.
-        reason: why the loop ended.
         faults: how often the deck, the commands and the telemetry have raised.
         changed: for each joint how many targets the safety envelope has changed.
     """
@@ -109,8 +103,6 @@ def run(
     Args:
         deck: updated once a tick. An exception of its first update is raised here: nothing has moved yet.
         channels: the outputs; when all of them are parked the loop ends.
-        clock: waits for the next tick.
-        envelope: every target passes it; made for the period of the clock.
         seconds: how long to play; approach and stop are not counted.
         rest: joint positions (J,), rad, to end at; without them the joints stay where they stop.
         commands: carries out commands once a tick; it may request a stop, and must not wait.

@@ -18,11 +18,8 @@ class Channel:
     """Serves an output at each `every`-th tick; its exceptions are counted and not passed on.
 
     Attributes:
-        output: the output that is read and written.
         every: 1 for each tick, 2 for each second tick, and so on.
         measured: the joint positions read last, shape (J,), rad, or None; NaN for a joint that is not measured.
-        faults: how many reads and writes have raised.
-        fault: the last exception, in words.
         parked: whether the output is no longer served.
     """
 

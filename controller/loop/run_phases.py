@@ -37,9 +37,6 @@ class Source:
     """The latest targets and pose of a deck; they keep their values while the deck raises.
 
     Attributes:
-        targets: shape (J,), rad.
-        pose: where they come from.
-        counter: the faults of the updates.
         updates: how many there were after the first one.
         running: whether the deck's time passes; while the joints approach it, it waits.
     """
@@ -86,11 +83,8 @@ def safe_targets(
     the tick in which it is noticed. If the run ends while the emergency stop is on, the joints stay where they are.
 
     Args:
-        source: the deck's targets.
         channels: the outputs; they measure where the joints are at the start.
-        envelope: every target passes it.
         stop: ends the run; set here when the time is over or the deck keeps failing.
-        seconds: how long to play.
         rest: joint positions (J,), rad, of home and of the end; without them the joints stay where they stop.
     """
     if stop:

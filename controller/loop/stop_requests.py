@@ -22,7 +22,6 @@ class StopRequest:
     """Whether the run is to end and why, and the mode of the joints until then.
 
     Attributes:
-        reason: why the run is to end; empty while it is not.
         mode: whether the joints follow the deck, stand at home, are held, or are held by the emergency stop.
         at_rest: whether the joints have come to rest where they are held; set by the loop.
         approaching: whether the joints are on their slow way to the motion, whose time waits; set by the loop.

@@ -47,12 +47,7 @@ class Traffic:
 
 
 class CommandServer:
-    """Receives commands; never blocks, and never raises once it is open.
-
-    Attributes:
-        port: the number by which clients find it.
-        remote: whether it listens to a network.
-    """
+    """Receives commands; never blocks, and never raises once it is open."""
 
     def __init__(self, port: int = DEFAULT_PORT, host: str | None = None, token: bytes | None = None) -> None:
         """Listens to programs of this user, or with a token at an address of this machine; port 0 takes a free one.
@@ -164,9 +159,6 @@ class CommandClient:
         """Prepares to talk to a deck; nothing is sent yet.
 
         Args:
-            port: by which it is found.
-            host: its address, if it is not one of this user.
-            token: authenticates datagrams from another machine.
             patience: how long a command waits for a deck of this user that takes none at the moment, s.
 
         Raises:

@@ -20,7 +20,6 @@ class Sighting:
 
     Attributes:
         time: when, by the asking deck's clock, s.
-        phase: of its loop, [0, 1).
         rate: rounds per second; negative backwards.
     """
 

@@ -69,11 +69,7 @@ class LocalClient:
 
 
 class LocalListener:
-    """Accepts connections from programs of this user; never blocks, and never raises once it is open.
-
-    Attributes:
-        port: the number by which clients find it.
-    """
+    """Accepts connections from programs of this user; never blocks, and never raises once it is open."""
 
     remote = False
 

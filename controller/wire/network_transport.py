@@ -50,7 +50,6 @@ class NetworkListener:
     """Takes signed commands at an address of this machine; never blocks, and never raises once it is open.
 
     Attributes:
-        port: the port it listens on.
         replayed: datagrams with a true signature that were sent before, or to another run; none was carried out.
         unsigned: datagrams without a true signature.
         last_replay: the address where the latest of the replayed ones came from.

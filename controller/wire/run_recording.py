@@ -115,7 +115,6 @@ class RunRecording:
     Attributes:
         description: library, robot, joints, motions, rate (ticks per second), root, balance, walk.
         fields: the values of each field, shape (ticks, size).
-        complete: whether its writer has marked it complete.
     """
 
     description: dict[str, Any]

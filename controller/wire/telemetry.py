@@ -69,7 +69,6 @@ class StateWriter:
 
     Attributes:
         fields: the values of the next `publish`, each a float64 array to write into; NaN until it is written.
-        values: all of them in the order of the fields.
     """
 
     def __init__(self, memory: mmap.mmap, layout: _Layout, fields: Mapping[str, int]) -> None:
@@ -88,8 +87,6 @@ class StateWriter:
 
         Args:
             path: a file in a directory of the owner's; the caller removes both at the end.
-            description: any JSON values.
-            fields: the name of each field and how many numbers it holds.
             slots: how many states are kept, for readers that need every one of them; at least 2.
 
         Raises:
@@ -131,12 +128,7 @@ class StateWriter:
 
 
 class StateReader:
-    """A reader's side; it never disturbs the writer.
-
-    Attributes:
-        description: as the writer gave it.
-        fields: the name of each field and how many numbers it holds.
-    """
+    """A reader's side; it never disturbs the writer."""
 
     def __init__(self, memory: mmap.mmap, layout: _Layout, header: _StateHeader) -> None:
         self.description = header.description

@@ -94,8 +94,7 @@ def add(
         typer.Option("--frames", metavar="FIRST END", help="Only these frames of the recording."),
     ] = None,
     out: Annotated[
-        Path | None,
-        typer.Option("--out", metavar="FILE", help="The library to write; default: LIBRARY itself."),
+        Path | None, typer.Option("--out", metavar="FILE", help="The library to write; default: LIBRARY itself.")
     ] = None,
     allow_failing: Annotated[
         bool, typer.Option("--allow-failing", help="Write the library even if the motion fails its self-test.")

@@ -48,13 +48,7 @@ _UsageError: type[Exception] = typer.BadParameter.__bases__[0]
 
 # The panels of the help, and the module of each command; a group of commands is an app.
 _PANELS = {
-    "Play": {
-        "play": "play",
-        "send": "remote.send",
-        "events": "remote.send",
-        "replay": "replay",
-        "plot": "plot",
-    },
+    "Play": {"play": "play", "send": "remote.send", "events": "remote.send", "replay": "replay", "plot": "plot"},
     "Learn": {
         "learn": "learn",
         "clip": "clip.commands",
@@ -63,18 +57,9 @@ _PANELS = {
         "recognize": "recognize",
         "segment": "segment",
     },
-    "Robot": {
-        "robot": "robot.commands",
-        "preflight": "preflight",
-        "retarget": "robot.retarget",
-    },
+    "Robot": {"robot": "robot.commands", "preflight": "preflight", "retarget": "robot.retarget"},
     "Servo rig": {"rig": "rig.commands"},
-    "Show": {
-        "gamepad": "remote.gamepad",
-        "stage": "remote.stage",
-        "conduct": "show.conduct",
-        "fleet": "show.fleet",
-    },
+    "Show": {"gamepad": "remote.gamepad", "stage": "remote.stage", "conduct": "show.conduct", "fleet": "show.fleet"},
 }
 _GROUPS = ("library", "clip", "rig", "robot", "recognize", "fleet")
 

@@ -84,10 +84,7 @@ def run(
         list[Path], typer.Argument(metavar="FILE_OR_FOLDER...", help="Recordings of any format, and folders of them.")
     ],
     skeleton: SkeletonOption = None,
-    stream: Annotated[
-        bool,
-        typer.Option("--stream", help="Recognize frame by frame, as on a robot."),
-    ] = False,
+    stream: Annotated[bool, typer.Option("--stream", help="Recognize frame by frame, as on a robot.")] = False,
     as_json: JsonOption = False,
 ) -> None:
     """Name the motion of each recording.

@@ -13,15 +13,7 @@ from itertools import combinations
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from motiondeck.shows.membership import (
-    AUTHORITY,
-    CERTIFICATE,
-    CONDUCTOR,
-    KEY,
-    MEMBER_FILE,
-    check_name,
-    host_and_port,
-)
+from motiondeck.shows.membership import AUTHORITY, CERTIFICATE, CONDUCTOR, KEY, MEMBER_FILE, check_name, host_and_port
 from motiondeck_base.errors import MotiondeckError
 
 if TYPE_CHECKING:
@@ -38,8 +30,6 @@ def make_certificates(folder: Path, show: str, members: Mapping[str, str]) -> li
     """Makes a folder for each member; with an authority that is there already, members are added or renewed.
 
     Args:
-        folder: of the show; it is made where it is missing.
-        show: its name.
         members: the address of each, HOST or HOST:PORT, the conductor's too.
 
     Returns:

@@ -40,17 +40,10 @@ class Conductor:
     """Conducts a show.
 
     Args:
-        show: its cues.
-        link: to the decks.
-        notify: receives what happens, as lines of text.
         first: the number of the first cue, from 0.
-        now: a steady clock, s; the clock of the show.
 
     Attributes:
-        decks: those that were seen, by name.
         stopped_by: the member that gave the emergency stop, or ""; `go` goes on.
-        show, now: as given.
-        cues: the cue list.
         given: the time of each cue that was sent, s, by its number from 0.
     """
 

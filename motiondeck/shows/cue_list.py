@@ -17,10 +17,8 @@ class CueList:
     Times count from the beginning, and anew from every hold point and condition that was passed.
 
     Args:
-        cues: in order.
         lead: how long before its time a cue is given out, s.
         now: the time of the beginning, s; the cues of time 0 then come after the lead.
-        first: the number of the first cue, from 0.
     """
 
     def __init__(self, cues: Sequence[ShowCue], lead: float, now: float, first: int = 0) -> None:

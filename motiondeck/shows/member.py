@@ -69,13 +69,8 @@ class Member:
     """Serves one deck.
 
     Args:
-        name: of the deck.
-        about: what it is.
-        link: to the show.
-        deck: its commands.
         leader: where the deck asks for the phase of the show.
         notify: receives lines for the user of the deck.
-        now: a steady clock, s.
     """
 
     def __init__(

@@ -37,8 +37,6 @@ class MemberFile(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     """A member.toml.
 
     Attributes:
-        show: the name of the show.
-        name: of the member.
         members: the address of each member, HOST or HOST:PORT.
     """
 
@@ -52,10 +50,7 @@ class Membership:
     """A member of a show.
 
     Attributes:
-        show: the name of the show.
-        name: of the member.
         listen: where others reach it, as zenoh writes it; none for a member that only connects.
-        connect: where the others are.
         certificates: the folder with its certificate, on several machines.
     """
 

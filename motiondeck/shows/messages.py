@@ -27,10 +27,8 @@ class About(msgspec.Struct, frozen=True):
     """A deck.
 
     Attributes:
-        robot, library: their names.
         rate: ticks of its loop a second.
         rounds: of each motion that is a loop, how long a round takes at tempo 1, s; 0 for a one-shot.
-        host: the machine where it runs.
     """
 
     robot: str
@@ -61,7 +59,6 @@ class CommonRound(msgspec.Struct, frozen=True):
 
     Attributes:
         began: when phase 0 was, in the conductor's time, s.
-        seconds: how long a round takes.
     """
 
     began: float
@@ -76,12 +73,8 @@ class TimedCue(msgspec.Struct, frozen=True):
     """Commands at a time.
 
     Attributes:
-        run: of the conductor.
         number: rises from cue to cue of a run.
-        name: for people.
         at: when, in the conductor's time, s.
-        decks: its receivers.
-        say: the commands.
         step: what loops keep step with from then on; None for nothing.
     """
 
@@ -114,7 +107,6 @@ class DeckHealth(msgspec.Struct, frozen=True):
         motion, mode, phase, paused, switching, lock: as in `State`; lock is "" without one.
         clock: how well the conductor's time is known; None if not at all.
         problem: the latest refusal or cue that came too late, or "".
-        problems: how many there have been.
     """
 
     run: str
@@ -134,7 +126,6 @@ class EmergencyStopAll(msgspec.Struct, frozen=True):
     """Emergency stop of all decks.
 
     Attributes:
-        by: the member that sent it.
         id: of this stop, so that a member passes it on once.
     """
 

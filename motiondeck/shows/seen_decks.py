@@ -18,7 +18,6 @@ class CueSum:
     """The sum of all cues of a deck: the commands for one that joins late or has missed some.
 
     Attributes:
-        number: of the latest cue; 0 before the first.
         at: when it is carried out, in the conductor's time, s.
     """
 
@@ -50,14 +49,10 @@ class SeenDeck:
     """A deck as the conductor knows it.
 
     Attributes:
-        name: of the deck.
-        here: whether it is connected.
         about, health: its latest messages; None before the first.
         heard: time of its health, s.
         cues: the sum of the cues sent to it.
         joined: when that was last sent, s.
-        problems: the number of reported problems.
-        losses: how often its connection was lost.
     """
 
     name: str
@@ -75,13 +70,7 @@ class SeenDecks:
     """All decks that a conductor has seen.
 
     Args:
-        show: that they take part in.
-        run: of the conductor.
         notify: receives what happens, as lines of text.
-        now: the clock of the show, s.
-
-    Attributes:
-        by_name: each by its name.
     """
 
     def __init__(self, show: Show, run: str, notify: Callable[[str], None], now: Callable[[], float]) -> None:

@@ -48,13 +48,9 @@ class ShowCue(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     """A cue as written.
 
     Attributes:
-        say: one command or several, as at the prompt.
-        name: for people, and for --from.
         at: s since the show began, or since the latest hold point or condition.
-        hold: waits for `go`.
         when: waits until this holds.
         within: s after which a condition that does not hold becomes a hold point.
-        to: a deck or group, or several; all decks by default.
         in_step: keeps loops in step from then on, at the recorded length of the motion, or at this many s a round.
     """
 
@@ -88,10 +84,7 @@ class Show(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     """A show.
 
     Attributes:
-        show: its name.
-        cues: the commands and their times.
         decks: those that belong to it; without them every deck that is there.
-        groups: names of several decks.
         lead: how long before its time a cue is sent, s.
         if_lost: what a deck does that has lost the conductor.
         lost_after: after how long without an answer, s.
@@ -133,12 +126,7 @@ def read_show(path: Path) -> Show:
 
 
 def wrong_motions(show: Show, decks: Mapping[str, Mapping[str, float]]) -> Iterator[str]:
-    """Motions of cues that decks lack, as problems.
-
-    Args:
-        show: with the cues.
-        decks: the motions of each deck that is there.
-    """
+    """Motions of cues that decks lack, as problems."""
     for number, cue in enumerate(show.cues, start=1):
         for name in show.members(cue.receivers, list(decks)):
             motions = decks.get(name)

@@ -19,8 +19,6 @@ class DeckRow(msgspec.Struct, frozen=True):
 
     Attributes:
         name, robot, library, host: what it is; all but the name are "" until it has said so.
-        here: whether it is connected.
-        losses: how often its connection was lost.
         heard_ago: how long ago it has said how it is, s.
         health: what it said; None without a connection, and before that.
     """
@@ -39,14 +37,11 @@ class ShowState(msgspec.Struct, frozen=True, tag="state"):
     """A show at a moment.
 
     Attributes:
-        show: its name.
-        cues: all of them, in order.
         present: the number, from 0, of the cue that was last carried out; None before the first.
         upcoming: of the one that comes next; None after the last.
         seconds: how long until then; None if unknown.
         waits: whether only `go` brings it.
         stopped_by: the member that gave the emergency stop, or "".
-        decks: those that were seen, by name.
     """
 
     show: str

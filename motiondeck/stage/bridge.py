@@ -35,12 +35,8 @@ class Bridge:
     """Commands a deck by signals until the deck has ended.
 
     Args:
-        client: connected to the deck.
-        inputs: where signals come from.
         output: receives events and states, if any.
-        answered: receives the replies to commands.
         notify: receives what is refused here, and changes of the lock, as lines of text.
-        now: a steady clock, s.
 
     Raises:
         SocketError: if no deck is running.

@@ -15,11 +15,7 @@ _PLACE = re.compile(r"\$([1-9])")
 
 @dataclass(frozen=True)
 class CommandPattern:
-    """One command, complete or with places for arguments.
-
-    Attributes:
-        text: as it stands in the file, such as "tempo $1".
-    """
+    """One command, complete or with places for arguments."""
 
     text: str
 

@@ -21,12 +21,7 @@ _PER_POSITION = 6  # pulses a unit of the song position, which is a sixteenth
 
 
 class MidiInput:
-    """Commands from the messages of a MIDI port.
-
-    Args:
-        port: where they come from.
-        stage: what they mean.
-    """
+    """Commands from the messages of a MIDI port."""
 
     def __init__(self, port: MidiPort, stage: MidiMap) -> None:
         self._port, self._stage = port, stage

@@ -39,7 +39,6 @@ class OscInput:
     A message in a bundle counts at the bundle's time, one with an address that nothing is mapped to not at all.
 
     Args:
-        port: of UDP.
         commands: of each address; patterns in the address of a message are not matched.
         notify: receives what is refused here, as a line of text.
 
@@ -112,10 +111,6 @@ class OscInput:
 
 class OscOutput:
     """Sends events and states of a deck by OSC.
-
-    Args:
-        host: its address.
-        port: its UDP port.
 
     Raises:
         MotiondeckError: if python-osc is not installed, or there is no such host.

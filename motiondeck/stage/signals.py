@@ -18,8 +18,6 @@ class Signal:
 
     Attributes:
         due: when it is to be given, s, by the bridge's clock; in the past where it was noticed late.
-        source: its address, note or time, in words.
-        command: its command.
     """
 
     due: float

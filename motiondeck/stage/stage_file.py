@@ -45,7 +45,6 @@ class OscMap:
     Attributes:
         port: the UDP port on loopback at which messages arrive; None for none.
         target: where events and states are sent to, host and port; None for nowhere.
-        commands: of each address.
     """
 
     port: int | None
@@ -60,9 +59,6 @@ class MidiMap:
     Attributes:
         input: the name of a port, or the path of a raw MIDI device.
         channel: the only one whose notes count, from 0; None for all.
-        clock: whether the quarter notes of its clock are beats.
-        notes: the command of each note, 0 to 127.
-        cues: the command at each time of its timecode.
     """
 
     input: str

@@ -21,10 +21,7 @@ class CommandHandler:
     """Carries out the commands that have arrived, once a tick; it never waits, and no client can make it raise.
 
     Args:
-        run: what is commanded.
-        servers: the sockets that commands arrive at.
         note: called with each command and its reply.
-        now: a steady clock, s.
     """
 
     def __init__(

@@ -104,13 +104,9 @@ class CommandedRun:
     """A run that commands are carried out on; none waits or raises.
 
     Attributes:
-        deck: the deck that is commanded.
-        servos: of the rig, if there is one.
         body: what is simulated, if it can be pushed.
         restarts: whether the run can be started again with another library.
-        ticks: the clock of the loop, in real time.
         snapshots: of the run, for status replies; by default of the deck and the body.
-        timed: the commands whose time is still to come.
     """
 
     deck: Playback

@@ -48,11 +48,7 @@ class RigServos(Protocol):
 
 @runtime_checkable
 class Pushable(Protocol):
-    """A simulated body that can be pushed; the call does not wait.
-
-    Attributes:
-        fallen: whether it lies on the floor.
-    """
+    """A simulated body that can be pushed; the call does not wait."""
 
     fallen: bool
 

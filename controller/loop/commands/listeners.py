@@ -22,9 +22,7 @@ class _Listener:
     """A client with a subscription or a heartbeat.
 
     Attributes:
-        client: how to reach it.
         heard: time of its last command, s.
-        subscribed: whether it receives events.
         within: s of silence after which the deck pauses; 0 for never.
     """
 
@@ -39,10 +37,6 @@ class Listeners:
 
     Args:
         deck: its source of events; it pauses when a heartbeat is missed.
-        now: a steady clock, s.
-
-    Attributes:
-        known: each by its address.
     """
 
     def __init__(self, deck: Playback, now: Callable[[], float]) -> None:

@@ -20,9 +20,6 @@ _MOST_AWAITED = 256  # switches, or looks, whose second reply is still to come
 class SecondReplies:
     """Second replies that are pending.
 
-    Args:
-        now: a steady clock, s.
-
     Attributes:
         switches: those under way, with client, number, motions and progress.
         looks: requests to servos, with client, number and start, s.

@@ -20,9 +20,6 @@ class TimedCommands:
 
     Args:
         ticks: the clock of the loop; without one (not in real time) none is taken.
-
-    Attributes:
-        waiting: each command with its client.
     """
 
     def __init__(self, ticks: RealTime | None) -> None:

@@ -12,11 +12,7 @@ LEAST = 0.75  # of a period; so much must be earned
 
 
 class Pace:
-    """Decides for each tick whether its targets may be written.
-
-    Args:
-        period: s from tick to tick of the safety envelope.
-    """
+    """Decides for each tick whether its targets may be written."""
 
     def __init__(self, period: float) -> None:
         self._period_ns = round(period * 1e9)

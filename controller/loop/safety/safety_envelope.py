@@ -39,7 +39,6 @@ class SafetyEnvelope:
     """Turns targets into safe targets for J joints, one call a tick.
 
     Attributes:
-        limits: as given.
         changed: how many targets of each joint were changed since the start, length J.
     """
 

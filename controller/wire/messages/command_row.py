@@ -45,12 +45,8 @@ class CommandRow:
     are typed, and the first line of its docstring is the help.
 
     Attributes:
-        uses: where it may be used besides live.
-        modes: the modes of a run in which it is allowed.
-        aliases: other words for it.
         record: its number in recordings, from 1, never reused; 0 if it is not recorded.
         second_reply: the reply that follows the one to the command: a motion has settled, or servos have replied.
-        message: the type of its message.
     """
 
     uses: tuple[Use, ...]

@@ -41,12 +41,7 @@ _JOINT = Text("JOINT", "the name of a joint")
 
 
 class Switch(CommandMessage, frozen=True, tag="switch"):
-    """Play a motion now, or when a one-shot has ended; direct: at once, without motions in between.
-
-    Attributes:
-        to: the motion; the queue is cleared.
-        direct: whether to switch at once, whatever the distance.
-    """
+    """Play a motion now, or when a one-shot has ended; direct: at once, without motions in between."""
 
     row = CommandRow(("timed", "cue", "script", "film"), record=1, second_reply="settled")
     to: Annotated[str, MotionName()]
@@ -88,12 +83,7 @@ class Blend(CommandMessage, frozen=True, tag="blend"):
 
 
 class SetTempo(CommandMessage, frozen=True, tag="tempo"):
-    """Play at -3 to 3 times the recorded tempo, reached smoothly or within SECONDS; below 0 backwards.
-
-    Attributes:
-        factor: 1 is as fast as recorded, 0 stands still, negative plays backwards.
-        over: duration of the change, s; 0 for as quickly as is smooth.
-    """
+    """Play at -3 to 3 times the recorded tempo, reached smoothly or within SECONDS; below 0 backwards."""
 
     row = CommandRow(("timed", "cue", "script", "film", "replay"), record=3)
     factor: Annotated[float, TEMPO]
@@ -101,12 +91,7 @@ class SetTempo(CommandMessage, frozen=True, tag="tempo"):
 
 
 class SetInput(CommandMessage, frozen=True, tag="input"):
-    """Change an input that motions were learned with, such as speed 1.4 (m/s); it is reached smoothly.
-
-    Attributes:
-        name: of the input, such as "speed".
-        value: in its own unit.
-    """
+    """Change an input that motions were learned with, such as speed 1.4 (m/s); it is reached smoothly."""
 
     row = CommandRow(("timed", "cue", "script"), record=12)
     name: Annotated[str, Text("INPUT", "the name of an input")]
@@ -121,11 +106,7 @@ class Jump(CommandMessage, frozen=True, tag="jump"):
 
 
 class GiveBeat(CommandMessage, frozen=True, tag="beat"):
-    """A beat, now or AGO seconds ago (-2 to 2); the first one locks the motion to the beats.
-
-    Attributes:
-        ago: s since the beat; negative for one to come.
-    """
+    """A beat, now or AGO seconds ago (-2 to 2); the first one locks the motion to the beats."""
 
     row = CommandRow(("script",), aliases=("tap",), record=13)
     ago: Annotated[float, AGO] = 0.0
@@ -135,8 +116,6 @@ class LockPhase(CommandMessage, frozen=True, tag="lock"):
     """Lock the phase to: beat (PHASE falls on it, STEPS beats a round, 0: automatic), deck (PHASE ahead), body.
 
     Attributes:
-        source: beats, another deck, or the measured joints.
-        phase: the phase that falls on a beat, or the lead over the other deck.
         steps: beats in a round of the motion; 0 for what keeps the tempo nearest to 1.
     """
 
@@ -159,11 +138,7 @@ class Pause(CommandMessage, frozen=True, tag="pause"):
 
 
 class StepOn(CommandMessage, frozen=True, tag="step"):
-    """In a pause: go on for one tick, or for SECONDS (up to 1), and stand still again.
-
-    Attributes:
-        seconds: of the motion; 0 for one tick.
-    """
+    """In a pause: go on for one tick, or for SECONDS (up to 1), and stand still again."""
 
     row = CommandRow(("script", "replay"), record=22)
     seconds: Annotated[float, STEP_SECONDS] = 0.0
@@ -205,11 +180,7 @@ class Stop(CommandMessage, frozen=True, tag="stop"):
 
 
 class Heartbeat(CommandMessage, frozen=True, tag="heartbeat"):
-    """Pause when the sender ends or sends nothing for SECONDS (up to 60); 0 ends that.
-
-    Attributes:
-        within: the longest silence, s.
-    """
+    """Pause when the sender ends or sends nothing for SECONDS (up to 60); 0 ends that."""
 
     row = CommandRow(("script", "replay"), ALWAYS)
     within: Annotated[float, Number("SECONDS", 0.0, 60.0)]
@@ -247,12 +218,7 @@ class GetPhase(CommandMessage, frozen=True, tag="phase"):
 
 
 class ServoTorque(CommandMessage, frozen=True, tag="torque"):
-    """Switch a servo's torque off (it goes limp), or check the servo and switch it on where it stands.
-
-    Attributes:
-        joint: its name in the rig file.
-        to: on or off.
-    """
+    """Switch a servo's torque off (it goes limp), or check the servo and switch it on where it stands."""
 
     row = CommandRow(("script", "replay"), ALWAYS, record=16)
     joint: Annotated[str, _JOINT]
@@ -277,8 +243,6 @@ class WriteRegister(CommandMessage, frozen=True, tag="write"):
     """Write a register of a servo whose torque is off; only what the rig does not rely on.
 
     Attributes:
-        joint: its name in the rig file.
-        register: its name in the control table.
         count: the new value, in the register's own counts.
     """
 
@@ -302,7 +266,6 @@ class Push(CommandMessage, frozen=True, tag="push"):
     """Push the simulated body from its front, back, left or right with IMPULSE N s (default: forces a step).
 
     Attributes:
-        side: of the body, where the push meets it.
         impulse: N s; 0 for one that forces a step.
         towards: direction of the push, rad from the world's x to its y axis; None for straight away from that side.
     """
@@ -314,12 +277,7 @@ class Push(CommandMessage, frozen=True, tag="push"):
 
 
 class LoadLibrary(CommandMessage, frozen=True, tag="load"):
-    """Come to rest, and start again with another library file (path from the deck's folder).
-
-    Attributes:
-        library: its path.
-        to: the motion that is played first.
-    """
+    """Come to rest, and start again with another library file (path from the deck's folder)."""
 
     row = CommandRow(("script", "replay"), record=18)
     library: Annotated[str, Text("LIBRARY", "a path", longest=1500)]
@@ -334,7 +292,6 @@ class AtTime(CommandMessage, frozen=True, tag="at"):
 
     Attributes:
         when: by this machine's steady clock, s.
-        say: the command.
     """
 
     row = CommandRow(("replay",))

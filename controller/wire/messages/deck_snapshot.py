@@ -89,16 +89,9 @@ class DeckSnapshot(msgspec.Struct, frozen=True, kw_only=True):
         motion: the motion that is played or being switched to.
         playing: the motion that is played now, perhaps on the way to `motion`.
         way: the motions that the present switch has still to begin.
-        queue: the motions that are played next.
-        blend: the motions that are blended in, each with its weight.
-        fell_back: why the last blend was given up and what was played instead, or "".
-        tempo: the present tempo; negative backwards.
-        commanded_tempo: the tempo that was commanded.
         phase: how far the motion is, from 0 to 1; None if the network runs by itself.
         inputs: the present values of the inputs that motions have besides the phase.
         lock: what the phase is locked to, if it is.
-        paused: whether it is paused.
-        switching: whether a switch is under way.
         restarts: how often the network lost its motion and was restarted.
         at: s of the deck, the clock of its events; it waits while the joints approach the motion.
         mode: whether the joints follow the motion, stand at home, are held, or are held by the emergency stop.
@@ -108,13 +101,9 @@ class DeckSnapshot(msgspec.Struct, frozen=True, kw_only=True):
         mismatch_s: for how long the joints have shown another motion than the commanded one, s.
         stuck: a joint that does not follow its targets, or "".
         kept_apart: ticks in which limbs of the robot were kept from colliding.
-        tick: the number of completed ticks.
         run_s: s since the loop started.
         clock_s: when the tick began, by the loop's clock, s.
         late_us, work_us: lateness of the tick, and work of the tick before, us.
-        overruns: ticks that began more than a period late.
-        rate_hz: ticks per second since the start.
-        health: percentiles of lateness and work.
     """
 
     motion: Motion
@@ -150,11 +139,7 @@ class DeckSnapshot(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class DeckState(Protocol):
-    """The state of a deck.
-
-    Attributes:
-        time: s since the start.
-    """
+    """The state of a deck."""
 
     time: float
 
@@ -360,12 +345,8 @@ class SnapshotNumbers:
     A name is its place in a list of names, -1 for none; None is NaN; a struct has a field for each of its fields, such
     as `lock_error_ms`.
 
-    Args:
-        motions, recognizable, joints: the lists of names.
-
     Attributes:
         sizes: the name of each field, and how many numbers it has.
-        count: the sum of the sizes.
     """
 
     def __init__(self, motions: Sequence[str], *, recognizable: Sequence[str] = (), joints: Sequence[str] = ()) -> None:

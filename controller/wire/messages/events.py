@@ -42,7 +42,6 @@ class Event(msgspec.Struct, frozen=True, tag="event"):
             has fallen, stands again; "overrun":
             ticks came more than a period late; "replayed": a recorded datagram was refused; "lost": a heartbeat is
             missing, and the deck was paused; "ended": the run is over.
-        text: the same in words.
         motion: the motion that it is about, or "".
         at: s since the deck's start.
         number: rises by 1 from event to event of a deck; a gap means lost events.

@@ -16,10 +16,8 @@ class LockState(msgspec.Struct, frozen=True):
     """What the phase is locked to.
 
     Attributes:
-        source: beats, another deck, or the measured joints.
         state: "searching" before it is in step, "locked" when it is, "waiting" while the body is held.
         error_ms: how far the motion is behind, ms; of a body how far the body is; None if that is not known.
-        per_minute: beats a minute, where there are beats.
     """
 
     source: LockSource

@@ -20,7 +20,6 @@ class Accepted(msgspec.Struct, frozen=True, tag="accepted"):
     """The command is being carried out.
 
     Attributes:
-        id: that of the command.
         after: the one-shot that is finished first, or "".
         via: the motions on the way.
     """
@@ -77,7 +76,6 @@ class OnPorts(msgspec.Struct, frozen=True, tag="ports"):
     """The servos on the ports of the rig at its baud rate.
 
     Attributes:
-        servos: those that replied.
         missing: the joints whose servo did not reply.
     """
 
@@ -90,7 +88,6 @@ class PhaseNow(msgspec.Struct, frozen=True, tag="phase"):
     """The phase of the motion and its rate.
 
     Attributes:
-        motion: the motion that is played.
         phase: from 0 to 1; None if the network runs by itself.
         rate: rounds a second, negative backwards; None for a one-shot, or without a phase.
         at: when the phase was this, by the machine's steady clock, s; None if the deck does not play in real time.
@@ -104,12 +101,7 @@ class PhaseNow(msgspec.Struct, frozen=True, tag="phase"):
 
 
 class State(DeckSnapshot, frozen=True, kw_only=True, tag="state"):
-    """The status of a deck: its snapshot, and all motions of the library.
-
-    Attributes:
-        motions: all motions of the library.
-        id: that of the command.
-    """
+    """The status of a deck: its snapshot, and all motions of the library."""
 
     motions: list[str]
     id: Natural

@@ -8,14 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from motiondeck.cli.common.options import (
-    PAGE_PORT,
-    JsonOption,
-    PagePortOption,
-    Reading,
-    SkeletonOption,
-    check_other,
-)
+from motiondeck.cli.common.options import PAGE_PORT, JsonOption, PagePortOption, Reading, SkeletonOption, check_other
 from motiondeck.cli.common.options_class import grouped
 from motiondeck_base.errors import MotiondeckError
 from motiondeck_base.files import check_folder
@@ -25,15 +18,9 @@ if TYPE_CHECKING:
     from controller.motion.formats.reading import FittedClip
     from controller.motion.reading_options import ReadingOptions
 
-app = typer.Typer(
-    help="Show, convert, draw and view motion capture files.",
-    no_args_is_help=True,
-)
+app = typer.Typer(help="Show, convert, draw and view motion capture files.", no_args_is_help=True)
 
-FileArgument = Annotated[
-    Path,
-    typer.Argument(metavar="FILE", help="A recording of any format in docs/clips.md."),
-]
+FileArgument = Annotated[Path, typer.Argument(metavar="FILE", help="A recording of any format in docs/clips.md.")]
 
 
 @app.command("show")

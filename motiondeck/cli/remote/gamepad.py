@@ -30,7 +30,6 @@ class Pad:
 
     Args:
         motions: all motions, in the order in which the cross of the gamepad steps through them.
-        motion: the one that is playing.
     """
 
     def __init__(self, motions: Sequence[str], motion: str) -> None:

@@ -97,9 +97,6 @@ class _Recording:
     """A recorded movement, and how to save it.
 
     Attributes:
-        taught: the movement.
-        plays: learned as a loop or once.
-        trim: whether still ends are left out.
         cut_short: why it broke off; "" if it did not.
     """
 

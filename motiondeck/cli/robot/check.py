@@ -64,9 +64,6 @@ def check(robot: Path, files: Sequence[Path], solver: Solver | None, seconds: fl
     A pose for reference before the motion is left out; `left_out` says how many frames that was.
 
     Args:
-        robot: the robot file.
-        files: the recordings.
-        solver: in place of the robot file's.
         seconds: of each recording, from its beginning; None for all of it.
     """
     load = RobotLoader(robot)
