@@ -44,8 +44,8 @@ from benchmarks.deck._peer_clock import PeerClock, limiters  # noqa: E402
 from controller.deck.deck import Deck  # noqa: E402
 from controller.library.motion_library import MotionLibrary, load_library  # noqa: E402
 from controller.loop.clock import Clock, Ticker  # noqa: E402
-from controller.loop.gc_and_blas import undisturbed  # noqa: E402
 from controller.loop.histogram import DurationHistogram  # noqa: E402
+from controller.loop.loop import undisturbed  # noqa: E402
 from controller.loop.permissions import handed_back, request_core, request_realtime  # noqa: E402
 from controller.wire.messages.commands import Switch  # noqa: E402
 from motiondeck.run.assembly import Host, Played, open_session  # noqa: E402

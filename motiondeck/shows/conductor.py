@@ -10,8 +10,7 @@ from collections.abc import Callable
 from controller.wire.messages.arguments import CommandError
 from controller.wire.messages.commands import DeckCommand
 from motiondeck.shows.cue_list import CueList
-from motiondeck.shows.link import Link
-from motiondeck.shows.mailbox import Mailbox
+from motiondeck.shows.link import Link, Mailbox
 from motiondeck.shows.member import STOP_AGAIN, STOP_SAID
 from motiondeck.shows.membership import CONDUCTOR
 from motiondeck.shows.messages import About, CommonRound, DeckHealth, EmergencyStopAll, Time, TimedCue, encode, read

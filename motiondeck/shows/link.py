@@ -8,8 +8,9 @@ from __future__ import annotations
 
 import json
 import os
-from collections.abc import Callable
-from typing import TYPE_CHECKING, Any
+from collections import deque
+from collections.abc import Callable, Iterator
+from typing import TYPE_CHECKING, Any, Generic, TypeVar
 
 from motiondeck.shows.membership import AUTHORITY, CERTIFICATE, KEY, Membership
 from motiondeck_base.errors import MotiondeckError
@@ -24,6 +25,8 @@ _RECEIVING_THREADS = 64
 
 Received = Callable[[str, bytes], None]
 """Called with a key within the show and the data, in a thread of zenoh."""
+
+T = TypeVar("T")
 
 
 class Link:
@@ -121,6 +124,40 @@ class Link:
 
     def _within(self, key: zenoh.KeyExpr) -> str:
         return str(key).removeprefix(self._root)
+
+
+class Mailbox(Generic[T]):
+    """Holds what has come in, oldest first; of too much the oldest is lost."""
+
+    def __init__(self, most: int = 1024) -> None:
+        self._held: deque[T] = deque(maxlen=most)
+        self._flag = os.eventfd(0, os.EFD_NONBLOCK | os.EFD_CLOEXEC)
+        self._closed = False
+
+    def fileno(self) -> int:
+        """Readable while something is in it."""
+        return self._flag
+
+    def put(self, thing: T) -> None:
+        """Puts something in, from any thread."""
+        self._held.append(thing)
+        if not self._closed:
+            os.eventfd_write(self._flag, 1)
+
+    def take(self) -> Iterator[T]:
+        """Takes out what there is."""
+        try:
+            os.eventfd_read(self._flag)
+        except BlockingIOError:
+            return
+        while self._held:
+            yield self._held.popleft()
+
+    def close(self) -> None:
+        """Nothing is waited for any more; may be called twice."""
+        if not self._closed:
+            self._closed = True
+            os.close(self._flag)
 
 
 def _config(member: Membership) -> zenoh.Config:

@@ -22,8 +22,7 @@ from controller.wire.messages.arguments import CommandError
 from controller.wire.messages.events import Event
 from controller.wire.messages.replies import PhaseNow, Refused, State
 from motiondeck.shows.clock_estimate import ClockEstimate, RoundTrip
-from motiondeck.shows.link import Link
-from motiondeck.shows.mailbox import Mailbox
+from motiondeck.shows.link import Link, Mailbox
 from motiondeck.shows.membership import CONDUCTOR
 from motiondeck.shows.messages import (
     About,

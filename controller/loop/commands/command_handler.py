@@ -5,10 +5,9 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Sequence
 
-from controller.loop.commands.client import Client
 from controller.loop.commands.commanded_run import CommandedRun, Outcome
-from controller.loop.commands.listeners import Listeners
-from controller.loop.commands.second_replies import SecondReplies
+from controller.loop.commands.interfaces import Client
+from controller.loop.commands.listeners import Listeners, SecondReplies
 from controller.loop.stop_requests import StopRequest
 from controller.wire.command_socket import CommandServer
 from controller.wire.messages.commands import AtTime, DeckCommand

@@ -1,12 +1,13 @@
-"""Protocols of what commands act on: the servos of a rig, a body that can be pushed, a clock."""
+"""The sender of a command, and protocols of what commands act on: servos, a body that can be pushed, a clock."""
 
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import Protocol, runtime_checkable
+from typing import NamedTuple, Protocol, runtime_checkable
 
+from controller.wire.command_socket import Address, CommandServer
 from controller.wire.messages.commands import Side
-from controller.wire.messages.replies import SecondReply
+from controller.wire.messages.replies import Reply, SecondReply
 
 
 class Progress(Protocol):
@@ -74,3 +75,19 @@ class RealTime(Protocol):
 
     def align(self, here: int, there: int) -> None:
         """Moves them onto those of a clock that shows `there` when this one shows `here`, ns."""
+
+
+class Client(NamedTuple):
+    """The sender of a command, and the socket that received it."""
+
+    server: CommandServer
+    sender: Address
+
+    @property
+    def connected(self) -> bool:
+        """Whether it is connected, as far as its socket knows."""
+        return self.server.connected(self.sender)
+
+    def reply(self, reply: Reply) -> None:
+        """Sends it a reply or an event; it never waits."""
+        self.server.reply(self.sender, reply)

@@ -6,8 +6,7 @@ from collections.abc import Iterator
 
 import msgspec
 
-from controller.loop.commands.client import Client
-from controller.loop.commands.interfaces import RealTime
+from controller.loop.commands.interfaces import Client, RealTime
 from controller.wire.messages.commands import AtTime, DeckCommand
 from motiondeck_base.errors import MotiondeckError
 
