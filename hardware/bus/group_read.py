@@ -52,7 +52,7 @@ class GroupRead(NamedTuple):
             reply = fast_reply(received, self.ids, self.lengths)
             ended = len(received) - max(0, fast_reply_start(received)) >= self.needed
         else:
-            reply = single_replies(received, self.ids, self.lengths, self.protocol.statuses)
+            reply = single_replies(self.ids, self.lengths, self.protocol.statuses(received))
         return None if len(reply.statuses) < len(self.ids) and not (ended or late) else reply
 
 

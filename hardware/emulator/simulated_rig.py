@@ -37,22 +37,18 @@ class SimulatedRig:
         self._goals = np.zeros(len(config.joints))
         self.positions, self.velocities, self.currents = (np.zeros(len(config.joints)) for _ in range(3))
         ends = np.sort([self._scale.pulses(self._scale.lower), self._scale.pulses(self._scale.upper)], axis=0)
-        for joint, device, low, high in zip(
-            config.joints, self.servos.devices, *ends.astype(int).tolist(), strict=True
-        ):
+        for index, (joint, low, high) in enumerate(zip(config.joints, *ends.astype(int).tolist(), strict=True)):
             speed = joint.velocity * joint.gear / joint.table["profile_velocity"].si
             for name, value in (
                 ("operating_mode", _POSITION_MODE),
                 ("min_position_limit", low),
                 ("max_position_limit", high),
                 ("profile_velocity", max(1, round(speed))),
-                ("goal_position", device["present_position"]),
+                ("goal_position", self.servos.devices[index]["present_position"]),
                 ("torque_enable", 1),
                 ("bus_watchdog", round(config.watchdog_ms * 1e-3 / _WATCHDOG_UNIT)),
             ):
-                register = joint.table.registers.get(name)
-                if register is not None:
-                    device.write(register.address, register.encode(value))
+                self._write(index, name, value)
         self._measure()
         self._goals = self.positions.copy()
 
@@ -64,9 +60,8 @@ class SimulatedRig:
         self.faults.clipped[:] += wanted != self._goals
         self.faults.refused[:] += ~finite
         self._asked, self._fed = True, self._now
-        for index, (joint, pulses) in enumerate(zip(self.config.joints, self._scale.pulses(self._goals), strict=True)):
-            register, device = joint.table["goal_position"], self.servos.devices[index]
-            if device.dead or device.write(register.address, register.encode(int(pulses))):
+        for index, pulses in enumerate(self._scale.pulses(self._goals).tolist()):
+            if self.servos.devices[index].dead or self._write(index, "goal_position", int(pulses)):
                 self.faults.unsent[index] += 1
 
     def request_state(self) -> None:
@@ -88,13 +83,16 @@ class SimulatedRig:
 
     def close(self) -> list[str]:
         """Ends as the rig file asks; returns the dead joints, which did not confirm it."""
-        for joint, device in zip(self.config.joints, self.servos.devices, strict=True):
-            off = [("bus_watchdog", 0)] + ([("torque_enable", 0)] if self.config.on_exit == "off" else [])
-            for name, value in off if not device.dead else []:
-                register = joint.table.registers.get(name)
-                if register is not None:
-                    device.write(register.address, register.encode(value))
+        off = ("bus_watchdog", "torque_enable") if self.config.on_exit == "off" else ("bus_watchdog",)
+        for index, device in enumerate(self.servos.devices):
+            for name in off if not device.dead else ():
+                self._write(index, name, 0)
         return [name for name, device in zip(self.names, self.servos.devices, strict=True) if device.dead]
+
+    def _write(self, index: int, name: str, count: int) -> int:
+        """Writes a register of a servo that has it; the error number, 0 for none."""
+        register = self.config.joints[index].table.registers.get(name)
+        return 0 if register is None else self.servos.devices[index].write(register.address, register.encode(count))
 
     def _measure(self) -> None:
         for index, (joint, device) in enumerate(zip(self.config.joints, self.servos.devices, strict=True)):

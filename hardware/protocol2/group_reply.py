@@ -6,7 +6,7 @@ any other is read servo by servo (`GroupReply`).
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Iterable, Sequence
 from functools import lru_cache, partial
 from itertools import repeat
 from struct import Struct
@@ -14,7 +14,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from hardware.protocol2.frames import ALERT, BROADCAST, HEADER, STATUS, Parser, StatusPacket, as_status, checksum
+from hardware.protocol2.frames import ALERT, BROADCAST, HEADER, STATUS, StatusPacket, checksum
 
 _JOINT = HEADER + bytes((BROADCAST,))  # how every joint reply begins
 _FAST_HEAD = 8  # header, BROADCAST, length, STATUS: what the first servo sends before its piece
@@ -146,8 +146,8 @@ class SingleFormat:
         return _whole((received, self._stride, _STATUS_HEAD, _STATUS_HEAD + 1))
 
 
-def fast_reply(received: bytes, ids: Sequence[int], length: int | Sequence[int]) -> GroupReply:
-    """Reads the joint reply of the servos `ids`, asked in this order for `length` bytes each (or for its own number).
+def fast_reply(received: bytes, ids: Sequence[int], lengths: Sequence[int]) -> GroupReply:
+    """Reads the joint reply of the servos `ids`, asked in this order for `lengths` bytes.
 
     Behind FF FF FD 00 FE LENGTH 55 each servo sends  error, ID, data, CRC,  where its CRC covers everything on the wire
     before it, the earlier CRCs included. So a reply that breaks off is good up to there; and because the next piece is
@@ -160,7 +160,6 @@ def fast_reply(received: bytes, ids: Sequence[int], length: int | Sequence[int])
     turn = 0
     if start >= 0:
         piece = start + _FAST_HEAD
-        lengths = [length] * len(ids) if isinstance(length, int) else length
         crc = checksum(received[start:piece])
         while turn < len(ids) and piece + (size := lengths[turn] + 4) <= len(received):
             tail = received[piece + size - 2 : piece + size]
@@ -183,23 +182,13 @@ def fast_reply(received: bytes, ids: Sequence[int], length: int | Sequence[int])
     return GroupReply(statuses, corrupt, silent + list(ids[turn : turn + 1]), list(ids[turn + 1 :]))
 
 
-def statuses_in(received: bytes) -> Iterator[StatusPacket]:
-    """The statuses in what was received."""
-    return (status for frame in Parser().feed(received) if (status := as_status(frame)) is not None)
-
-
-def single_replies(
-    received: bytes,
-    ids: Sequence[int],
-    length: int | Sequence[int],
-    statuses: Callable[[bytes], Iterable[StatusPacket]] = statuses_in,
-) -> GroupReply:
-    """Reads the single statuses of the servos `ids`, asked in this order for `length` bytes (or its own number)."""
-    lengths = dict(zip(ids, [length] * len(ids) if isinstance(length, int) else length, strict=True))
+def single_replies(ids: Sequence[int], lengths: Sequence[int], statuses: Iterable[StatusPacket]) -> GroupReply:
+    """Sorts the single statuses that came from the servos `ids`, asked in this order for `lengths` bytes."""
+    expected = dict(zip(ids, lengths, strict=True))
     heard = {
         status.id: status
-        for status in statuses(received)
-        if status.id in lengths and (status.error or len(status.params) == lengths[status.id])
+        for status in statuses
+        if status.id in expected and (status.error or len(status.params) == expected[status.id])
     }
     missing = [index for index, id in enumerate(ids) if id not in heard]
     last = max((index for index, id in enumerate(ids) if id in heard), default=-1)

@@ -4,6 +4,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from hardware.bus.protocol import PROTOCOLS
 from hardware.protocol2 import instructions as wire
 from hardware.protocol2.frames import build, build_status, checksum
 from hardware.protocol2.group_reply import (
@@ -56,7 +57,7 @@ def test_group_writes_say_who_gets_what():
 def test_the_manuals_joint_reply_is_understood():
     received = joint_reply([3, 7, 4], [0xA6, 0x81F, 0x55])
     assert received.startswith(PIECE_3 + PIECE_7)
-    reply = fast_reply(received, [3, 7, 4], 4)
+    reply = fast_reply(received, [3, 7, 4], [4] * 3)
     assert [(id, int.from_bytes(status.params, "little")) for id, status in reply.statuses.items()] == [
         (3, 0xA6),
         (7, 0x81F),
@@ -67,13 +68,13 @@ def test_the_manuals_joint_reply_is_understood():
 
 
 def test_a_reply_that_breaks_off_is_good_up_to_there():
-    reply = fast_reply(PIECE_3 + PIECE_7[:-1], [3, 7, 4], 4)
+    reply = fast_reply(PIECE_3 + PIECE_7[:-1], [3, 7, 4], [4] * 3)
     assert list(reply.statuses) == [3]
     assert (reply.silent, reply.unheard) == ([7], [4])
 
 
 def test_a_servo_that_is_left_out_costs_only_itself():
-    reply = fast_reply(PIECE_3 + PIECE_7, [3, 5, 7], 4)
+    reply = fast_reply(PIECE_3 + PIECE_7, [3, 5, 7], [4] * 3)
     assert list(reply.statuses) == [3, 7]
     assert reply.silent == [5]
 
@@ -81,7 +82,7 @@ def test_a_servo_that_is_left_out_costs_only_itself():
 def test_a_corrupt_byte_costs_only_its_servo():
     damaged = bytearray(joint_reply([3, 7, 4], [1, 2, 3]))
     damaged[8 + 8 + 3] ^= 0x40
-    reply = fast_reply(bytes(damaged), [3, 7, 4], 4)
+    reply = fast_reply(bytes(damaged), [3, 7, 4], [4] * 3)
     assert reply.corrupt == [7]
     assert {id: status.params[0] for id, status in reply.statuses.items()} == {3: 1, 4: 3}
 
@@ -90,14 +91,14 @@ def test_a_corrupt_byte_costs_only_its_servo():
 def test_no_bytes_make_the_reader_of_joint_replies_raise(received, ids, length):
     head = bytes.fromhex("FFFFFD00FE190055")
     for start in (b"", head, head + b"\x00" + bytes(ids)):
-        reply = fast_reply(start + received, ids, length)
+        reply = fast_reply(start + received, ids, [length] * len(ids))
         assert {*reply.statuses, *reply.corrupt, *reply.silent, *reply.unheard} == set(ids)
 
 
 @given(st.binary(max_size=12), st.lists(st.integers(0, 252), min_size=1, max_size=5, unique=True), st.data())
 def test_a_joint_reply_is_found_behind_noise(noise, ids, data):
     values = data.draw(st.lists(st.integers(0, 2**32 - 1), min_size=len(ids), max_size=len(ids)))
-    reply = fast_reply(noise + joint_reply(ids, values), ids, 4)
+    reply = fast_reply(noise + joint_reply(ids, values), ids, [4] * len(ids))
     assert {id: int.from_bytes(status.params, "little") for id, status in reply.statuses.items()} == dict(
         zip(ids, values, strict=True)
     )
@@ -117,11 +118,11 @@ def test_undamaged_statuses_are_taken_in_one_pass(ids, data):
     received = whole(ids, values, alert)
     reply = SingleFormat(bytes(ids), 2).whole(received)
     assert reply is not None
-    assert reply.statuses(ids) == single_replies(received, ids, 2).statuses
+    assert reply.statuses(ids) == single_replies(ids, [2] * len(ids), PROTOCOLS[2].statuses(received)).statuses
     joint = joint_reply(ids, values, 2)
     rows = FastFormat(bytes(ids), 2).whole(joint)
     assert rows is not None
-    assert rows.statuses(ids) == fast_reply(joint, ids, 2).statuses
+    assert rows.statuses(ids) == fast_reply(joint, ids, [2] * len(ids)).statuses
 
 
 @given(st.lists(st.integers(0, 252), min_size=2, max_size=6, unique=True), st.data())
@@ -141,5 +142,5 @@ def test_statuses_in_another_order_or_of_other_servos_are_not_taken_in_one_pass(
 
 
 def test_a_servo_silent_among_single_statuses_is_named():
-    reply = single_replies(whole([1, 3], [10, 30]), [1, 2, 3, 4, 5], 2)
+    reply = single_replies([1, 2, 3, 4, 5], [2] * 5, PROTOCOLS[2].statuses(whole([1, 3], [10, 30])))
     assert (list(reply.statuses), reply.silent, reply.unheard) == ([1, 3], [2, 4], [5])

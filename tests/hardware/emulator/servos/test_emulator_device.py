@@ -211,7 +211,7 @@ def test_a_fast_read_is_one_frame_of_all(port):
     port.send(wire.fast_sync_read(132, 4, [1, 2, 3]))
     answer = port.receive()
     assert len(answer) == fast_reply_length(3, 4)
-    reply = fast_reply(answer, [1, 2, 3], 4)
+    reply = fast_reply(answer, [1, 2, 3], [4] * 3)
     assert [XM430["present_position"].decode(status.params) for status in reply.statuses.values()] == [2048, 2048, 1500]
 
 
@@ -219,11 +219,11 @@ def test_a_dead_servo_hushes_those_behind_it_if_strict(servos, say, port):
     servos[2].dead = True
     assert [status.id for status in say(wire.sync_read(132, 4, [1, 2, 3]))] == [1]
     port.send(wire.fast_sync_read(132, 4, [1, 2, 3]))
-    assert list(fast_reply(port.receive(), [1, 2, 3], 4).statuses) == [1]
+    assert list(fast_reply(port.receive(), [1, 2, 3], [4] * 3).statuses) == [1]
     servos.strict = False
     assert [status.id for status in say(wire.sync_read(132, 4, [1, 2, 3]))] == [1, 3]
     port.send(wire.fast_sync_read(132, 4, [1, 2, 3]))
-    assert list(fast_reply(port.receive(), [1, 2, 3], 4).statuses) == [1, 3]
+    assert list(fast_reply(port.receive(), [1, 2, 3], [4] * 3).statuses) == [1, 3]
 
 
 @pytest.mark.parametrize("params", [b"", b"\x84", b"\x84\x00\x04\x00", b"\x84\x00\x00\x00\x01\x02"])
