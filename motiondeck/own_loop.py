@@ -256,7 +256,6 @@ class Deck(DeckCommands[CommandedSwitch]):
         return self._curve
 
     def _as_joints(self, angles: ArrayLike) -> NDArray[np.float64]:
-        """Joint positions of shape (J,), rad."""
         positions = np.array(angles, dtype=np.float64)
         if positions.shape != (len(self.joints),):
             raise MotiondeckError(

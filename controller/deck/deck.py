@@ -147,7 +147,6 @@ class Deck(Lockable):
         Where the motion is too far away, the switch goes by way of others.
 
         Args:
-            to: the motion.
             direct: whether to go straight there at the next update, whatever is played.
 
         Raises:
@@ -173,7 +172,6 @@ class Deck(Lockable):
         than MOST_BLENDED motions in both.
 
         Args:
-            first, second: motions.
             weight: the blend weight of the second, in [-0.3, 1.3]; beyond 0 and 1 one motion is exaggerated.
             also: further motions with their weights; then each weight is in [0, 1], and the first has the rest.
 
@@ -293,24 +291,14 @@ ACROSS_SECONDS = 1.0  # s, of an input from one end of its learned range to the 
 
 
 class Inputs:
-    """The inputs of a library's motions and their `present` values.
-
-    Args:
-        ranges: the learned range of each input, by name.
-        usual: the value of each at the start.
-    """
+    """The inputs of a library's motions and their `present` values."""
 
     def __init__(self, ranges: Mapping[str, tuple[float, float]], usual: Mapping[str, float]) -> None:
         self._ranges, self._commanded = dict(ranges), dict(usual)
         self.present = dict(usual)
 
     def command(self, name: str, value: float) -> None:
-        """Changes an input to another value.
-
-        Raises:
-            UnknownNameError: if no motion of the library has such an input.
-            MotiondeckError: if the value is outside the learned range.
-        """
+        """Changes an input to another value; raises as `Deck.set_input`."""
         if not self._ranges:
             raise UnknownNameError(f"there is no input '{name}': no motion of this library was learned with one")
         if name not in self._ranges:

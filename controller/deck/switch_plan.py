@@ -20,27 +20,16 @@ _NO_WEIGHT = 1e-9
 
 
 class SwitchPlan:
-    """The switches that a performance is to play.
-
-    Attributes:
-        current: the switch that is under way.
-        fading: the switch whose fade is under way.
-        blending: the switch whose blend weights are changing.
-        blended: the switch of the latest blend.
-        ahead: the motions that the current switch has still to begin.
-        queued: the switches after it.
-        commanded: the latest REMEMBERED_SWITCHES switches.
-        events: the latest events, at most REMEMBERED_EVENTS; their reader removes them.
-    """
+    """The switches that a performance is to play."""
 
     def __init__(self, performance: Performance, routes: Routes, *, direct: bool) -> None:
         self._performance, self._routes, self._direct = performance, routes, direct
-        self.current: CommandedSwitch | None = None
-        self.fading: CommandedSwitch | None = None
-        self.blending: CommandedSwitch | None = None
-        self.blended: CommandedSwitch | None = None
-        self.ahead: deque[str] = deque()
-        self.queued: deque[CommandedSwitch] = deque()
+        self.current: CommandedSwitch | None = None  # the switch that is under way
+        self.fading: CommandedSwitch | None = None  # the one whose fade is under way
+        self.blending: CommandedSwitch | None = None  # the one whose blend weights are changing
+        self.blended: CommandedSwitch | None = None  # the one of the latest blend
+        self.ahead: deque[str] = deque()  # the motions that the current switch has still to begin
+        self.queued: deque[CommandedSwitch] = deque()  # the switches after it
         self._waits = False  # whether the next of those ahead waits for the end of the present motion
         self.commanded: deque[CommandedSwitch] = deque(maxlen=REMEMBERED_SWITCHES)
         self.events: deque[Event] = deque(maxlen=REMEMBERED_EVENTS)

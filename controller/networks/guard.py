@@ -51,7 +51,6 @@ class LossWatch:
     """Watches R runs of one motion; a single player is a watch of one.
 
     Args:
-        beat: of the motion.
         scale: the spread of each channel, shape (C,).
         frames: at which the runs start, shape (R, C).
     """
@@ -116,12 +115,6 @@ class LossWatch:
 
 class Guard:
     """Plays a network and restarts it where it is lost; fits `base.FrameNetwork`.
-
-    Args:
-        network: that is guarded.
-        lengths: frames of each motion.
-        loops: whether each motion is a loop.
-        rate: frames per second, Hz.
 
     Attributes:
         recues: restarts so far.

@@ -29,7 +29,6 @@ def act_of(clip: Clip, robot: Path | None, ghost: bool = True) -> Act:
     """The scene of a clip.
 
     Args:
-        clip: of a body.
         robot: the file of a robot beside the human; None for the human alone.
         ghost: whether the human is translucent.
 

@@ -160,14 +160,6 @@ def film(
 ) -> dict[str, object]:
     """Films a run; its report, as `play --video --json` prints it.
 
-    Args:
-        spec: the robot and its simulation.
-        deck_for: makes the deck for the robot's retargeter.
-        timeline: the commands, in order of time.
-        seconds: duration, s.
-        out: the film, .mp4 or .gif.
-        look: its size, rate and camera.
-
     Raises:
         MotiondeckError: if a command is refused; it says when.
     """

@@ -37,14 +37,7 @@ class Shot:
 
 
 class Screens:
-    """One screen per core of this process, up to MOST; a context manager.
-
-    Args:
-        model, size, shadows, camera: as for OffScreen.
-
-    Raises:
-        PictureError: where there is no off-screen OpenGL, or the size does not fit.
-    """
+    """One `OffScreen` per core of this process, up to MOST; a context manager that raises as they do."""
 
     def __init__(self, model: mujoco.MjModel, size: tuple[int, int], shadows: bool, camera: Camera) -> None:
         from joblib import cpu_count  # slow to import

@@ -64,7 +64,6 @@ class Crossing(Weights):
     """A take-over along a quintic, which begins when its duration is found, and never where there is none.
 
     Args:
-        search: finds the duration.
         begin: called when it begins, with the `sides` that were found.
     """
 

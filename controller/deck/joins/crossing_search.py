@@ -36,7 +36,6 @@ class CrossingSearch:
 
     Args:
         ahead: both motions at times (S,) from the present trial on, s; the first is 0.
-        skeleton: of their postures.
         bounds: what no joint may exceed, in all.
 
     Attributes:

@@ -55,8 +55,6 @@ class FadeSearch:
     Attributes:
         fade: the one that was found; until then the longest that has been considered after a better one than any
             before; None before the first step.
-        found: whether it was found.
-        trials: the number of trials.
     """
 
     def __init__(
@@ -116,7 +114,6 @@ def peaks(fade: Fade, ahead: Callable[[Array], BodyCourse], chain: Array) -> tup
     """How fast joints are during a fade, and how much they are accelerated beyond its target's own motion.
 
     Args:
-        fade: which.
         ahead, chain: as for `FadeSearch`.
 
     Returns:
@@ -170,7 +167,6 @@ class Fading:
     found, there is next to no gap.
 
     Args:
-        search: finds the fade, from the next tick on.
         onset: as the property, in the beginning.
     """
 

@@ -40,7 +40,6 @@ class JoinLimits:
     """Watches the joints in the world while motions are joined.
 
     Args:
-        skeleton: of the poses.
         before, now: the last two poses that were shown, if there were two.
     """
 

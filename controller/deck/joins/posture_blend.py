@@ -89,7 +89,6 @@ def smooth_headings(turn_rate: Array, dt: float) -> tuple[Array, Array]:
 
     Args:
         turn_rate: of the hips at moments dt seconds apart, shape (S,), rad/s.
-        dt: s.
 
     Returns:
         `offset` and `rate` at each, shape (S,).
@@ -137,7 +136,6 @@ class PostureBlend:
     """Motions that are blended, each a posture per tick; at first there is one.
 
     Args:
-        first: its present posture.
         rest_direction: the directions of the bones in the rest pose, shape (B, 3), where their twist follows a rule.
     """
 
@@ -256,7 +254,6 @@ class PostureBlend:
             points: a tick ago on the old sides, and now on the new ones, each of shape (M, 1 + B, 4).
             weights: a tick ago and now, shape (M,).
             left: what was left of earlier turns a tick ago, shape (1 + B, 3), rad; None for nothing.
-            dt: s.
         """
         bones = np.flatnonzero((sides < 0.0).any(0))
         change = sides[:, bones, None]

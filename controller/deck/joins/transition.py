@@ -75,7 +75,6 @@ def difference(
 
     Args:
         shown, target: each the postures dt seconds ago and now.
-        dt: s.
         rest_direction: of the bones in the rest pose, shape (B, 3), where their twist follows a rule.
     """
     now = _side_by_side(shown[1], target[1])

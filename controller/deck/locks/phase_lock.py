@@ -82,12 +82,7 @@ class ReferenceSource(Protocol):
 
 
 class PhaseLock:
-    """Keeps a loop in step with a reference; one-shots are played at the commanded tempo.
-
-    Args:
-        source: of the reference.
-        rate: how fast the tempo may change, 1/s.
-    """
+    """Keeps a loop in step with a reference; one-shots are played at the commanded tempo."""
 
     owns_tempo = True
 

@@ -75,7 +75,6 @@ class OtherDeck:
     same rounds a second.
 
     Args:
-        leader: sees the other deck.
         ahead: by how much of a round to be ahead of it, in [0, 1].
     """
 

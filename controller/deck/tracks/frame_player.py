@@ -22,7 +22,6 @@ class FramePlayer:
     One that a center drives is also sent to any phase and played backwards.
 
     Args:
-        network: the network that is played.
         rate: the frames per second of its training.
         beside: another player of the same library, whose anchors it shares.
 

@@ -27,9 +27,6 @@ class BlendCheck:
 
     The criteria are those of `benchmarks/deck/blends.py`: within half a second no joint moves a tenth as far as in the
     motion that moves least; or a joint moves two and a half times as fast as it ever does in any of them.
-
-    Args:
-        motions: that are blended.
     """
 
     def __init__(self, *motions: Motion) -> None:
@@ -196,7 +193,6 @@ class PlayingTracks:
         """Has the weights of the motions that play change to those given, which sum to 1, or else to 0.
 
         Args:
-            goal: the weights.
             seconds: how long a change by 1 takes; all take as long as the largest.
         """
         motions = [track.motion for track in self.playing]

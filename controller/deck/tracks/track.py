@@ -105,7 +105,6 @@ class Track:
     Attributes:
         at: time into the motion, s; in a loop it goes on rising, round after round.
         guard: restarts the network where it loses its motion; None where it cannot.
-        player: plays its network.
         posture_before, posture: of the last two steps.
     """
 

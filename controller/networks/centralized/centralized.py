@@ -107,10 +107,6 @@ class CentersPlayer:
 
     What rounding or noise does to the amplitude of a center is undone in the next step; what it does to a phase is
     undone at the end of the round, where every center begins anew.
-
-    Args:
-        time: since the beginning, s.
-        runs: the leading shape of its states.
     """
 
     def __init__(self, motion: CentralizedMotion, time: float, runs: tuple[int, ...] = ()) -> None:

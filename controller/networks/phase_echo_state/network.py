@@ -31,13 +31,7 @@ class StoredReadouts:
 
 
 class PhaseEchoStateMotion(PhaseMotion):
-    """One motion, ready to be played.
-
-    Attributes:
-        driven: W_phi p + b at each frame, shape (T, N).
-        drive: W_u, shape (N,).
-        recurrent: W', shape (N, N), a view.
-    """
+    """One motion, ready to be played."""
 
     def __init__(
         self,
@@ -47,8 +41,9 @@ class PhaseEchoStateMotion(PhaseMotion):
         driving: DrivingInput | None = None,
     ) -> None:
         super().__init__(stored, course, reservoir, driving)
+        # W_phi p + b at each frame, shape (T, N).
         self.driven = reservoir.harmonics_of(course.phase) @ reservoir.phase_weights.T + reservoir.bias
-        self.drive = reservoir.drive_weights.sum(1)
+        self.drive = reservoir.drive_weights.sum(1)  # W_u, shape (N,)
         self.recurrent = reservoir.weights.T
         self.settle()
 

@@ -34,12 +34,6 @@ from motiondeck_base.errors import UnknownNameError
 class PhaseMotion(ABC):
     """One motion of T frames in P pieces, ready to be played.
 
-    Args:
-        stored: the arrays in a library, a dataclass with its readout among them.
-        course: of its phase.
-        reservoir: the weights that it shares with others.
-        driving: its input besides the phase, if it has one.
-
     Attributes:
         readout: of each piece, in the units of the encoding, what is added in the last column, shape (P, C, k + 1).
         usual: the level of its input while none is given.
