@@ -15,10 +15,9 @@ from controller.learning.recognition.experts import STRETCHES, committee_recipe
 from controller.learning.recognition.features import FeatureRecipe
 from controller.learning.recognition.labelled_recordings import Dataset, Example, read_dataset
 from controller.learning.recognition.online_recognizer import OnlineRecognizer
-from controller.learning.recognition.recognizer import RecognitionVerdict, train_recognizer
+from controller.learning.recognition.recognizer import RecognitionVerdict, save_recognizer, train_recognizer
 from controller.learning.recognition.recognizer import Recognizer as TrainedRecognizer
-from controller.learning.recognition.recognizer_file import load_recognizer as load_recognizer_file
-from controller.learning.recognition.recognizer_file import save_recognizer
+from controller.learning.recognition.recognizer import load_recognizer as load_recognizer_file
 from controller.motion.clip import Clip
 from controller.motion.skeleton import Skeleton
 from motiondeck.recordings import the_clip
@@ -159,7 +158,7 @@ class PoseStream:
     @property
     def confidence(self) -> float:
         """The lead of the best motion over the second, in [0, 1)."""
-        return self._body.confidence
+        return self._body.online.confidence
 
 
 def learn_recognizer(

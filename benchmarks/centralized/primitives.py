@@ -17,7 +17,7 @@ import typer
 from threadpoolctl import threadpool_limits
 
 from benchmarks import command
-from controller.learning.centralized.model_choice import hands_and_feet
+from benchmarks.papers.vakulenko import hands_and_feet
 from controller.learning.centralized.primitive_learning import learn_primitive
 from controller.motion.formats.acclaim.amc import skeleton_of
 from controller.motion.formats.reading import read_clip

@@ -14,18 +14,15 @@ from benchmarks import command
 from benchmarks.papers.hidden_joints import fill_hidden
 from benchmarks.papers.segment_network import play_segment
 from benchmarks.papers.vakulenko_plots import draw_coordinates, draw_hidden, draw_lines, draw_segment_errors
-from controller.learning.centralized.model_choice import (
-    hands_and_feet,
-    mean_absolute,
-    mean_distance,
-    relative_accuracy,
-)
+from controller.learning.centralized.model_choice import mean_absolute, mean_distance, relative_accuracy
 from controller.learning.centralized.model_search import CENTERS as CENTER_CHOICES
 from controller.learning.centralized.model_search import RATE, SATELLITES, score_models
 from controller.learning.evaluation.tables import Table, Value
+from controller.motion.anatomy import anatomy
 from controller.motion.clip import Clip
 from controller.motion.formats.reading import read_clip
 from controller.motion.segmentation import body_features, find_segments
+from controller.motion.skeleton import Skeleton
 from motiondeck.cli.common.tables import deliver
 from motiondeck.pictures.figures import check_picture
 from motiondeck_base.errors import MotiondeckError
@@ -42,6 +39,14 @@ CENTERS = 2
 PAPER_SEGMENTS = {"86_01": 11}
 SHOWN_SECONDS = 12.0
 GAPS_S = (0.25, 0.5, 1.0)
+
+
+def hands_and_feet(skeleton: Skeleton) -> list[int]:
+    """The bones of feet and wrists, or the first four bones of a body without them."""
+    body = anatomy(skeleton)
+    found = [body.first(part, side) for part in ("foot", "hand") for side in ("right", "left")]
+    bones = [bone for bone in found if bone is not None]
+    return bones or list(range(min(4, len(skeleton))))
 
 
 def main(

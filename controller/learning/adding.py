@@ -61,7 +61,9 @@ def add_motion(library: MotionLibrary, path: Path, clip: Clip, motion: MotionRec
     stored = recipe.name, library.encoding, info.rate, info.seed, lengths
     with threadpool_limits(1):
         new = NewMotion(*stored, motion.name, frames, motion.plays == "loop")
-        grown, claimed = trainer.add(recipe.network, network, new)
+        grown = trainer.add(recipe.network, network, new)
+        longer = lengths | {motion.name: len(frames)}
+        quotas = trainer.quota(recipe.network, network, lengths), trainer.quota(recipe.network, grown, longer)
         loops = {known.name: known.plays == "loop" for known in info.motions} | {motion.name: motion.plays == "loop"}
         played = {name: run_free(network.twin(), name, length) for name, length in lengths.items()}
         judge = Judge(library.encoding, played | {motion.name: frames}, loops, info.rate)
@@ -69,11 +71,11 @@ def add_motion(library: MotionLibrary, path: Path, clip: Clip, motion: MotionRec
         if trainer.stress_tested:
             verdict = stress_test(grown, verdict, judge, info.seed)
     described = describe_motion(motion, frames, grown, verdict[motion.name], recipe.network.anchor_every)
-    longer = msgspec.structs.replace(recipe, motions=[*recipe.motions, motion])
+    grown_recipe = msgspec.structs.replace(recipe, motions=[*recipe.motions, motion])
     header = msgspec.structs.replace(
         info,
         motions=[*info.motions, described],
-        recipe=msgspec.json.decode(msgspec.json.encode(longer)),
+        recipe=msgspec.json.decode(msgspec.json.encode(grown_recipe)),
         acknowledgement=f"{info.acknowledgement} '{motion.name}' was added from {Path(motion.file).name}.".strip(),
     )
-    return Addition(MotionLibrary(header, grown, library.encoding), verdict[motion.name], part, *claimed)
+    return Addition(MotionLibrary(header, grown, library.encoding), verdict[motion.name], part, *quotas)

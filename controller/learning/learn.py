@@ -19,13 +19,7 @@ from controller.learning.preparation.takes import by_motion
 from controller.learning.recipe import LibraryRecipe, NetworkRecipe, check_recipe, typeable
 from controller.learning.recording_analysis import LOOP_KEEPS, AnalysedRecording, analyse_recording
 from controller.learning.trainers.phase_conceptor import PhaseRecipe
-from controller.learning.training_set import (
-    COMMON_RATE,
-    LearnedPart,
-    Progress,
-    TrainingSet,
-    prepare,
-)
+from controller.learning.training_set import COMMON_RATE, LearnedPart, Progress, TrainingSet, prepare
 from controller.library.motion_library import MotionLibrary
 from controller.motion.formats.reading import CONVERTIBLE, FORMATS, recordings_below
 from controller.motion.reading_options import AS_FOUND, ReadingOptions

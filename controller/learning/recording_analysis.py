@@ -74,7 +74,8 @@ def analyse_recording(
         first, end = max(first, round(within[0] * clip.rate)), min(end, round(within[1] * clip.rate))
     if end == 0:
         raise FileFormatError(f"{file}: nothing moves in it. Give a recording with a motion.")
-    (first, end), jumped = _without_jumps(clip, first, end)
+    at, jumped = breaks(clip, first, end)
+    first, end = max(pairwise([first, *at, end]), key=lambda part: part[1] - part[0])
     seconds = (end - first) / clip.rate
     if seconds < SHORTEST_SECONDS:
         between = f"{', '.join(jumped)}; the longest piece between, " if jumped else ""
@@ -100,12 +101,6 @@ def analyse_recording(
     body += [] if recording.fit is None else misplaced(recording.fit)
     cut = [f"{what}: only {first / clip.rate:.2f} to {end / clip.rate:.2f} s were learned." for what in jumped]
     return AnalysedRecording(motion, clip, seam_mm, seam_degrees, [*cut, *body])
-
-
-def _without_jumps(clip: Clip, first: int, end: int) -> tuple[tuple[int, int], list[str]]:
-    """The longest part of some frames without jumps and spikes, and phrases for these."""
-    at, found = breaks(clip, first, end)
-    return max(pairwise([first, *at, end]), key=lambda part: part[1] - part[0]), found
 
 
 def _skeleton(file: Path, options: ReadingOptions) -> Path | None:

@@ -139,34 +139,28 @@ def prepare(
         raise FileFormatError(f"recipe '{recipe.name}' learns as recorded, but its recordings have {rates} Hz")
     twist, trainer = recipe.encoding == "joint rotations", trainer_of(recipe.network)
     encoding = encoding_of(_body(recipe, data, clips), twist=twist)
-    frames: dict[str, Array] = {}
-    before: dict[str, Array] = {}
-    parts: dict[str, LearnedPart] = {}
-    variants: dict[str, list[Variant]] = {}
+    loops = {motion.name: motion.plays == "loop" for motion in recipe.motions}
+    inputs = {motion.name: motion.input for motion in recipe.motions if motion.input}
+    found = TrainingSet(encoding, rate, {}, loops, least_range=trainer.least_range, inputs=inputs)
     for motion in recipe.motions:
         clip = clips[motion.name]
         if motion.input:
             takes = [clip, *(read_clip(find_recording(data, take)) for take in motion.takes)]
             alike = [carried(resampled(take, rate), encoding.skeleton) for take in takes]
-            variants[motion.name] = _of_one_person(motion, aligned_cycles(encoding, alike, motion.values, rate))
-            usual = variants[motion.name][0]
-            frames[motion.name] = usual.frames
-            parts[motion.name] = LearnedPart(0.0, usual.seconds, clip.duration)
-            continue
-        if recipe.as_recorded and not trainer.center_driven:
+            variants = _of_one_person(motion, aligned_cycles(encoding, alike, motion.values, rate))
+            found.variants[motion.name], found.frames[motion.name] = variants, variants[0].frames
+            found.parts[motion.name] = LearnedPart(0.0, variants[0].seconds, clip.duration)
+        elif recipe.as_recorded and not trainer.center_driven:
             own = cut(clip, motion)
-            channels, washout = (
-                encoding_of(own.skeleton, twist=twist).encode(own),
-                getattr(recipe.network, "washout", 0),
-            )
+            channels = encoding_of(own.skeleton, twist=twist).encode(own)
+            washout = getattr(recipe.network, "washout", 0)
             if len(channels) < 2 * washout:
                 raise FileFormatError(f"motion '{motion.name}' is shorter than twice the washout of {washout} frames")
-            before[motion.name], frames[motion.name] = channels[:washout], channels[washout:]
-            continue
-        frames[motion.name], parts[motion.name] = to_learn(encoding, clip, motion, rate, recipe.loop_keeps)
-    loops = {motion.name: motion.plays == "loop" for motion in recipe.motions}
-    inputs = {motion.name: motion.input for motion in recipe.motions if motion.input}
-    return TrainingSet(encoding, rate, frames, loops, before, parts, trainer.least_range, variants, inputs)
+            found.before[motion.name], found.frames[motion.name] = channels[:washout], channels[washout:]
+        else:
+            learned = to_learn(encoding, clip, motion, rate, recipe.loop_keeps)
+            found.frames[motion.name], found.parts[motion.name] = learned
+    return found
 
 
 def _of_one_person(motion: MotionRecipe, recorded: list[Variant]) -> list[Variant]:

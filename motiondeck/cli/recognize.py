@@ -57,8 +57,7 @@ def train(
     """
     from controller.learning.recognition.experts import STRETCHES, committee_recipe
     from controller.learning.recognition.features import FeatureRecipe
-    from controller.learning.recognition.recognizer import train_recognizer
-    from controller.learning.recognition.recognizer_file import save_recognizer
+    from controller.learning.recognition.recognizer import save_recognizer, train_recognizer
 
     check_ending(out, "a recognizer")
     check_folder(out)
@@ -96,7 +95,7 @@ def run(
 
       motiondeck recognize run hdm05.safetensors squat.amc --skeleton HDM_bd.asf
     """
-    from controller.learning.recognition.recognizer_file import load_recognizer
+    from controller.learning.recognition.recognizer import load_recognizer
     from controller.motion.formats.reading import read_clip, recordings_below
     from controller.motion.reading_options import ReadingOptions
 

@@ -80,7 +80,7 @@ def by_recognizer(clip: Clip, file: Path) -> list[dict[str, Any]]:
         MotiondeckError: if the recognizer cannot be read, or the recording is too short.
     """
     from controller.learning.recognition.features import features
-    from controller.learning.recognition.recognizer_file import load_recognizer
+    from controller.learning.recognition.recognizer import load_recognizer
     from controller.learning.recognition.viterbi_segmentation import CHANGE_COST, borders_of, frame_costs, viterbi
 
     recognizer = load_recognizer(file)

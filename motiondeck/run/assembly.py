@@ -242,7 +242,7 @@ def _measured_by(channel: Channel, joints: int) -> Callable[[], Array | None]:
 def _watch(spec: RunSpec, played: Played, first: RobotOnDeck, channel: Channel) -> Watch | None:
     if spec.recognizer is not None:
         # What recognizes takes longer to import than all that plays.
-        from controller.learning.recognition.recognizer_file import load_recognizer
+        from controller.learning.recognition.recognizer import load_recognizer
 
         return BodyWatch(load_recognizer(Path(spec.recognizer)), played.source.skeleton)
     if not spec.recognize or not isinstance(played.source, MotionLibrary):

@@ -4,17 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from controller.motion.anatomy import anatomy
 from controller.motion.rotations import Array
-from controller.motion.skeleton import Skeleton
-
-
-def hands_and_feet(skeleton: Skeleton) -> list[int]:
-    """The bones of feet and wrists, or the first four bones of a body without them."""
-    body = anatomy(skeleton)
-    found = [body.first(part, side) for part in ("foot", "hand") for side in ("right", "left")]
-    bones = [bone for bone in found if bone is not None]
-    return bones or list(range(min(4, len(skeleton))))
 
 
 def relative_accuracy(output: Array, markers: Array) -> Array:

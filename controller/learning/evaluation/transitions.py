@@ -25,7 +25,7 @@ from controller.learning.training_set import TrainingSet
 from controller.library.motion_library import MotionLibrary
 from controller.motion.encodings.bone_directions import FIRST_BONE, HEIGHT, TURN_RATE
 from controller.motion.encodings.motion_matching import LOST_MM, joint_features
-from controller.motion.posture import Pose, Posture
+from controller.motion.posture import Posture
 from controller.motion.rotations import Array, rotate, yaw
 from controller.networks.clip_player import ClipPlayer
 from motiondeck_base.errors import MotiondeckError
@@ -37,6 +37,8 @@ AFTER = 12
 
 METHODS = ("morph", "deck", "crossfade", "cut", "clip player")
 """The thesis's mu ramp; the deck's default; the deck with a cross-fade, without a fade, and playing the recordings."""
+
+JOININGS: dict[str, Joining] = {"crossfade": "crossfade", "cut": "cut"}
 
 
 @dataclass(frozen=True)
@@ -112,22 +114,16 @@ def _from(
             after = 2 * len(syllabus.frames[target]) if judge.loops[target] else len(syllabus.frames[target]) + RAMP
             for method in methods:
                 played = recorded if method == "clip player" else library
-                run, start, end = _played(method, played, source, target, begin, after)
+                if method == "morph":
+                    run, start, end = _morphed(library, source, target, begin, after)
+                else:
+                    run, start, end = _switched(played, source, target, begin, after, JOININGS.get(method))
                 crossings.append(_measured(source, target, method, run, start, end, judge, peaks, library.info.rate))
     return crossings
 
 
-def _played(
-    method: str, library: MotionLibrary, source: str, target: str, begin: int, after: int
-) -> tuple[Array, int, int]:
-    """The channels of a run with a transition, and the frames where it begins and ends."""
-    if method == "morph":
-        return _morphed(library, source, target, begin, after)
-    joining: dict[str, Joining | None] = {"crossfade": "crossfade", "cut": "cut"}
-    return _switched(library, source, target, begin, after, joining.get(method))
-
-
 def _morphed(library: MotionLibrary, source: str, target: str, begin: int, after: int) -> tuple[Array, int, int]:
+    """The channels of a run with a transition, and the frames where it begins and ends."""
     network = library.network.twin()
     autonomous = network.as_autonomous
     assert autonomous is not None, "only a network that runs by itself is morphed"
@@ -148,7 +144,8 @@ def _morphed(library: MotionLibrary, source: str, target: str, begin: int, after
 def _switched(
     library: MotionLibrary, source: str, target: str, begin: int, after: int, joining: Joining | None
 ) -> tuple[Array, int, int]:
-    deck = Deck(library, _nothing, source, joining=joining)
+    # Only the body is measured, so any vector serves as joints.
+    deck = Deck(library, lambda pose: pose.root_position, source, joining=joining)
     dt = 1.0 / library.info.rate
     shown = [deck.posture]
     for _ in range(begin):
@@ -162,11 +159,6 @@ def _switched(
         if not deck.settled and len(shown) < begin + LONGEST:
             end = len(shown)
     return _channels(library, shown), begin, end
-
-
-def _nothing(pose: Pose) -> Array:
-    """Stands in for a retargeter: only the body is measured."""
-    return pose.root_position
 
 
 def _channels(library: MotionLibrary, postures: list[Posture]) -> Array:
@@ -213,7 +205,7 @@ def _failure(target: str, run: Array, judge: Judge) -> str:
     """Why the motion after a transition was not the target, or ""."""
     if judge.loops[target] or not judge.holds:
         return judge(target, run).reason
-    away = float(distances(joint_features(judge.encoding, run[-1:]), judge.end(target))[0])
+    away = float(distances(joint_features(judge.encoding, run[-1:]), judge.features[target][-1])[0])
     return f"holds a pose {away:.0f} mm away from the last one" if away > LOST_MM else ""
 
 

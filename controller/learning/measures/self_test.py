@@ -23,13 +23,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from controller.motion.encodings.encoding import Encoding
-from controller.motion.encodings.motion_matching import (
-    LOST_MM,
-    Matcher,
-    activity,
-    joint_features,
-    rising_length,
-)
+from controller.motion.encodings.motion_matching import LOST_MM, Matcher, activity, joint_features, rising_length
 from controller.motion.rotations import Array
 from controller.networks.base import FrameNetwork
 
@@ -73,7 +67,7 @@ def self_test(network: FrameNetwork, judge: Judge, motions: Iterable[str] | None
 
 
 def _tested(network: FrameNetwork, judge: Judge, motion: str) -> MotionVerdict:
-    length = judge.length(motion)
+    length = len(judge.features[motion])
     run = run_free(network, motion, RUN_LENGTHS * length)
     if network.as_phase_network is not None:
         return judge.at_the_same_phase(motion, run if judge.loops[motion] else run[:length], length)
@@ -102,6 +96,9 @@ class Judge:
         loops: whether each motion is a loop.
         rate: frames per second, Hz.
         holds: whether a one-shot was taught to hold its end.
+
+    Attributes:
+        features: of each motion, shape (T_j, F).
     """
 
     def __init__(
@@ -114,29 +111,20 @@ class Judge:
         holds: bool = True,
     ) -> None:
         self.encoding, self.loops, self.rate, self.holds = encoding, loops, rate, holds
+        self.features = {name: joint_features(encoding, frames) for name, frames in references.items()}
         self._names = list(references)
-        self._features = [joint_features(encoding, frames) for frames in references.values()]
-        self._matcher = Matcher(self._features, [loops[name] for name in self._names], rate)
-
-    def length(self, motion: str) -> int:
-        """The number of frames that a motion was learned from."""
-        return len(self._features[self._names.index(motion)])
-
-    def end(self, motion: str) -> Array:
-        """The features of a motion's last frame, shape (F,)."""
-        return self._features[self._names.index(motion)][-1]
+        self._matcher = Matcher(list(self.features.values()), [loops[name] for name in references], rate)
 
     def share_passed(self, motion: str, run: Array) -> float:
         """The share of a motion's windows that a run with channels (T, C) passes within LOST_MM."""
-        index = self._names.index(motion)
-        nearest = self._matcher.nearest(joint_features(self.encoding, run), index)
+        nearest = self._matcher.nearest(joint_features(self.encoding, run), self._names.index(motion))
         return float(np.mean(nearest <= LOST_MM))
 
     def at_the_same_phase(self, motion: str, run: Array, last: int) -> MotionVerdict:
         """The verdict on the channels (T, C) of a run from the first frame on, by its `last` frames."""
         if not np.isfinite(run).all():
             return MotionVerdict(False, np.inf, 0.0, "the network ran away")
-        reference = self._features[self._names.index(motion)]
+        reference = self.features[motion]
         frame = np.arange(1, len(run) + 1)[-last:]
         frame = frame % len(reference) if self.loops[motion] else np.minimum(frame, len(reference) - 1)
         off = distances(joint_features(self.encoding, run[-last:]), reference[frame])
@@ -156,10 +144,39 @@ class Judge:
         """The verdict on the features (T, F) of a run."""
         if not np.isfinite(run).all():
             return MotionVerdict(False, np.inf, 0.0, "the network ran away")
-        index = self._names.index(motion)
-        if self.loops[motion]:
-            return _judge_loop(run, self._matcher, index, self._features[index], self.rate)
-        return _judge_once(run, self._matcher, index, self._features[index], holds=self.holds)
+        return self._judge_loop(motion, run) if self.loops[motion] else self._judge_once(motion, run)
+
+    def _judge_once(self, motion: str, run: Array) -> MotionVerdict:
+        matcher, index, reference = self._matcher, self._names.index(motion), self.features[motion]
+        found = matcher.match(run, index, alone=True)
+        error = float(np.median(found.distance[2 * len(found.distance) // 3 :]))
+        moving = np.square(np.diff(matcher.windows(reference), axis=0)).mean(1) > STILL_MM**2
+        places = found.place[found.place < len(moving)]
+        passed_through = rising_length(places[moving[places]]) / max(1, int(moving.sum()))
+        end = float(distances(run[-1], reference[-1]))
+        whole = run[: len(reference) - 1]
+        in_time = distances(whole, reference[1 : 1 + len(whole)]).mean() <= _bound_in_time(reference)
+        if passed_through < 0.7 and not in_time:
+            return MotionVerdict(False, error, 1.0, f"went through {passed_through:.0%} of the motion only")
+        if self.holds and end > LOST_MM:
+            return MotionVerdict(False, error, 1.0, f"holds a pose {end:.0f} mm away from the last one")
+        return MotionVerdict(True, error, 1.0, "")
+
+    def _judge_loop(self, motion: str, run: Array) -> MotionVerdict:
+        matcher, index, reference = self._matcher, self._names.index(motion), self.features[motion]
+        found = matcher.match(run[matcher.stride * (2 * matcher.window_count(len(run)) // 3) :], index)
+        error = float(np.median(found.distance))
+        right = float(np.mean(found.motion == index))
+        bound = max(LOST_MM, 0.4 * matcher.spread(index))
+        own = activity(reference, self.rate)
+        pace = activity(run[2 * len(run) // 3 :], self.rate) / own if own > STILL_SPEED else 1.0
+        if right < 0.7:
+            return MotionVerdict(False, error, right, f"only {right:.0%} of it looks like this motion")
+        if error > bound:
+            return MotionVerdict(False, error, right, f"{error:.0f} mm off, {bound:.0f} mm allowed")
+        if not 0.4 <= pace <= 2.5:
+            return MotionVerdict(False, error, right, f"moves {pace:.2f} times as fast as it should")
+        return MotionVerdict(True, error, right, "")
 
 
 def distances(features: Array, others: Array) -> Array:
@@ -171,35 +188,3 @@ def _bound_in_time(reference: Array) -> float:
     """The largest mean distance of a motion from its features (T, F) at the same phase or time, mm."""
     spread = float(np.sqrt(np.square(distances(reference, reference.mean(0))).mean()))
     return min(max(PHASE_SHARE * spread, LEAST_BOUND_MM), LOST_MM)
-
-
-def _judge_once(run: Array, matcher: Matcher, index: int, reference: Array, *, holds: bool) -> MotionVerdict:
-    found = matcher.match(run, index, alone=True)
-    error = float(np.median(found.distance[2 * len(found.distance) // 3 :]))
-    moving = np.square(np.diff(matcher.windows(reference), axis=0)).mean(1) > STILL_MM**2
-    places = found.place[found.place < len(moving)]
-    passed_through = rising_length(places[moving[places]]) / max(1, int(moving.sum()))
-    end = float(distances(run[-1], reference[-1]))
-    whole = run[: len(reference) - 1]
-    in_time = distances(whole, reference[1 : 1 + len(whole)]).mean() <= _bound_in_time(reference)
-    if passed_through < 0.7 and not in_time:
-        return MotionVerdict(False, error, 1.0, f"went through {passed_through:.0%} of the motion only")
-    if holds and end > LOST_MM:
-        return MotionVerdict(False, error, 1.0, f"holds a pose {end:.0f} mm away from the last one")
-    return MotionVerdict(True, error, 1.0, "")
-
-
-def _judge_loop(run: Array, matcher: Matcher, index: int, reference: Array, rate: float) -> MotionVerdict:
-    found = matcher.match(run[matcher.stride * (2 * matcher.window_count(len(run)) // 3) :], index)
-    error = float(np.median(found.distance))
-    right = float(np.mean(found.motion == index))
-    bound = max(LOST_MM, 0.4 * matcher.spread(index))
-    own = activity(reference, rate)
-    pace = activity(run[2 * len(run) // 3 :], rate) / own if own > STILL_SPEED else 1.0
-    if right < 0.7:
-        return MotionVerdict(False, error, right, f"only {right:.0%} of it looks like this motion")
-    if error > bound:
-        return MotionVerdict(False, error, right, f"{error:.0f} mm off, {bound:.0f} mm allowed")
-    if not 0.4 <= pace <= 2.5:
-        return MotionVerdict(False, error, right, f"moves {pace:.2f} times as fast as it should")
-    return MotionVerdict(True, error, right, "")

@@ -92,7 +92,7 @@ def join_takes(takes: Sequence[Array], names: Sequence[str], rate: float, *, loo
         FileFormatError: if a take differs too much from the others; it names it.
     """
     periods = [_period(take, rate) for take in takes] if loop else list(takes)
-    reference = _middle_length(periods)
+    reference = sorted(range(len(takes)), key=lambda number: len(periods[number]))[len(takes) // 2]
     within = _LARGEST_DIFFERENCE * _spread(periods[reference])
     laid: list[Array] = []
     for number, take in enumerate(takes):
@@ -128,10 +128,6 @@ def _period(take: Array, rate: float) -> Array:
     return take[best.start : best.end]
 
 
-def _middle_length(takes: Sequence[Array]) -> int:
-    return sorted(range(len(takes)), key=lambda number: len(takes[number]))[len(takes) // 2]
-
-
 def _best_part(take: Array, reference: Array) -> Array:
     """The part of a take that is nearest to one period of a loop, at any pace."""
     step = max(1, len(reference) // 40)
@@ -152,13 +148,13 @@ def _best_part(take: Array, reference: Array) -> Array:
 
 def _laid_over(take: Array, reference: Array) -> Array:
     few = min(_WARPED_AT, len(take), len(reference))
-    coarse = [_resampled(one, few) for one in (reference, take)]
+    coarse = [_at(one, np.linspace(0, len(one) - 1, few)) for one in (reference, take)]
     own, other = _path(*coarse)
     # The mean of several partners of a frame of the reference.
     partner = np.array([other[own == frame].mean() for frame in range(few)]) / (few - 1)
     smooth = np.interp(np.linspace(0, 1, len(reference)), np.linspace(0, 1, few), partner)
     place = smooth * (len(take) - 1)
-    return np.stack([np.interp(place, np.arange(len(take)), channel) for channel in take.T], axis=1)
+    return _at(take, place)
 
 
 def _path(reference: Array, take: Array) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
@@ -182,8 +178,7 @@ def _path(reference: Array, take: Array) -> tuple[NDArray[np.int64], NDArray[np.
     return own, other
 
 
-def _resampled(channels: Array, frames: int) -> Array:
-    place = np.linspace(0, len(channels) - 1, frames)
+def _at(channels: Array, place: Array) -> Array:
     return np.stack([np.interp(place, np.arange(len(channels)), channel) for channel in channels.T], axis=1)
 
 

@@ -38,16 +38,6 @@ class BodyRecognizer:
         self._steady = 0.0
         self.seen: str | None = None
 
-    @property
-    def motions(self) -> tuple[str, ...]:
-        """The known motions."""
-        return self.online.classes
-
-    @property
-    def confidence(self) -> float:
-        """As `OnlineRecognizer.confidence`."""
-        return self.online.confidence
-
     def update(self, root_position: Array, rotation: Array, dt: float) -> str | None:
         """Processes the pose dt >= 0 seconds after the last one and returns `seen`.
 

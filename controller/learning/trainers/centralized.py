@@ -89,14 +89,12 @@ class CentralizedTrainer(Trainer[CentralizedRecipe]):
             )
         return CentralizedNetwork(motions, rate)
 
-    def add(
-        self, recipe: CentralizedRecipe, network: CentralizedNetwork, motion: NewMotion
-    ) -> tuple[CentralizedNetwork, tuple[None, None]]:
+    def add(self, recipe: CentralizedRecipe, network: CentralizedNetwork, motion: NewMotion) -> CentralizedNetwork:
         """The network with one more motion."""
         normalisation = Normalisation.fit([motion.frames])
         to_learn = TrainingMotion(motion.name, normalisation.apply(motion.frames), motion.loop)
         lessons = Lessons([to_learn], normalisation, motion.rate)
-        return network.joined(self.train(recipe, lessons, motion.seed)), (None, None)
+        return network.joined(self.train(recipe, lessons, motion.seed))
 
     def error_of(self, recipe: CentralizedRecipe, network: CentralizedNetwork, motion: str, frames: Array) -> float:
         """The NRMSE of a motion beside the frames (T, C) that it learned."""

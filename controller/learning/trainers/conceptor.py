@@ -48,17 +48,18 @@ class ConceptorTrainer(Trainer[ConceptorRecipe]):
         chosen = settled_network(loaded, lessons.motions, lessons.normalisation, recipe, judge, seed)
         return SettledNetwork(*chosen, loaded.weights.astype(np.float32))
 
-    def add(
-        self, recipe: ConceptorRecipe, network: ConceptorNetwork, motion: NewMotion
-    ) -> tuple[ConceptorNetwork, tuple[float, float]]:
-        """The network with one more motion, and the share of its space that is used before and after."""
-        to_load, lengths = motion.scaled(memory_of(network).normalisation), motion.lengths
-        grown = load_one_more(network, lengths, to_load, recipe, motion.seed)
+    def quota(self, recipe: ConceptorRecipe, network: ConceptorNetwork, lengths: dict[str, int]) -> float:
+        """The share of the reservoir's space that its motions use."""
+        return quota(network, lengths, recipe)
+
+    def add(self, recipe: ConceptorRecipe, network: ConceptorNetwork, motion: NewMotion) -> ConceptorNetwork:
+        """The network with one more motion."""
+        to_load = motion.scaled(memory_of(network).normalisation)
+        grown = load_one_more(network, motion.lengths, to_load, recipe, motion.seed)
         if recipe.rank_tolerance_mm is not None:
             # The stored motions were cut when they were learned.
             grown = cut_to_tolerance(grown, motion.encoding, recipe.rank_tolerance_mm, (motion.name,))
-        longer = lengths | {motion.name: len(motion.frames)}
-        return grown, (quota(network, lengths, recipe), quota(grown, longer, recipe))
+        return grown
 
     def training_error(
         self,

@@ -177,15 +177,13 @@ class EchoStateTrainer(Trainer[EchoStateRecipe]):
             left[motion.name] = fewest
         return SettledNetwork(network, left)
 
-    def add(
-        self, recipe: EchoStateRecipe, network: EchoStateNetwork, motion: NewMotion
-    ) -> tuple[EchoStateNetwork, tuple[None, None]]:
+    def add(self, recipe: EchoStateRecipe, network: EchoStateNetwork, motion: NewMotion) -> EchoStateNetwork:
         """The network with one more readout."""
         reservoir = Reservoir(network.weights, network.feedback, network.bias, network.leak)
         # The noise is the same whenever this motion is added in this place.
         rng = np.random.default_rng([motion.seed, len(motion.lengths)])
         part = learn_readouts(reservoir, [motion.scaled(network.normalisation)], recipe, rng)
-        return network.with_motions(part), (None, None)
+        return network.with_motions(part)
 
 
 TRAINER = EchoStateTrainer()

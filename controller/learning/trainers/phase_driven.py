@@ -180,13 +180,11 @@ class PhaseDrivenTrainer(Trainer[Recipe]):
         motions = {one.name: recipe.learn(one, reservoir, normalisation, lessons.rate) for one in to_learn}
         return recipe.plays(scales, seed, normalisation, motions)
 
-    def add(
-        self, recipe: Recipe, network: PhaseDrivenNetwork[Any], motion: NewMotion
-    ) -> tuple[PhaseDrivenNetwork[Any], tuple[None, None]]:
+    def add(self, recipe: Recipe, network: PhaseDrivenNetwork[Any], motion: NewMotion) -> PhaseDrivenNetwork[Any]:
         """The network with one more motion."""
         one = motion.scaled(network.normalisation)
         part = recipe.learn(one, network.reservoir, network.normalisation, motion.rate)
-        return network.with_motions({motion.name: part}), (None, None)
+        return network.with_motions({motion.name: part})
 
     def readout_size(self, network: PhaseDrivenNetwork[Any], scaling: Array) -> float:
         """The mean absolute readout, of channels scaled to [-1, 1]."""

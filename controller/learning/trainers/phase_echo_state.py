@@ -11,11 +11,7 @@ import numpy as np
 from controller.learning.preparation.training_motion import TrainingMotion
 from controller.learning.trainers.phase_driven import PhaseDrivenRecipe, PhaseDrivenTrainer, course_of, with_readouts
 from controller.motion.encodings.normalisation import Normalisation
-from controller.networks.phase_echo_state.network import (
-    PhaseEchoStateMotion,
-    PhaseEchoStateNetwork,
-    StoredReadouts,
-)
+from controller.networks.phase_echo_state.network import PhaseEchoStateMotion, PhaseEchoStateNetwork, StoredReadouts
 from controller.networks.reservoirs.phase_reservoir import PhaseReservoir
 
 

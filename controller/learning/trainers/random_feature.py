@@ -25,12 +25,7 @@ from controller.learning.measures.accuracy import mabs
 from controller.learning.preparation.training_motion import TrainingMotion
 from controller.learning.trainers.trainer import Lessons, Trainer
 from controller.motion.rotations import Array
-from controller.networks.random_feature.network import (
-    FeatureMotion,
-    FeatureReservoir,
-    Float32,
-    RandomFeatureNetwork,
-)
+from controller.networks.random_feature.network import FeatureMotion, FeatureReservoir, Float32, RandomFeatureNetwork
 from controller.networks.reservoirs.reservoir import largest_eigenvalue
 from motiondeck_base.errors import MotiondeckError
 

@@ -141,10 +141,12 @@ class Trainer(ABC, Generic[Recipe]):
         """The network with the parameters that hold in trials, where the recipe chooses any."""
         return SettledNetwork(self.train(recipe, lessons, seed))
 
-    def add(
-        self, recipe: Recipe, network: Any, motion: NewMotion
-    ) -> tuple[AnyNetwork, tuple[float | None, float | None]]:
-        """The network with one more motion, and the share of its space that is used before and after.
+    def quota(self, recipe: Recipe, network: Any, lengths: dict[str, int]) -> float | None:
+        """The share of the network's space that motions of these lengths use; None where no space is shared."""
+        return None
+
+    def add(self, recipe: Recipe, network: Any, motion: NewMotion) -> AnyNetwork:
+        """The network with one more motion.
 
         Raises:
             MotiondeckError: if the network cannot be added to.

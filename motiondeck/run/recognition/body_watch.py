@@ -41,12 +41,12 @@ class BodyWatch:
     @property
     def names(self) -> Sequence[str]:
         """The recognizer's motions."""
-        return self._body.motions
+        return self._body.online.classes
 
     @property
     def seen(self) -> Recognized | None:
         """The recognized motion, with its confidence; None while none is certain."""
-        return Recognized(self._body.seen, self._body.confidence) if self._body.seen is not None else None
+        return Recognized(self._body.seen, self._body.online.confidence) if self._body.seen is not None else None
 
     def update(self, state: LoopState, deck: DeckState, stop: StopRequest) -> None:
         """Takes in one tick; while the deck's time stands still there is nothing to be seen."""

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from command_line import invoked
-from controller.learning.recognition.recognizer_file import load_recognizer
+from controller.learning.recognition.recognizer import load_recognizer
 from motiondeck_base.errors import MotiondeckError
 from recognition_examples import ASF, amc, write_folder
 

@@ -11,8 +11,7 @@ from safetensors.numpy import save_file
 from controller.learning.recognition.expert_bank import teach
 from controller.learning.recognition.experts import STRETCHED_LEAK, ExpertRecipe
 from controller.learning.recognition.features import FeatureRecipe
-from controller.learning.recognition.recognizer import train_recognizer
-from controller.learning.recognition.recognizer_file import KEY, load_recognizer, save_recognizer
+from controller.learning.recognition.recognizer import KEY, load_recognizer, save_recognizer, train_recognizer
 from motiondeck_base.errors import FileFormatError, MotiondeckError
 from recognition_examples import clip, dataset
 

@@ -9,8 +9,7 @@ import synthetic
 from controller.deck.deck import Deck
 from controller.learning.recognition.experts import STRETCHED_LEAK, STRETCHES, ExpertRecipe
 from controller.learning.recognition.features import FeatureRecipe
-from controller.learning.recognition.recognizer import train_recognizer
-from controller.learning.recognition.recognizer_file import load_recognizer, save_recognizer
+from controller.learning.recognition.recognizer import load_recognizer, save_recognizer, train_recognizer
 from controller.loop.clock import VirtualClock
 from controller.loop.commands.command_handler import CommandHandler
 from controller.wire.messages.commands import SetTempo, Switch
