@@ -15,8 +15,8 @@ from benchmarks.papers.hidden_joints import fill_hidden
 from benchmarks.papers.segment_network import play_segment
 from benchmarks.papers.vakulenko_plots import draw_coordinates, draw_hidden, draw_lines, draw_segment_errors
 from controller.learning.centralized.model_choice import mean_absolute, mean_distance, relative_accuracy
-from controller.learning.centralized.model_search import CENTERS as CENTER_CHOICES
-from controller.learning.centralized.model_search import RATE, SATELLITES, score_models
+from controller.learning.centralized.motion_training import CENTERS as CENTER_CHOICES
+from controller.learning.centralized.motion_training import RATE, SATELLITES, score_models
 from controller.learning.evaluation.tables import Table, Value
 from controller.motion.anatomy import anatomy
 from controller.motion.clip import Clip

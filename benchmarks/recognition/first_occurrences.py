@@ -7,8 +7,7 @@ from numpy.typing import NDArray
 from scipy.ndimage import uniform_filter1d
 
 from benchmarks.recognition.segment_labels import Labels
-from controller.learning.recognition.expert_bank import ExpertBank, teach
-from controller.learning.recognition.experts import ExpertRecipe
+from controller.learning.recognition.experts import ExpertBank, ExpertRecipe, teach
 from controller.learning.recognition.features import FeatureRecipe
 from controller.motion.rotations import Array
 from motiondeck_base.errors import MotiondeckError

@@ -10,8 +10,7 @@ import time
 import msgspec
 import numpy as np
 
-from controller.learning.recognition.expert_bank import ExpertBank, teach
-from controller.learning.recognition.experts import ExpertRecipe
+from controller.learning.recognition.experts import ExpertBank, ExpertRecipe, teach
 from controller.learning.recognition.features import FeatureRecipe, features
 from controller.learning.recognition.labelled_recordings import Dataset
 from controller.learning.recognition.online_recognizer import OnlineRecognizer

@@ -14,7 +14,7 @@ import numpy as np
 from scipy.stats import rankdata
 
 from benchmarks.recognition.methods import Scorer
-from controller.learning.recognition.expert_bank import margins
+from controller.learning.recognition.experts import margins
 from controller.learning.recognition.splits import Fold, Indices, Protocol, folds
 from controller.motion.rotations import Array
 from motiondeck_base.errors import MotiondeckError

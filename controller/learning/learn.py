@@ -150,7 +150,6 @@ def learn(
 
 
 def _named(one: LearnedMotion) -> str:
-    """The reason why a recording was left out, with its file unless the reason names it."""
     return one.remedy if one.remedy.startswith(f"{one.file} ") else f"{one.file}: {one.remedy}"
 
 

@@ -137,13 +137,8 @@ def gesture_recipe(name: str, clips: Sequence[Path], trim: bool = True) -> Libra
             joints; it names them.
     """
     motions = [
-        MotionRecipe(
-            name=motion_of(takes[0]),
-            file=str(takes[0]),
-            plays=taught_mode(takes[0]),
-            takes=tuple(map(str, takes[1:])),
-        )
-        for takes in by_motion(clips)
+        MotionRecipe(name=motion_of(first), file=str(first), plays=taught_mode(first), takes=tuple(map(str, more)))
+        for first, *more in by_motion(clips)
     ]
     recorded = [read_clip(clip) for clip in clips]
     expected = recorded[0].skeleton.bones
@@ -151,9 +146,8 @@ def gesture_recipe(name: str, clips: Sequence[Path], trim: bool = True) -> Libra
         lacking = [name for name in expected if name not in clip.skeleton.bones]
         besides = [name for name in clip.skeleton.bones if name not in expected]
         if lacking or besides:
-            differences = [f"lacks {', '.join(lacking)}"] * bool(lacking) + [f"has also {', '.join(besides)}"] * bool(
-                besides
-            )
+            parts = (("lacks", lacking), ("has also", besides))
+            differences = [f"{verb} {', '.join(joints)}" for verb, joints in parts if joints]
             raise FileFormatError(
                 f"{path}: beside {clips[0]} it {' and '.join(differences)}; the clips of one library need the same "
                 "joints. Teach them anew with one rig file, or make a library of each."

@@ -13,7 +13,7 @@ from benchmarks.centralized.anticipation_trust import Experience, Trust, shares_
 from benchmarks.centralized.motion_index import load_index, save_index
 from benchmarks.centralized.motion_signature import part_weights, signature
 from benchmarks.centralized.restyling import restyled, with_frequencies
-from controller.learning.centralized.model_search import score_models
+from controller.learning.centralized.motion_training import score_models
 from controller.learning.trainers.centralized import CentralizedRecipe
 from controller.library.motion_library import MotionLibrary, load_library, save_library
 from motiondeck_base.errors import MotiondeckError, UnknownNameError

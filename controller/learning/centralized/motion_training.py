@@ -1,4 +1,4 @@
-"""Trains a centralized network on one motion: rest, centers, satellites and weights.
+"""Trains a centralized network on one motion: rest, centers, satellites and weights, and chooses their numbers.
 
 A loop gets a slow center with one turn in its period and fast ones with whole numbers of turns, so that the curve on
 their torus is closed. A one-shot gets a slow center that starts with a quarter, 0.45 or one turn and is optimised too.
@@ -6,12 +6,15 @@ their torus is closed. A one-shot gets a slow center that starts with a quarter,
 
 from __future__ import annotations
 
+from collections.abc import Iterable
+from dataclasses import dataclass
 from itertools import combinations
 from typing import Literal
 
 import numpy as np
 
 from controller.learning.centralized.low_rank_learning import learn_low_rank
+from controller.learning.centralized.model_choice import aicc
 from controller.learning.centralized.satellite_learning import learn, ridge_readout, slow_and_fast
 from controller.motion.rotations import Array
 from controller.networks.centralized.centralized import CentralizedMotion
@@ -25,6 +28,10 @@ RATE = 30.0  # Hz, for criteria: neighbouring frames of faster recordings are re
 
 Rank = Literal["full", "auto"]
 FREQUENCY_TRIES = 30
+
+CENTERS = (1, 2, 3)
+SATELLITES = (9, 16, 25, 36, 49, 64, 81, 100)
+COMPARED_ITERATIONS = 15  # of the refinement of compared networks
 
 
 def train_centralized(
@@ -98,3 +105,57 @@ def _closed(seconds: float, centers: int, seed: int) -> list[Array]:
         drawn = np.random.default_rng(seed).choice(len(choices), FREQUENCY_TRIES, replace=False)
         choices = [choices[i] for i in sorted(drawn)]
     return [base * turns for turns in choices]
+
+
+@dataclass(frozen=True)
+class Scored:
+    """One choice of sizes."""
+
+    centers: int  # n
+    satellites: int  # m
+    aicc: float  # at RATE; the least is best
+    error: float  # root mean square error over the standard deviation of the channels
+    motion: CentralizedMotion
+
+
+def score_models(
+    channels: Array,
+    rate: float,
+    *,
+    loop: bool,
+    centers: Iterable[int] = CENTERS,
+    satellites: Iterable[int] = SATELLITES,
+    seed: int = 0,
+) -> list[Scored]:
+    """Every choice of sizes with enough frames for a motion (K, D), the best first by Akaike's criterion.
+
+    As fig. 13 of Vakulenko et al. 2017.
+
+    Raises:
+        MotiondeckError: if there is none.
+    """
+    stride = max(1, round(rate / RATE))
+    seen = channels[::stride]
+    time = np.arange(len(seen)) * stride / rate
+    spread = np.maximum(channels.std(0), 1e-3 * max(1e-12, float(channels.std(0).max())))
+    sizes = list(satellites)
+    scored = []
+    for n in centers:
+        for m in sizes:
+            if m > len(channels) // 3 or m >= len(seen):
+                continue
+            try:
+                motion = train_centralized(
+                    channels, rate, loop=loop, centers=n, satellites=m, iterations=COMPARED_ITERATIONS, seed=seed
+                )
+            except MotiondeckError:
+                continue  # its weights grow too large: too many satellites
+            missed = float(np.square((motion.at(time) - seen) / spread).sum())
+            parameters = (m + 1) * channels.shape[1] + m * (2 * n + 1) + 2 * n
+            criterion = aicc(missed, seen.size, parameters)
+            if not np.isfinite(criterion):
+                continue
+            scored.append(Scored(n, m, criterion, float(np.sqrt(missed / seen.size)), motion))
+    if not scored:
+        raise MotiondeckError(f"{len(channels)} frames are too few to choose a network by")
+    return sorted(scored, key=lambda one: one.aicc)

@@ -49,15 +49,8 @@ def learn_primitive(
     learned = learn(side_by_side, phase, count, slow_and_fast(1.0, 1, 1, 0), iterations=iterations)
     weights = ridge_readout(learned.respond(phase), side_by_side).reshape(len(aligned), channels, count)
     seconds = np.array([(len(each) - 1) / rate for each in demonstrations])
-    return MovementPrimitive(
-        learned.frequency,
-        learned.phase,
-        learned.satellites,
-        weights * scale[:, None],
-        rest,
-        BEND * scale,
-        seconds,
-    )
+    weights = weights * scale[:, None]
+    return MovementPrimitive(learned.frequency, learned.phase, learned.satellites, weights, rest, BEND * scale, seconds)
 
 
 def _at(demonstration: Array, phase: Array) -> Array:

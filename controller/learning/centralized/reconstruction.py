@@ -199,25 +199,16 @@ def _predicted(target: Array, rate: float) -> Array:
 
 @dataclass(frozen=True)
 class _Mixture:
-    """The best methods by the network and along the marker's own path, and the share of the former.
-
-    `expected` is the mean absolute error of both by their shares, a bound on that of the mixture.
-    """
-
     network: FillMethod
-    path: FillMethod
-    share: float
-    expected: float | None
+    path: FillMethod  # along the marker's own path
+    share: float  # of the network
+    expected: float | None  # mean absolute error of both by their shares, a bound on that of the mixture
 
 
 def _choose(scores: Array, body: Array, world: Array, missing: Flags, gap: int) -> _Mixture:
-    """The methods to fill a gap, by their errors on hidden intervals of its length, or shorter ones if none is seen.
+    """The methods to fill a gap of some frames, by their errors on hidden intervals of its length, or shorter ones.
 
-    Args:
-        scores: of the other markers, shape (K, SCORES).
-        body, world: the marker's path relative to the others, and in the world, shape (K, 3) each.
-        missing: whether it is not seen, shape (K,).
-        gap: length of the gap, frames.
+    `body` and `world` are the marker's path (K, 3) relative to the other markers and in the world.
     """
     longest = max((end - first for first, end in runs(~missing)), default=0)
     length = min(gap, longest - 2 * EDGE)

@@ -93,10 +93,7 @@ def crossing_table(
 
 
 def training_table(
-    title: str,
-    errors: Sequence[TrainingError],
-    verdicts: Sequence[dict[str, MotionVerdict]],
-    notes: list[str],
+    title: str, errors: Sequence[TrainingError], verdicts: Sequence[dict[str, MotionVerdict]], notes: list[str]
 ) -> Table:
     """Training errors and self-tests by seed, and the mean of the errors."""
     names = ["mabs_readout", "nrmse_readout", "mabs_weights", "nrmse_weights"]

@@ -15,16 +15,10 @@ from controller.learning.measures.disturbance import Kind, disturbed
 from controller.learning.measures.self_test import Judge, MotionVerdict, after_disturbance, self_test
 from controller.networks.base import AnyNetwork
 
-RUNS: dict[Kind, int] = {"robustness": 8, "stability": 16}
-"""The number of disturbed runs of each kind."""
-
-FREE_RUN = sum(RUNS.values())
-"""The weight of a failed free run, in disturbed runs."""
-
-FORGIVEN = 1
-"""The number of failures that a passing motion may have."""
-
-STRESS_RUNS = 5
+RUNS: dict[Kind, int] = {"robustness": 8, "stability": 16}  # disturbed runs for a choice
+FREE_RUN = sum(RUNS.values())  # weight of a failed free run, in disturbed runs
+STRESS_RUNS = 5  # of each kind for a verdict
+FORGIVEN = 1  # failures that a passing motion may have
 _WORDS: dict[Kind, str] = {"robustness": "started from noise", "stability": "disturbed"}
 
 

@@ -10,8 +10,7 @@ from numpy.typing import NDArray
 
 from controller.deck.interfaces import Retargeter
 from controller.deck.tracks.frame_player import FramePlayer
-from controller.learning.recognition.expert_bank import ExpertBank, teach
-from controller.learning.recognition.experts import ExpertRecipe
+from controller.learning.recognition.experts import ExpertBank, ExpertRecipe, teach
 from controller.learning.recognition.features import ANGLE_UNIT
 from controller.learning.recognition.online_recognizer import FrameTimes, OnlineRecognizer
 from controller.library.motion_library import MotionLibrary

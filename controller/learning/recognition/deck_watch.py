@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from controller.learning.recognition.deck_recognizer import JointWatcher
-from controller.learning.recognition.expert_bank import ExpertBank
+from controller.learning.recognition.experts import ExpertBank
 from controller.learning.recognition.online_recognizer import MismatchWatch
 from controller.motion.rotations import Array
 from motiondeck_base.errors import MotiondeckError

@@ -15,8 +15,7 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from controller.learning.recognition.expert_bank import ExpertBank
-from controller.learning.recognition.experts import SMALLEST_ERROR
+from controller.learning.recognition.experts import SMALLEST_ERROR, ExpertBank
 from controller.motion.rotations import Array
 from motiondeck_base.errors import MotiondeckError
 

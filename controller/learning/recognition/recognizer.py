@@ -12,8 +12,7 @@ from pathlib import Path
 import msgspec
 import numpy as np
 
-from controller.learning.recognition.expert_bank import ExpertBank, margins, teach
-from controller.learning.recognition.experts import ExpertRecipe, Moments
+from controller.learning.recognition.experts import ExpertBank, ExpertRecipe, Moments, margins, teach
 from controller.learning.recognition.features import FeatureRecipe, common_joints, features
 from controller.learning.recognition.labelled_recordings import Dataset
 from controller.learning.recognition.splits import inner_folds

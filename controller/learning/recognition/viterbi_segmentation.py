@@ -5,8 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from controller.learning.recognition.expert_bank import ExpertBank
-from controller.learning.recognition.experts import SMALLEST_ERROR, frame_errors
+from controller.learning.recognition.experts import SMALLEST_ERROR, ExpertBank, frame_errors
 from controller.motion.rotations import Array
 
 Frames = NDArray[np.int64]

@@ -42,11 +42,7 @@ class CompletionRecipe(msgspec.Struct, forbid_unknown_fields=True, frozen=True, 
 
 
 def learn_completion(
-    examples: Sequence[tuple[Array, Array]],
-    rate: float,
-    *,
-    recipe: CompletionRecipe | None = None,
-    seed: int = 0,
+    examples: Sequence[tuple[Array, Array]], rate: float, *, recipe: CompletionRecipe | None = None, seed: int = 0
 ) -> Completion:
     """Trains the reconstruction of all channels (T, D) from measured ones (T, C).
 

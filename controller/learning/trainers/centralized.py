@@ -7,8 +7,7 @@ from typing import Literal
 import msgspec
 import numpy as np
 
-from controller.learning.centralized.model_search import CENTERS, SATELLITES, score_models
-from controller.learning.centralized.motion_training import Rank, train_centralized
+from controller.learning.centralized.motion_training import CENTERS, SATELLITES, Rank, score_models, train_centralized
 from controller.learning.measures.accuracy import mabs, nrmse
 from controller.learning.preparation.training_motion import TrainingMotion
 from controller.learning.trainers.trainer import Lessons, NewMotion, Trainer

@@ -105,7 +105,6 @@ def course_of(motion: TrainingMotion, piece_frames: float) -> PhaseCourse:
 
 
 def _frames_held(frames: Array) -> int:
-    """The number of constant frames at the end."""
     moving = np.flatnonzero((np.diff(frames, axis=0) != 0.0).any(1))
     return len(frames) - 1 - (int(moving[-1]) + 1) if len(moving) else len(frames) - 2
 

@@ -3,16 +3,17 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from controller.learning.recognition.expert_bank import margins, teach
 from controller.learning.recognition.experts import (
     ExpertRecipe,
     expert_reservoir,
     force,
     frame_errors,
     log_errors,
+    margins,
     mean_errors,
     moments,
     readout,
+    teach,
     total,
 )
 from controller.learning.recognition.features import FeatureRecipe, features

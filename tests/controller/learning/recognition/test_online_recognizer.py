@@ -5,8 +5,7 @@ from hypothesis import strategies as st
 
 from controller.learning.recognition.deck_recognizer import JointWatcher, joint_motions, teach_joints, unwind
 from controller.learning.recognition.deck_watch import FollowingWatch
-from controller.learning.recognition.expert_bank import teach
-from controller.learning.recognition.experts import ExpertRecipe
+from controller.learning.recognition.experts import ExpertRecipe, teach
 from controller.learning.recognition.features import ANGLE_UNIT, FeatureRecipe, features
 from controller.learning.recognition.online_recognizer import MismatchWatch, OnlineRecognizer
 from motiondeck_base.errors import MotiondeckError

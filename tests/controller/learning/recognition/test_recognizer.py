@@ -8,8 +8,7 @@ from hypothesis import strategies as st
 from safetensors import safe_open
 from safetensors.numpy import save_file
 
-from controller.learning.recognition.expert_bank import teach
-from controller.learning.recognition.experts import STRETCHED_LEAK, ExpertRecipe
+from controller.learning.recognition.experts import STRETCHED_LEAK, ExpertRecipe, teach
 from controller.learning.recognition.features import FeatureRecipe
 from controller.learning.recognition.recognizer import KEY, load_recognizer, save_recognizer, train_recognizer
 from motiondeck_base.errors import FileFormatError, MotiondeckError
