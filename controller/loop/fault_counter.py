@@ -15,15 +15,11 @@ FAULTS_TO_GIVE_UP = 20
 
 @dataclass
 class FaultCounter:
-    """The faults of one kind of call.
-
-    Attributes:
-        given_up: whether the last FAULTS_TO_GIVE_UP calls have all raised; no further one is made.
-    """
+    """The faults of one kind of call."""
 
     faults: int = 0
     fault: str = ""
-    given_up: bool = False
+    given_up: bool = False  # whether the last FAULTS_TO_GIVE_UP calls have all raised; no further one is made
     _in_a_row: int = 0
 
     def call(self, action: Callable[P, None], *args: P.args, **kwargs: P.kwargs) -> None:

@@ -28,13 +28,9 @@ class Percentiles(msgspec.Struct, frozen=True):
 
 @dataclass
 class DurationHistogram:
-    """Counts durations; adding one allocates nothing that stays.
+    """Counts durations; adding one allocates nothing that stays."""
 
-    Attributes:
-        longest: the longest duration so far, ns, exact.
-    """
-
-    longest: int = 0
+    longest: int = 0  # the longest duration so far, ns, exact
     count: int = 0
     _counts: array[int] = field(default_factory=lambda: array("Q", bytes(8 * _BUCKETS)), repr=False)
 

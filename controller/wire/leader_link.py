@@ -16,16 +16,11 @@ UNANSWERED_AFTER = 0.5  # s until a request counts as lost
 
 @dataclass(frozen=True, slots=True)
 class Sighting:
-    """The phase of another deck.
+    """The phase of another deck."""
 
-    Attributes:
-        time: when, by the asking deck's clock, s.
-        rate: rounds per second; negative backwards.
-    """
-
-    time: float
+    time: float  # when, by the asking deck's clock, s
     phase: float
-    rate: float
+    rate: float  # rounds per second; negative backwards
 
 
 class LeaderLink:

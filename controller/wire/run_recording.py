@@ -110,15 +110,10 @@ def check_replaceable(path: Path) -> None:
 
 @dataclass(frozen=True)
 class RunRecording:
-    """A recording in memory.
+    """A recording in memory."""
 
-    Attributes:
-        description: library, robot, joints, motions, rate (ticks per second), root, balance, walk.
-        fields: the values of each field, shape (ticks, size).
-    """
-
-    description: dict[str, Any]
-    fields: dict[str, Array]
+    description: dict[str, Any]  # library, robot, joints, motions, rate (ticks per second), root, balance, walk
+    fields: dict[str, Array]  # the values of each field, shape (ticks, size)
     complete: bool
 
     @property

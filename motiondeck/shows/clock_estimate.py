@@ -74,28 +74,23 @@ class RoundTrip:
 
 
 class ClockEstimate:
-    """Estimates a remote clock; all local times are those of one steady clock, s."""
+    """Estimates a remote clock; all local times are those of one steady clock, s.
+
+    Attributes:
+        drift: how much faster the remote clock runs; 1e-6 is 1 ppm.
+        shortest: the shortest round trip of the latest, s.
+    """
 
     def __init__(self) -> None:
         self._trips: deque[RoundTrip] = deque(maxlen=MOST_SAMPLES)
         self._contradicting: list[RoundTrip] = []
-        self._reference = self._offset = self._drift = self._shortest = 0.0
+        self._reference = self._offset = self.drift = self.shortest = 0.0
         self._covariance = np.zeros((2, 2))
 
     @property
     def known(self) -> bool:
         """Whether there was any answer yet."""
         return bool(self._trips)
-
-    @property
-    def drift(self) -> float:
-        """How much faster the remote clock runs; 1e-6 is 1 ppm."""
-        return self._drift
-
-    @property
-    def shortest(self) -> float:
-        """The shortest round trip of the latest, s."""
-        return self._shortest
 
     def take(self, trip: RoundTrip) -> None:
         """Takes a round trip. Three in a row that contradict all before begin anew: another clock, or a sleep."""
@@ -114,7 +109,7 @@ class ClockEstimate:
 
     def offset(self, local: float) -> float:
         """By how much the remote clock is ahead at a local time, s."""
-        return self._offset + self._drift * (local - self._reference)
+        return self._offset + self.drift * (local - self._reference)
 
     def remote(self, local: float) -> float:
         """The remote time at a local time, s."""
@@ -122,12 +117,12 @@ class ClockEstimate:
 
     def local(self, remote: float) -> float:
         """The local time at a remote time, s."""
-        return self._reference + (remote - self._reference - self._offset) / (1.0 + self._drift)
+        return self._reference + (remote - self._reference - self._offset) / (1.0 + self.drift)
 
     def uncertainty(self, local: float) -> float:
         """How far the remote time at a local time may be off, s."""
         ahead = np.array([1.0, local - self._reference])
-        return 0.5 * self._shortest + 2.0 * float(np.sqrt(ahead @ self._covariance @ ahead))
+        return 0.5 * self.shortest + 2.0 * float(np.sqrt(ahead @ self._covariance @ ahead))
 
     def _contradicts(self, trip: RoundTrip) -> bool:
         off = abs(trip.offset - self.offset(trip.middle))
@@ -137,12 +132,12 @@ class ClockEstimate:
         middles = np.array([trip.middle for trip in self._trips])
         offsets = np.array([trip.offset for trip in self._trips])
         delays = np.array([trip.seconds for trip in self._trips])
-        self._reference, self._shortest = float(middles[-1]), float(delays.min())
-        waited, ages = 0.5 * (delays - self._shortest), self._reference - middles
+        self._reference, self.shortest = float(middles[-1]), float(delays.min())
+        waited, ages = 0.5 * (delays - self.shortest), self._reference - middles
         weights = 1.0 / (JITTER**2 * (1.0 + (waited / JITTER) ** 2) ** 1.5 + (WANDER * ages) ** 2)
         columns = np.column_stack([np.ones_like(middles), -ages])
         first = float(offsets[-1])  # of about the same size as all, so that no digits are lost
         normal = columns.T @ (weights[:, None] * columns) + np.diag([0.0, DRIFT**-2])
         self._covariance = np.linalg.inv(normal)
         line = self._covariance @ (columns.T @ (weights * (offsets - first)))
-        self._offset, self._drift = first + float(line[0]), float(line[1])
+        self._offset, self.drift = first + float(line[0]), float(line[1])

@@ -12,7 +12,7 @@ Holds = Callable[[Condition, ShowCue], bool]
 
 
 class CueList:
-    """Goes through cues in order.
+    """Goes through cues in order; `number`, from 0, is that of the next one.
 
     Times count from the beginning, and anew from every hold point and condition that was passed.
 
@@ -23,7 +23,7 @@ class CueList:
 
     def __init__(self, cues: Sequence[ShowCue], lead: float, now: float, first: int = 0) -> None:
         self._cues, self._lead = cues, lead
-        self._next = first
+        self.number = first
         self._zero = now + lead
         if 0 < first < len(cues) and (at := cues[first].at) is not None:
             self._zero -= at  # a show that begins later begins with its first cue
@@ -35,12 +35,7 @@ class CueList:
     @property
     def next(self) -> ShowCue | None:
         """The cue that comes next; None at the end."""
-        return self._cues[self._next] if self._next < len(self._cues) else None
-
-    @property
-    def number(self) -> int:
-        """The number of that cue, from 0."""
-        return self._next
+        return self._cues[self.number] if self.number < len(self._cues) else None
 
     @property
     def next_at(self) -> float | None:
@@ -85,8 +80,8 @@ class CueList:
             if cue.when is not None and cue.within is not None and now > self._waiting_since + cue.within:
                 self._expired = True
             return None
-        number = self._next
-        self._next += 1
+        number = self.number
+        self.number += 1
         self._gone = self._expired = False
         self._waiting_since = at
         return number, cue, max(at, now)

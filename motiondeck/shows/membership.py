@@ -34,15 +34,11 @@ _NAME = re.compile(r"[a-z0-9][a-z0-9-]{0,30}\Z")
 
 
 class MemberFile(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
-    """A member.toml.
-
-    Attributes:
-        members: the address of each member, HOST or HOST:PORT.
-    """
+    """A member.toml."""
 
     show: str
     name: str
-    members: dict[str, str]
+    members: dict[str, str]  # the address of each member, HOST or HOST:PORT
 
 
 @dataclass(frozen=True)

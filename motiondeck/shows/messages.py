@@ -24,44 +24,28 @@ T = TypeVar("T")
 
 
 class About(msgspec.Struct, frozen=True):
-    """A deck.
-
-    Attributes:
-        rate: ticks of its loop a second.
-        rounds: of each motion that is a loop, how long a round takes at tempo 1, s; 0 for a one-shot.
-    """
+    """A deck."""
 
     robot: str
     library: str
-    rate: float
-    rounds: dict[str, float]
+    rate: float  # ticks of its loop a second
+    rounds: dict[str, float]  # of each motion that is a loop, how long a round takes at tempo 1, s; 0 for a one-shot
     host: str = ""
 
 
 class Time(msgspec.Struct, frozen=True):
-    """The time of a conductor.
+    """The time of a conductor."""
 
-    Attributes:
-        run: of this conductor; another one is another clock.
-        seconds: its time.
-        lost: what to do when it does not answer any more.
-        after: and after how long, s.
-    """
-
-    run: str
-    seconds: float
-    lost: Lost
-    after: float
+    run: str  # of the conductor; another run is another clock
+    seconds: float  # the time, s
+    lost: Lost  # what a deck does when the conductor does not answer any more
+    after: float  # s without an answer after which that happens
 
 
 class CommonRound(msgspec.Struct, frozen=True):
-    """What loops keep step with.
+    """What loops keep step with."""
 
-    Attributes:
-        began: when phase 0 was, in the conductor's time, s.
-    """
-
-    began: float
+    began: float  # when phase 0 was, in the conductor's time, s
     seconds: float
 
     def phase(self, time: float) -> float:
@@ -70,21 +54,15 @@ class CommonRound(msgspec.Struct, frozen=True):
 
 
 class TimedCue(msgspec.Struct, frozen=True):
-    """Commands at a time.
-
-    Attributes:
-        number: rises from cue to cue of a run.
-        at: when, in the conductor's time, s.
-        step: what loops keep step with from then on; None for nothing.
-    """
+    """Commands at a time."""
 
     run: str
-    number: int
+    number: int  # rises from cue to cue of a run
     name: str
-    at: float
+    at: float  # when, in the conductor's time, s
     decks: list[str]
     say: list[DeckCommand]
-    step: CommonRound | None = None
+    step: CommonRound | None = None  # what loops keep step with from then on; None for nothing
 
 
 class ClockHealth(msgspec.Struct, frozen=True):
@@ -123,14 +101,10 @@ class DeckHealth(msgspec.Struct, frozen=True):
 
 
 class EmergencyStopAll(msgspec.Struct, frozen=True):
-    """Emergency stop of all decks.
-
-    Attributes:
-        id: of this stop, so that a member passes it on once.
-    """
+    """Emergency stop of all decks."""
 
     by: str
-    id: str
+    id: str  # of this stop, so that a member passes it on once
 
 
 encode = msgspec.json.Encoder().encode

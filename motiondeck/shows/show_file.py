@@ -81,22 +81,15 @@ class ShowCue(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
 
 
 class Show(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
-    """A show.
-
-    Attributes:
-        decks: those that belong to it; without them every deck that is there.
-        lead: how long before its time a cue is sent, s.
-        if_lost: what a deck does that has lost the conductor.
-        lost_after: after how long without an answer, s.
-    """
+    """A show."""
 
     show: str
     cues: list[ShowCue] = []
-    decks: list[str] = []
+    decks: list[str] = []  # those that belong to it; without them every deck that is there
     groups: dict[str, list[str]] = {}
-    lead: Annotated[float, msgspec.Meta(ge=0.05, le=10)] = 0.5
-    if_lost: Lost = "hold"
-    lost_after: Annotated[float, msgspec.Meta(ge=1, le=60)] = 3.0
+    lead: Annotated[float, msgspec.Meta(ge=0.05, le=10)] = 0.5  # how long before its time a cue is sent, s
+    if_lost: Lost = "hold"  # what a deck does that has lost the conductor
+    lost_after: Annotated[float, msgspec.Meta(ge=1, le=60)] = 3.0  # s without an answer until then
 
     def members(self, names: list[str], present: list[str]) -> list[str]:
         """The decks of some names of decks and groups, each once."""

@@ -34,23 +34,15 @@ class DeckRow(msgspec.Struct, frozen=True):
 
 
 class ShowState(msgspec.Struct, frozen=True, tag="state"):
-    """A show at a moment.
-
-    Attributes:
-        present: the number, from 0, of the cue that was last carried out; None before the first.
-        upcoming: of the one that comes next; None after the last.
-        seconds: how long until then; None if unknown.
-        waits: whether only `go` brings it.
-        stopped_by: the member that gave the emergency stop, or "".
-    """
+    """A show at a moment."""
 
     show: str
     cues: list[ShowCue]
-    present: int | None = None
-    upcoming: int | None = None
-    seconds: float | None = None
-    waits: bool = False
-    stopped_by: str = ""
+    present: int | None = None  # the number, from 0, of the cue that was last carried out; None before the first
+    upcoming: int | None = None  # of the one that comes next; None after the last
+    seconds: float | None = None  # how long until then; None if unknown
+    waits: bool = False  # whether only `go` brings it
+    stopped_by: str = ""  # the member that gave the emergency stop, or ""
     decks: list[DeckRow] = []
 
 

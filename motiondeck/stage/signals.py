@@ -14,13 +14,9 @@ Notify = Callable[[str], None]
 
 @dataclass(frozen=True, slots=True)
 class Signal:
-    """A command that a signal stands for.
+    """A command that a signal stands for."""
 
-    Attributes:
-        due: when it is to be given, s, by the bridge's clock; in the past where it was noticed late.
-    """
-
-    due: float
+    due: float  # when it is to be given, s, by the bridge's clock; in the past where it was noticed late
     source: str
     command: DeckCommand
 

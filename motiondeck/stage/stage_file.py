@@ -40,29 +40,19 @@ class _StageFile(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
 
 @dataclass(frozen=True)
 class OscMap:
-    """What OSC does.
+    """What OSC does."""
 
-    Attributes:
-        port: the UDP port on loopback at which messages arrive; None for none.
-        target: where events and states are sent to, host and port; None for nowhere.
-    """
-
-    port: int | None
-    target: tuple[str, int] | None
+    port: int | None  # the UDP port on loopback at which messages arrive; None for none
+    target: tuple[str, int] | None  # where events and states are sent to, host and port; None for nowhere
     commands: Mapping[str, CommandPattern]
 
 
 @dataclass(frozen=True)
 class MidiMap:
-    """What MIDI does.
+    """What MIDI does."""
 
-    Attributes:
-        input: the name of a port, or the path of a raw MIDI device.
-        channel: the only one whose notes count, from 0; None for all.
-    """
-
-    input: str
-    channel: int | None
+    input: str  # the name of a port, or the path of a raw MIDI device
+    channel: int | None  # the only one whose notes count, from 0; None for all
     clock: bool
     notes: Mapping[int, CommandPattern]
     cues: Mapping[Timecode, CommandPattern]

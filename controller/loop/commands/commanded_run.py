@@ -26,15 +26,10 @@ from motiondeck_base.errors import MotiondeckError, in_words
 
 
 class Playback(DeckState, Protocol):
-    """The part of any deck that commands need; it raises a MotiondeckError for a command that it cannot carry out.
+    """The part of any deck that commands need; it raises a MotiondeckError for a command that it cannot carry out."""
 
-    Attributes:
-        events: what has happened and is still to be sent.
-        phase_at: when the present phase was due by the machine's steady clock, s; None if that is not known.
-    """
-
-    events: deque[Event]
-    phase_at: float | None
+    events: deque[Event]  # what has happened and is still to be sent
+    phase_at: float | None  # when the present phase was due by the machine's steady clock, s; None if that is not known
 
     @property
     def phase_rate(self) -> float | None:
@@ -101,20 +96,14 @@ class Outcome(NamedTuple):
 
 @dataclass
 class CommandedRun:
-    """A run that commands are carried out on; none waits or raises.
-
-    Attributes:
-        body: what is simulated, if it can be pushed.
-        restarts: whether the run can be started again with another library.
-        snapshots: of the run, for status replies; by default of the deck and the body.
-    """
+    """A run that commands are carried out on; none waits or raises."""
 
     deck: Playback
     servos: RigServos | None = None
-    body: Pushable | None = None
-    restarts: bool = False
+    body: Pushable | None = None  # what is simulated, if it can be pushed
+    restarts: bool = False  # whether the run can be started again with another library
     ticks: RealTime | None = None
-    snapshots: SnapshotSource | None = None
+    snapshots: SnapshotSource | None = None  # of the run, for status replies; by default of the deck and the body
 
     def __post_init__(self) -> None:
         self._snapshots = self.snapshots or SnapshotSource(self.deck, self.body)

@@ -21,17 +21,12 @@ _FORGOTTEN_AFTER = 60.0  # s that a subscriber over a network may be silent
 
 @dataclass
 class _Listener:
-    """A client with a subscription or a heartbeat.
-
-    Attributes:
-        heard: time of its last command, s.
-        within: s of silence after which the deck pauses; 0 for never.
-    """
+    """A client with a subscription or a heartbeat."""
 
     client: Client
-    heard: float
+    heard: float  # time of its last command, s
     subscribed: bool = False
-    within: float = 0.0
+    within: float = 0.0  # s of silence after which the deck pauses; 0 for never
 
 
 class Listeners:

@@ -113,16 +113,12 @@ class GiveBeat(CommandMessage, frozen=True, tag="beat"):
 
 
 class LockPhase(CommandMessage, frozen=True, tag="lock"):
-    """Lock the phase to: beat (PHASE falls on it, STEPS beats a round, 0: automatic), deck (PHASE ahead), body.
-
-    Attributes:
-        steps: beats in a round of the motion; 0 for what keeps the tempo nearest to 1.
-    """
+    """Lock the phase to: beat (PHASE falls on it, STEPS beats a round, 0: automatic), deck (PHASE ahead), body."""
 
     row = CommandRow(("timed", "script"), record=14)
     source: Annotated[LockSource, Choice("SOURCE", LOCK_SOURCES)]
     phase: Annotated[float, PHASE] = 0.0
-    steps: Annotated[int, STEPS] = 0
+    steps: Annotated[int, STEPS] = 0  # beats in a round of the motion; 0 for what keeps the tempo nearest to 1
 
 
 class Unlock(CommandMessage, frozen=True, tag="unlock"):
@@ -240,16 +236,12 @@ class ReadRegisters(CommandMessage, frozen=True, tag="registers"):
 
 
 class WriteRegister(CommandMessage, frozen=True, tag="write"):
-    """Write a register of a servo whose torque is off; only what the rig does not rely on.
-
-    Attributes:
-        count: the new value, in the register's own counts.
-    """
+    """Write a register of a servo whose torque is off; only what the rig does not rely on."""
 
     row = CommandRow(("script", "replay"), ALWAYS, record=20, second_reply="servos")
     joint: Annotated[str, _JOINT]
     register: Annotated[str, Text("REGISTER", "the name of a register")]
-    count: Annotated[int, Number("COUNT", -32768, 65535, whole=True)]
+    count: Annotated[int, Number("COUNT", -32768, 65535, whole=True)]  # the new value, in the register's own counts
 
 
 class ScanPorts(CommandMessage, frozen=True, tag="scan"):
@@ -289,13 +281,10 @@ class AtTime(CommandMessage, frozen=True, tag="at"):
 
     It is accepted at once, and refused later where it cannot be carried out; a switch is answered once more when it
     has settled. An emergency stop cancels it, and so does its sender by leaving. A time that has passed means now.
-
-    Attributes:
-        when: by this machine's steady clock, s.
     """
 
     row = CommandRow(("replay",))
-    when: Annotated[float, Number("WHEN", *_CLOCK)]
+    when: Annotated[float, Number("WHEN", *_CLOCK)]  # by this machine's steady clock, s
     say: Annotated[DeckCommand, WholeCommand("'COMMAND'")]
 
     def check(self) -> None:

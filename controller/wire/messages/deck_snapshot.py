@@ -276,19 +276,14 @@ class FallingBody(Protocol):
 
 @dataclass
 class SnapshotSource:
-    """The parts of a run that its snapshots are taken from; only the deck is needed.
-
-    Attributes:
-        kept_apart: counts the ticks in which limbs were kept from colliding.
-        health: the last percentiles, set from outside.
-    """
+    """The parts of a run that its snapshots are taken from; only the deck is needed."""
 
     deck: DeckState
     body: FallingBody | None = None
     recognition: RecognitionState | None = None
-    kept_apart: Callable[[], int] | None = None
+    kept_apart: Callable[[], int] | None = None  # counts the ticks in which limbs were kept from colliding
     loop: LoopFigures | None = None
-    health: TickHealth = _NO_HEALTH
+    health: TickHealth = _NO_HEALTH  # the last percentiles, set from outside
 
     def take(self, run: RunMode | None = None) -> DeckSnapshot:
         """The present state of a run in this mode."""

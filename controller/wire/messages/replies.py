@@ -73,14 +73,10 @@ class ServoOnPort(msgspec.Struct, frozen=True, array_like=True):
 
 
 class OnPorts(msgspec.Struct, frozen=True, tag="ports"):
-    """The servos on the ports of the rig at its baud rate.
-
-    Attributes:
-        missing: the joints whose servo did not reply.
-    """
+    """The servos on the ports of the rig at its baud rate."""
 
     servos: list[ServoOnPort]
-    missing: list[str]
+    missing: list[str]  # the joints whose servo did not reply
     id: Natural = 0
 
 

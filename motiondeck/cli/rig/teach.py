@@ -94,16 +94,12 @@ def teach(
 
 @dataclass
 class _Recording:
-    """A recorded movement, and how to save it.
-
-    Attributes:
-        cut_short: why it broke off; "" if it did not.
-    """
+    """A recorded movement, and how to save it."""
 
     taught: Taught
     plays: Plays
     trim: bool
-    cut_short: str
+    cut_short: str  # why it broke off; "" if it did not
 
     @property
     def angles(self) -> Array:

@@ -35,15 +35,10 @@ WORDS = ("body (left)", "hinge (left)", "axis")  # columns of text
 
 @dataclass(frozen=True)
 class CalibrationTrial:
-    """How a calibrated robot walked and boxed.
+    """How a calibrated robot walked and boxed."""
 
-    Attributes:
-        off: how far each segment ("l_forearm") points from the human's: mean and worst, degrees.
-        causes: of those that are further off in a motion than `robot check` allows.
-    """
-
-    off: Directions
-    causes: Mapping[str, Cause]
+    off: Directions  # how far each segment ("l_forearm") points from the human's: mean and worst, degrees
+    causes: Mapping[str, Cause]  # of those that are further off in a motion than `robot check` allows
 
     @property
     def wrong(self) -> list[str]:

@@ -145,7 +145,7 @@ def test_what_has_no_feet_has_no_margin():
 
 
 def test_currents_that_cannot_be_judged_are_mentioned(tmp_path, capsys):
-    from motiondeck.cli.preflight_run import on_rig
+    from motiondeck.cli.preflight import on_rig
     from motiondeck_base.shipped import find_rig, find_robot
     from sim.robots.robot import load_robot
 
@@ -157,7 +157,7 @@ def test_currents_that_cannot_be_judged_are_mentioned(tmp_path, capsys):
 
 
 def test_a_rig_narrows_what_is_allowed():
-    from motiondeck.cli.preflight_run import on_rig
+    from motiondeck.cli.preflight import on_rig
     from motiondeck_base.shipped import find_robot
     from sim.robots.robot import load_robot
 
