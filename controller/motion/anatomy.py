@@ -86,15 +86,12 @@ def named_anatomy(skeleton: Skeleton) -> Anatomy | None:
     arms = [b for b in range(len(skeleton)) if part[b] in _ARM and _parent(skeleton, b) in spine]
     level = max((_level(skeleton, spine, b) for b in arms), default=len(spine) - 1)
     for place, bone in enumerate(spine):
-        of = named[bone]
-        if part[bone] != "other":
-            continue
-        # Blender's rigs name bones spine up to the head.
-        above = place > level and not heads
-        if of is not None and of.part in ("trunk", "neck", "head") and not above:
-            part[bone] = of.part
-        else:
+        if part[bone] == "other":
             part[bone] = "trunk" if place <= level else "neck"
+            of = named[bone]
+            # Blender's rigs name bones spine up to the head.
+            if of is not None and of.part in ("trunk", "neck", "head") and (place <= level or heads):
+                part[bone] = of.part
     if "head" not in part and len(spine) > 1:
         part[spine[-1]] = "head"
     return Anatomy(tuple(part), tuple(side))

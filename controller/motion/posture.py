@@ -11,19 +11,12 @@ from controller.motion.rotations import Array, multiply, yaw
 
 @dataclass(slots=True)
 class Posture:
-    """Rotations and velocities of a body relative to its heading; leading axes (...) may be time.
+    """Rotations and velocities of a body relative to its heading; leading axes (...) may be time."""
 
-    Attributes:
-        height: of the root above the ground, shape (...), m.
-        velocity: of the root along the ground, forward and left, shape (..., 2), m/s.
-        turn_rate: of the heading, about the vertical, shape (...), rad/s.
-        rotation: of the root and of each bone in the heading frame, shape (..., 1 + B, 4).
-    """
-
-    height: Array
-    velocity: Array
-    turn_rate: Array
-    rotation: Array
+    height: Array  # of the root above the ground, (...), m
+    velocity: Array  # of the root along the ground, forward and left, (..., 2), m/s
+    turn_rate: Array  # of the heading, about the vertical, (...), rad/s
+    rotation: Array  # of the root and of each bone in the heading frame, (..., 1 + B, 4)
 
     def __getitem__(self, times: slice) -> Posture:
         """A slice of the postures along the first axis, time."""
@@ -32,17 +25,11 @@ class Posture:
 
 @dataclass(slots=True)
 class Pose:
-    """A body in the world; leading axes (...) may be time.
+    """A body in the world; leading axes (...) may be time."""
 
-    Attributes:
-        root_position: shape (..., 3), m, z up.
-        heading: of the body, about z from x, shape (...), rad.
-        rotation: of the root and of each bone in the world, shape (..., 1 + B, 4).
-    """
-
-    root_position: Array
-    heading: Array
-    rotation: Array
+    root_position: Array  # (..., 3), m, z up
+    heading: Array  # about z from x, (...), rad
+    rotation: Array  # of the root and of each bone in the world, (..., 1 + B, 4)
 
 
 def walk_path(posture: Posture, dt: float, speed: float = 1.0) -> Pose:

@@ -122,8 +122,7 @@ def average_joints(model: str) -> Array:
 def _joints_of(model: Path, betas: Array | None) -> Array:
     """Positions of the first 22 joints of a body model for a person's shape, shape (22, 3), m."""
     arrays = NpzArrays(model)
-    regressor, vertices = arrays.first("J_regressor"), arrays.first("v_template")
-    shapes = arrays.first("shapedirs")
+    regressor, vertices, shapes = (arrays.first(name) for name in ("J_regressor", "v_template", "shapedirs"))
     if regressor is None or vertices is None:
         raise FileFormatError(
             f"{model}: no body model: it holds {listed(arrays.names) or 'nothing'}, but J_regressor and v_template are "
