@@ -30,11 +30,7 @@ class DeckCommands(ABC, Generic[Commanded]):
 
     @abstractmethod
     def _request(self, message: DeckCommand) -> object:
-        """Carries out a command; its reply.
-
-        Raises:
-            CommandError: if it is refused, or an argument is of another type.
-        """
+        """Carries out a command; its reply."""
 
     @abstractmethod
     def _commanded(self, motion: str, message: DeckCommand) -> Commanded:

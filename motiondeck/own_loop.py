@@ -240,7 +240,6 @@ class Deck(DeckCommands[CommandedSwitch]):
 
     @property
     def _share(self) -> float:
-        """The share of the latest tick that has passed, in [0, 1]."""
         return min(max(self.time * self._rate - self._ticks, 0.0), 1.0)
 
     def _begin(self) -> TargetCurve:

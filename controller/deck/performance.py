@@ -203,7 +203,6 @@ class Performance:
         self._shown, self._next = shown, advance(self.pose, shown, self._dt)
 
     def _limit(self, *motions: Motion) -> None:
-        """Sets the limits of a new join, from these motions and those of a join under way."""
         if self._limits is None:
             self._limits = JoinLimits(self._skeleton, self._pose_before, self.pose)
             self._weight_pace = 1.0
@@ -226,7 +225,6 @@ class Performance:
         return track
 
     def _fade_to_first(self, *motions: Motion) -> None:
-        """Fades from what is shown to the motion of the first track, which has just been cued."""
         onset, first = 1.0 if self.motion.loop else 0.0, self.tracks.playing[0]
         self._take_first_steps(first, onset * self._tempo)
         self._begin_fade(first, onset, *motions)
@@ -245,10 +243,7 @@ class Performance:
         track.step(self._dt, tempo)
 
     def _begin_fade(self, track: Track, onset: float, *motions: Motion) -> None:
-        """Fades from what is shown to the motion of a track, bounded by what these motions do themselves.
-
-        The motion gets going from this share of the tempo on.
-        """
+        """Fades to the motion of a track, which gets going from the share `onset` of the tempo on."""
         shown, target = (self.posture, self._shown), (track.posture_before, track.posture)
         search = FadeSearch(
             partial(difference, shown, target, self._dt, self.tracks.rest_direction),

@@ -229,7 +229,6 @@ def _shots(
 
 
 def _play_on(deck: Deck, stage: KinematicPlayback, body: Robot, seconds: float) -> None:
-    """Plays for some seconds, in steps of about a tick, and places the robot at the end."""
     steps = max(1, round(seconds * STEPS_A_SECOND))
     for _ in range(steps - 1):
         deck.update(seconds / steps)

@@ -214,10 +214,7 @@ def _played(
 
 
 def _peaks(library: MotionLibrary, played: Posture) -> tuple[float, float]:
-    """The largest speed and acceleration of any joint in the world while a motion plays alone, m/s and m/s^2.
-
-    At least LEAST_SPEED and LEAST_ACCELERATION.
-    """
+    """The largest speed, m/s, and acceleration, m/s^2, of any joint while a motion plays alone, not below LEAST_*."""
     pose = walk_path(played, PEAKS_OVER)
     step = np.diff(library.encoding.skeleton.joints(pose.root_position, pose.rotation), axis=0) / PEAKS_OVER
     speed = float(np.linalg.norm(step, axis=-1).max())

@@ -217,7 +217,6 @@ class Fading:
         return displaced(target, left, self._turned)
 
     def _go_over_to(self, fade: Fade) -> None:
-        """Takes another fade of the same difference, from its present moment on."""
         before, self._fade = self._fade, fade
         if before is None or before is fade:
             return

@@ -159,8 +159,7 @@ def _from_now(before: Posture, now: Posture, dt: float) -> Posture:
 def _untwisted(before: Posture, now: Posture, rest_direction: Array) -> tuple[Posture, Array]:
     """Postures (...) whose bones lead to the present ones the shortest way, and by how much they twist on that way.
 
-    Returns:
-        The postures; rotation vectors about the bones in the rest pose, shape (..., B, 3), rad.
+    The twists are rotation vectors about the bones in the rest pose, shape (..., B, 3), rad.
     """
     bones, present = before.rotation[..., 1:, :], now.rotation[..., 1:, :]
     was, here = rotate(np.stack([bones, present]), rest_direction)

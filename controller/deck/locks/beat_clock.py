@@ -61,11 +61,7 @@ class BeatClock:
         self._steady = 0  # intervals in a row that were no whole number of periods, but alike
 
     def beat(self, time: float) -> None:
-        """Takes one beat; double taps and strays are left out.
-
-        Args:
-            time: when it was. Beats may be lost, and a few may be out of order.
-        """
+        """Takes a beat; double taps and strays are left out. Beats may be lost, and a few may be out of order."""
         before, self._before = self._before, time
         if not self.counted:
             self._begin(time)

@@ -229,7 +229,6 @@ class Track:
 
 
 def _guard(network: AutonomousNetwork, library: MotionLibrary) -> Guard:
-    """A guard around a network that runs by itself; one that a center drives cannot lose its place, and needs none."""
     motions = library.info.motions
     lengths = {motion.name: motion.frames for motion in motions}
     loops = {motion.name: motion.plays == "loop" for motion in motions}
