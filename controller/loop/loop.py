@@ -31,27 +31,18 @@ from controller.motion.rotations import Array
 
 @dataclass
 class LoopState:
-    """The state of a running loop, for telemetry; the next tick changes it.
+    """The state of a running loop, for telemetry; the next tick changes it."""
 
-    Attributes:
-        targets: the targets written to the outputs, shape (J,), rad.
-        seconds: s since the loop started.
-        lateness, work: histograms of how late ticks began and how long their work took.
-        late_ns: lateness of the present tick, ns.
-        work_ns: work of the tick before, ns.
-        began_ns: when the present tick began, by the loop's clock, ns.
-    """
-
-    targets: Array
+    targets: Array  # the targets written to the outputs, shape (J,), rad
     pose: Pose
     tick: int = 0
-    seconds: float = 0.0
+    seconds: float = 0.0  # s since the loop started
     overruns: int = 0
-    lateness: DurationHistogram = field(default_factory=DurationHistogram)
-    work: DurationHistogram = field(default_factory=DurationHistogram)
-    late_ns: int = 0
-    work_ns: int = 0
-    began_ns: int = 0
+    lateness: DurationHistogram = field(default_factory=DurationHistogram)  # how late ticks began
+    work: DurationHistogram = field(default_factory=DurationHistogram)  # how long their work took
+    late_ns: int = 0  # lateness of the present tick, ns
+    work_ns: int = 0  # work of the tick before, ns
+    began_ns: int = 0  # when the present tick began, by the loop's clock, ns
 
     @property
     def rate(self) -> float:
@@ -60,27 +51,18 @@ class LoopState:
 
 
 class LoopReport(msgspec.Struct, frozen=True):
-    """The result of a loop.
-
-    Attributes:
-        overruns: how many began more than a period late.
-        skipped: how many never ran, because the ones before took too long.
-        lateness_us, work_us: percentiles of lateness and work, us.
-        outputs: for each output its name, faults, whether it was parked, and its own report.
-        faults: how often the deck, the commands and the telemetry have raised.
-        changed: for each joint how many targets the safety envelope has changed.
-    """
+    """The result of a loop."""
 
     rate_hz: float
     ticks: int
-    overruns: int
-    skipped: int
+    overruns: int  # how many began more than a period late
+    skipped: int  # how many never ran, because the ones before took too long
     lateness_us: Percentiles
     work_us: Percentiles
-    outputs: list[dict[str, object]]
+    outputs: list[dict[str, object]]  # for each output its name, faults, whether it was parked, and its own report
     reason: str
-    faults: dict[str, int]
-    changed: list[int]
+    faults: dict[str, int]  # how often the deck, the commands and the telemetry have raised
+    changed: list[int]  # for each joint how many targets the safety envelope has changed
 
 
 @contextmanager
