@@ -34,7 +34,7 @@ from hardware.emulator.bus import EmulatedBus
 from hardware.emulator.port import EmulatedPort
 from hardware.rig.rig_file import load_rig
 from hardware.rig.supervision.rig import Rig
-from motiondeck.run.recognition.recognition_watch import MismatchPolicy, RecognitionWatch
+from motiondeck.run.recognition.watches import MismatchPolicy, RecognitionWatch
 from motiondeck.run.robots.rig_output import RigOutput, narrowed
 from motiondeck_base.shipped import find_library, find_rig, find_robot
 from sim.physics.playback import PhysicsPlayback

@@ -29,7 +29,6 @@ class Playhead:
         rate: frames per second, Hz.
         place: in frames, 0 to T - 1, between two of them while it plays.
         tempo: 1 is as recorded.
-        playing: whether time passes.
     """
 
     frames: int
@@ -75,8 +74,6 @@ class Act:
     """What is shown.
 
     Attributes:
-        title: heads the page.
-        model: all bodies on one floor.
         qpos: a frame of them each, shape (T, nq).
         rate: frames per second, Hz.
         bones: start and end of the human's bones, shape (T, B, 2, 3), m; B may be 0.

@@ -39,9 +39,6 @@ class DeckView:
     """All that is on the page of a deck.
 
     Args:
-        page: where it is put.
-        about: the run.
-        commands: to the deck.
         looks: to the deck too, for what takes it a while to answer.
         dropped: the folder where dropped recordings are kept.
 

@@ -37,8 +37,6 @@ class Ghost:
 
         Args:
             drawn: the model on the page.
-            model: of the human.
-            about: the description.
             aside: its distance to the left of the robot when it is beside it, m.
         """
         self._drawn, self._scale, self._aside = drawn, about.scale, aside

@@ -96,14 +96,7 @@ DIGITS = ("1", "2", "3", "4", "5", "6", "7", "8", "9")
 
 
 class Panel:
-    """Buttons and figures beside the scene.
-
-    Args:
-        page: where they are put.
-        about: the run.
-        commands: to its deck.
-        look_from: moves the camera of a browser.
-    """
+    """Buttons and figures beside the scene."""
 
     def __init__(
         self,

@@ -58,7 +58,6 @@ class Scene:
 
     Attributes:
         height: of the robot, m.
-        robot: as it is drawn.
     """
 
     def __init__(self, page: PrivatePage, model: mujoco.MjModel) -> None:

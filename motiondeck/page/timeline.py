@@ -20,11 +20,7 @@ MARKED = (*BAD, "mode", "paused", "resumed", "servo", "push", "stands")
 
 
 class Timeline:
-    """Keeps pictures and returns that of a chosen past moment; it is the same in every browser of the page.
-
-    Args:
-        parts: of the page, where its widgets are being added.
-    """
+    """Keeps pictures and returns that of a chosen past moment; it is the same in every browser of the page."""
 
     def __init__(self, parts: PageParts) -> None:
         self._part = parts.add("timeline", "timeline", heard=self._asked)

@@ -20,9 +20,7 @@ class ViewChoices:
     """The choices of the viewer, as far as the run has something to show.
 
     Args:
-        page: whose panel gets the folder.
         look_from: moves the camera of a browser to one of CAMERAS.
-        about: what is known of the run.
     """
 
     def __init__(

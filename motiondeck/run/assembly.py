@@ -31,16 +31,13 @@ from motiondeck.run.beside.tick_recorder import TickRecorder, recording
 from motiondeck.run.page.contents import PageContents
 from motiondeck.run.page.page import Page
 from motiondeck.run.plugin_outputs import open_outputs
-from motiondeck.run.recognition.body_watch import BodyWatch
-from motiondeck.run.recognition.recognition_watch import MismatchPolicy, RecognitionWatch
-from motiondeck.run.recognition.watch import Watch
+from motiondeck.run.recognition.watches import BodyWatch, MismatchPolicy, RecognitionWatch, Watch
 from motiondeck.run.report import RunNews
 from motiondeck.run.robots.rig_output import RigOutput
 from motiondeck.run.robots.robot_on_deck import RobotOnDeck, channels_of
-from motiondeck.run.session import PlayableDeck, Session
+from motiondeck.run.session import PlayableDeck, Session, WiredStop, WiredStopWatch
 from motiondeck.run.spec.run_spec import RunSpec
 from motiondeck.run.spec.script import Timed
-from motiondeck.run.wired_stop import WiredStop, WiredStopWatch
 from motiondeck_base.errors import MotiondeckError
 
 
@@ -49,11 +46,7 @@ class Host:
     """The process that a run is in.
 
     Attributes:
-        page: the process of the page, if that has been started already.
-        terminal: whether there is a prompt.
-        progress: whether a terminal shows a line with the motion and the time.
         restarts: whether the run is started again when another library is asked for.
-        clock: what the loop runs on, of the spec's rate; a `Ticker` by default.
     """
 
     page: PageProcess | None = None

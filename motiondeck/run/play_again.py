@@ -21,13 +21,6 @@ def play_again(
     """Replaces this process by one that plays a motion of another library, on the same ports.
 
     Where that library cannot be played, it says why and goes on with the one before.
-
-    Args:
-        context: of the command that has ended.
-        library: the file.
-        motion: what is played first.
-        page_port: where the page was, None for none.
-        command_port: where commands were taken.
     """
     chosen: list[str] = ["--library", library, motion]
     try:

@@ -63,9 +63,6 @@ def progress_line(
     """Shows the line while the block runs, if the stream is a terminal; nothing is left of it afterwards.
 
     Args:
-        deck: what plays.
-        stop: whether the run is ending.
-        seconds: how long it plays, or None until it is stopped.
         prompt: whether there is a prompt in place of the line; then only the end is shown.
         stream: standard error by default.
     """

@@ -17,7 +17,7 @@ from controller.loop.loop import LoopReport
 from controller.loop.output_channel import Channel
 from controller.loop.permissions import Permission
 from controller.wire.command_socket import CommandServer
-from motiondeck.run.recognition.recognition_watch import summary_lines
+from motiondeck.run.recognition.watches import summary_lines
 from motiondeck_base.counted import counted
 
 _AT_ONCE = 0.05  # s: a fall before this is reported as one at once
@@ -28,15 +28,7 @@ _FAULTS_EVERY = 0.25  # s from one check for faults to the next
 
 
 class RunNews:
-    """Sends events for overruns, faults, replayed commands and recognized motions.
-
-    Args:
-        desk: sends them to subscribers.
-        clock: of the loop.
-        channels: the outputs.
-        servers: where commands arrive.
-        seen: the motion that is recognized and the confidence, or None.
-    """
+    """Sends events for overruns, faults, replayed commands and recognized motions."""
 
     def __init__(
         self,

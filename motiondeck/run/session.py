@@ -22,6 +22,7 @@ from controller.loop.run_phases import Player
 from controller.loop.safety.safety_envelope import SafetyEnvelope
 from controller.loop.stop_requests import StopRequest
 from controller.motion.rotations import Array
+from controller.wire.messages.commands import EmergencyStop
 from controller.wire.messages.deck_snapshot import SnapshotSource, TickHealth
 from controller.wire.messages.replies import Refused
 from motiondeck.run.beside.child_process import Children
@@ -29,12 +30,40 @@ from motiondeck.run.beside.tick_recorder import TickRecorder
 from motiondeck.run.page.contents import ShownDeck
 from motiondeck.run.page.page import HEALTH_EVERY, PICTURE_HZ, Page
 from motiondeck.run.progress_line import progress_line
-from motiondeck.run.recognition.watch import Watch
+from motiondeck.run.recognition.watches import Watch
 from motiondeck.run.report import RunNews, run_report
 from motiondeck.run.robots.robot_on_deck import RobotOnDeck
 from motiondeck.run.spec.run_spec import RunSpec
 from motiondeck.run.spec.script import Timed
-from motiondeck.run.wired_stop import WiredStopWatch
+
+
+class WiredStop(Protocol):
+    """An emergency stop that is wired."""
+
+    name: str
+    pulled: bool
+    pulls: int
+
+    def close(self) -> None:
+        """Closes its device."""
+        ...
+
+
+class WiredStopWatch:
+    """Stops while the wired stop is pulled, or if it was since the last poll; until then a reset has no effect."""
+
+    def __init__(self, wired: WiredStop, desk: CommandHandler) -> None:
+        self._wired, self._desk, self._pulls = wired, desk, 0
+
+    def poll(self, stop: StopRequest) -> None:
+        """Commands the emergency stop if it has to."""
+        wired, desk = self._wired, self._desk
+        before, self._pulls = self._pulls, wired.pulls
+        if stop.emergency or not (wired.pulled or self._pulls != before):
+            return
+        desk.carry_out(EmergencyStop(), stop)
+        desk.tell("fault", f"the emergency stop at {wired.name} was pulled")
+        print(f"motiondeck: the emergency stop at {wired.name} was pulled", file=sys.stderr)
 
 
 class PlayableDeck(Player, Playback, ShownDeck, Protocol):
@@ -51,19 +80,7 @@ class Session:
     """The open parts of a run; `assembly.open_session` makes it.
 
     Attributes:
-        spec: the options of the run.
         source: the name of what is played.
-        stop: whether the run is to end, and its mode.
-        robots: those that play, at least one.
-        deck: what is played.
-        channels: the outputs.
-        clock: what the loop runs on.
-        envelope: every target passes it.
-        snapshots: of this run.
-        desk: carries out commands.
-        news: reports overruns and faults as events.
-        children: the processes beside the run.
-        command_port: where commands are taken.
         page_port: where the page is; None for no page.
         page, recorder, watch, wired_stop: None for what the run does not have.
         timeline: what is still to be commanded, in order.

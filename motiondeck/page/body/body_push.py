@@ -38,10 +38,8 @@ class BodyPush:
     """Lets browsers push a robot.
 
     Args:
-        drawn: the robot on the page.
         height: of it, m.
         usual: a push that it has to step against, N s.
-        send: sends a command.
     """
 
     def __init__(self, drawn: DrawnModel, height: float, usual: float, send: Callable[[DeckCommand], None]) -> None:

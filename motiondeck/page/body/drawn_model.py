@@ -26,8 +26,6 @@ class DrawnModel:
         """Puts it on the page in its initial pose.
 
         Args:
-            page: where it is drawn.
-            model: of it.
             height: of the robot that the scene is made for, m.
             name: tells it from others.
         """

@@ -21,7 +21,6 @@ class TargetPose:
     """Drawn over the body; its solids are sent to the browsers when it is first switched on.
 
     Args:
-        page: where it is drawn.
         load: gives a model of the robot, which is changed.
         height: of the robot, m.
     """

@@ -31,16 +31,8 @@ class HandRecorder:
 
     The joints that are switched off are recorded, as often as the deck publishes where they are.
 
-    Attributes:
-        recording: whether it records now.
-
     Args:
-        page: where they stand.
-        parts: of that page.
-        rig: the rig's part of the description of a run.
-        folder: where recordings are kept.
         ask: confirms (event, title, text, yes) in the browser that clicked, then does it.
-        send: sends a command.
         take: called with a finished recording.
     """
 

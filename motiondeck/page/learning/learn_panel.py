@@ -28,11 +28,8 @@ class LearnPanel:
     """The widgets of learning, where the page's widgets are being added.
 
     Args:
-        page: where they stand.
-        parts: of that page.
         command: starts the learning process, without its request.
         library: the file that a motion is added to.
-        folder: where dropped files are kept.
         ask: confirms (event, title, text, yes) in the browser that clicked, then sends a message.
     """
 

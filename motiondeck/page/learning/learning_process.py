@@ -31,7 +31,6 @@ class HandRecording(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     """The joints of a rig while hands moved them: what the page has seen, as a file with the ending HAND.
 
     Attributes:
-        joints: their names.
         rate: of the rig, Hz; what is made of it has it too.
         times: s, shape (T,).
         angles: rad, shape (T, J).

@@ -43,7 +43,6 @@ class LibraryGlance:
     """The pictures and the blends of a library's motions; empty until they are known.
 
     Args:
-        file: of the library.
         direct: whether the deck plays no motions in between.
 
     Attributes:

@@ -28,12 +28,9 @@ class MotionControls:
     """The widgets of the motions, where the page's widgets are being added.
 
     Args:
-        parts: of the page.
-        motions: of the library.
         library: its file; without one there are neither pictures nor blends.
         has_phase: whether the motions can be sent to a phase.
         direct: whether the deck plays no motions in between.
-        send: sends a command.
     """
 
     def __init__(

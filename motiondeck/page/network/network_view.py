@@ -74,9 +74,6 @@ class NetworkView:
     They are computed in a thread, because playing each motion once takes a moment; until then nothing is drawn.
 
     Args:
-        page: where they are drawn.
-        parts: of that page.
-        library: the file of what is played.
         height: of the robot, m.
     """
 

@@ -25,8 +25,6 @@ class JointGlow:
     They are copies of one mesh, as the robot's own shapes are, so that a browser moves them in the same picture.
 
     Args:
-        page: where they are drawn.
-        model: of the robot.
         joints: the name of each servo's joint; one that the model lacks does not glow.
         height: of the robot, m.
     """

@@ -30,7 +30,6 @@ class ServoLook:
 
     Attributes:
         level: ok, warn, bad or off.
-        words: what is the matter.
     """
 
     level: str
@@ -38,11 +37,7 @@ class ServoLook:
 
 
 class ServoLooks:
-    """Judges the servos of a rig.
-
-    Args:
-        rig: the rig's part of the description of a run.
-    """
+    """Judges the servos of a rig."""
 
     def __init__(self, rig: RigDescription) -> None:
         self._words = rig.conditions

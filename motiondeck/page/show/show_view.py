@@ -43,7 +43,6 @@ class ShowView:
     """All that is on the page of a show.
 
     Args:
-        page: where it is put.
         say: sends a word to the conductor, as if typed there; raises OSError if it is gone.
     """
 

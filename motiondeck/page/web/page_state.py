@@ -47,20 +47,16 @@ class PageDescription(msgspec.Struct, frozen=True, kw_only=True):
 
     Attributes:
         model_file, follower_file: of the robot, and of the one that mirrors it.
-        robot: its name.
         rest: its qpos at rest; empty for the model's own.
         joints, motions, recognizable: the names that a snapshot counts along.
         unrecognized: what is shown while no motion is recognized.
-        command_port: where the run takes commands.
         direct: whether the deck switches and blends without motions in between.
         has_phase: whether motions can be played backwards and sent to a phase.
         has_network: whether the network can be looked into.
-        library_file: of what is played.
         learn: the command line of the process that learns a recording, if the page offers that.
         human: beside the robot, if its motion is known.
         weight: of a robot that stands on the floor alone, N.
         push_ns: a push that forces a step, N s; 0 if the body cannot be pushed.
-        rig: the servos.
         shapes: of the arrays of each picture, by the names of `PictureArrays`.
     """
 

@@ -24,8 +24,6 @@ def child_process(
     """Runs a module beside the block; after the block it has some seconds to end, then it is killed.
 
     Args:
-        module: its name.
-        arguments: its command line.
         patience: how long it may take to end, s.
         own_session: keeps Ctrl-C from it, which is for the deck alone.
         stdin: an open file that becomes its standard input.
@@ -51,8 +49,6 @@ class PageProcess:
 
     Attributes:
         state: the file that it waits for.
-        process: itself.
-        port: where its page is.
     """
 
     state: Path
@@ -67,7 +63,6 @@ def page_process(port: int, command_port: int) -> Iterator[PageProcess]:
     It takes longest of all to start, so it is started before anything else is imported or loaded.
 
     Args:
-        port: where its page is to be; 0 for any free one.
         command_port: of the deck that it will show, to say at once where another deck has it.
 
     Raises:

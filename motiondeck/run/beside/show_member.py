@@ -24,11 +24,7 @@ _OPENS_WITHIN = 10.0  # s
 
 
 class ShowMember:
-    """The process through which a deck takes part in a show.
-
-    Attributes:
-        process: itself.
-    """
+    """The process through which a deck takes part in a show."""
 
     def __init__(self, process: subprocess.Popen[bytes], leader_port: int) -> None:
         self.process, self._port = process, leader_port
@@ -61,10 +57,6 @@ def show_member(show: str, command_port: int, library: MotionLibrary, robot: str
 
     Args:
         show: SHOW/DECK, or a folder of certificates.
-        command_port: of the deck.
-        library: what it plays.
-        robot: on which robot.
-        rate: ticks a second.
 
     Raises:
         MotiondeckError: if there is no such show, or zenoh is not installed.

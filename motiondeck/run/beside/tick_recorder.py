@@ -32,19 +32,7 @@ _PATIENCE = 10.0  # s for the recorder to write the last ticks
 
 
 class TickRecorder:
-    """Writes each tick into shared memory; the last command of a tick goes with it.
-
-    Args:
-        writer: with the fields that `recording` makes.
-        numbers: of the snapshots.
-        motions: the names that commands use.
-        process: the recorder.
-        state: what it reads.
-        file: the recording.
-
-    Attributes:
-        process: the recorder; the deck plays on without it.
-    """
+    """Writes each tick into shared memory; the last command of a tick goes with it."""
 
     def __init__(
         self,
@@ -117,7 +105,7 @@ def recording(out: Path, description: Mapping[str, Any], rate: float) -> Iterato
 
     Args:
         out: the recording; an older one is replaced.
-        description: what is recorded, with `motions`, `recognizable` and `joints` (names).
+        description: of the run, with the names `motions`, `recognizable` and `joints`.
         rate: ticks a second.
 
     Raises:

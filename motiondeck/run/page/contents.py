@@ -15,8 +15,7 @@ from controller.motion.skeleton import Skeleton
 from controller.networks.base import Activation
 from controller.wire.messages.deck_snapshot import DeckState, SnapshotNumbers
 from motiondeck.page.web.page_state import STANDS_STILL, UNCERTAIN, GhostDescription, PageDescription, PictureArrays
-from motiondeck.run.recognition.body_watch import BodyWatch
-from motiondeck.run.recognition.watch import Watch
+from motiondeck.run.recognition.watches import BodyWatch, Watch
 from motiondeck.run.robots.rig_output import RigOutput
 from motiondeck.run.robots.robot_on_deck import RobotOnDeck, Simulation
 
@@ -64,13 +63,9 @@ class PageContents:
     """The parts of a run that its page shows.
 
     Attributes:
-        deck: what plays.
         robots: those that are drawn, at least one with a simulation.
         human: the skeleton whose motion is shown beside the robot, if that is known.
-        watch: recognizes motions, if that is wanted.
-        command_port: where the page sends commands.
         library: the file of what plays, if it is a library; the view finds the network there.
-        servos: of the first robot's rig, if it has one.
         learns: whether recordings can be learned on the page, in a process beside it.
     """
 

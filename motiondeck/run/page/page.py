@@ -35,8 +35,6 @@ class Page:
 
     Args:
         state: the file of that state; the reason why the run has ended goes beside it.
-        contents: the parts of the run.
-        description: of the run.
     """
 
     def __init__(self, state: Path, contents: PageContents, description: msgspec.Struct | None = None) -> None:

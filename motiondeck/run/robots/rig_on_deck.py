@@ -34,8 +34,6 @@ def open_rig_alone(
     """Connects a rig whose joints follow a taught clip or a library; `opening` closes it.
 
     Args:
-        opening: what closes the rig.
-        config: the rig file.
         ports: in place of the rig file's own.
         source: what is played. Taught joints are driven by their names; the others stay where they are.
         robot: for human motions, the robot file whose joints the rig has.

@@ -51,8 +51,6 @@ class Simulation:
     """How a robot is simulated.
 
     Attributes:
-        robot: its model.
-        stage: the output that simulates it.
         root, balance, walk: as in the `RunSpec`.
     """
 
@@ -68,12 +66,10 @@ class RobotOnDeck:
     """Joints that a run drives.
 
     Attributes:
-        name: of the robot or rig.
         own_joints: the names of its joints.
         limits: of a robot, narrowed to those of its rig.
         rest: where the joints end, shape (J,), rad, or None for where they stop.
         retarget: carries poses to its joints.
-        rig: its servos, if it has any.
         simulation: None for a rig alone.
         prefix: goes before the names of its joints and outputs.
         guard: keeps its limbs apart, if that is wanted.

@@ -30,7 +30,6 @@ class Program:
         library, file: the library and its file.
         first: the motion to begin with.
         timeline: what is commanded when.
-        seconds: how long, or None.
     """
 
     library: MotionLibrary

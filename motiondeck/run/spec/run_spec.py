@@ -3,17 +3,20 @@
 A new option is one field here. `play` then has it as a flag, Python as a keyword, and the run reads it from the spec.
 """
 
+# ruff: noqa: RUF009 (each option is a field of the dataclass)
 from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
-from dataclasses import KW_ONLY, dataclass, fields
+from dataclasses import KW_ONLY, dataclass, field, fields
 from functools import cache
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, Literal, Protocol, get_args, get_type_hints
+from typing import TYPE_CHECKING, Any, Literal, Protocol, TypeVar, cast, get_type_hints
 
 from controller.wire.command_socket import DEFAULT_PORT
 from motiondeck_base.errors import MotiondeckError
+
+T = TypeVar("T")
 
 PAGE_PORT = 8040
 EMULATED = "emulated"
@@ -51,7 +54,6 @@ class Option:
 
     Attributes:
         flag: its name on the command line; "" for an argument.
-        help: one sentence.
         metavar: stands for its value.
         panel: the group of the help that it belongs to; "" for the first one.
         typed: its default on the command line, where that is another than for a program.
@@ -66,6 +68,21 @@ class Option:
     typed: Any = None
     off: bool = False
     check: Callable[[Any], None] | None = None
+
+
+def option(
+    default: T,
+    flag: str,
+    help: str,
+    metavar: str | None = None,
+    panel: str = "",
+    typed: object = None,
+    off: bool = False,
+    check: Callable[[Any], None] | None = None,
+) -> T:
+    """A field of `RunSpec`."""
+    row = Option(flag, help, metavar, panel, typed, off, check)
+    return cast(T, field(default=default, metadata={"option": row}))
 
 
 def _check_mismatch_after(seconds: float) -> None:
@@ -84,169 +101,129 @@ def check_seconds(seconds: float | None, option: str = "--seconds") -> None:
 
 @dataclass(frozen=True)
 class RunSpec:
-    """The options of a run, in the order of the help; each says what it does."""
+    """The options of a run, in the order of the help."""
 
-    library: Annotated[LibraryFile, Option("--library", "A library file, or a shipped one by its name.", "LIBRARY")] = (
-        "thesis15"
+    library: LibraryFile = option("thesis15", "--library", "A library file, or a shipped one by its name.", "LIBRARY")
+    motion: str | None = option(
+        None, "", "The motion to play first; default: `walk`, or the library's first.", "MOTION"
     )
-    motion: Annotated[
-        str | None, Option("", "The motion to play first; default: `walk`, or the library's first.", "MOTION")
-    ] = None
     _: KW_ONLY
-    robot: Annotated[File, Option("--robot", "A robot file, or: mannequin, servo20.", "ROBOT")] = "mannequin"
-    solver: Annotated[
-        Literal["angles", "ik"] | None,
-        Option("--solver", "Retargeting solver; default: as the robot's file says.", panel=_SIMULATION),
-    ] = None
-    rig: Annotated[
-        File | None,
-        Option(
-            "--rig", "Stream to servos: a rig file, or 'emulated' for emulated servos of the robot.", "RIG", _SERVOS
-        ),
-    ] = None
-    script: Annotated[
-        File | None, Option("--script", 'What to play when: "walk 4, jog 4, walk", or a timeline file.', "SCRIPT")
-    ] = None
-    seconds: Annotated[
-        float | None,
-        Option(
-            "--seconds",
-            "Stop after this time of the motion; approach and end come on top.",
-            "SECONDS",
-            check=check_seconds,
-        ),
-    ] = None
-    direct: Annotated[
-        bool, Option("--direct", "Switch at once and directly, without motions in between.", panel=_SWITCHING)
-    ] = False
-    outputs: Annotated[
-        Names,
-        Option("--output", "Send targets to an output of another package (repeatable).", "NAME[:ARGUMENT]", _LOOP),
-    ] = ()
-    record: Annotated[File | None, Option("--record", "Record every tick, for `replay` and `plot`.", "FILE", _LOOP)] = (
-        None
+    robot: File = option("mannequin", "--robot", "A robot file, or: mannequin, servo20.", "ROBOT")
+    solver: Literal["angles", "ik"] | None = option(
+        None, "--solver", "Retargeting solver; default: as the robot's file says.", panel=_SIMULATION
     )
-    rate: Annotated[float, Option("--rate", "Ticks of the loop per second.", "HZ", _LOOP)] = 200.0
-    lower_rate: Annotated[
-        bool,
-        Option("--lower-rate", "If the network is too large for --rate, play at a rate that it holds.", None, _LOOP),
-    ] = False
-    physics: Annotated[
-        bool,
-        Option("--kinematic", "Show the targets, without simulated servos and masses.", panel=_SIMULATION, off=True),
-    ] = True
-    root: Annotated[
-        Literal["gantry", "fixed", "free"],
-        Option("--root", "The simulated robot's root: carried by a gantry, fixed, or free to fall.", panel=_SIMULATION),
-    ] = "gantry"
-    balance: Annotated[
-        bool,
-        Option("--balance", "Keep a free robot's feet in place and its centre of mass above them.", panel=_SIMULATION),
-    ] = False
-    walk: Annotated[
-        bool, Option("--walk", "Let a free robot walk where the motion goes, 1.2 s behind it.", panel=_SIMULATION)
-    ] = False
-    realtime: Annotated[
-        bool,
-        Option(
-            "--realtime", "Ask for real-time scheduling and locked memory, and print what was granted.", panel=_LOOP
-        ),
-    ] = False
-    core: Annotated[
-        int | None,
-        Option("--core", "Run the loop on this core of the CPU, all other processes on the others.", "N", _LOOP),
-    ] = None
-    overruns: Annotated[
-        Literal["skip", "catch-up"],
-        Option("--overruns", "After a tick that took too long: skip the missed ticks, or catch up.", panel=_LOOP),
-    ] = "skip"
-    follow: Annotated[str | None, Option("--follow", "A second robot that mirrors the first.", "ROBOT", _SERVOS)] = None
-    follow_rig: Annotated[
-        File | None, Option("--follow-rig", "Its servos: a rig file, or 'emulated'.", "RIG", _SERVOS)
-    ] = None
-    page: Annotated[
-        bool | int,
-        Option("--port", "The page's port on 127.0.0.1; 0 for any free one.", "PORT", _COMMANDS, typed=PAGE_PORT),
-    ] = False
-    command_port: Annotated[
-        int,
-        Option(
-            "--command-port",
-            "Where `motiondeck send` reaches the deck; 0 for any free port.",
-            "PORT",
-            _COMMANDS,
-            typed=DEFAULT_PORT,
-        ),
-    ] = 0
-    recognize: Annotated[
-        bool,
-        Option("--recognize", "Recognize the motion from the measured joints, and show it.", panel=_RECOGNITION),
-    ] = False
-    recognizer: Annotated[
-        File | None,
-        Option(
-            "--recognizer",
-            "Recognize the played motion with a trained recognizer (`recognize train`), and show it.",
-            "FILE",
-            _RECOGNITION,
-        ),
-    ] = None
-    on_mismatch: Annotated[
-        Literal["warn", "stop"],
-        Option(
-            "--on-mismatch", "With --recognize: warn or stop when the joints show another motion.", panel=_RECOGNITION
-        ),
-    ] = "warn"
-    mismatch_after: Annotated[
-        float,
-        Option(
-            "--mismatch-after",
-            "How long the joints must show another motion before that, s.",
-            "SECONDS",
-            _RECOGNITION,
-            check=_check_mismatch_after,
-        ),
-    ] = 0.5
-    listen: Annotated[
-        str | None,
-        Option(
-            "--listen", "Take commands at this address of this machine too; needs --token-file.", "ADDRESS", _COMMANDS
-        ),
-    ] = None
-    token_file: Annotated[
-        File | None, Option("--token-file", "The token; only you may read the file.", "FILE", _COMMANDS)
-    ] = None
-    show: Annotated[
-        File | None,
-        Option(
-            "--show",
-            "Take part in a show (`conduct`) under this name; for one on several machines: the deck's folder of "
-            "certificates.",
-            "SHOW/DECK",
-            _COMMANDS,
-        ),
-    ] = None
-    stop_input: Annotated[
-        File | None,
-        Option("--stop-input", "A wired emergency stop: a serial adapter, or /dev/input/eventN.", "DEVICE", _COMMANDS),
-    ] = None
-    lock_to: Annotated[
-        LockSource | None,
-        Option(
-            "--lock-to",
-            "Lock loops to: beat (taps), body (wait while the joints are held), or another deck by its command port.",
-            "SOURCE",
-            _SWITCHING,
-        ),
-    ] = None
-    join: Annotated[
-        Literal["inertialise", "crossfade", "morph", "cut"] | None,
-        Option("--join", "How motions are joined; default: what suits the network.", panel=_SWITCHING),
-    ] = None
-    check_collisions: Annotated[
-        bool,
-        Option("--check-collisions", "Hold joints back where limbs of the robot would collide.", panel=_SIMULATION),
-    ] = False
+    rig: File | None = option(
+        None, "--rig", "Stream to servos: a rig file, or 'emulated' for emulated servos of the robot.", "RIG", _SERVOS
+    )
+    script: File | None = option(
+        None, "--script", 'What to play when: "walk 4, jog 4, walk", or a timeline file.', "SCRIPT"
+    )
+    seconds: float | None = option(
+        None,
+        "--seconds",
+        "Stop after this time of the motion; approach and end come on top.",
+        "SECONDS",
+        check=check_seconds,
+    )
+    direct: bool = option(
+        False, "--direct", "Switch at once and directly, without motions in between.", panel=_SWITCHING
+    )
+    outputs: Names = option(
+        (), "--output", "Send targets to an output of another package (repeatable).", "NAME[:ARGUMENT]", _LOOP
+    )
+    record: File | None = option(None, "--record", "Record every tick, for `replay` and `plot`.", "FILE", _LOOP)
+    rate: float = option(200.0, "--rate", "Ticks of the loop per second.", "HZ", _LOOP)
+    lower_rate: bool = option(
+        False, "--lower-rate", "If the network is too large for --rate, play at a rate that it holds.", None, _LOOP
+    )
+    physics: bool = option(
+        True, "--kinematic", "Show the targets, without simulated servos and masses.", panel=_SIMULATION, off=True
+    )
+    root: Literal["gantry", "fixed", "free"] = option(
+        "gantry",
+        "--root",
+        "The simulated robot's root: carried by a gantry, fixed, or free to fall.",
+        panel=_SIMULATION,
+    )
+    balance: bool = option(
+        False, "--balance", "Keep a free robot's feet in place and its centre of mass above them.", panel=_SIMULATION
+    )
+    walk: bool = option(
+        False, "--walk", "Let a free robot walk where the motion goes, 1.2 s behind it.", panel=_SIMULATION
+    )
+    realtime: bool = option(
+        False, "--realtime", "Ask for real-time scheduling and locked memory, and print what was granted.", panel=_LOOP
+    )
+    core: int | None = option(
+        None, "--core", "Run the loop on this core of the CPU, all other processes on the others.", "N", _LOOP
+    )
+    overruns: Literal["skip", "catch-up"] = option(
+        "skip", "--overruns", "After a tick that took too long: skip the missed ticks, or catch up.", panel=_LOOP
+    )
+    follow: str | None = option(None, "--follow", "A second robot that mirrors the first.", "ROBOT", _SERVOS)
+    follow_rig: File | None = option(None, "--follow-rig", "Its servos: a rig file, or 'emulated'.", "RIG", _SERVOS)
+    page: bool | int = option(
+        False, "--port", "The page's port on 127.0.0.1; 0 for any free one.", "PORT", _COMMANDS, typed=PAGE_PORT
+    )
+    command_port: int = option(
+        0,
+        "--command-port",
+        "Where `motiondeck send` reaches the deck; 0 for any free port.",
+        "PORT",
+        _COMMANDS,
+        typed=DEFAULT_PORT,
+    )
+    recognize: bool = option(
+        False, "--recognize", "Recognize the motion from the measured joints, and show it.", panel=_RECOGNITION
+    )
+    recognizer: File | None = option(
+        None,
+        "--recognizer",
+        "Recognize the played motion with a trained recognizer (`recognize train`), and show it.",
+        "FILE",
+        _RECOGNITION,
+    )
+    on_mismatch: Literal["warn", "stop"] = option(
+        "warn",
+        "--on-mismatch",
+        "With --recognize: warn or stop when the joints show another motion.",
+        panel=_RECOGNITION,
+    )
+    mismatch_after: float = option(
+        0.5,
+        "--mismatch-after",
+        "How long the joints must show another motion before that, s.",
+        "SECONDS",
+        _RECOGNITION,
+        check=_check_mismatch_after,
+    )
+    listen: str | None = option(
+        None, "--listen", "Take commands at this address of this machine too; needs --token-file.", "ADDRESS", _COMMANDS
+    )
+    token_file: File | None = option(None, "--token-file", "The token; only you may read the file.", "FILE", _COMMANDS)
+    show: File | None = option(
+        None,
+        "--show",
+        "Take part in a show (`conduct`) under this name, or with this folder of certificates (several machines).",
+        "SHOW/DECK",
+        _COMMANDS,
+    )
+    stop_input: File | None = option(
+        None, "--stop-input", "A wired emergency stop: a serial adapter, or /dev/input/eventN.", "DEVICE", _COMMANDS
+    )
+    lock_to: LockSource | None = option(
+        None,
+        "--lock-to",
+        "Lock loops to: beat (taps), body (wait while the joints are held), or another deck by its command port.",
+        "SOURCE",
+        _SWITCHING,
+    )
+    join: Literal["inertialise", "crossfade", "morph", "cut"] | None = option(
+        None, "--join", "How motions are joined; default: what suits the network.", panel=_SWITCHING
+    )
+    check_collisions: bool = option(
+        False, "--check-collisions", "Hold joints back where limbs of the robot would collide.", panel=_SIMULATION
+    )
 
     @property
     def page_port(self) -> int | None:
@@ -285,11 +262,9 @@ class RunSpec:
             )
 
 
-@cache
 def options() -> dict[str, Option]:
     """The option of each field of `RunSpec`."""
-    hints = get_type_hints(RunSpec, include_extras=True)
-    return {field.name: get_args(hints[field.name])[-1] for field in fields(RunSpec)}
+    return {field.name: field.metadata["option"] for field in fields(RunSpec)}
 
 
 @cache

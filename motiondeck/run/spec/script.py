@@ -53,7 +53,6 @@ def read_timeline(path: Path, motions: Iterable[str]) -> tuple[str, list[Timed]]
     """The first motion of a timeline file, and its commands in the order of their times.
 
     Args:
-        path: a TOML file.
         motions: the names that may be used.
 
     Raises:

@@ -40,7 +40,7 @@ from controller.wire.messages.commands import (
 )
 from controller.wire.messages.events import Event
 from controller.wire.messages.replies import Accepted, PhaseNow, Refused, Registers, State
-from motiondeck.run.wired_stop import WiredStopWatch
+from motiondeck.run.session import WiredStopWatch
 
 
 class Deck:

@@ -1,8 +1,7 @@
 import numpy as np
 import pytest
 
-from motiondeck.page.body.meshes import creased, thinned
-from motiondeck.page.body.solids import box, cylinder, sphere
+from motiondeck.page.body.solids import box, creased, cylinder, sphere, thinned
 
 
 def test_a_mesh_of_very_many_triangles_is_drawn_with_fewer_in_the_same_place():

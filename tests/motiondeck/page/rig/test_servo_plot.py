@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from motiondeck.page.rig.servo_plot import whole_range
+from motiondeck.page.rig.rig_panel import whole_range
 
 
 @pytest.mark.parametrize(

@@ -14,7 +14,7 @@ from controller.loop.clock import VirtualClock
 from controller.loop.commands.command_handler import CommandHandler
 from controller.wire.messages.commands import SetTempo, Switch
 from motiondeck.run.assembly import Host, Played, open_session
-from motiondeck.run.recognition.body_watch import BodyWatch
+from motiondeck.run.recognition.watches import BodyWatch
 from motiondeck.run.report import summary
 from motiondeck.run.robots.robot_on_deck import open_robots
 from motiondeck.run.spec.run_spec import RunSpec

@@ -12,7 +12,7 @@ from controller.loop.safety.safety_envelope import SafetyEnvelope
 from controller.loop.stop_requests import StopRequest
 from controller.wire.messages.deck_snapshot import DeckSnapshot, Recognized
 from motiondeck.page.figures import recognition_text
-from motiondeck.run.recognition.recognition_watch import MismatchPolicy, RecognitionWatch, summary_lines
+from motiondeck.run.recognition.watches import MismatchPolicy, RecognitionWatch, summary_lines
 from synthetic import small_library
 
 RATE = 100.0

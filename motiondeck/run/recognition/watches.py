@@ -1,12 +1,13 @@
-"""`motiondeck play --recognize`: compares the motion that the measured joints show with the commanded one."""
+"""Recognition during a run: of motions that the measured joints show, or that a saved recognizer sees in the body."""
 
 from __future__ import annotations
 
 import sys
+from collections import Counter, deque
 from collections.abc import Sequence
 from copy import deepcopy
 from dataclasses import asdict, dataclass
-from typing import Any
+from typing import TYPE_CHECKING, Any, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,8 +17,82 @@ from controller.library.motion_library import MotionLibrary
 from controller.loop.loop import LoopState
 from controller.loop.output_channel import Channel
 from controller.loop.stop_requests import StopRequest
-from controller.wire.messages.deck_snapshot import DeckState, Recognized
+from controller.motion.skeleton import Skeleton
+from controller.wire.messages.deck_snapshot import DeckState, RecognitionState, Recognized
 from motiondeck.run.robots.robot_on_deck import RobotOnDeck
+
+
+class Watch(RecognitionState, Protocol):
+    """Recognizes motions while they are played."""
+
+    @property
+    def names(self) -> Sequence[str]:
+        """The motions that it knows."""
+        ...
+
+    def update(self, state: LoopState, deck: DeckState, stop: StopRequest) -> None:
+        """Takes in one tick; it may end the run."""
+        ...
+
+    def report(self) -> dict[str, Any]:
+        """Its part of the report of the run."""
+        ...
+
+
+if TYPE_CHECKING:
+    from controller.learning.recognition.recognizer import Recognizer
+
+MOST_KEPT = 1000  # times at which another motion was seen, the latest
+
+
+class BodyWatch:
+    """Feeds a `BodyRecognizer` with the poses from which the joints' targets are made.
+
+    Raises:
+        MotiondeckError: if the skeleton lacks a joint that the recognizer looks at.
+    """
+
+    def __init__(self, recognizer: Recognizer, skeleton: Skeleton) -> None:
+        from controller.learning.recognition.body_recognizer import BodyRecognizer
+
+        self._body = BodyRecognizer(recognizer, skeleton)
+        # Nothing is commanded that these motions could miss.
+        self.mismatch_s, self.stuck = 0.0, ""
+        self._time: float | None = None
+        self._spent: Counter[tuple[str, str]] = Counter()  # ticks, by what was played and what was seen
+        self._spans: deque[tuple[float, str]] = deque(maxlen=MOST_KEPT)
+
+    @property
+    def names(self) -> Sequence[str]:
+        """The recognizer's motions."""
+        return self._body.online.classes
+
+    @property
+    def seen(self) -> Recognized | None:
+        """The recognized motion, with its confidence; None while none is certain."""
+        return Recognized(self._body.seen, self._body.online.confidence) if self._body.seen is not None else None
+
+    def update(self, state: LoopState, deck: DeckState, stop: StopRequest) -> None:
+        """Takes in one tick; while the deck's time stands still there is nothing to be seen."""
+        dt = deck.time - self._time if self._time is not None else 0.0
+        if dt <= 0.0 and self._time is not None:
+            return
+        self._time = deck.time
+        seen = self._body.update(state.pose.root_position, state.pose.rotation, dt) or ""
+        self._spent[deck.playing, seen] += 1
+        if seen != (self._spans[-1][1] if self._spans else ""):
+            self._spans.append((deck.time, seen))
+
+    def report(self) -> dict[str, Any]:
+        """Its part of the report: what was seen of each motion that was played, and when."""
+        shares: dict[str, dict[str, float]] = {}
+        for (played, seen), ticks in self._spent.items():
+            shares.setdefault(played, {})[seen or "nothing sure"] = float(ticks)
+        for of in shares.values():
+            total = sum(of.values())
+            of.update((seen, ticks / total) for seen, ticks in of.items())
+        return {"seen": [{"at": at, "motion": seen or None} for at, seen in self._spans], "shares": shares}
+
 
 MOST_PRINTED = 20  # alarms on the terminal; the report has more
 
@@ -28,7 +103,6 @@ class MismatchPolicy:
 
     Attributes:
         patience: how long the joints may look like another motion before there is an alarm, s.
-        stop: whether an alarm ends the run.
     """
 
     patience: float
@@ -63,9 +137,7 @@ class RecognitionWatch:
 
         Args:
             policy: what to do about a mismatch.
-            library: the motions.
             retarget: from its skeleton to the robot's joints.
-            joints: the robot's joints; other robots' come after them in the targets.
             balls: which of them are rotation vectors, shape (N, 3).
             limits: what the joints may do.
             channel: the output whose measurements are looked at; joints that it does not measure are left out.
