@@ -133,7 +133,7 @@ def test_a_take_of_another_motion_is_refused_by_its_name(tmp_path):
         )
     reach(tmp_path / "reach.clip", 2.0, 0)
     teach(tmp_path / "reach.2.clip", 0.5, 0.0)
-    with pytest.raises(FileFormatError, match=r"reach\.2\.clip is no other take of .*reach\.clip"):
+    with pytest.raises(FileFormatError, match=r"reach\.2\.clip is not a take of .*reach\.clip"):
         read_takes([tmp_path / "reach.clip", tmp_path / "reach.2.clip"])
 
 
