@@ -14,7 +14,7 @@ from motiondeck.run.page import learning as page_learning
 @pytest.mark.thorough
 def test_a_body_is_fitted_to_markers_once_and_it_is_said_that_it_takes_a_while(tmp_path, mocap_data, monkeypatch):
     said, read, look_at = [], [], recording_analysis.analyse_recording
-    monkeypatch.setattr(page_learning, "tell", said.append)
+    monkeypatch.setattr(page_learning, "send", said.append)
     monkeypatch.setattr(
         recording_analysis, "analyse_recording", lambda *given: read.append(look_at(*given)) or read[-1]
     )
