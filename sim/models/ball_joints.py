@@ -55,10 +55,7 @@ def hinges_for_balls(spec: mujoco.MjSpec) -> None:
         place, most, limited = np.array(ball.pos), float(ball.range[1]), ball.limited
         spec.delete(ball)
         for word, axis in zip(NAMES, three, strict=True):
-            name = f"{base}_{word}" if base else ""
-            while name in taken and name:
-                name += "_"
-            taken.add(name)
+            name = unused(f"{base}_{word}", taken) if base else ""
             hinge = body.add_joint(name=name, type=mujoco.mjtJoint.mjJNT_HINGE, pos=place, axis=axis)
             hinge.range, hinge.limited = (-most, most), limited
             for key, value in was.items():
@@ -67,6 +64,14 @@ def hinges_for_balls(spec: mujoco.MjSpec) -> None:
                 motor = spec.add_actuator(trntype=mujoco.mjtTrn.mjTRN_JOINT, target=name)
                 motor.set_to_motor()
                 motor.ctrllimited = motor.forcelimited = False
+
+
+def unused(name: str, taken: set[str]) -> str:
+    """Adds a name to those taken, followed by as many "_" as make it a new one."""
+    while name in taken:
+        name += "_"
+    taken.add(name)
+    return name
 
 
 def _axes(model: mujoco.MjModel, balls: list[int]) -> list[Array]:

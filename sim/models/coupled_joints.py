@@ -27,20 +27,18 @@ class LedJoints:
 
     @classmethod
     def of(cls, led: Mapping[int, tuple[int, Array]]) -> LedJoints:
-        """From followers with their leaders and polynomials."""
+        """The followers of a mapping to their leaders and polynomials."""
         leaders = np.array([leader for leader, _ in led.values()], np.int64)
         return cls(np.array([*led], np.int64), leaders, np.array([curve for _, curve in led.values()]).reshape(-1, 5))
 
     def followed(self, leaders: Array) -> Array:
         """Positions of the followers for leaders at (F,), shape (F,)."""
-        a, b, c, d, e = self.curve.T
-        x = leaders
+        (a, b, c, d, e), x = self.curve.T, leaders
         return a + x * (b + x * (c + x * (d + x * e)))
 
     def slope(self, leaders: Array) -> Array:
         """Derivatives of the followers by their leaders at (F,), shape (F,)."""
-        _, b, c, d, e = self.curve.T
-        x = leaders
+        (_, b, c, d, e), x = self.curve.T, leaders
         return b + x * (2.0 * c + x * (3.0 * d + x * 4.0 * e))
 
 

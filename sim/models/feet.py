@@ -91,7 +91,10 @@ def _foot(model: mujoco.MjModel, data: mujoco.MjData, body: int) -> Foot:
     ahead /= np.linalg.norm(ahead)
     axes = np.stack([ahead, cross(up, ahead), up], axis=1)
     rounded = not np.isin(model.geom_type[geoms], (_BOX, _MESH)).any()
-    low, high = _extents(model, data, body, geoms, axes) if side is None or rounded else _span(side[1] @ axes)
+    if side is None or rounded:
+        low, high = _extents(model, data, body, geoms, axes)
+    else:
+        low, high = (side[1] @ axes).min(axis=0), (side[1] @ axes).max(axis=0)
     (back, right, bottom), (front, left, _) = low, high
     ring = ((back, right), (front, right), (front, left), (back, left))
     corners = np.array([[x, y, bottom] for x, y in ring], dtype=np.float64)
@@ -144,12 +147,8 @@ def _extents(
     low, high = np.full(3, np.inf), np.full(3, -np.inf)
     in_body = data.xmat[body].reshape(3, 3)
     for geom in geoms:
-        own = in_body.T @ data.geom_xmat[geom].reshape(3, 3)
+        ways = axes.T @ (in_body.T @ data.geom_xmat[geom].reshape(3, 3))
         centre = axes.T @ (in_body.T @ (data.geom_xpos[geom] - data.xpos[body]))
-        span = reach(model, int(geom), axes.T @ own)
-        low, high = np.minimum(low, centre - reach(model, int(geom), -(axes.T @ own))), np.maximum(high, centre + span)
+        low = np.minimum(low, centre - reach(model, int(geom), -ways))
+        high = np.maximum(high, centre + reach(model, int(geom), ways))
     return low, high
-
-
-def _span(points: Array) -> tuple[Array, Array]:
-    return points.min(axis=0), points.max(axis=0)

@@ -27,7 +27,7 @@ def free_root(path: Path, spec: mujoco.MjSpec) -> None:
     if not bodies:
         raise FileFormatError(f"{path}: there is no body in it")
     floating = [body for body in bodies if _free(body) and _moving(body)]
-    root = max(floating, key=_moving) if floating else max(bodies, key=lambda body: (_moving(body), _parts(body)))
+    root = max(floating or bodies, key=lambda body: (_moving(body), 0 if floating else len(body.find_all("body"))))
     joint = next(iter(_free(root)), None)
     if joint is None:
         _clear_rails(spec, root)
@@ -62,13 +62,7 @@ def free_root(path: Path, spec: mujoco.MjSpec) -> None:
 
 
 def _free(body: mujoco.MjsBody) -> list[mujoco.MjsJoint]:
-    """The free joint of a body, if it has one."""
     return [joint for joint in body.joints if joint.type == mujoco.mjtJoint.mjJNT_FREE]
-
-
-def _parts(body: mujoco.MjsBody) -> int:
-    """Number of bodies below a body."""
-    return len(body.find_all("body"))
 
 
 def _moving(body: mujoco.MjsBody) -> int:

@@ -13,7 +13,6 @@ times the length of the leg, with damping and rotor to match.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from math import sqrt
 
 import mujoco
@@ -23,25 +22,17 @@ from sim.models.gravity import GRAVITY
 from sim.models.kinematic_tree import below, path_to
 
 BANDWIDTH = 30.0  # rad/s
-SAG = 0.02
-"""Largest sag of a limb held out level, rad."""
-SWINGS = 200.0
-"""Natural frequency of a servo without its limb, by the rotor's inertia, rad/s."""
+SAG = 0.02  # largest sag of a limb held out level, rad
+SWINGS = 200.0  # natural frequency of a servo without its limb, by the rotor's inertia, rad/s
+# The same for a standing leg: with a lighter rotor the foot bounces on the floor. Chosen on a walking G1.
 STANCE, STANCE_BANDWIDTH, STANCE_SWINGS = 4.0, 60.0, 100.0
-"""The same for a standing leg: with a lighter rotor the foot bounces on the floor. Chosen on a walking G1."""
 
 
-@dataclass(frozen=True)
-class GuessedServo:
-    """Stiffness kp, N m/rad, damping kv, N m s/rad, and least inertia about the joint's axis, kg m^2, of a servo."""
+def guess_servo(model: mujoco.MjModel, joint: int, stance: float) -> tuple[float, float, float]:
+    """kp, N m/rad, kv, N m s/rad, and least inertia about its axis, kg m^2, of a hinge, from the masses below it.
 
-    kp: float
-    kv: float
-    rotor: float
-
-
-def guess_servo(model: mujoco.MjModel, joint: int, stance: float = 0.0) -> GuessedServo:
-    """A servo for a hinge, from the masses below it; `stance` is weight times length of its leg, N m, if it is one."""
+    `stance` is weight times length of its leg, N m, or 0 for another limb.
+    """
     data = mujoco.MjData(model)
     mujoco.mj_kinematics(model, data)
     mujoco.mj_comPos(model, data)
@@ -55,8 +46,8 @@ def guess_servo(model: mujoco.MjModel, joint: int, stance: float = 0.0) -> Guess
     moment = float(model.body_subtreemass[body] * np.linalg.norm(data.subtree_com[body] - anchor))
     kp = max(hardest * BANDWIDTH**2, moment * GRAVITY / SAG, STANCE * stance)
     if stance:
-        return GuessedServo(kp, 2.0 * kp / STANCE_BANDWIDTH, kp / STANCE_SWINGS**2)
-    return GuessedServo(kp, 2.0 * sqrt(kp * hardest), kp / SWINGS**2)
+        return kp, 2.0 * kp / STANCE_BANDWIDTH, kp / STANCE_SWINGS**2
+    return kp, 2.0 * sqrt(kp * hardest), kp / SWINGS**2
 
 
 def stances(model: mujoco.MjModel, feet: Sequence[str]) -> dict[int, float]:

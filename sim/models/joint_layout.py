@@ -53,7 +53,7 @@ class JointLayout:
         if model.njnt == 0 or model.jnt_type[0] != mujoco.mjtJoint.mjJNT_FREE:
             raise FileFormatError(f"robot '{name}': its first joint is not a free joint")
         hinge, hinge_qpos, ball, ball_qpos, dof = [], [], [], [], []
-        index = 0
+        index, gear = 0, model.actuator_gear
         while index < model.nu:
             servo, joint = model.actuator(index).name, int(model.actuator_trnid[index, 0])
             if model.actuator_trntype[index] != mujoco.mjtTrn.mjTRN_JOINT or model.jnt_type[joint] not in _COORDINATES:
@@ -63,9 +63,7 @@ class JointLayout:
             if count == 1:
                 hinge.append(index)
                 hinge_qpos.append(model.jnt_qposadr[joint])
-            elif np.array_equal(model.actuator_gear[row, :3], np.eye(3)) and np.all(
-                model.actuator_trnid[row, 0] == joint
-            ):
+            elif (model.actuator_trnid[row, 0] == joint).all() and np.array_equal(gear[row, :3], np.eye(3)):
                 ball.append(index + np.arange(3))
                 ball_qpos.append(model.jnt_qposadr[joint] + np.arange(4))
             else:

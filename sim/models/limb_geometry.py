@@ -45,20 +45,14 @@ def centre_of(data: mujoco.MjData, hinges: Sequence[int], knee: Array) -> Array:
     right = sum(p @ at for p, at in zip(projections, anchors, strict=True))
     centre = np.linalg.solve(matrix, right + 1e-6 * data.xanchor[last])
     reach = CENTRE_SHARE * float(np.linalg.norm(knee - data.xanchor[last]))
-    gaps = [
-        float(np.linalg.norm(p @ (centre - data.xanchor[j]))) for p, j in zip(projections, (last, other), strict=True)
-    ]
+    gaps = [float(np.linalg.norm(p @ (centre - at))) for p, at in zip(projections, anchors, strict=True)]
     return centre if max(gaps) <= reach else data.xanchor[last].copy()
 
 
 def end_hinge(data: mujoco.MjData, hinges: Sequence[int], knee: Array, upper: float) -> int | None:
-    """The distal hinge (ankle, wrist): the first across the limb below a knee (elbow), or None.
+    """The distal hinge (ankle, wrist): the first across the limb below a knee (elbow) at `knee` (3,), or None.
 
-    Args:
-        data: a pose.
-        hinges: below the knee, in order, without toes and fingers.
-        knee: its place, shape (3,).
-        upper: length of the segment above the knee, m.
+    `hinges` are those below the knee, in order, without toes and fingers; `upper` is the length above it, m.
     """
     for hinge in hinges:
         way = data.xanchor[hinge] - knee

@@ -14,7 +14,7 @@ import mujoco
 import numpy as np
 
 from motiondeck_base.errors import FileFormatError
-from sim.models.ball_joints import hinges_for_balls, unplayed_balls
+from sim.models.ball_joints import hinges_for_balls, unplayed_balls, unused
 from sim.models.coupled_joints import followers
 from sim.models.formats.mesh_files import compiled, read_solids
 from sim.models.formats.model_kind import model_kind
@@ -26,7 +26,7 @@ from sim.models.surface import Surface
 
 LAST_SHOWN_GROUP = 2
 
-# Least mass of a body, kg, and least moment of inertia, kg m^2.
+# Of a body, kg and kg m^2.
 LEAST_MASS, LEAST_INERTIA = 1e-4, 1e-7
 
 # Number of sizes of a solid.
@@ -49,10 +49,8 @@ def read_model(path: Path, packages: Mapping[str, Path] | None = None, feet: Seq
     equality constraint couples to others. Impossible masses and inertias are balanced, and
     `spec.compiler.balanceinertia` is set.
 
-    Args:
-        path: the file.
-        packages: folders of the packages that a URDF names; others are searched beside and above the file.
-        feet: known bodies that it stands on: missing servos then carry its weight.
+    `packages` are folders of the packages that a URDF names; others are searched beside and above the file. `feet` are
+    known bodies that it stands on: missing servos then carry its weight.
 
     Raises:
         FileFormatError: if MuJoCo refuses the file, it has no body or no solid, or its base turns on a joint.
@@ -112,7 +110,6 @@ def _read_urdf(path: Path, packages: Mapping[str, Path]) -> mujoco.MjSpec:
 
 
 def _clear_stage(spec: mujoco.MjSpec) -> None:
-    """Removes scenery and lamps."""
     for thing in [*spec.worldbody.geoms, *spec.worldbody.lights]:
         spec.delete(thing)
     for texture in [*spec.textures]:
@@ -128,12 +125,7 @@ def _name_all(spec: mujoco.MjSpec) -> None:
     for kind, things in (("body", spec.bodies[1:]), ("joint", spec.joints)):
         taken = {thing.name for thing in things}
         for number, thing in enumerate(things, 1):
-            if not thing.name:
-                name = f"{kind}_{number}"
-                while name in taken:
-                    name += "_"
-                thing.name = name
-                taken.add(name)
+            thing.name = thing.name or unused(f"{kind}_{number}", taken)
 
 
 def _scale_masses(spec: mujoco.MjSpec) -> None:
@@ -158,10 +150,8 @@ def _mend_inertias(spec: mujoco.MjSpec) -> None:
         matrix = np.diag(body.inertia) if np.isnan(xx) else np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
         a, b, c = np.linalg.eigvalsh(matrix).tolist()
         given = bool(body.explicitinertial)
-        weightless = (
-            not given and bool(body.joints) and not any(geom.density and geom.mass != 0.0 for geom in body.geoms)
-        )
-        if weightless or (given and (body.mass < LEAST_MASS or a < LEAST_INERTIA or a + b < c * (1.0 - 1e-6))):
+        weighs = given or not body.joints or any(geom.density and geom.mass != 0.0 for geom in body.geoms)
+        if not weighs or (given and (body.mass < LEAST_MASS or a < LEAST_INERTIA or a + b < c * (1.0 - 1e-6))):
             spec.compiler.balanceinertia = True
             spec.compiler.boundmass = max(spec.compiler.boundmass, LEAST_MASS)
             spec.compiler.boundinertia = max(spec.compiler.boundinertia, LEAST_INERTIA)
@@ -194,10 +184,9 @@ def _servos(path: Path, spec: mujoco.MjSpec, model: mujoco.MjModel, feet: Sequen
         servo = spec.add_actuator(trntype=mujoco.mjtTrn.mjTRN_JOINT, target=name)
         force, gains = _own_servo(model, joint, driven.get(joint))
         if gains is None:
-            guess = guess_servo(model, joint, stance.get(joint, 0.0))
-            gains = guess.kp, guess.kv
+            *gains, rotor = guess_servo(model, joint, stance.get(joint, 0.0))
             turning = spec.joint(name)
-            lacking = guess.rotor - float(model.dof_M0[model.jnt_dofadr[joint]])
+            lacking = rotor - float(model.dof_M0[model.jnt_dofadr[joint]])
             turning.armature = turning.armature + max(lacking, 0.0)
         servo.set_to_position(kp=gains[0], kv=gains[1])
         # A new actuator has the file's defaults, such as a control range of -1 to 1.
@@ -238,9 +227,8 @@ def _moments(model: mujoco.MjModel) -> np.ndarray:
         data = mujoco.MjData(model)
         for step in (mujoco.mj_kinematics, mujoco.mj_comPos, mujoco.mj_tendon, mujoco.mj_transmission):
             step(model, data)
-        mujoco.mju_sparse2dense(
-            moment, data.actuator_moment, data.moment_rownnz, data.moment_rowadr, data.moment_colind
-        )
+        rows = data.moment_rownnz, data.moment_rowadr
+        mujoco.mju_sparse2dense(moment, data.actuator_moment, *rows, data.moment_colind)
         moment[~at_a_distance] = 0.0
     return moment
 

@@ -36,11 +36,8 @@ SOLVERS: tuple[Solver, ...] = ("angles", "ik")
 
 def solver_named(name: str | None) -> Solver | None:
     """The solver of a name, or None for None; UnknownNameError for another name."""
-    if name is None:
-        return None
-    for solver in SOLVERS:
-        if name == solver:
-            return solver
+    if name is None or name in SOLVERS:
+        return name
     raise UnknownNameError.among("solver", name, SOLVERS)
 
 
@@ -75,9 +72,7 @@ class RobotFile(msgspec.Struct, forbid_unknown_fields=True, frozen=True):
     """A robot.
 
     Attributes:
-        name: as shown.
         kind: a mannequin is built from the skeleton, a humanoid is loaded from its model.
-        limits: of its joints.
         model: the humanoid's MJCF or URDF file, relative to this file's folder.
         packages: the folder of each ROS package that its URDF names, relative to this file's folder.
         solver: of the retargeting: angles of limbs, or inverse kinematics.
@@ -86,9 +81,7 @@ class RobotFile(msgspec.Struct, forbid_unknown_fields=True, frozen=True):
         parts: body part to body of the model, for inverse kinematics and for the feet.
         angles: the angle solver's joints to the model's; empty where they have the same names.
         rest: joint positions of the rest pose, rad; other joints rest at zero.
-        servo: data of its servos; without it the model's own limits hold.
-        walk: settings of walking.
-        rise: poses of getting up.
+        servo: without it the model's own limits hold.
     """
 
     name: str
@@ -111,11 +104,7 @@ _POSITIVE = ("velocity", "acceleration", "jerk", "root_height")
 
 
 def read_robot_file(path: Path) -> RobotFile:
-    """Reads a robot file.
-
-    Raises:
-        FileFormatError: if the file is missing or not TOML, or a key or a value is not allowed.
-    """
+    """Reads a robot file; FileFormatError if it is missing or not TOML, or a key or a value is not allowed."""
     if not path.exists():
         raise FileFormatError(f"{path}: there is no such robot file. Check the name.")
     robot = read_toml(path, RobotFile)
@@ -124,7 +113,6 @@ def read_robot_file(path: Path) -> RobotFile:
 
 
 def _check_numbers(path: Path, robot: RobotFile) -> None:
-    """Refuses numbers that are not finite, rates, times and heights that are not positive, and what does not fit."""
     for key, rows in (("front", robot.rise.front), ("back", robot.rise.back)):
         for number, row in enumerate(rows, start=1):
             if not (row[0] > 0.0 and all(abs(value) < float("inf") for value in row)):

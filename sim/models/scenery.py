@@ -50,13 +50,10 @@ def set_stage(spec: mujoco.MjSpec, height: float) -> None:
         width=256,
         height=256,
     )
-    floor = spec.add_material(
-        name=FLOOR, texrepeat=[0.9 / height, 0.9 / height], texuniform=True, reflectance=0.0, specular=0.0
-    )
+    floor = spec.add_material(name=FLOOR, texrepeat=[0.9 / height] * 2, texuniform=True, reflectance=0.0, specular=0.0)
     floor.textures[mujoco.mjtTextureRole.mjTEXROLE_RGB] = FLOOR
-    spec.worldbody.add_geom(
-        name=FLOOR, type=mujoco.mjtGeom.mjGEOM_PLANE, size=[0.0, 0.0, 0.05], material=FLOOR, contype=0, conaffinity=0
-    )
+    plane = spec.worldbody.add_geom(name=FLOOR, type=mujoco.mjtGeom.mjGEOM_PLANE, size=[0.0, 0.0, 0.05])
+    plane.material, plane.contype, plane.conaffinity = FLOOR, 0, 0
 
     # Even light far out; the shadow is the lamp's.
     spec.worldbody.add_light(

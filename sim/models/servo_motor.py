@@ -23,8 +23,6 @@ from controller.motion.rotations import Array
 ROOM = 25.0
 """Temperature of the room, degC."""
 
-_BACK_AND_FORTH = np.array([-1.0, 1.0])
-
 _Positive = Annotated[float, msgspec.Meta(gt=0.0)]
 _NotNegative = Annotated[float, msgspec.Meta(ge=0.0)]
 
@@ -62,7 +60,7 @@ class ServoMotor(msgspec.Struct, forbid_unknown_fields=True, frozen=True):
 
     def line(self, velocity: Array) -> Array:
         """The torque-speed line without its ends, backwards and forwards, shape (J, 2), N m."""
-        return self.torque * (_BACK_AND_FORTH - (velocity / self.speed)[:, None])
+        return self.torque * (np.array([-1.0, 1.0]) - (velocity / self.speed)[:, None])
 
     def drawn(self, torque: Array) -> Array:
         """The current for torques of any shape, A."""

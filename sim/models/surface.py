@@ -163,13 +163,17 @@ def _shape(model: mujoco.MjModel, geom: int) -> tuple[float, Array, Array, Array
 
 def _outermost(model: mujoco.MjModel, mesh: int) -> Array:
     """The vertices of a mesh, or of its convex hull where MuJoCo has it, shape (V, 3), m."""
-    first, at = model.mesh_vertadr[mesh], model.mesh_graphadr[mesh]
-    vertices = model.mesh_vert[first : first + model.mesh_vertnum[mesh]].astype(np.float64)
+    vertices, at = _vertices(model, mesh), model.mesh_graphadr[mesh]
     if at < 0:
         return vertices
     # Its graph: numbers of vertices and faces, addresses of edges, indices of vertices, ...
     count = int(model.mesh_graph[at])
     return vertices[model.mesh_graph[at + 2 + count : at + 2 + 2 * count]]
+
+
+def _vertices(model: mujoco.MjModel, mesh: int) -> Array:
+    first = model.mesh_vertadr[mesh]
+    return model.mesh_vert[first : first + model.mesh_vertnum[mesh]].astype(np.float64)
 
 
 def _balls(model: mujoco.MjModel, geom: int) -> tuple[Array, float]:
@@ -188,8 +192,6 @@ def _balls(model: mujoco.MjModel, geom: int) -> tuple[Array, float]:
             rim = np.column_stack([a * _RING, np.zeros(len(_RING))])
             return np.concatenate([rim + np.array([0.0, 0.0, b]), rim - np.array([0.0, 0.0, b])]), 0.0
         case mujoco.mjtGeom.mjGEOM_MESH:
-            mesh = int(model.geom_dataid[geom])
-            first = model.mesh_vertadr[mesh]
-            vertices = model.mesh_vert[first : first + model.mesh_vertnum[mesh]].astype(np.float64)
+            vertices = _vertices(model, int(model.geom_dataid[geom]))
             return vertices[np.unique(np.argmax(vertices @ _DIRECTIONS.T, axis=0))], 0.0
     return np.zeros((0, 3)), 0.0

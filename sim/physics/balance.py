@@ -50,12 +50,11 @@ class Balance:
 
     def __init__(self, robot: Robot, model: mujoco.MjModel, dt: float) -> None:
         """Args: the robot; its model with a free root on a solid floor; the tick, s."""
-        feet = feet_of(robot)
-        if len(feet) != 2:
-            raise MotiondeckError(f"robot '{robot.name}' has {len(feet)} feet; only one that stands on two can balance")
-        self._robot, self._model, self._dt = robot, model, dt
-        self._feet = feet
-        self._body = WholeBody(robot, model, feet, dt, HEIGHT)
+        self._robot, self._model, self._dt, self._feet = robot, model, dt, feet_of(robot)
+        if len(self._feet) != 2:
+            count = len(self._feet)
+            raise MotiondeckError(f"robot '{robot.name}' has {count} feet; only one that stands on two can balance")
+        self._body = WholeBody(robot, model, self._feet, dt, HEIGHT)
         self._plan, self._bodies = self._body.plan, self._body.bodies
 
     def start(self, data: mujoco.MjData) -> None:
@@ -111,9 +110,7 @@ class Balance:
         long = float(np.clip(apart @ ahead, -0.5 * STANCE_LENGTH * height, 0.5 * STANCE_LENGTH * height))
         apart = long * ahead + wide * left
         self._place = [np.array([*(middle + apart), 0.0]), np.array([*(middle - apart), 0.0])]
-        self._flat = [
-            multiply(yaw(angle), from_matrix(foot.axes.T)) for angle, foot in zip(turn, self._feet, strict=True)
-        ]
+        self._flat = [multiply(yaw(to), from_matrix(foot.axes.T)) for to, foot in zip(turn, self._feet, strict=True)]
 
     def _is_left(self, foot: int) -> bool:
         """Whether a foot is the one on the left in the rest pose."""
@@ -141,10 +138,8 @@ class Balance:
 
     def _hips(self, off: Array) -> Array:
         """The turn of the root by the hip strategy, a quaternion."""
-        far = float(np.hypot(*off))
-        beyond = max(far - HIP_FROM * self._half, 0.0)
-        leg = GRAVITY / self._omega**2
-        angle = min(HIP_GAIN * beyond / leg, HIP_MOST)
+        far, leg = float(np.hypot(*off)), GRAVITY / self._omega**2
+        angle = min(HIP_GAIN * max(far - HIP_FROM * self._half, 0.0) / leg, HIP_MOST)
         if angle == 0.0:
             return np.array([1.0, 0.0, 0.0, 0.0])
         return about(np.array([-off[1], off[0], 0.0]) / far, angle)

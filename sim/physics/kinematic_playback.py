@@ -15,8 +15,8 @@ class KinematicPlayback:
     """Puts the robot exactly at its targets.
 
     Attributes:
-        name: "kinematics".
         data: MuJoCo's state, with the position of every body.
+        qpos: its array, shape (nq,), which the next write overwrites.
         placed: the commanded root of the last write, position (m) and quaternion, shape (7,).
         behind_s: delay of the body, s.
     """
@@ -27,22 +27,18 @@ class KinematicPlayback:
     def __init__(self, robot: Robot) -> None:
         self._robot = robot
         self.data = mujoco.MjData(robot.model)
-        robot.layout.place(robot.rest, self.data.qpos)
+        self.qpos = self.data.qpos
+        robot.layout.place(robot.rest, self.qpos)
         mujoco.mj_kinematics(robot.model, self.data)
         self._measured = robot.rest.copy()
         self._writes = 0
-        self.placed = self.data.qpos[:7].copy()
-
-    @property
-    def qpos(self) -> Array:
-        """MuJoCo's own state array, shape (nq,): copy what you keep."""
-        return self.data.qpos
+        self.placed = self.qpos[:7].copy()
 
     def write(self, targets: Array, pose: Pose) -> None:
         """Places the joints at targets (J,), rad, and the root where the pose has it."""
-        self._robot.place(targets, pose, self.data.qpos)
+        self._robot.place(targets, pose, self.qpos)
         mujoco.mj_kinematics(self._robot.model, self.data)
-        self.placed[:] = self.data.qpos[:7]
+        self.placed[:] = self.qpos[:7]
         self._measured[:] = targets
         self._writes += 1
 

@@ -162,7 +162,6 @@ def _motion(robot: Robot, played: PlayedMotion) -> tuple[Array, Array, Array]:
 
 
 def _rate(values: Array) -> Array:
-    """The rate of change of (T, n) samples."""
     rate: Array = np.gradient(values, DT, axis=0)  # pyright: ignore[reportAssignmentType]
     return rate
 
@@ -180,10 +179,7 @@ def _corners(model: mujoco.MjModel, data: mujoco.MjData, feet: tuple[Foot, ...])
 
 def _on_the_ground(corners: Array, robot: Robot, share: float) -> NDArray[np.bool_]:
     """Which corners (C, 3) are within a share of the root's height of the lowest one."""
-    if len(corners) == 0:
-        return np.zeros(0, dtype=bool)
-    near = share * robot.root_height
-    return corners[:, 2] < corners[:, 2].min() + near
+    return corners[:, 2] < corners[:, 2].min(initial=np.inf) + share * robot.root_height
 
 
 def _carried_by_the_floor(torque: Array, jacobians: Array) -> Array:

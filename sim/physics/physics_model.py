@@ -15,7 +15,7 @@ from sim.models.overlaps import near_bodies
 from sim.models.scenery import FLOOR, GANTRY
 from sim.robots.robot import Robot
 
-ROOTS = ("gantry", "fixed", "free")
+ROOTS = ("gantry", "fixed", "free")  # carried along, held in place, let go
 
 # A separate bit: contacts between the model's own bodies stay as the model has them.
 FLOOR_BIT = 1 << 20
@@ -55,12 +55,8 @@ def physics_model(robot: Robot, root: str = "gantry", alter: Alteration | None =
 
     With a free root the floor is solid for all bodies that the robot's model lets collide, or for all where it lets
     none. A foot of rounded solids gets a flat sole in place of them and of the toes. Neighbours, and bodies that
-    overlap in the rest pose, do not collide.
-
-    Args:
-        robot: the robot.
-        root: "gantry" carries the root along, "fixed" holds it in place, "free" lets it go; else MotiondeckError.
-        alter: changes to the world that the robot's files do not know.
+    overlap in the rest pose, do not collide. `root` is one of ROOTS, or a MotiondeckError is raised; `alter` changes
+    the world in ways that the robot's files do not know.
     """
     check_root(root)
     spec = robot.spec.copy()

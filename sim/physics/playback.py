@@ -39,8 +39,8 @@ class PhysicsPlayback:
     data keep to their torque-speed line and current limit.
 
     Attributes:
-        name: "physics".
         data: MuJoCo's state.
+        qpos: its array, shape (nq,), which the next write overwrites.
         model: the model of that state, apart from the robot's own.
         placed: the commanded root of the last write, position (m) and quaternion, shape (7,).
         wanted: the goal of the last write, shape (nq,), with the place of a free root along the ground.
@@ -74,7 +74,7 @@ class PhysicsPlayback:
         Args:
             robot: the robot.
             dt: time of a write, s; rounded to whole timesteps.
-            root: "gantry" carries the root along, "fixed" holds it in place, "free" lets it go.
+            root: as of `physics_model`.
             balance: whether a free robot keeps its feet in place and its centre of mass above them.
             walk: whether a free robot follows the motion on its own feet.
             compiled: the `physics_model` of this robot with this root, if there is one; it is not changed.
@@ -89,6 +89,7 @@ class PhysicsPlayback:
         self._robot, self._root = robot, root
         self.model = model = physics_model(robot, root, alter) if compiled is None else copy(compiled)
         self.data = mujoco.MjData(model)
+        self.qpos = self.data.qpos
         self._warnings = [self.data.warning[kind] for kind in _BROKEN]
         self._steps = max(1, round(dt / model.opt.timestep))
         self._dt = self._steps * model.opt.timestep
@@ -126,11 +127,6 @@ class PhysicsPlayback:
         # By default MuJoCo writes each warning to a file in the working directory; a loop must not.
         mujoco.set_mju_user_warning(lambda _: None)
 
-    @property
-    def qpos(self) -> Array:
-        """MuJoCo's own state array, shape (nq,): copy what you keep."""
-        return self.data.qpos
-
     def attach(self, clock: Callable[[], float], holds: Callable[[], bool]) -> None:
         """Connects the clock of its events, s, and whether a fallen robot is to stay as it lies."""
         self.clock, self.holds = clock, holds
@@ -158,7 +154,7 @@ class PhysicsPlayback:
             self._legs.adjust(data, self._goal, self._heading)
             if starting:
                 self._goal_before[:] = self._goal  # what it adds at once is not a movement
-            self._recover()
+            self._recover(self._legs)
         if self._servos is not None:
             self._goal[:] = self._servos.delayed(self._goal)
         self._aim()
@@ -197,25 +193,22 @@ class PhysicsPlayback:
             self.wanted[:2] = data.qpos[:2]
             self._note_fall(root)
 
-    def _recover(self) -> None:
+    def _recover(self, legs: Balance | Walker) -> None:
         """Notes a certain fall, and updates the recovery."""
-        if self._legs is None:
-            return
         recovery = self._recovery
         if recovery is None:
-            if self._legs.falling and not self._lost and not self.fallen:
+            if legs.falling and not self._lost and not self.fallen:
                 self.near_falls.append(self.clock())
-            self._lost = self._legs.falling
+            self._lost = legs.falling
             return
         before = recovery.phase
-        recovery.adjust(self._legs, self.data, self._goal_before, self._goal, held=self.holds())
+        recovery.adjust(legs, self.data, self._goal_before, self._goal, held=self.holds())
         if recovery.phase is not before:
             self._lead = lead_of(self.model)
             if recovery.phase is Phase.FALLS:
                 self.near_falls.append(self.clock())
 
     def _stand_again(self, legs: Balance | Walker) -> None:
-        """Restarts the legs' controller in place."""
         self._gone = self.travel or (0.0, 0.0)
         here = self.data.qpos.copy()
         legs.start(self.data)
@@ -280,22 +273,13 @@ class PhysicsPlayback:
 
     def push(self, force: Array) -> None:
         """Pushes the root with a force (3,), N, in the world, until the next call."""
-        root = int(self.model.jnt_bodyid[0])
-        self.data.xfrc_applied[root, :3] = force
+        self.data.xfrc_applied[int(self.model.jnt_bodyid[0]), :3] = force
 
     def push_from(self, side: Side, impulse: float, towards: float | None = None) -> float:
-        """Pushes the root for PUSH_LASTS seconds, level, from a side of the heading.
+        """Pushes the root for PUSH_LASTS seconds, level, from a side of the heading; MotiondeckError if it is fixed.
 
-        Args:
-            side: of the push.
-            impulse: N s; 0 for `usual_push`.
-            towards: direction in the world, rad from x to y, in place of a side.
-
-        Returns:
-            The impulse, N s.
-
-        Raises:
-            MotiondeckError: if the root is fixed.
+        `towards` is a direction in the world, rad from x to y, in place of a side. Returns the impulse, N s, which is
+        that of `usual_push` for 0.
         """
         if self._root == "fixed":
             raise MotiondeckError("a fixed root cannot be pushed: play with --root gantry or free")
@@ -306,7 +290,7 @@ class PhysicsPlayback:
         return impulse
 
     def report(self) -> Mapping[str, object]:
-        """Tracking errors of the servos: root mean square over joints and time, and the largest of any joint."""
+        """Tracking errors of the servos, falls and steps."""
         samples = max(self._writes, 1) * len(self._measured)
         said: dict[str, object] = {
             "kind": "physics",
@@ -326,8 +310,7 @@ class PhysicsPlayback:
             said["got_up"] = self._recovery.rises if self._recovery is not None else 0
         if self._walker is not None and self.travel is not None:
             said["travel"] = dict(zip(("asked_m", "walked_m"), self.travel, strict=True))
-            said |= {"capture_point_off": self._walker.worst}
-            said["own_steps"] = self._walker.own_steps
+            said |= {"capture_point_off": self._walker.worst, "own_steps": self._walker.own_steps}
         if self._servos is not None:
             said["servos"] = self._servos.report()
         return said
@@ -336,7 +319,6 @@ class PhysicsPlayback:
         """Does nothing."""
 
     def _aim(self) -> None:
-        """Sets the controls of a write."""
         layout, ahead = self._robot.layout, self._ahead
         mujoco.mj_differentiatePos(self.model, self._turned, self._dt, self._goal_before, self._goal)
         ahead[:] = self._lead * self._turned[layout.dof]
@@ -352,10 +334,10 @@ class PhysicsPlayback:
     def _put_in_place(self) -> None:
         """Starts at the goal, at rest; a free robot with its lowest point on the floor."""
         mujoco.mj_resetData(self.model, self.data)
-        self.data.qpos[:] = self._goal
+        self.qpos[:] = self._goal
         mujoco.mj_kinematics(self.model, self.data)
         if self._root == "free":
-            self.data.qpos[2] -= LowestPoint(self.model)(self.data)
+            self.qpos[2] -= LowestPoint(self.model)(self.data)
         if self._root == "fixed":
             self.data.mocap_pos[0] = self._goal[:3]
             self.data.mocap_quat[0] = self._goal[3:7]

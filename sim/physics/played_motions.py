@@ -14,8 +14,7 @@ from controller.motion.rotations import Array, continuous, multiply, normalise, 
 from controller.motion.skeleton import Skeleton
 from sim.robots.robot import Robot, load_robot
 
-DT = 0.01
-"""s from sample to sample."""
+DT = 0.01  # s from sample to sample
 
 
 @dataclass(frozen=True)

@@ -38,12 +38,7 @@ GIVEN_UP, JOINS = 1.0, 0.6
 
 
 class FallGuard:
-    """Controls the joints of a falling robot.
-
-    Attributes:
-        active: whether it is in control.
-        targets: of the joints, shape (J,), rad.
-    """
+    """Controls the joints of a falling robot while it is `active`, by its `targets` (J,), rad."""
 
     active: bool = False
 
@@ -89,10 +84,8 @@ def has_fallen(qpos: Array, played: Array, standing: Array) -> bool:
 class Legs(Protocol):
     """A controller of the legs."""
 
-    @property
-    def falling(self) -> bool:
-        """Whether a fall is certain."""
-        ...
+    falling: bool
+    """Whether a fall is certain."""
 
 
 class Phase(Enum):
@@ -106,12 +99,7 @@ class Phase(Enum):
 
 
 class Recovery:
-    """Controls the joints while a robot falls and gets up.
-
-    Attributes:
-        phase: the present one.
-        rises: number of times it has got up.
-    """
+    """Controls the joints while a robot falls and gets up, in a `phase`; `rises` counts how often it has got up."""
 
     def __init__(self, robot: Robot, model: mujoco.MjModel, dt: float) -> None:
         """Args: the robot; the simulated model; the tick, s."""

@@ -19,19 +19,10 @@ _LONGEST_STEP = 0.002  # s
 
 
 class RigPlant:
-    """A robot driven by torques at some of its hinges, which start at 0.
-
-    Attributes:
-        model, data: MuJoCo's.
-    """
+    """A robot driven by torques at some of its hinges, which start at 0; `model` and `data` are MuJoCo's."""
 
     def __init__(self, robot: Robot, joints: Sequence[str], root: str = "fixed") -> None:
-        """Prepares the simulation.
-
-        Args:
-            robot: the robot.
-            joints: the hinges that the rig drives, in its order; others swing freely.
-            root: "fixed" in place, or "free" to fall.
+        """Args: the robot; the hinges that the rig drives, in its order (others swing freely); a root of ROOTS.
 
         Raises:
             UnknownNameError: if the robot lacks a joint.

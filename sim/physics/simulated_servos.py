@@ -39,10 +39,9 @@ class Servos:
         """Resets: cool servos, nothing on the bus."""
         joints = self._model.nu
         self._on_the_bus: deque[Array] = deque(maxlen=self._late + 1)
-        self._steps = 0
+        self._steps = self._noted = 0
         self._square, self._peak = np.zeros(joints), np.zeros(joints)
         self._at_limit = np.zeros(joints, dtype=np.int64)
-        self._noted = 0
         self._forces, self._ranges = np.empty((_NOTES, joints)), np.empty((_NOTES, joints, 2))
 
     def delayed(self, goal: Array) -> Array:
@@ -69,7 +68,6 @@ class Servos:
             self._add_notes()
 
     def _add_notes(self) -> None:
-        """Adds the buffered steps to the statistics."""
         force = self._forces[: self._noted]
         low, high = (_AT_THE_LIMIT * self._ranges[: self._noted, :, end] for end in (0, 1))
         torque = np.abs(force)

@@ -51,7 +51,7 @@ class Trial:
     """Result of one trial.
 
     Attributes:
-        stood_s: time until the fall, or of the whole course, s.
+        stood_s: time until the fall, or of the whole course.
         asked_m, walked_m: distance of the motion and of the robot.
         upper_deg, legs_deg: joint error, root mean square over joints and time, of the upper body and the legs.
         tick_us: median time of a tick, simulation included.
@@ -113,14 +113,9 @@ def walk_trial(
     sensors: Sensors | None = None,
     alter: Alteration | None = None,
 ) -> Trial:
-    """Walks a course until its end or a fall.
+    """Walks a course until its end or a fall, under a force (3,), N, on the root over time, s, such as `pushes` gives.
 
-    Args:
-        robot: the robot.
-        course: targets and roots to play.
-        force: on the root, shape (3,), N, over time, s, such as `pushes` gives.
-        settings: in place of the robot's own walk settings.
-        sensors, alter: as of `PhysicsPlayback`.
+    `settings` replace the robot's own walk settings; `sensors` and `alter` are those of `PhysicsPlayback`.
     """
     body = robot if settings is None else replace(robot, walk=settings)
     stage = PhysicsPlayback(body, DT, "free", walk=True, sensors=sensors, alter=alter)

@@ -16,8 +16,7 @@ import numpy as np
 from sim.models.walk_settings import WalkSettings
 from sim.physics.walk_trial import Trial
 
-EDGE = 0.85
-"""Share of the quickest pace in the result."""
+EDGE = 0.85  # share of the quickest pace in the result
 
 # The settings that scale with the pace, and the searched ones with their bounds.
 PACE = ("share", "longest", "fastest")
@@ -52,7 +51,6 @@ class Tuned:
     """Result of a tuning.
 
     Attributes:
-        settings: the settings.
         edge: the quickest pace at which it stood in every trial, relative to the search's; 0 if it fell at every
             pace, and then the settings are not slowed down.
         walked: distance on each course, under pushes of seeds from FRESH on, m.
@@ -73,9 +71,8 @@ def paced(settings: WalkSettings, pace: float) -> WalkSettings:
 def changed(settings: WalkSettings, change: float, random: np.random.Generator) -> WalkSettings:
     """Settings nearby: each searched one changes by about this share of itself."""
     new = {}
-    for name, (least, most) in SEARCHED.items():
-        factor = np.exp(change * random.standard_normal())
-        new[name] = float(np.clip(getattr(settings, name) * factor, least, most))
+    for name, ends in SEARCHED.items():
+        new[name] = float(np.clip(getattr(settings, name) * np.exp(change * random.standard_normal()), *ends))
     return msgspec.structs.replace(settings, **new)
 
 
@@ -91,15 +88,9 @@ def steps(rounds: int) -> int:
 def tune_walk(
     start: WalkSettings, walks: Walks, seconds: float, rounds: int, progress: Callable[[str], object], seed: int = 0
 ) -> Tuned:
-    """Tunes a robot on courses under pushes.
+    """Tunes a robot on courses, of some seconds together, under pushes.
 
-    Args:
-        start: the first settings.
-        walks: runs trials.
-        seconds: the length of all courses together.
-        rounds: the number of candidates.
-        progress: receives a line after each of the `steps`.
-        seed: of the search.
+    `rounds` is the number of candidates; `progress` receives a line after each of the `steps`.
     """
 
     def scores(tried: Sequence[WalkSettings]) -> list[tuple[float, float]]:

@@ -83,7 +83,6 @@ class ThreeServoArm:
         return found
 
     def _missing(self, upper: Vector, fore: Vector, pitch: float, elbow: float) -> float:
-        """The missing part of the maximum at a pitch."""
         roll, elbow = self.at_pitch(upper, fore, pitch, elbow)
         (x, y, z), (fx, fy, fz) = upper, fore
         c, s = cos(pitch), sin(pitch)

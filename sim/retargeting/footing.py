@@ -42,15 +42,10 @@ class Footing:
         scale: float,
         pelvis: UprightPelvis | None = None,
     ) -> None:
-        """Prepares the robot's skin.
+        """Args: stance of the human; robot; its right and left foot, if any; rotation (4,) of a root that faces x.
 
-        Args:
-            stance: of the human, shared with the retargeter.
-            model: the robot.
-            feet: its right and left foot, if any.
-            root_rotation: of the root body that stands upright and faces x, shape (4,).
-            scale: the robot's size over the human's.
-            pelvis: of a robot whose root is above its waist.
+        The stance is shared with the retargeter; `scale` is the robot's size over the human's; `pelvis` is that of a
+        robot whose root is above its waist.
         """
         self.stance = stance
         self._model, self._data = model, Scratch(model)
@@ -152,10 +147,8 @@ class Footing:
 
     def _others_gone(self, bounds: Array, height: float) -> tuple[float, float, float, float] | None:
         """The touching rest of the skin: displacement times weight, x and y; weight; largest contact; or None."""
-        if (
-            not len(self._other_solids)
-            or np.minimum.reduce(bounds.take(self._other_solids)) + height > CLOSE * self._touches
-        ):
+        lowest = np.minimum.reduce(bounds.take(self._other_solids), initial=np.inf)
+        if lowest + height > CLOSE * self._touches:
             self._others = None
             return None
         points = self._other.positions(self._data)

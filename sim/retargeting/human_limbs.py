@@ -16,20 +16,9 @@ from motiondeck_base.errors import FileFormatError
 
 # The rows of a view; the last four are axes of head and chest.
 LIMBS = (
-    "r_upper_arm",
-    "r_forearm",
-    "l_upper_arm",
-    "l_forearm",
-    "r_thigh",
-    "r_shank",
-    "r_foot",
-    "l_thigh",
-    "l_shank",
-    "l_foot",
-    "head_ahead",
-    "head_left",
-    "chest_ahead",
-    "chest_left",
+    *("r_upper_arm", "r_forearm", "l_upper_arm", "l_forearm"),
+    *("r_thigh", "r_shank", "r_foot", "l_thigh", "l_shank", "l_foot"),
+    *("head_ahead", "head_left", "chest_ahead", "chest_left"),
 )
 AHEAD, LEFT = np.array([1.0, 0.0, 0.0]), np.array([0.0, 1.0, 0.0])
 
@@ -85,15 +74,11 @@ def up_of(pose: Pose) -> tuple[float, float, float]:
     return 2.0 * (x * z - w * y), 2.0 * (y * z + w * x), 1.0 - 2.0 * (x * x + y * y)
 
 
+# e_i v e_j* for the units of quaternions e_i, e_j and each axis v: shape (16, 3, 3), the last of the vector.
+_UNITS = np.eye(4)
+_TURNS = multiply(multiply(_UNITS[:, None, None], _UNITS[1:]), conjugate(_UNITS)[:, None])[..., 1:].reshape(16, 3, 3)
+
+
 def turning(v: Array) -> Array:
     """The matrix that turns the 16 products q_i q_j of a quaternion into the vector q v q*, shape (16, 3)."""
     return np.einsum("pvo,v->po", _TURNS, v)
-
-
-def _turns() -> Array:
-    """e_i v e_j* for the units of quaternions e_i, e_j and each axis v: shape (16, 3, 3), the last of the vector."""
-    units, axes = np.eye(4), np.eye(4)[1:]
-    return multiply(multiply(units[:, None, None], axes), conjugate(units)[:, None])[..., 1:].reshape(16, 3, 3)
-
-
-_TURNS = _turns()

@@ -61,9 +61,8 @@ class Soles:
         turn = np.stack([turning(v) for v in offset])  # (B, 16, 3)
         ball = skeleton.chain[feet][:, on_way, None, None] * turn
         own = (on_way == np.array(feet)[:, None])[:, :, None, None] * turn
-        self._turn = (
-            np.concatenate([ball, own], axis=3).reshape(len(feet), -1, 6).transpose(1, 0, 2).reshape(-1, 6 * len(feet))
-        )
+        turns = np.concatenate([ball, own], axis=3).reshape(len(feet), -1, 6)
+        self._turn = turns.transpose(1, 0, 2).reshape(-1, 6 * len(feet))
         self._back = (HEEL * skeleton.length[feet]).tolist()
 
     def __call__(self, pose: Pose, flat: Sequence[float]) -> list[Sole]:
@@ -107,10 +106,8 @@ class HumanStance:
 
     def __init__(self, skeleton: Skeleton, dt: float) -> None:
         """Args: the human's skeleton, and the seconds from pose to pose."""
-        self._soles = Soles(skeleton)
+        self._soles, self._dt, self.flat = Soles(skeleton), dt, FlatFeet(dt)
         self.feet, self.leg = self._soles.count, max(skeleton.leg_length, 1e-3)
-        self.flat = FlatFeet(dt)
-        self._dt = dt
         self.reset()
 
     def reset(self, dt: float | None = None) -> None:

@@ -97,19 +97,12 @@ class LimbSolver:
 
     Attributes:
         names: of the goals, length K.
-        limbs: of the robot.
+        q: the last answer, shape (N,), rad.
         stuck: leads limbs out of local minima.
     """
 
     def __init__(self, limbs: RobotLimbs, limits: JointLimits, rest: Array, dt: float) -> None:
-        """Prepares the goals.
-
-        Args:
-            limbs: of the robot.
-            limits: of its N joints.
-            rest: of joints that no goal needs, shape (N,), rad.
-            dt: seconds from pose to pose.
-        """
+        """Args: limbs of a robot; limits of its N joints; rest (N,) of joints that no goal needs, rad; the tick, s."""
         self._goals = Goals(limbs)
         self.limbs, self._limits, self._rest = limbs, limits, rest
         self._step = limits.velocity * dt
@@ -137,21 +130,15 @@ class LimbSolver:
 
     def reset(self) -> None:
         """Resets: the next pose is reached from rest within one call."""
-        self._q = np.clip(self._rest, self._limits.lower, self._limits.upper)
+        self.q = np.clip(self._rest, self._limits.lower, self._limits.upper)
         self._started = False
         self.stuck.reset()
         self._count, self._square, self._worst = 0, np.zeros(len(self.names)), np.zeros(len(self.names))
 
     def __call__(self, directions: Array, up: Array, planted: PlantedFeet | None = None) -> Array:
-        """Targets (N,), rad.
-
-        Args:
-            directions: of the limbs, shape (14, 3), in the frame of the root.
-            up: the vertical, shape (3,), in the frame of the root.
-            planted: feet to keep in place.
-        """
+        """Targets (N,), rad, for directions of the limbs (14, 3) and the vertical (3,), in the frame of the root."""
         lower, upper = self._limits.lower, self._limits.upper
-        goals, q = self._goals(directions, up), self._q
+        goals, q = self._goals(directions, up), self.q
         for row in self._soles:
             level = max(float(goals[row] @ up) / float(self.limbs.vectors.length[row]), 0.0)
             self._weight[row] = self._slope[row] = WEIGHT["foot_up"] * max(level * level, TIPTOE) / self._longest
@@ -175,19 +162,13 @@ class LimbSolver:
                 if np.abs(q - before).max() < FAR:
                     break
             q = self.stuck(q, missed, goals, lower, upper, lowest, highest)
-        self._q = q
+        self.q = q
         self._count += 1
         self._square += missed
         np.maximum(self._worst, missed, out=self._worst)
         return q
 
-    @property
-    def q(self) -> Array:
-        """The last answer, shape (N,), rad."""
-        return self._q
-
     def _plant(self, planted: PlantedFeet, goals: Array) -> None:
-        """Sets goals and weights of standing feet."""
         goals[-1] = planted.between
         weights = np.array([APART * planted.apart, APART * planted.apart, HIGHER * planted.higher])
         self._hold = (weights / self._longest)[:, None] * planted.root
@@ -243,9 +224,7 @@ class Goals:
     """
 
     def __init__(self, limbs: RobotLimbs) -> None:
-        """Args: the robot's limbs."""
-        vectors = limbs.vectors
-        names = vectors.names
+        vectors, names = limbs.vectors, limbs.vectors.names
         self._mix = np.zeros((len(names), len(LIMBS)))
         for k, name in enumerate(names):
             side, part = name[0], name[2:]
@@ -311,6 +290,5 @@ def sole(thigh: Array, shank: Array, foot: Array, up: Array) -> Array:
     lx, ly, lz = (lx / length, ly / length, lz / length) if length > 1e-6 else (0.0, 1.0, 0.0)
     x, y, z = fy * lz - fz * ly, fz * lx - fx * lz, fx * ly - fy * lx
     c, s = cos(FOOT_SLOPE), sin(FOOT_SLOPE)
-    return np.array(
-        [[c * fx + s * x, c * fy + s * y, c * fz + s * z], [c * x - s * fx, c * y - s * fy, c * z - s * fz]]
-    )
+    ahead, above = (c * fx + s * x, c * fy + s * y, c * fz + s * z), (c * x - s * fx, c * y - s * fy, c * z - s * fz)
+    return np.array([ahead, above])

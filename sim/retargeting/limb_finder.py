@@ -109,13 +109,11 @@ class LimbFinder:
         return [part for part in ("head", "chest") if part in self._parts and (part == "head" or waist)]
 
     def _add(self, name: str, start: tuple[int, Array], end: tuple[int, Array]) -> None:
-        """Adds the vector between two points of two bodies."""
         self._names.append(name)
         self._ends.append((start[0], end[0]))
         self._points.append((self._local(*start), self._local(*end)))
 
     def _add_axis(self, name: str, body: int, axis: Array) -> None:
-        """Adds an axis of a body."""
         at = self._data.xpos[body]
         self._add(name, (body, at), (body, at + axis))
 
@@ -236,9 +234,8 @@ class LimbFinder:
         along, height = points @ ahead, (points @ up - mine.radius).min()
         back, front = along.min(), along.max()
         middle = 0.5 * ((points @ left).min() + (points @ left).max())
-        return np.array(
-            [(back + share * (front - back)) * ahead + middle * left + height * up for share in (0.0, BALL)]
-        )
+        ends = back, back + BALL * (front - back)
+        return np.array([at * ahead + middle * left + height * up for at in ends])
 
     def _local(self, body: int, point: Array) -> Array:
         return rotate(conjugate(self._data.xquat[body]), point - self._data.xpos[body])

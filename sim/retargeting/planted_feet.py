@@ -84,6 +84,5 @@ class PlantedFeet:
 
 
 def _certain(shares: Array) -> Array:
-    """Smoothstep of shares from DOUBTFUL to SURE."""
     x = np.clip((shares - DOUBTFUL) / (SURE - DOUBTFUL), 0.0, 1.0)
     return x * x * (3.0 - 2.0 * x)

@@ -28,7 +28,7 @@ SERVO_HUMANOID_JOINTS = (
     "head_tilt",
     *(f"{side}_{joint}" for joints in (_ARM, _LEG) for side in ("r", "l") for joint in joints),
 )
-ARMS: tuple[int, int] = (2, 5)  # where the angles of the right and the left arm begin
+ARMS, LEGS = (2, 5), (8, 14)  # where the angles of the right and the left one begin
 
 # Largest motion of an angle over that of its bones, and its largest additional rate, rad/s.
 GAIN, SETTLE = 4.0, 4.0
@@ -83,12 +83,9 @@ class ServoHumanoidRetargeter:
         flat: FlatFeet | None = None,
         dt: float = 0.005,
     ) -> None:
-        """Finds the limbs and the joints of the angles.
+        """Finds the limbs of a skeleton, and the joints of the angles among a robot's J joints with their ranges, rad.
 
         Args:
-            skeleton: of the poses.
-            joints: the robot's J joints.
-            lower, upper: their ranges, shape (J,), rad.
             angles: SERVO_HUMANOID_JOINTS to joints; None if the names are the same.
             rest: positions of other joints, shape (J,), rad; by default zero.
             flat: the slopes of the human's feet; by default FOOT_SLOPE.
@@ -179,8 +176,8 @@ class LimbAngles:
         self._head(angles, d[10], moved[10])
         self._arm(angles, ARMS[0], d[0], d[1], moved[0], moved[1])
         self._arm(angles, ARMS[1], d[2], d[3], moved[2], moved[3])
-        self._leg(angles, 8, 0, d[4], d[5], d[6], up, max(moved[4:7]))
-        self._leg(angles, 14, 1, d[7], d[8], d[9], up, max(moved[7:10]))
+        self._leg(angles, 0, d[4:7], up, max(moved[4:7]))
+        self._leg(angles, 1, d[7:10], up, max(moved[7:10]))
         self._last = angles
         return angles
 
@@ -217,21 +214,12 @@ class LimbAngles:
             if other is not None:
                 self._aims[joint] = other
 
-    def _leg(
-        self,
-        angles: list[float],
-        joint: int,
-        leg: int,
-        thigh: Vector,
-        shank: Vector,
-        foot: Vector,
-        up: Vector,
-        moved: float,
-    ) -> None:
+    def _leg(self, angles: list[float], leg: int, limbs: Sequence[Vector], up: Vector, moved: float) -> None:
         """Thigh frame (x, y, z) = Rz(yaw) Rx(roll) Ry(pitch), with z up the thigh and y across the leg."""
         # A leg faces across the plane of its bent knee and that of its foot; both contain the shank.
         # By components, for speed.
-        (tx, ty, tz), (sx, sy, sz), (fx, fy, fz), (ux, uy, uz) = thigh, shank, foot, up
+        joint = LEGS[leg]
+        (tx, ty, tz), (sx, sy, sz), (fx, fy, fz), (ux, uy, uz) = *limbs, up
         bx, by, bz = ty * sz - tz * sy, tz * sx - tx * sz, tx * sy - ty * sx
         x = 2.0 * bx + fy * sz - fz * sy
         y = 2.0 * by + fz * sx - fx * sz

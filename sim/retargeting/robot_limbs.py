@@ -24,7 +24,7 @@ class RobotLimbs:
     """The limbs of one robot.
 
     Attributes:
-        model: the robot.
+        data: MuJoCo's state at the last `place`.
         vectors: its limbs.
         reach: length of the stretched legs and arms, by name ("r_leg"), m.
         surface: the robot's skin.
@@ -36,34 +36,27 @@ class RobotLimbs:
     def __init__(
         self, path: Path, model: mujoco.MjModel, parts: Mapping[str, str], root_rotation: Array, joints: tuple[str, ...]
     ) -> None:
-        """Finds the limbs.
-
-        Args:
-            path: the robot file, for errors.
-            model: the robot.
-            parts: part to body.
-            root_rotation: of the root body that stands upright and faces x, shape (4,).
-            joints: the N played hinges.
+        """Args: the robot file, for errors; robot; part to body; rotation (4,) of a root that faces x; N played hinges.
 
         Raises:
             UnknownNameError: if there is no such part or body.
             FileFormatError: if a limb has no joint where it needs one.
         """
         self.model = model
-        self._data = Scratch(model)
+        self.data = Scratch(model)
         self._parts = bodies_of_parts(path, model, parts)
-        self._data.qpos[:] = model.qpos0
-        self._data.qpos[:3] = 0.0
+        self.data.qpos[:] = model.qpos0
+        self.data.qpos[:3] = 0.0
         for joint, (leader, curve) in followers(model).items():
             if leader == joint:
-                self._data.qpos[model.jnt_qposadr[joint]] = curve[0]
+                self.data.qpos[model.jnt_qposadr[joint]] = curve[0]
         self._pelvis = UprightPelvis(model, self._parts["pelvis"], root_rotation)
-        self._pelvis.place(self._data)
+        self._pelvis.place(self.data)
         self.surface = Surface.of(model)
-        finder = LimbFinder(path, model, self._data, self._parts, self.surface)
+        finder = LimbFinder(path, model, self.data, self._parts, self.surface)
         self.vectors, self.sole_ends = finder.find(), finder.sole_ends
         self.reach, self.segments = finder.reach, finder.segments
-        self._chest_at_rest = self._data.xmat[self._parts["chest"]].reshape(3, 3).copy()
+        self._chest_at_rest = self.data.xmat[self._parts["chest"]].reshape(3, 3).copy()
 
         index = [model.joint(name).id for name in joints]
         self._joint = np.array(index, np.int64)
@@ -95,36 +88,31 @@ class RobotLimbs:
         """Whether the N joints move each of the K vectors, shape (K, N)."""
         return np.any(self._moves[:, :, 0] != 0.0, axis=0)
 
-    @property
-    def data(self) -> mujoco.MjData:
-        """MuJoCo's state at the last `place`."""
-        return self._data
-
     def place(self, q: Array) -> None:
         """Puts the hinges at q (N,), rad."""
-        self._data.qpos[self._qpos] = q
+        self.data.qpos[self._qpos] = q
         if len(self._placed_qpos):
-            self._data.qpos[self._placed_qpos] = self._placed.followed(q[self._placed_leader])
+            self.data.qpos[self._placed_qpos] = self._placed.followed(q[self._placed_leader])
         if self._pelvis.below_a_waist:
-            self._pelvis.place(self._data)
+            self._pelvis.place(self.data)
         else:
-            mujoco.mj_kinematics(self.model, self._data)
+            mujoco.mj_kinematics(self.model, self.data)
 
     def chest_rotation(self) -> Array:
         """The rotation of the chest since the robot stood straight, shape (3, 3)."""
-        return self._data.xmat[self._parts["chest"]].reshape(3, 3) @ self._chest_at_rest.T
+        return self.data.xmat[self._parts["chest"]].reshape(3, 3) @ self._chest_at_rest.T
 
     def positions(self) -> Array:
         """Start and end of the vectors, shape (2, K, 3), m."""
         body = self.vectors.body
-        rotation = self._data.xmat[body].reshape(*body.shape, 3, 3)
-        return self._data.xpos[body] + np.matmul(rotation, self.vectors.point[..., None])[..., 0]
+        rotation = self.data.xmat[body].reshape(*body.shape, 3, 3)
+        return self.data.xpos[body] + np.matmul(rotation, self.vectors.point[..., None])[..., 0]
 
     def feet_apart(self) -> Array:
         """The vector FEET, shape (3,), m."""
         (right, left), (start, end) = self.vectors.body[:, -1], self.vectors.point[:, -1]
-        there = self._data.xpos[left] + self._data.xmat[left].reshape(3, 3) @ end
-        return there - self._data.xpos[right] - self._data.xmat[right].reshape(3, 3) @ start
+        there = self.data.xpos[left] + self.data.xmat[left].reshape(3, 3) @ end
+        return there - self.data.xpos[right] - self.data.xmat[right].reshape(3, 3) @ start
 
     def stand_on(self, rolled: Sequence[float]) -> None:
         """Sets the ends of the vector FEET on each sole, from 0, the heel, to 1, the ball."""
@@ -134,7 +122,7 @@ class RobotLimbs:
 
     def jacobian(self, positions: Array) -> Array:
         """Jacobian of the vectors, shape (K, 3, N), m/rad."""
-        axis, anchor = self._data.xaxis[self._joint], self._data.xanchor[self._joint]
+        axis, anchor = self.data.xaxis[self._joint], self.data.xanchor[self._joint]
         start, end = positions
         # a x p = S_a p for each axis a. A joint moves each end of a vector that hangs below it by a x (end - anchor).
         cross, count = self._cross, len(axis)
@@ -153,11 +141,11 @@ class RobotLimbs:
     def _turn_of_followers(self, start: Array, end: Array) -> Array:
         """Jacobian of the vectors for each following joint, by its leader, shape (F, K, 3), m/rad."""
         follower = self._swung.follower
-        axis, anchor = self._data.xaxis[follower, None], self._data.xanchor[follower, None]
+        axis, anchor = self.data.xaxis[follower, None], self.data.xanchor[follower, None]
         at_start, at_end = self._swung_moves.transpose(1, 0, 2)[..., None]
         swept = np.cross(axis, at_end * (end - anchor) - at_start * (start - anchor))
         slid = (at_end - at_start) * axis
-        slope = self._swung.slope(self._data.qpos[self._qpos[self._swung_leader]])
+        slope = self._swung.slope(self.data.qpos[self._qpos[self._swung_leader]])
         return slope[:, None, None] * np.where(self._slides[:, None, None], slid, swept)
 
 

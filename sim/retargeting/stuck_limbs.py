@@ -27,11 +27,7 @@ Advance = Callable[[Array, Array, Array, Array], tuple[Array, Array]]
 
 
 class StuckLimbs:
-    """Leads stuck limbs of one robot to a second solution.
-
-    Attributes:
-        crossing: whether the joints are on their way to it, shape (N,).
-    """
+    """Leads stuck limbs of one robot to a second solution; the joints `crossing` (N,) are on their way to it."""
 
     def __init__(
         self, names: Sequence[str], moved: NDArray[np.bool_], length: Array, rest: Array, advance: Advance, dt: float
@@ -40,17 +36,13 @@ class StuckLimbs:
         self._rest, self._advance = rest, advance
         self._far, self._pause = np.square(FAR * length), round(PAUSE / dt)
         self._steps = max(round(STEP_RATE * dt), 1)
-        limbs = [
-            np.array([name.startswith(f"{side}_") and ("arm" in name) == arm for name in names])
-            for side in "rl"
-            for arm in (True, False)
-        ]
+        kinds = [(f"{side}_", arm) for side in "rl" for arm in (True, False)]
+        limbs = [np.array([name.startswith(side) and ("arm" in name) == arm for name in names]) for side, arm in kinds]
         self._limbs = np.array([limb for limb in limbs if limb.any()]).reshape(-1, len(names))
         # A limb's own joints move nothing but that limb.
         is_limb = np.array([name != FEET for name in names])
-        self._joints = np.array(
-            [moved[limb].any(axis=0) & ~moved[~limb & is_limb].any(axis=0) for limb in self._limbs], dtype=bool
-        ).reshape(-1, len(rest))
+        own = [moved[limb].any(axis=0) & ~moved[~limb & is_limb].any(axis=0) for limb in self._limbs]
+        self._joints = np.array(own, dtype=bool).reshape(-1, len(rest))
         self.reset()
 
     def reset(self) -> None:
@@ -64,20 +56,16 @@ class StuckLimbs:
     ) -> Array:
         """The joints (N,), rad, with those of a stuck limb one step on their way.
 
-        Args:
-            q: the joints after this tick's steps, shape (N,).
-            missed: squared errors, shape (K,), m^2.
-            goals: the goals, shape (K, 3).
-            low, high: the joints' range, shape (N,).
-            lowest, highest: bounds of this tick, shape (N,).
+        For joints q (N,) after this tick's steps, squared errors (K,), m^2, goals (K, 3), the joints' range and bounds
+        of this tick, (N,) each.
         """
         if self._scout is None:
             self._waiting -= 1
             if self._waiting > 0 or not (missed > self._far).any():
                 return q
             self._scout, self._looked = np.clip(self._rest, low, high), 0
-        scout, there = self._scout, missed
-        before = scout
+        before = scout = self._scout
+        there = missed
         for _ in range(self._steps):
             before = scout
             scout, there = self._advance(scout, goals, low - scout, high - scout)

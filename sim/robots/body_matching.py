@@ -98,15 +98,10 @@ class _StandsOtherwise(FileFormatError):
 
 
 class _Matcher:
-    """Matches a robot turned one way.
+    """Matches a robot turned one way."""
 
-    Attributes:
-        leg_share: length of its legs over its arms; 0 without arms; set by `match`.
-        limbs_alike: whether arms and legs are equal in length and hinges; set by `match`.
-    """
-
-    leg_share = 0.0
-    limbs_alike = False
+    leg_share = 0.0  # length of its legs over its arms; 0 without arms; set by `match`
+    limbs_alike = False  # whether arms and legs are equal in length and hinges; set by `match`
 
     def __init__(self, path: Path, model: mujoco.MjModel, turn: Array) -> None:
         self.path, self.model, self.body = path, model, StandingBody(model, turn)
@@ -155,9 +150,7 @@ class _Matcher:
     def _legs(self) -> list[int]:
         """The ends of the two limbs that stand on the floor."""
         standing = [end for end in self.ends if self.body.lowest(end) < self.floor + STANDS * self.tall]
-        pairs = [
-            (a, b) for a, b in combinations(standing, 2) if all(self._is_leg(c, self.body.common(a, b)) for c in (a, b))
-        ]
+        pairs = [two for two in combinations(standing, 2) if all(self._is_leg(e, self.body.common(*two)) for e in two)]
         if not pairs:
             raise FileFormatError(self._refusal("no two limbs of two or more hinges each point down to the floor"))
         # The rods and toes of one leg part late; the legs part first.
@@ -221,9 +214,8 @@ class _Matcher:
 
         below_chest = set(below(self.model, chest)) - {chest}
         high = {e: out(e) for e in rest if e in below_chest}
-        middle = [
-            e for e, at in high.items() if abs(at @ left) < HEAD_SHARE * self.tall and at[2] + centre[2] > shoulders
-        ]
+        near = HEAD_SHARE * self.tall
+        middle = [e for e, at in high.items() if abs(at @ left) < near and at[2] + centre[2] > shoulders]
         if not middle:
             return None
         path = path_to(self.model, max(middle, key=lambda e: float(high[e][2])))
@@ -291,9 +283,8 @@ class _Matcher:
             limbs[branch] = sum(len(hinges_at(self.model, b)) for b in below(self.model, branch))
         words = [f"'{self.model.body(b).name}' ({count} hinge{'s' * (count > 1)})" for b, count in limbs.items()]
         listed = ", ".join(words[:6]) + (f" and {len(words) - 6} more" if len(words) > 6 else "")
-        remedy = (
-            unplayed_balls(self.model) or ". If it is one, write a robot file by hand and name its bodies under [parts]"
-        )
+        remedy = unplayed_balls(self.model)
+        remedy = remedy or ". If it is one, write a robot file by hand and name its bodies under [parts]"
         return f"{self.path}: this is not a humanoid with two legs: {why}; its limbs are {listed or 'none'}{remedy}."
 
     def _ends_below(self, body: int) -> int:
@@ -322,5 +313,4 @@ def is_left(name: str, other: str) -> bool | None:
 
 
 def _bare(name: str) -> str:
-    """A name without separators."""
     return re.sub(r"[\W_]+", "", name)

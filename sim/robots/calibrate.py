@@ -64,7 +64,6 @@ class Calibration:
 
     Attributes:
         name: of the model file.
-        model: the model file.
         parts: body part to body.
         root_rotation: of the root body that faces x, shape (4,).
         root_height: of the standing root, m.
@@ -145,24 +144,16 @@ class Calibration:
         lines += ["", "# Parts of the body, each with the body of the model that moves with it."]
         lines += ["[parts]", *(f"{part} = {_quoted(body)}" for part, body in sorted(self.parts.items()))]
         lines += ["", "# The rest pose, rad; joints not named rest at zero.", "[rest]"]
-        lines += [
-            f"{_key(joint)} = {q!r}" for joint, q in zip(self.joints, self.rest.tolist(), strict=True) if abs(q) > 1e-3
-        ]
+        rest = zip(self.joints, self.rest.tolist(), strict=True)
+        lines += [f"{_key(joint)} = {q!r}" for joint, q in rest if abs(q) > 1e-3]
         if self.angles:
-            lines += [
-                "",
-                "# The angle solver's angles: joint = zero + sign * angle.",
-                "[angles]",
-            ]
-            lines += [
-                f"{name} = {{ joint = {_quoted(angle.joint)}, sign = {angle.sign}, zero = {angle.zero:g} }}"
-                for name, angle in self.angles.items()
-            ]
+            lines += ["", "# The angle solver's angles: joint = zero + sign * angle.", "[angles]"]
+        for name, angle in self.angles.items():
+            lines.append(f"{name} = {{ joint = {_quoted(angle.joint)}, sign = {angle.sign}, zero = {angle.zero:g} }}")
         return "\n".join(lines) + "\n"
 
 
 def _missing_visuals(path: Path, packages: Mapping[str, Path]) -> list[Doubt]:
-    """A doubt about missing meshes of <visual> shapes."""
     missing = missing_visuals(path, packages) if model_kind(path) == "robot" else []
     if not missing:
         return []
@@ -174,14 +165,9 @@ def _missing_visuals(path: Path, packages: Mapping[str, Path]) -> list[Doubt]:
 
 
 def calibrate(path: Path, packages: Mapping[str, Path] | None = None) -> Calibration:
-    """Calibrates the robot in an MJCF or URDF file.
+    """Calibrates the robot in an MJCF or URDF file; FileFormatError if it cannot be used or its legs are not found.
 
-    Args:
-        path: the file.
-        packages: folders of the packages that a URDF names, unless beside or above it.
-
-    Raises:
-        FileFormatError: if the model cannot be used or its legs are not found.
+    `packages` are folders of the packages that a URDF names, unless beside or above it.
     """
     spec = read_model(path, packages)
     model = spec.compile()
@@ -213,14 +199,10 @@ def calibrate(path: Path, packages: Mapping[str, Path] | None = None) -> Calibra
         for row, name in enumerate(LIMBS)
         if there[row].any()
     }
-    points, radius = limbs.surface.positions(limbs.data), limbs.surface.radius
-    tall = float((points[:, 2] + radius).max() + height)
+    tall = float((limbs.surface.positions(limbs.data)[:, 2] + limbs.surface.radius).max() + height)
     segments = segments_of(model, found.parts, limbs, tall)
-    unsure = (
-        _missing_visuals(path, packages or {})
-        + unit_doubts(model, tall)
-        + [Doubt("", words, False) for words in found.doubts]
-    )
+    unsure = _missing_visuals(path, packages or {}) + unit_doubts(model, tall)
+    unsure += [Doubt("", words, False) for words in found.doubts]
     coupled = {model.joint(follower).name for follower in followers(model)}
     hinges, unplayed = (
         [model.joint(j).name for j in np.flatnonzero(np.isin(model.jnt_type, kinds)).tolist()]
@@ -272,17 +254,14 @@ def fitting_angles(
 ) -> dict[str, Angle]:
     """The angle solver's joints of a robot; empty if its legs, or the arms it has, do not fit."""
     free = np.full(len(SERVO_HUMANOID_JOINTS), 4.0 * np.pi)
-    up = (0.0, 0.0, 1.0)
 
     def angles_at(q: Array) -> Array:
         limbs.place(q)
-        return np.array(LimbAngles(-free, free, 1.0)(limb_directions(limbs), up))
+        return np.array(LimbAngles(-free, free, 1.0)(limb_directions(limbs), (0.0, 0.0, 1.0)))
 
     here = angles_at(rest)
     slope = np.empty((len(here), len(rest)))
-    for joint in range(len(rest)):
-        step = np.zeros(len(rest))
-        step[joint] = PROBE
+    for joint, step in enumerate(PROBE * np.eye(len(rest))):
         slope[:, joint] = (angles_at(rest + step) - angles_at(rest - step)) / (2.0 * PROBE)
     # Joints that roll a sole also turn the foot's direction a little.
     found = _ankle_rolls(limbs, joints, rest)
@@ -345,5 +324,4 @@ def _quoted(text: str) -> str:
 
 
 def _key(name: str) -> str:
-    """A TOML key."""
     return name if re.fullmatch(r"[A-Za-z0-9_-]+", name) else _quoted(name)

@@ -76,9 +76,8 @@ def carry(clip: Clip, robot: Robot, limiter: Limiter) -> Carried:
 def followed(clip: Clip, angles: Array, qpos: Array) -> Carried:
     """A clip that was retargeted without a limiter: joints (T, J), rad, and robot (T, nq)."""
     view = LimbView(clip.skeleton)
-    limbs = [
-        view(Pose(place, np.zeros(()), turn)) for place, turn in zip(clip.root_position, clip.rotation, strict=True)
-    ]
+    poses = zip(clip.root_position, clip.rotation, strict=True)
+    limbs = [view(Pose(place, np.zeros(()), turn)) for place, turn in poses]
     return Carried(angles, angles, qpos, np.array(limbs), 0.0)
 
 
@@ -91,9 +90,9 @@ def joint_measures(clip: Clip, robot: Robot, carried: Carried) -> dict[str, floa
     """
     limits, played = robot.limits, carried.played
     finite = bool(np.isfinite(played).all() and np.isfinite(carried.qpos).all())
-    step = np.abs(np.diff(played, axis=0)) * clip.rate / limits.velocity if len(played) > 1 else np.zeros((1, 1))
-    wanted = np.abs(np.diff(carried.wanted, axis=0)).max(axis=1) if len(played) > 1 else np.zeros(1)
-    turned = np.linalg.norm(np.diff(carried.limbs, axis=0), axis=-1).max(axis=1) if len(played) > 1 else np.zeros(1)
+    step = np.abs(np.diff(played, axis=0)) * clip.rate / limits.velocity
+    wanted = np.abs(np.diff(carried.wanted, axis=0)).max(axis=1)
+    turned = np.linalg.norm(np.diff(carried.limbs, axis=0), axis=-1).max(axis=1)
     if robot.footing is None and len(played) > 1:
         # A mannequin also plays what the limbs do not show, such as a hand or a bone that rolls.
         cosine = np.abs(np.einsum("tij,tij->ti", clip.rotation[1:], clip.rotation[:-1])).min(axis=1)
@@ -103,7 +102,7 @@ def joint_measures(clip: Clip, robot: Robot, carried: Carried) -> dict[str, floa
         "beyond": float(((played < limits.lower - ROUNDING) | (played > limits.upper + ROUNDING)).sum()),
         "too_fast": float((step > 1.0 + 1e-6).sum()),
         "jumps": float(((wanted > JUMP) & (turned < 0.1 * JUMP)).sum()),
-        "speed": float(step.max()),
+        "speed": float(step.max(initial=0.0)),
         "altered": carried.altered,
     }
 
@@ -150,9 +149,7 @@ def limb_errors(limbs: RobotLimbs, carried: Carried) -> dict[str, float]:
                 length = np.array([limbs.segments[f"{side}_{part}"].length for part in (first, second)])
                 goal = length @ directions[rows]
                 square["ankle" if whole == "leg" else "wrist"].append(vector[far] - frame @ goal)
-    return {
-        name: float(np.sqrt(np.mean(np.sum(np.square(miss), axis=1)))) for name, miss in square.items() if len(miss)
-    }
+    return {name: float(np.sqrt(np.mean(np.sum(np.square(miss), axis=1)))) for name, miss in square.items() if miss}
 
 
 def floor_measures(clip: Clip, robot: Robot, qpos: Array, feet: dict[str, int]) -> dict[str, float]:
@@ -188,15 +185,13 @@ def floor_measures(clip: Clip, robot: Robot, qpos: Array, feet: dict[str, int]) 
 
 def standing_feet(clip: Clip) -> dict[str, NDArray[np.bool_]]:
     """Whether the human's right and left foot stand, by the speed of their ball, shape (T,) each."""
-    parts = anatomy(clip.skeleton)
     found = {}
     sides: tuple[tuple[str, Side], ...] = (("r", "right"), ("l", "left"))
     for side, name in sides:
-        foot = parts.first("foot", name)
+        foot, speed = anatomy(clip.skeleton).first("foot", name), np.zeros(len(clip))
         if foot is None:
-            found[side] = np.zeros(len(clip), dtype=bool)
-            continue
-        ball = clip.joints()[:, foot + 1]
-        speed = np.linalg.norm(np.gradient(ball, axis=0), axis=1) * clip.rate if len(clip) > 1 else np.zeros(1)
+            speed = np.full(len(clip), np.inf)
+        elif len(clip) > 1:
+            speed = np.linalg.norm(np.gradient(clip.joints()[:, foot + 1], axis=0), axis=1) * clip.rate
         found[side] = speed < STILL * clip.skeleton.leg_length
     return found

@@ -21,8 +21,6 @@ class JointMotion:
     """T frames of a robot with J joints.
 
     Attributes:
-        name: of the motion.
-        joints: the names of the joints.
         rate: frames per second, Hz.
         angles: shape (T, J), rad, within the robot's position limits.
         qpos: the robot in each frame as MuJoCo has it, shape (T, nq).

@@ -40,13 +40,9 @@ class LimbCause:
 def limb_causes(
     robot: Robot, directions: LimbDirections, wanted: Array, played: Array, limbs: Array, rate: float
 ) -> list[LimbCause]:
-    """The limbs beyond the limits, each with its cause.
+    """The limbs beyond the limits, each with its cause, for T frames at a rate, Hz.
 
-    Args:
-        robot, directions: the robot and its segments.
-        wanted, played: retargeted and played joints, shape (T, J), rad.
-        limbs: the human's, shape (T, 14, 3).
-        rate: of the frames, Hz.
+    `wanted` and `played` are retargeted and played joints (T, J), rad, and `limbs` the human's, (T, 14, 3).
     """
     goals, there = directions.goals(limbs), _pointing(robot, directions, played)
     off = degrees_between(there, goals)

@@ -57,7 +57,6 @@ class LimbDirections:
     """Directions of one robot's limbs.
 
     Attributes:
-        model: the robot.
         segments: of all its limbs, length K.
         limbs: the same by limb.
         standing: the robot with joints at zero, facing x.
@@ -70,16 +69,14 @@ class LimbDirections:
         self.standing.qpos[3:7] = root_rotation
         mujoco.mj_kinematics(model, self.standing)
         pelvis = model.body(parts["pelvis"]).id
-        self._trunk = model.body(parts["chest"]).id if "chest" in parts else pelvis, pelvis
-        trunks = {"leg": pelvis, "arm": model.body(parts["chest"]).id if "chest" in parts else pelvis}
+        chest = model.body(parts["chest"]).id if "chest" in parts else pelvis
+        self._trunk, trunks = (chest, pelvis), {"leg": pelvis, "arm": chest}
         self.limbs: list[list[LimbSegment]] = []
         for side in "rl":
             for limb, names in SEGMENTS.items():
-                if f"{side}_{names[0]}" in parts:
-                    self.limbs.append(
-                        self._found(side, names, model.body(parts[f"{side}_{names[0]}"]).id, trunks[limb])
-                    )
-        self.limbs = [limb for limb in self.limbs if limb]
+                upper = parts.get(f"{side}_{names[0]}")
+                found = self._found(side, names, model.body(upper).id, trunks[limb]) if upper is not None else []
+                self.limbs += [found] if found else []
         self.segments = [segment for limb in self.limbs for segment in limb]
 
     def __call__(self, qpos: Array) -> Array:
@@ -87,9 +84,8 @@ class LimbDirections:
         self._data.qpos[:] = qpos
         mujoco.mj_kinematics(self.model, self._data)
         now, stood = self._data.xmat.reshape(-1, 3, 3), self.standing.xmat.reshape(-1, 3, 3)
-        return np.array([stood[s.trunk] @ now[s.trunk].T @ now[s.body] @ s.direction for s in self.segments]).reshape(
-            -1, 3
-        )
+        there = [stood[s.trunk] @ now[s.trunk].T @ now[s.body] @ s.direction for s in self.segments]
+        return np.array(there).reshape(-1, 3)
 
     def errors(self, qpos: Array, limbs: Array) -> dict[str, tuple[float, float]]:
         """Mean and worst angle to a human's limbs (T, 14, 3) by segment ("r_thigh"), degrees, for qpos (T, nq)."""

@@ -30,11 +30,7 @@ def limb_bodies(
 ) -> dict[str, str]:
     """Part, such as "l_shank", to the name of its body, for the three parts of each limb, or two without an end hinge.
 
-    Args:
-        body: the robot.
-        names: of the parts, LEG or ARM.
-        limbs: "l" and "r" to limbs that can bend.
-        ahead: the robot's heading, shape (3,).
+    `names` is LEG or ARM, `limbs` "l" and "r" to limbs that can bend, and `ahead` (3,) the robot's heading.
     """
     parts, data, moved = {}, body.data, body.model.jnt_bodyid
     for side, limb in limbs.items():

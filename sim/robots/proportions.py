@@ -73,25 +73,17 @@ def segments_of(model: mujoco.MjModel, parts: dict[str, str], limbs: RobotLimbs,
         pair = [f"{side}_{part}" for side in "rl"]
         if all(name in limbs.segments for name in pair):
             measured = [limbs.segments[name] for name in pair]
-            found.append(
-                SegmentPair(
-                    part,
-                    (parts[pair[0]], parts[pair[1]]),
-                    (model.joint(measured[0].joint).name, model.joint(measured[1].joint).name),
-                    np.array([one.axis for one in measured]),
-                    np.array([one.length for one in measured]),
-                    share * height,
-                )
-            )
+            bodies = parts[pair[0]], parts[pair[1]]
+            hinges = model.joint(measured[0].joint).name, model.joint(measured[1].joint).name
+            axes, lengths = np.array([one.axis for one in measured]), np.array([one.length for one in measured])
+            found.append(SegmentPair(part, bodies, hinges, axes, lengths, share * height))
     return found
 
 
 def limb_doubts(parts: dict[str, str], segments: list[SegmentPair], directions: LimbDirections) -> list[Doubt]:
     """Limbs that do not fit a human's body, or knees and elbows that `LimbDirections` finds elsewhere."""
-    found = []
-    for name in ("r_upper_arm", "l_upper_arm"):
-        if name not in parts:
-            found.append(Doubt("", f"no {'right' if name[0] == 'r' else 'left'} arm was found", True))
+    arms = {"r_upper_arm": "right", "l_upper_arm": "left"}
+    found = [Doubt("", f"no {side} arm was found", True) for name, side in arms.items() if name not in parts]
     found += [Doubt(f"{s}_shank", "no ankle was found below it", False) for s in "rl" if f"{s}_foot" not in parts]
     for segment in segments:
         right, left = segment.length.tolist()
@@ -142,10 +134,8 @@ def unit_doubts(model: mujoco.MjModel, height: float) -> list[Doubt]:
     """Signs of other units in the file of a robot, whose height is in m."""
     found = []
     if not TALL[0] <= height <= TALL[1]:
-        words = (
-            f"it is {height:.2f} m tall: lengths in its file are metres (where only meshes are in mm, with their scale)"
-        )
-        found.append(Doubt("", f"{words}; scale them there", True))
+        words = "lengths in its file are metres (where only meshes are in mm, with their scale); scale them there"
+        found.append(Doubt("", f"it is {height:.2f} m tall: {words}", True))
     hinges = (model.jnt_type == mujoco.mjtJoint.mjJNT_HINGE) & (model.jnt_limited != 0)
     if not hinges.any():
         return found

@@ -32,11 +32,7 @@ GRID = 121
 
 
 class ReachableLimb:
-    """The best directions of one limb of s segments on n hinges, m of them free.
-
-    Attributes:
-        joints: the indices of its played joints, shape (m,).
-    """
+    """The best directions of one limb of s segments on n hinges, of which `joints` (m,), played indices, are free."""
 
     def __init__(
         self,
@@ -73,9 +69,8 @@ class ReachableLimb:
         ]
         self.joints = np.array([joints.index(name) for name in free], np.int64)
         self._lower, self._upper = limits.lower[self.joints], limits.upper[self.joints]
-        self._alone = [
-            self._leader.count(k) == 1 and hinges[self._leader.index(k)][0] not in led for k in range(len(free))
-        ]
+        by = self._leader
+        self._alone = [by.count(k) == 1 and hinges[by.index(k)][0] not in led for k in range(len(free))]
         spread = qmc.Sobol(max(len(free), 1), scramble=False).random_base2(SPREAD)[:, : len(free)]
         self._angles = self._lower + spread * (self._upper - self._lower)
         self._there = self._directions(self._angles)
@@ -112,11 +107,10 @@ class ReachableLimb:
     def _best_angle(self, k: int, q: Array, goals: Array) -> Array:
         hinge = self._leader.index(k)
         axis, turns = self._axis[hinge], self._turns[hinge][:, None]
-        segments, wanted = self._turned(q, hinge + 1, len(self._axis)), goals
+        segments, wanted = self._directions(q, hinge + 1), goals
         for before in range(hinge):
-            wanted = np.where(
-                self._turns[before][:, None], _turn(self._axis[before], -self._angle(before, q), wanted), wanted
-            )
+            back = _turn(self._axis[before], -self._angle(before, q), wanted)
+            wanted = np.where(self._turns[before][:, None], back, wanted)
         flat = segments - (segments @ axis)[..., None] * axis
         cosine = np.sum(turns * wanted * flat, axis=(1, 2))
         sine = np.sum(turns * wanted * np.cross(axis, segments), axis=(1, 2))
@@ -126,14 +120,10 @@ class ReachableLimb:
         nearer = ends[np.argmax(np.outer(cosine, np.cos(ends)) + np.outer(sine, np.sin(ends)), axis=1)]
         return np.where(angle <= upper, angle, nearer) + self._stand[hinge]
 
-    def _directions(self, q: Array) -> Array:
-        """The segments' directions (F, s, 3) at free angles (F, m)."""
-        return self._turned(q, 0, len(self._axis))
-
-    def _turned(self, q: Array, first: int, end: int) -> Array:
-        """The standing segments, turned by hinges[first:end], (F, s, 3)."""
+    def _directions(self, q: Array, first: int = 0) -> Array:
+        """The segments' directions (F, s, 3) at free angles (F, m), turned by the hinges from one on."""
         found = np.tile(self._direction, (len(q), 1, 1))
-        for hinge in reversed(range(first, end)):
+        for hinge in reversed(range(first, len(self._axis))):
             found = np.where(self._turns[hinge][:, None], _turn(self._axis[hinge], self._angle(hinge, q), found), found)
         return found
 

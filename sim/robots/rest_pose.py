@@ -61,7 +61,6 @@ def _tried(limbs: RobotLimbs, limits: JointLimits, start: Array, poses: tuple[Ar
 
 
 def _bent(stand: Array) -> Array:
-    """The same human with bent knees and elbows."""
     bent = stand.copy()
     for side in SIDES:
         for part, way in (("thigh", (0.6, -0.8)), ("shank", (-0.6, -0.8)), ("forearm", (1.0, 0.0))):

@@ -33,8 +33,7 @@ from sim.robots.training_files import RATES, Format, ending, write_training_file
 
 MANIFEST = "motions.jsonl"
 SUNK_LIMIT = 0.005  # largest depth in the floor, m
-MARK = ".infeasible"
-"""Before the suffix of files that a robot cannot do unchanged."""
+MARK = ".infeasible"  # before the suffix of files that a robot cannot do unchanged
 
 
 @dataclass(frozen=True)
@@ -90,7 +89,6 @@ def retarget_files(
         robot: the robot file.
         paths: recordings, and folders of recordings.
         out: the folder for the files; created if missing.
-        format: of the files.
         solver: in place of the robot file's.
         jobs: the processes; remote ones need the same paths.
 
@@ -108,9 +106,8 @@ def retarget_files(
             yield row
         else:
             left.append((recording, place))
-    work = (
-        delayed(_carried)(robot, settings.digest, recording, out, place, format, solver) for recording, place in left
-    )
+    carried, digest = delayed(_carried), settings.digest
+    work = (carried(robot, digest, recording, out, place, format, solver) for recording, place in left)
     try:
         with (out / MANIFEST).open("a", encoding="utf-8") as manifest:
             for row in spread(work, jobs):
@@ -194,7 +191,6 @@ def _opened(out: Path, settings: _Settings) -> dict[str, RetargetedFile]:
 
 @lru_cache(maxsize=1)
 def _loader(robot: Path, digest: str) -> RobotLoader:
-    """The robot, cached in each process."""
     return RobotLoader(robot)
 
 
@@ -232,9 +228,8 @@ def _measures(loader: RobotLoader, clip: Clip, robot: Robot, motion: JointMotion
     limbs: dict[str, tuple[float, float]] = {}
     floor = {"slide": 0.0, "sunk": 0.0}
     if file.parts:
-        limbs = LimbDirections(robot.model, file.parts, np.array(file.root_rotation)).errors(
-            carried.qpos, carried.limbs
-        )
+        directions = LimbDirections(robot.model, file.parts, np.array(file.root_rotation))
+        limbs = directions.errors(carried.qpos, carried.limbs)
         feet = {s: robot.model.body(file.parts[f"{s}_foot"]).id for s in SIDES if f"{s}_foot" in file.parts}
         floor = floor_measures(clip, robot, carried.qpos, feet)
     reasons = [f"{counts[name]:.0f} {words}" for name, words in _COUNTED.items() if counts[name]]

@@ -39,10 +39,8 @@ from sim.retargeting.retarget import MannequinRetargeter, ServoHumanoidRetargete
 from sim.retargeting.robot_limbs import RobotLimbs
 from sim.retargeting.symmetric_pose import TUCKED, Bends, symmetric_pose
 
-DT = 0.005
-"""The default time from pose to pose, s."""
-FEET = ("r_foot", "l_foot")
-"""The parts that a robot stands on, as a robot file names them."""
+DT = 0.005  # default time from pose to pose, s
+FEET = ("r_foot", "l_foot")  # the parts that a robot stands on, as a robot file names them
 
 
 @dataclass(frozen=True)
@@ -63,7 +61,6 @@ class Robot:
     """One robot, ready to be played on.
 
     Attributes:
-        name: as in its file.
         spec: the editable model; save with `spec.to_file(path)`.
         model: the same, compiled.
         layout: where each joint lives in qpos and qvel.
@@ -72,9 +69,7 @@ class Robot:
         tucked: joint positions for a fall, shape (J,), rad; the rest pose for motions taught on joints.
         retarget: carries poses to joint targets.
         path_scale: its size over that of the skeleton; scales the path of the root.
-        servo: its servos, if the file describes them.
         footing: places the root; None for a mannequin, whose root follows the human's.
-        walk: settings of walking.
         rise: postures of getting up; None without them, or for motions taught on joints.
     """
 
@@ -124,8 +119,6 @@ def load_robot(path: Path, skeleton: Skeleton, solver: Solver | None = None, dt:
     """Loads a robot file and fits the robot to a skeleton.
 
     Args:
-        path: the robot file.
-        skeleton: of the poses to be played.
         solver: of the retargeting, in place of the file's.
         dt: seconds from pose to pose.
 
@@ -137,14 +130,10 @@ def load_robot(path: Path, skeleton: Skeleton, solver: Solver | None = None, dt:
 
 
 class RobotLoader:
-    """Fits one robot to one skeleton after another; a humanoid's model is read and compiled once.
-
-    Attributes:
-        file: the robot file's content.
-    """
+    """Fits one robot to one skeleton after another; a humanoid's model is read and compiled once."""
 
     def __init__(self, path: Path) -> None:
-        """Reads a robot file; FileFormatError as for `load_robot`."""
+        """Reads a robot file into `file`; FileFormatError as for `load_robot`."""
         self._path = Path(path)
         self.file = read_robot_file(self._path)
         self._body: _FittedModel | None = None
@@ -161,7 +150,7 @@ class RobotLoader:
                 )
             spec = build_mannequin(skeleton)
             body = _FittedModel.of(path, file, spec, spec.compile())
-            return _humanoid(file, body, skeleton, MannequinRetargeter(skeleton), 1.0)
+            return _humanoid(file, body, skeleton, MannequinRetargeter(skeleton), 1.0, None)
         body = self._body = self._body or _FittedModel.of(path, file, *_load_model(path, file))
         height, leg = file.root_height, skeleton.leg_length
         scale = height / leg if height and leg > 0.0 else 1.0
@@ -190,12 +179,7 @@ class _FittedModel(NamedTuple):
 
 
 def _humanoid(
-    file: RobotFile,
-    body: _FittedModel,
-    skeleton: Skeleton,
-    retarget: Retargeter,
-    scale: float,
-    footing: Footing | None = None,
+    file: RobotFile, body: _FittedModel, skeleton: Skeleton, retarget: Retargeter, scale: float, footing: Footing | None
 ) -> Robot:
     """A robot for human poses, which also tucks itself in as it falls, walks and gets up."""
 
@@ -235,9 +219,8 @@ def _retargeter(
 
         return InverseKinematics(skeleton, limbs, limits, body.rest, dt, stance)
     try:
-        return ServoHumanoidRetargeter(
-            skeleton, joints, limits.lower, limits.upper, file.angles, body.rest, stance.flat, dt
-        )
+        ranges = limits.lower, limits.upper
+        return ServoHumanoidRetargeter(skeleton, joints, *ranges, file.angles, body.rest, stance.flat, dt)
     except UnknownNameError as error:
         raise UnknownNameError(f"{path}: {error}") from None
 

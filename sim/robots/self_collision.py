@@ -19,6 +19,7 @@ from numpy.typing import NDArray
 from controller.motion.posture import Pose
 from controller.motion.rotations import Array
 from sim.models.coupled_joints import followers
+from sim.models.kinematic_tree import path_to
 from sim.models.overlaps import OVERLAP, near_bodies, overlaps
 from sim.models.scenery import FLOOR
 from sim.robots.robot import Robot
@@ -30,8 +31,7 @@ class SelfCollision:
     def __init__(self, robot: Robot) -> None:
         spec = robot.spec.copy()
         for geom in spec.geoms:
-            solid = geom.name != FLOOR
-            geom.contype = geom.conaffinity = int(solid)
+            geom.contype = geom.conaffinity = int(geom.name != FLOOR)
         model = spec.compile()
         rest = model.qpos0.copy()
         robot.layout.place(robot.rest, rest)
@@ -112,19 +112,10 @@ class CollisionGuard:
     def _joints_between(self, a: int, b: int) -> NDArray[np.bool_]:
         """Which joint coordinates move two bodies against each other, shape (J,)."""
         if (a, b) not in self._between:
-            ways = [_way_to_world(self._robot.model, body) for body in (a, b)]
+            ways = [set(path_to(self._robot.model, body)) for body in (a, b)]
             moved = self._joints_of[:, sorted(ways[0] ^ ways[1])]
             self._between[a, b] = np.asarray(moved.any(axis=1), dtype=np.bool_)
         return self._between[a, b]
-
-
-def _way_to_world(model: mujoco.MjModel, body: int) -> set[int]:
-    """A body and all that it hangs from."""
-    way = set()
-    while body:
-        way.add(body)
-        body = int(model.body_parentid[body])
-    return way
 
 
 def _moved_bodies(robot: Robot) -> NDArray[np.bool_]:

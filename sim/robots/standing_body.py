@@ -63,9 +63,8 @@ class StandingBody:
         ahead = np.cross(axis, [0.0, 0.0, 1.0])
         ahead /= np.linalg.norm(ahead)
         radius = self.surface.radius[mine]
-        reaches = [
-            float((sign * (away @ d) + radius).max()) for d in (ahead, np.cross(ahead, axis)) for sign in (1, -1)
-        ]
+        ways = ahead, -ahead, np.cross(ahead, axis), -np.cross(ahead, axis)
+        reaches = [float((away @ way + radius).max()) for way in ways]
         least, most = min(reaches), max(reaches)
         return least > (1.0 - ROUND) * most and self.lowest(body) < self.floor + ROLLS * most
 

@@ -27,15 +27,13 @@ from sim.models.formats.urdf_visuals import MOVED_ORIGIN
 
 Format = Literal["npz", "csv", "mjlab", "qpos"]
 FORMATS: tuple[Format, ...] = get_args(Format)
-RATES: dict[Format, float] = {"csv": 30.0, "mjlab": 50.0}
-"""Rates of formats, Hz; the others keep the recording's."""
+RATES: dict[Format, float] = {"csv": 30.0, "mjlab": 50.0}  # Hz; the others keep the recording's
 
 
 def format_named(name: str) -> Format:
     """The format of a name; UnknownNameError if there is no such format."""
-    for known in FORMATS:
-        if name == known:
-            return known
+    if name in FORMATS:
+        return name
     raise UnknownNameError.among("format", name, FORMATS)
 
 
@@ -89,7 +87,6 @@ def in_the_files_frame(model: mujoco.MjModel, position: Array, quaternion: Array
 
 
 def _tracking(model: mujoco.MjModel, qpos: Array, rate: float, at: NDArray[np.intp]) -> dict[str, NDArray[Any]]:
-    """The arrays of mjlab's tracking task."""
     data, qvel = mujoco.MjData(model), velocities(model, qpos, rate)
     root = int(model.jnt_bodyid[0])
     bodies = np.flatnonzero(model.body_rootid == root)

@@ -46,8 +46,6 @@ def read_collada(path: Path) -> TriangleMesh:
 
 
 class _Document:
-    """One COLLADA document."""
-
     def __init__(self, root: ElementTree.Element) -> None:
         for element in root.iter():
             element.tag = element.tag.rpartition("}")[2]
@@ -57,11 +55,10 @@ class _Document:
     def triangles(self) -> TriangleMesh:
         """All triangles of the scene, or without one of all geometries."""
         scene = self._root.find("library_visual_scenes/visual_scene")
-        parts = (
-            [(np.eye(4), geometry) for geometry in self._root.iter("geometry")]
-            if scene is None
-            else list(self._shown(scene, np.eye(4), _DEEPEST))
-        )
+        if scene is None:
+            parts = [(np.eye(4), geometry) for geometry in self._root.iter("geometry")]
+        else:
+            parts = list(self._shown(scene, np.eye(4), _DEEPEST))
         points: list[Array] = []
         faces: list[NDArray[np.int64]] = []
         count = 0
@@ -119,7 +116,6 @@ class _Document:
                     yield points, faces
 
     def _positions(self, vertices: str) -> Array:
-        """The points (V, 3) that an element <vertices> names."""
         position = next(i for i in self._named[vertices].iterfind("input") if i.get("semantic") == "POSITION")
         source = self._named[position.get("source", "")]
         numbers, accessor = source.find("float_array"), source.find("technique_common/accessor")

@@ -15,8 +15,7 @@ from motiondeck_base.errors import FileFormatError
 from sim.models.formats.collada import TriangleMesh, read_collada
 
 READABLE = (".stl", ".obj", ".msh", ".dae")
-SHELL = mujoco.mjtMeshInertia.mjMESH_INERTIA_SHELL
-"""Inertia of a mesh by its surface: it need not enclose a volume."""
+SHELL = mujoco.mjtMeshInertia.mjMESH_INERTIA_SHELL  # of a mesh that need not enclose a volume
 _MOST = 200_000  # triangles of an STL file that MuJoCo reads
 _THIN = 1e-3  # of the length of a flat mesh: how thick it is made
 _FACET = np.dtype([("normal", "<f4", 3), ("corners", "<f4", (3, 3)), ("attribute", "<u2")])
@@ -51,13 +50,10 @@ def compiled(spec: mujoco.MjSpec) -> mujoco.MjModel:
 
 
 def read_meshes(spec: mujoco.MjSpec, files: Mapping[str, Path]) -> dict[str, TriangleMesh]:
-    """The triangles of the mesh files that MuJoCo does not read, by the names of the meshes in a model.
+    """The triangles of the mesh files that MuJoCo does not read, by the names of the meshes; errors as `read_solids`.
 
     Files with y up are turned if that brings the solids nearer to the centres of mass of their bodies: RViz does not
     turn them, and many robots were made to look right there.
-
-    Raises:
-        FileFormatError: if a mesh is of an unknown kind, or broken.
     """
     found = {name: read for name, file in files.items() if (read := read_triangles(file)) is not None}
     away = np.zeros(2)

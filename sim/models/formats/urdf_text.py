@@ -123,7 +123,6 @@ def has_collision_shapes(text: str) -> bool:
 
 
 def _with_setting(text: str, name: str, value: str) -> str:
-    """A URDF with a setting of MuJoCo's compiler."""
     text = re.sub(rf"""\b{name}\s*=\s*["'][^"']*["']""", "", text)
     if "<compiler" in text:
         return text.replace("<compiler", f'<compiler {name}="{value}"', 1)

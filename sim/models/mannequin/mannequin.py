@@ -91,9 +91,8 @@ def build_mannequin(skeleton: Skeleton) -> mujoco.MjSpec:
         _add_solids(body, bone_solids(skeleton, parts, bone), mass[bone + 1], parts.side[bone])
         spread = limb_inertia(skeleton, parts, bone, mass[bone + 1])
         if spread is not None:
-            body.explicitinertial = True
-            body.mass, body.ipos, body.inertia = mass[bone + 1], spread.centre, spread.moments
-            body.iquat = from_matrix(spread.axes)
+            body.explicitinertial, body.mass = True, mass[bone + 1]
+            body.ipos, body.iquat, body.inertia = spread
         bodies[bone] = body
     _add_servos(spec, skeleton, parts, height)
     for a, b in sorted(near_bodies(model := spec.compile(), model.qpos0)):
@@ -107,11 +106,8 @@ def _felt_inertia(model: mujoco.MjModel) -> Array:
     """The diagonal of the mass matrix in the initial pose, shape (nv,)."""
     data = mujoco.MjData(model)
     mujoco.mj_forward(model, data)
-    diagonal = np.empty(model.nv)
-    moved, unit = np.empty(model.nv), np.zeros(model.nv)
-    for dof in range(model.nv):
-        unit[:] = 0.0
-        unit[dof] = 1.0
+    diagonal, moved = np.empty(model.nv), np.empty(model.nv)
+    for dof, unit in enumerate(np.eye(model.nv)):
         mujoco.mj_mulM(model, data, moved, unit)
         diagonal[dof] = moved[dof]
     return diagonal
@@ -133,7 +129,7 @@ def _add_solids(body: mujoco.MjsBody, solids: list[Solid], mass: float, side: st
             material=side if solid.tone == "limb" else solid.tone,
             contype=SELF if touches else OTHERS,
             conaffinity=SELF if touches else 0,
-            condim=1,  # bone_solids slides on bone_solids; a floor brings its own friction
+            condim=1,  # bodies slide on each other; a floor brings its own friction
             solref=SOFT,
         )
 

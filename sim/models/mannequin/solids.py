@@ -13,7 +13,7 @@ import numpy as np
 
 from controller.motion.anatomy import Anatomy, Part
 from controller.motion.rest_pose import FOOT_SLOPE, LEG_PER_STATURE
-from controller.motion.rotations import Array, cross
+from controller.motion.rotations import Array, cross, from_matrix
 from controller.motion.skeleton import Skeleton
 
 REFERENCE_STATURE = 1.80
@@ -56,11 +56,9 @@ class Solid:
     """An ellipsoid, or a capsule whose length runs along the frame's third axis.
 
     Attributes:
-        shape: which of the two.
         centre: shape (3,), in the frame of the bone's body, m.
         axes: columns are the solid's own axes, shape (3, 3).
         size: half axes of the ellipsoid; radius, radius and half length of the capsule's straight part, m.
-        tone: its colour.
     """
 
     shape: Literal["ellipsoid", "capsule"]
@@ -167,23 +165,12 @@ def masses(skeleton: Skeleton, parts: Anatomy) -> Array:
     return np.maximum(share / 100.0 * total, SMALLEST_MASS)
 
 
-@dataclass(frozen=True)
-class Inertia:
-    """Inertia of a bone.
+def limb_inertia(skeleton: Skeleton, parts: Anatomy, bone: int, mass: float) -> tuple[Array, Array, Array] | None:
+    """Inertia of a limb's bone; None for others, whose solids have it.
 
-    Attributes:
-        centre: of mass, from the start of the bone, shape (3,), m.
-        axes: columns are its principal axes, shape (3, 3).
-        moments: about these, shape (3,), kg m^2.
+    Returns:
+        centre of mass from the start of the bone (3,), m; quaternion of the principal axes; moments (3,), kg m^2.
     """
-
-    centre: Array
-    axes: Array
-    moments: Array
-
-
-def limb_inertia(skeleton: Skeleton, parts: Anatomy, bone: int, mass: float) -> Inertia | None:
-    """Inertia of a limb's bone; None for others, whose solids have it."""
     length = float(skeleton.length[bone])
     share = LIMB_INERTIA.get(parts.part[bone])
     if share is None or length < 0.05:
@@ -191,7 +178,7 @@ def limb_inertia(skeleton: Skeleton, parts: Anatomy, bone: int, mass: float) -> 
     centre, across, along = share
     moments = mass * length**2 * np.array([across**2, across**2, along**2])
     direction = skeleton.rest_direction[bone]
-    return Inertia(centre * length * direction, bone_frame(direction), moments)
+    return centre * length * direction, from_matrix(bone_frame(direction)), moments
 
 
 def _torso(skeleton: Skeleton, parts: Anatomy, bone: int, axes: Array, s: float) -> Solid:
@@ -230,7 +217,8 @@ def _hand(skeleton: Skeleton, parts: Anatomy, bone: int, length: float, axes: Ar
     wrist = Solid("ellipsoid", np.zeros(3), axes, np.full(3, 0.033 * s), "dark")
     if not alone:
         return [palm]
-    tilted = np.stack([u, v, w], axis=1) @ _turn_about_v(0.6)
+    cos, sin = np.cos(0.6), np.sin(0.6)
+    tilted = np.stack([u, v, w], axis=1) @ np.array([[cos, 0.0, sin], [0.0, 1.0, 0.0], [-sin, 0.0, cos]])
     thumb = 0.06 * s * w + 0.038 * s * u
     return [wrist, palm, Solid("capsule", thumb, tilted, np.array([0.013, 0.013, 0.022]) * s, "limb")]
 
@@ -259,8 +247,3 @@ def _foot(skeleton: Skeleton, parts: Anatomy, bone: int, length: float, s: float
         lump(0.42 * reach, 0.036, 0.042, 0.62 * reach + 0.02 * s),
         lump(reach + 0.012 * s, 0.022, 0.046, 0.062 * s),
     ]
-
-
-def _turn_about_v(angle: float) -> Array:
-    cos, sin = np.cos(angle), np.sin(angle)
-    return np.array([[cos, 0.0, sin], [0.0, 1.0, 0.0], [-sin, 0.0, cos]])

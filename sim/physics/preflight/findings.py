@@ -14,7 +14,6 @@ class Finding:
     """One number of a preflight.
 
     Attributes:
-        check: its name.
         value, limit, unit: the number and the largest one that passes; no limit if it only informs.
         where: the joint or the bodies concerned, or "".
         ok: whether it is within its limit.
@@ -35,8 +34,6 @@ class PreflightVerdict:
     """The findings about one motion or switch.
 
     Attributes:
-        name: of the motion or switch.
-        findings: all of them.
         passes_at: the largest passing tempo, up to the judged one; None if no tempo passes.
         way: the intermediate motions of a switch that is judged by its parts.
         obstacles: if no tempo passes, the findings that fail even at the slowest.

@@ -37,13 +37,9 @@ def pendulum_rate(height: float) -> float:
 
 
 def planned_capture_point(times: Array, pressure: Array, now: float, omega: float) -> Array:
-    """Equation (3): the planned capture point (...), m.
+    """Equation (3): the planned capture point (...), m, for centres of pressure (K, ...), m, at ascending times (K,).
 
-    Args:
-        times: of the knots, ascending, shape (K,), s; the first one is not after now.
-        pressure: centres of pressure there, shape (K, ...), m.
-        now: s.
-        omega: 1/s.
+    The first one is not after `now`, s; omega in 1/s.
     """
     after = int(np.searchsorted(times, now, side="right"))
     if after == len(times):
@@ -78,8 +74,7 @@ class LastingError:
     def __init__(self, height: float, dt: float) -> None:
         """Args: height of the root, m; the tick, s."""
         self._dt, self._big, self._most = dt, BIG * height, LEARNED * height
-        self._feet = np.zeros((2, 2))
-        self._learned = np.zeros(2)
+        self._feet, self._learned = np.zeros((2, 2)), np.zeros(2)
 
     def learn(self, off: Array, standing: Array) -> Array:
         """The learned error (2,), m, after a tick with the error `off` (2,), m, and the shares (2,) of the feet."""

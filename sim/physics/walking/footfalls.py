@@ -46,11 +46,7 @@ class Swing:
 
 
 class Footfalls:
-    """Finds the swings in a motion, tick by tick.
-
-    Attributes:
-        swings: in the order of their starts.
-    """
+    """Finds the swings in a motion, tick by tick: `swings`, in the order of their starts."""
 
     def __init__(self, height: float, dt: float) -> None:
         """Args: height of the root, m; the tick, s."""
@@ -62,14 +58,7 @@ class Footfalls:
         self._went = self._yaw = self._held = 0.0
 
     def add(self, now: float, soles: Array, yaws: Array, heading: float, pitches: Array = _FLAT) -> None:
-        """Adds the next tick.
-
-        Args:
-            now: its time, s.
-            soles: middles of the soles, shape (2, 3), m.
-            yaws, pitches: of the soles, toes down, shape (2,), rad.
-            heading: of the body, rad.
-        """
+        """Adds the tick at `now`, s: middles of the soles (2, 3), m, with yaws and pitches, toes down, (2,), rad."""
         before = soles if self._before is None else self._before
         raw = np.linalg.norm(soles - before, axis=1) / (self._dt * self._height)
         self._speed += (1.0 - np.exp(-self._dt / SMOOTHING)) * (raw - self._speed)

@@ -64,11 +64,10 @@ class Gait:
         self._from = self.places[0].copy(), 0.0
         self._now = self._tick = 0.0
         self._landed: tuple[float, Array] | None = None
-        self._count = 0
+        self._count = self.recoveries = 0
         self._heading, self._astray = facing, 0.0
         self._own: list[Swing] = []
         self.rolling = Rolling(self._set.toe, self._set.heel, self._set.longest * self._height)
-        self.recoveries = 0
 
     def advance(self, now: float, swings: Sequence[Swing], preview: float) -> Swing | None:
         """Advances to a time, s, with the motion's swings until `preview` later; the swing that ended, if any."""
@@ -98,13 +97,8 @@ class Gait:
     def catch(self, now: float, off: Array, effect: float) -> Array:
         """Moves the step's goal so that the capture point returns to its plan, as fast as the foot can follow.
 
-        Args:
-            now: s.
-            off: error of the capture point with the present goal, shape (2,), m.
-            effect: its change by the goal's.
-
-        Returns:
-            the displacement of the goal, (2,), m.
+        For the error of the capture point with the present goal, `off` (2,), m, and its change by the goal's, `effect`.
+        Returns the displacement of the goal, (2,), m.
         """
         step, s = self.step, self._set
         if step is None or now > step.end - FROZEN * (step.end - step.start):
@@ -179,25 +173,23 @@ class Gait:
         for swing in swings:
             if swing is self._swing:
                 assert self.step is not None
-                step = self.step
-                other = 1 - step.foot
-                grown = len(GROWS) if swing in self._own else count - 1
-                planned = self._planned(swing, places[other], yaws[other], heading, astray, grown)
-                planned.start, planned.end = step.start, step.end
-                planned.place = planned.place + self._longer
-                self.step = step = planned
+                start, end, grown = self.step.start, self.step.end, count - 1
             else:
                 end = self._end(swing, max(swing.start, free))
                 start = max(swing.start, free, end - self._slowest)
+                end = max(end, start + SHORTEST)
                 if landed is not None and swing.start - landed > STOOD and not steps:
                     count = 0
-                grown = len(GROWS) if swing in self._own else count
-                other = 1 - swing.foot
-                step = self._planned(swing, places[other], yaws[other], heading, astray, grown)
-                step.start, step.end = start, max(end, start + SHORTEST)
-                count += 1
-                if start <= now and self.step is None:
-                    self._begin(step, swing, count)
+                grown, count = count, count + 1
+            grown = len(GROWS) if swing in self._own else grown
+            other = 1 - swing.foot
+            step = self._planned(swing, places[other], yaws[other], heading, astray, grown)
+            step.start, step.end = start, end
+            if swing is self._swing:
+                step.place = step.place + self._longer
+                self.step = step
+            elif start <= now and self.step is None:
+                self._begin(step, swing, count)
             places[step.foot], yaws[step.foot] = step.place, step.yaw
             heading, astray = step.heading, step.astray
             free = step.end + s.double_support
@@ -214,13 +206,9 @@ class Gait:
         return max(end, start + SHORTEST)
 
     def _planned(self, swing: Swing, other: Array, stands: float, heading: float, astray: float, count: int) -> Step:
-        """The step for a swing of the motion.
+        """The step for a swing, with the place `other` (2,), m, and the yaw `stands`, rad, of the standing foot.
 
-        Args:
-            swing: of the motion.
-            other, stands: place, (2,), m, and yaw, rad, of the standing foot.
-            heading, astray: of the robot before the step, and relative to the motion, rad.
-            count: number of steps since the robot stood.
+        Heading of the robot before the step, and relative to the motion, rad; `count` of the steps since it stood.
         """
         turn = wrapped(swing.heading + astray - heading)
         turned = min(max(turn, -TURN), TURN)

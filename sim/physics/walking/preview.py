@@ -10,10 +10,9 @@ from collections import deque
 import numpy as np
 
 from controller.motion.rotations import Array
-from sim.physics.walking.footfalls import Footfalls, Swing
+from sim.physics.walking.footfalls import Footfalls
 
-AHEAD = 1.2
-"""Delay of the body behind the motion, s."""
+AHEAD = 1.2  # delay of the body behind the motion, s
 
 # Window of the root's mean height before and after, s: at half the tempo the body would else bob with each step.
 EVEN = 0.5 * AHEAD
@@ -22,11 +21,7 @@ SWAY = 0.5
 
 
 class Travel:
-    """Distance of a swaying body along the ground.
-
-    Attributes:
-        metres: so far.
-    """
+    """Distance of a swaying body along the ground so far, in `metres`."""
 
     def __init__(self, dt: float) -> None:
         """Args: the tick, s."""
@@ -47,6 +42,7 @@ class Preview:
     """The motion from the tick of the body to the latest one.
 
     Attributes:
+        footfalls: the present and coming swings.
         travel: distance of the motion up to the body's tick.
     """
 
@@ -56,7 +52,7 @@ class Preview:
         self._ring: deque[tuple[Array, float]] = deque(maxlen=round(AHEAD / dt) + 1)
         self._near = round(EVEN / dt)
         self._heights: deque[float] = deque([height] * (2 * self._near), maxlen=2 * self._near)
-        self._footfalls = Footfalls(height, dt)
+        self.footfalls = Footfalls(height, dt)
         self.travel = Travel(dt)
 
     def add(self, goal: Array, heading: float, soles: Array, yaws: Array, pitches: Array) -> None:
@@ -67,7 +63,7 @@ class Preview:
         for _ in range(1 if self._ring else self._ring.maxlen or 1):
             self._ring.append((goal.copy(), heading))
         self._newest += self._dt
-        self._footfalls.add(self._newest, soles, yaws, heading, pitches)
+        self.footfalls.add(self._newest, soles, yaws, heading, pitches)
         self._heights.append(float(self._ring[self._near][0][2]))
         self.travel.add(self.goal[:2])
 
@@ -85,12 +81,3 @@ class Preview:
     def height(self) -> float:
         """Mean height of the root around the body's tick, m."""
         return float(np.mean(self._heights))
-
-    @property
-    def swings(self) -> list[Swing]:
-        """The present and coming swings."""
-        return self._footfalls.swings
-
-    def forget(self, swing: Swing) -> None:
-        """Drops a swing that is over."""
-        self._footfalls.forget(swing)

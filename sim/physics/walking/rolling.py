@@ -81,6 +81,5 @@ def _swung(pitch: float, rate: float, lands: float, since: float, lasts: float) 
 
 
 def _smooth(share: float) -> float:
-    """Smoothstep from 0 to 1."""
     u = min(max(share, 0.0), 1.0)
     return u * u * (3.0 - 2.0 * u)

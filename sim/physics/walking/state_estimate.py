@@ -112,7 +112,7 @@ class Estimate(ExactState):
         self._posture: Array | None = None
 
     def start(self) -> None:
-        """As of `ExactState`."""
+        """Resets: the robot is next seen at rest."""
         self._posture = None
         self._line.clear()
         self._root_speed[:] = 0.0

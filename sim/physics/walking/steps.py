@@ -59,11 +59,10 @@ def pressure_course(
     if both stand for two SHIFTs, else as far as time allows, so that two steps of one foot do not balance on the other.
 
     Args:
-        now: s.
+        now, roll: s, m.
         last: time, s, and place, m, at which it began to leave the foot of the last step; None before the first.
         places, yaws: of the soles, shape (2, 2), m, and (2,), rad.
         steps: the present one, if any, and those to come.
-        roll: m.
 
     Returns:
         times of K knots, shape (K,), s; the `Knot` at each, shape (K, 3).

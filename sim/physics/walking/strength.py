@@ -31,13 +31,9 @@ ANKLE = 0.3
 
 
 def check_legs(robot: Robot, model: mujoco.MjModel, body: WholeBody, feet: tuple[Foot, ...], roll: float) -> None:
-    """Refuses, by MotiondeckError, a robot that cannot stand on one leg.
+    """Refuses, by MotiondeckError, a robot that cannot stand on one leg; in the solution `body` it stands on both feet.
 
-    Args:
-        robot: the robot, with its feet.
-        model: the robot with a free root.
-        body: the solution in which the robot stands on both feet.
-        roll: largest distance of the centre of pressure from the middle of the sole, m.
+    `roll` is the largest distance of the centre of pressure from the middle of the sole, m.
     """
     _check_ankles(robot, model, feet)
     plan, root = body.plan, int(model.jnt_bodyid[0])

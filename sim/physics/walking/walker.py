@@ -91,15 +91,10 @@ class Walker:
         gravity: Array | None = None,
         sensors: Sensors | None = None,
     ) -> None:
-        """Prepares a robot with its walk settings and feet.
+        """Args: a robot; its model with a free root on a solid floor; its feet; the tick, s; gravity; sensors.
 
-        Args:
-            robot: the robot.
-            model: its own, with a free root on a solid floor.
-            feet: of the robot.
-            dt: the tick, s.
-            gravity: in the frame of the floor, shape (3,), m/s^2, if it is not that of the model.
-            sensors: of the state; None for the exact state.
+        Gravity (3,), m/s^2, is in the frame of the floor, by default as in the model; without sensors the state is
+        exact.
 
         Raises:
             MotiondeckError: if the robot does not have two feet, or its legs cannot hold it, one at a time.
@@ -176,9 +171,9 @@ class Walker:
         seen = self._estimate.see(data, gait.standing)
         soles, yaws = self._stance(seen)
         soles -= self._from_flat(yaws, self._pitches(seen))
-        ended = gait.advance(self._now, self.preview.swings, AHEAD)
+        ended = gait.advance(self._now, self.preview.footfalls.swings, AHEAD)
         if ended is not None:
-            self.preview.forget(ended)
+            self.preview.footfalls.forget(ended)
             self._stand_where_it_landed(ended.foot, soles, yaws)
         capture, tilt = self._measure(seen, soles, yaws)
         times, knots = gait.course(self._now)
@@ -205,7 +200,6 @@ class Walker:
         self.travel.add(data.qpos[:2])
 
     def _find_widest(self) -> float:
-        """The widest stance, in heights of the root."""
         goal, settings = self._motion.qpos.copy(), self._set
         height = float(goal[2])
         goal[2] -= settings.bend * height
@@ -301,17 +295,14 @@ class Walker:
 
     def _pitches(self, data: mujoco.MjData) -> Array:
         """Pitches of the soles, toes down, shape (2,), rad."""
-        toes = [
-            data.xmat[body].reshape(3, 3)[2] @ ahead for body, ahead in zip(self._body.bodies, self._toes, strict=True)
-        ]
+        feet = zip(self._body.bodies, self._toes, strict=True)
+        toes = [data.xmat[body].reshape(3, 3)[2] @ ahead for body, ahead in feet]
         return -np.arcsin(np.clip(toes, -1.0, 1.0))
 
     def _from_flat(self, yaws: Array, pitches: Array) -> Array:
         """Displacements of the middles of pitched soles from flat ones, shape (2, 3), m."""
         shifts = [from_flat(float(pitch), self._half) for pitch in pitches]
-        return np.array(
-            [(ahead * np.cos(y), ahead * np.sin(y), up) for (ahead, up), y in zip(shifts, yaws, strict=True)]
-        )
+        return np.array([(x * np.cos(yaw), x * np.sin(yaw), up) for (x, up), yaw in zip(shifts, yaws, strict=True)])
 
     def _stands_on(self, data: mujoco.MjData, foot: int) -> tuple[Array, int]:
         """The middle of the sole or of its standing edge, shape (3,), m, and the body of the foot."""
@@ -321,6 +312,5 @@ class Walker:
 
 
 def _turning(angle: float) -> Array:
-    """The matrix that turns a vector of the plane, shape (2, 2)."""
     cos, sin = np.cos(angle), np.sin(angle)
     return np.array([[cos, -sin], [sin, cos]])

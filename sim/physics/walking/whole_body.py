@@ -121,8 +121,7 @@ class WholeBody:
 
         Args:
             goal: the played posture, shape (nq,).
-            places: goals of the middles of the soles, two of shape (3,), m.
-            turns: goals of the feet's bodies, two quaternions.
+            places, turns: goals of the middles of the soles, (3,), m, and of the feet's bodies, quaternions.
             centre: goal of the centre of mass, shape (2,), m.
             rise: largest rise of the root, and its largest drop to keep knees bent, m.
             pace: largest step of the joints, in ticks of their speed.
@@ -188,9 +187,8 @@ class WholeBody:
 
     def _within_limits(self) -> None:
         layout, limits, qpos = self._robot.layout, self._robot.limits, self.plan.qpos
-        if len(layout.hinge):
-            at = layout.hinge_qpos
-            qpos[at] = np.clip(qpos[at], limits.lower[layout.hinge], limits.upper[layout.hinge])
+        at = layout.hinge_qpos
+        qpos[at] = np.clip(qpos[at], limits.lower[layout.hinge], limits.upper[layout.hinge])
 
     def _weights(self, height: float) -> Array:
         """What it costs each degree of freedom not to go as it is played, shape (nv,)."""
@@ -205,7 +203,6 @@ class WholeBody:
         return weight
 
     def _fastest(self) -> Array:
-        """The speed limit of each degree of freedom, shape (nv,)."""
         most = np.full(self._model.nv, np.inf)
         most[self._robot.layout.dof] = self._robot.limits.velocity
         return most
@@ -224,12 +221,8 @@ def widest_stance(
 ) -> float:
     """The widest stance, m, into which either foot lands flat: one that lands on its inner edge tips the robot over.
 
-    Args:
-        body: solves for the posture; its last solution is lost.
-        goal: the standing posture, facing x, shape (nq,).
-        flat: the rotations of the feet's bodies with flat soles that point to x, two quaternions.
-        sides: of the feet, 1 for left, shape (2,).
-        least, most: bounds of the answer, m.
+    For the standing posture, facing x, (nq,), the rotations of the feet's bodies with flat soles that point to x, their
+    sides, 1 for left, (2,), and bounds of the answer, m; the last solution of `body` is lost.
     """
     if all(_lands_flat(body, goal, flat, sides, most, foot) for foot in range(2)):
         return most

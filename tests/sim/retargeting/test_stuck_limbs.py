@@ -31,10 +31,10 @@ def stuck(robot, pose):
     """Starts the robot with its left arm wound to the wrong side, up against the end of a joint's range."""
     solver = robot.retarget.solver
     robot.retarget(pose)
-    q = solver._q.copy()
+    q = solver.q.copy()
     q[robot.joints.index("left_arm_pitch")] = robot.limits.lower[robot.joints.index("left_arm_pitch")]
     q[robot.joints.index("left_arm_roll")] = 2.0
-    solver._q = q
+    solver.q = q
     return q
 
 
