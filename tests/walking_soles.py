@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from sim.physics.walking.footfalls import Footfalls
+from sim.physics.walking.preview import Footfalls
 
 
 def walking_soles(seconds, dt, length=0.3, step=0.5, lift=0.05, begins=1.0, turn=0.0):

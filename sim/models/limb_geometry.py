@@ -14,8 +14,7 @@ import numpy as np
 
 from controller.motion.rotations import Array
 
-# Least sine between a limb and an axis across it.
-ACROSS = 0.7
+ACROSS = 0.7  # least sine between a limb and an axis across it
 # Least distance of ankle or wrist from knee or elbow, and largest of a centre from its axes, in upper segments.
 END_SHARE, CENTRE_SHARE = 0.4, 0.5
 

@@ -15,15 +15,13 @@ from sim.models.walk_settings import WalkSettings
 
 Row = tuple[float, float, float, float, float, float]
 """Duration, s, and the bends of hips, knees, ankles, shoulders and elbows of a human in that pose, rad
-(`symmetric_pose.Bends`)."""
+(`robot.Bends`)."""
 
 
 class RiseSettings(msgspec.Struct, forbid_unknown_fields=True, frozen=True):
-    """Poses of getting up from the floor; the table [rise].
+    """Poses of getting up; the table [rise]: `front` from the belly to a crouch, `back` from the back onto the belly.
 
-    Attributes:
-        front: from the belly to a crouch; the rest pose follows. Without them the robot stays down.
-        back: from the back onto the belly.
+    The rest pose follows. Without poses the robot stays down.
     """
 
     front: tuple[Row, ...] = ()

@@ -59,14 +59,10 @@ class Surface:
 
 
 class LowestPoint:
-    """The exact lowest point of the solids of `Surface`; vertices of a mesh are tested only if its box may be lowest.
-
-    Attributes:
-        body: of each of the G solids, shape (G,).
-    """
+    """The exact lowest point of the solids of `Surface`; vertices of a mesh are tested if its box may be lowest."""
 
     def __init__(self, model: mujoco.MjModel) -> None:
-        """Prepares the solids of a model."""
+        """Prepares the G solids of a model, each on its `body`, shape (G,)."""
         self._geoms = solids(model)
         self.body = model.geom_bodyid[self._geoms]
         shapes = [_shape(model, int(geom)) for geom in self._geoms]

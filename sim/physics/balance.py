@@ -22,31 +22,21 @@ from sim.physics.walking.steps import azimuth
 from sim.physics.walking.whole_body import WholeBody
 from sim.robots.robot import Robot
 
-# Weight of the root's height, 1/m.
-HEIGHT = 2.0
+HEIGHT = 2.0  # weight of the root's height, 1/m
 # The ankle strategy's gain, and its largest shift of the goal, as a share of the support.
 ANKLE_GAIN, ANKLE_REACH = 1.0, 0.8
 # The hip strategy: rad for each metre (of a leg one metre long) nearer to the border than HIP_FROM of the support.
 HIP_GAIN, HIP_FROM, HIP_MOST = 4.0, 0.5, 0.6
 # Least distance of the feet sideways and largest one ahead, in heights of the root; largest turn from the heading, rad.
 STANCE_WIDTH, STANCE_LENGTH, STANCE_TURN = 0.30, 0.25, 0.6
-# Time constant of the capture point, s: a landing heel shakes the velocity.
-SMOOTHING = 0.03
-# Error of the capture point from which a fall is certain, in heights of the centre of mass.
-LOST = 0.5
+SMOOTHING = 0.03  # time constant of the capture point, s: a landing heel shakes the velocity
+LOST = 0.5  # error of the capture point from which a fall is certain, in heights of the centre of mass
 
 
 class Balance:
-    """Adjusts the played motion so that a free robot stays on its feet.
+    """Adjusts the played motion so that a free robot stays on its feet; MotiondeckError if it does not have two."""
 
-    Attributes:
-        falling: whether the error of the capture point is beyond LOST.
-
-    Raises:
-        MotiondeckError: if the robot does not have two feet.
-    """
-
-    falling: bool = False
+    falling: bool = False  # whether the error of the capture point is beyond LOST
 
     def __init__(self, robot: Robot, model: mujoco.MjModel, dt: float) -> None:
         """Args: the robot; its model with a free root on a solid floor; the tick, s."""

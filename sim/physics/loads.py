@@ -153,11 +153,10 @@ def _motion(robot: Robot, played: PlayedMotion) -> tuple[Array, Array, Array]:
         robot.footing.reset(DT)
     for k, pose in enumerate(played.poses):
         robot.place(np.clip(played.targets[k], robot.limits.lower, robot.limits.upper), pose, qpos[k])
-    qvel, step = np.empty((count, model.nv)), np.empty(model.nv)
+    qvel = np.empty((count, model.nv))
     for k in range(count):
         first, last = max(k - 1, 0), min(k + 1, count - 1)
-        mujoco.mj_differentiatePos(model, step, (last - first) * DT, qpos[first], qpos[last])
-        qvel[k] = step
+        mujoco.mj_differentiatePos(model, qvel[k], (last - first) * DT, qpos[first], qpos[last])
     return qpos, qvel, _rate(qvel)
 
 

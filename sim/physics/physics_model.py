@@ -24,8 +24,7 @@ FRICTION = (1.0, 0.005, 0.0001)
 # Thickness, m, and hidden group of the sole under a foot of rounded solids.
 _SOLE = 0.004
 _HIDDEN = 4
-# Contacts need more solver iterations than a robot that hangs in the air.
-_ITERATIONS = 60
+_ITERATIONS = 60  # of the solver: contacts need more than a robot that hangs in the air
 
 
 def feet_of(robot: Robot) -> tuple[Foot, ...]:

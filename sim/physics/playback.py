@@ -72,7 +72,6 @@ class PhysicsPlayback:
         """Starts in the rest pose.
 
         Args:
-            robot: the robot.
             dt: time of a write, s; rounded to whole timesteps.
             root: as of `physics_model`.
             balance: whether a free robot keeps its feet in place and its centre of mass above them.

@@ -19,8 +19,7 @@ from sim.physics.playback import PhysicsPlayback
 from sim.physics.pushes import PUSH_LASTS, push_force
 from sim.physics.walking.preview import AHEAD
 from sim.physics.walking.state_estimate import Sensors
-from sim.robots.robot import DT, Robot
-from sim.robots.target_limiter import Limiter
+from sim.robots.robot import DT, Limiter, Robot
 
 PERIOD = 5.0  # s from push to push
 SIDES = 4  # one after another: behind, right, front, left
@@ -99,21 +98,16 @@ def pushes(impulse: float, seed: int) -> Callable[[float], Array]:
     return force
 
 
-def unpushed(now: float) -> Array:
-    """No force at any time."""
-    return np.zeros(3)
-
-
 def walk_trial(
     robot: Robot,
     course: Course,
-    force: Callable[[float], Array] = unpushed,
+    force: Callable[[float], Array] | None = None,
     settings: WalkSettings | None = None,
     *,
     sensors: Sensors | None = None,
     alter: Alteration | None = None,
 ) -> Trial:
-    """Walks a course until its end or a fall, under a force (3,), N, on the root over time, s, such as `pushes` gives.
+    """Walks a course until its end or a fall, under a force (3,), N, on the root over time, s, as `pushes` gives.
 
     `settings` replace the robot's own walk settings; `sensors` and `alter` are those of `PhysicsPlayback`.
     """
@@ -123,7 +117,7 @@ def walk_trial(
     costs: list[float] = []
     square = np.zeros(len(robot.joints))
     for tick, (targets, root, heading) in enumerate(zip(course.targets, course.roots, course.headings, strict=True)):
-        stage.push(force(tick * DT))
+        stage.push(np.zeros(3) if force is None else force(tick * DT))
         began = time.thread_time()
         stage.write(targets, placed_pose(root, float(heading)))
         costs.append(time.thread_time() - began)

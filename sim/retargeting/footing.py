@@ -17,11 +17,9 @@ import numpy as np
 
 from controller.motion.posture import Pose
 from controller.motion.rotations import Array
-from sim.models.kinematic_tree import Scratch, below
+from sim.models.kinematic_tree import UPRIGHT, Scratch, UprightPelvis, below
 from sim.models.surface import LowestPoint, Surface
-from sim.models.upright_pelvis import UPRIGHT, UprightPelvis
-from sim.retargeting.flat_feet import FlatFeet
-from sim.retargeting.human_stance import HumanStance
+from sim.retargeting.human_stance import FlatFeet, HumanStance
 
 # Height of a touching point of the skin, lengths of the leg, and the multiple of it from which a point is ignored.
 TOUCHES, CLOSE = 0.006, 3.0

@@ -28,11 +28,7 @@ SIGN = np.array([[1.0, 1.0, 1.0, 1.0], [-1.0, 1.0, 1.0, -1.0], [-1.0, -1.0, 1.0,
 
 
 class LimbView:
-    """Directions of one skeleton's limbs; FileFormatError, with its name, if a limb is missing.
-
-    Attributes:
-        length: of the limbs, shape (14,), m; 1 for the axes of head and chest.
-    """
+    """Directions of one skeleton's limbs with their `length` (14,), m; FileFormatError if a limb is missing."""
 
     def __init__(self, skeleton: Skeleton) -> None:
         lacks = leg_without_name(skeleton)

@@ -18,8 +18,8 @@ from motiondeck_base.errors import FileFormatError, UnknownNameError
 from sim.models.joint_layout import nearest_turn
 from sim.models.robot_file import Angle
 from sim.retargeting.arm_angles import UNCERTAIN, ThreeServoArm, Vector
-from sim.retargeting.flat_feet import FlatFeet
 from sim.retargeting.human_limbs import ENTRY, SIGN, LimbView, up_of
+from sim.retargeting.human_stance import FlatFeet
 
 _ARM = ("shoulder_pitch", "shoulder_roll", "elbow")
 _LEG = ("hip_yaw", "hip_roll", "hip_pitch", "knee", "ankle_pitch", "ankle_roll")

@@ -12,9 +12,8 @@ from numpy.typing import NDArray
 from controller.motion.rest_pose import FOOT_SLOPE
 from controller.motion.rotations import Array
 from sim.models.coupled_joints import LedJoints, followers
-from sim.models.kinematic_tree import Scratch, below, joints_above
+from sim.models.kinematic_tree import Scratch, UprightPelvis, below, joints_above
 from sim.models.surface import Surface
-from sim.models.upright_pelvis import UprightPelvis
 from sim.retargeting.human_limbs import LIMBS
 from sim.retargeting.limb_finder import LimbFinder
 from sim.retargeting.robot_parts import SIDES, bodies_of_parts
@@ -25,11 +24,8 @@ class RobotLimbs:
 
     Attributes:
         data: MuJoCo's state at the last `place`.
-        vectors: its limbs.
-        reach: length of the stretched legs and arms, by name ("r_leg"), m.
+        vectors, reach, segments, sole_ends: as of `LimbFinder`.
         surface: the robot's skin.
-        segments: thighs, shanks, upper arms and forearms by name ("r_thigh").
-        sole_ends: heel and ball of each foot in its own frame, shape (2, 2, 3), m.
         turns_chest: whether the N joints move the chest, shape (N,).
     """
 

@@ -6,7 +6,7 @@ With every joint at zero, for any heading and any axis up:
   The left one follows from the names, if they differ by left and right; otherwise from soles that stick out ahead, or
   without ankles from the bend of the knees.
 - Of the rest, the limb that reaches farthest to either side is an arm, and the highest one near the middle is the head.
-- `limb_parts` divides the limbs.
+- `standing_body` divides the limbs.
 """
 
 from __future__ import annotations
@@ -23,8 +23,18 @@ from controller.motion.rotations import Array, conjugate, from_rotation_vector, 
 from motiondeck_base.errors import FileFormatError
 from sim.models.ball_joints import unplayed_balls
 from sim.models.kinematic_tree import below, hinges_at, hinges_between, path_to
-from sim.robots.limb_parts import ARM, LEG, bend_index, can_bend, end_joint, front_direction, limb_bodies
-from sim.robots.standing_body import STANDS, RobotLimb, StandingBody
+from sim.robots.standing_body import (
+    ARM,
+    LEG,
+    STANDS,
+    RobotLimb,
+    StandingBody,
+    bend_index,
+    can_bend,
+    end_joint,
+    front_direction,
+    limb_bodies,
+)
 
 # Least length of a leg, in heights of the robot, and least cosine of its angle to the vertical.
 LEG_SHARE, DOWN = 0.25, 0.5

@@ -18,8 +18,7 @@ from sim.retargeting.human_limbs import LIMBS, LimbView
 from sim.retargeting.inverse_kinematics import InverseKinematics
 from sim.retargeting.retarget import ServoHumanoidRetargeter
 from sim.retargeting.robot_limbs import RobotLimbs
-from sim.robots.robot import Robot
-from sim.robots.target_limiter import Limiter
+from sim.robots.robot import Limiter, Robot
 
 ENDS = {"leg": ("thigh", "shank"), "arm": ("upper_arm", "forearm")}
 # Height of what touches the floor, lengths of the leg, and speed of a standing foot's ball, lengths of the leg a
@@ -190,7 +189,7 @@ def standing_feet(clip: Clip) -> dict[str, NDArray[np.bool_]]:
     for side, name in sides:
         foot, speed = anatomy(clip.skeleton).first("foot", name), np.zeros(len(clip))
         if foot is None:
-            speed = np.full(len(clip), np.inf)
+            speed += np.inf
         elif len(clip) > 1:
             speed = np.linalg.norm(np.gradient(clip.joints()[:, foot + 1], axis=0), axis=1) * clip.rate
         found[side] = speed < STILL * clip.skeleton.leg_length

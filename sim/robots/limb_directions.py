@@ -24,10 +24,8 @@ SEGMENTS = {"leg": ("thigh", "shank"), "arm": ("upper_arm", "forearm")}
 MEAN_LIMIT, WORST_LIMIT = 15.0, 45.0
 # Largest turn of a hinge either way, rad, and the number of steps through it.
 TURN, STEPS = 2.6, 11
-# The tip of a limb without an end hinge, as a share of its length.
-TIP = 0.1
-# Largest distance of a clavicle's joint from the middle of the body, in heights of the robot.
-CLAVICLE = 0.03
+TIP = 0.1  # of a limb without an end hinge, as a share of its length
+CLAVICLE = 0.03  # largest distance of its joint from the middle of the body, in heights of the robot
 
 
 @dataclass(frozen=True)

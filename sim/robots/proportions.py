@@ -57,7 +57,6 @@ class Doubt:
 
     Attributes:
         part: its line in the robot file, such as "l_shank"; "" for the whole robot.
-        words: the finding.
         fatal: whether a limb is missing or impossible.
     """
 

@@ -86,7 +86,6 @@ def retarget_files(
     Names and folders below `out` are those of the recordings.
 
     Args:
-        robot: the robot file.
         paths: recordings, and folders of recordings.
         out: the folder for the files; created if missing.
         solver: in place of the robot file's.

@@ -9,35 +9,37 @@ A robot is a file, not code (`sim/models/robot_file.py` lists its keys). From it
 
 from __future__ import annotations
 
+import math
+from collections.abc import Callable, Sequence
 from copy import deepcopy
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import NamedTuple
+from typing import NamedTuple, Protocol
 
 import mujoco
 import numpy as np
 
 from controller.deck.interfaces import JointLimits, PlacedPose, Retargeter
+from controller.motion.anatomy import Part, anatomy
 from controller.motion.encodings.joint_angles import JointRetargeter
 from controller.motion.posture import Pose
-from controller.motion.rotations import Array
-from controller.motion.skeleton import Skeleton
+from controller.motion.rotations import Array, between
+from controller.motion.skeleton import ROOT, Skeleton
 from motiondeck_base.errors import FileFormatError, UnknownNameError
 from motiondeck_base.files import listed
 from sim.models.formats.urdf_visuals import with_visuals
 from sim.models.joint_layout import JointLayout
+from sim.models.kinematic_tree import UprightPelvis
 from sim.models.mannequin.mannequin import build_mannequin
 from sim.models.model_file import read_model
 from sim.models.robot_file import RobotFile, Row, Solver, read_robot_file
 from sim.models.scenery import add_gantry, add_lamp, set_stage
 from sim.models.servo_motor import ServoMotor
-from sim.models.upright_pelvis import UprightPelvis
 from sim.models.walk_settings import WalkSettings
 from sim.retargeting.footing import Footing
 from sim.retargeting.human_stance import HumanStance
 from sim.retargeting.retarget import MannequinRetargeter, ServoHumanoidRetargeter
 from sim.retargeting.robot_limbs import RobotLimbs
-from sim.retargeting.symmetric_pose import TUCKED, Bends, symmetric_pose
 
 DT = 0.005  # default time from pose to pose, s
 FEET = ("r_foot", "l_foot")  # the parts that a robot stands on, as a robot file names them
@@ -45,11 +47,9 @@ FEET = ("r_foot", "l_foot")  # the parts that a robot stands on, as a robot file
 
 @dataclass(frozen=True)
 class Rise:
-    """Getting up: postures, each with its duration, s, and joints (J,), rad; the rest pose follows.
+    """Getting up: postures from the belly to the feet (`front`) and from the back onto the belly (`back`).
 
-    Attributes:
-        front: from the belly to the feet.
-        back: from the back onto the belly.
+    Each has its duration, s, and joints (J,), rad; the rest pose follows.
     """
 
     front: tuple[tuple[float, Array], ...]
@@ -290,3 +290,65 @@ def _by_joint(path: Path, layout: JointLayout, place: str, own: dict[str, float]
             raise UnknownNameError(f"{path}: {place}: {UnknownNameError.among('joint', name, layout.joints)}")
         values[layout.joints.index(name)] = value
     return values
+
+
+class Bends(NamedTuple):
+    """Bends from a straight body with hanging arms, rad: thighs and upper arms forwards, toes towards the shanks."""
+
+    hip: float
+    knee: float
+    ankle: float
+    shoulder: float
+    elbow: float
+
+
+# Hips bent as on a chair, forearms before the face: of the poses tried on servo20 the one with the lowest speeds and
+# forces of trunk, head and arms in falls to all sides. With more bent legs the trunk hits the floor harder, with arms
+# at the sides the head does.
+TUCKED = Bends(hip=1.6, knee=1.2, ankle=0.0, shoulder=0.9, elbow=2.2)
+
+
+def symmetric_pose(skeleton: Skeleton, bends: Bends) -> Pose:
+    """The pose, the same on both sides, with an upright trunk at the height of a standing root, heading along x."""
+    shank, forearm = bends.hip - bends.knee, bends.shoulder + bends.elbow
+    # Angles forwards from straight down.
+    raised: dict[Part, float] = {
+        "thigh": bends.hip,
+        "shank": shank,
+        "foot": shank + 0.5 * math.pi + bends.ankle,
+        "upper arm": bends.shoulder,
+        "forearm": forearm,
+        "hand": forearm,
+    }
+    rotation = np.tile([1.0, 0.0, 0.0, 0.0], (1 + len(skeleton), 1))
+    for bone, (part, parent) in enumerate(zip(anatomy(skeleton).part, skeleton.parent, strict=True)):
+        if part in raised:
+            rotation[1 + bone] = between(skeleton.rest_direction[bone], _direction(raised[part]))
+        elif parent != ROOT:
+            rotation[1 + bone] = rotation[1 + parent]
+    return Pose(np.array([0.0, 0.0, skeleton.leg_length]), np.zeros(()), rotation)
+
+
+def _direction(raised: float) -> Array:
+    return np.array([math.sin(raised), 0.0, -math.cos(raised)])
+
+
+class TargetLimiter(Protocol):
+    """Turns the targets of J joints, one call a tick, into targets within their limits."""
+
+    @property
+    def changed(self) -> Sequence[int]:
+        """The number of targets changed since the start, by joint."""
+        ...
+
+    def start(self, position: Array) -> None:
+        """Begins anew with the joints at rest at `position`, shape (J,), rad."""
+        ...
+
+    def __call__(self, targets: Array) -> Array:
+        """Targets within the limits, shape (J,), rad, for any targets (J,); overwritten by the next call."""
+        ...
+
+
+Limiter = Callable[[JointLimits, float], TargetLimiter]
+"""Makes a target limiter from joint limits and the tick, s."""

@@ -65,23 +65,18 @@ ROUNDS = 3  # checks of a pose: holding some joints may bring other limbs togeth
 
 
 class CollisionGuard:
-    """Carries poses to joints as the robot does, and keeps its limbs apart; fits `interfaces.Retargeter`.
-
-    Attributes:
-        kept_apart: the number of poses with joints held, by the names of the two bodies.
-    """
+    """Carries poses to joints as the robot does, and keeps its limbs apart; fits `interfaces.Retargeter`."""
 
     def __init__(self, robot: Robot, dt: float) -> None:
         """A guard for poses dt seconds apart."""
-        self._robot = robot
-        self._collisions = SelfCollision(robot)
+        self._robot, self._collisions = robot, SelfCollision(robot)
         self._joints_of = _moved_bodies(robot)
         self._between: dict[tuple[int, int], NDArray[np.bool_]] = {}
         self._qpos = robot.model.qpos0.copy()
         self._step = robot.limits.velocity * dt
         self._good = robot.rest.copy()  # where nothing counts as a collision
         self._begun = False
-        self.kept_apart: Counter[str] = Counter()
+        self.kept_apart: Counter[str] = Counter()  # number of poses with joints held, by the names of the two bodies
 
     def __call__(self, pose: Pose) -> Array:
         """Joint targets (J,), rad, in which no two limbs overlap by more than OVERLAP; copy what you keep."""

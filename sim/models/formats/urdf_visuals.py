@@ -15,7 +15,7 @@ import numpy as np
 
 from motiondeck_base.errors import MotiondeckError
 from sim.models.formats.mesh_files import READABLE, SHELL, fill, read_meshes
-from sim.models.formats.urdf_text import readable_urdf
+from sim.models.formats.model_text import readable_urdf
 
 MOVED_ORIGIN = "(moved origin)"
 """A model's custom number: displacement of its root's origin, in its frame, m."""

@@ -157,7 +157,7 @@ def _add_servos(spec: mujoco.MjSpec, skeleton: Skeleton, parts: Anatomy, height:
             servo.set_to_position(kp=kp, kv=2.0 * kp / SERVO_BANDWIDTH)
 
 
-STATURE = 1.75
+STATURE = 1.75  # m
 # Lengths of the 19 bones over the stature (Drillis and Contini 1966, as in Winter 2009, fig. 4.1): hip, thigh, shank
 # and foot of either side; back, neck and head; shoulder, upper arm, forearm and hand of either side.
 _LEG = (0.0955, 0.245, 0.246, 0.11)

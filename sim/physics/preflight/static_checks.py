@@ -14,8 +14,7 @@ from sim.models.servo_motor import ROOM, strength
 from sim.physics.loads import Loads
 from sim.physics.played_motions import DT, PlayedMotion, targets_at
 from sim.physics.preflight.findings import Finding, limited, of_joints
-from sim.robots.robot import Robot
-from sim.robots.target_limiter import Limiter
+from sim.robots.robot import Limiter, Robot
 
 TICK = 0.005  # s
 BRIEFLY = 0.05  # s
@@ -24,8 +23,7 @@ TEN_MINUTES = 600.0
 # STARTING, s, is not counted.
 ASTRAY = 0.17
 STARTING = 0.2
-# A body that is off balance for longer than this, s, falls.
-OFF_BALANCE = 0.25
+OFF_BALANCE = 0.25  # s after which a body that is off balance falls
 # A robot that touches the floor with more than its soles, its centre of mass below this share of the height of a
 # standing root, is lying down already.
 DOWN = 0.7

@@ -9,7 +9,7 @@ import numpy as np
 from controller.motion.rotations import Array
 from sim.models.gravity import GRAVITY
 from sim.models.walk_settings import WalkSettings
-from sim.physics.walking.footfalls import Swing
+from sim.physics.walking.preview import Swing
 from sim.physics.walking.rolling import Rolling
 from sim.physics.walking.steps import MEETS, Step, pressure_course, swing_path, wrapped
 

@@ -10,14 +10,10 @@ import numpy as np
 
 from controller.motion.rotations import Array
 
-# Time of the centre of pressure from a foot to the middle between both, or back, s.
-SHIFT = 0.25
-# Time before the end of a step at which the foot takes weight, s: legs yield, so it meets the floor early.
-MEETS = 0.03
-# Share of a swing in which the foot accelerates, and that in which it decelerates.
-RAMP = 0.25
-# Largest lift, heights of the root for each second of the swing: a quick foot would hit the floor.
-RISES = 0.3
+SHIFT = 0.25  # time of the centre of pressure from a foot to the middle between both, or back, s
+MEETS = 0.03  # time before the end of a step at which the foot takes weight, s: legs yield, so it meets the floor early
+RAMP = 0.25  # share of a swing in which the foot accelerates, and that in which it decelerates
+RISES = 0.3  # largest lift, heights of the root for each second of the swing: a quick foot would hit the floor
 
 Angles = TypeVar("Angles", float, Array)
 Knot = tuple[float, float, float]

@@ -40,8 +40,7 @@ from sim.models.feet import Foot
 from sim.models.gravity import GRAVITY
 from sim.physics.walking.capture_point import LastingError, follow, pendulum_rate, planned_capture_point, run_away
 from sim.physics.walking.gait import WIDE, Gait
-from sim.physics.walking.leg_swing import leg_swing, legs_carry
-from sim.physics.walking.momentum import Momentum
+from sim.physics.walking.momentum import Momentum, leg_swing, legs_carry
 from sim.physics.walking.preview import AHEAD, Preview, Travel
 from sim.physics.walking.rolling import ROUNDED, from_flat
 from sim.physics.walking.state_estimate import Estimate, ExactState, Sensors
@@ -50,21 +49,16 @@ from sim.physics.walking.strength import check_legs
 from sim.physics.walking.whole_body import WholeBody, widest_stance
 from sim.robots.robot import Robot
 
-# Weight of the root's height, 1/m.
-HEIGHT = 15.0
+HEIGHT = 15.0  # weight of the root's height, 1/m
 # Largest rise of the root, heights a second, beside the motion's own: under load the knee's servo would lag.
 CLIMBS = 0.35
-# Largest shift of the centre of mass by the ankles ahead and back, in half lengths of the sole.
-REACH = 0.8
+REACH = 0.8  # largest shift of the centre of mass by the ankles ahead and back, in half lengths of the sole
 # Time constant of the error for ideal servos, s, which would shake with its noise; for others LATE times the latency,
 # as a late error returns in the next ticks.
 SMOOTHED, LATE = 0.03, 2.0
-# Error of the capture point from which a fall is certain, in heights of the root.
-LOST = 0.5
-# First share of a swing in which the foot begins to compensate the tilt of the trunk.
-TILT_FROM = 1.0 / 6.0
-# Decay of that compensation after landing, s: at once, the foot would leave the floor.
-RIGHTS = 0.15
+LOST = 0.5  # error of the capture point from which a fall is certain, in heights of the root
+TILT_FROM = 1.0 / 6.0  # first share of a swing in which the foot begins to compensate the tilt of the trunk
+RIGHTS = 0.15  # decay of that compensation after landing, s: at once, the foot would leave the floor
 
 
 class Walker:

@@ -10,7 +10,7 @@ import pytest
 from motiondeck.pictures.side_by_side import PREFIX, SideBySide
 from motiondeck_base.errors import FileFormatError
 from motiondeck_base.shipped import find_robot
-from sim.models.formats.urdf_text import urdf_speeds
+from sim.models.formats.model_text import urdf_speeds
 from sim.models.formats.urdf_visuals import with_visuals
 from sim.models.model_file import read_model
 from sim.models.scenery import set_stage

@@ -15,7 +15,6 @@ from motiondeck_base.errors import MotiondeckError
 from sim.physics.loads import loads_of
 from sim.physics.physics_model import feet_of
 from sim.physics.played_motions import DT, PlayedMotion, endless_poses
-from sim.physics.preflight import physics_checks
 from sim.physics.preflight.preflight import SLOWEST, Preflight, fastest_passing
 from sim.physics.preflight.static_checks import ASTRAY, servo_lag
 from sim.robots.robot import load_robot
@@ -185,7 +184,7 @@ def test_who_stands_still_or_is_down_already_cannot_fall(rotation):
 
 
 def test_a_robot_that_walks_is_judged_by_how_it_stands_and_how_far_it_goes(monkeypatch):
-    monkeypatch.setattr(physics_checks, "FALL_SECONDS", 1.0)
+    monkeypatch.setattr("sim.physics.preflight.preflight.FALL_SECONDS", 1.0)
     pose = bent_pose(human())
     played = PlayedMotion("still", True, np.tile(SERVO20.rest, (40, 1)), (pose,) * 40)
     found = {f.check: f for f in preflight(SERVO20, "free", walk=True).physics.findings(played, 1.0)}
@@ -198,7 +197,7 @@ def test_a_robot_that_walks_is_judged_by_how_it_stands_and_how_far_it_goes(monke
 
 
 def test_a_robot_that_falls_while_it_is_to_walk_is_told_so_with_the_time(monkeypatch):
-    monkeypatch.setattr(physics_checks, "FALL_SECONDS", 4.0)
+    monkeypatch.setattr("sim.physics.preflight.preflight.FALL_SECONDS", 4.0)
     played = PlayedMotion("still", True, np.tile(SERVO20.rest, (40, 1)), (bent_pose(human()),) * 40)
     late = replace(SERVO20, servo=msgspec.structs.replace(SERVO20.servo, latency=0.3))
     found = {f.check: f for f in preflight(late, "free", walk=True).physics.findings(played, 1.0)}

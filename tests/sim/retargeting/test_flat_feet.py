@@ -7,8 +7,8 @@ from controller.loop.safety.safety_envelope import SafetyEnvelope
 from controller.motion.clip import Clip
 from controller.motion.rest_pose import FOOT_SLOPE
 from motiondeck_base.shipped import find_robot
-from sim.retargeting.flat_feet import FlatFeet
 from sim.retargeting.human_limbs import LIMBS, LimbView
+from sim.retargeting.human_stance import FlatFeet
 from sim.robots.fidelity import carry
 from sim.robots.robot import load_robot
 from simulated_bodies import bent_pose, human

@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 from controller.motion.posture import Pose
 from controller.motion.rotations import from_rotation_vector, multiply
 from motiondeck_base.errors import FileFormatError, UnknownNameError
-from sim.models.formats.urdf_text import urdf_speeds
+from sim.models.formats.model_text import urdf_speeds
 from sim.models.joint_layout import JointLayout
 from sim.models.model_file import read_model
 from sim.models.robot_file import read_robot_file

@@ -5,9 +5,8 @@ import pytest
 
 from sim.retargeting.human_limbs import LIMBS
 from sim.robots.calibrate import standing_human
-from sim.robots.limb_causes import limb_causes
+from sim.robots.limb_causes import ReachableLimb, limb_causes
 from sim.robots.limb_directions import LimbDirections, degrees_between
-from sim.robots.reachable import ReachableLimb
 from sim.robots.robot import load_robot
 from simulated_bodies import human
 from small_robots import SERVOS, calibrated, humanoid

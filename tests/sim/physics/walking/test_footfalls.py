@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from sim.physics.walking.footfalls import Footfalls
+from sim.physics.walking.preview import Footfalls
 from walking_soles import walking_soles
 
 DT = 0.005

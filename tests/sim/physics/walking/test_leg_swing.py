@@ -8,7 +8,7 @@ from sim.models.walk_settings import WalkSettings
 from sim.physics.physics_model import feet_of, physics_model
 from sim.physics.walking.capture_point import planned_capture_point
 from sim.physics.walking.gait import Gait
-from sim.physics.walking.leg_swing import leg_swing, legs_carry
+from sim.physics.walking.momentum import leg_swing, legs_carry
 from sim.physics.walking.steps import swing_path
 from sim.physics.walking.whole_body import WholeBody
 from sim.robots.robot import load_robot

@@ -2,8 +2,8 @@ import numpy as np
 import pytest
 
 from sim.models.walk_settings import WalkSettings
-from sim.physics.walking.footfalls import Footfalls
 from sim.physics.walking.gait import Gait
+from sim.physics.walking.preview import Footfalls
 from sim.physics.walking.rolling import from_flat
 from walking_soles import walking_soles
 

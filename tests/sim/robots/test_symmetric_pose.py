@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 
 from controller.motion.rotations import rotate
-from sim.retargeting.symmetric_pose import TUCKED, Bends, symmetric_pose
+from sim.robots.robot import TUCKED, Bends, symmetric_pose
 from simulated_bodies import HUMAN, human, skeleton_of
 
 
