@@ -93,7 +93,7 @@ def test_a_sampled_robot_lets_joints_go_as_fast_as_they_may(tmp_path):
     path = robot_file(tmp_path, humanoid())
     robot = load_sampled_robot(path, human())
     robot.retarget(bent_pose(human()))
-    before = robot.retarget.solver._q.copy()
+    before = robot.retarget.solver.q.copy()
     step = np.abs(robot.retarget(bent_pose(human(), rank=(0, 1.5, 0))) - before) / robot.limits.velocity / DT
     assert step.max() == pytest.approx(1.0)
 
