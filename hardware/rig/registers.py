@@ -31,7 +31,7 @@ def write_each(config: RigConfig, bus: Bus, name: str, values: Sequence[int]) ->
             bus.write(joint.id, register.address, register.encode(value))
 
 
-def tell_all(config: RigConfig, bus: Bus, name: str, value: int) -> bool:
+def sync_write_all(config: RigConfig, bus: Bus, name: str, value: int) -> bool:
     """Writes one value into a register of every servo that has it, unanswered, without waiting; False if not sent."""
     sent = True
     for (_, address, length), members in same_place(config, name).items():

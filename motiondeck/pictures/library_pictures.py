@@ -196,7 +196,7 @@ def _shots(
     from sim.physics.playback import PhysicsPlayback
 
     dt = 1.0 / STEPS_A_SECOND
-    desk, envelope = CommandHandler(CommandedRun(deck), ()), SafetyEnvelope(body.limits, dt)
+    handler, envelope = CommandHandler(CommandedRun(deck), ()), SafetyEnvelope(body.limits, dt)
     stage = KinematicPlayback(body)
     if spec.physics:
         stage = PhysicsPlayback(body, dt, spec.root, spec.balance, spec.walk)
@@ -208,7 +208,7 @@ def _shots(
         while done < ticks:
             while waiting and waiting[0].at <= deck.time:
                 timed = waiting.popleft()
-                reply = desk.carry_out(timed.message, StopRequest())
+                reply = handler.carry_out(timed.message, StopRequest())
                 if isinstance(reply, Refused):
                     raise MotiondeckError(f"the command at {timed.at:g} s was refused: {reply.reason}")
             targets, pose = deck.update(dt)

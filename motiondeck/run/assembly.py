@@ -158,7 +158,7 @@ def _assemble(opening: ExitStack, stop: StopRequest, spec: RunSpec, played: Play
     if recorder is not None:
         children.add("the recorder", recorder.process)
     run = CommandedRun(deck, servos, body, host.restarts, ticker, snapshots=snapshots)
-    desk = CommandHandler(run, servers, recorder.note if recorder is not None else None)
+    handler = CommandHandler(run, servers, recorder.note if recorder is not None else None)
     seen = (lambda: watch.seen) if watch is not None else None
     session = Session(
         spec=spec,
@@ -170,15 +170,15 @@ def _assemble(opening: ExitStack, stop: StopRequest, spec: RunSpec, played: Play
         clock=clock,
         envelope=SafetyEnvelope(all_limits([robot.limits for robot in robots]), clock.period),
         snapshots=snapshots,
-        desk=desk,
-        news=RunNews(desk, clock, channels, servers, seen),
+        handler=handler,
+        news=RunNews(handler, clock, channels, servers, seen),
         children=children,
         command_port=port,
         page_port=page.port if page is not None else None,
         page=shown,
         recorder=recorder,
         watch=watch,
-        wired_stop=WiredStopWatch(wired, desk) if wired is not None else None,
+        wired_stop=WiredStopWatch(wired, handler) if wired is not None else None,
         timeline=list(played.timeline),
         progress=host.progress,
         prompt=host.terminal,

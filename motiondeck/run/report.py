@@ -32,13 +32,13 @@ class RunNews:
 
     def __init__(
         self,
-        desk: CommandHandler,
+        handler: CommandHandler,
         clock: Clock,
         channels: Sequence[Channel],
         servers: Sequence[CommandServer],
         seen: Callable[[], tuple[str, float] | None] | None = None,
     ) -> None:
-        self._desk, self._clock, self._channels, self._servers, self._seen = desk, clock, channels, servers, seen
+        self._handler, self._clock, self._channels, self._servers, self._seen = handler, clock, channels, servers, seen
         self._overruns = self._replayed = 0
         self._faults = [0] * len(channels)
         self._incidents: list[Counter[str]] = [Counter() for _ in channels]
@@ -54,18 +54,18 @@ class RunNews:
             return
         if self._clock.overruns != self._overruns and self._ticks % self._overruns_every < self._faults_every:
             new, self._overruns = self._clock.overruns - self._overruns, self._clock.overruns
-            self._desk.tell("overrun", f"{counted(new, 'tick')} came more than a period late")
+            self._handler.notify("overrun", f"{counted(new, 'tick')} came more than a period late")
         self._report_faults()
         replayed = sum(server.traffic.replayed for server in self._servers)
         if replayed != self._replayed:
             new, self._replayed = replayed - self._replayed, replayed
             text = f"{new} recorded datagrams that were sent again were refused"
-            self._desk.tell("replayed", text)
+            self._handler.notify("replayed", text)
             print(f"motiondeck: {text}", file=sys.stderr)
         seen = self._seen() if self._seen is not None else None
         if seen is not None and seen[0] != self._motion:
             self._motion = seen[0]
-            self._desk.tell("recognized", f"it looks like {seen[0]} (confidence {seen[1]:.2f})", seen[0])
+            self._handler.notify("recognized", f"it looks like {seen[0]} (confidence {seen[1]:.2f})", seen[0])
 
     def _report_faults(self) -> None:
         for index, channel in enumerate(self._channels):
@@ -73,7 +73,7 @@ class RunNews:
                 self._faults[index] = channel.faults
                 fault = f"{channel.output.name}: {channel.fault}"
                 parked = f"{fault.removesuffix('.')}. Nothing more is sent to it"
-                self._desk.tell("fault", parked if channel.parked else fault)
+                self._handler.notify("fault", parked if channel.parked else fault)
             incidents = getattr(channel.output, "incidents", ())
             if not incidents:
                 continue
@@ -82,7 +82,7 @@ class RunNews:
             before, self._incidents[index] = self._incidents[index], now
             news = getattr(channel.output, "news", ())
             for incident in (now - before).elements():
-                self._desk.tell("servo" if incident in news else "fault", f"{channel.output.name}: {incident}")
+                self._handler.notify("servo" if incident in news else "fault", f"{channel.output.name}: {incident}")
 
 
 def run_report(

@@ -52,17 +52,17 @@ class WiredStop(Protocol):
 class WiredStopWatch:
     """Stops while the wired stop is pulled, or if it was since the last poll; until then a reset has no effect."""
 
-    def __init__(self, wired: WiredStop, desk: CommandHandler) -> None:
-        self._wired, self._desk, self._pulls = wired, desk, 0
+    def __init__(self, wired: WiredStop, handler: CommandHandler) -> None:
+        self._wired, self._handler, self._pulls = wired, handler, 0
 
     def poll(self, stop: StopRequest) -> None:
         """Commands the emergency stop if it has to."""
-        wired, desk = self._wired, self._desk
+        wired, handler = self._wired, self._handler
         before, self._pulls = self._pulls, wired.pulls
         if stop.emergency or not (wired.pulled or self._pulls != before):
             return
-        desk.carry_out(EmergencyStop(), stop)
-        desk.tell("fault", f"the emergency stop at {wired.name} was pulled")
+        handler.carry_out(EmergencyStop(), stop)
+        handler.notify("fault", f"the emergency stop at {wired.name} was pulled")
         print(f"motiondeck: the emergency stop at {wired.name} was pulled", file=sys.stderr)
 
 
@@ -96,7 +96,7 @@ class Session:
     clock: Clock
     envelope: SafetyEnvelope
     snapshots: SnapshotSource
-    desk: CommandHandler
+    handler: CommandHandler
     news: RunNews
     children: Children
     command_port: int
@@ -140,7 +140,7 @@ class Session:
                 publish_every=1 if self.recorder or self.watch else self._ticks_a_picture,
                 stop=self.stop,
             )
-        self.desk.tell("ended", report.reason)
+        self.handler.notify("ended", report.reason)
         # The joints first: what else is closed may take its time.
         for channel in self.channels:
             channel.output.close()
@@ -170,7 +170,7 @@ class Session:
         """Carries out commands of the sockets, and those of the timeline that are due."""
         while self.timeline and self.timeline[0].at <= self.deck.time:
             timed = self.timeline.pop(0)
-            reply = self.desk.carry_out(timed.message, stop)
+            reply = self.handler.carry_out(timed.message, stop)
             if isinstance(reply, Refused):
                 self._refused.append({"at": timed.at, "reason": reply.reason})
         if isinstance(self.deck, RecordedDeck) and self.deck.over:
@@ -180,7 +180,7 @@ class Session:
                 stop.ask(f"the rig is lost: {robot.rig.fault}")
         if self.wired_stop is not None:
             self.wired_stop.poll(stop)
-        self.desk(stop)
+        self.handler(stop)
         self.news.update()
 
     def _measured(self) -> Array | None:

@@ -63,9 +63,9 @@ class CommandHandler:
         if (stop.mode, self._deck.paused) != self._sent_mode:
             self._send_mode(stop.mode, self._deck.paused)
 
-    def tell(self, kind: EventKind, text: str, motion: str = "") -> None:
+    def notify(self, kind: EventKind, text: str, motion: str = "") -> None:
         """Sends an event to all subscribers."""
-        self._listeners.tell(kind, text, motion)
+        self._listeners.notify(kind, text, motion)
 
     def carry_out(self, message: DeckCommand, stop: StopRequest) -> Reply:
         """Carries out one command of the run itself; its reply."""
@@ -93,7 +93,7 @@ class CommandHandler:
 
     def _send_fall(self, fallen: bool) -> None:
         self._fallen = fallen
-        self.tell(
+        self.notify(
             *(("fell", "the robot has fallen") if fallen else ("stands", "the robot stands again")), self._deck.motion
         )
 
@@ -101,6 +101,6 @@ class CommandHandler:
         mode_before, paused_before = self._sent_mode
         self._sent_mode = mode, paused
         if mode != mode_before:
-            self.tell("mode", mode)
+            self.notify("mode", mode)
         if paused != paused_before:
-            self.tell("paused" if paused else "resumed", "paused" if paused else "plays on", self._deck.motion)
+            self.notify("paused" if paused else "resumed", "paused" if paused else "plays on", self._deck.motion)

@@ -54,7 +54,7 @@ class Listeners:
         elif isinstance(message, Heartbeat):
             listener.within = message.within
 
-    def tell(self, kind: EventKind, text: str, motion: str = "") -> None:
+    def notify(self, kind: EventKind, text: str, motion: str = "") -> None:
         """Sends an event of now to all subscribers."""
         self.send(Event(kind, text, motion, self._deck.time))
 
@@ -75,7 +75,7 @@ class Listeners:
             if listener.within and (gone or silent > listener.within):
                 self._deck.pause()
                 del self.known[sender]
-                self.tell("lost", f"paused: a client has {'gone' if gone else f'been silent for {silent:.2f} s'}")
+                self.notify("lost", f"paused: a client has {'gone' if gone else f'been silent for {silent:.2f} s'}")
             elif gone or (listener.client.server.remote and silent > _FORGOTTEN_AFTER):
                 del self.known[sender]
 

@@ -30,7 +30,7 @@ from hardware.rig.counters import RigFaults
 from hardware.rig.driving.readings import Measurements, Readings
 from hardware.rig.driving.state_block import StateBlock, arrange_state
 from hardware.rig.driving.wire_load import refuse_slow_wire
-from hardware.rig.registers import return_delays, same_place, tell_all
+from hardware.rig.registers import return_delays, same_place, sync_write_all
 from hardware.rig.rig_file import RigConfig
 from hardware.rig.scale import Array, RigScale
 from hardware.rig.switching.identities import knows_fast_reads
@@ -158,7 +158,7 @@ class ServoPort:
         """Takes the torque off the servos of these joints, shape (J,), unanswered and without waiting."""
         own = np.flatnonzero(joints[self.joints]).tolist()
         if own and not self.gone:
-            tell_all(self.part.only(own), self.bus, "torque_enable", 0)
+            sync_write_all(self.part.only(own), self.bus, "torque_enable", 0)
 
     def close(self) -> list[str]:
         """Switches off, or holds, as the rig file asks; returns the joints that did not confirm it."""
@@ -181,7 +181,7 @@ class ServoPort:
         now = self.bus.port.now()
         if not self._armed or now >= self._arm_next:
             units = round(self.part.watchdog_ms * 1e-3 / WATCHDOG_UNIT)
-            self._armed = tell_all(self.part, self.bus, "bus_watchdog", units) or self._armed
+            self._armed = sync_write_all(self.part, self.bus, "bus_watchdog", units) or self._armed
             self._arm_next = now + _ARM_AGAIN
             self._paced = False
         data = _frames(self._goals, counts)

@@ -8,7 +8,7 @@ from hardware.bus.servo_bus import Bus, Identity
 from hardware.control_table.meanings import describe_errors
 from hardware.control_table.servo_traits import TRAITS
 from hardware.errors import RigError, ServoError
-from hardware.rig.registers import list_joints, read_each, read_register, tell_all
+from hardware.rig.registers import list_joints, read_each, read_register, sync_write_all
 from hardware.rig.rig_file import RigConfig, RigJoint
 from hardware.rig.switching.audit import ANSWER_EVERYTHING
 
@@ -43,7 +43,7 @@ def check_identities(config: RigConfig, bus: Bus) -> None:
 
 def raise_answer_level(config: RigConfig, bus: Bus) -> None:
     """Sets servos to answer every instruction: a mute one would look like one that is missing."""
-    tell_all(config.only(_answer_by_ram(config)), bus, "status_return_level", ANSWER_EVERYTHING)
+    sync_write_all(config.only(_answer_by_ram(config)), bus, "status_return_level", ANSWER_EVERYTHING)
 
 
 def raise_answer_level_in_eeprom(config: RigConfig, bus: Bus) -> None:
@@ -60,8 +60,8 @@ def raise_answer_level_in_eeprom(config: RigConfig, bus: Bus) -> None:
         except ServoError:
             right = False
         if not right:
-            tell_all(config.only([index]), bus, "torque_enable", 0)
-            tell_all(config.only([index]), bus, "status_return_level", ANSWER_EVERYTHING)
+            sync_write_all(config.only([index]), bus, "torque_enable", 0)
+            sync_write_all(config.only([index]), bus, "status_return_level", ANSWER_EVERYTHING)
 
 
 def _answer_by_ram(config: RigConfig) -> list[int]:

@@ -12,7 +12,7 @@ import numpy as np
 
 from hardware.bus.servo_bus import Bus
 from hardware.errors import NoReplyError, RigError, SerialPortError, ServoError
-from hardware.rig.registers import list_joints, read_each, read_register, tell_all, write_each
+from hardware.rig.registers import list_joints, read_each, read_register, sync_write_all, write_each
 from hardware.rig.rig_file import RigConfig, RigJoint
 from hardware.rig.scale import Array, RigScale
 from hardware.rig.switching.audit import POSITION_MODE, audit, in_counts, position_ends, settle
@@ -120,8 +120,8 @@ def switch_off(config: RigConfig, bus: Bus) -> list[str]:
 
     unconfirmed = list(config.joints)
     try:
-        tell_all(config, bus, "torque_enable", 0)
-        tell_all(config, bus, "bus_watchdog", 0)
+        sync_write_all(config, bus, "torque_enable", 0)
+        sync_write_all(config, bus, "bus_watchdog", 0)
         for _ in range(_ROUNDS):
             unconfirmed = [joint for joint in unconfirmed if not confirms(joint)]
     except SerialPortError:
@@ -134,7 +134,7 @@ def hold_each(config: RigConfig, bus: Bus) -> list[str]:
     unconfirmed: list[str] = []
     ends = position_ends(config).astype(np.int64).T.tolist()
     try:
-        tell_all(config, bus, "bus_watchdog", 0)
+        sync_write_all(config, bus, "bus_watchdog", 0)
         for joint, (low, high) in zip(config.joints, ends, strict=True):
             one = msgspec.structs.replace(config, joints=(joint,))
             try:
@@ -161,7 +161,7 @@ def _take_torque_on(config: RigConfig, bus: Bus) -> None:
             one = config.only([index])
             if read_each(one, bus, "profile_velocity") != [speed_counts(config.joints[index], 1.0)]:
                 raise RigError(f"{list_joints(one.joints)} has restarted while it was switched on. Check its power.")
-            tell_all(one, bus, "torque_enable", 1)
+            sync_write_all(one, bus, "torque_enable", 1)
         off = [index for index in off if read_each(config.only([index]), bus, "torque_enable") == [0]]
     if off:
         raise RigError(f"{list_joints(config.only(off).joints)} did not take torque on. Try again.")

@@ -125,7 +125,7 @@ def test_only_who_has_subscribed_is_told_what_happens(desk):
     assert desk.tick() == []
     desk.ask(Subscribe(), "listener")
     desk.deck.events.append(Event("settled", "jog after 0.50 s", "jog", 1.4))
-    desk.desk.tell("fault", "rig: it is gone")
+    desk.desk.notify("fault", "rig: it is gone")
     assert desk.tick() == [Event("settled", "jog after 0.50 s", "jog", 1.4, 3)]
     assert {receiver for receiver, _ in desk.server.replies} == {"listener"}
 
@@ -169,10 +169,10 @@ def test_who_ends_its_heartbeat_may_go(desk):
 def test_a_subscriber_over_a_network_is_forgotten_when_it_is_silent():
     desk = Desk(remote=True)
     desk.ask(Subscribe(), "listener")
-    desk.desk.tell("fault", "one")
+    desk.desk.notify("fault", "one")
     assert len(desk.server.replies) == 2
     desk.tick(61.0)
-    desk.desk.tell("fault", "two")
+    desk.desk.notify("fault", "two")
     assert desk.server.replies == []
 
 

@@ -48,16 +48,18 @@ def session(library, recognizer, seconds, timeline=()):
     return open_session(spec, played, Host(clock=VirtualClock(100.0)))
 
 
-def test_what_the_deck_plays_is_recognized_and_told(library, file, monkeypatch):
+def test_what_the_deck_plays_is_recognized_and_reported(library, file, monkeypatch):
     timeline = [Timed(3.0, Switch(to="wave"))]
-    told = []
-    tell = CommandHandler.tell
-    monkeypatch.setattr(CommandHandler, "tell", lambda desk, *event: (told.append(event), tell(desk, *event)))
+    events = []
+    notify = CommandHandler.notify
+    monkeypatch.setattr(CommandHandler, "notify", lambda self, *event: (events.append(event), notify(self, *event)))
     with session(library, str(file), 6.0, timeline) as run:
         report = run.run()
-    recognized = [motion for kind, _, *motion in told if kind == "recognized"]
+    recognized = [motion for kind, _, *motion in events if kind == "recognized"]
     assert recognized == [["march"], ["wave"]]
-    assert re.fullmatch(r"it looks like march \(confidence 0\.\d\d\)", next(e[1] for e in told if e[0] == "recognized"))
+    assert re.fullmatch(
+        r"it looks like march \(confidence 0\.\d\d\)", next(e[1] for e in events if e[0] == "recognized")
+    )
     first = {one["motion"]: one["at"] for one in reversed(report["recognition"]["seen"])}
     assert first.keys() <= {"march", "wave", None}
     assert 0.0 < first["march"] < 1.0
