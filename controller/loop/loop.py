@@ -108,7 +108,8 @@ def run(
         channels: the outputs; when all of them are parked the loop ends.
         seconds: how long to play; approach and stop are not counted.
         rest: joint positions (J,), rad, to end at; without them the joints stay where they stop.
-        commands: carries out commands once a tick; it may request a stop, and must not wait.
+        commands: carries out commands once a tick; it may request a stop, and must not wait. If it keeps raising, the
+            joints come to rest and the loop ends: a deck that nothing can stop must not play on.
         publish: called with the state every `publish_every` ticks; it must not wait.
         stop: ends the loop when set; if set before the first tick nothing moves. By default one that signals set.
     """
@@ -124,6 +125,8 @@ def run(
             while True:
                 if commands:
                     commanding.call(commands, stop)
+                    if commanding.given_up:
+                        stop.ask(f"commands keep failing: {commanding.fault}")
                 for channel in channels:
                     channel.read(state.tick)
                 if pace.may_write(began):

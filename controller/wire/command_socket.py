@@ -8,6 +8,7 @@ are counted and, up to a limit, refused.
 from __future__ import annotations
 
 import itertools
+import math
 import time
 from collections import Counter, deque
 from collections.abc import Hashable, Iterator
@@ -15,7 +16,14 @@ from dataclasses import dataclass
 
 import msgspec
 
-from controller.wire.local_transport import DEFAULT_PORT, LocalConnection, LocalListener, PeerGoneError, SocketError
+from controller.wire.local_transport import (
+    DEFAULT_PORT,
+    MOST_CLIENTS,
+    LocalConnection,
+    LocalListener,
+    PeerGoneError,
+    SocketError,
+)
 from controller.wire.messages.arguments import CommandError
 from controller.wire.messages.command_row import Natural
 from controller.wire.messages.command_table import read_command
@@ -30,6 +38,11 @@ _LINE = 32  # further commands of a sender that queue for the next polls; beyond
 _REFUSALS = 8  # refusals of malformed datagrams in one poll: each costs as much as a command
 _TAKEN = 320  # datagrams received in one poll
 _WAITING = 256  # datagrams kept for later polls
+_FULL = (
+    f"the deck is full: {MOST_CLIENTS} programs are connected, as many as it takes. End one of them. "
+    "An emergency stop is taken all the same"
+)
+_STOP_AGAIN = 0.05  # s after which an emergency stop over a network is sent again, until it is answered
 _REMEMBERED = 256  # second replies that a client keeps for `wait_settled`
 
 Address = Hashable
@@ -56,7 +69,7 @@ class CommandServer:
             SocketError: if the port is in use or out of range, or an address is given without a token.
         """
         if host is None:
-            self._listener = LocalListener(port)
+            self._listener = LocalListener(port, encode(Refused(_FULL, 0)))
         elif token is None:
             raise SocketError(f"commands at {host} need a token; give one with --token-file FILE")
         else:
@@ -80,8 +93,8 @@ class CommandServer:
 
         Per sender a few are taken in a poll, and some more queue for the next polls.
         """
-        self._take()
         self._refusals = 0
+        self._take()
         share: Counter[Address] = Counter()
         for _ in range(min(limit, len(self._waiting))):
             data, sender = self._waiting.popleft()
@@ -125,7 +138,9 @@ class CommandServer:
     def _take(self) -> None:
         """Reads what has arrived, an emergency stop to the front; what exceeds the limits is dropped and counted."""
         for datagram in self._listener.receive(MOST_BYTES + 1, _TAKEN):
-            if b'"estop"' in datagram[0]:
+            if datagram[1].reserved and not _is_stop(datagram[0]):
+                self._refuse(*datagram, _FULL)
+            elif b'"estop"' in datagram[0]:
                 self._waiting.appendleft(datagram)
             else:
                 self._waiting.append(datagram)
@@ -164,6 +179,7 @@ class CommandClient:
         Raises:
             SocketError: if the address or port cannot exist.
         """
+        self._over_network = host is not None and token is not None
         self._connection = (
             LocalConnection(port, patience) if host is None or token is None else NetworkConnection(port, host, token)
         )
@@ -181,14 +197,24 @@ class CommandClient:
         return number
 
     def request(self, message: DeckCommand, timeout_s: float = 1.0) -> Reply:
-        """Sends a command and waits for its first reply; raises a SocketError if no deck replies in time."""
-        number = self.post(message)
+        """Sends a command and waits for its first reply; raises a SocketError if no deck replies in time.
+
+        An emergency stop over a network is sent again and again until it is answered: datagrams are lost.
+        """
+        numbers = {self.post(message)}
+        again = _STOP_AGAIN if isinstance(message, EmergencyStop) and self._over_network else math.inf
         deadline = time.monotonic() + timeout_s
-        while reply := self.receive(deadline - time.monotonic()):
-            if reply.id == number:
+        while True:
+            left = deadline - time.monotonic()
+            reply = self.receive(min(left, again))
+            if reply is None and left <= again:
+                raise PeerGoneError("the deck does not reply: it has ended, or is held up")
+            if reply is None:
+                numbers.add(self.post(message))
+            elif reply.id in numbers or (reply.id == 0 and isinstance(reply, Refused)):
                 return reply
-            self._remember(reply)
-        raise PeerGoneError("the deck does not reply: it has ended, or is held up")
+            else:
+                self._remember(reply)
 
     def wait_settled(self, number: int, timeout_s: float = 10.0) -> SecondReply | None:
         """Waits for the second reply to the command with this number; None if there is none in time.

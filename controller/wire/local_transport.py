@@ -23,6 +23,7 @@ from motiondeck_base.errors import MotiondeckError
 DEFAULT_PORT = 47810
 
 MOST_CLIENTS = 64
+RESERVED = 16  # further connections, of which only an emergency stop is taken
 _FREE_NUMBERS = range(49152, 65536)
 _CREDENTIALS = struct.Struct("3i")  # process, user and group of a peer
 
@@ -62,10 +63,10 @@ def command_folder() -> Path:
 
 
 class LocalClient:
-    """A program that is connected to a deck."""
+    """A program that is connected to a deck; in a reserved place it may give an emergency stop only."""
 
-    def __init__(self, connection: socket.socket) -> None:
-        self.connection = connection
+    def __init__(self, connection: socket.socket, reserved: bool) -> None:
+        self.connection, self.reserved = connection, reserved
 
 
 class LocalListener:
@@ -73,12 +74,18 @@ class LocalListener:
 
     remote = False
 
-    def __init__(self, port: int) -> None:
-        """Takes a number, 0 for any free one; raises a SocketError if another deck has it, or it is out of range."""
+    def __init__(self, port: int, full: bytes) -> None:
+        """Takes a number, 0 for any free one; raises a SocketError if another deck has it, or it is out of range.
+
+        Args:
+            full: what a program reads that has to leave its reserved place to a later one.
+        """
         _check(port)
+        self._full = full
         self._socket = socket.socket(socket.AF_UNIX, socket.SOCK_SEQPACKET)
         self._socket.setblocking(False)
         self._clients: dict[int, LocalClient] = {}
+        self._reserved: list[LocalClient] = []  # the longest connected first
         folder = command_folder()
         try:
             with _locked(folder):
@@ -110,16 +117,23 @@ class LocalListener:
                     self._accept()
                 elif data := self._read(client := self._clients[number], most_bytes):
                     yield data, client
+            # Only now, after all that has arrived is read: an emergency stop is not lost with its connection.
+            while len(self._reserved) > RESERVED:
+                self.send(self._reserved[0], self._full)
+                self._drop(self._reserved[0])
 
     def _accept(self) -> None:
         with contextlib.suppress(OSError):
             client, _ = self._socket.accept()
             client.setblocking(False)
             user = _CREDENTIALS.unpack(client.getsockopt(socket.SOL_SOCKET, socket.SO_PEERCRED, _CREDENTIALS.size))[1]
-            if user not in (0, os.geteuid()) or len(self._clients) >= MOST_CLIENTS:
+            if user not in (0, os.geteuid()):
                 client.close()
                 return
-            self._clients[client.fileno()] = LocalClient(client)
+            place = LocalClient(client, len(self._clients) - len(self._reserved) >= MOST_CLIENTS)
+            self._clients[client.fileno()] = place
+            if place.reserved:
+                self._reserved.append(place)
             self._ready.register(client, select.EPOLLIN)
 
     def _read(self, client: LocalClient, most_bytes: int) -> bytes:
@@ -131,10 +145,15 @@ class LocalListener:
             return b""
         except OSError:
             pass
+        self._drop(client)
+        return b""
+
+    def _drop(self, client: LocalClient) -> None:
         del self._clients[client.connection.fileno()]
+        if client.reserved:
+            self._reserved.remove(client)
         self._ready.unregister(client.connection)
         client.connection.close()
-        return b""
 
     def fileno(self) -> int:
         """Readable when there is something to receive."""
@@ -202,8 +221,18 @@ class LocalConnection:
         except (TimeoutError, BlockingIOError):
             raise self._held_up() from None
         except OSError:
+            if self._last_word():
+                return  # `receive` gives it
             self.close()
             raise self._not_running() from None
+
+    def _last_word(self) -> bool:
+        """Whether the deck has said why it closed the connection."""
+        assert self._socket is not None
+        try:
+            return bool(self._socket.recv(1, socket.MSG_PEEK | socket.MSG_DONTWAIT))
+        except OSError:
+            return False
 
     def receive(self, timeout_s: float) -> bytes | None:
         """The next datagram, or None if none arrives in time; without any time it does not wait at all.

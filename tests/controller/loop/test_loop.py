@@ -241,6 +241,22 @@ def test_a_command_stops_the_loop_and_a_failing_one_does_not():
     assert report.faults["commands"] == (len(calls) + 1) // 2
 
 
+def test_commands_that_keep_failing_end_the_run_with_the_joints_at_rest():
+    """A deck that hears no emergency stop must not play on."""
+    calls, output = [], Recording()
+
+    def commands(stop):
+        calls.append(stop)
+        if len(calls) > 300:
+            raise OSError("stderr is gone")
+
+    report = play(WavingDeck(), Channel(output), commands=commands, seconds=1e4)
+    assert report.reason == "commands keep failing: OSError: stderr is gone"
+    assert report.ticks < 1000
+    assert_calm(output.written)
+    assert np.allclose(output.written[-1], output.written[-2], atol=1e-9)
+
+
 def test_telemetry_is_shown_every_so_many_ticks_and_given_up_when_it_keeps_failing():
     seen = []
 

@@ -5,13 +5,13 @@ import socket
 import subprocess
 import sys
 import time
-from contextlib import closing
+from contextlib import ExitStack, closing
 
 import pytest
 
 from controller.wire.command_socket import CommandClient, CommandServer, SocketError
-from controller.wire.local_transport import command_folder
-from controller.wire.messages.commands import GetStatus, Pause
+from controller.wire.local_transport import MOST_CLIENTS, RESERVED, command_folder
+from controller.wire.messages.commands import EmergencyStop, GetStatus, Pause
 
 
 @pytest.fixture
@@ -107,6 +107,56 @@ def test_a_crowd_of_clients_is_limited_and_those_there_are_served(folder):
         assert [type(message) for message, _ in server.poll()] == [GetStatus]
         for one in crowd:
             one.close()
+
+
+@pytest.fixture
+def full(folder):
+    """A server with as many idle programs connected as it takes, and a function that connects more."""
+    with closing(CommandServer(0)) as server, ExitStack() as opened:
+
+        def connect(count):
+            clients = []
+            for number in range(count):
+                clients.append(opened.enter_context(closing(CommandClient(server.port))))
+                clients[-1].post(GetStatus())
+                if number % 16 == 15:
+                    list(server.poll())
+            list(server.poll())
+            return clients
+
+        connect(MOST_CLIENTS)
+        yield server, connect
+
+
+def test_a_full_deck_says_that_it_is_full(full):
+    _, connect = full
+    (late,) = connect(1)
+    assert "the deck is full" in late.receive(1.0).reason
+
+
+@pytest.mark.parametrize("idle", [0, RESERVED, 300])
+def test_an_emergency_stop_finds_a_place_in_a_full_deck(full, idle):
+    server, connect = full
+    connect(idle)
+    with closing(CommandClient(server.port)) as client:
+        number = client.post(EmergencyStop())
+        assert [message for message, _ in server.poll()] == [EmergencyStop(id=number)]
+
+
+def test_a_program_that_had_to_leave_its_reserved_place_reads_why(full):
+    _, connect = full
+    first, *_ = connect(RESERVED + 1)
+    assert "the deck is full" in first.receive(1.0).reason  # the reply to its command
+    assert "the deck is full" in first.request(GetStatus(), 1.0).reason
+
+
+def test_a_place_that_is_left_is_taken_by_the_next(full):
+    server, connect = full
+    (late,) = connect(1)
+    late.close()
+    list(server.poll())
+    (again,) = connect(1)
+    assert "the deck is full" in again.receive(1.0).reason
 
 
 def post_many(clients):

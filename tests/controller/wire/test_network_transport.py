@@ -1,6 +1,9 @@
 """Commands over a network: who has the token is heard once, and nothing that was recorded is heard again."""
 
+import random
+import select
 import socket
+import threading
 import time
 from contextlib import closing, suppress
 
@@ -85,6 +88,63 @@ def server():
 def client(server):
     with closing(CommandClient(server.port, HERE, TOKEN)) as client:
         yield greeted(client, server)
+
+
+class LossyRelay:
+    """Passes datagrams on between a client and a server, and loses some of them each way."""
+
+    def __init__(self, port, loss):
+        self._near = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
+        self._near.bind((HERE, 0))
+        self._far = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
+        self._far.connect((HERE, port))
+        self.port = self._near.getsockname()[1]
+        self._loss, self._chance, self._client = loss, random.Random(3), None
+        self.open = True
+        self._thread = threading.Thread(target=self._pass_on, daemon=True)
+        self._thread.start()
+
+    def _pass_on(self):
+        while self.open:
+            for ready in select.select([self._near, self._far], [], [], 0.01)[0]:
+                data, sender = ready.recvfrom(65536)
+                if ready is self._near:
+                    self._client = sender
+                if self._chance.random() < self._loss:
+                    continue
+                if ready is self._near:
+                    self._far.send(data)
+                else:
+                    self._near.sendto(data, self._client)
+
+    def close(self):
+        self.open = False
+        self._thread.join()
+        self._near.close()
+        self._far.close()
+
+
+def test_an_emergency_stop_arrives_over_a_network_that_loses_a_fifth_each_way(server):
+    received, playing = [], True
+
+    def serve():
+        while playing:
+            select.select([server], [], [], 0.01)
+            for message, sender in server.poll():
+                received.append(message)
+                server.reply(sender, Accepted(message.id))
+
+    deck = threading.Thread(target=serve, daemon=True)
+    deck.start()
+    with closing(LossyRelay(server.port, 0.2)) as relay:
+        for _ in range(40):
+            with closing(CommandClient(relay.port, HERE, TOKEN)) as client:
+                began, before = time.monotonic(), len(received)
+                assert isinstance(client.request(EmergencyStop(), 1.0), Accepted)
+                assert time.monotonic() - began < 1.0
+                assert len(received) > before
+    playing = False
+    deck.join()
 
 
 def test_who_has_the_token_is_heard_and_answered_under_seal(server, client):
