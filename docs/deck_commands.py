@@ -16,11 +16,12 @@ _BETWEEN = re.compile(r"(<!-- commands, by deck_commands.py -->\n).*?(<!-- end o
 
 def with_table(text: str) -> str:
     """The page with the table that the rows give."""
-    rows = ["| command | what it does | also in |", "|---|---|---|"]
+    rows = ["| command | what it does | also in | in an emergency stop |", "|---|---|---|---|"]
     for row in COMMANDS:
         words = ", ".join(f"`{word}`" for word in (row.usage, *row.aliases)).replace("|", r"\|")
         uses = ", ".join("at" if use == "timed" else use for use in row.uses)
-        rows.append(f"| {words} | {row.help} | {uses} |")
+        stopped = "taken" if "emergency stop" in row.modes else ""
+        rows.append(f"| {words} | {row.help} | {uses} | {stopped} |")
     table = "\n".join(rows)
     return _BETWEEN.sub(lambda found: f"{found[1]}\n{table}\n\n{found[2]}", text)
 

@@ -238,7 +238,7 @@ class ReadRegisters(CommandMessage, frozen=True, tag="registers"):
 class WriteRegister(CommandMessage, frozen=True, tag="write"):
     """Write a register of a servo whose torque is off; only what the rig does not rely on."""
 
-    row = CommandRow(("script", "replay"), ALWAYS, record=20, second_reply="servos")
+    row = CommandRow(("script", "replay"), record=20, second_reply="servos")
     joint: Annotated[str, _JOINT]
     register: Annotated[str, Text("REGISTER", "the name of a register")]
     count: Annotated[int, Number("COUNT", -32768, 65535, whole=True)]  # the new value, in the register's own counts
