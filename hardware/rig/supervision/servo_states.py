@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from hardware.rig.scale import Array
+if TYPE_CHECKING:  # the page reads this file without the control tables
+    from hardware.rig.scale import Array
 
 CONDITIONS = (
     "well",
