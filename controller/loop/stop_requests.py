@@ -25,6 +25,7 @@ class StopRequest:
         mode: whether the joints follow the deck, stand at home, are held, or are held by the emergency stop.
         at_rest: whether the joints have come to rest where they are held; set by the loop.
         approaching: whether the joints are on their slow way to the motion, whose time waits; set by the loop.
+        presses: how often the emergency stop was commanded, while it was on too.
         then: the library file and the motion to start again with, if that was asked for.
     """
 
@@ -32,6 +33,7 @@ class StopRequest:
     mode: Mode = "playing"
     at_rest: bool = False
     approaching: bool = False
+    presses: int = 0
     then: tuple[str, str] | None = None
 
     @property
@@ -47,6 +49,7 @@ class StopRequest:
     def emergency_stop(self) -> None:
         """Sets the emergency stop: the joints brake from this tick on and stay where they come to rest."""
         self.mode, self.at_rest = "emergency stop", False
+        self.presses += 1
 
     def reset(self) -> None:
         """Releases the emergency stop; the joints stay where they are.

@@ -6,6 +6,9 @@ import math
 import os
 import time
 from collections.abc import Callable
+from typing import Literal
+
+import msgspec
 
 from controller.wire.messages.arguments import CommandError
 from controller.wire.messages.commands import DeckCommand
@@ -29,10 +32,12 @@ REPORTED_AFTER = 3.0
 """A cue that waits longer for decks reports what it waits for, s."""
 
 _NO_CUES = "all cues have been given: type commands to go on"
-_SAID = 0.5  # s within which a deck reports its emergency stop
-_HISTORY = 16  # emergency stops that were seen
+_HISTORY = 64  # emergency stops that were seen
 
 Notify = Callable[[str], None]
+
+StopAt = Literal["", "not reached", "holds", "reset"]
+"""How far a deck is with the emergency stop that stands; "" while there is none."""
 
 
 class Conductor:
@@ -42,7 +47,6 @@ class Conductor:
         first: the number of the first cue, from 0.
 
     Attributes:
-        stopped_by: the member that gave the emergency stop, or ""; `go` goes on.
         given: the time of each cue that was sent, s, by its number from 0.
     """
 
@@ -55,7 +59,6 @@ class Conductor:
         self._arrived = Mailbox[tuple[str, bytes]]()
         self.cues = CueList(show.cues, show.lead, now(), first)
         self._number = 0
-        self._stopped_at = 0.0
         self._stops: list[str] = []
         self._to_publish: list[tuple[float, bytes]] = []
         self._reported_waiting: ShowCue | None = None
@@ -65,7 +68,7 @@ class Conductor:
         self._seen = SeenDecks(show, self._run, notify, now)
         self.decks = self._seen.by_name
         self.given: dict[int, float] = {}
-        self.stopped_by = ""
+        self._stop: EmergencyStopAll | None = None  # the latest; it stands until it is over
         link.answer("clock", self._time)
         link.subscribe("health/*", self._receive)
         link.subscribe("stop", self._receive)
@@ -75,6 +78,12 @@ class Conductor:
     def fileno(self) -> int:
         """Readable when there is something to do, for `select`."""
         return self._arrived.fileno()
+
+    @property
+    def stopped_by(self) -> str:
+        """The member that gave the emergency stop that stands, or ""."""
+        stop = self._stop
+        return "" if stop is None or stop.over else stop.by or "a deck without a name"
 
     @property
     def over(self) -> bool:
@@ -108,10 +117,11 @@ class Conductor:
     def go(self) -> str:
         """Passes a hold point, or goes on after an emergency stop; the outcome in words."""
         if self.stopped_by:
-            still = [deck.name for deck in self._seen.present if self._is_stopped(deck)]
+            still = [deck.name for deck in self._seen.present if self.stop_at(deck) != "reset"]
             if still:
                 return f"first reset the emergency stop at: {', '.join(still)}"
-            self.stopped_by = ""
+            assert self._stop is not None
+            self._stop = msgspec.structs.replace(self._stop, over=True)
             self._seen.forget_sent()
             self.cues.hold()
             then = "go again for the next cue" if not self.over else f"{_NO_CUES}, but for example: all resume"
@@ -153,11 +163,10 @@ class Conductor:
     def stop(self) -> None:
         """Stops all decks at once."""
         stop = EmergencyStopAll(CONDUCTOR, os.urandom(8).hex())
-        self._stops.append(stop.id)
         now = self.now()
         self._to_publish = [(now + STOP_AGAIN * again, encode(stop)) for again in range(1, STOP_SAID)]
         self._link.publish("stop", encode(stop))
-        self._stopped_by(CONDUCTOR)
+        self._note_stop(stop)
 
     # Messages of decks.
 
@@ -165,7 +174,7 @@ class Conductor:
         self._arrived.put((key, data))
 
     def _time(self) -> bytes:
-        return encode(Time(self._run, self.now(), self.show.if_lost, self.show.lost_after))
+        return encode(Time(self._run, self.now(), self.show.if_lost, self.show.lost_after, self._stop))
 
     def _take(self, key: str, data: bytes) -> None:
         kind, _, name = key.partition("/")
@@ -178,19 +187,27 @@ class Conductor:
             self._seen.introduce(name, about)
         elif kind == "health" and (health := read(data, DeckHealth)) is not None:
             self._seen.note_health(name, health)
+            if self._stop is None and health.stop is not None:  # given while another conductor ran, or none
+                self._note_stop(health.stop)
         elif kind == "stop" and (stop := read(data, EmergencyStopAll)) is not None and stop.id not in self._stops:
-            self._stops = [*self._stops[-_HISTORY:], stop.id]
             self._link.publish("stop", data)
-            self._stopped_by(stop.by)
+            self._note_stop(stop)
 
-    def _is_stopped(self, deck: SeenDeck) -> bool:
-        """Whether a deck is in the emergency stop, or has not said that it is not."""
-        return deck.health is None or deck.heard < self._stopped_at + _SAID or deck.health.mode == "emergency stop"
+    def stop_at(self, deck: SeenDeck) -> StopAt:
+        """How far a deck is with the emergency stop that stands; a deck that has not said so is not reset."""
+        if not self.stopped_by:
+            return ""
+        health = deck.health
+        if health is None or health.stop is None or self._stop is None or health.stop.id != self._stop.id:
+            return "not reached"
+        return "holds" if health.mode == "emergency stop" else "reset"
 
-    def _stopped_by(self, name: str) -> None:
-        self.stopped_by, self._stopped_at = name or "a deck without a name", self.now()
-        source = "the conductor" if name == CONDUCTOR else self.stopped_by
-        self._notify(f"emergency stop by {source}; reset each deck where it is, then: go")
+    def _note_stop(self, stop: EmergencyStopAll) -> None:
+        self._stop = stop
+        self._stops = [*self._stops[-_HISTORY:], stop.id]
+        if self.stopped_by:
+            source = "the conductor" if stop.by == CONDUCTOR else self.stopped_by
+            self._notify(f"emergency stop by {source}; reset each deck where it is, then: go")
 
     # Cues.
 

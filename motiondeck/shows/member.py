@@ -7,6 +7,7 @@ the phase of the show.
 
 from __future__ import annotations
 
+import math
 import os
 import random
 import select
@@ -20,7 +21,7 @@ from controller.wire.command_socket import CommandClient, CommandServer
 from controller.wire.messages import commands
 from controller.wire.messages.arguments import CommandError
 from controller.wire.messages.events import Event
-from controller.wire.messages.replies import PhaseNow, Refused, State
+from controller.wire.messages.replies import Accepted, PhaseNow, Refused, State
 from motiondeck.shows.clock_estimate import ClockEstimate, RoundTrip
 from motiondeck.shows.link import Link, Mailbox
 from motiondeck.shows.membership import CONDUCTOR
@@ -52,7 +53,9 @@ STOP_SAID, STOP_AGAIN = 5, 0.02
 _ASKS_FIRST, _FIRST = 0.05, 40  # so often, s, for the first questions; after them the time counts as known
 _IRREGULAR = 0.6, 1.4
 _PATIENCE = 1.0  # s for an answer
-_OWN_DOING = 1.0  # s within which the deck reports an emergency stop that this member gave
+_OWN_DOING = 1.0  # s within which the deck reports an emergency stop of this member that it has accepted
+_JOINS_WITHIN = 1.0  # s at the start for a conductor or a standing stop to be heard, before the deck moves
+_LISTENS = 0.4  # s of them after the conductor's first answer, for stops that a new conductor does not know yet
 _REMEMBERED = 64  # emergency stops that were passed on
 
 _THEN: dict[Lost, str] = {
@@ -95,8 +98,12 @@ class Member:
         self._step: CommonRound | None = None
         self._state: State | None = None
         self._problem, self._problems = "", 0
-        self._stopped_at = -_OWN_DOING
         self._stops: deque[str] = deque(maxlen=_REMEMBERED)
+        self._last: EmergencyStopAll | None = None  # the latest that the deck has carried out
+        self._held_by: EmergencyStopAll | None = None  # the one whose reset the deck waits for
+        self._stopping: dict[int, EmergencyStopAll | None] = {}  # what the deck has not accepted yet
+        self._accepted_until = -math.inf
+        self._joined_at = now() + _JOINS_WITHIN
         self._to_publish: list[tuple[float, bytes]] = []
         self._commands: dict[int, str] = {}
         deck.post(commands.Subscribe())
@@ -124,10 +131,7 @@ class Member:
             self._take(key, data)
         self._carry_out()
         for message, sender in self._leader.poll():
-            asks = isinstance(message, commands.GetPhase)
-            self._leader.reply(
-                sender, self._phase(message.id) if asks else Refused("this is a show, not a deck", message.id)
-            )
+            self._leader.reply(sender, self._reply(message))
         running = self._receive_from_deck()
         now = self._now()
         self._publish_stops(now)
@@ -135,6 +139,14 @@ class Member:
             self._ask(now)
         self._check_conductor(now)
         return running
+
+    def _reply(self, message: commands.DeckCommand) -> PhaseNow | Refused:
+        """The first phase tells the deck that no standing stop is known, or that it was stopped."""
+        if not isinstance(message, commands.GetPhase):
+            return Refused("this is a show, not a deck", message.id)
+        if self._now() < self._joined_at:
+            return Refused("the deck is still joining the show", message.id)
+        return self._phase(message.id)
 
     def close(self) -> None:
         """Leaves the show; the deck plays on."""
@@ -150,6 +162,8 @@ class Member:
         # again and again on the way there and never on the way back, which looks like another clock.
         self._ask_at = now + (_ASKS_FIRST if self._asked < _FIRST else ASKS_EVERY) * random.uniform(*_IRREGULAR)
         sent = self._now()
+        if self._held_by is not None:
+            self._link.publish("stop", encode(self._held_by))
         self._link.ask("clock", lambda _, data: self._answers.put((sent, self._now(), data)), _PATIENCE)
         if self._asked % 5 == 0 or self._asked >= _FIRST:
             self._deck.post(commands.GetStatus())
@@ -160,6 +174,10 @@ class Member:
         answer = read(data, Time)
         if answer is None:
             return
+        if not self._time.run:
+            self._joined_at = min(self._joined_at, received + _LISTENS)
+        if answer.stop is not None:
+            self._take_latest_stop(answer.stop)
         if answer.run != self._time.run:
             self._notify(f"the show has {'another' if self._time.run else 'a'} conductor")
             self._clock, self._cues, self._asked = ClockEstimate(), [], 0
@@ -191,13 +209,13 @@ class Member:
             self._holds = True
             self._deck.post(commands.Pause())
         elif time_now.lost == "stop":
-            self._stop_deck(now)
+            self._stop_deck(None)
 
     # Cues.
 
     def _take(self, key: str, data: bytes) -> None:
         if key == "stop" and (stop := read(data, EmergencyStopAll)) is not None:
-            self._take_stop(stop, data)
+            self._take_stop(stop)
         cue = read(data, TimedCue) if key == "cue" else None
         if cue is not None and self._name in cue.decks and cue.run == self._time.run:
             self._take_cue(cue)
@@ -261,15 +279,21 @@ class Member:
         while (reply := self._deck.receive(0.0)) is not None:
             if isinstance(reply, State):
                 self._state = reply
+                self._note_mode(reply.mode)
                 self._publish_health(reply)
             elif isinstance(reply, Refused):
                 whose = self._commands.pop(reply.id, "")
                 self._note_problem(f"{whose}: {reply.reason}" if whose else reply.reason)
+            elif isinstance(reply, Accepted):
+                if reply.id in self._stopping:
+                    self._note_stopped(self._stopping.pop(reply.id))
             elif isinstance(reply, Event):
                 if reply.kind == "ended":
                     return False
-                if reply.kind == "mode" and reply.text == "emergency stop":
-                    self._pass_on_stop()
+                if reply.kind == "mode":
+                    self._note_mode(reply.text)
+                    if reply.text == "emergency stop":
+                        self._pass_on_stop()
                 happened = True
         if happened:
             self._deck.post(commands.GetStatus())
@@ -292,6 +316,7 @@ class Member:
             clock=known,
             problem=self._problem,
             problems=self._problems,
+            stop=self._last,
         )
         self._link.publish(f"health/{self._name}", encode(health))
 
@@ -299,30 +324,55 @@ class Member:
         self._problem, self._problems = problem, self._problems + 1
         self._notify(problem)
 
-    # Emergency stops.
+    # Emergency stops. One stands at the deck until it is reset there; meanwhile it is repeated for members and a
+    # conductor that have not heard it.
 
-    def _take_stop(self, stop: EmergencyStopAll, data: bytes) -> None:
+    def _take_stop(self, stop: EmergencyStopAll) -> None:
         """Stops the deck, and passes the stop on once: other members may have no link to its sender."""
         if stop.id in self._stops:
             return
         self._stops.append(stop.id)
-        self._stop_deck(self._now())
+        self._stop_deck(stop)
+        self._joined_at = self._now()
         self._notify(f"emergency stop by {'the conductor' if stop.by == CONDUCTOR else stop.by}")
-        self._link.publish("stop", data)
+        self._link.publish("stop", encode(stop))
+
+    def _take_latest_stop(self, stop: EmergencyStopAll) -> None:
+        """Takes the latest stop of the show; one that is over still stops a deck that was cut meanwhile."""
+        if stop.id in self._stops:
+            if not self._stopping:
+                self._last = stop
+        elif stop.over and not self._time.run:  # it was over before this deck took part
+            self._stops.append(stop.id)
+        else:
+            self._take_stop(msgspec.structs.replace(stop, over=False))
+
+    def _note_stopped(self, stop: EmergencyStopAll | None) -> None:
+        """Notes that the deck has accepted an emergency stop of this member; it reports it in the same tick."""
+        self._accepted_until = self._now() + _OWN_DOING
+        if stop is not None:
+            self._last = self._held_by = stop
+
+    def _note_mode(self, mode: str) -> None:
+        if mode != "emergency stop":
+            self._held_by = None
 
     def _pass_on_stop(self) -> None:
+        """Makes an emergency stop that was commanded at the deck one of the show, a second one too."""
         now = self._now()
-        if now - self._stopped_at < _OWN_DOING:
+        own, self._accepted_until = now < self._accepted_until, -math.inf
+        if own:
             return
-        stop = EmergencyStopAll(self._name, os.urandom(8).hex())
+        stop = self._last = self._held_by = EmergencyStopAll(self._name, os.urandom(8).hex())
         self._stops.append(stop.id)
-        self._to_publish = [(now + STOP_AGAIN * again, encode(stop)) for again in range(STOP_SAID)]
-
-    def _stop_deck(self, now: float) -> None:
-        self._stopped_at = now
         self._holds = False
         self._cues.clear()
-        self._deck.post(commands.EmergencyStop())
+        self._to_publish = [(now + STOP_AGAIN * again, encode(stop)) for again in range(STOP_SAID)]
+
+    def _stop_deck(self, stop: EmergencyStopAll | None) -> None:
+        self._holds = False
+        self._cues.clear()
+        self._stopping[self._deck.post(commands.EmergencyStop())] = stop
 
     def _publish_stops(self, now: float) -> None:
         for due in [due for due in self._to_publish if due[0] <= now]:

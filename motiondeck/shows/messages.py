@@ -5,7 +5,7 @@ conductor           token of the conductor
 clock               the conductor's Time as an answer
 cue                 TimedCue, from the conductor
 health/DECK         a deck's DeckHealth, four times a second
-stop                EmergencyStopAll, from any member
+stop                EmergencyStopAll, from any member, and again and again from each whose deck still holds it
 """
 
 from __future__ import annotations
@@ -33,6 +33,14 @@ class About(msgspec.Struct, frozen=True):
     host: str = ""
 
 
+class EmergencyStopAll(msgspec.Struct, frozen=True):
+    """Emergency stop of all decks."""
+
+    by: str
+    id: str  # of this stop: a deck that was reset after it is not stopped by it again
+    over: bool = False  # whether the conductor has gone on since
+
+
 class Time(msgspec.Struct, frozen=True):
     """The time of a conductor."""
 
@@ -40,6 +48,7 @@ class Time(msgspec.Struct, frozen=True):
     seconds: float  # the time, s
     lost: Lost  # what a deck does when the conductor does not answer any more
     after: float  # s without an answer after which that happens
+    stop: EmergencyStopAll | None = None  # the latest one of the show
 
 
 class CommonRound(msgspec.Struct, frozen=True):
@@ -84,6 +93,7 @@ class DeckHealth(msgspec.Struct, frozen=True):
         run, cue: the conductor and the number of the last cue that was carried out; "" and 0 for none.
         motion, mode, phase, paused, switching, lock: as in `State`; lock is "" without one.
         clock: how well the conductor's time is known; None if not at all.
+        stop: the latest emergency stop of the show that the deck carried out; it was reset since unless `mode` says so.
         problem: the latest refusal or cue that came too late, or "".
     """
 
@@ -98,13 +108,7 @@ class DeckHealth(msgspec.Struct, frozen=True):
     clock: ClockHealth | None
     problem: str = ""
     problems: int = 0
-
-
-class EmergencyStopAll(msgspec.Struct, frozen=True):
-    """Emergency stop of all decks."""
-
-    by: str
-    id: str  # of this stop, so that a member passes it on once
+    stop: EmergencyStopAll | None = None
 
 
 encode = msgspec.json.Encoder().encode

@@ -35,6 +35,7 @@ class CommandHandler:
         self._listeners = Listeners(run.deck, now)
         self._second = SecondReplies(now)
         self._sent_mode: tuple[Mode, bool] = ("playing", run.deck.paused)
+        self._presses = 0
         self._fallen = False
 
     def __call__(self, stop: StopRequest) -> None:
@@ -60,8 +61,9 @@ class CommandHandler:
             self._listeners.send(events.popleft())
         if self._body is not None and self._body.fallen != self._fallen:
             self._send_fall(self._body.fallen)
-        if (stop.mode, self._deck.paused) != self._sent_mode:
-            self._send_mode(stop.mode, self._deck.paused)
+        if stop.presses != self._presses or (stop.mode, self._deck.paused) != self._sent_mode:
+            self._send_mode(stop.mode, self._deck.paused, pressed=stop.presses != self._presses)
+            self._presses = stop.presses
 
     def notify(self, kind: EventKind, text: str, motion: str = "") -> None:
         """Sends an event to all subscribers."""
@@ -97,10 +99,10 @@ class CommandHandler:
             *(("fell", "the robot has fallen") if fallen else ("stands", "the robot stands again")), self._deck.motion
         )
 
-    def _send_mode(self, mode: Mode, paused: bool) -> None:
+    def _send_mode(self, mode: Mode, paused: bool, *, pressed: bool) -> None:
         mode_before, paused_before = self._sent_mode
         self._sent_mode = mode, paused
-        if mode != mode_before:
+        if mode != mode_before or pressed:
             self.notify("mode", mode)
         if paused != paused_before:
             self.notify("paused" if paused else "resumed", "paused" if paused else "plays on", self._deck.motion)

@@ -19,13 +19,19 @@ from motiondeck_base.printable import printable
 
 if TYPE_CHECKING:
     from motiondeck.cli.show.show_page import ShowPage
-    from motiondeck.shows.conductor import Conductor, Notify
+    from motiondeck.shows.conductor import Conductor, Notify, StopAt
     from motiondeck.shows.link import Link
     from motiondeck.shows.membership import Membership
     from motiondeck.shows.seen_decks import SeenDeck
 
 _HELP = "go | hold | stop (emergency stop of all) | status | DECK or GROUP COMMAND, such as: all pause | quit"
 _WITHOUT = {"go on": "play on", "hold": "pause until one is there", "stop": "make an emergency stop"}
+_STOPS: dict[str, str] = {
+    "": "",
+    "not reached": "THE STOP HAS NOT REACHED IT (or its motiondeck is older); ",
+    "holds": "holds the emergency stop; ",
+    "reset": "reset, waits for go; ",
+}
 _STOP_WITHIN = 3.0  # s for decks to be found and to say that they have stopped
 _STOP_AT_LEAST = 1.0  # s for those that are found later than the first
 _PAGE_EVERY = 0.2  # s between two states for the page
@@ -213,24 +219,27 @@ def _show_status(conductor: Conductor, *, as_json: bool) -> None:
             "seconds": state.seconds,
             "waits": state.waits,
             "stopped_by": state.stopped_by,
-            "decks": {deck.name: {"here": deck.here, "health": deck.health} for deck in conductor.decks.values()},
+            "decks": {
+                deck.name: {"here": deck.here, "stop": conductor.stop_at(deck), "health": deck.health}
+                for deck in conductor.decks.values()
+            },
         }
         print(msgspec.json.encode(status).decode(), flush=True)
         return
     shown = show_line(state)
     print(f"        {'; '.join(filter(None, (f'{shown.word} {shown.played}', shown.upcoming)))}", flush=True)
     for deck in sorted(conductor.decks.values(), key=lambda deck: deck.name):
-        print(f"        {deck.name:12} {_describe(deck)}", flush=True)
+        print(f"        {deck.name:12} {_describe(deck, conductor.stop_at(deck))}", flush=True)
 
 
-def _describe(deck: SeenDeck) -> str:
+def _describe(deck: SeenDeck, stop: StopAt) -> str:
     health = deck.health
     if not deck.here:
         return "gone" if deck.losses else "not here yet"
     if health is None:
         return "says nothing yet"
     doing = f"{'switching to' if health.switching else 'paused in' if health.paused else 'plays'} {health.motion}"
-    mode = "" if health.mode == "playing" else f"{health.mode}; "
+    mode = _STOPS[stop] or ("" if health.mode == "playing" else f"{health.mode}; ")
     lock = f", {health.lock}" if health.lock else ""
     clock = "clock unknown"
     if health.clock is not None:

@@ -15,12 +15,14 @@ from controller.library.motion_library import MotionLibrary
 from controller.wire.command_socket import CommandClient, CommandServer, SocketError
 from controller.wire.leader_link import LeaderLink
 from controller.wire.messages.commands import GetPhase
+from controller.wire.messages.replies import PhaseNow
 from motiondeck.run.beside.child_process import child_process
 from motiondeck.shows.membership import deck_in
 from motiondeck.shows.messages import About
 from motiondeck_base.errors import MotiondeckError
 
 _OPENS_WITHIN = 10.0  # s
+_ANSWERS_WITHIN = 0.5  # s
 
 
 class ShowMember:
@@ -30,7 +32,10 @@ class ShowMember:
         self.process, self._port = process, leader_port
 
     def leader(self, opening: ExitStack) -> LeaderLink:
-        """Waits until it takes part; a link to the phase of the show, which `opening` closes.
+        """Waits until it takes part, and has stopped the deck if a stop stands; a link to the phase of the show.
+
+        Args:
+            opening: closes the link.
 
         Raises:
             MotiondeckError: if it cannot; the process has said why.
@@ -40,11 +45,13 @@ class ShowMember:
         while True:
             try:
                 client.post(GetPhase())
-                break
+                if isinstance(client.receive(_ANSWERS_WITHIN), PhaseNow):
+                    break
             except SocketError:
-                if self.process.poll() is not None or time.monotonic() > until:
-                    raise MotiondeckError("the deck cannot take part in the show: see above") from None
-                time.sleep(0.02)
+                pass  # it is still starting
+            if self.process.poll() is not None or time.monotonic() > until:
+                raise MotiondeckError("the deck cannot take part in the show: see above")
+            time.sleep(0.02)
         client.close()
         link = LeaderLink.to(str(self._port))
         opening.callback(link.close)
