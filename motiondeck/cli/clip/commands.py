@@ -15,10 +15,10 @@ from motiondeck_base.files import check_folder
 
 if TYPE_CHECKING:
     from controller.learning.centralized.reconstruction import Gap
-    from controller.motion.canonical.clip_facts import Facts
     from controller.motion.formats.reading import FittedClip
     from controller.motion.markers import Markers
     from controller.motion.reading_options import ReadingOptions
+    from motiondeck.cli.clip.clip_facts import Facts
 
 app = typer.Typer(help="Show, convert, draw and view motion capture files.", no_args_is_help=True)
 
@@ -36,7 +36,7 @@ def show(file: FileArgument, reading: Reading, as_json: JsonOption = False) -> N
 
     Example:  motiondeck clip show dance.c3d
     """
-    from controller.motion.canonical.clip_facts import facts
+    from motiondeck.cli.clip.clip_facts import facts
 
     known = facts(_read(file, reading.options()))
     if as_json:

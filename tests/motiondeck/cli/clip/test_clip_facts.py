@@ -5,10 +5,10 @@ import json
 import numpy as np
 import pytest
 
-from controller.motion.canonical.clip_facts import facts, gaps
 from controller.motion.clip import Clip
 from controller.motion.formats.markers.marker_fit import Fit
 from controller.motion.formats.reading import FittedClip, read_fitted
+from motiondeck.cli.clip.clip_facts import facts, gaps
 from recordings import BVH
 from simulated_bodies import human
 
