@@ -45,7 +45,8 @@ def _typed_options(context: typer.Context) -> list[str]:
         if name in _LEFT_OUT or source is None or source.name != "COMMANDLINE":
             continue
         value: Any = context.params[name]
-        words.append(parameter.opts[0])
-        if value is not True:
-            words.append(str(getattr(value, "value", value)))
+        for one in value if isinstance(value, list | tuple) else [value]:
+            words.append(parameter.opts[0])
+            if one is not True:
+                words.append(str(getattr(one, "value", one)))
     return words
