@@ -50,7 +50,7 @@ class WiredStop(Protocol):
 
 
 class WiredStopWatch:
-    """Stops while the wired stop is pulled, or if it was since the last poll; until then a reset has no effect."""
+    """Stops at each pull, during an emergency stop too, and as long as the wired stop is pulled."""
 
     def __init__(self, wired: WiredStop, handler: CommandHandler) -> None:
         self._wired, self._handler, self._pulls = wired, handler, 0
@@ -59,7 +59,7 @@ class WiredStopWatch:
         """Commands the emergency stop if it has to."""
         wired, handler = self._wired, self._handler
         before, self._pulls = self._pulls, wired.pulls
-        if stop.emergency or not (wired.pulled or self._pulls != before):
+        if self._pulls == before and (stop.emergency or not wired.pulled):
             return
         handler.carry_out(EmergencyStop(), stop)
         handler.notify("fault", f"the emergency stop at {wired.name} was pulled")

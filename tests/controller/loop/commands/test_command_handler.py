@@ -237,6 +237,18 @@ def test_a_wired_stop_stops_and_while_it_is_pulled_a_reset_is_in_vain(desk, caps
     assert desk.stop.emergency
 
 
+def test_each_pull_of_a_wired_stop_is_a_new_emergency_stop(desk):
+    """In a show a deck that was reset meanwhile stops again."""
+    wired = Wired()
+    watch = WiredStopWatch(wired, desk.desk)
+    presses = []
+    for pulled, pulls in ((True, 1), (True, 1), (False, 1), (True, 2), (True, 2), (False, 3)):
+        wired.pulled, wired.pulls = pulled, pulls
+        watch.poll(desk.stop)
+        presses.append(desk.stop.presses)
+    assert presses == [1, 1, 1, 2, 2, 3]
+
+
 class NotedServos:
     """Servos that note what is done to them."""
 
