@@ -102,6 +102,10 @@ class PhaseConceptorPlayer(PhasePlayer[PhaseConceptorMotion]):
         self._input = np.ones((*runs, rank + inputs + 1), dtype=np.float32)
         self._before, self._given = self._input[..., :rank], self._input[..., rank:-1]
         self._new = np.zeros((*runs, rank), dtype=np.float32)
+
+    def place(self, motion: PhaseConceptorMotion, frame: int, state: Float32) -> None:
+        """Goes to a frame of a motion, in a state."""
+        super().place(motion, frame, state)
         # Noise on the neurons also reaches W outside the stored directions, within tanh of the next step.
         self._push: Float32 | None = None
 

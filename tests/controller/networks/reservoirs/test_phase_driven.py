@@ -61,6 +61,14 @@ def test_any_state_leads_back_to_the_motion(network, name):
     assert np.abs(run(network, 300)[-1] - expected).max() < 1e-3
 
 
+def test_nothing_of_a_displacement_is_left_after_a_cue(network):
+    network.cue("march", 0)
+    expected = run(network, 5)
+    network.displace(np.full(network.neurons, 3.0, dtype=np.float32))
+    network.cue("march", 0)
+    assert np.array_equal(run(network, 5), expected)
+
+
 def test_a_chain_of_pieces_goes_on_smoothly(make):
     chained = make(piece_seconds=0.5)
     for name, pieces in (("wave", 2), ("bow", 3)):
