@@ -50,15 +50,6 @@ class PhaseRecipe(PhaseDrivenRecipe, frozen=True, kw_only=True, tag="phase-conce
         rank: k, number of directions kept of a conceptor.
     """
 
-    plays = PhaseConceptorNetwork
-    sizes = tuple(
-        {"neurons": neurons, "rank": rank}
-        for neurons, rank in (
-            *((80, 20), (110, 25), (150, 28), (200, 32), (250, 36)),
-            *((300, 40), (360, 46), (440, 54), (540, 62), (660, 72)),
-        )
-    )
-
     neurons: int = 300
     harmonics: int = 3
     spectral_radius: float = 1.6
@@ -70,18 +61,6 @@ class PhaseRecipe(PhaseDrivenRecipe, frozen=True, kw_only=True, tag="phase-conce
         """The scales of the shared weights; driven, if a motion has an input besides the phase."""
         share = DRIVEN_INPUT_SHARE if driven else 1.0
         return msgspec.structs.replace(super().scales(driven=driven), input_scale=share * self.input_scale)
-
-    def learn(
-        self, motion: TrainingMotion, reservoir: PhaseReservoir, normalisation: Normalisation, rate: float
-    ) -> PhaseConceptorMotion:
-        """One motion in a reservoir."""
-        course, washout = course_of(motion, self.piece_seconds * rate), round(WASHOUT_SECONDS * rate)
-        if motion.driving is not None:
-            stored = _learn_driven(motion, motion.driving, course, reservoir, self, washout)
-        else:
-            stored = _learn_pieces(motion, course, reservoir, self, washout, round(OVERLAP_SECONDS * rate))
-        unread = PhaseConceptorMotion(stored, course, reservoir, motion.driving)
-        return with_readouts(unread, motion, normalisation, self.ridge)
 
 
 def _learn_pieces(
@@ -169,6 +148,31 @@ class PhaseConceptorTrainer(PhaseDrivenTrainer[PhaseRecipe]):
     """Trains phase-driven conceptors."""
 
     recipe = PhaseRecipe
+    plays = PhaseConceptorNetwork
+    sizes = tuple(
+        {"neurons": neurons, "rank": rank}
+        for neurons, rank in (
+            *((80, 20), (110, 25), (150, 28), (200, 32), (250, 36)),
+            *((300, 40), (360, 46), (440, 54), (540, 62), (660, 72)),
+        )
+    )
+
+    def learn(
+        self,
+        recipe: PhaseRecipe,
+        motion: TrainingMotion,
+        reservoir: PhaseReservoir,
+        normalisation: Normalisation,
+        rate: float,
+    ) -> PhaseConceptorMotion:
+        """One motion in a reservoir; `rate` in Hz."""
+        course, washout = course_of(motion, recipe.piece_seconds * rate), round(WASHOUT_SECONDS * rate)
+        if motion.driving is not None:
+            stored = _learn_driven(motion, motion.driving, course, reservoir, recipe, washout)
+        else:
+            stored = _learn_pieces(motion, course, reservoir, recipe, washout, round(OVERLAP_SECONDS * rate))
+        unread = PhaseConceptorMotion(stored, course, reservoir, motion.driving)
+        return with_readouts(unread, motion, normalisation, recipe.ridge)
 
 
 TRAINER = PhaseConceptorTrainer()

@@ -6,6 +6,7 @@ network. Motions are independent of each other.
 
 from __future__ import annotations
 
+from abc import abstractmethod
 from collections.abc import Callable
 from dataclasses import replace
 from typing import Any, ClassVar, TypeVar
@@ -42,8 +43,6 @@ class PhaseDrivenRecipe(msgspec.Struct, forbid_unknown_fields=True, frozen=True,
     """The parameters that both phase-driven networks have.
 
     Attributes:
-        plays: type of the network.
-        sizes: parameters of networks of rising size, whose stored size grows by about 1.4 from one to the next.
         neurons: N.
         harmonics: H of the phase.
         spectral_radius: of W.
@@ -53,9 +52,6 @@ class PhaseDrivenRecipe(msgspec.Struct, forbid_unknown_fields=True, frozen=True,
         drive_scale: of W_u, if a motion has an input besides the phase.
         tolerance_mm: selects the smallest size with which no motion has a larger error, mm.
     """
-
-    plays: ClassVar[type[PhaseDrivenNetwork[Any]]]
-    sizes: ClassVar[tuple[dict[str, int], ...]]
 
     neurons: int
     harmonics: int
@@ -83,12 +79,6 @@ class PhaseDrivenRecipe(msgspec.Struct, forbid_unknown_fields=True, frozen=True,
             self.bias_scale,
             self.drive_scale if driven else 0.0,
         )
-
-    def learn(
-        self, motion: TrainingMotion, reservoir: PhaseReservoir, normalisation: Normalisation, rate: float
-    ) -> PhaseMotion:
-        """One motion in a reservoir."""
-        raise NotImplementedError
 
 
 def course_of(motion: TrainingMotion, piece_frames: float) -> PhaseCourse:
@@ -149,10 +139,28 @@ Recipe = TypeVar("Recipe", bound=PhaseDrivenRecipe)
 
 
 class PhaseDrivenTrainer(Trainer[Recipe]):
-    """Learns the readouts of each motion from the settled states of the network."""
+    """Learns the readouts of each motion from the settled states of the network.
+
+    Attributes:
+        plays: type of the network.
+        sizes: parameters of networks of rising size, whose stored size grows by about 1.4 from one to the next.
+    """
 
     center_driven = takes_inputs = True
     least_range = 1.0
+    plays: ClassVar[type[PhaseDrivenNetwork[Any]]]
+    sizes: ClassVar[tuple[dict[str, int], ...]]
+
+    @abstractmethod
+    def learn(
+        self,
+        recipe: Recipe,
+        motion: TrainingMotion,
+        reservoir: PhaseReservoir,
+        normalisation: Normalisation,
+        rate: float,
+    ) -> PhaseMotion:
+        """One motion in a reservoir; `rate` in Hz."""
 
     def sized(
         self, recipe: Recipe, lessons: Lessons, seed: int, judge: Judge, progress: Callable[[str], None]
@@ -162,7 +170,7 @@ class PhaseDrivenTrainer(Trainer[Recipe]):
         The tolerance is the mean distance of joints at the same phase; `progress` gets each size that is tried.
         """
         sized = recipe
-        for size in [] if recipe.tolerance_mm is None else recipe.sizes:
+        for size in [] if recipe.tolerance_mm is None else self.sizes:
             progress("trying " + ", ".join(f"{name} {value}" for name, value in size.items()))
             changes: Any = size
             sized = msgspec.structs.replace(recipe, **changes)
@@ -176,13 +184,13 @@ class PhaseDrivenTrainer(Trainer[Recipe]):
         to_learn, normalisation = lessons.motions, lessons.normalisation
         scales = recipe.scales(driven=any(one.driving is not None for one in to_learn))
         reservoir = PhaseReservoir.draw(scales, to_learn[0].frames.shape[1], seed)
-        motions = {one.name: recipe.learn(one, reservoir, normalisation, lessons.rate) for one in to_learn}
-        return recipe.plays(scales, seed, normalisation, motions)
+        motions = {one.name: self.learn(recipe, one, reservoir, normalisation, lessons.rate) for one in to_learn}
+        return self.plays(scales, seed, normalisation, motions)
 
     def add(self, recipe: Recipe, network: PhaseDrivenNetwork[Any], motion: NewMotion) -> PhaseDrivenNetwork[Any]:
         """The network with one more motion."""
         one = motion.scaled(network.normalisation)
-        part = recipe.learn(one, network.reservoir, network.normalisation, motion.rate)
+        part = self.learn(recipe, one, network.reservoir, network.normalisation, motion.rate)
         return network.with_motions({motion.name: part})
 
     def readout_size(self, network: PhaseDrivenNetwork[Any], scaling: Array) -> float:

@@ -18,29 +18,33 @@ from controller.networks.reservoirs.phase_reservoir import PhaseReservoir
 class PhaseEchoStateRecipe(PhaseDrivenRecipe, frozen=True, kw_only=True, tag="phase-echo-state"):
     """The parameters of a phase-driven echo-state network: those that both kinds have."""
 
-    plays = PhaseEchoStateNetwork
-    sizes = tuple({"neurons": neurons} for neurons in (20, 28, 40, 55, 75, 100, 140, 200, 280, 400))
-
     neurons: int = 100
     harmonics: int = 4
     spectral_radius: float = 0.9
     drive_scale: float = 0.2  # with 1 a motion between two values overshoots by a fifth
-
-    def learn(
-        self, motion: TrainingMotion, reservoir: PhaseReservoir, normalisation: Normalisation, rate: float
-    ) -> PhaseEchoStateMotion:
-        """One motion in a reservoir."""
-        course = course_of(motion, self.piece_seconds * rate)
-        shape = (int(course.piece[-1]) + 1, motion.frames.shape[1], self.neurons + 1)
-        stored = StoredReadouts(np.zeros(shape, dtype=np.float32))
-        unread = PhaseEchoStateMotion(stored, course, reservoir, motion.driving)
-        return with_readouts(unread, motion, normalisation, self.ridge)
 
 
 class PhaseEchoStateTrainer(PhaseDrivenTrainer[PhaseEchoStateRecipe]):
     """Trains phase-driven echo-state networks."""
 
     recipe = PhaseEchoStateRecipe
+    plays = PhaseEchoStateNetwork
+    sizes = tuple({"neurons": neurons} for neurons in (20, 28, 40, 55, 75, 100, 140, 200, 280, 400))
+
+    def learn(
+        self,
+        recipe: PhaseEchoStateRecipe,
+        motion: TrainingMotion,
+        reservoir: PhaseReservoir,
+        normalisation: Normalisation,
+        rate: float,
+    ) -> PhaseEchoStateMotion:
+        """One motion in a reservoir; `rate` in Hz."""
+        course = course_of(motion, recipe.piece_seconds * rate)
+        shape = (int(course.piece[-1]) + 1, motion.frames.shape[1], recipe.neurons + 1)
+        stored = StoredReadouts(np.zeros(shape, dtype=np.float32))
+        unread = PhaseEchoStateMotion(stored, course, reservoir, motion.driving)
+        return with_readouts(unread, motion, normalisation, recipe.ridge)
 
 
 TRAINER = PhaseEchoStateTrainer()

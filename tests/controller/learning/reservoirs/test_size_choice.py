@@ -1,51 +1,50 @@
 """The smallest phase-driven network that keeps to a tolerance."""
 
-import msgspec
 import numpy as np
 import pytest
 
 import synthetic
 from controller.learning.measures.self_test import Judge, self_test
-from controller.learning.trainers.phase_conceptor import TRAINER, PhaseRecipe
-from controller.learning.trainers.phase_echo_state import PhaseEchoStateRecipe
+from controller.learning.trainers.phase_conceptor import PhaseConceptorTrainer
+from controller.learning.trainers.phase_echo_state import PhaseEchoStateTrainer
 from controller.learning.trainers.trainer import Lessons
 
 
-class Conceptors(PhaseRecipe, frozen=True, kw_only=True):
+class Conceptors(PhaseConceptorTrainer):
     sizes = ({"neurons": 20, "rank": 4}, {"neurons": 60, "rank": 12}, {"neurons": 120, "rank": 25})
 
 
-class EchoState(PhaseEchoStateRecipe, frozen=True, kw_only=True):
+class EchoState(PhaseEchoStateTrainer):
     sizes = ({"neurons": 10}, {"neurons": 40}, {"neurons": 120})
 
 
-def chosen(tolerance, recipe):
+def chosen(tolerance, trainer, **changes):
     motions, normalisation = synthetic.lessons()
     loops = {name: name != "bow" for name in synthetic.MOTIONS}
     judge = Judge(synthetic.small_encoding(), synthetic.references(), loops, synthetic.RATE)
     lessons = Lessons(motions, normalisation, synthetic.RATE)
-    recipe = msgspec.structs.replace(recipe, tolerance_mm=tolerance)
-    recipe = TRAINER.sized(recipe, lessons, 0, judge, lambda _: None)
+    recipe = trainer.recipe(tolerance_mm=tolerance, **changes)
+    recipe = trainer.sized(recipe, lessons, 0, judge, lambda _: None)
     verdicts = self_test(synthetic.trained(recipe, motions, normalisation), judge)
     return recipe, max(verdict.error_mm for verdict in verdicts.values())
 
 
-def sized(recipe):
-    return {name: getattr(recipe, name) for name in recipe.sizes[0]}
+def sized(trainer, recipe):
+    return {name: getattr(recipe, name) for name in trainer.sizes[0]}
 
 
-@pytest.mark.parametrize("recipe", [Conceptors(piece_seconds=2.0), EchoState(piece_seconds=2.0)])
-def test_a_network_is_as_large_as_the_tolerance_asks_for(recipe):
-    loose, loose_error = chosen(20.0, recipe)
-    tight, tight_error = chosen(0.5 * loose_error, recipe)
+@pytest.mark.parametrize("trainer", [Conceptors(), EchoState()])
+def test_a_network_is_as_large_as_the_tolerance_asks_for(trainer):
+    loose, loose_error = chosen(20.0, trainer, piece_seconds=2.0)
+    tight, tight_error = chosen(0.5 * loose_error, trainer, piece_seconds=2.0)
     assert loose.piece_seconds == 2.0
     assert loose_error <= 20.0
     assert tight_error <= 0.5 * loose_error
-    assert sized(loose) in recipe.sizes[:2]
+    assert sized(trainer, loose) in trainer.sizes[:2]
     assert tight.neurons > loose.neurons
 
 
 def test_the_largest_is_taken_where_none_will_do():
     recipe, error = chosen(1e-9, Conceptors())
-    assert sized(recipe) == Conceptors.sizes[-1]
+    assert sized(Conceptors, recipe) == Conceptors.sizes[-1]
     assert np.isfinite(error)
