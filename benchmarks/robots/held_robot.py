@@ -115,8 +115,7 @@ def film(robot: Robot, both: dict[str, Held], times: Array, fps: float) -> Itera
         ball.name = f"hand on {name}"
     model = spec.compile()
     balls = [model.geom(f"hand on {name}").id for name in HELD_BODIES]
-    with OffScreen(model, (SIZE, SIZE)) as screen:
-        screen.camera.azimuth = 90.0
+    with OffScreen(model, (SIZE, SIZE), camera="side") as screen:
         for tick in range(0, len(next(iter(both.values())).qpos), round(1.0 / (fps * DT))):
             holds = times[0] <= tick * DT < times[1]
             model.geom_rgba[balls, 3] = 1.0 if holds else 0.0

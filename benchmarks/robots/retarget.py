@@ -8,8 +8,8 @@ shoulder, in mm of the robot's size. Times
 are medians over rounds of 40 frames.
 """
 
-# pyright: reportAttributeAccessIssue=false, reportMissingImports=false
-# (MuJoCo's names come from compiled modules, which have no type stubs; mink need not be installed.)
+# pyright: reportMissingImports=false
+# (mink need not be installed.)
 
 from __future__ import annotations
 

@@ -6,8 +6,8 @@ orientations, then to points and orientations. Its tables of scales and of how e
 hand for each robot, are made here from the robot's lengths and its rest pose.
 """
 
-# pyright: reportAttributeAccessIssue=false, reportMissingImports=false
-# (MuJoCo's names come from compiled modules, which have no type stubs; mink need not be installed.)
+# pyright: reportMissingImports=false
+# (mink need not be installed.)
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ from controller.motion.rotations import Array, between, conjugate, multiply
 from controller.motion.skeleton import ROOT, Skeleton
 from sim.retargeting.human_limbs import LIMBS, LimbView
 from sim.retargeting.robot_limbs import RobotLimbs
-from sim.robots.calibrate import standing
+from sim.robots.calibrate import standing_human
 from sim.robots.robot import Robot
 
 # Costs of position and orientation in the first and in the second stage.
@@ -58,7 +58,7 @@ class _Targets:
         length = LimbView(skeleton).length
         arm = limbs.reach.get("r_arm", 0.0) / float(length[LIMBS.index("r_upper_arm") :][:2].sum())
         limbs.place(robot.rest)
-        stands = standing()
+        stands = standing_human()
         self.bodies: dict[str, str] = {}
         self._rows: dict[str, tuple[int, int, Array, float]] = {}
         for part, body in parts.items():
