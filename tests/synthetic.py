@@ -9,10 +9,14 @@ import numpy as np
 from controller.learning.preparation.loops import hold_end
 from controller.learning.preparation.training_motion import TrainingMotion
 from controller.learning.reservoirs.conceptor_training import ConceptorRecipe, conceptor_network, load_reservoir
+from controller.learning.trainers.centralized import CentralizedRecipe
+from controller.learning.trainers.echo_state import EchoStateRecipe
 from controller.learning.trainers.phase_conceptor import PhaseRecipe
 from controller.learning.trainers.phase_echo_state import PhaseEchoStateRecipe
+from controller.learning.trainers.random_feature import RandomFeatureRecipe
 from controller.learning.trainers.registry import trainer_of
 from controller.learning.trainers.trainer import Lessons
+from controller.learning.training_set import TrainingSet
 from controller.library.library_header import VERSION, LibraryInfo, MotionInfo
 from controller.library.motion_library import MotionLibrary
 from controller.motion.encodings.bone_directions import BoneDirections
@@ -88,16 +92,25 @@ def bow(count=150):
 
 
 MOTIONS = {"march": march, "wave": wave, "bow": bow}
+LOOPS = {"march": True, "wave": True, "bow": False}
 
 
 def references():
     return {name: make() for name, make in MOTIONS.items()}
 
 
+def training_set():
+    return TrainingSet(small_encoding(), RATE, references(), LOOPS)
+
+
+def judge():
+    return training_set().judge(holds=True)
+
+
 def lessons():
     frames = references()
     normalisation = Normalisation.fit(list(frames.values()))
-    return [TrainingMotion(name, normalisation.apply(f), name != "bow") for name, f in frames.items()], normalisation
+    return [TrainingMotion(name, normalisation.apply(f), LOOPS[name]) for name, f in frames.items()], normalisation
 
 
 def trained(recipe, motions=None, normalisation=None, seed=0):
@@ -140,6 +153,41 @@ def small_phase_echo_state(seed=0, **recipe):
     """The same motions in a phase-driven echo-state network."""
     taught, normalisation = lessons()
     return trained(PhaseEchoStateRecipe(**recipe), taught, normalisation, seed=seed)
+
+
+@learned_once
+def small_echo_state(**changes):
+    return trained(EchoStateRecipe(neurons=150, washout=60, drives=1, **changes))
+
+
+@learned_once
+def small_random_feature():
+    return trained(RandomFeatureRecipe(neurons=150, features=120, features_each=60, drives=1))
+
+
+@learned_once
+def small_centralized(satellites=20):
+    return trained(CentralizedRecipe(centers=1, satellites=satellites, iterations=2))
+
+
+NETWORKS = {
+    "conceptor": small_network,
+    "echo-state": small_echo_state,
+    "echo-state of the thesis": lambda: small_echo_state(clipped=False),
+    "random-feature": small_random_feature,
+    "phase-conceptor": lambda: small_phase_network(piece_seconds=0.5),
+    "phase-echo-state": lambda: small_phase_echo_state(piece_seconds=0.5),
+    "centralized": small_centralized,
+}
+"""Small networks of every kind, made when called; the phase-driven ones play `bow` and `wave` in pieces."""
+
+
+def run(network, frames):
+    """The channels that a network plays from where it is, shape (frames, channels)."""
+    out = np.empty((frames, network.channels))
+    for frame in out:
+        network.advance(frame)
+    return out
 
 
 def small_phase_library(seed=0, **recipe):

@@ -3,9 +3,6 @@ import pytest
 import synthetic
 from benchmarks.papers import cost_measurement as cost
 from controller.learning.recipe import LibraryRecipe, MotionRecipe
-from controller.learning.training_set import TrainingSet
-
-LOOPS = {name: name != "bow" for name in synthetic.MOTIONS}
 
 
 @pytest.fixture
@@ -18,7 +15,7 @@ def found(monkeypatch):
         body="",
         licence="",
     )
-    syllabus = TrainingSet(synthetic.small_encoding(), synthetic.RATE, synthetic.references(), LOOPS, {})
+    syllabus = synthetic.training_set()
     return cost.costs(recipe, syllabus, 0)
 
 

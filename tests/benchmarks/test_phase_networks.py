@@ -7,10 +7,8 @@ import synthetic
 from benchmarks.reservoirs.phase_morphs import mixtures
 from benchmarks.reservoirs.phase_networks import ABLATION, channels_mb, clip_row, line, measured
 from controller.learning.trainers.phase_conceptor import PhaseRecipe
-from controller.learning.training_set import TrainingSet
 
-LOOPS = {name: name != "bow" for name in synthetic.MOTIONS}
-KNOWN = TrainingSet(synthetic.small_encoding(), synthetic.RATE, synthetic.references(), LOOPS, {})
+KNOWN = synthetic.training_set()
 
 
 def test_a_row_has_what_was_measured():

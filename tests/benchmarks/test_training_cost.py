@@ -8,9 +8,7 @@ from benchmarks.papers.cost_measurement import TrainingCost
 from benchmarks.papers.training_cost import cost_figure, cost_table
 from controller.learning.recipe import LibraryRecipe, MotionRecipe
 from controller.learning.trainers.centralized import CentralizedRecipe
-from controller.learning.training_set import TrainingSet
 
-LOOPS = {name: name != "bow" for name in synthetic.MOTIONS}
 RECIPE = LibraryRecipe(
     name="small",
     network=CentralizedRecipe(satellites=16, iterations=1),
@@ -47,7 +45,7 @@ def test_costs_are_drawn_against_each_size_with_power_and_bound():
 def test_costs_grow_with_satellites_frames_and_motions(monkeypatch):
     monkeypatch.setattr(cost, "SATELLITES", (4, 16))
     monkeypatch.setattr(cost, "SHARES", (0.5, 1.0))
-    syllabus = TrainingSet(synthetic.small_encoding(), synthetic.RATE, synthetic.references(), LOOPS, {})
+    syllabus = synthetic.training_set()
     found = cost.costs(RECIPE, syllabus, 0)
     assert [one.varied for one in found] == ["N", "N", "T", "T", "P", "P"]
     assert [one.neurons for one in found[:2]] == [3 * (4 + 2), 3 * (16 + 2)]

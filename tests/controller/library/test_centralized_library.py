@@ -31,10 +31,7 @@ def library():
 
 def played(network, motion, frames=200):
     network.cue(motion, 3)
-    out = np.empty((frames, network.channels))
-    for frame in out:
-        network.advance(frame)
-    return out
+    return synthetic.run(network, frames)
 
 
 def test_every_motion_passes_the_self_test(library):

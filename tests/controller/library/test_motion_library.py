@@ -50,10 +50,7 @@ def rewritten(saved, tmp_path, change):
 def played(library, motion, frames=60):
     network = library.network.twin()
     network.cue(motion, 0)
-    out = np.empty((frames, network.channels))
-    for frame in out:
-        network.advance(frame)
-    return out
+    return synthetic.run(network, frames)
 
 
 def test_a_library_plays_the_same_after_saving_and_loading(library, saved):

@@ -6,37 +6,10 @@ import numpy as np
 import pytest
 
 import synthetic
-from controller.learning.trainers.centralized import CentralizedRecipe
-from controller.learning.trainers.echo_state import EchoStateRecipe
-from controller.learning.trainers.random_feature import RandomFeatureRecipe
 from controller.networks.centralized.centralized import CentralizedGenerator
 
 # Views and numbers are Python objects of some ten bytes; the smallest array here, a frame, has 28 x 8.
 NO_ARRAY = 150
-
-
-def echo_state(**changes):
-    return synthetic.trained(EchoStateRecipe(neurons=150, washout=60, drives=1, **changes))
-
-
-def random_features():
-    recipe = RandomFeatureRecipe(neurons=150, features=120, features_each=60, drives=1)
-    return synthetic.trained(recipe)
-
-
-def centralized(satellites):
-    recipe = CentralizedRecipe(centers=1, satellites=satellites, iterations=2)
-    return synthetic.trained(recipe)
-
-
-NETWORKS = {
-    "conceptor": synthetic.small_network,
-    "echo-state": echo_state,
-    "echo-state of the thesis": lambda: echo_state(clipped=False),
-    "random-feature": random_features,
-    "phase-conceptor": lambda: synthetic.small_phase_network(piece_seconds=0.5),
-    "phase-echo-state": lambda: synthetic.small_phase_echo_state(piece_seconds=0.5),
-}
 
 
 def most_made(step):
@@ -56,9 +29,9 @@ def most_made(step):
         tracemalloc.stop()
 
 
-@pytest.mark.parametrize("kind", list(NETWORKS))
+@pytest.mark.parametrize("kind", [kind for kind in synthetic.NETWORKS if kind != "centralized"])
 def test_a_step_makes_no_array(kind):
-    network = NETWORKS[kind]()
+    network = synthetic.NETWORKS[kind]()
     network.cue("wave", 0)
     out = np.empty(network.channels)
     # What another thread of the tests makes meanwhile counts too; it does not come three times.
@@ -72,7 +45,7 @@ def test_a_centralized_step_makes_no_array():
     # made would grow with the satellites.
     most = []
     for satellites in (20, 200):
-        network = centralized(satellites)
+        network = synthetic.small_centralized(satellites)
         network.cue("wave", 0)
         out = np.empty(network.channels)
         generator = CentralizedGenerator({name: network[name] for name in network.motions})

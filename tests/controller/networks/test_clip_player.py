@@ -10,7 +10,7 @@ from controller.networks.clip_player import ClipPlayer
 
 @pytest.fixture
 def player():
-    return ClipPlayer(synthetic.references(), {name: name != "bow" for name in synthetic.MOTIONS})
+    return ClipPlayer(synthetic.references(), synthetic.LOOPS)
 
 
 def stepped(step, channels):

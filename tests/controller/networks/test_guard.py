@@ -3,9 +3,9 @@ import pytest
 
 import synthetic
 from controller.networks.guard import LOOK_SECONDS, Guard
+from synthetic import run
 
 LENGTHS = {name: len(frames) for name, frames in synthetic.references().items()}
-LOOPS = {name: name != "bow" for name in LENGTHS}
 LOOK_EVERY = round(LOOK_SECONDS * synthetic.RATE)
 
 
@@ -16,14 +16,7 @@ def weights():
 
 @pytest.fixture
 def guard(weights):
-    return Guard(weights.twin(), LENGTHS, LOOPS, synthetic.RATE)
-
-
-def run(network, frames):
-    out = np.empty((frames, network.channels))
-    for frame in out:
-        network.advance(frame)
-    return out
+    return Guard(weights.twin(), LENGTHS, synthetic.LOOPS, synthetic.RATE)
 
 
 def push(guard, z):

@@ -11,9 +11,7 @@ from controller.learning.recipe import LibraryRecipe, MotionRecipe
 from controller.learning.trainers.centralized import CentralizedRecipe
 from controller.learning.trainers.phase_conceptor import PhaseRecipe
 from controller.learning.trainers.phase_echo_state import PhaseEchoStateRecipe
-from controller.learning.training_set import TrainingSet
 
-LOOPS = {name: name != "bow" for name in synthetic.MOTIONS}
 RECIPE = LibraryRecipe(
     name="small",
     network=CentralizedRecipe(satellites=16, iterations=15),
@@ -25,7 +23,7 @@ RECIPE = LibraryRecipe(
 
 @pytest.fixture(scope="module")
 def syllabus():
-    return TrainingSet(synthetic.small_encoding(), synthetic.RATE, synthetic.references(), LOOPS, {})
+    return synthetic.training_set()
 
 
 @pytest.fixture(scope="module")

@@ -6,16 +6,13 @@ import pytest
 import synthetic
 from controller.learning.evaluation.tables import crossing_table
 from controller.learning.evaluation.transitions import METHODS, RAMP, all_crossings
-from controller.learning.training_set import TrainingSet
 
 pytestmark = pytest.mark.thorough
-
-LOOPS = {name: name != "bow" for name in synthetic.MOTIONS}
 
 
 @pytest.fixture(scope="module")
 def crossings():
-    syllabus = TrainingSet(synthetic.small_encoding(), synthetic.RATE, synthetic.references(), LOOPS, {})
+    syllabus = synthetic.training_set()
     return all_crossings(synthetic.small_library(), syllabus)
 
 
@@ -39,7 +36,7 @@ def test_morphing_takes_its_ramp_and_shrinks_bones(crossings):
 
 
 def test_the_table_has_a_row_a_method_and_kind_and_every_pair_below(crossings):
-    table = crossing_table("t", crossings, LOOPS, [])
+    table = crossing_table("t", crossings, synthetic.LOOPS, [])
     assert [row["to"] for row in table.rows] == [
         f"{kind}, {method}" for method in METHODS for kind in ("loops", "once")
     ]
@@ -48,7 +45,9 @@ def test_the_table_has_a_row_a_method_and_kind_and_every_pair_below(crossings):
 
 def test_the_table_names_each_pair_that_failed(crossings):
     failed = replace(crossings[0], failed=True, reason="turned round")
-    table = crossing_table("t", [failed, *(replace(c, failed=False) for c in crossings[1:])], LOOPS, ["a note"])
+    table = crossing_table(
+        "t", [failed, *(replace(c, failed=False) for c in crossings[1:])], synthetic.LOOPS, ["a note"]
+    )
     assert table.notes == ["a note", f"{failed.method}, {failed.source} to {failed.target}: turned round"]
 
 

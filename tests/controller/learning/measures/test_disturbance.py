@@ -8,13 +8,11 @@ from controller.learning.evaluation.failure_rates import Subject, sweep
 from controller.learning.evaluation.tables import failure_table
 from controller.learning.measures.disturbance import STEPS, GuardKnowledge, disturbed
 from controller.learning.measures.intervals import grouped, wilson
-from controller.learning.measures.self_test import Judge, after_disturbance, self_test
+from controller.learning.measures.self_test import after_disturbance, self_test
 from controller.learning.measures.trials import stress_test
 from controller.learning.trainers.echo_state import EchoStateRecipe
-from controller.learning.training_set import TrainingSet
 from controller.networks.guard import Guard, beat, spread
 
-LOOPS = {name: name != "bow" for name in synthetic.MOTIONS}
 SMALL_ECHO = EchoStateRecipe(neurons=200, washout=60)
 
 
@@ -38,7 +36,7 @@ def echo():
 
 @pytest.fixture(scope="module")
 def syllabus():
-    return TrainingSet(synthetic.small_encoding(), synthetic.RATE, synthetic.references(), LOOPS, {})
+    return synthetic.training_set()
 
 
 @pytest.fixture(scope="module")
@@ -119,7 +117,7 @@ def test_a_guarded_run_is_what_a_guard_plays(conceptors):
     )
     (run,) = disturbed("robustness", conceptors, "bow", 1, np.random.default_rng(0), watched)
     lengths = {name: len(taught) for name, taught in synthetic.references().items()}
-    guard = Guard(conceptors.twin(), lengths, LOOPS, synthetic.RATE)
+    guard = Guard(conceptors.twin(), lengths, synthetic.LOOPS, synthetic.RATE)
     out = np.empty((STEPS, conceptors.channels))
     guard.cue("bow", 0)
     for frame in out:
@@ -152,7 +150,7 @@ def test_motions_are_counted_alone_and_without_a_guard(conceptors, syllabus):
 
 
 def test_a_loop_that_does_not_survive_noise_fails_the_stress_test(conceptors, syllabus, monkeypatch):
-    judge = Judge(syllabus.encoding, syllabus.frames, LOOPS, syllabus.rate)
+    judge = synthetic.judge()
     free = self_test(conceptors, judge)
     assert stress_test(conceptors, free, judge, 0) == free
 
@@ -197,7 +195,7 @@ def test_runs_that_fail_together_count_less():
 @pytest.mark.parametrize("kind", ["robustness", "stability"])
 def test_a_disturbed_phase_network_finds_back_to_its_phase(network, kind, request):
     driven = request.getfixturevalue(network)
-    judge = Judge(synthetic.small_encoding(), synthetic.references(), LOOPS, synthetic.RATE)
+    judge = synthetic.judge()
     for motion in driven.motions:
         for run in disturbed(kind, driven, motion, 4, np.random.default_rng(2)):
             assert after_disturbance(driven, judge, motion, run.astype(np.float64)).passed

@@ -18,8 +18,7 @@ def features():
 
 @pytest.fixture(scope="module")
 def judge():
-    loops = {name: name != "bow" for name in NAMES}
-    return Judge(synthetic.small_encoding(), synthetic.references(), loops, synthetic.RATE)
+    return synthetic.judge()
 
 
 def test_a_trained_network_passes(judge):

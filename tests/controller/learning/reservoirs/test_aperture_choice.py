@@ -3,7 +3,7 @@ import numpy as np
 import pytest
 
 import synthetic
-from controller.learning.measures.self_test import Judge, self_test
+from controller.learning.measures.self_test import self_test
 from controller.learning.measures.trials import FREE_RUN
 from controller.learning.reservoirs.aperture_choice import APERTURES, attenuations, by_attenuation, settled_network
 from controller.learning.reservoirs.conceptor_training import conceptor_network, load_reservoir
@@ -14,8 +14,7 @@ CHOOSING = msgspec.structs.replace(synthetic.SMALL_RECIPE, choose_apertures=True
 
 @pytest.fixture(scope="module")
 def judge():
-    references = synthetic.references()
-    return Judge(synthetic.small_encoding(), references, {name: name != "bow" for name in references}, synthetic.RATE)
+    return synthetic.judge()
 
 
 @pytest.fixture(scope="module")

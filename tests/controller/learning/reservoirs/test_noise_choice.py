@@ -4,21 +4,19 @@ import pytest
 import synthetic
 from controller.learning.evaluation.evaluation import training_error
 from controller.learning.fit import TrainedNetwork, first_to_pass
-from controller.learning.measures.self_test import Judge, MotionVerdict
+from controller.learning.measures.self_test import MotionVerdict
 from controller.learning.measures.trials import FREE_RUN, failures, with_trials
 from controller.learning.recipe import LibraryRecipe, MotionRecipe
 from controller.learning.trainers import echo_state
 from controller.learning.trainers.echo_state import FACTORS, TRAINER, EchoStateRecipe
 from controller.learning.trainers.trainer import Lessons
-from controller.learning.training_set import TrainingSet
 
 RECIPE = EchoStateRecipe(neurons=120, washout=60, choose_noise=True)
 
 
 @pytest.fixture(scope="module")
 def judge():
-    references = synthetic.references()
-    return Judge(synthetic.small_encoding(), references, {name: name != "bow" for name in references}, synthetic.RATE)
+    return synthetic.judge()
 
 
 @pytest.fixture(scope="module")
@@ -34,12 +32,9 @@ def test_accuracy_is_of_the_network_that_fit_would_settle_on(plain, monkeypatch)
     left = iter([3, 0])
     monkeypatch.setattr(echo_state, "failures", lambda network, motion, *_: next(left) if motion == "wave" else 0)
     frames = synthetic.references()
-    syllabus = TrainingSet(
-        synthetic.small_encoding(), synthetic.RATE, frames, {name: name != "bow" for name in frames}, {}
-    )
     motions = [MotionRecipe(name=name, file="x.bvh") for name in frames]
     recipe = LibraryRecipe(name="small", network=RECIPE, motions=motions, body="x.bvh", licence="")
-    network = training_error(recipe, syllabus, 0).network
+    network = training_error(recipe, synthetic.training_set(), 0).network
     assert list(left) == []
     assert np.array_equal(network["march"].readout, plain["march"].readout)
     assert not np.array_equal(network["wave"].readout, plain["wave"].readout)

@@ -4,15 +4,13 @@ import pytest
 
 import synthetic
 from controller.learning.fit import settle
-from controller.learning.measures.self_test import Judge, run_free, self_test
+from controller.learning.measures.self_test import run_free, self_test
 from controller.learning.recipe import read_recipe
 from controller.learning.reservoirs.conceptor_training import cut, cut_to_tolerance, off_mm, rank_within
 from controller.learning.trainers.trainer import Lessons
 from controller.motion.encodings.motion_matching import joint_features
 from controller.networks.conceptor.network import ConceptorNetwork
 from motiondeck_base.errors import FileFormatError
-
-LOOPS = {name: name != "bow" for name in synthetic.MOTIONS}
 
 
 @pytest.fixture(scope="module")
@@ -43,7 +41,7 @@ def test_the_next_frame_stays_within_the_tolerance(network):
 
 
 def test_what_is_cut_still_plays(network):
-    judge = Judge(synthetic.small_encoding(), synthetic.references(), LOOPS, synthetic.RATE)
+    judge = synthetic.judge()
     tight = cut_to_tolerance(network, synthetic.small_encoding(), 0.5)
     assert all(verdict.passed for verdict in self_test(tight, judge).values())
 
@@ -56,7 +54,7 @@ def test_a_cut_keeps_the_first_directions(network):
 
 
 def test_a_recipe_with_a_tolerance_gets_a_rank_of_its_own_for_each_motion():
-    judge = Judge(synthetic.small_encoding(), synthetic.references(), LOOPS, synthetic.RATE)
+    judge = synthetic.judge()
     recipe = msgspec.structs.replace(synthetic.SMALL_RECIPE, rank_tolerance_mm=5.0)
     network = settle(recipe, Lessons(*synthetic.lessons(), synthetic.RATE), 0, judge).network
     assert isinstance(network, ConceptorNetwork)

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 import synthetic
-from controller.learning.measures.self_test import Judge, self_test
+from controller.learning.measures.self_test import self_test
 from controller.learning.trainers.phase_conceptor import PhaseConceptorTrainer
 from controller.learning.trainers.phase_echo_state import PhaseEchoStateTrainer
 from controller.learning.trainers.trainer import Lessons
@@ -20,8 +20,7 @@ class EchoState(PhaseEchoStateTrainer):
 
 def chosen(tolerance, trainer, **changes):
     motions, normalisation = synthetic.lessons()
-    loops = {name: name != "bow" for name in synthetic.MOTIONS}
-    judge = Judge(synthetic.small_encoding(), synthetic.references(), loops, synthetic.RATE)
+    judge = synthetic.judge()
     lessons = Lessons(motions, normalisation, synthetic.RATE)
     recipe = trainer.recipe(tolerance_mm=tolerance, **changes)
     recipe = trainer.sized(recipe, lessons, 0, judge, lambda _: None)

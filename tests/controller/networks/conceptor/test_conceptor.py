@@ -2,19 +2,12 @@ import numpy as np
 import pytest
 
 import synthetic
-from motiondeck_base.errors import UnknownNameError
+from synthetic import run
 
 
 @pytest.fixture(scope="module")
 def network():
     return synthetic.small_network()
-
-
-def run(network, frames):
-    out = np.empty((frames, network.channels))
-    for frame in out:
-        network.advance(frame)
-    return out
 
 
 def test_a_loop_runs_free_and_stays_on_its_motion(network):
@@ -35,26 +28,11 @@ def test_anchors_are_the_taught_frames(network):
         assert np.abs(network.anchors(name) - make()[:: synthetic.SMALL_RECIPE.anchor_every]).max() < 0.1
 
 
-def test_two_runs_from_one_snapshot_are_identical(network):
-    network.cue("wave", 7)
-    run(network, 30)
-    kept = network.snapshot()
-    first = run(network, 50)
-    network.cue("march", 0)
-    network.restore(kept)
-    assert np.array_equal(first, run(network, 50))
-
-
 def test_the_same_seed_gives_the_same_network():
     first, second = (synthetic.small_network(seed=4) for _ in range(2))
     for field in ("recurrent", "bias", "project", "offset", "readout", "rest", "states"):
         assert getattr(first["bow"], field).tobytes() == getattr(second["bow"], field).tobytes()
     assert not np.array_equal(first["march"].recurrent, synthetic.small_network(seed=5)["march"].recurrent)
-
-
-def test_an_unknown_motion_is_refused_with_the_nearest_name(network):
-    with pytest.raises(UnknownNameError, match="march"):
-        network.cue("mrach", 0)
 
 
 def test_a_state_three_times_as_long_as_any_stored_one_is_astray(network):

@@ -3,20 +3,13 @@ import pytest
 
 import synthetic
 from controller.learning.trainers.echo_state import EchoStateRecipe
-from motiondeck_base.errors import UnknownNameError
+from synthetic import run
 
 
 @pytest.fixture(scope="module")
 def network():
     recipe = EchoStateRecipe(neurons=300, washout=60, ridge=0.01, state_noise=0.005, teacher_noise=0.005)
     return synthetic.trained(recipe, seed=1)
-
-
-def run(network, frames):
-    out = np.empty((frames, network.channels))
-    for frame in out:
-        network.advance(frame)
-    return out
 
 
 @pytest.mark.parametrize("name", ["march", "wave"])
@@ -37,15 +30,6 @@ def test_an_impossible_state_does_not_make_it_run_away(network):
     assert (np.abs(played) <= 1.2 * reach + 0.1).all()
 
 
-def test_two_runs_from_one_snapshot_are_identical(network):
-    network.cue("wave", 2)
-    run(network, 30)
-    kept = network.snapshot()
-    first = run(network, 50)
-    network.restore(kept)
-    assert np.array_equal(first, run(network, 50))
-
-
 def test_the_same_seed_gives_the_same_bytes():
     first, second, other = (
         synthetic.trained(EchoStateRecipe(neurons=60, washout=60, drives=1), seed=seed) for seed in (4, 4, 5)
@@ -53,11 +37,6 @@ def test_the_same_seed_gives_the_same_bytes():
     assert first.weights.tobytes() == second.weights.tobytes()
     assert first["bow"].readout.tobytes() == second["bow"].readout.tobytes()
     assert first["bow"].readout.tobytes() != other["bow"].readout.tobytes()
-
-
-def test_an_unknown_motion_is_refused(network):
-    with pytest.raises(UnknownNameError, match="wave"):
-        network.cue("wav", 0)
 
 
 def test_the_output_is_kept_within_a_twentieth_of_the_range_of_training(network):

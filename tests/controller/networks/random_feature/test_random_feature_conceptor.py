@@ -11,7 +11,8 @@ import synthetic
 from controller.learning.recipe import read_recipe
 from controller.learning.trainers.random_feature import RandomFeatureRecipe, conception_weights
 from controller.library.motion_library import MotionLibrary, load_library, save_library
-from motiondeck_base.errors import FileFormatError, MotiondeckError, UnknownNameError
+from motiondeck_base.errors import FileFormatError, MotiondeckError
+from synthetic import run
 
 RECIPE = RandomFeatureRecipe(
     neurons=300,
@@ -36,13 +37,6 @@ def network():
 def library(network):
     small = synthetic.small_library()
     return MotionLibrary(msgspec.structs.replace(small.info, network="random-feature"), network, small.encoding)
-
-
-def run(network, frames):
-    out = np.empty((frames, network.channels))
-    for frame in out:
-        network.advance(frame)
-    return out
 
 
 @pytest.mark.parametrize("name", ["march", "wave"])
@@ -96,26 +90,6 @@ def test_the_same_seed_gives_the_same_bytes():
     assert first.reservoir.feedback.tobytes() == second.reservoir.feedback.tobytes()
     assert first["bow"].states.tobytes() == second["bow"].states.tobytes()
     assert first["bow"].states.tobytes() != other["bow"].states.tobytes()
-
-
-def test_two_runs_from_one_snapshot_are_identical(network):
-    network.cue("wave", 7)
-    run(network, 30)
-    kept = network.snapshot()
-    first = run(network, 50)
-    network.cue("march", 0)
-    network.restore(kept)
-    assert np.array_equal(first, run(network, 50))
-
-
-def test_a_twin_plays_another_motion_without_being_heard(network):
-    network.cue("march", 0)
-    alone = run(network, 20)
-    network.cue("march", 0)
-    twin = network.twin()
-    twin.cue("wave", 0)
-    run(twin, 5)
-    assert np.array_equal(run(network, 20), alone)
 
 
 def test_an_impossible_state_is_known(network):
@@ -220,8 +194,3 @@ def test_conception_weights_that_diverge_are_refused():
     quick = msgspec.structs.replace(RECIPE, neurons=50, features=60, features_each=30, learning_rate=10.0)
     with pytest.raises(MotiondeckError, match=r"learning_rate = 10\.0 and network\.aperture = 10\.0"):
         synthetic.trained(quick, *lessons)
-
-
-def test_an_unknown_motion_is_refused_with_the_nearest_name(network):
-    with pytest.raises(UnknownNameError, match="march"):
-        network.cue("mrach", 0)

@@ -5,7 +5,7 @@ import pytest
 
 import synthetic
 from controller.networks.reservoirs.phase_reservoir import ANCHOR_EVERY
-from motiondeck_base.errors import UnknownNameError
+from synthetic import run
 
 KINDS = {"conceptors": synthetic.small_phase_network, "echo state": synthetic.small_phase_echo_state}
 NEAR = 0.02
@@ -19,13 +19,6 @@ def make(request):
 @pytest.fixture(scope="module")
 def network(make):
     return make()
-
-
-def run(network, frames):
-    out = np.empty((frames, network.channels))
-    for frame in out:
-        network.advance(frame)
-    return out
 
 
 def test_it_knows_its_phase(network):
@@ -127,24 +120,9 @@ def test_a_one_shot_goes_back_to_its_beginning_and_no_further(network):
     assert network.phase == 0.0
 
 
-def test_two_runs_from_one_snapshot_are_identical(network):
-    network.cue("wave", 7)
-    run(network, 30)
-    kept = network.snapshot()
-    first = run(network, 50)
-    network.cue("march", 0)
-    network.restore(kept)
-    assert np.array_equal(first, run(network, 50))
-
-
 def test_a_twin_has_a_state_of_its_own(network):
     network.cue("march", 0)
     twin = network.twin()
     twin.cue("wave", 3)
     run(twin, 10)
     assert network.phase == 0.0
-
-
-def test_an_unknown_motion_is_refused_with_the_nearest_name(network):
-    with pytest.raises(UnknownNameError, match="march"):
-        network.cue("mrach", 0)
