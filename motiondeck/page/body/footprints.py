@@ -9,6 +9,7 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
+from controller.motion.markers import runs
 from controller.motion.rotations import Array
 from sim.models.feet import Foot
 from sim.models.scenery import body_height
@@ -64,10 +65,10 @@ def standing(corners: Array, rate: float, height: float) -> NDArray[np.bool_]:
     speed = np.linalg.norm(step, axis=-1) * rate
     stands = (low < ground + NEAR * height) & (speed < STILL * height)
     for foot in range(stands.shape[1]):
-        for first, end in _runs(~stands[:, foot]):
+        for first, end in runs(~stands[:, foot]):
             if end - first <= MOMENT * rate and first > 0 and end < len(stands):
                 stands[first:end, foot] = True
-        for first, end in _runs(stands[:, foot]):
+        for first, end in runs(stands[:, foot]):
             if end - first <= MOMENT * rate and end - first < len(stands):
                 stands[first:end, foot] = False
     return stands
@@ -77,7 +78,7 @@ def footprints(model: mujoco.MjModel, corners: Array, stands: NDArray[np.bool_])
     """One print for each time that a foot stands, drawn where it stood in the middle of that time."""
     prints: list[Print] = []
     for foot in range(stands.shape[1]):
-        for first, end in _runs(stands[:, foot]):
+        for first, end in runs(stands[:, foot]):
             flat = corners[(first + end) // 2, foot].copy()
             flat[:, 2] = LIFTED * body_height(model)
             prints.append(Print(foot, first, end - 1, flat))
@@ -119,9 +120,3 @@ class StepWatch:
         for flat in left:
             flat[:, 2] = LIFTED * self._height
         return left
-
-
-def _runs(flags: NDArray[np.bool_]) -> list[tuple[int, int]]:
-    """Where flags (T,) are set: the first of each run, and what follows its last."""
-    edges = np.flatnonzero(np.diff(np.concatenate([[0], flags.astype(int), [0]]))).tolist()
-    return list(zip(edges[::2], edges[1::2], strict=True))
