@@ -92,6 +92,9 @@ def recordings_below(folder: Path) -> list[Path]:
 
 
 def _format_by_content(path: Path) -> Format | None:
+    """The format of a file by its first bytes; None also for a pipe, which can be read only once."""
+    if not path.is_file():
+        return None
     try:
         with path.open("rb") as file:
             beginning = file.read(64).lstrip()

@@ -1,12 +1,15 @@
 """The list of formats comes from the modules that read them."""
 
 import importlib.util
+import os
+import threading
 from pathlib import Path
 
 import pytest
 
 from controller.motion.formats.reading import FORMATS, read_clip
 from motiondeck_base.errors import FileFormatError
+from recordings import BVH
 
 DOCS = Path(__file__).parents[4] / "docs"
 
@@ -29,3 +32,18 @@ def test_a_file_of_another_format_is_named_by_its_first_bytes(tmp_path, name):
     (tmp_path / name).write_text("\n HIERARCHY\nROOT Hips\n")
     with pytest.raises(FileFormatError, match=r"begins as a \.bvh file\. Rename it"):
         read_clip(tmp_path / name)
+
+
+def test_a_recording_is_read_from_a_pipe(tmp_path):
+    pipe = tmp_path / "walk.bvh"
+    os.mkfifo(pipe)
+    clips = []
+    ends = [
+        threading.Thread(target=pipe.write_text, args=(BVH,), daemon=True),
+        threading.Thread(target=lambda: clips.append(read_clip(pipe)), daemon=True),
+    ]
+    for end in ends:
+        end.start()
+    for end in ends:
+        end.join(10.0)
+    assert [clip.name for clip in clips] == ["walk"]
