@@ -25,7 +25,7 @@ from numpy.typing import NDArray
 from hardware.bus.protocol import PROTOCOLS
 from hardware.bus.servo_bus import Bus
 from hardware.bus.sync_write import SyncWrite
-from hardware.errors import MotiondeckError, SerialPortError, with_torque
+from hardware.errors import MotiondeckError, with_torque
 from hardware.rig.counters import RigFaults
 from hardware.rig.driving.readings import Measurements, Readings
 from hardware.rig.driving.state_block import StateBlock, arrange_state
@@ -45,16 +45,15 @@ class ServoPort:
     """Servos of a rig that are switched on; arrays have all J joints of the rig, in the order of its file.
 
     `write`, `request_state` and `collect_state` neither wait nor raise, whatever state the servos are in; only a port
-    that is gone raises SerialPortError, once, and from then on they do nothing.
+    that has vanished raises SerialPortError.
 
     Attributes:
         part: the joints of this port, as a rig of one port.
         joints: their indices in the rig, shape (n,).
         places: the same as an index of arrays.
-        held: where they were switched on, shape (n,), rad.
         readings: their measurements.
         bus: of this port.
-        gone: whether the port is gone, or closed.
+        gone: whether the rig has found the port gone, or it is closed.
         pace: the part of its speed limit that each servo keeps on its own, shape (J,); see `keep_pace`.
         left_out: the joints that the rig goes on without, shape (J,): their silence is expected.
     """
@@ -73,7 +72,6 @@ class ServoPort:
         self.joints = np.array([config.names.index(name) for name in part.names])
         self.places = slice(None) if len(self.joints) == len(config.joints) else self.joints
         self.bus = bus
-        self._rig = config
         bus.protocols = part.protocols
         self._goals = list(_groups(part, "goal_position", self))
         self._speeds = list(_groups(part, "profile_velocity", self))
@@ -88,7 +86,7 @@ class ServoPort:
         self._arm_next = self._reads_next = 0.0
         self._switched_on = False
         try:
-            self.held = switch_on(part, bus)
+            held = switch_on(part, bus)
             self._fast = knows_fast_reads(part, bus)
             blocks = arrange_state(part, bus)
             refuse_slow_wire(part, blocks, self._fast, return_delays(part, bus))
@@ -99,7 +97,7 @@ class ServoPort:
             raise
         self._switched_on = True
         self.readings = Readings(config, self.joints.tolist(), RigScale(config), measured, faults)
-        self.readings.start(self.joints.tolist(), self.held, blocks, bus.port.now())
+        self.readings.start(self.joints.tolist(), held, blocks, bus.port.now())
 
     @property
     def stopped(self) -> bool:
@@ -111,70 +109,9 @@ class ServoPort:
     def write(self, counts: Array) -> bool:
         """Sends goal positions, shape (J,), pulses, and requests the state in the same write; False if not sent.
 
-        Nothing is requested while a reply is under way, or before it is due by the rig file's `read_hz`.
+        Now and then watchdogs and speeds go before them. Nothing is requested while a reply is under way, or before it
+        is due by the rig file's `read_hz`.
         """
-        if self.gone:
-            return False
-        try:
-            return self._send(counts)
-        except SerialPortError:
-            self.gone = True
-            raise
-
-    def request_state(self) -> None:
-        """Requests the state without sending goals; nothing happens while a reply is under way."""
-        if self.gone:
-            return
-        try:
-            self._stopped = self.stopped
-            self._request()
-        except SerialPortError:
-            self.gone = True
-            raise
-
-    def collect_state(self, now: float) -> bool:
-        """Takes the reply if it has come in the meantime, as measured at `now`, s; whether anything new was."""
-        if self.gone:
-            return False
-        try:
-            reply = self.bus.collect() or self.bus.collect_early()
-        except SerialPortError:
-            self.gone = True
-            raise
-        return reply is not None and self.readings.take(reply, now)
-
-    def attach(self, bus: Bus, joints: Sequence[int], held: Array, blocks: Sequence[StateBlock], now: float) -> None:
-        """Goes on over this bus, where these joints hold at these angles, rad; see `Readings.start`."""
-        self.bus = bus
-        self.readings.start(joints, held, blocks, now)
-        self._stopped = self._armed = self.gone = False
-
-    def keep_pace(self, pace: Array) -> None:
-        """Has each servo keep to this part of its speed limit, shape (J,), once every servo answers."""
-        if not np.array_equal(pace, self.pace):
-            self.pace, self._paced = pace, False
-
-    def loosen(self, joints: NDArray[np.bool_]) -> None:
-        """Takes the torque off the servos of these joints, shape (J,), unanswered and without waiting."""
-        own = np.flatnonzero(joints[self.joints]).tolist()
-        if own and not self.gone:
-            sync_write_all(self.part.only(own), self.bus, "torque_enable", 0)
-
-    def close(self) -> list[str]:
-        """Switches off, or holds, as the rig file asks; returns the joints that did not confirm it."""
-        if self._closed:
-            return []
-        self.gone = True
-        end = hold_each if self._switched_on and self.part.on_exit == "hold" else switch_off
-        try:
-            unconfirmed = end(self.part, self.bus)
-        finally:
-            self.bus.close()
-        self._closed = True
-        return unconfirmed
-
-    def _send(self, counts: Array) -> bool:
-        """One sync write of goals, now and then after others of watchdogs and speeds; False if nothing was sent."""
         self._stopped = self.stopped
         if self._stopped:
             return False
@@ -199,10 +136,51 @@ class ServoPort:
         self._last_sent = now
         return self.bus.port.send(data)
 
+    def request_state(self) -> None:
+        """Requests the state without sending goals; nothing happens while a reply is under way."""
+        self._stopped = self.stopped
+        self._request()
+
+    def collect_state(self, now: float) -> bool:
+        """Takes the reply if it has come in the meantime, as measured at `now`, s; whether anything new was."""
+        reply = self.bus.collect() or self.bus.collect_early()
+        return reply is not None and self.readings.take(reply, now)
+
+    def attach(self, bus: Bus, joints: Sequence[int], held: Array, blocks: Sequence[StateBlock], now: float) -> None:
+        """Goes on over this bus, where these joints hold at these angles, rad; see `Readings.start`."""
+        self.bus = bus
+        self.readings.start(joints, held, blocks, now)
+        self._stopped = self._armed = self.gone = False
+
+    def keep_pace(self, pace: Array) -> None:
+        """Has each servo keep to this part of its speed limit, shape (J,), once every servo answers."""
+        if not np.array_equal(pace, self.pace):
+            self.pace, self._paced = pace, False
+
+    def loosen(self, joints: NDArray[np.bool_]) -> None:
+        """Takes the torque off the servos of these joints, shape (J,), unanswered and without waiting."""
+        own = np.flatnonzero(joints[self.joints]).tolist()
+        if own:
+            sync_write_all(self.part.only(own), self.bus, "torque_enable", 0)
+
+    def close(self) -> list[str]:
+        """Switches off, or holds, as the rig file asks; returns the joints that did not confirm it."""
+        if self._closed:
+            return []
+        self.gone = True
+        end = hold_each if self._switched_on and self.part.on_exit == "hold" else switch_off
+        try:
+            unconfirmed = end(self.part, self.bus)
+        finally:
+            self.bus.close()
+        self._closed = True
+        return unconfirmed
+
     def _speed_frames(self, silent: NDArray[np.bool_] | None = None) -> bytes:
         """The frames that give each servo its part of the speed limit, none more than a silent one keeps."""
-        joints = zip(self._rig.joints, self.pace.tolist(), strict=True)
-        counts = np.array([speed_counts(joint, pace) for joint, pace in joints])
+        paces = zip(self.part.joints, self.pace[self.joints].tolist(), strict=True)
+        counts = np.zeros(len(self.pace))
+        counts[self.joints] = [speed_counts(joint, pace) for joint, pace in paces]
         if silent is not None:
             for group in self._speeds:
                 own = counts[group.joints]

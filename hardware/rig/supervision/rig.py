@@ -155,9 +155,9 @@ class Rig:
         A target beyond a limit stops there, one that is NaN or infinite leaves the joint's goal; both are counted.
         """
         ready = self._ready()
-        for one in self._recoveries if len(ready) < len(self._recoveries) else ():
-            if one not in ready:
-                self.faults.unsent[one.port.joints] += 1
+        for one in self._recoveries:
+            if self._stopped or one.under_way:
+                self.faults.unsent[one.port.places] += 1
         if not ready:
             return
         with self.write_us:
@@ -180,8 +180,9 @@ class Rig:
                     self._recover_port(one, error)
             if np.logical_or.reduce(pace.catching_up.joints):
                 pace.sent(targets, self.goals, self.positions)
+                of_servos = pace.of_servos
                 for one in ready:
-                    one.port.keep_pace(pace.of_servos)
+                    one.port.keep_pace(of_servos)
         for one in ready:
             if not one.under_way and one.port.stopped:
                 one.start(_RECOVERED_WITHIN)
@@ -306,6 +307,7 @@ class Rig:
 
     def _recover_port(self, one: PortRecovery, error: SerialPortError) -> None:
         """Starts to reopen a port that has vanished; raises RigError if the rig file does not want that."""
+        one.port.gone = True
         self._note_port(one.port, "is gone")
         if self.config.reconnect_s == 0.0:
             self._stopped = True
@@ -325,8 +327,7 @@ class Rig:
         self._pace.ease.note(measured.temperatures, measured.voltages)
         health.look(measured, self.goals, self._pace.strain.yielding, recovering, now)
         if np.logical_or.reduce(health.fatal):
-            without = health.fatal | health.lost
-            if self.config.on_loss == "stop" or any(without[port.joints].all() for port in self._all_ports()):
+            if self.config.on_loss == "stop" or any(self._has_lost_all(port) for port in self._all_ports()):
                 self._stopped = True
                 raise RigError(f"the rig has stopped: {health.reasons}. Mend the cause and start anew.")
             health.give_up(now)
@@ -338,6 +339,11 @@ class Rig:
         for one in self._recoveries:
             if not one.under_way and (one.to_do is not None or (wanted and health.mend[one.port.joints].any())):
                 one.start(_RECOVERED_WITHIN)
+
+    def _has_lost_all(self, port: ServoPort) -> bool:
+        """Whether the last joint of a port is lost just now; one of which all were switched off does no harm."""
+        fatal, lost = self._health.fatal[port.joints], self._health.lost[port.joints]
+        return bool(fatal.any() and (fatal | lost).all())
 
     def _loosen(self, joints: NDArray[np.bool_]) -> None:
         for one in self._recoveries:

@@ -12,7 +12,7 @@ from hardware.control_table.models import MODELS
 from hardware.emulator.bus import EmulatedBus
 from hardware.emulator.faults import FaultPlan, parse_fault
 from hardware.emulator.port import EmulatedPort
-from hardware.errors import RigError
+from hardware.errors import RigError, SerialPortError
 from hardware.protocol2.frames import Parser
 from hardware.rig.rig_file import RigJoint
 from hardware.rig.supervision.rig import Rig
@@ -445,6 +445,21 @@ def test_incidents_name_the_port_that_went_and_came(build):
     happened = [incident.what for incident in rig.incidents if incident.source == "the port emulated"]
     assert happened == ["is gone", "is back"]
     assert [incident.time for incident in rig.incidents] == sorted(incident.time for incident in rig.incidents)
+
+
+def test_a_port_that_goes_while_torque_is_taken_off_is_named_when_it_comes_as_well(build, monkeypatch):
+    rig, port = build()
+    play(rig, port, [0.1] * 4, 0.2)
+    rig.switch_off(1)
+
+    def vanish(*unsent):
+        raise SerialPortError("the port emulated is gone")
+
+    with monkeypatch.context() as patched:
+        patched.setattr("hardware.rig.driving.servo_port.sync_write_all", vanish)
+        rig.collect_state()
+    play(rig, port, [0.1] * 4, 0.2)
+    assert [incident.what for incident in rig.incidents] == ["was switched off on command", "is gone", "is back"]
 
 
 def conditions(rig):

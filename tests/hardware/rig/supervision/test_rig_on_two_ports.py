@@ -133,3 +133,12 @@ def test_ctrl_c_while_the_second_port_opens_leaves_no_torque_on_the_first(config
     with pytest.raises(KeyboardInterrupt):
         Rig.connect(config)
     assert [device["torque_enable"] for device in first.bus.devices] == [0, 0]
+
+
+def test_a_loss_on_one_port_does_not_stop_a_rig_whose_other_joints_are_switched_off(config):
+    bench = Bench(msgspec.structs.replace(config, on_loss="go on"), [Fault("alert", id=2, at=0.5, value=32.0)])
+    bench.play(10)
+    for joint in (1, 3):
+        bench.rig.switch_off(joint)
+    bench.play(200)
+    assert bench.rig.lost.tolist() == [False, True, True, True]
