@@ -6,7 +6,6 @@ python -m motiondeck.run.terminal --command-port 47810
 from __future__ import annotations
 
 import argparse
-import asyncio
 import contextlib
 import sys
 import threading
@@ -131,6 +130,8 @@ async def converse(client: CommandClient) -> None:
     Raises:
         SocketError: if no deck is running.
     """
+    import asyncio  # here, since `send` takes its words from this module
+
     from prompt_toolkit import PromptSession
     from prompt_toolkit.completion import WordCompleter
     from prompt_toolkit.key_binding import KeyBindings
@@ -227,6 +228,8 @@ def main() -> None:
     try:
         client = CommandClient(parser.parse_args().command_port)
         if sys.stdin.isatty():
+            import asyncio
+
             asyncio.run(converse(client))
         else:
             follow(client, sys.stdin)
