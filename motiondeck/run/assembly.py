@@ -6,6 +6,7 @@ from collections.abc import Callable, Iterator, Sequence
 from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from controller.deck.interfaces import Retargeter
 from controller.deck.lockable import Lockable
@@ -26,19 +27,18 @@ from controller.wire.command_socket import CommandServer
 from controller.wire.leader_link import LeaderLink
 from controller.wire.messages.deck_snapshot import SnapshotSource
 from motiondeck.run.beside.child_process import Children, PageProcess, child_process, kept_tty, page_process
-from motiondeck.run.beside.show_member import show_member
-from motiondeck.run.beside.tick_recorder import TickRecorder, recording
-from motiondeck.run.page.contents import PageContents
-from motiondeck.run.page.page import Page
-from motiondeck.run.plugin_outputs import open_outputs
-from motiondeck.run.recognition.watches import BodyWatch, MismatchPolicy, RecognitionWatch, Watch
 from motiondeck.run.report import RunNews
-from motiondeck.run.robots.rig_output import RigOutput
 from motiondeck.run.robots.robot_on_deck import RobotOnDeck, channels_of
-from motiondeck.run.session import PlayableDeck, Session, WiredStop, WiredStopWatch
+from motiondeck.run.session import Session, WiredStop, WiredStopWatch
 from motiondeck.run.spec.run_spec import RunSpec
 from motiondeck.run.spec.script import Timed
 from motiondeck_base.errors import MotiondeckError
+
+if TYPE_CHECKING:  # a run imports what it has: page, show, recorder, recognition, rig, outputs
+    from motiondeck.run.beside.tick_recorder import TickRecorder
+    from motiondeck.run.recognition.watches import Watch
+    from motiondeck.run.robots.rig_output import RigOutput
+    from motiondeck.run.session import PlayableDeck
 
 
 @dataclass(frozen=True)
@@ -121,6 +121,8 @@ def _assemble(opening: ExitStack, stop: StopRequest, spec: RunSpec, played: Play
         children.add("the page", page.process)
     member = None
     if spec.show is not None and isinstance(played.source, MotionLibrary):
+        from motiondeck.run.beside.show_member import show_member
+
         show = str(spec.show), port, played.source, Path(spec.robot).stem, spec.rate
         member = opening.enter_context(show_member(*show))
         then = "no cue and no emergency stop of the show reaches this deck until it is started again"
@@ -130,7 +132,11 @@ def _assemble(opening: ExitStack, stop: StopRequest, spec: RunSpec, played: Play
     first, body = robots[0], robots[0].pushable
     deck = played.make_deck(together([robot.retarget for robot in robots]))
     joints = [name for robot in robots for name in robot.joints]
-    channels = [*channels_of(robots), *open_outputs(opening, spec.outputs, joints, spec.rate)]
+    channels = channels_of(robots)
+    if spec.outputs:
+        from motiondeck.run.plugin_outputs import open_outputs
+
+        channels += open_outputs(opening, spec.outputs, joints, spec.rate)
     clock = host.clock or Ticker(spec.rate, "catch_up" if spec.overruns == "catch-up" else "skip")
     ticker = clock if isinstance(clock, Ticker) else None
     for pushable in filter(None, (robot.pushable for robot in robots)):
@@ -146,11 +152,12 @@ def _assemble(opening: ExitStack, stop: StopRequest, spec: RunSpec, played: Play
     guards = [robot.guard for robot in robots if robot.guard is not None]
     kept_apart = (lambda: sum(guard.kept_apart.total() for guard in guards)) if guards else None
     snapshots = SnapshotSource(deck, body, watch, kept_apart)
-    rig = first.rig.output if first.rig is not None else None
-    servos = rig if isinstance(rig, RigOutput) else None
-
+    servos = _servos(first)
     shown = None
     if page is not None:
+        from motiondeck.run.page.contents import PageContents
+        from motiondeck.run.page.page import Page
+
         human, learns = played.human(deck), host.restarts
         contents = PageContents(deck, robots, human, watch, port, played.file, servos, learns=learns)
         shown = opening.enter_context(Page.open(page.state, contents))
@@ -232,13 +239,26 @@ def _measured_by(channel: Channel, joints: int) -> Callable[[], Array | None]:
     return lambda: None if channel.measured is None else channel.measured[:joints]
 
 
+def _servos(robot: RobotOnDeck) -> RigOutput | None:
+    """The rig of a robot that plays alone."""
+    if robot.rig is None:
+        return None
+    from motiondeck.run.robots.rig_output import RigOutput
+
+    return robot.rig.output if isinstance(robot.rig.output, RigOutput) else None
+
+
 def _watch(spec: RunSpec, played: Played, first: RobotOnDeck, channel: Channel) -> Watch | None:
+    if spec.recognizer is None and not spec.recognize:
+        return None
+    from motiondeck.run.recognition.watches import BodyWatch, MismatchPolicy, RecognitionWatch
+
     if spec.recognizer is not None:
         # What recognizes takes longer to import than all that plays.
         from controller.learning.recognition.recognizer import load_recognizer
 
         return BodyWatch(load_recognizer(Path(spec.recognizer)), played.source.skeleton)
-    if not spec.recognize or not isinstance(played.source, MotionLibrary):
+    if not isinstance(played.source, MotionLibrary):
         return None
     policy = MismatchPolicy(spec.mismatch_after, spec.on_mismatch == "stop")
     return RecognitionWatch.over(first, channel, played.source, spec.rate, policy)
@@ -257,6 +277,8 @@ def _recorder(
     simulation = robot.simulation
     if simulation is None:
         raise MotiondeckError("a rig without a simulated robot cannot be recorded; use: motiondeck play --record")
+    from motiondeck.run.beside.tick_recorder import recording
+
     description = {
         "library": played.name,
         "robot": robot.name,

@@ -114,8 +114,6 @@ def open_outputs(opening: ExitStack, specs: Sequence[str], joints: Sequence[str]
         UnknownNameError: if no installed package provides the name; it names the nearest.
         MotiondeckError: if one cannot be imported or opened.
     """
-    if not specs:
-        return []
     from importlib.metadata import entry_points  # slow to import
 
     found: dict[str, Any] = {point.name: point for point in entry_points(group=GROUP)}

@@ -17,7 +17,6 @@ from controller.loop.loop import LoopReport
 from controller.loop.output_channel import Channel
 from controller.loop.permissions import Permission
 from controller.wire.command_socket import CommandServer
-from motiondeck.run.recognition.watches import summary_lines
 from motiondeck_base.counted import counted
 
 _AT_ONCE = 0.05  # s: a fall before this is reported as one at once
@@ -152,7 +151,10 @@ def _happened(report: dict[str, Any]) -> list[str]:
         lines.append(
             f"the recording {file} is not complete" + (f": {reason.removeprefix(f'{file}: ')}" if reason else "")
         )
-    lines += summary_lines(report["recognition"]) if "recognition" in report else []
+    if "recognition" in report:
+        from motiondeck.run.recognition.watches import summary_lines
+
+        lines += summary_lines(report["recognition"])
     lines += [f"output {o['name']} was parked: {o['fault']}" for o in report["outputs"] if o["parked"]]
     return lines
 

@@ -6,19 +6,16 @@ import sys
 from collections.abc import Sequence
 from contextlib import ExitStack
 from dataclasses import dataclass, field
-from typing import Any, Protocol
+from typing import TYPE_CHECKING, Any, Protocol
 
 import numpy as np
 
 from controller.deck.recorded_deck import RecordedDeck
-from controller.deck.switch import CommandedSwitch
 from controller.loop.clock import Clock
 from controller.loop.commands.command_handler import CommandHandler
-from controller.loop.commands.commanded_run import Playback
 from controller.loop.loop import LoopState, run
 from controller.loop.output_channel import Channel
 from controller.loop.permissions import Permission, handed_back, request_core, request_one_blas_thread, request_realtime
-from controller.loop.run_phases import Player
 from controller.loop.safety.safety_envelope import SafetyEnvelope
 from controller.loop.stop_requests import StopRequest
 from controller.motion.rotations import Array
@@ -26,15 +23,32 @@ from controller.wire.messages.commands import EmergencyStop
 from controller.wire.messages.deck_snapshot import SnapshotSource, TickHealth
 from controller.wire.messages.replies import Refused
 from motiondeck.run.beside.child_process import Children
-from motiondeck.run.beside.tick_recorder import TickRecorder
-from motiondeck.run.page.contents import ShownDeck
-from motiondeck.run.page.page import HEALTH_EVERY, PICTURE_HZ, Page
 from motiondeck.run.progress_line import progress_line
-from motiondeck.run.recognition.watches import Watch
 from motiondeck.run.report import RunNews, run_report
 from motiondeck.run.robots.robot_on_deck import RobotOnDeck
 from motiondeck.run.spec.run_spec import RunSpec
 from motiondeck.run.spec.script import Timed
+
+if TYPE_CHECKING:  # page, recorder and recognition are imported by a run that has them
+    from controller.deck.switch import CommandedSwitch
+    from controller.loop.commands.commanded_run import Playback
+    from controller.loop.run_phases import Player
+    from motiondeck.run.beside.tick_recorder import TickRecorder
+    from motiondeck.run.page.contents import ShownDeck
+    from motiondeck.run.page.page import Page
+    from motiondeck.run.recognition.watches import Watch
+
+    class PlayableDeck(Player, Playback, ShownDeck, Protocol):
+        """A deck as a session needs it."""
+
+        @property
+        def switches(self) -> Sequence[CommandedSwitch]:
+            """The commanded switches."""
+            ...
+
+
+PICTURE_HZ = 50.0
+HEALTH_EVERY = 12  # pictures
 
 
 class WiredStop(Protocol):
@@ -64,15 +78,6 @@ class WiredStopWatch:
         handler.carry_out(EmergencyStop(), stop)
         handler.notify("fault", f"the emergency stop at {wired.name} was pulled")
         print(f"motiondeck: the emergency stop at {wired.name} was pulled", file=sys.stderr)
-
-
-class PlayableDeck(Player, Playback, ShownDeck, Protocol):
-    """A deck as a session needs it."""
-
-    @property
-    def switches(self) -> Sequence[CommandedSwitch]:
-        """The commanded switches."""
-        ...
 
 
 @dataclass

@@ -24,8 +24,6 @@ from motiondeck.run.page.contents import Driven, PageContents, on_floor
 if TYPE_CHECKING:
     from motiondeck.page.clip_page import Act
 
-PICTURE_HZ = 50.0
-HEALTH_EVERY = 12  # pictures
 SERVOS_EVERY = 5  # pictures
 _POSITIONS = 1  # row of `ServoStates`
 

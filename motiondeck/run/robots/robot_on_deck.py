@@ -14,7 +14,6 @@ from controller.loop.commands.interfaces import Pushable
 from controller.loop.ensemble import RobotOutput
 from controller.loop.output_channel import Channel
 from controller.motion.rotations import Array
-from motiondeck.run.robots.rig_output import open_rig
 from motiondeck.run.spec.run_spec import EMULATED, RunSpec
 from motiondeck_base.errors import MotiondeckError
 from motiondeck_base.shipped import find_rig, find_robot
@@ -148,6 +147,8 @@ def open_robot(opening: ExitStack, spec: RunSpec, library: MotionLibrary, prefix
     opening.callback(stage.close)
     rig, limits = None, robot.limits
     if rig_file is not None:
+        from motiondeck.run.robots.rig_output import open_rig
+
         emulated = str(spec.rig).startswith(EMULATED)
         rig, limits = open_rig(opening, rig_file, robot, spec.rate, emulated=emulated)
         opening.callback(rig.output.close)

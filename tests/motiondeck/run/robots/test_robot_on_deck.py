@@ -18,7 +18,7 @@ def test_limbs_are_kept_apart_within_the_limits_of_the_rig(monkeypatch):
         rig = SimpleNamespace(output=SimpleNamespace(close=lambda: None))
         return rig, replace(robot.limits, lower=robot.rest - 0.2, upper=upper, velocity=velocity)
 
-    monkeypatch.setattr(robot_on_deck, "open_rig", open_rig)
+    monkeypatch.setattr("motiondeck.run.robots.rig_output.open_rig", open_rig)
     skeleton, rate = human(), 100.0
     spec = RunSpec(robot="servo20", rig="servo20", physics=False, check_collisions=True, rate=rate)
     library: Any = SimpleNamespace(skeleton=skeleton)

@@ -1,0 +1,25 @@
+"""What is imported before a run begins, and by the commands that only send."""
+
+import subprocess
+import sys
+
+import pytest
+
+BESIDE = (
+    "motiondeck.page",
+    "motiondeck.run.page",
+    "motiondeck.run.beside.tick_recorder",
+    "motiondeck.shows",
+    "hardware",
+)
+OPTIONAL = (*BESIDE, "motiondeck.run.recognition.watches", "motiondeck.run.plugin_outputs", "prompt_toolkit")
+
+
+@pytest.mark.parametrize(
+    ("module", "spared"),
+    [("motiondeck.run.library_run", OPTIONAL), ("motiondeck.run.terminal", ("asyncio", "numpy", "prompt_toolkit"))],
+)
+def test_what_not_every_run_has_is_not_imported(module, spared):
+    program = f"import sys, {module}; print([name for name in {spared} if name in sys.modules])"
+    done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=True)
+    assert done.stdout.strip() == "[]"
