@@ -14,9 +14,10 @@ import select
 import socket
 import stat
 import struct
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
+from typing import TypeVar
 
 from motiondeck_base.errors import MotiondeckError
 
@@ -26,6 +27,8 @@ MOST_CLIENTS = 64
 RESERVED = 16  # further connections, of which only an emergency stop is taken
 _FREE_NUMBERS = range(49152, 65536)
 _CREDENTIALS = struct.Struct("3i")  # process, user and group of a peer
+
+T = TypeVar("T")
 
 
 class SocketError(MotiondeckError):
@@ -117,10 +120,8 @@ class LocalListener:
                     self._accept()
                 elif data := self._read(client := self._clients[number], most_bytes):
                     yield data, client
-            # Only now, after all that has arrived is read: an emergency stop is not lost with its connection.
             while len(self._reserved) > RESERVED:
-                self.send(self._reserved[0], self._full)
-                self._drop(self._reserved[0])
+                yield from self._dismiss(self._reserved[0], most_bytes)
 
     def _accept(self) -> None:
         with contextlib.suppress(OSError):
@@ -148,10 +149,23 @@ class LocalListener:
         self._drop(client)
         return b""
 
+    def _dismiss(self, client: LocalClient, most_bytes: int) -> Iterator[tuple[bytes, LocalClient]]:
+        """Drops a client, after all that it has sent is read: an emergency stop is not lost with its connection."""
+        self.send(client, self._full)
+        with contextlib.suppress(OSError):
+            client.connection.shutdown(socket.SHUT_RD)  # from here on it knows that what it sends does not arrive
+        while data := self._read(client, most_bytes):
+            yield data, client
+        if self.connected(client):
+            self._drop(client)
+
     def _drop(self, client: LocalClient) -> None:
+        """Ends a connection; whoever has waited longest in a reserved place takes an ordinary one that gets free."""
         del self._clients[client.connection.fileno()]
         if client.reserved:
             self._reserved.remove(client)
+        elif self._reserved:
+            self._reserved.pop(0).reserved = False
         self._ready.unregister(client.connection)
         client.connection.close()
 
@@ -196,43 +210,36 @@ class LocalConnection:
         self._socket: socket.socket | None = None
 
     def send(self, data: bytes) -> None:
-        """Sends a datagram; it waits for room, as long as its patience lasts.
+        """Sends a datagram; it waits for room, as long as its patience lasts, and connects where it is not connected.
 
         Raises:
             PeerGoneError: if no deck is running there.
             SocketError: if it takes nothing.
         """
-        if self._socket is None:
-            path = command_folder() / str(self._port)
-            fresh = socket.socket(socket.AF_UNIX, socket.SOCK_SEQPACKET)
-            fresh.settimeout(self._patience)
-            try:
-                fresh.connect(str(path))
-            except (TimeoutError, BlockingIOError):
-                fresh.close()
-                raise self._held_up() from None
-            except OSError:
-                fresh.close()
-                raise self._not_running() from None
-            self._socket = fresh
-        self._socket.settimeout(self._patience)
+        if self._socket is not None:
+            self._socket.settimeout(self._patience)
+            with contextlib.suppress(PeerGoneError):
+                self._attempt(self._socket.send, data)
+                return
+            self.close()  # the deck has ended, or needed the place for others
+        path = command_folder() / str(self._port)
+        fresh = socket.socket(socket.AF_UNIX, socket.SOCK_SEQPACKET)
+        fresh.settimeout(self._patience)
         try:
-            self._socket.send(data)
+            self._attempt(fresh.connect, str(path))
+        except SocketError:
+            fresh.close()
+            raise
+        self._socket = fresh
+        self._attempt(fresh.send, data)
+
+    def _attempt(self, act: Callable[[T], object], given: T) -> None:
+        try:
+            act(given)
         except (TimeoutError, BlockingIOError):
             raise self._held_up() from None
         except OSError:
-            if self._last_word():
-                return  # `receive` gives it
-            self.close()
             raise self._not_running() from None
-
-    def _last_word(self) -> bool:
-        """Whether the deck has said why it closed the connection."""
-        assert self._socket is not None
-        try:
-            return bool(self._socket.recv(1, socket.MSG_PEEK | socket.MSG_DONTWAIT))
-        except OSError:
-            return False
 
     def receive(self, timeout_s: float) -> bytes | None:
         """The next datagram, or None if none arrives in time; without any time it does not wait at all.

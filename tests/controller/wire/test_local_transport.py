@@ -124,7 +124,7 @@ def full(folder):
             list(server.poll())
             return clients
 
-        connect(MOST_CLIENTS)
+        connect.there = connect(MOST_CLIENTS)
         yield server, connect
 
 
@@ -144,10 +144,56 @@ def test_an_emergency_stop_finds_a_place_in_a_full_deck(full, idle):
 
 
 def test_a_program_that_had_to_leave_its_reserved_place_reads_why(full):
-    _, connect = full
+    server, connect = full
     first, *_ = connect(RESERVED + 1)
     assert "the deck is full" in first.receive(1.0).reason  # the reply to its command
-    assert "the deck is full" in first.request(GetStatus(), 1.0).reason
+    assert "the deck is full" in first.receive(1.0).reason
+    number = first.post(GetStatus())
+    list(server.poll())
+    reply = first.receive(1.0)
+    assert "the deck is full" in reply.reason
+    assert reply.id == number
+
+
+@pytest.mark.parametrize("idle", [0, RESERVED])
+def test_an_emergency_stop_is_taken_from_who_hangs_up_at_once(full, idle):
+    server, connect = full
+    connect(idle)
+    with closing(CommandClient(server.port)) as client:
+        number = client.post(EmergencyStop())
+    with closing(CommandClient(server.port)) as late:
+        late.post(GetStatus())
+        assert [message for message, _ in server.poll()] == [EmergencyStop(id=number)]
+
+
+def test_an_emergency_stop_behind_other_commands_is_not_lost_with_a_reserved_place(full):
+    server, connect = full
+    first, *_ = connect(RESERVED)
+    for _ in range(3):
+        first.post(Pause())
+    number = first.post(EmergencyStop())
+    with closing(CommandClient(server.port)) as late:
+        late.post(GetStatus())
+        assert [message for message, _ in server.poll()] == [EmergencyStop(id=number)]
+
+
+def test_who_had_to_leave_a_reserved_place_is_still_heard_with_an_emergency_stop(full):
+    server, connect = full
+    first, *_ = connect(RESERVED + 1)
+    number = first.post(EmergencyStop())
+    assert [message for message, _ in server.poll()] == [EmergencyStop(id=number)]
+
+
+def test_who_is_in_a_reserved_place_moves_up_when_another_leaves(full):
+    server, connect = full
+    late, later = connect(2)
+    for each in (late, later):
+        assert "the deck is full" in each.receive(1.0).reason
+    connect.there[0].close()
+    list(server.poll())
+    numbers = [each.post(GetStatus()) for each in (late, later)]
+    assert [message for message, _ in server.poll()] == [GetStatus(id=numbers[0])]
+    assert "the deck is full" in later.receive(1.0).reason
 
 
 def test_a_place_that_is_left_is_taken_by_the_next(full):
