@@ -9,7 +9,6 @@ python -m benchmarks frequencies restyle cmu86 walk --like run --out styled.safe
 from __future__ import annotations
 
 import sys
-from dataclasses import replace
 from pathlib import Path
 from typing import Annotated
 
@@ -25,6 +24,7 @@ from benchmarks.centralized.restyling import in_the_style, restyled
 from benchmarks.papers.vakulenko_plots import draw_lines
 from controller.library.motion_library import load_library, save_library
 from controller.motion.canonical.canonical_body import carried
+from controller.motion.canonical.clip_edits import span
 from controller.motion.clip import Clip
 from controller.motion.encodings.encoding import encoding_of
 from controller.motion.formats.reading import read_clip, recordings_below
@@ -142,7 +142,7 @@ def read(file: Path, frames: tuple[int, int] | None = None, skeleton: Path | Non
     first, end = frames
     if not 0 <= first < end <= len(clip):
         raise MotiondeckError(f"--frames {first} {end}: {file} has frames 0 to {len(clip)}")
-    return replace(clip, root_position=clip.root_position[first:end], rotation=clip.rotation[first:end])
+    return span(clip, first, end)
 
 
 def clip_signature(clip: Clip) -> Array:
