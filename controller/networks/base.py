@@ -264,6 +264,11 @@ class Network(NamedMotions[Motion], ABC):
 AnyNetwork = Network[Any]
 
 
+def lead_shape(runs: int | None) -> tuple[int, ...]:
+    """The leading shape of the states of one run, or of several."""
+    return () if runs is None else (runs,)
+
+
 class Generator(Protocol):
     """Plays motions in continuous time."""
 

@@ -205,6 +205,14 @@ def mix(share: float, source: Channels, out: Channels) -> None:
     np.add(out, source, out=out)
 
 
+def shared_channels(motions: dict[str, CentralizedMotion]) -> int:
+    """The number of channels of some motions; MotiondeckError if there is no motion, or the numbers differ."""
+    numbers = {len(motion.rest) for motion in motions.values()}
+    if len(numbers) != 1:
+        raise MotiondeckError("a centralized network needs motions, all with the same number of channels")
+    return numbers.pop()
+
+
 class CentralizedGenerator(NamedMotions[CentralizedMotion]):
     """Plays centralized motions and switches between them; fits `base.Generator`.
 
@@ -221,12 +229,10 @@ class CentralizedGenerator(NamedMotions[CentralizedMotion]):
     """
 
     def __init__(self, motions: dict[str, CentralizedMotion], noise: float = 0.0, seed: int = 0) -> None:
-        if len({len(motion.rest) for motion in motions.values()}) != 1:
-            raise MotiondeckError("a centralized network needs motions, all with the same number of channels")
+        self.channels = shared_channels(motions)
         if not 0.0 <= noise < np.inf:
             raise MotiondeckError(f"noise of {noise} on z; it is not negative")
         super().__init__(motions)
-        self.channels = len(next(iter(motions.values())).rest)
         self.tempo = 1.0
         self._crossing = Passage(len(motions))
         self.module = self._crossing.module

@@ -11,8 +11,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from controller.motion.rotations import Array
-from controller.networks.base import Activation, Channels, CrossingNetwork, Network
-from controller.networks.centralized.centralized import CentersPlayer, CentralizedMotion, Passage, mix
+from controller.networks.base import Activation, Channels, CrossingNetwork, Network, lead_shape
+from controller.networks.centralized.centralized import CentersPlayer, CentralizedMotion, Passage, mix, shared_channels
 from controller.networks.centralized.low_rank import LowRankWeights, PackedWeights
 from controller.networks.centralized.satellites import GaussianSatellites
 from controller.networks.entry_points import Entries
@@ -31,12 +31,10 @@ class CentralizedNetwork(Network[CentralizedMotion]):
     kind = "centralized"
 
     def __init__(self, motions: dict[str, CentralizedMotion], rate: float, runs: tuple[int, ...] = ()) -> None:
-        if len({len(motion.rest) for motion in motions.values()}) != 1:
-            raise MotiondeckError("a centralized network needs motions, all with the same number of channels")
+        self.channels = shared_channels(motions)
         super().__init__(motions)
         self.rate, self.runs = rate, runs
         self.neurons = sum(len(part.frequency) + len(part.satellites) for part in motions.values())
-        self.channels = len(motions[self.motions[0]].rest)
         self._crossing = Passage(len(motions))
         self._mixed = np.zeros(self.channels)
         self._entries = Entries(motions, {name: self._anchor_times(name) for name in self.motions})
@@ -44,7 +42,7 @@ class CentralizedNetwork(Network[CentralizedMotion]):
 
     def twin(self, runs: int | None = None) -> CentralizedNetwork:
         """The same weights with an independent state, of one run or of several."""
-        return CentralizedNetwork(self._of, self.rate, () if runs is None else (runs,))
+        return CentralizedNetwork(self._of, self.rate, lead_shape(runs))
 
     def joined(self, other: CentralizedNetwork) -> CentralizedNetwork:
         """The motions of both."""

@@ -31,8 +31,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from controller.motion.encodings.normalisation import Normalisation
-from controller.networks.base import Channels, Rows
-from controller.networks.reservoirs.reservoir_network import DirectionMorph, DirectionReservoir, Float32, lead_shape
+from controller.networks.base import Channels, Rows, lead_shape
+from controller.networks.reservoirs.reservoir_network import DirectionMorph, DirectionReservoir, Float32
 from controller.networks.storage import StoredNetwork, arrays_of
 
 LARGEST_NOISE = 2.0  # beyond it |s + noise| > 1, which tanh never gives: |s| <= 1

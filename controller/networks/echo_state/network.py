@@ -18,8 +18,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from controller.motion.encodings.normalisation import Normalisation
-from controller.networks.base import Channels, Rows
-from controller.networks.reservoirs.reservoir_network import AutonomousReservoir, Float32, lead_shape, require_playing
+from controller.networks.base import Channels, Rows, lead_shape
+from controller.networks.reservoirs.reservoir_network import AutonomousReservoir, Float32, require_playing
 from controller.networks.storage import StoredNetwork, arrays_of
 
 OUTPUT_BOUND = 1.05

@@ -47,7 +47,7 @@ class _Knot:
 
 
 class PhaseMorph:
-    """A phase-driven network that goes over from one loop to another; fits `morph.Morph`.
+    """A phase-driven network that goes over from one loop to another; fits `base.Morph`.
 
     Preparing it settles the mixture at every knot, which takes some ten ms each: not for a tick.
 

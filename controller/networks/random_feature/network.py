@@ -19,8 +19,8 @@ from typing import Any, Self
 import numpy as np
 from numpy.typing import NDArray
 
-from controller.networks.base import Channels
-from controller.networks.reservoirs.reservoir_network import DirectionMorph, DirectionReservoir, Float32, lead_shape
+from controller.networks.base import Channels, lead_shape
+from controller.networks.reservoirs.reservoir_network import DirectionMorph, DirectionReservoir, Float32
 from controller.networks.storage import StoredNetwork, arrays_of
 
 FeatureRows = tuple[Float32, Float32, Float32]

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from controller.motion.encodings.normalisation import Normalisation
 from controller.motion.rotations import Array
-from controller.networks.base import Channels, PhaseNetwork
+from controller.networks.base import Channels, PhaseNetwork, lead_shape
 from controller.networks.driving_input import LEVELS, DrivingInput
 from controller.networks.reservoirs.phase_reservoir import (
     ANCHOR_EVERY,
@@ -26,7 +26,7 @@ from controller.networks.reservoirs.phase_reservoir import (
     PhaseCourse,
     PhaseReservoir,
 )
-from controller.networks.reservoirs.reservoir_network import ReservoirNetwork, lead_shape
+from controller.networks.reservoirs.reservoir_network import ReservoirNetwork
 from controller.networks.storage import MotionHeader, PhaseScales, StoredNetwork, arrays_of
 from motiondeck_base.errors import UnknownNameError
 

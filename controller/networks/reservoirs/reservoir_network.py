@@ -134,11 +134,6 @@ class DirectionMorph(Generic[States]):
         self._reservoir.restore((self._source, self._bound, self._z_source.astype(np.float32)))
 
 
-def lead_shape(runs: int | None) -> tuple[int, ...]:
-    """The leading shape of the states of one run, or of several."""
-    return () if runs is None else (runs,)
-
-
 def require_playing(plays: bool, source: str) -> None:
     """Raises a MotiondeckError if a morph does not start in its source."""
     if not plays:
