@@ -86,10 +86,11 @@ class StoredNetwork:
 
     def normalisation(self, at: str = "") -> Normalisation:
         """Between normalised channels and the encoding's units."""
+        arrays = self.read(at, {"c": self.channels}, np.float64, shift="c", scaling="c")
         try:
-            return Normalisation(**self.read(at, {"c": self.channels}, np.float64, shift="c", scaling="c"))
+            return Normalisation(**arrays)
         except MotiondeckError as error:
-            raise error if isinstance(error, FileFormatError) else self.error(str(error)) from None
+            raise self.error(str(error)) from None
 
     def error(self, problem: str) -> FileFormatError:
         """An error that names the file."""
