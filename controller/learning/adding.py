@@ -57,10 +57,19 @@ def add_motion(library: MotionLibrary, path: Path, clip: Clip, motion: MotionRec
         raise MotiondeckError(f"the recipe in the library '{recipe.name}' is for another kind of network")
     own = mirrored(clip) if motion.mirrored else clip
     frames, part = to_learn(library.encoding, own, motion, info.rate, recipe.loop_keeps)
-    lengths, trainer = {known.name: known.frames for known in info.motions}, trainer_of(recipe.network)
-    stored = recipe.name, library.encoding, info.rate, info.seed, lengths
+    trainer = trainer_of(recipe.network)
+    lengths = {known.name: known.frames for known in info.motions}
+    new = NewMotion(
+        library=recipe.name,
+        encoding=library.encoding,
+        rate=info.rate,
+        seed=info.seed,
+        lengths=lengths,
+        name=motion.name,
+        frames=frames,
+        loop=motion.plays == "loop",
+    )
     with threadpool_limits(1):
-        new = NewMotion(*stored, motion.name, frames, motion.plays == "loop")
         grown = trainer.add(recipe.network, network, new)
         longer = lengths | {motion.name: len(frames)}
         quotas = trainer.quota(recipe.network, network, lengths), trainer.quota(recipe.network, grown, longer)
