@@ -116,6 +116,11 @@ class LossWatch:
 class Guard:
     """Plays a network and restarts it where it is lost; fits `base.FrameNetwork`.
 
+    Args:
+        lengths: of each motion, frames.
+        loops: whether each motion is a loop.
+        rate: frames per second, Hz.
+
     Attributes:
         recues: restarts so far.
         anchor: of the last restart.

@@ -47,7 +47,7 @@ class Count:
     drawn: int  # as in `Subject`
     runs: int
     intrinsic: int  # failures without a guard
-    guarded: int | None  # failures with one
+    guarded: int | None  # failures with one; None if it was not asked for, or the network needs none
     reason: str  # of the first intrinsic failure, or ""
 
 

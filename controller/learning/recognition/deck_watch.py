@@ -101,6 +101,7 @@ class DeckWatch:
 
     Attributes:
         seen: the recognized motion, or None at rest or before the first verdict.
+        confidence: how sure that is, in [0, 1); 0 at rest (`OnlineRecognizer.confidence`).
         alarms: the latest MOST_ALARMS; `raised` counts all.
         seen_after: recognition time of each switch, from the first tick of the new motion, s.
     """

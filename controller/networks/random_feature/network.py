@@ -5,8 +5,8 @@ The state r of N neurons is seen through M random features f_i, and each motion 
     z_i(n) = c_i f_i' r(n) + (1 - c_i) m_i,      r(n+1) = tanh(G z(n) + b),      y(n) = W_out z(n)
 
 F, G and W_out are shared by all motions. A motion has its conception weights c, a diagonal conceptor on the features,
-and their means m, about which it acts as our other conceptors do. It uses k of the M
-features and closes the others (c_i = m_i = 0), so that it needs O(k) numbers and a step 2 N k multiplications.
+and their means m, about which it acts as the other conceptors do. It uses k of the M features and closes the others
+(c_i = m_i = 0), so that it needs O(k) numbers and a step 2 N k multiplications.
 
 A mixture of two motions mixes their conception weights (Deliallisi 2017, eqs 3.16, 3.17).
 """
