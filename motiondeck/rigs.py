@@ -17,6 +17,7 @@ from hardware.emulator.process import start_emulator
 from hardware.emulator.simulated_rig import SimulatedRig
 from hardware.errors import RigError, still_on
 from hardware.rig.rig_file import RigConfig, load_rig
+from hardware.rig.scale import RigScale
 from hardware.rig.supervision.rig import Rig as ConnectedRig
 from motiondeck_base.errors import UnknownNameError
 from motiondeck_base.shipped import find_rig
@@ -47,8 +48,8 @@ class Rig:
         self._rig = connected
         self.config: RigConfig = connected.config
         self.joints = connected.names
-        self.lower: Array = np.array([joint.lower for joint in self.config.joints])
-        self.upper: Array = np.array([joint.upper for joint in self.config.joints])
+        self._scale = RigScale(self.config)
+        self.lower, self.upper = self._scale.lower, self._scale.upper
         self._goal: Array = connected.positions.copy()
         self._due = time.monotonic()
 
@@ -78,7 +79,7 @@ class Rig:
             UnknownNameError: if there is no such joint; it names the nearest.
             RigError: if the shape is wrong, an angle is not finite, or the rig has stopped for good.
         """
-        goal = np.clip(self._targets(angles), self.lower, self.upper)
+        goal = self._targets(angles)
         self._rig.write(goal)
         self._goal = goal
 
@@ -117,13 +118,14 @@ class Rig:
         """
         if not 0.0 < seconds < np.inf:
             raise RigError(f"move_to: seconds must be > 0, not {seconds:g}")
-        start, end = self._goal, np.clip(self._targets(angles), self.lower, self.upper)
+        start, end = self._goal, self._targets(angles)
         steps = max(1, round(seconds * self.config.rate_hz))
         for step in range(1, steps + 1):
             self.write(start + rise(step / steps) * (end - start))
             self.wait(seconds / steps)
 
     def _targets(self, angles: ArrayLike | Mapping[str, float]) -> Array:
+        """Targets of all joints, within their limits."""
         if not isinstance(angles, Mapping):
             targets = np.array(angles, dtype=np.float64)
             if targets.shape != (len(self.joints),):
@@ -137,7 +139,7 @@ class Rig:
         for joint, angle in zip(self.joints, targets, strict=True):
             if not np.isfinite(angle):
                 raise RigError(f"joint '{joint}': a target of {angle} is not an angle in rad")
-        return targets
+        return self._scale.within(targets)
 
 
 @contextmanager

@@ -26,11 +26,7 @@ class Mutant(NamedTuple):
 _GOALS = 'write_each(config, bus, "goal_position", [int(pulses) for pulses in scale.pulses(goals)])'
 
 MUTANTS = {
-    "no clipping": Mutant(
-        JointPace.bound,
-        "np.minimum(np.maximum(targets, self._lower), self._upper)",
-        "targets",
-    ),
+    "no clipping": Mutant(JointPace.bound, "self._scale.within(targets)", "targets"),
     "no goal := present": Mutant(hold_still, _GOALS, "pass"),
     "no braking distance": Mutant(places_of_rest, "np.where(moves, np.clip(ahead, -most, most), 0.0)", "0.0"),
     "no acceleration limit": Mutant(

@@ -36,8 +36,8 @@ class SimulatedRig:
         self._asked = False
         self._goals = np.zeros(len(config.joints))
         self.positions, self.velocities, self.currents = (np.zeros(len(config.joints)) for _ in range(3))
-        ends = np.sort([self._scale.pulses(self._scale.lower), self._scale.pulses(self._scale.upper)], axis=0)
-        for index, (joint, low, high) in enumerate(zip(config.joints, *ends.astype(int).tolist(), strict=True)):
+        ends = self._scale.ends.astype(int).tolist()
+        for index, (joint, low, high) in enumerate(zip(config.joints, *ends, strict=True)):
             speed = joint.velocity * joint.gear / joint.table["profile_velocity"].si
             for name, value in (
                 ("operating_mode", _POSITION_MODE),
@@ -56,7 +56,7 @@ class SimulatedRig:
         """Sets the servos' targets (J,), rad, clipped to the limits, and asks for the state; NaN changes nothing."""
         finite = np.isfinite(targets)
         wanted = np.where(finite, targets, self._goals)
-        self._goals = np.clip(wanted, self._scale.lower, self._scale.upper)
+        self._goals = self._scale.within(wanted)
         self.faults.clipped[:] += wanted != self._goals
         self.faults.refused[:] += ~finite
         self._asked, self._fed = True, self._now

@@ -33,6 +33,15 @@ class RigScale:
         )
         self.amperes = np.array([joint.direction * _ampere(joint) for joint in joints])
 
+    @property
+    def ends(self) -> Array:
+        """The lowest and the highest position of each servo, shape (2, J), whole pulses."""
+        return np.sort([self.pulses(self.lower), self.pulses(self.upper)], axis=0)
+
+    def within(self, angles: Array) -> Array:
+        """Joint angles (J,), rad, those beyond a limit at the limit."""
+        return np.minimum(np.maximum(angles, self.lower), self.upper)
+
     def pulses(self, angles: Array) -> Array:
         """The servo positions (J,), whole pulses, of joint angles (J,), rad."""
         return np.rint(self._zero + angles * self._per_radian)

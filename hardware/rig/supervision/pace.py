@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from hardware.control_table.servo_traits import TRAITS
 from hardware.rig.rig_file import RigConfig, RigJoint
-from hardware.rig.scale import Array
+from hardware.rig.scale import Array, RigScale
 from hardware.rig.supervision.health import EASED_FROM
 
 SLOWER = 0.25
@@ -27,7 +27,7 @@ _MOST = 0.8  # of the stall current, where the rig file has no limit: about wher
 
 
 class JointPace:
-    """Bounds the goals of J joints: the only place of a rig that does.
+    """Bounds the goals of J joints while a loop drives them.
 
     Attributes:
         ease: of hot joints and a weak supply.
@@ -35,10 +35,9 @@ class JointPace:
         catching_up: joints that catch up with their targets after a recovery.
     """
 
-    def __init__(self, config: RigConfig, now: float) -> None:
+    def __init__(self, config: RigConfig, scale: RigScale, now: float) -> None:
         self.ease, self.strain, self.catching_up = Easing(config), Strain(config), CatchingUp(config)
-        self._lower = np.array([joint.lower for joint in config.joints])
-        self._upper = np.array([joint.upper for joint in config.joints])
+        self._scale = scale
         self._speed = np.array([joint.velocity for joint in config.joints])
         self._longest = _LONGEST_STEP / config.rate_hz
         self._last, self._passed = now, 0.0
@@ -74,15 +73,15 @@ class JointPace:
             targets = np.where(strain.yielding, near, targets)
             self.catching_up.joints |= strain.yielding
             part = np.where(strain.yielding, 1.0, self.part)
-        within = np.minimum(np.maximum(targets, self._lower), self._upper)
+        within = self._scale.within(targets)
         reach = self._speed * part * np.where(part < 1.0, min(self._longest, passed), passed)
         return np.minimum(np.maximum(within, goals - reach), goals + reach), targets != within
 
     def sent(self, targets: Array, goals: Array, positions: Array) -> None:
         """Ends the catching up of joints that have: from the targets, the goals sent and the positions, rad."""
         # A joint that stands at a limit has caught up with a target beyond it.
-        targets = np.clip(targets, self._lower, self._upper)
-        self.catching_up.note(targets, goals, positions, self.strain.yielding, self._passed, self._last)
+        within = self._scale.within(targets)
+        self.catching_up.note(within, goals, positions, self.strain.yielding, self._passed, self._last)
 
     def start_again(self, joints: NDArray[np.int64] | slice, now: float) -> None:
         """Makes these joints catch up, from at most one tick ago on."""

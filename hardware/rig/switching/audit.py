@@ -30,12 +30,10 @@ import math
 from collections.abc import Iterable, Iterator
 from typing import Literal, NamedTuple
 
-import numpy as np
-
 from hardware.bus.servo_bus import Bus
 from hardware.errors import RefusedError
 from hardware.rig.rig_file import RigConfig, RigJoint
-from hardware.rig.scale import Array, RigScale
+from hardware.rig.scale import RigScale
 
 POSITION_MODE = 3
 ANSWER_EVERYTHING = 2
@@ -98,7 +96,7 @@ class Difference(NamedTuple):
 def audit(config: RigConfig, bus: Bus) -> list[Difference]:
     """Where the servos' settings differ from what the rig needs, joint by joint."""
     found: list[Difference] = []
-    for joint, (low, high) in zip(config.joints, position_ends(config).T, strict=True):
+    for joint, (low, high) in zip(config.joints, RigScale(config).ends.T, strict=True):
         held = _read_settings(joint, bus)
         for name, needed, when in _needs(joint, int(low), int(high), held):
             if held[name] != needed:
@@ -124,12 +122,6 @@ def settle(differences: Iterable[Difference], config: RigConfig, bus: Bus) -> No
             raise RefusedError(
                 f"id {id} keeps its EEPROM locked, and its {register.name} cannot be set: switch its power off and on."
             ) from error
-
-
-def position_ends(config: RigConfig) -> Array:
-    """The lowest and the highest position of each servo, shape (2, J), pulses."""
-    scale = RigScale(config)
-    return np.sort([scale.pulses(scale.lower), scale.pulses(scale.upper)], axis=0)
 
 
 def in_counts(joint: RigJoint, name: str, limit: float) -> int:

@@ -15,7 +15,7 @@ from hardware.errors import NoReplyError, RigError, SerialPortError, ServoError
 from hardware.rig.registers import list_joints, read_each, read_register, sync_write_all, write_each
 from hardware.rig.rig_file import RigConfig, RigJoint
 from hardware.rig.scale import Array, RigScale
-from hardware.rig.switching.audit import POSITION_MODE, audit, in_counts, position_ends, settle
+from hardware.rig.switching.audit import POSITION_MODE, audit, in_counts, settle
 from hardware.rig.switching.identities import (
     check_identities,
     raise_answer_level,
@@ -79,7 +79,7 @@ def hold_still(config: RigConfig, bus: Bus, pace: float = 1.0) -> Array:
         ]
         if outside:
             raise RigError(f"{'; '.join(outside)}. Move it by hand, or correct its zero and limits in the rig file.")
-        goals = np.clip(rests, scale.lower, scale.upper)
+        goals = scale.within(rests)
         write_each(config, bus, "goal_position", [int(pulses) for pulses in scale.pulses(goals)])
     except ServoError as error:
         raise RigError(str(error)) from error
@@ -97,7 +97,7 @@ def resume(config: RigConfig, bus: Bus, pace: float, cancelled: Callable[[], boo
     raise_answer_level(config, bus)
     try:
         refuse_shut_down(config, bus)
-        ends = position_ends(config).astype(np.int64).tolist()
+        ends = RigScale(config).ends.astype(np.int64).tolist()
         lost = [
             joint for joint, low, high in zip(config.joints, *ends, strict=True) if not _is_set(joint, bus, low, high)
         ]
@@ -132,16 +132,15 @@ def switch_off(config: RigConfig, bus: Bus) -> list[str]:
 def hold_each(config: RigConfig, bus: Bus) -> list[str]:
     """Has each servo hold where it can come to rest, without a watchdog; returns the joints that did not confirm it."""
     unconfirmed: list[str] = []
-    ends = position_ends(config).astype(np.int64).T.tolist()
     try:
         sync_write_all(config, bus, "bus_watchdog", 0)
-        for joint, (low, high) in zip(config.joints, ends, strict=True):
+        for joint in config.joints:
             one = msgspec.structs.replace(config, joints=(joint,))
             try:
                 write_each(one, bus, "bus_watchdog", [0])
                 scale = RigScale(one)
-                (rest,) = scale.pulses(places_of_rest(one, bus, scale)[1])
-                write_each(one, bus, "goal_position", [min(max(int(rest), low), high)])
+                _, rest = places_of_rest(one, bus, scale)
+                write_each(one, bus, "goal_position", [int(pulses) for pulses in scale.pulses(scale.within(rest))])
             except ServoError:
                 unconfirmed.append(joint.name)
     except SerialPortError:
