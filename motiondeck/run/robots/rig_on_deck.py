@@ -16,7 +16,7 @@ from controller.motion.encodings.joint_angles import JointRetargeter
 from controller.motion.posture import Pose
 from controller.motion.rotations import Array
 from controller.wire.run_recording import RunRecording
-from motiondeck.run.robots.rig_output import RigOutput, close_rig, narrowed
+from motiondeck.run.robots.rig_output import connect_rig, narrowed
 from motiondeck.run.robots.robot_on_deck import RobotOnDeck
 from motiondeck_base.errors import MotiondeckError, UnknownNameError
 
@@ -56,7 +56,7 @@ def open_rig_alone(
         ) from None
     loaded = load_robot(file, source.skeleton)
     limits = narrowed(loaded.limits, loaded, config)
-    output = _connect(opening, config, ports, loaded.joints)[1]
+    output = connect_rig(opening, config, ports, loaded.joints)
     return RobotOnDeck(loaded.name, loaded.joints, limits, loaded.rest, loaded.retarget, Channel(output))
 
 
@@ -65,24 +65,11 @@ def _open_taught(opening: ExitStack, config: RigConfig, ports: list[str], source
     body, names = source.skeleton, config.names
     JointRetargeter(body, names, np.zeros(len(names)))  # what does not fit is refused before anything is switched on
     limits = _limits_of(config)
-    present, output = _connect(opening, config, ports, names)
-    retarget = JointRetargeter(body, names, present)
+    output = connect_rig(opening, config, ports, names)
+    retarget = JointRetargeter(body, names, output.positions.copy())
     # A clip that limits have held back still comes to its last frame; a library ends where it stops.
     rest = np.clip(_targets(source, retarget)[-1], limits.lower, limits.upper) if isinstance(source, Clip) else None
     return RobotOnDeck("rig", names, limits, rest, retarget, Channel(output))
-
-
-def _connect(
-    opening: ExitStack, config: RigConfig, ports: list[str], joints: tuple[str, ...]
-) -> tuple[Array, RigOutput]:
-    """Where the rig's joints are, rad, and the rig as an output for a robot's joints."""
-    from hardware.rig.supervision.rig import Rig
-
-    rig = Rig.connect(config, ports)
-    opening.callback(close_rig, rig)
-    output = RigOutput(rig, joints, config.rate_hz)
-    opening.callback(output.close)
-    return rig.positions.copy(), output
 
 
 def recorded_deck(clip: Clip, retarget: Retargeter) -> RecordedDeck:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import sys
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from contextlib import ExitStack
 from dataclasses import replace
 from pathlib import Path
@@ -249,6 +249,19 @@ def _percentiles(microseconds: Array) -> dict[str, float] | None:
     return {"p50": float(p50), "p99": float(p99), "p999": float(p999), "max": float(microseconds.max())}
 
 
+def connect_rig(opening: ExitStack, config: RigConfig, ports: Sequence[str], joints: tuple[str, ...]) -> RigOutput:
+    """Connects a rig as an output for a robot's joints; `opening` closes it.
+
+    Raises:
+        MotiondeckError: if it cannot be connected, or has a joint that the robot has not.
+    """
+    from hardware.rig.supervision.rig import Rig
+
+    rig = Rig.connect(config, ports)
+    opening.callback(close_rig, rig)
+    return RigOutput(rig, joints, config.rate_hz)
+
+
 def open_rig(
     opening: ExitStack, file: Path, robot: Robot, rate: float, *, emulated: bool
 ) -> tuple[Channel, JointLimits]:
@@ -259,7 +272,6 @@ def open_rig(
     """
     from hardware.emulator.process import start_emulator
     from hardware.rig.rig_file import load_rig
-    from hardware.rig.supervision.rig import Rig
 
     config = load_rig(file)
     every = rate / config.rate_hz
@@ -269,9 +281,7 @@ def open_rig(
         )
     limits = narrowed(robot.limits, robot, config)
     ports = opening.enter_context(start_emulator(file)).ports if emulated else ()
-    rig = Rig.connect(config, ports)
-    opening.callback(close_rig, rig)
-    return Channel(RigOutput(rig, robot.joints, config.rate_hz), round(every)), limits
+    return Channel(connect_rig(opening, config, ports, robot.joints), round(every)), limits
 
 
 def narrowed(limits: JointLimits, robot: Robot, config: RigConfig) -> JointLimits:

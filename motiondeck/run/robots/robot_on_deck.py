@@ -151,7 +151,6 @@ def open_robot(opening: ExitStack, spec: RunSpec, library: MotionLibrary, prefix
 
         emulated = str(spec.rig).startswith(EMULATED)
         rig, limits = open_rig(opening, rig_file, robot, spec.rate, emulated=emulated)
-        opening.callback(rig.output.close)
     guard = CollisionGuard(replace(robot, limits=limits), dt) if spec.check_collisions else None
     retarget = guard or robot.retarget
     simulation = Simulation(robot, stage, spec.root, spec.balance, spec.walk)
