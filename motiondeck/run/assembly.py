@@ -56,7 +56,7 @@ class Host:
     clock: Clock | None = None
 
 
-_ALONE = Host()
+ALONE = Host()
 
 
 @dataclass(frozen=True)
@@ -92,7 +92,7 @@ class Played:
 
 
 @contextmanager
-def open_session(spec: RunSpec, played: Played, host: Host = _ALONE) -> Iterator[Session]:
+def open_session(spec: RunSpec, played: Played, host: Host = ALONE) -> Iterator[Session]:
     """A run while the block runs.
 
     Raises:
@@ -142,9 +142,9 @@ def _assemble(opening: ExitStack, stop: StopRequest, spec: RunSpec, played: Play
     for pushable in filter(None, (robot.pushable for robot in robots)):
         # The clock of its events is the deck's, as of all others; the approach comes before.
         pushable.attach(lambda: deck.time, lambda: stop.holds)
+    measured = _measured_by(channels[0], len(first.own_joints))
     if isinstance(deck, Lockable):
         leader = member.leader(opening) if member is not None else _leader(opening, spec)
-        measured = _measured_by(channels[0], len(first.own_joints))
         deck.attach(due=ticker.due if ticker is not None else None, measured=measured, leader=leader)
         if spec.lock_to is not None:
             deck.lock("beat" if spec.lock_to == "beat" else "body" if spec.lock_to == "body" else "deck")
@@ -179,6 +179,7 @@ def _assemble(opening: ExitStack, stop: StopRequest, spec: RunSpec, played: Play
         snapshots=snapshots,
         handler=handler,
         news=RunNews(handler, clock, channels, servers, seen),
+        measured=measured,
         children=children,
         command_port=port,
         page_port=page.port if page is not None else None,

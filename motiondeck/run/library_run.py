@@ -8,17 +8,15 @@ from contextlib import contextmanager
 from dataclasses import replace
 
 from controller.deck.deck import Deck
-from motiondeck.run.assembly import Host, Played, open_session
+from motiondeck.run.assembly import ALONE, Host, Played, open_session
 from motiondeck.run.robots.robot_on_deck import open_robots, robot_files
 from motiondeck.run.session import Session
 from motiondeck.run.spec.program import Program, checked_rate
 from motiondeck.run.spec.run_spec import RunSpec
 
-_ALONE = Host()
-
 
 @contextmanager
-def library_run(spec: RunSpec, program: Program, host: Host = _ALONE) -> Iterator[Session]:
+def library_run(spec: RunSpec, program: Program, host: Host = ALONE) -> Iterator[Session]:
     """An open run of a program while the block runs.
 
     Raises:

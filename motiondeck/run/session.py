@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import sys
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from contextlib import ExitStack
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any, Protocol
@@ -86,6 +86,7 @@ class Session:
 
     Attributes:
         source: the name of what is played.
+        measured: returns the measured joint positions of the first robot, rad, as far as they are known.
         page_port: where the page is; None for no page.
         page, recorder, watch, wired_stop: None for what the run does not have.
         timeline: what is still to be commanded, in order.
@@ -103,6 +104,7 @@ class Session:
     snapshots: SnapshotSource
     handler: CommandHandler
     news: RunNews
+    measured: Callable[[], Array | None]
     children: Children
     command_port: int
     page_port: int | None = None
@@ -119,11 +121,6 @@ class Session:
         self._ticks_a_picture = max(1, round(self.spec.rate / PICTURE_HZ))
         self._refused: list[dict[str, object]] = []
         self._permissions: list[Permission] = []
-
-    @property
-    def then(self) -> tuple[str, str] | None:
-        """The library file and the motion to start again with, if that was asked for."""
-        return self.stop.then
 
     def run(self) -> dict[str, Any]:
         """Plays until the time is over or the run is stopped; the report."""
@@ -154,7 +151,7 @@ class Session:
         recorded = {"recording": self.recorder.finish()} if self.recorder else {}
         names = [name for robot in self.robots for name in robot.joints]
         full = run_report(report, names, self.deck.switches, self._permissions)
-        full |= {"refused": self._refused, "restarts": self.snapshots.take(self.stop).restarts}
+        full |= {"refused": self._refused, "restarts": self.deck.restarts}
         full |= {"library": self.source, "robot": self._first.name} | recorded
         return full | self._kept_apart() | ({"recognition": self.watch.report()} if self.watch else {})
 
@@ -188,11 +185,6 @@ class Session:
         self.handler(stop)
         self.news.update()
 
-    def _measured(self) -> Array | None:
-        """The measured joint positions of the first robot, rad, or None."""
-        measured = self.channels[0].measured
-        return None if measured is None else measured[: len(self._first.own_joints)]
-
     def _publish(self, loop: LoopState) -> None:
         """Hands the tick to the watch, to the recorder and, now and then, to the page."""
         snapshots = self.snapshots
@@ -210,7 +202,7 @@ class Session:
         if self.recorder is not None:
             simulation = self._first.simulation
             assert simulation is not None, "recorded without a simulation"
-            self.recorder.record(snapshot, loop, self._measured(), simulation.stage.placed)
+            self.recorder.record(snapshot, loop, self.measured(), simulation.stage.placed)
         if page is not None:
             page.show(snapshot, loop, self.deck.activation)
 
