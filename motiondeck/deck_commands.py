@@ -21,20 +21,22 @@ class DeckCommands(ABC, Generic[Commanded]):
     __slots__ = ()
 
     @abstractmethod
-    def status(self) -> DeckStatus:
-        """The motion, tempo, queue and mode of the deck.
-
-        Raises:
-            MotiondeckError: if the deck has ended; it says why.
-        """
-
-    @abstractmethod
     def _request(self, message: DeckCommand) -> object:
         """Carries out a command; its reply."""
 
     @abstractmethod
-    def _commanded(self, motion: str, message: DeckCommand) -> Commanded:
+    def _commanded(self, message: DeckCommand) -> Commanded:
         """Carries out a command that plays a motion."""
+
+    def status(self) -> DeckStatus:
+        """What is played now, at which tempo, what comes next, and in which mode the deck is.
+
+        Raises:
+            MotiondeckError: if a live deck has ended; it says why.
+        """
+        reply = self._request(commands.GetStatus())
+        assert isinstance(reply, DeckStatus), "a status is answered by a state"
+        return reply
 
     def switch(self, motion: str, *, direct: bool = False) -> Commanded:
         """Plays another motion now, or when the present one-shot has ended; the queue is cleared.
@@ -47,11 +49,11 @@ class DeckCommands(ABC, Generic[Commanded]):
             CommandError: if it cannot be done now, or there is no such motion; it names the nearest.
             MotiondeckError: if the deck has ended.
         """
-        return self._commanded(motion, commands.Switch(motion, direct=direct))
+        return self._commanded(commands.Switch(motion, direct=direct))
 
     def queue(self, motion: str) -> Commanded:
         """Plays a motion after what is played and queued; raises as `switch`."""
-        return self._commanded(motion, commands.Queue(motion))
+        return self._commanded(commands.Queue(motion))
 
     def blend(self, first: str, second: str, weight: float, also: Mapping[str, float] | None = None) -> Commanded:
         """Plays a blend of loops: `deck.blend("walk", "jog", 0.3)`, `deck.blend("walk", "jog", 0.3, {"waltz": 0.2})`.
@@ -66,8 +68,7 @@ class DeckCommands(ABC, Generic[Commanded]):
             CommandError: if they cannot be blended, and why; or as `switch`.
             MotiondeckError: if the deck has ended.
         """
-        message = commands.Blend(first, second, weight, also=tuple((also or {}).items()))
-        return self._commanded(" + ".join(message.motions), message)
+        return self._commanded(commands.Blend(first, second, weight, also=tuple((also or {}).items())))
 
     @property
     def tempo(self) -> float:

@@ -95,16 +95,6 @@ class LiveDeck(DeckCommands[CommandedMotion]):
         """How the run went, as `motiondeck play --json` prints it; None until it has ended."""
         return self._process.report
 
-    def status(self) -> DeckStatus:
-        """What is played now, at which tempo, what comes next, and in which mode the deck is.
-
-        Raises:
-            MotiondeckError: if the deck has ended; it says why.
-        """
-        reply = self._request(commands.GetStatus())
-        assert isinstance(reply, DeckStatus), "a status is answered by a state"
-        return reply
-
     def beat(self, at: float | None = None) -> None:
         """Gives the deck one beat, and locks it to beats if it is not.
 
@@ -188,8 +178,9 @@ class LiveDeck(DeckCommands[CommandedMotion]):
                 f"motiondeck send --command-port {self.command_port}"
             )
 
-    def _commanded(self, motion: str, message: DeckCommand) -> CommandedMotion:
+    def _commanded(self, message: DeckCommand) -> CommandedMotion:
         reply, (client, reading) = self._request(message), self._own
+        motion = " + ".join(message.motions)
         assert isinstance(reply, Accepted), "what is not refused is accepted"
         outcome: list[Settled | Refused] = []
 

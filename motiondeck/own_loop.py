@@ -27,7 +27,6 @@ from controller.wire.messages.command_table import checked, parse_command
 from controller.wire.messages.commands import DeckCommand
 from controller.wire.messages.events import Event as DeckEvent
 from controller.wire.messages.replies import Refused, Reply
-from controller.wire.messages.replies import State as DeckStatus
 from motiondeck.deck_commands import DeckCommands
 from motiondeck.libraries import Library
 from motiondeck.robots import Robot
@@ -176,12 +175,6 @@ class Deck(DeckCommands[CommandedSwitch]):
         """Why the deck has ended, or an empty string."""
         return self._stop.reason
 
-    def status(self) -> DeckStatus:
-        """What is played now, at which tempo, what comes next, and in which mode the deck is."""
-        reply = self._request(commands.GetStatus())
-        assert isinstance(reply, DeckStatus), "a status is answered by a state"
-        return reply
-
     def events(self) -> list[DeckEvent]:
         """The events of the deck since the last call, at most 64."""
         events = [*self._deck.events]
@@ -218,7 +211,7 @@ class Deck(DeckCommands[CommandedSwitch]):
     def _request(self, message: DeckCommand) -> Reply:
         return self._carry_out(message).reply
 
-    def _commanded(self, motion: str, message: DeckCommand) -> CommandedSwitch:
+    def _commanded(self, message: DeckCommand) -> CommandedSwitch:
         progress = self._carry_out(message).progress
         assert isinstance(progress, CommandedSwitch), "a deck returns the switch that it begins"
         return progress

@@ -107,6 +107,8 @@ def test_an_argument_of_another_type_is_named(library):
             deck.switch(3)
         with pytest.raises(MotiondeckError, match="to: expected str, got bytes"):
             deck.switch(b"march")
+        with pytest.raises(MotiondeckError, match="first: expected str, got int"):
+            deck.blend(3, "wave", 0.5)
         with pytest.raises(MotiondeckError, match="factor: expected float, got complex"):
             deck.set_tempo(1j)
         with pytest.raises(MotiondeckError, match=r"factor: expected float, got numpy\.ndarray"):

@@ -134,6 +134,8 @@ def test_it_is_commanded_by_text_by_messages_and_by_methods():
         deck.switch("wavee")
     with pytest.raises(CommandError, match="factor: expected float"):
         deck.tempo = "fast"
+    with pytest.raises(CommandError, match="first: expected str"):
+        deck.blend(3, "wave", 0.5)
     with pytest.raises(AttributeError):
         deck.tmpo = 2.0
 
