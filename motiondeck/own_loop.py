@@ -16,7 +16,7 @@ from controller.deck.switch import CommandedSwitch
 from controller.deck.target_curve import TargetCurve
 from controller.library.motion_library import load_library
 from controller.loop.clock import period_ns
-from controller.loop.commands.commanded_run import CommandedRun, Outcome
+from controller.loop.commands.commanded_run import CommandedRun, Outcome, mode_events
 from controller.loop.run_phases import Source, safe_targets
 from controller.loop.safety.safety_envelope import SafetyEnvelope
 from controller.loop.stop_requests import StopRequest
@@ -220,15 +220,11 @@ class Deck(DeckCommands[CommandedSwitch]):
         """Carries out a command, and adds the events of a changed mode or pause."""
         if isinstance(message, commands.Heartbeat | commands.Subscribe):
             raise CommandError("heartbeats and subscriptions are for the clients of a live deck")
-        deck, mode, paused = self._deck, self._stop.mode, self._deck.paused
+        before = self._stop.mode, self._deck.paused
         outcome = self._commanded_run.carry_out(checked(with_right_types(message)), self._stop, remote=False)
         if isinstance(outcome.reply, Refused):
             raise CommandError(outcome.reply.reason)
-        if self._stop.mode != mode:
-            deck.events.append(DeckEvent("mode", self._stop.mode, at=deck.time))
-        if deck.paused != paused:
-            kind, text = ("paused", "paused") if deck.paused else ("resumed", "plays on")
-            deck.events.append(DeckEvent(kind, text, deck.motion, deck.time))
+        self._deck.events.extend(mode_events(self._deck, self._stop.mode, before))
         return outcome
 
     @property

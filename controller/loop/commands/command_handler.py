@@ -5,7 +5,7 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Sequence
 
-from controller.loop.commands.commanded_run import CommandedRun, Outcome
+from controller.loop.commands.commanded_run import CommandedRun, Outcome, mode_events
 from controller.loop.commands.interfaces import Client
 from controller.loop.commands.listeners import Listeners, SecondReplies
 from controller.loop.stop_requests import StopRequest
@@ -61,9 +61,11 @@ class CommandHandler:
             self._listeners.send(events.popleft())
         if self._body is not None and self._body.fallen != self._fallen:
             self._send_fall(self._body.fallen)
-        if stop.presses != self._presses or (stop.mode, self._deck.paused) != self._sent_mode:
-            self._send_mode(stop.mode, self._deck.paused, pressed=stop.presses != self._presses)
-            self._presses = stop.presses
+        mode = stop.mode, self._deck.paused
+        if stop.presses != self._presses or mode != self._sent_mode:
+            for event in mode_events(self._deck, stop.mode, self._sent_mode, pressed=stop.presses != self._presses):
+                self._listeners.send(event)
+            self._sent_mode, self._presses = mode, stop.presses
 
     def notify(self, kind: EventKind, text: str, motion: str = "") -> None:
         """Sends an event to all subscribers."""
@@ -98,11 +100,3 @@ class CommandHandler:
         self.notify(
             *(("fell", "the robot has fallen") if fallen else ("stands", "the robot stands again")), self._deck.motion
         )
-
-    def _send_mode(self, mode: Mode, paused: bool, *, pressed: bool) -> None:
-        mode_before, paused_before = self._sent_mode
-        self._sent_mode = mode, paused
-        if mode != mode_before or pressed:
-            self.notify("mode", mode)
-        if paused != paused_before:
-            self.notify("paused" if paused else "resumed", "paused" if paused else "plays on", self._deck.motion)

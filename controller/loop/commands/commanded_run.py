@@ -8,7 +8,7 @@ from __future__ import annotations
 import math
 import random
 from collections import deque
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import NamedTuple, Protocol, assert_never, runtime_checkable
@@ -18,7 +18,7 @@ from controller.loop.commands.timed_commands import TimedCommands
 from controller.loop.stop_requests import EmergencyStopError, StopRequest
 from controller.wire.messages import commands
 from controller.wire.messages.commands import DeckCommand
-from controller.wire.messages.deck_snapshot import DeckState, SnapshotSource
+from controller.wire.messages.deck_snapshot import DeckState, Mode, SnapshotSource
 from controller.wire.messages.events import Event
 from controller.wire.messages.lock_state import LockSource
 from controller.wire.messages.replies import Accepted, PhaseNow, Refused, Reply, State
@@ -84,6 +84,16 @@ class Commandable(Playback, Protocol):
 def refusal(error: Exception, number: int) -> Refused:
     """The reply to a command that has raised; what JSON cannot carry of the reason is replaced."""
     return Refused(in_words(error).encode(errors="replace").decode(), number)
+
+
+def mode_events(deck: Playback, mode: Mode, before: tuple[Mode, bool], *, pressed: bool = False) -> Iterator[Event]:
+    """The events of a change of mode or pause since `before`, or of the emergency stop `pressed` once more."""
+    mode_before, paused_before = before
+    if mode != mode_before or pressed:
+        yield Event("mode", mode, at=deck.time)
+    if deck.paused != paused_before:
+        kind, text = ("paused", "paused") if deck.paused else ("resumed", "plays on")
+        yield Event(kind, text, deck.motion, deck.time)
 
 
 class Outcome(NamedTuple):
