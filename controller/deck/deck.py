@@ -209,7 +209,7 @@ class Deck(Lockable):
         self.performance.tracks.leading.player.require_phase()
 
     def set_tempo(self, factor: float, over: float = 0.0) -> None:
-        """Plays at another tempo, reached within `over` seconds; see `Tempo.command`.
+        """Plays at another tempo, reached within `over` seconds; see `Paced.set_tempo`.
 
         Raises:
             CommandError: if the tempo or the time is out of its range.

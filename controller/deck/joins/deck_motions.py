@@ -135,7 +135,7 @@ def rounds_beside(first: Motion, other: Motion) -> float:
 def tempos_in_step(lasts: Sequence[float], weights: Sequence[float]) -> tuple[float, ...]:
     """The tempos at which the loops of a blend stay in step.
 
-    Their common round takes the product of T_i^w_i, as in a morph inside the network (`networks.reservoirs`).
+    Their common round takes the product of T_i^w_i, as in a morph inside the network (`phase_conceptor.morph`).
 
     Args:
         lasts: duration of each at its own tempo, over its rounds in a common round, s.

@@ -17,7 +17,7 @@ A bone that is a whole turn ahead of the others has to change sides some time. T
 once, which then runs out smoothly (`TurnsLeft`). Where w is near 0 or 1 that is little or nothing, so there the side is
 changed from half a turn on.
 
-Where bone directions alone are known, the twist of a bone follows a rule (`mocap.orientation`) and may jump while the
+Where bone directions alone are known, the twist of a bone follows a rule (`motion.orientation`) and may jump while the
 bone itself does not. Then its last rotation is kept, turned the shortest way to where the bone points now.
 """
 

@@ -10,9 +10,9 @@ length. How long that takes is found by `fade_search`.
 The vectors stay fixed in the world. The heading would be no frame for them: it is that of the hips, and flies round
 while a body stands on its hands.
 
-Where bone directions alone are known, how a bone twists about itself follows a rule (`mocap.orientation`), often faster
-than the bone moves. A rate that held this twist would turn the bone with it once the bone points elsewhere, so it runs
-out beside the vector, about the bone itself.
+Where bone directions alone are known, how a bone twists about itself follows a rule (`motion.orientation`), often
+faster than the bone moves. A rate that held this twist would turn the bone with it once the bone points elsewhere, so
+it runs out beside the vector, about the bone itself.
 """
 
 from __future__ import annotations

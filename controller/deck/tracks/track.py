@@ -164,7 +164,7 @@ class Track:
         self.at, self._round = min(phase * self.motion.whole, seconds), (0.0, seconds)
 
     def morph(self, motion: str, anchor: int, seconds: float) -> None:
-        """Starts a morph of the network itself to another motion (see `networks.morph`), which takes some seconds."""
+        """Starts a morph of the network itself to another motion (`Mixture.morph_to`), which takes some seconds."""
         assert self._mixture is not None, "a network that a center drives is not morphed here"
         self._mixture.morph_to(motion, round(seconds * self.player.rate))
         self.player.motion = motion
