@@ -119,19 +119,16 @@ def to_canonical(clip: Clip) -> Clip:
     if is_canonical(clip.skeleton):
         return clip
     marks = landmarks_of(clip.skeleton)
-    rest, _ = _landmark_places(
-        clip.skeleton, marks, np.zeros((1, 3)), np.tile(IDENTITY, (1, 1 + len(clip.skeleton), 1))
-    )
+    rest, start = _rest_places(clip.skeleton, marks)
     place, turned = _landmark_places(clip.skeleton, marks, clip.root_position, clip.rotation)
     line = place[:, 1:] - place[:, np.array(JAEGER_PARENT) + 1]
     length = np.median(np.sqrt(np.square(line).sum(-1)), axis=0)
     # With arms at the neck a shoulder may have no length, and then moves with its parent.
     length[length < NO_LENGTH] = 0.0
     skeleton = thesis_skeleton(length, clip.skeleton.name)
-    across = rest[0, 1 + CANONICAL_BONES.index("lhip")] - rest[0, 0]
+    across = rest[1 + CANONICAL_BONES.index("lhip")] - rest[0]
     # A rest pose may face a few degrees aside; the canonical root faces at right angles to its hips.
     facing = yaw(np.arctan2(-across[0], across[1]))
-    start = normalise(rest[0, 1:] - rest[0, np.array(JAEGER_PARENT) + 1])
     rotation = np.empty((len(clip), 1 + len(skeleton), 4))
     rotation[:, 0] = multiply(turned[:, 0], facing)
     rests = np.array(JAEGER_REST)
@@ -181,8 +178,7 @@ def _from_canonical(clip: Clip, skeleton: Skeleton) -> Clip:
     """A canonical clip on another skeleton: all bones of a part follow its canonical bone, in their rest shape."""
     parts = anatomy(skeleton)
     marks = landmarks_of(skeleton)
-    rest, _ = _landmark_places(skeleton, marks, np.zeros((1, 3)), np.tile(IDENTITY, (1, 1 + len(skeleton), 1)))
-    start = normalise(rest[0, 1:] - rest[0, np.array(JAEGER_PARENT) + 1])
+    rest, start = _rest_places(skeleton, marks)
     trunk = _main(skeleton, parts, "trunk", "middle")
     low = 1 + trunk.index(marks.waist - 1) if marks.waist is not None else 0
     leads: dict[int, str] = dict.fromkeys(trunk[:low], "back") | dict.fromkeys(trunk[low:], "neck")
@@ -208,10 +204,17 @@ def _from_canonical(clip: Clip, skeleton: Skeleton) -> Clip:
             now = rotate(rotation[:, 1 + bone], skeleton.rest_direction[bone])
             rotation[:, 1 + bone] = multiply(between(now, goal), rotation[:, 1 + bone])
     ratio = skeleton.leg_length / clip.skeleton.leg_length
-    middle = rotate(rotation[:, 0], rest[0, 0])
+    middle = rotate(rotation[:, 0], rest[0])
     return replace(
         clip, skeleton=skeleton, root_position=clip.root_position * ratio - middle, rotation=continuous(rotation)
     )
+
+
+def _rest_places(skeleton: Skeleton, marks: Landmarks) -> tuple[Array, Array]:
+    """Positions of root and landmarks in the rest pose, (20, 3), and directions of the canonical bones, (19, 3)."""
+    unturned = np.tile(IDENTITY, (1, 1 + len(skeleton), 1))
+    place = _landmark_places(skeleton, marks, np.zeros((1, 3)), unturned)[0][0]
+    return place, normalise(place[1:] - place[np.array(JAEGER_PARENT) + 1])
 
 
 def _landmark_places(
