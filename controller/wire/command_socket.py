@@ -8,7 +8,6 @@ are counted and, up to a limit, refused.
 from __future__ import annotations
 
 import itertools
-import math
 import time
 from collections import Counter, deque
 from collections.abc import Hashable, Iterator
@@ -42,7 +41,7 @@ _FULL = (
     f"the deck is full: {MOST_CLIENTS} programs are connected, as many as it takes. End one of them. "
     "An emergency stop is taken all the same"
 )
-_STOP_AGAIN = 0.05  # s after which an emergency stop over a network is sent again, until it is answered
+_STOP_AGAIN, _STOP_FOR = 0.05, 5.0  # s: how often, and for how long, an unanswered stop over a network is sent
 _REMEMBERED = 256  # second replies that a client keeps for `wait_settled`
 
 Address = Hashable
@@ -165,6 +164,16 @@ class CommandServer:
         self._listener.close()
 
 
+@dataclass
+class _UnansweredStop:
+    """An emergency stop over a network, with its number."""
+
+    number: int
+    data: bytes
+    posted: float  # s
+    sent: float  # the last time, s
+
+
 class CommandClient:
     """Sends commands to a deck of this user, or with a token to one at an address."""
 
@@ -185,6 +194,7 @@ class CommandClient:
         )
         self._numbers = itertools.count(1)
         self._settled: dict[int, SecondReply] = {}
+        self._stop: _UnansweredStop | None = None
 
     def post(self, message: DeckCommand) -> int:
         """Sends a command without waiting for a reply; returns the number that its replies will carry.
@@ -192,29 +202,22 @@ class CommandClient:
         Raises:
             SocketError: if no deck is running there, or it takes no commands.
         """
-        number = next(self._numbers)
-        self._connection.send(encode(msgspec.structs.replace(message, id=number)))
-        return number
+        message = msgspec.structs.replace(message, id=next(self._numbers))
+        self._connection.send(data := encode(message))
+        if self._over_network and isinstance(message, EmergencyStop):
+            now = time.monotonic()
+            self._stop = _UnansweredStop(message.id, data, posted=now, sent=now)
+        return message.id
 
     def request(self, message: DeckCommand, timeout_s: float = 1.0) -> Reply:
-        """Sends a command and waits for its first reply; raises a SocketError if no deck replies in time.
-
-        An emergency stop over a network is sent again and again until it is answered: datagrams are lost.
-        """
-        numbers = {self.post(message)}
-        again = _STOP_AGAIN if isinstance(message, EmergencyStop) and self._over_network else math.inf
+        """Sends a command and waits for its first reply; raises a SocketError if no deck replies in time."""
+        number = self.post(message)
         deadline = time.monotonic() + timeout_s
-        while True:
-            left = deadline - time.monotonic()
-            reply = self.receive(min(left, again))
-            if reply is None and left <= again:
-                raise PeerGoneError("the deck does not reply: it has ended, or is held up")
-            if reply is None:
-                numbers.add(self.post(message))
-            elif reply.id in numbers or (reply.id == 0 and isinstance(reply, Refused)):
+        while (reply := self.receive(deadline - time.monotonic())) is not None:
+            if reply.id == number or (reply.id == 0 and isinstance(reply, Refused)):
                 return reply
-            else:
-                self._remember(reply)
+            self._remember(reply)
+        raise PeerGoneError("the deck does not reply: it has ended, or is held up")
 
     def wait_settled(self, number: int, timeout_s: float = 10.0) -> SecondReply | None:
         """Waits for the second reply to the command with this number; None if there is none in time.
@@ -239,11 +242,33 @@ class CommandClient:
     def receive(self, timeout_s: float) -> Reply | None:
         """The next reply, to any command, or None if none arrives in time.
 
+        An emergency stop over a network is sent again meanwhile, with its number, until it is answered or 5 s old.
+
         Raises:
             SocketError: if no deck is running there.
         """
-        data = self._connection.receive(timeout_s)
-        return read_reply(data) if data is not None else None
+        data = self._receive_answer(timeout_s) if self._stop is not None else self._connection.receive(timeout_s)
+        if data is None:
+            return None
+        reply = read_reply(data)
+        if self._stop is not None and reply.id == self._stop.number:
+            self._stop = None
+        return reply
+
+    def _receive_answer(self, timeout_s: float) -> bytes | None:
+        """What arrives in time, while a stop is not answered: datagrams are lost."""
+        deadline = time.monotonic() + timeout_s
+        while (stop := self._stop) is not None:
+            now = time.monotonic()
+            if now > stop.posted + _STOP_FOR:
+                self._stop = None
+            elif now >= stop.sent + _STOP_AGAIN:
+                self._connection.send(stop.data)
+                stop.sent = now
+            data = self._connection.receive(min(deadline, stop.sent + _STOP_AGAIN) - now)
+            if data is not None or time.monotonic() >= deadline:
+                return data
+        return self._connection.receive(deadline - time.monotonic())
 
     def fileno(self) -> int:
         """Readable when a reply has arrived, for `select`; a command must have been sent before.

@@ -3,17 +3,20 @@
 from __future__ import annotations
 
 import time
+from collections import deque
 from collections.abc import Callable, Sequence
 
 from controller.loop.commands.commanded_run import CommandedRun, Outcome, mode_events
 from controller.loop.commands.interfaces import Client
 from controller.loop.commands.listeners import Listeners, SecondReplies
 from controller.loop.stop_requests import StopRequest
-from controller.wire.command_socket import CommandServer
-from controller.wire.messages.commands import AtTime, DeckCommand
+from controller.wire.command_socket import Address, CommandServer
+from controller.wire.messages.commands import AtTime, DeckCommand, EmergencyStop
 from controller.wire.messages.deck_snapshot import Mode
 from controller.wire.messages.events import EventKind
 from controller.wire.messages.replies import Accepted, Refused, Reply
+
+_REMEMBERED = 16  # emergency stops
 
 
 class CommandHandler:
@@ -35,7 +38,8 @@ class CommandHandler:
         self._listeners = Listeners(run.deck, now)
         self._second = SecondReplies(now)
         self._sent_mode: tuple[Mode, bool] = ("playing", run.deck.paused)
-        self._presses = 0
+        self._presses = 0  # those that subscribers were told of
+        self._stops: deque[tuple[Address, int]] = deque(maxlen=_REMEMBERED)  # senders and numbers of the latest
         self._fallen = False
 
     def __call__(self, stop: StopRequest) -> None:
@@ -45,6 +49,8 @@ class CommandHandler:
                 client = Client(server, sender)
                 self._listeners.note(message, client)
                 outcome = self._carry_out(message, stop, client, remote=server.remote)
+                if isinstance(message, EmergencyStop):
+                    self._note_press(message, sender)
                 if isinstance(message, AtTime) and isinstance(outcome.reply, Accepted):
                     self._timed.add(client, message)
                 client.reply(outcome.reply)
@@ -66,6 +72,14 @@ class CommandHandler:
             for event in mode_events(self._deck, stop.mode, self._sent_mode, pressed=stop.presses != self._presses):
                 self._listeners.send(event)
             self._sent_mode, self._presses = mode, stop.presses
+
+    def _note_press(self, message: EmergencyStop, sender: Address) -> None:
+        """Tells a stop that comes again, as its reply was lost, from a second press; both were carried out."""
+        press = sender, message.id
+        if message.id and press in self._stops:
+            self._presses += 1
+        else:
+            self._stops.append(press)
 
     def notify(self, kind: EventKind, text: str, motion: str = "") -> None:
         """Sends an event to all subscribers."""

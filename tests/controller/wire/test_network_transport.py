@@ -145,6 +145,22 @@ def test_an_emergency_stop_arrives_over_a_network_that_loses_a_fifth_each_way(se
                 assert len(received) > before
     playing = False
     deck.join()
+    assert {message.id for message in received} == {1}, "each was one press, however often it was sent"
+
+
+def test_an_emergency_stop_is_sent_until_it_is_answered_by_who_reads_replies_only(server, client):
+    number = client.post(EmergencyStop())
+    for _ in range(6):
+        assert client.receive(0.03) is None
+    (first, sender), *more = server.poll()
+    assert len(more) >= 2
+    assert {message.id for message, _ in more} == {first.id} == {number}
+    server.reply(sender, Accepted(0))  # to another command
+    server.reply(sender, Accepted(number))
+    assert [client.receive(0.2), client.receive(0.2)] == [Accepted(0), Accepted(number)]
+    list(server.poll())
+    assert client.receive(0.2) is None
+    assert list(server.poll()) == []
 
 
 def test_who_has_the_token_is_heard_and_answered_under_seal(server, client):

@@ -192,6 +192,24 @@ def test_a_reset_from_another_machine_has_to_be_confirmed_and_each_stop_anew():
         assert not desk.stop.emergency
 
 
+def test_an_emergency_stop_that_is_sent_again_is_one_press(desk):
+    def pressed(number, sender):
+        desk.server.commands.append((EmergencyStop(id=number), sender))
+        return [event.text for event in desk.tick()]
+
+    desk.ask(Subscribe(), "listener")
+    assert pressed(5, "left") == ["emergency stop", "paused"]
+    assert pressed(5, "left") == []
+    assert pressed(5, "right") == ["emergency stop"]
+    assert pressed(5, "left") == pressed(5, "right") == []
+    assert pressed(6, "left") == ["emergency stop"]
+    desk.stop.at_rest = True
+    assert isinstance(desk.ask(Reset()), Accepted)
+    desk.tick()
+    assert pressed(6, "left") == ["emergency stop"], "it is carried out all the same"
+    assert desk.stop.emergency
+
+
 def test_a_reset_on_this_machine_needs_no_code(desk):
     desk.ask(EmergencyStop())
     desk.stop.at_rest = True
