@@ -22,6 +22,11 @@ class TimedMotion(Protocol):
         ...
 
 
+def channel_scale(spread: Array) -> Array:
+    """The spread of channels (D,) to divide them by: no less than a thousandth of the largest, and never 0."""
+    return np.maximum(spread, 1e-3 * max(1e-12, float(spread.max())))
+
+
 class Entries:
     """The windows that follow the entry points of some motions, (E,), s."""
 
@@ -32,8 +37,7 @@ class Entries:
             for name, motion in motions.items()
         }
         frames = np.concatenate([w.reshape(-1, w.shape[-1]) for w in windows.values()])
-        spread = frames.std(0)
-        self._scale = np.maximum(spread, 1e-3 * max(1e-12, float(spread.max())))
+        self._scale = channel_scale(frames.std(0))
         self._windows = {name: w / self._scale for name, w in windows.items()}
 
     def best(self, source: TimedMotion, time: float, target: str, among: int | None = None) -> int:

@@ -19,6 +19,7 @@ from controller.learning.centralized.satellite_learning import learn, ridge_read
 from controller.motion.rotations import Array
 from controller.networks.centralized.centralized import CentralizedMotion
 from controller.networks.centralized.low_rank import LowRankWeights
+from controller.networks.entry_points import channel_scale
 from controller.networks.signals import sampling_rate, time_series
 from motiondeck_base.errors import MotiondeckError
 
@@ -66,8 +67,7 @@ def train_centralized(
     seconds = frames / rate if loop else max(1, frames - 1) / rate
     time = np.arange(frames) / rate
     rest = channels.mean(0)
-    scale = channels.std(0)
-    scale = np.maximum(scale, 1e-3 * max(1e-12, float(scale.max())))
+    scale = channel_scale(channels.std(0))
     target = (channels - rest) / scale
     starts = _closed(seconds, centers, seed) if loop else slow_and_fast(seconds, centers, FREQUENCY_TRIES, seed)
     weights: Array | LowRankWeights
@@ -137,7 +137,7 @@ def score_models(
     stride = max(1, round(rate / RATE))
     seen = channels[::stride]
     time = np.arange(len(seen)) * stride / rate
-    spread = np.maximum(channels.std(0), 1e-3 * max(1e-12, float(channels.std(0).max())))
+    scale = channel_scale(channels.std(0))
     sizes = list(satellites)
     scored = []
     for n in centers:
@@ -150,7 +150,7 @@ def score_models(
                 )
             except MotiondeckError:
                 continue  # its weights grow too large: too many satellites
-            missed = float(np.square((motion.at(time) - seen) / spread).sum())
+            missed = float(np.square((motion.at(time) - seen) / scale).sum())
             parameters = (m + 1) * channels.shape[1] + m * (2 * n + 1) + 2 * n
             criterion = aicc(missed, seen.size, parameters)
             if not np.isfinite(criterion):

@@ -9,6 +9,7 @@ import numpy as np
 from controller.learning.centralized.satellite_learning import learn, ridge_readout, slow_and_fast
 from controller.motion.rotations import Array
 from controller.networks.centralized.movement_primitive import MovementPrimitive
+from controller.networks.entry_points import channel_scale
 from controller.networks.signals import sampling_rate, time_series
 from motiondeck_base.errors import MotiondeckError
 
@@ -41,8 +42,7 @@ def learn_primitive(
     frames = round(float(np.median([len(each) for each in demonstrations])))
     phase = np.linspace(0.0, 1.0, frames)
     aligned = np.stack([_at(each, phase) for each in demonstrations])
-    rest, spread = aligned.mean((0, 1)), aligned.std((0, 1))
-    scale = np.maximum(spread, 1e-3 * max(1e-12, float(spread.max())))
+    rest, scale = aligned.mean((0, 1)), channel_scale(aligned.std((0, 1)))
     scaled = (aligned - rest) / scale
     side_by_side = scaled.transpose(1, 0, 2).reshape(frames, -1)
     count = max(1, min(satellites, min(len(each) for each in demonstrations) // 3))
