@@ -10,10 +10,8 @@ from dataclasses import dataclass, replace
 from itertools import pairwise
 from pathlib import Path
 
-import numpy as np
-
 from controller.learning.preparation.loops import best_seam, largest_omission, with_velocities
-from controller.learning.preparation.takes import read_takes
+from controller.learning.preparation.takes import read_takes, spread_of
 from controller.learning.recipe import MotionRecipe
 from controller.learning.training_set import COMMON_RATE, SHORTEST_SECONDS, seam_error
 from controller.motion.canonical.body_doubts import doubts
@@ -120,6 +118,6 @@ def _loops(clip: Clip) -> tuple[bool, float, float]:
     seam = best_seam(features, one.rate, at_least=LOOP_KEEPS)
     apart, degrees = seam_error(encoding, channels, features, seam)
     seen = with_velocities(features, one.rate)
-    spread = float(np.sqrt(np.square(seen - seen.mean(0)).sum(1).mean()))
+    spread = spread_of(seen)
     close = apart < SEAM_MM and seam.mismatch < SEAM_SHARE * spread
     return close and largest_omission(seen, seam) < LEFT_OUT_SHARE * spread, apart, degrees

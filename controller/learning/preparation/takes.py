@@ -82,7 +82,7 @@ def read_takes(files: Sequence[Path]) -> tuple[Clip, Plays]:
 
 def is_periodic(channels: Array, rate: float, at_least: float) -> bool:
     """Whether a recording (T, C) at a rate in Hz returns to an earlier state."""
-    return best_seam(channels, rate, at_least=at_least).mismatch < RETURNS * _spread(with_velocities(channels, rate))
+    return best_seam(channels, rate, at_least=at_least).mismatch < RETURNS * spread_of(with_velocities(channels, rate))
 
 
 def join_takes(takes: Sequence[Array], names: Sequence[str], rate: float, *, loop: bool) -> JoinedTakes:
@@ -93,7 +93,7 @@ def join_takes(takes: Sequence[Array], names: Sequence[str], rate: float, *, loo
     """
     periods = [_period(take, rate) for take in takes] if loop else list(takes)
     reference = sorted(range(len(takes)), key=lambda number: len(periods[number]))[len(takes) // 2]
-    within = _LARGEST_DIFFERENCE * _spread(periods[reference])
+    within = _LARGEST_DIFFERENCE * spread_of(periods[reference])
     laid: list[Array] = []
     for number, take in enumerate(takes):
         if number == reference:
@@ -123,7 +123,7 @@ def _period(take: Array, rate: float) -> Array:
     best = best_seam(take, rate, at_least=0.5)
     for share in (_SHORTEST_LOOP, 0.25, 0.35):
         seam = best_seam(take, rate, at_least=share)
-        if seam.mismatch <= _AS_WELL * best.mismatch or seam.mismatch < 0.5 * RETURNS * _spread(take):
+        if seam.mismatch <= _AS_WELL * best.mismatch or seam.mismatch < 0.5 * RETURNS * spread_of(take):
             return take[seam.start : seam.end]
     return take[best.start : best.end]
 
@@ -182,7 +182,7 @@ def _at(channels: Array, place: Array) -> Array:
     return np.stack([np.interp(place, np.arange(len(channels)), channel) for channel in channels.T], axis=1)
 
 
-def _spread(channels: Array) -> float:
+def spread_of(channels: Array) -> float:
     """Root mean square distance of a motion from its mean, over all channels."""
     return float(np.sqrt(np.square(channels - channels.mean(0)).sum(1).mean()))
 
