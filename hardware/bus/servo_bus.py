@@ -21,6 +21,9 @@ from hardware.protocol2.group_reply import GroupReply, WholeReply, status_length
 UNKNOWN_MODEL = 0
 """Instead of a model number: a servo of Protocol 1.0 that answers a ping, which tells no model, and no read."""
 _PROTOCOL1, _PROTOCOL2 = PROTOCOLS[1], PROTOCOLS[2]
+_REQUESTS_KEPT = 256
+_SHORT_MARGIN = 0.02  # s for an adapter, where hundreds of IDs are silent
+_PATIENCE = 0.4  # s for an adapter or a program in between that was kept from running
 
 
 class Identity(NamedTuple):
@@ -41,11 +44,6 @@ class Identity(NamedTuple):
     def spoken(self) -> str:
         """The protocol as an addition to a sentence, "" for the usual one."""
         return "" if self.protocol == 2 else f" in Protocol {self.protocol}.0"
-
-
-_REQUESTS_KEPT = 256
-_SHORT_MARGIN = 0.02  # s for an adapter, where hundreds of IDs are silent
-_PATIENCE = 0.4  # s for an adapter or a program in between that was kept from running
 
 
 class Bus:

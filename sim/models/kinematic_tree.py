@@ -5,7 +5,7 @@ from __future__ import annotations
 import mujoco
 import numpy as np
 
-from controller.motion.rotations import Array, conjugate, multiply
+from controller.motion.rotations import IDENTITY, Array, conjugate, multiply
 from sim.models.coupled_joints import followers
 
 
@@ -55,9 +55,6 @@ def joints_above(model: mujoco.MjModel, body: int) -> list[int]:
     return np.flatnonzero(np.isin(model.jnt_bodyid, path_to(model, body))).tolist()
 
 
-UPRIGHT = np.array([1.0, 0.0, 0.0, 0.0])
-
-
 class UprightPelvis:
     """Turns the root of a robot so that its pelvis has a rotation.
 
@@ -77,7 +74,7 @@ class UprightPelvis:
         self._standing = data.xquat[pelvis].copy()
         self.above_root = float(data.xpos[pelvis, 2] - data.xpos[root, 2]) if self.below_a_waist else 0.0
 
-    def place(self, data: mujoco.MjData, turned: Array = UPRIGHT) -> None:
+    def place(self, data: mujoco.MjData, turned: Array = IDENTITY) -> None:
         """Computes the kinematics with the pelvis turned (4,) from upright; joints stay."""
         data.qpos[3:7] = multiply(turned, self._root)
         mujoco.mj_kinematics(self._model, data)

@@ -51,6 +51,11 @@ _SIZES = {
 _UNOPENED = re.compile(r"[Ee]rror opening file '([^']+)'")
 _AT_A_JOINT = (int(mujoco.mjtTrn.mjTRN_JOINT), int(mujoco.mjtTrn.mjTRN_JOINTINPARENT))
 _AT_A_DISTANCE = (int(mujoco.mjtTrn.mjTRN_TENDON), int(mujoco.mjtTrn.mjTRN_SLIDERCRANK))
+BANDWIDTH = 30.0  # rad/s
+SAG = 0.02  # largest sag of a limb held out level, rad
+SWINGS = 200.0  # natural frequency of a servo without its limb, by the rotor's inertia, rad/s
+# The same for a standing leg: with a lighter rotor the foot bounces on the floor. Chosen on a walking G1.
+STANCE, STANCE_BANDWIDTH, STANCE_SWINGS = 4.0, 60.0, 100.0
 
 
 def read_model(path: Path, packages: Mapping[str, Path] | None = None, feet: Sequence[str] = ()) -> mujoco.MjSpec:
@@ -271,13 +276,6 @@ def _own_servo(model: mujoco.MjModel, joint: int, actuator: int | None) -> tuple
         if model.actuator_ctrllimited[actuator]:
             force = min(force, gear * gain * float(np.abs(model.actuator_ctrlrange[actuator]).max()))
     return force, None
-
-
-BANDWIDTH = 30.0  # rad/s
-SAG = 0.02  # largest sag of a limb held out level, rad
-SWINGS = 200.0  # natural frequency of a servo without its limb, by the rotor's inertia, rad/s
-# The same for a standing leg: with a lighter rotor the foot bounces on the floor. Chosen on a walking G1.
-STANCE, STANCE_BANDWIDTH, STANCE_SWINGS = 4.0, 60.0, 100.0
 
 
 def guess_servo(model: mujoco.MjModel, joint: int, stance: float) -> tuple[float, float, float]:

@@ -16,8 +16,8 @@ import mujoco
 import numpy as np
 
 from controller.motion.posture import Pose
-from controller.motion.rotations import Array
-from sim.models.kinematic_tree import UPRIGHT, Scratch, UprightPelvis, below
+from controller.motion.rotations import IDENTITY, Array
+from sim.models.kinematic_tree import Scratch, UprightPelvis, below
 from sim.models.surface import LowestPoint, Surface
 from sim.retargeting.human_stance import FlatFeet, HumanStance
 
@@ -48,7 +48,7 @@ class Footing:
         self.stance = stance
         self._model, self._data = model, Scratch(model)
         # A root whose own axes are those of an upright robot is turned as the human's.
-        self._turned = root_rotation.tolist() if np.any(root_rotation != UPRIGHT) else None
+        self._turned = root_rotation.tolist() if np.any(root_rotation != IDENTITY) else None
         self._scale, self._pelvis = scale, pelvis
         self._touches = TOUCHES * stance.leg * scale
         self._surface, self._lowest = Surface.of(model), LowestPoint(model)

@@ -35,6 +35,12 @@ ROLLING = 0.1
 # moment. Down it follows at once.
 FOLLOWS, SURE = 60.0, 0.08
 TELEPORT = 0.3  # lengths of the leg in one tick: a cut, not a step
+# Time constants of the slope towards larger and smaller ones, s: people stand on tiptoe for moments only.
+RISES, SINKS = 1.0, 0.2
+STEEPEST = 1.0  # rad
+ENOUGH = 3  # frames of standing
+
+_FEET = ((LIMBS.index("r_shank"), LIMBS.index("r_foot")), (LIMBS.index("l_shank"), LIMBS.index("l_foot")))
 
 
 @dataclass(slots=True)
@@ -167,14 +173,6 @@ class HumanStance:
             self.planted.append(flat[foot] * near)
         most = max(self.planted) + ROLLING
         self.holding = [s * (p + ROLLING) / most for s, p in zip(self.standing, self.planted, strict=True)]
-
-
-# Time constants of the slope towards larger and smaller ones, s: people stand on tiptoe for moments only.
-RISES, SINKS = 1.0, 0.2
-STEEPEST = 1.0  # rad
-ENOUGH = 3  # frames of standing
-
-_FEET = ((LIMBS.index("r_shank"), LIMBS.index("r_foot")), (LIMBS.index("l_shank"), LIMBS.index("l_foot")))
 
 
 class FlatFeet:

@@ -59,6 +59,10 @@ PROBE, SPREAD, POSES = 0.02, 0.3, 24
 _HINGE = (int(mujoco.mjtJoint.mjJNT_HINGE),)
 _UNPLAYED = (int(mujoco.mjtJoint.mjJNT_SLIDE), int(mujoco.mjtJoint.mjJNT_BALL))
 _CLOSING = (int(mujoco.mjtEq.mjEQ_CONNECT), int(mujoco.mjtEq.mjEQ_WELD))
+# Of the rest pose: number of tries; error that needs no other try, and improvement that replaces a limb, rad.
+TRIES, GOOD, BETTER = 24, 0.1, 0.1
+UP = np.array([0.0, 0.0, 1.0])
+SEGMENTS = (("thigh", "shank"), ("upper_arm", "forearm"))
 
 
 @dataclass(frozen=True)
@@ -328,12 +332,6 @@ def _quoted(text: str) -> str:
 
 def _key(name: str) -> str:
     return name if re.fullmatch(r"[A-Za-z0-9_-]+", name) else _quoted(name)
-
-
-TRIES = 24
-GOOD, BETTER = 0.1, 0.1  # rad: error that needs no other try, improvement that replaces a limb
-UP = np.array([0.0, 0.0, 1.0])
-SEGMENTS = (("thigh", "shank"), ("upper_arm", "forearm"))
 
 
 def rest_pose(limbs: RobotLimbs, limits: JointLimits, stand: Array) -> Array:

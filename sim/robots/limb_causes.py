@@ -33,6 +33,10 @@ Cause = Literal["out of reach", "held back", "carried wrongly"]
 # Accepted error beyond the best within reach, degrees, or as a share of what is out of reach; rate of the search, Hz.
 CLOSE, SHARE, RATE = 5.0, 0.25, 30.0
 FULL = 0.99  # of a joint's speed limit
+# Of the best angles: exponent of 2 of the first ones; number of the best that are improved; rounds; their end, rad.
+SPREAD, FEW, ROUNDS, SETTLED = 12, 4, 30, 1e-3
+# Number of angles for a hinge with followers, which has no closed form.
+GRID = 121
 
 
 @dataclass(frozen=True)
@@ -110,12 +114,6 @@ def _as_a_whole(there: Array, goals: Array) -> Array:
     """Error of limbs (T, s, 3) as a whole, shape (T,), degrees."""
     angles: Array = np.degrees(np.arccos(np.clip(np.einsum("tsi,tsi->ts", there, goals).mean(axis=1), -1.0, 1.0)))
     return angles
-
-
-# Exponent of 2 of the first angles; number of the best that are improved; rounds; their end, rad.
-SPREAD, FEW, ROUNDS, SETTLED = 12, 4, 30, 1e-3
-# Number of angles for a hinge with followers, which has no closed form.
-GRID = 121
 
 
 class ReachableLimb:

@@ -23,7 +23,7 @@ from controller.deck.interfaces import JointLimits, PlacedPose, Retargeter
 from controller.motion.anatomy import Part, anatomy
 from controller.motion.encodings.joint_angles import JointRetargeter
 from controller.motion.posture import Pose
-from controller.motion.rotations import Array, between
+from controller.motion.rotations import IDENTITY, Array, between
 from controller.motion.skeleton import ROOT, Skeleton
 from motiondeck_base.errors import FileFormatError, UnknownNameError
 from motiondeck_base.files import listed
@@ -320,7 +320,7 @@ def symmetric_pose(skeleton: Skeleton, bends: Bends) -> Pose:
         "forearm": forearm,
         "hand": forearm,
     }
-    rotation = np.tile([1.0, 0.0, 0.0, 0.0], (1 + len(skeleton), 1))
+    rotation = np.tile(IDENTITY, (1 + len(skeleton), 1))
     for bone, (part, parent) in enumerate(zip(anatomy(skeleton).part, skeleton.parent, strict=True)):
         if part in raised:
             rotation[1 + bone] = between(skeleton.rest_direction[bone], _direction(raised[part]))

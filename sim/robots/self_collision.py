@@ -24,6 +24,8 @@ from sim.models.overlaps import OVERLAP, near_bodies, overlaps
 from sim.models.scenery import FLOOR
 from sim.robots.robot import Robot
 
+ROUNDS = 3  # checks of a pose: holding some joints may bring other limbs together
+
 
 class SelfCollision:
     """Measures overlaps between bodies that do not overlap in the rest pose and are not neighbours."""
@@ -59,9 +61,6 @@ class SelfCollision:
         self._data.qpos[:] = qpos
         depths = overlaps(self._model, self._data)
         return {pair: depth for pair, depth in depths.items() if pair not in self._near}
-
-
-ROUNDS = 3  # checks of a pose: holding some joints may bring other limbs together
 
 
 class CollisionGuard:

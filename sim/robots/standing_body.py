@@ -21,6 +21,13 @@ from sim.models.surface import Surface
 STANDS = 0.12  # largest height of a standing limb's end, in heights of the robot
 PARALLEL = 0.5  # least cosine between mirrored twins' axes
 ROLLS, ROUND = 0.2, 0.15  # largest height and unevenness of a wheel, in its radius
+LEG = ("thigh", "shank", "foot")
+ARM = ("upper_arm", "forearm", "hand")
+
+# Share of the best hinge's shorter side from which the first hinge is the knee.
+BEND_SHARE = 0.6
+# Largest distance of further joints ahead of the ankle, in shanks, and from the wrist, in forearms.
+TOES_SHARE, FINGERS_SHARE = 0.15, 0.3
 
 
 @dataclass(frozen=True)
@@ -137,15 +144,6 @@ class StandingBody:
     def name(self, body: int) -> str:
         """Its name in the file."""
         return str(self.model.body(int(body)).name)
-
-
-LEG = ("thigh", "shank", "foot")
-ARM = ("upper_arm", "forearm", "hand")
-
-# Share of the best hinge's shorter side from which the first hinge is the knee.
-BEND_SHARE = 0.6
-# Largest distance of further joints ahead of the ankle, in shanks, and from the wrist, in forearms.
-TOES_SHARE, FINGERS_SHARE = 0.15, 0.3
 
 
 def limb_bodies(

@@ -21,6 +21,14 @@ UTF16 = (codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)
 ROOTS = ("mujoco", "robot")
 MODEL = "a robot's model is an MJCF (.xml) or a URDF (.urdf)"
 _SHOWN = 5
+# Largest plausible speed, rad/s: a file with more, such as 100 for all joints, has placeholders.
+FASTEST = 50.0
+_COMMENT = re.compile(r"<!--.*?-->", re.DOTALL)
+_NUMBERS = re.compile(r"""\b(xyz|rpy)\s*=\s*(["'])([^"']*,[^"']*)\2""")
+_NO_NUMBER = re.compile(r"""\b(?:lower|upper|effort|velocity)\s*=\s*["']\s*[+-]?nan\s*["']""", re.IGNORECASE)
+_URI = re.compile(r'(?:package|model):/{2,3}([^/"\']+)/([^"\']*)')
+_LOOK = re.compile(r"<visual\b.*?</visual\s*>", re.DOTALL)
+_FILE = re.compile(r"""(<mesh\b[^>]*\bfilename\s*=\s*["'])(?:file://)?([^"':]+)(?=["'])""")
 
 
 def xml_text(path: Path) -> str:
@@ -76,16 +84,6 @@ def _tags_of(path: Path) -> list[str]:
     with suppress(expat.ExpatError):  # MuJoCo reports later errors
         parser.Parse(xml_text(path), True)
     return found
-
-
-# Largest plausible speed, rad/s: a file with more, such as 100 for all joints, has placeholders.
-FASTEST = 50.0
-_COMMENT = re.compile(r"<!--.*?-->", re.DOTALL)
-_NUMBERS = re.compile(r"""\b(xyz|rpy)\s*=\s*(["'])([^"']*,[^"']*)\2""")
-_NO_NUMBER = re.compile(r"""\b(?:lower|upper|effort|velocity)\s*=\s*["']\s*[+-]?nan\s*["']""", re.IGNORECASE)
-_URI = re.compile(r'(?:package|model):/{2,3}([^/"\']+)/([^"\']*)')
-_LOOK = re.compile(r"<visual\b.*?</visual\s*>", re.DOTALL)
-_FILE = re.compile(r"""(<mesh\b[^>]*\bfilename\s*=\s*["'])(?:file://)?([^"':]+)(?=["'])""")
 
 
 def urdf_speeds(path: Path) -> dict[str, float]:

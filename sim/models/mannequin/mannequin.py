@@ -59,6 +59,12 @@ COLOURS = {
     "right": (0.38, 0.59, 0.75),
     "middle": (0.90, 0.89, 0.86),
 }
+STATURE = 1.75  # m
+# Lengths of the 19 bones over the stature (Drillis and Contini 1966, as in Winter 2009, fig. 4.1): hip, thigh, shank
+# and foot of either side; back, neck and head; shoulder, upper arm, forearm and hand of either side.
+_LEG = (0.0955, 0.245, 0.246, 0.11)
+_TRUNK = (0.144, 0.144, 0.13)
+_ARM = (0.1295, 0.186, 0.146, 0.108)
 
 
 def build_mannequin(skeleton: Skeleton) -> mujoco.MjSpec:
@@ -155,14 +161,6 @@ def _add_servos(spec: mujoco.MjSpec, skeleton: Skeleton, parts: Anatomy, height:
             servo.gear[:] = 0.0
             servo.gear[axis] = 1.0
             servo.set_to_position(kp=kp, kv=2.0 * kp / SERVO_BANDWIDTH)
-
-
-STATURE = 1.75  # m
-# Lengths of the 19 bones over the stature (Drillis and Contini 1966, as in Winter 2009, fig. 4.1): hip, thigh, shank
-# and foot of either side; back, neck and head; shoulder, upper arm, forearm and hand of either side.
-_LEG = (0.0955, 0.245, 0.246, 0.11)
-_TRUNK = (0.144, 0.144, 0.13)
-_ARM = (0.1295, 0.186, 0.146, 0.108)
 
 
 def reference_body() -> Skeleton:

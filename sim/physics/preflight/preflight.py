@@ -31,6 +31,7 @@ SLOWEST = 0.1
 _AT_ANY_TEMPO = ("out of reach", "self-collision")
 # How close to the fastest tempo that passes the one found is, as a ratio: by the numbers, and in physics.
 _WITHIN, _WITHIN_IN_PHYSICS = 1.02, 1.1
+FALL_SECONDS = 10.0  # simulated on a free root, s
 
 
 @dataclass
@@ -119,9 +120,6 @@ def fastest_passing(passes: Callable[[float], bool], tempo: float, within: float
     return low if low > SLOWEST or passes(SLOWEST) else None
 
 
-FALL_SECONDS = 10.0  # simulated on a free root, s
-
-
 class PhysicsChecks:
     """Plays motions in physics on one robot; the arguments are those of `Preflight`."""
 
@@ -140,8 +138,7 @@ class PhysicsChecks:
             found += self._walked_findings(played, tempo)
         elif self.root == "free":
             _, _, fell = self.play(played, tempo, "free", FALL_SECONDS)
-            stood = FALL_SECONDS if fell is None else fell
-            found.append(replace(Finding("physics: stands", stood, FALL_SECONDS, "s"), ok=fell is None))
+            found.append(_stands(fell))
         return found
 
     def follow(self, played: PlayedMotion, tempo: float) -> bool:
@@ -158,11 +155,10 @@ class PhysicsChecks:
         stage = self._stage("free", walk=True)
         for _ in self._played(stage, played, tempo, FALL_SECONDS):
             pass
-        stood = FALL_SECONDS if stage.fell_s is None else stage.fell_s
         asked, walked = stage.travel or (0.0, 0.0)
         report = cast(Mapping[str, Any], stage.report())
         found = [
-            replace(Finding("physics: stands", stood, FALL_SECONDS, "s"), ok=stage.fell_s is None),
+            _stands(stage.fell_s),
             limited("capture point off", 100.0 * report["capture_point_off"], 100.0, "%"),
             Finding("motion goes", asked, None, "m"),
             Finding("robot goes", walked, None, "m"),
@@ -215,3 +211,7 @@ class PhysicsChecks:
             yield np.abs(stage.measured() - inside[at])
             if stage.fell_s is not None:
                 break
+
+
+def _stands(fell: float | None) -> Finding:
+    return Finding("physics: stands", FALL_SECONDS if fell is None else fell, FALL_SECONDS, "s", ok=fell is None)

@@ -47,6 +47,8 @@ AROUND, RATE = 0.3, 0.05
 SOFT = 0.2
 # Largest shift of the planned capture point, in half soles.
 MOST = 0.4
+# Displacement of a sole that measures kappa, heights of the root.
+MOVES = 0.02
 
 
 class Momentum:
@@ -119,10 +121,6 @@ def _triangle(half: int) -> Array:
     """Weights of 2 half + 1 ticks that sum to 1, the most in the middle."""
     weights = np.bartlett(2 * half + 3)[1:-1]
     return weights / weights.sum()
-
-
-# Displacement of a sole that measures kappa, heights of the root.
-MOVES = 0.02
 
 
 class LegSwing(NamedTuple):

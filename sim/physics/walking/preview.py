@@ -20,6 +20,15 @@ AHEAD = 1.2  # delay of the body behind the motion, s
 EVEN = 0.5 * AHEAD
 # Time constant of the path, s, against the sway of the body.
 SWAY = 0.5
+# Speed of a sole at the beginning and the end of a swing, heights of the root a second, and its time constant, s.
+BEGINS, ENDS, SMOOTHING = 0.2, 0.15, 0.01
+# Least length of a step, heights of the root, or turn, rad; least duration of a swing and of a step, s: blends shuffle.
+FAR, TURN, LONG, BRIEF = 0.04, 0.15, 0.12, 0.15
+# Longest pause within one step, s.
+PAUSE = 0.3
+# Speed and duration, s, of a rest that ends a swing, also of a raised foot.
+STILL, HOLDS = 0.03, 0.15
+_FLAT = np.zeros(2)
 
 
 class Travel:
@@ -83,17 +92,6 @@ class Preview:
     def height(self) -> float:
         """Mean height of the root around the body's tick, m."""
         return float(np.mean(self._heights))
-
-
-# Speed of a sole at the beginning and the end of a swing, heights of the root a second, and its time constant, s.
-BEGINS, ENDS, SMOOTHING = 0.2, 0.15, 0.01
-# Least length of a step, heights of the root, or turn, rad; least duration of a swing and of a step, s: blends shuffle.
-FAR, TURN, LONG, BRIEF = 0.04, 0.15, 0.12, 0.15
-# Longest pause within one step, s.
-PAUSE = 0.3
-# Speed and duration, s, of a rest that ends a swing, also of a raised foot.
-STILL, HOLDS = 0.03, 0.15
-_FLAT = np.zeros(2)
 
 
 @dataclass(eq=False)
