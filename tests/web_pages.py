@@ -2,10 +2,29 @@
 
 import base64
 
+from playwright.sync_api import Error
+
 
 def coarse(address):
     """The address of a page whose scene is drawn with a hundredth of its pixels: in software they take long."""
     return f"{address.rstrip('/')}/?fixedDpr=0.1"
+
+
+def printed_address(lines):
+    """The address that a program prints first for its page."""
+    first = lines.readline()
+    assert first.startswith("page: http://127.0.0.1:"), first
+    return first.split()[1]
+
+
+def open_early(page, address):
+    """Opens an address, drawn coarsely, as soon as a server answers there."""
+    for _ in range(100):
+        try:
+            page.goto(coarse(address))
+            break
+        except Error:
+            page.wait_for_timeout(100)
 
 
 def drop(page, *files):

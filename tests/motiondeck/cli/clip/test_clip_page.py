@@ -5,10 +5,9 @@ import subprocess
 import sys
 
 import pytest
-from playwright.sync_api import Error
 
 from recordings import BVH
-from web_pages import coarse
+from web_pages import open_early, printed_address
 
 
 @pytest.fixture
@@ -22,9 +21,7 @@ def address(tmp_path):
     view = subprocess.Popen(command, stdout=subprocess.PIPE, text=True)
     assert view.stdout is not None
     try:
-        first = view.stdout.readline()
-        assert first.startswith("page: http://127.0.0.1:"), first
-        yield first.split()[1]
+        yield printed_address(view.stdout)
     finally:
         view.terminate()
         view.wait(timeout=20)
@@ -33,12 +30,7 @@ def address(tmp_path):
 @pytest.mark.thorough
 def test_the_bar_the_steps_and_the_button(browser, address):
     page = browser.new_page(viewport={"width": 800, "height": 600})
-    for _ in range(100):
-        try:
-            page.goto(coarse(address))
-            break
-        except Error:
-            page.wait_for_timeout(100)
+    open_early(page, address)
 
     def frame():
         found = re.match(r"frame (\d+) of 120", page.locator("#where").inner_text())

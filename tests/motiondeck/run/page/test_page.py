@@ -12,7 +12,6 @@ import msgspec
 import numpy as np
 import pytest
 from PIL import Image
-from playwright.sync_api import Error
 
 from bodies import waving
 from controller.motion.formats.writing import bvh_text
@@ -21,7 +20,7 @@ from controller.wire.messages.commands import GetStatus, Subscribe
 from controller.wire.messages.events import Event
 from controller.wire.messages.replies import Accepted
 from motiondeck_base.shipped import find_rig
-from web_pages import coarse, drop
+from web_pages import drop, open_early, printed_address
 
 pytestmark = pytest.mark.thorough
 
@@ -69,9 +68,7 @@ def address(emulator):
     )
     assert deck.stderr is not None
     try:
-        first = deck.stderr.readline()
-        assert first.startswith("page: http://127.0.0.1:"), first
-        yield first.split()[1]
+        yield printed_address(deck.stderr)
     finally:
         deck.terminate()
         deck.communicate(timeout=30)
@@ -80,12 +77,7 @@ def address(emulator):
 @pytest.fixture(scope="module")
 def page(browser, address):
     page = browser.new_page(viewport={"width": 1130, "height": 600})
-    for _ in range(100):
-        try:
-            page.goto(coarse(address))
-            break
-        except Error:
-            page.wait_for_timeout(100)
+    open_early(page, address)
     page.get_by_role("button", name=re.compile("^jog")).wait_for(timeout=30_000)
     return page
 
