@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import mujoco
 import numpy as np
@@ -11,9 +12,11 @@ import numpy as np
 from controller.motion.rotations import Array, conjugate, multiply
 from controller.motion.skeleton import Skeleton
 from controller.wire.run_folder import write_shared
-from motiondeck.page.body.drawn_model import DrawnModel
 from motiondeck.page.web.page_state import GhostDescription
 from sim.models.mannequin.mannequin import ROOT_BODY, build_mannequin
+
+if TYPE_CHECKING:  # the deck writes the model; only its page draws
+    from motiondeck.page.body.drawn_model import DrawnModel
 
 OPACITY = 0.4
 WAYS = ("off", "over the robot", "beside it")

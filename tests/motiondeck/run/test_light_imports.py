@@ -1,4 +1,4 @@
-"""What is imported before a run begins, and by the commands that only send."""
+"""What is imported before a run begins, by the deck of a page, and by the commands that only send."""
 
 import subprocess
 import sys
@@ -16,10 +16,14 @@ OPTIONAL = (*BESIDE, "motiondeck.run.recognition.watches", "motiondeck.run.plugi
 
 
 @pytest.mark.parametrize(
-    ("module", "spared"),
-    [("motiondeck.run.library_run", OPTIONAL), ("motiondeck.run.terminal", ("asyncio", "numpy", "prompt_toolkit"))],
+    ("modules", "spared"),
+    [
+        ("motiondeck.run.library_run", OPTIONAL),
+        ("motiondeck.run.page.page, motiondeck.page.ghost", ("viser", "trimesh", "asyncio", "scipy.sparse")),
+        ("motiondeck.run.terminal", ("asyncio", "numpy", "prompt_toolkit")),
+    ],
 )
-def test_what_not_every_run_has_is_not_imported(module, spared):
-    program = f"import sys, {module}; print([name for name in {spared} if name in sys.modules])"
+def test_what_not_every_run_has_is_not_imported(modules, spared):
+    program = f"import sys, {modules}; print([name for name in {spared} if name in sys.modules])"
     done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=True)
     assert done.stdout.strip() == "[]"
