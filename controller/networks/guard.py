@@ -16,6 +16,7 @@ A comparison takes one frame and at most MOST_ANCHORS anchors, whatever the leng
 
 from __future__ import annotations
 
+from copy import copy
 from dataclasses import dataclass
 from typing import Any
 
@@ -65,8 +66,8 @@ class LossWatch:
 
     def copy(self) -> LossWatch:
         """An independent watch in the same state."""
-        twin = LossWatch(self.beat, self._scale, self._seen * self._scale)
-        twin._pace, twin._place, twin._count = self._pace.copy(), self._place.copy(), self._count
+        twin = copy(self)
+        twin._pace = self._pace.copy()  # the only array that is changed in place
         return twin
 
     def inspect(self, frames: Channels, astray: NDArray[np.bool_]) -> NDArray[np.bool_]:
