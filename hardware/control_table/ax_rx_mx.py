@@ -8,7 +8,6 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-from hardware.control_table.family import FAMILIES
 from hardware.control_table.servo_traits import TRAITS, Traits
 from hardware.control_table.table import ControlTable, parse_table
 
@@ -112,16 +111,14 @@ _XL_320 = """
 _STEPS = 1228  # to a turn: 1023 of them are 300 degrees
 
 
-def _ax(model: str, traits: Traits) -> ControlTable:
+def _ax(model: str, traits: Traits, **defaults: int) -> ControlTable:
     table = parse_table(model, traits.figures[0], _STEPS, _EEPROM + _SLOPES + _MEASURED, traits.family)
-    _set_defaults(table, traits)
+    _set_defaults(table, traits, **defaults)
     return table
 
 
 def _rx(model: str, traits: Traits) -> ControlTable:
-    table = _ax(model, traits)
-    _set_defaults(table, traits, baud_rate=34, max_voltage_limit=240)
-    return table
+    return _ax(model, traits, baud_rate=34, max_voltage_limit=240)
 
 
 def _mx(model: str, traits: Traits) -> ControlTable:
@@ -150,12 +147,9 @@ def _set_defaults(table: ControlTable, traits: Traits, **defaults: int) -> None:
         table.registers[name] = replace(table.registers[name], default=value)
 
 
-_MAKE = (("AX", _ax), ("RX", _rx), ("MX1", _mx), ("XL320", _xl320))
+_MAKE = {"AX": _ax, "RX": _rx, "MX1": _mx, "XL320": _xl320}
 
 AX_RX_MX: dict[str, ControlTable] = {
-    model: make(model, traits)
-    for model, traits in TRAITS.items()
-    for family, make in _MAKE
-    if traits.family is FAMILIES[family]
+    model: _MAKE[traits.series](model, traits) for model, traits in TRAITS.items() if traits.series in _MAKE
 }
 """By model name."""

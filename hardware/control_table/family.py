@@ -85,7 +85,7 @@ FAMILIES: dict[str, Family] = {
     "P": Family(checks_profiles=True, modes=(0, 1, 3, 4, 16), full_pwm=2009.0, gain_unit=2048.0),
     "XL320": Family(problems=MappingProxyType({_VOLTAGE: 4, _HEAT: 2, _OVERLOAD: 1}), shuts_down_by="torque_limit"),
     "AX": AX,
-    "RX": replace(AX),
+    "RX": AX,
     "MX1": replace(AX, baud_rates=MappingProxyType(_DIVIDED | {252: 3_000_000}), bulk_reads=True, reboots=True),
 }
 """By the name that a row of `servo_traits` has."""

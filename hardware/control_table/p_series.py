@@ -9,7 +9,6 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-from hardware.control_table.family import FAMILIES
 from hardware.control_table.servo_traits import TRAITS, Traits
 from hardware.control_table.table import ControlTable, parse_table
 
@@ -113,6 +112,6 @@ def _table(model: str, traits: Traits) -> ControlTable:
 
 
 P_SERIES: dict[str, ControlTable] = {
-    model: _table(model, traits) for model, traits in TRAITS.items() if traits.family is FAMILIES["P"]
+    model: _table(model, traits) for model, traits in TRAITS.items() if traits.series == "P"
 }
 """By model name."""

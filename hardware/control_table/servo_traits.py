@@ -21,6 +21,7 @@ class Traits:
     """A servo model.
 
     Attributes:
+        series: the name of its family, by which its control table is made.
         family: what it shares with others.
         no_load_speed: of the horn at `voltage`, rev/min.
         stall_current: A.
@@ -34,6 +35,7 @@ class Traits:
         figures: the model number where the maker's files lack it, then what the tables of its family need besides.
     """
 
+    series: str
     family: Family
     no_load_speed: float
     stall_current: float
@@ -116,9 +118,10 @@ M42-10-S260-RA  P      28.0 1.5   24   1.0  1461   2600  80  314   -   43289/263
 
 
 def _traits(row: Sequence[str]) -> Traits:
-    name, rpm, stall, volt, unit, current, velocity, temperature, gain, fast, *figures = row
-    family = FAMILIES[name]
+    series, rpm, stall, volt, unit, current, velocity, temperature, gain, fast, *figures = row
+    family = FAMILIES[series]
     return Traits(
+        series,
         family,
         float(rpm),
         float(stall),

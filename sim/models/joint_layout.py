@@ -25,10 +25,12 @@ class JointLayout:
     """J coordinates in nq numbers, of which the first seven are the free root's position and quaternion.
 
     Attributes:
-        joints: the names of the coordinates, length J. hinge, hinge_qpos: coordinates that are hinge angles, and their
-        places in qpos, shape (H,). ball, ball_qpos: coordinates that are rotation vectors, shape (N, 3), and their
-        quaternions in qpos, shape (N, 4). dof: places of the coordinates in qvel, shape (J,). led: joints that follow
-        others, in the order of placing. followers, leaders: their places in qpos, by group.
+        joints: the names of the coordinates, length J.
+        hinge, hinge_qpos: coordinates that are hinge angles, and their places in qpos, shape (H,).
+        ball, ball_qpos: coordinates that are rotation vectors, shape (N, 3), and their quaternions in qpos, (N, 4).
+        dof: places of the coordinates in qvel, shape (J,).
+        led: joints that follow others, in the order of placing.
+        followers, leaders: their places in qpos, by group.
     """
 
     joints: tuple[str, ...]

@@ -95,9 +95,10 @@ class Readings:
         self._line_of_all = tuple(self._own.tolist())
         self._all = slice(None) if len(joints) == len(config.joints) else self._own
         self._tables = [joint.table for joint in config.joints]
-        usual = [[table.family.usual_problems(bits) for bits in range(256)] for table in self._tables]
-        others = any(bit != own for table in self._tables for bit, own in table.family.problems.items())
-        self._problems = np.array(usual, dtype=np.uint8) if others else None  # by joint and error bits
+        self._problems: NDArray[np.uint8] | None = None  # by joint and error bits, where they are not the usual ones
+        if any(bit != own for table in self._tables for bit, own in table.family.problems.items()):
+            usual = [[table.family.usual_problems(bits) for bits in range(256)] for table in self._tables]
+            self._problems = np.array(usual, dtype=np.uint8)
         self._index = {self._ids[index]: index for index in self._line_of_all}
         self._everything = [everything(joint.table) for joint in config.joints]
         self._blocks = list(self._everything)
