@@ -20,7 +20,7 @@ _NO_WEIGHT = 1e-9
 
 
 class SwitchPlan:
-    """The switches that a performance is to play."""
+    """The switches that a performance is to play; if `direct`, those in the queue go straight to their motion."""
 
     def __init__(self, performance: Performance, routes: Routes, *, direct: bool) -> None:
         self._performance, self._routes, self._direct = performance, routes, direct

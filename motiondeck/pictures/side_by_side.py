@@ -36,6 +36,7 @@ class SideBySide:
     """
 
     def __init__(self, skeleton: Skeleton, human: Path, robot: Path, dt: float) -> None:
+        """Loads both from their robot files, for poses of a skeleton dt seconds apart."""
         self.robot = load_robot(robot, skeleton, dt=dt)
         self.scale = self.robot.path_scale
         self.human = load_robot(human, replace(skeleton, length=skeleton.length * self.scale))

@@ -75,6 +75,7 @@ class PoseTable:
         """How far the body is behind, s of the motion (negative if it is ahead), and how far beside it, rad.
 
         Args:
+            phase: the commanded one.
             targets: of that phase, shape (J,), rad.
             measured: shape (J,), rad; NaN for joints that are not measured.
 
