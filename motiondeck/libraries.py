@@ -6,14 +6,12 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
 from controller.deck.motion_generator import MotionGenerator
-from controller.learning.fit import fit
-from controller.learning.learn import learn as learn_recordings
-from controller.learning.recipe import NetworkRecipe, read_recipe, require_sizes
 from controller.library.motion_library import MotionLibrary, save_library
 from controller.library.motion_library import load_library as load_library_file
 from controller.motion.clip import Clip
@@ -21,6 +19,9 @@ from controller.motion.posture import walk_path
 from controller.motion.skeleton import Skeleton
 from motiondeck_base.errors import MotiondeckError
 from motiondeck_base.shipped import find_library
+
+if TYPE_CHECKING:
+    from controller.learning.recipe import NetworkRecipe
 
 __all__ = ["Library", "MotionGenerator", "learn", "learn_recipe", "load_library"]
 
@@ -167,6 +168,9 @@ def learn(
     Raises:
         MotiondeckError: if there is no recording, none can be used, or no network can have these sizes.
     """
+    from controller.learning.learn import learn as learn_recordings  # half of the start of a program that only plays
+    from controller.learning.recipe import require_sizes
+
     if network is not None:
         require_sizes(network)
     paths = [recordings] if isinstance(recordings, str | Path) else recordings
@@ -181,4 +185,7 @@ def learn_recipe(recipe: str | Path, data: str | Path, progress: Callable[[str],
     Raises:
         MotiondeckError: if the recipe is wrong, or a recording is missing or damaged; it names file and place.
     """
+    from controller.learning.fit import fit
+    from controller.learning.recipe import read_recipe
+
     return Library(fit(read_recipe(Path(recipe)), Path(data), progress))

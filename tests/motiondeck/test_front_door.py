@@ -45,6 +45,13 @@ def test_importing_it_imports_nothing_heavy():
     assert done.stdout.strip() == "[]"
 
 
+def test_a_library_is_loaded_without_what_learns_one():
+    modules = "print(sorted({'scipy', 'controller.learning'} & set(sys.modules)))"
+    program = f"import sys, motiondeck; motiondeck.load_library('thesis15'); motiondeck.Deck; {modules}"
+    done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=True)
+    assert done.stdout.strip() == "[]"
+
+
 def test_a_library_is_loaded_by_name_and_by_path(file):
     assert "walk" in motiondeck.load_library("thesis15").motions
     for path in (file, str(file)):
