@@ -5,18 +5,27 @@ from __future__ import annotations
 import math
 import os
 import time
+from collections import deque
 from collections.abc import Callable
-from typing import Literal
 
 import msgspec
 
 from controller.wire.messages.arguments import CommandError
 from controller.wire.messages.commands import DeckCommand
 from motiondeck.shows.cue_list import CueList
-from motiondeck.shows.link import Link, Mailbox
-from motiondeck.shows.member import STOP_AGAIN, STOP_SAID
+from motiondeck.shows.link import Link, Mailbox, StopRepeater
 from motiondeck.shows.membership import CONDUCTOR
-from motiondeck.shows.messages import About, CommonRound, DeckHealth, EmergencyStopAll, Time, TimedCue, encode, read
+from motiondeck.shows.messages import (
+    About,
+    CommonRound,
+    DeckHealth,
+    EmergencyStopAll,
+    StopAt,
+    Time,
+    TimedCue,
+    encode,
+    read,
+)
 from motiondeck.shows.seen_decks import SeenDeck, SeenDecks
 from motiondeck.shows.show_file import Condition, Show, ShowCue, show_command
 from motiondeck_base.errors import MotiondeckError
@@ -35,9 +44,6 @@ _NO_CUES = "all cues have been given: type commands to go on"
 _HISTORY = 64  # emergency stops that were seen
 
 Notify = Callable[[str], None]
-
-StopAt = Literal["", "not reached", "holds", "reset"]
-"""How far a deck is with the emergency stop that stands; "" while there is none."""
 
 
 class Conductor:
@@ -59,8 +65,8 @@ class Conductor:
         self._arrived = Mailbox[tuple[str, bytes]]()
         self.cues = CueList(show.cues, show.lead, now(), first)
         self._number = 0
-        self._stops: list[str] = []
-        self._to_publish: list[tuple[float, bytes]] = []
+        self._stops: deque[str] = deque(maxlen=_HISTORY)
+        self._stop_repeater = StopRepeater(link)
         self._reported_waiting: ShowCue | None = None
         self._lacks: list[str] = []
         self._reported_lacks: list[str] = []
@@ -95,9 +101,7 @@ class Conductor:
         for key, data in self._arrived.take():
             self._take(key, data)
         now = self.now()
-        for due in [due for due in self._to_publish if due[0] <= now]:
-            self._to_publish.remove(due)
-            self._link.publish("stop", due[1])
+        self._stop_repeater.step(now)
         if not self.stopped_by:
             self._bring_in(now)  # first: a deck that carries out a later cue counts as having had all before
             while (due := self.cues.due(now, self._holds)) is not None:
@@ -163,9 +167,7 @@ class Conductor:
     def stop(self) -> None:
         """Stops all decks at once."""
         stop = EmergencyStopAll(CONDUCTOR, os.urandom(8).hex())
-        now = self.now()
-        self._to_publish = [(now + STOP_AGAIN * again, encode(stop)) for again in range(1, STOP_SAID)]
-        self._link.publish("stop", encode(stop))
+        self._stop_repeater.start(stop, self.now())
         self._note_stop(stop)
 
     # Messages of decks.
@@ -204,7 +206,7 @@ class Conductor:
 
     def _note_stop(self, stop: EmergencyStopAll) -> None:
         self._stop = stop
-        self._stops = [*self._stops[-_HISTORY:], stop.id]
+        self._stops.append(stop.id)
         if self.stopped_by:
             source = "the conductor" if stop.by == CONDUCTOR else self.stopped_by
             self._notify(f"emergency stop by {source}; reset each deck where it is, then: go")

@@ -7,12 +7,14 @@ no member is searched for on the network. A link that is silent for LEASE counts
 from __future__ import annotations
 
 import json
+import math
 import os
 from collections import deque
 from collections.abc import Callable, Iterator
 from typing import TYPE_CHECKING, Any, Generic, TypeVar
 
 from motiondeck.shows.membership import AUTHORITY, CERTIFICATE, KEY, Membership
+from motiondeck.shows.messages import EmergencyStopAll, encode
 from motiondeck_base.errors import MotiondeckError
 
 if TYPE_CHECKING:
@@ -20,6 +22,9 @@ if TYPE_CHECKING:
 
 LEASE = 2.0
 """After this silence a link is lost, s; a live one says something four times as often."""
+
+STOP_SAID, STOP_AGAIN = 5, 0.02
+"""How often a new emergency stop is published, and the period of that, s."""
 
 _RECEIVING_THREADS = 64
 
@@ -124,6 +129,30 @@ class Link:
 
     def _within(self, key: zenoh.KeyExpr) -> str:
         return str(key).removeprefix(self._root)
+
+
+class StopRepeater:
+    """Publishes a new emergency stop several times: what cannot be sent at once is dropped."""
+
+    def __init__(self, link: Link) -> None:
+        self._link, self._data = link, b""
+        self._times: list[float] = []
+
+    @property
+    def due(self) -> float:
+        """When `step` has something to do, s; infinite for never."""
+        return self._times[0] if self._times else math.inf
+
+    def start(self, stop: EmergencyStopAll, now: float) -> None:
+        """Publishes a stop for the first time."""
+        self._data, self._times = encode(stop), [now + STOP_AGAIN * again for again in range(STOP_SAID)]
+        self.step(now)
+
+    def step(self, now: float) -> None:
+        """Publishes it again where that is due."""
+        while self.due <= now:
+            del self._times[0]
+            self._link.publish("stop", self._data)
 
 
 class Mailbox(Generic[T]):

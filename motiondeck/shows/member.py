@@ -23,7 +23,7 @@ from controller.wire.messages.arguments import CommandError
 from controller.wire.messages.events import Event
 from controller.wire.messages.replies import Accepted, PhaseNow, Refused, State
 from motiondeck.shows.clock_estimate import ClockEstimate, RoundTrip
-from motiondeck.shows.link import Link, Mailbox
+from motiondeck.shows.link import Link, Mailbox, StopRepeater
 from motiondeck.shows.membership import CONDUCTOR
 from motiondeck.shows.messages import (
     About,
@@ -46,9 +46,6 @@ LATEST = 0.25
 
 ALONE_AFTER = 10.0
 """Time without a conductor after which that is reported, s."""
-
-STOP_SAID, STOP_AGAIN = 5, 0.02
-"""Repetitions of an emergency stop, and their period, s."""
 
 _ASKS_FIRST, _FIRST = 0.05, 40  # so often, s, for the first questions; after them the time counts as known
 _IRREGULAR = 0.6, 1.4
@@ -104,7 +101,7 @@ class Member:
         self._stopping: dict[int, EmergencyStopAll | None] = {}  # what the deck has not accepted yet
         self._accepted_until = -math.inf
         self._joined_at = now() + _JOINS_WITHIN
-        self._to_publish: list[tuple[float, bytes]] = []
+        self._stop_repeater = StopRepeater(link)
         self._commands: dict[int, str] = {}
         deck.post(commands.Subscribe())
         link.subscribe("cue", self._receive)
@@ -121,7 +118,7 @@ class Member:
         Raises:
             SocketError: if the deck is gone without a word.
         """
-        due = [self._ask_at, *(self._due(cue) for cue in self._cues), *(at for at, _ in self._to_publish)]
+        due = [self._ask_at, *(self._due(cue) for cue in self._cues), self._stop_repeater.due]
         wait = min(max(min(due) - self._now(), 0.0), longest)
         select.select([self._arrived, self._answers, self._leader, self._deck], [], [], wait)
         self._carry_out()
@@ -134,7 +131,7 @@ class Member:
             self._leader.reply(sender, self._reply(message))
         running = self._receive_from_deck()
         now = self._now()
-        self._publish_stops(now)
+        self._stop_repeater.step(now)
         if now >= self._ask_at:
             self._ask(now)
         self._check_conductor(now)
@@ -367,17 +364,12 @@ class Member:
         self._stops.append(stop.id)
         self._holds = False
         self._cues.clear()
-        self._to_publish = [(now + STOP_AGAIN * again, encode(stop)) for again in range(STOP_SAID)]
+        self._stop_repeater.start(stop, now)
 
     def _stop_deck(self, stop: EmergencyStopAll | None) -> None:
         self._holds = False
         self._cues.clear()
         self._stopping[self._deck.post(commands.EmergencyStop())] = stop
-
-    def _publish_stops(self, now: float) -> None:
-        for due in [due for due in self._to_publish if due[0] <= now]:
-            self._to_publish.remove(due)
-            self._link.publish("stop", due[1])
 
 
 def _plays(cue: TimedCue) -> bool:

@@ -20,6 +20,9 @@ from controller.wire.messages.deck_snapshot import Mode
 Lost = Literal["go on", "hold", "stop"]
 """What a deck does that has lost the conductor: nothing, a pause, or an emergency stop."""
 
+StopAt = Literal["", "not reached", "holds", "reset"]
+"""How far a deck is with the emergency stop that stands; "" while there is none."""
+
 T = TypeVar("T")
 
 

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 import msgspec
 
-from motiondeck.shows.messages import DeckHealth
+from motiondeck.shows.messages import DeckHealth, StopAt
 from motiondeck.shows.show_file import ShowCue
 
 if TYPE_CHECKING:
@@ -31,6 +31,7 @@ class DeckRow(msgspec.Struct, frozen=True):
     losses: int
     heard_ago: float
     health: DeckHealth | None
+    stop: StopAt = ""
 
 
 class ShowState(msgspec.Struct, frozen=True, tag="state"):
@@ -68,11 +69,11 @@ def show_state(conductor: Conductor) -> ShowState:
         seconds=max(at - now, 0.0) if at is not None else None,
         waits=sent is None and cues.waits,
         stopped_by=conductor.stopped_by,
-        decks=[_row(deck, now) for _, deck in sorted(conductor.decks.items())],
+        decks=[_row(deck, now, conductor.stop_at(deck)) for _, deck in sorted(conductor.decks.items())],
     )
 
 
-def _row(deck: SeenDeck, now: float) -> DeckRow:
+def _row(deck: SeenDeck, now: float, stop: StopAt) -> DeckRow:
     about, health = deck.about, deck.health
     robot, library, host = (about.robot, about.library, about.host) if about is not None else ("", "", "")
-    return DeckRow(deck.name, robot, library, host, deck.here, deck.losses, now - deck.heard, health)
+    return DeckRow(deck.name, robot, library, host, deck.here, deck.losses, now - deck.heard, health, stop)

@@ -19,10 +19,10 @@ from motiondeck_base.printable import printable
 
 if TYPE_CHECKING:
     from motiondeck.cli.show.show_page import ShowPage
-    from motiondeck.shows.conductor import Conductor, Notify, StopAt
+    from motiondeck.shows.conductor import Conductor, Notify
     from motiondeck.shows.link import Link
     from motiondeck.shows.membership import Membership
-    from motiondeck.shows.seen_decks import SeenDeck
+    from motiondeck.shows.show_state import DeckRow
 
 _HELP = "go | hold | stop (emergency stop of all) | status | DECK or GROUP COMMAND, such as: all pause | quit"
 _WITHOUT = {"go on": "play on", "hold": "pause until one is there", "stop": "make an emergency stop"}
@@ -219,27 +219,24 @@ def _show_status(conductor: Conductor, *, as_json: bool) -> None:
             "seconds": state.seconds,
             "waits": state.waits,
             "stopped_by": state.stopped_by,
-            "decks": {
-                deck.name: {"here": deck.here, "stop": conductor.stop_at(deck), "health": deck.health}
-                for deck in conductor.decks.values()
-            },
+            "decks": {row.name: {"here": row.here, "stop": row.stop, "health": row.health} for row in state.decks},
         }
         print(msgspec.json.encode(status).decode(), flush=True)
         return
     shown = show_line(state)
     print(f"        {'; '.join(filter(None, (f'{shown.word} {shown.played}', shown.upcoming)))}", flush=True)
-    for deck in sorted(conductor.decks.values(), key=lambda deck: deck.name):
-        print(f"        {deck.name:12} {_describe(deck, conductor.stop_at(deck))}", flush=True)
+    for deck in state.decks:
+        print(f"        {deck.name:12} {_describe(deck)}", flush=True)
 
 
-def _describe(deck: SeenDeck, stop: StopAt) -> str:
+def _describe(deck: DeckRow) -> str:
     health = deck.health
     if not deck.here:
         return "gone" if deck.losses else "not here yet"
     if health is None:
         return "says nothing yet"
     doing = f"{'switching to' if health.switching else 'paused in' if health.paused else 'plays'} {health.motion}"
-    mode = _STOPS[stop] or ("" if health.mode == "playing" else f"{health.mode}; ")
+    mode = _STOPS[deck.stop] or ("" if health.mode == "playing" else f"{health.mode}; ")
     lock = f", {health.lock}" if health.lock else ""
     clock = "clock unknown"
     if health.clock is not None:
@@ -248,7 +245,7 @@ def _describe(deck: SeenDeck, stop: StopAt) -> str:
 
 
 def _stop_all(link: Link) -> None:
-    from motiondeck.shows.member import STOP_AGAIN
+    from motiondeck.shows.link import STOP_AGAIN
     from motiondeck.shows.messages import DeckHealth, EmergencyStopAll, encode, read
     from motiondeck_base.errors import MotiondeckError
 

@@ -16,8 +16,9 @@ CONDITIONS = {"here": "all are connected", "settled": "no switch is under way", 
 def show_line(state: ShowState) -> StateLine:
     """What the show does now and what comes next."""
     if state.stopped_by:
-        stopped = [deck.name for deck in state.decks if deck.health and deck.health.mode == "emergency stop"]
-        remedy = f"reset at each deck: {', '.join(stopped)}" if stopped else "all decks are reset: Go"
+        remedies = ("not reached", "has not reached"), ("holds", "reset at each deck")
+        lacks = [f"{remedy}: {', '.join(names)}" for stop, remedy in remedies if (names := _at(state, stop))]
+        remedy = "; ".join(lacks) or "all decks are reset: Go"
         return StateLine("EMERGENCY STOP", f"by {_whom(state.stopped_by)}", remedy, RED)
     if state.upcoming is None:
         if state.present is None:
@@ -53,6 +54,10 @@ def cue_table(state: ShowState) -> str:
     """The cue list, with the present cue and the next one marked, as HTML."""
     rows = "".join(_cue_row(state, number, cue) for number, cue in enumerate(state.cues))
     return f'<table id="cues">{rows}</table>'
+
+
+def _at(state: ShowState, stop: str) -> list[str]:
+    return [deck.name for deck in state.decks if deck.here and deck.stop == stop]
 
 
 def _name(state: ShowState, number: int) -> str:
@@ -92,6 +97,8 @@ def _doing(deck: DeckRow) -> tuple[str, str]:
         return "says nothing yet", AMBER
     if health.mode == "emergency stop":
         return "EMERGENCY STOP", RED
+    if deck.stop == "not reached":
+        return "STOP NOT REACHED", RED
     if deck.heard_ago > SILENT_AFTER:
         return f"SILENT for {deck.heard_ago:.0f} s", RED
     if health.mode != "playing":

@@ -23,9 +23,9 @@ def show(**given):
     return ShowState("gala", CUES, **given)
 
 
-def deck(here=True, heard_ago=0.1, losses=0, silent=False, **health):
+def deck(here=True, heard_ago=0.1, losses=0, silent=False, stop="", **health):
     known = None if silent else msgspec.structs.replace(HEALTH, **health)
-    return DeckRow("left", "servo20", "cmu", "stage2", here, losses, heard_ago, known)
+    return DeckRow("left", "servo20", "cmu", "stage2", here, losses, heard_ago, known, stop)
 
 
 def words(page):
@@ -40,12 +40,16 @@ def words(page):
         (show(present=1, upcoming=2, waits=True), ("HELD", 'before "bow"', "Go brings it")),
         (show(present=2), ("PLAYING", '"bow"', "that was the last cue")),
         (
-            show(present=1, upcoming=2, stopped_by="right", decks=[deck(mode="emergency stop")]),
+            show(present=1, upcoming=2, stopped_by="right", decks=[deck(mode="emergency stop", stop="holds")]),
             ("EMERGENCY STOP", "by right", "reset at each deck: left"),
         ),
         (
-            show(upcoming=2, stopped_by="right", decks=[deck()]),
+            show(upcoming=2, stopped_by="right", decks=[deck(stop="reset"), deck(here=False, stop="not reached")]),
             ("EMERGENCY STOP", "by right", "all decks are reset: Go"),
+        ),
+        (
+            show(upcoming=2, stopped_by="right", decks=[deck(stop="not reached")]),
+            ("EMERGENCY STOP", "by right", "has not reached: left"),
         ),
         (ShowState("gala", []), ("NO CUES", "the decks do what is typed", "")),
     ],
@@ -75,6 +79,8 @@ def test_the_line_says_what_is_and_what_comes(state, said):
         (deck(paused=True), ["paused in walk"]),
         (deck(switching=True, motion="jog"), ["to jog"]),
         (deck(mode="emergency stop"), ["EMERGENCY STOP"]),
+        (deck(stop="not reached"), ["STOP NOT REACHED"]),
+        (deck(stop="not reached", mode="emergency stop"), ["EMERGENCY STOP"]),
         (deck(heard_ago=3.2), ["SILENT for 3 s"]),
         (deck(here=False, silent=True), ["not here yet"]),
         (deck(here=False, silent=True, losses=2), ["GONE", "gone so far: 2"]),
