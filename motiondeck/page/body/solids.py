@@ -12,8 +12,6 @@ from dataclasses import dataclass
 import mujoco
 import numpy as np
 from numpy.typing import NDArray
-from scipy.sparse import coo_array
-from scipy.sparse.csgraph import connected_components
 
 from controller.motion.rotations import Array, multiply, rotate
 
@@ -53,6 +51,9 @@ def creased(mesh: Triangles) -> Triangles:
     A page shades a corner by the mean direction of the triangles that share it: so what is round looks round, and what
     is sharp sharp.
     """
+    from scipy.sparse import coo_array  # 0.2 s; bodies of primitives need no edges
+    from scipy.sparse.csgraph import connected_components
+
     place, corners = np.unique(mesh[0], axis=0, return_inverse=True)
     faces = corners.reshape(-1)[mesh[1].astype(np.int64)]
     sides = place[faces]
