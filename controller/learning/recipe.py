@@ -126,11 +126,11 @@ def warnings(recipe: LibraryRecipe) -> list[str]:
     return ["no licence of the recordings is given, so the library may not be passed on: set licence in the recipe"]
 
 
-def gesture_recipe(name: str, clips: Sequence[Path], trim: bool = True) -> LibraryRecipe:
+def gesture_recipe(name: str, clips: Sequence[Path]) -> LibraryRecipe:
     """The recipe for a library of clips taught to a rig by hand, each a motion or a take of one (`takes.by_motion`).
 
     A centralized network, because its state is a place on a closed curve: nothing can lead it away, and servos follow.
-    With `trim`, only the part of a loop is learned that comes back to its start best.
+    Only the part of a loop is learned that comes back to its start best; with `loop_keeps` = 1 in the recipe all of it.
 
     Raises:
         FileFormatError: if a name cannot be typed or is used twice, a clip cannot be read, or clips are of different
@@ -159,7 +159,6 @@ def gesture_recipe(name: str, clips: Sequence[Path], trim: bool = True) -> Libra
             network=CentralizedRecipe(satellites=max(60, round(_SATELLITES * longest))),
             motions=motions,
             body=str(clips[0]),
-            loop_keeps=0.6 if trim else 1.0,
             licence="Taught by hand: yours.",
         ),
         clips[0].parent,

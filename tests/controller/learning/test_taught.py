@@ -2,6 +2,7 @@
 
 from pathlib import Path
 
+import msgspec
 import numpy as np
 import pytest
 
@@ -137,12 +138,11 @@ def test_a_take_of_another_motion_is_refused_by_its_name(tmp_path):
         read_takes([tmp_path / "reach.clip", tmp_path / "reach.2.clip"])
 
 
-def test_without_trimming_all_of_a_loop_is_learned(tmp_path):
+def test_all_of_a_loop_is_learned_where_the_recipe_keeps_all(tmp_path):
     teach(tmp_path / "wave.clip", 0.7, 0.0)  # 3.5 turns in 5 s: it comes back best after three of them
-    frames = [
-        len(prepare(gesture_recipe("gestures", [tmp_path / "wave.clip"], trim), Path()).frames["wave"])
-        for trim in (True, False)
-    ]
+    recipe = gesture_recipe("gestures", [tmp_path / "wave.clip"])
+    whole = msgspec.structs.replace(recipe, loop_keeps=1.0)
+    frames = [len(prepare(one, Path()).frames["wave"]) for one in (recipe, whole)]
     assert frames[0] == pytest.approx(3 / 0.7 * RATE, abs=3)
     assert frames[1] == 499
 
