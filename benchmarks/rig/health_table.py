@@ -111,7 +111,7 @@ def run(model: str, fault: str, in_place: bool = False, models: Sequence[str] = 
     joint = f"{model} (id {index + 1})"
     named = [incident for incident in rig.incidents if incident.source == joint and incident.time >= struck]
     joint = config.joints[index]
-    shaft = (device["present_position"] - joint.zero) / joint.pulses_per_radian
+    shaft = joint.angle(device["present_position"])
     follows = not end and abs(shaft - target) < _FOLLOWS
     rig.close()
     if not named:

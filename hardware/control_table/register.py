@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import Literal
 
@@ -73,3 +74,8 @@ class Register:
         if not self.minimum <= value <= self.maximum:
             raise ValueError(f"{self.name} takes {self.minimum} to {self.maximum}, not {value}")
         return value.to_bytes(self.length, "little", signed=self.signed)
+
+
+def decode_block(registers: Iterable[Register], data: bytes, start: int) -> dict[str, int]:
+    """The counts of registers, by name, in the bytes of a control table from an address on."""
+    return {one.name: one.decode(data[one.address - start :][: one.length]) for one in registers}

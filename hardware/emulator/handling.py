@@ -90,7 +90,7 @@ class Handling:
         for name, joint in self._joints.items():
             device = buses[self._bus[name]][joint.id]
             shaft = float(device.bank.shaft[device.row])
-            places.append(f"{name} {(shaft - joint.zero) / joint.pulses_per_radian:+.3f}")
+            places.append(f"{name} {joint.angle(shaft):+.3f}")
         return " ".join(places)
 
     def move(self, buses: Sequence[EmulatedBus], now: float) -> None:

@@ -100,7 +100,7 @@ class SimulatedRig:
                 self.faults.missed[index] += 1
                 continue
             self.faults.alert[index] += device.alert
-            self.positions[index] = (device["present_position"] - joint.zero) / joint.pulses_per_radian
+            self.positions[index] = joint.angle(device["present_position"])
             speed = device["present_velocity"] * joint.table["present_velocity"].si
             self.velocities[index] = speed / (joint.direction * joint.gear)
             force = "present_current" if "present_current" in joint.table.registers else "present_load"

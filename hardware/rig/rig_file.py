@@ -130,6 +130,10 @@ class RigJoint(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
         """The servo's position (not rounded) at a joint angle in rad."""
         return self.zero + angle * self.pulses_per_radian
 
+    def angle(self, pulses: float) -> float:
+        """The joint angle, rad, at a position of the servo."""
+        return (pulses - self.zero) / self.pulses_per_radian
+
 
 class RigConfig(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     """A rig file's contents.

@@ -8,6 +8,7 @@ from pathlib import Path
 import msgspec
 
 from hardware.bus.servo_bus import UNKNOWN_MODEL, Bus
+from hardware.control_table.register import decode_block
 from hardware.errors import NoReplyError, RigError
 from hardware.rig.registers import read_register
 from hardware.rig.rig_file import RigConfig, RigJoint
@@ -50,7 +51,7 @@ def _read_all(joint: RigJoint, bus: Bus) -> dict[str, int]:
         block = [row for row in rows if row.address + row.length <= start + _CHUNK]
         rows = rows[len(block) :]
         data = bus.read(joint.id, start, block[-1].address + block[-1].length - start).params
-        held |= {row.name: row.decode(data[row.address - start :][: row.length]) for row in block}
+        held |= decode_block(block, data, start)
     return held
 
 

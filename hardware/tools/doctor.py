@@ -23,6 +23,7 @@ from hardware.rig.switching.identities import (
     raise_answer_level,
     raise_answer_level_in_eeprom,
 )
+from hardware.rig.switching.torque import NEAR
 from hardware.tools.scan import LIKELY_BAUDS, scan
 
 _NEWEST = 255  # what a servo that does not answer may have as firmware
@@ -238,7 +239,7 @@ def _ask(joint: RigJoint, identity: Identity, bus: Bus) -> ServoReport:
         firmware=identity.firmware,
         torque=value("torque_enable") != 0,
         errors=describe_errors(bits) + "".join(why) if bits else "",
-        position=(value("present_position") - joint.zero) / joint.pulses_per_radian,
+        position=joint.angle(value("present_position")),
         temperature=temperature,
         voltage=voltage,
         return_delay_us=2 * value("return_delay_time"),
@@ -262,8 +263,8 @@ def _complaints(servo: ServoReport, joint: RigJoint, name: str, differing: set[s
     if "operating_mode" in differing:  # one that counts many turns; in position mode it shows its place in one
         lowest, turn = joint.table.one_turn[0], joint.table.pulses_per_turn
         pulses = lowest + (joint.pulses(position) - lowest) % turn
-        position = (pulses - joint.zero) / joint.pulses_per_radian
-    if not (joint.lower - 0.05 <= position <= joint.upper + 0.05 or differing & _FALSIFIES):
+        position = joint.angle(pulses)
+    if not (joint.lower - NEAR <= position <= joint.upper + NEAR or differing & _FALSIFIES):
         found.append(
             f"{name} stands at {position:.2f} rad, its limits are {joint.lower} to {joint.upper}: "
             "move it by hand, or motiondeck rig calibrate"

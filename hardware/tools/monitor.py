@@ -7,6 +7,7 @@ from collections.abc import Iterator
 
 from hardware.bus.servo_bus import Bus
 from hardware.control_table.meanings import describe_errors
+from hardware.control_table.register import decode_block
 from hardware.control_table.table import ControlTable
 from hardware.errors import ServoError
 from hardware.rig.rig_file import RigConfig, RigJoint
@@ -40,15 +41,12 @@ def observe(config: RigConfig, bus: Bus, share: float = 1.0) -> Iterator[tuple[l
             row: dict[str, object] = {"id": joint.id, "name": joint.name, "heard": False}
             status, (start, length) = statuses.get(joint.id), blocks[joint.id]
             if status is not None and not status.error:
-                value = {
-                    name: register.decode(status.params[register.address - start :][: register.length])
-                    for name, register in joint.table.registers.items()
-                    if start <= register.address < start + length
-                }
+                shown = (one for one in joint.table.registers.values() if start <= one.address < start + length)
+                value = decode_block(shown, status.params, start)
                 strength = next(name for name in _FORCE if name in value)
                 row |= {
                     "heard": True,
-                    "position": round((value["present_position"] - joint.zero) / joint.pulses_per_radian, 4),
+                    "position": round(joint.angle(value["present_position"]), 4),
                     "velocity": round(float(scale.rad_per_s[index]) * value["present_velocity"], 3),
                     "current": round(float(scale.amperes[index]) * value[strength], 3),
                     "temperature": value["present_temperature"],

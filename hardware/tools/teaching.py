@@ -53,7 +53,7 @@ def watch_hands(
         for part, bus in parts:
             for joint, pulses in positions(part, bus):
                 turns.setdefault(joint.name, joint.whole_turns(pulses))
-                angle = (pulses - turns[joint.name] - joint.zero) / joint.pulses_per_radian
+                angle = joint.angle(pulses - turns[joint.name])
                 angles[config.names.index(joint.name)] = angle
                 heard[joint.name] = now
         silent = [joint.label for joint in config.joints if now - heard[joint.name] > _SILENT]

@@ -10,7 +10,7 @@ command. For all others there are the rig file, `rig doctor --fix` and `rig setu
 from __future__ import annotations
 
 from hardware.bus.protocol import PROTOCOLS
-from hardware.control_table.register import Register
+from hardware.control_table.register import Register, decode_block
 from hardware.control_table.table import ControlTable
 from hardware.errors import RigError
 from hardware.rig.rig_file import RigJoint
@@ -65,8 +65,7 @@ class RegisterReading:
                 self.failure = f"{self._servo.label} does not let its registers be read"
             return
         rows, self._tries = self._parts.pop(0), _TRIES
-        start = rows[0].address
-        self.counts |= {row.name: row.decode(data[row.address - start :][: row.length]) for row in rows}
+        self.counts |= decode_block(rows, data, rows[0].address)
         if not self._parts and self._wanted is not None:
             name, count = self._wanted
             if self.counts[name] != count:

@@ -31,6 +31,7 @@ from collections.abc import Iterable, Iterator
 from typing import Literal, NamedTuple
 
 from hardware.bus.servo_bus import Bus
+from hardware.control_table.register import decode_block
 from hardware.errors import RefusedError
 from hardware.rig.rig_file import RigConfig, RigJoint
 from hardware.rig.scale import RigScale
@@ -139,8 +140,7 @@ def _read_settings(joint: RigJoint, bus: Bus) -> dict[str, int]:
     for memory in ("EEPROM", "RAM"):
         block = [row for row in rows if row.memory == memory]
         start, end = block[0].address, block[-1].address + block[-1].length
-        data = bus.read(joint.id, start, end - start).params
-        held |= {row.name: row.decode(data[row.address - start :][: row.length]) for row in block}
+        held |= decode_block(block, bus.read(joint.id, start, end - start).params, start)
     return held
 
 

@@ -11,6 +11,7 @@ import msgspec
 import numpy as np
 
 from hardware.bus.servo_bus import Bus
+from hardware.control_table.register import decode_block
 from hardware.errors import NoReplyError, RigError, SerialPortError, ServoError
 from hardware.rig.registers import list_joints, read_each, read_register, sync_write_all, write_each
 from hardware.rig.rig_file import RigConfig, RigJoint
@@ -23,7 +24,8 @@ from hardware.rig.switching.identities import (
     refuse_shut_down,
 )
 
-_NEAR = 0.05  # rad that a joint may stand outside its limits when switched on: play, and the rounding of pulses
+NEAR = 0.05
+"""rad that a joint may stand outside its limits when switched on: play, and the rounding of pulses."""
 _PATH = ("present_velocity", "present_position", "velocity_trajectory", "position_trajectory")
 _LAG = 0.15  # s that a joint may be behind its path and still follows it
 _UNTIL_TAKEN = 0.02  # s from reading a joint's position to its taking the new goal
@@ -75,7 +77,7 @@ def hold_still(config: RigConfig, bus: Bus, pace: float = 1.0) -> Array:
         outside = [
             f"{joint.name} stands at {angle:.2f} rad, its limits are {joint.lower} to {joint.upper}"
             for joint, angle in zip(config.joints, positions, strict=True)
-            if not joint.lower - _NEAR <= angle <= joint.upper + _NEAR
+            if not joint.lower - NEAR <= angle <= joint.upper + NEAR
         ]
         if outside:
             raise RigError(f"{'; '.join(outside)}. Move it by hand, or correct its zero and limits in the rig file.")
@@ -231,8 +233,7 @@ def _read_path(config: RigConfig, bus: Bus) -> list[dict[str, int]]:
         raise NoReplyError(f"no position from {list_joints(silent)}. Check their cables and power.")
     found: list[dict[str, int]] = []
     for joint, own, start in zip(config.joints, rows, starts, strict=True):
-        data = statuses[joint.id].params
-        values = {row.name: row.decode(data[row.address - start :][: row.length]) for row in own}
+        values = decode_block(own, statuses[joint.id].params, start)
         values.setdefault("velocity_trajectory", values["present_velocity"])
         values.setdefault("position_trajectory", values["present_position"])
         found.append(values)
