@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from motiondeck.cli.common.options import JobsOption, JsonOption
+from motiondeck.cli.common.options import JobsOption, JsonOption, check_plot
 from motiondeck_base.errors import MotiondeckError, UnknownNameError
 from motiondeck_base.files import check_folder
 from motiondeck_base.progress import progress
@@ -59,10 +59,7 @@ def evaluate(
         raise UnknownNameError.among("measure", measure, MEASURES)
     where, chosen = Jobs.parse(jobs), _seeds(seeds)
     check_folder(table)
-    if plot is not None:
-        from motiondeck.pictures.figures import check_picture
-
-        check_picture(plot)
+    check_plot(plot)
     from motiondeck.cli.common.tables import deliver
     from motiondeck.pictures.table_plots import draw_bars, draw_spread
 

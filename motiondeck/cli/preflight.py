@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 import sys
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import asdict, dataclass, replace
 from functools import lru_cache
 from itertools import pairwise
@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from motiondeck.cli.common.options import JsonOption, RootOption
+from motiondeck.cli.common.options import JsonOption, RootOption, check_plot
 from motiondeck.cli.common.options_class import grouped
 from motiondeck_base.progress import progress
 
@@ -112,28 +112,26 @@ def preflight(
     if not SLOWEST <= run.tempo <= TEMPO.highest:
         raise MotiondeckError(f"--tempo {run.tempo:g} is not between {SLOWEST:g} and {TEMPO.highest:g}")
     check_root(run.root, balance=run.balance, walk=run.walk)
-    if plot is not None:
-        from motiondeck.pictures.figures import check_picture
-
-        check_picture(plot)
+    check_plot(plot)
     where = Jobs.parse(jobs) if jobs is not None else None
     played, judge = loaded(run)
     names = list(played.network.motions)
     verdicts: list[PreflightVerdict] = []
-    with progress("motions", len(names)) as tick:
-        for verdict in run.motions(names, where):
-            verdicts.append(verdict)
-            if not as_json:
-                print_motion(verdict, run.tempo)
-            tick()
-    motions = len(verdicts)
-    if not motions_only:
-        with progress("switches", count_switches(played)) as tick:
-            for verdict in run.switches(names, where):
+
+    def take(
+        what: str, count: int, judged: Iterable[PreflightVerdict], show: Callable[[PreflightVerdict, float], None]
+    ) -> None:
+        with progress(what, count) as tick:
+            for verdict in judged:
                 verdicts.append(verdict)
                 if not as_json:
-                    print_switch(verdict, run.tempo)
+                    show(verdict, run.tempo)
                 tick()
+
+    take("motions", len(names), run.motions(names, where), print_motion)
+    motions = len(verdicts)
+    if not motions_only:
+        take("switches", count_switches(played), run.switches(names, where), print_switch)
         verdicts += _by_their_parts({v.name: v for v in verdicts}, switches_by_way_of(played))
     report = {
         "library": played.info.name,

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from motiondeck.cli.common.options import JsonOption, SkeletonOption
+from motiondeck.cli.common.options import JsonOption, SkeletonOption, check_plot
 from motiondeck_base.errors import MotiondeckError
 
 if TYPE_CHECKING:
@@ -47,10 +47,7 @@ def segment(
         raise MotiondeckError.missing(file)
     if recognizer is not None and count is not None:
         raise MotiondeckError("--segments sets the number of segments; --recognizer finds it: give one of them")
-    if plot is not None:
-        from motiondeck.pictures.figures import check_picture
-
-        check_picture(plot)
+    check_plot(plot)
     clip = read_clip(file, ReadingOptions(skeleton))
     segments = by_planes(clip, count) if recognizer is None else by_recognizer(clip, recognizer)
     method = "planes" if recognizer is None else "experts"

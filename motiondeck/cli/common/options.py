@@ -125,6 +125,14 @@ def check_ending(file: Path, what: str, ending: str = ".safetensors") -> None:
         raise MotiondeckError(f"{file}: {what} ends in {ending}. Name the file so.")
 
 
+def check_plot(plot: Path | None) -> None:
+    """Checks, before anything is computed, that a plot can be drawn if one is asked for; see `check_picture`."""
+    if plot is not None:
+        from motiondeck.pictures.figures import check_picture
+
+        check_picture(plot)
+
+
 def check_other(recording: Path, out: Path) -> None:
     """Checks that a command does not write over the recording it reads.
 
