@@ -8,7 +8,8 @@ from dataclasses import dataclass, fields
 import msgspec
 
 from controller.motion.rotations import Array
-from controller.wire.messages.deck_snapshot import DeckSnapshot, SnapshotNumbers
+from controller.wire.messages.deck_snapshot import DeckSnapshot
+from controller.wire.snapshot_numbers import SnapshotNumbers
 from hardware.rig.supervision.servo_states import ServoStates
 
 STANDS_STILL, UNCERTAIN = "standing still", "nothing certain"

@@ -16,11 +16,12 @@ from controller.loop.loop import LoopState
 from controller.motion.rotations import Array
 from controller.wire.messages.arguments import Number
 from controller.wire.messages.commands import DeckCommand
-from controller.wire.messages.deck_snapshot import DeckSnapshot, SnapshotNumbers
+from controller.wire.messages.deck_snapshot import DeckSnapshot
 from controller.wire.messages.replies import Refused, Reply
 from controller.wire.recorder import reason_file
 from controller.wire.run_folder import run_folder
 from controller.wire.run_recording import check_replaceable
+from controller.wire.snapshot_numbers import SnapshotNumbers
 from controller.wire.telemetry import StateWriter
 from motiondeck.run.beside.child_process import child_process
 from motiondeck_base.errors import FileFormatError

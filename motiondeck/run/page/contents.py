@@ -13,7 +13,8 @@ import numpy as np
 from controller.motion.rotations import Array
 from controller.motion.skeleton import Skeleton
 from controller.networks.base import Activation
-from controller.wire.messages.deck_snapshot import DeckState, SnapshotNumbers
+from controller.wire.messages.deck_snapshot import DeckState
+from controller.wire.snapshot_numbers import SnapshotNumbers
 from motiondeck.page.web.page_state import STANDS_STILL, UNCERTAIN, GhostDescription, PageDescription, PictureArrays
 from motiondeck.run.recognition.watches import BodyWatch, Watch
 from motiondeck.run.robots.rig_output import RigOutput

@@ -31,10 +31,11 @@ from controller.wire.messages.commands import (
     SetTempo,
     Switch,
 )
-from controller.wire.messages.deck_snapshot import MODES, SnapshotNumbers
+from controller.wire.messages.deck_snapshot import MODES
 from controller.wire.messages.lock_state import LOCK_SOURCES, LOCK_STAGES
 from controller.wire.messages.replies import Accepted
 from controller.wire.run_recording import load_recording
+from controller.wire.snapshot_numbers import SnapshotNumbers
 from motiondeck.pictures.clip_scene import act_of_recording
 from motiondeck.run.beside.tick_recorder import TickRecorder
 from motiondeck_base.shipped import find_library, find_robot
