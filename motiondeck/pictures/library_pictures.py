@@ -15,7 +15,6 @@ import numpy as np
 
 from controller.deck.deck import Deck
 from controller.library.motion_library import MotionLibrary, load_library
-from controller.loop.commands.command_handler import CommandHandler
 from controller.loop.commands.commanded_run import CommandedRun
 from controller.loop.stop_requests import StopRequest
 from controller.motion.rotations import Array
@@ -196,7 +195,7 @@ def _shots(
     from sim.physics.playback import PhysicsPlayback
 
     dt = 1.0 / STEPS_A_SECOND
-    handler, envelope = CommandHandler(CommandedRun(deck), ()), SafetyEnvelope(body.limits, dt)
+    run, envelope = CommandedRun(deck), SafetyEnvelope(body.limits, dt)
     stage = KinematicPlayback(body)
     if spec.physics:
         stage = PhysicsPlayback(body, dt, spec.root, spec.balance, spec.walk)
@@ -208,7 +207,7 @@ def _shots(
         while done < ticks:
             while waiting and waiting[0].at <= deck.time:
                 timed = waiting.popleft()
-                reply = handler.carry_out(timed.message, StopRequest())
+                reply = run.carry_out(timed.message, StopRequest(), remote=False).reply
                 if isinstance(reply, Refused):
                     raise MotiondeckError(f"the command at {timed.at:g} s was refused: {reply.reason}")
             targets, pose = deck.update(dt)
