@@ -63,6 +63,16 @@ class RobotOutput:
         self._measured[self._mine] = measured
         return self._measured
 
+    @property
+    def incidents(self) -> Sequence[str]:
+        """What has happened to the output's servos lately, in words, if it has any."""
+        return getattr(self._output, "incidents", ())
+
+    @property
+    def news(self) -> Sequence[str]:
+        """Those of them that are no faults."""
+        return getattr(self._output, "news", ())
+
     def report(self) -> Mapping[str, object]:
         """The output's own report."""
         return self._output.report()

@@ -132,6 +132,7 @@ def _assemble(opening: ExitStack, stop: StopRequest, spec: RunSpec, played: Play
     first, body = robots[0], robots[0].pushable
     deck = played.make_deck(together([robot.retarget for robot in robots]))
     joints = [name for robot in robots for name in robot.joints]
+    servos = _servos(first)
     channels = channels_of(robots)
     if spec.outputs:
         from motiondeck.run.plugin_outputs import open_outputs
@@ -152,7 +153,6 @@ def _assemble(opening: ExitStack, stop: StopRequest, spec: RunSpec, played: Play
     guards = [robot.guard for robot in robots if robot.guard is not None]
     kept_apart = (lambda: sum(guard.kept_apart.total() for guard in guards)) if guards else None
     snapshots = SnapshotSource(deck, body, watch, kept_apart)
-    servos = _servos(first)
     shown = None
     if page is not None:
         from motiondeck.run.page.contents import PageContents
@@ -241,7 +241,7 @@ def _measured_by(channel: Channel, joints: int) -> Callable[[], Array | None]:
 
 
 def _servos(robot: RobotOnDeck) -> RigOutput | None:
-    """The rig of a robot that plays alone."""
+    """The rig of a robot, before it is made one of several."""
     if robot.rig is None:
         return None
     from motiondeck.run.robots.rig_output import RigOutput

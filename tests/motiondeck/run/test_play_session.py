@@ -7,11 +7,15 @@ import pytest
 
 import synthetic
 from controller.deck.deck import Deck
+from controller.library.motion_library import load_library
 from controller.loop.clock import VirtualClock
 from controller.loop.stop_requests import SIGNALS
+from controller.wire.messages.commands import ServoTorque
+from controller.wire.messages.replies import Accepted
 from motiondeck.run.assembly import Host, Played, open_session
 from motiondeck.run.robots.robot_on_deck import open_robots
 from motiondeck.run.spec.run_spec import RunSpec
+from motiondeck_base.shipped import find_library
 
 
 @pytest.fixture(scope="module")
@@ -34,6 +38,14 @@ def test_a_second_robot_mirrors_the_first(library):
     assert [output["name"] for output in report["outputs"]] == ["kinematics", "follower kinematics"]
     assert report["outputs"][0]["writes"] == report["outputs"][1]["writes"] == report["ticks"]
     assert first.qpos.tolist() == second.qpos.tolist()
+
+
+def test_the_servos_of_a_robot_that_another_mirrors_take_commands():
+    shipped, servos = load_library(find_library("thesis15")), {"robot": "servo20", "rig": "emulated"}
+    with session(shipped, lambda retarget: Deck(shipped, retarget, "walk"), robots=2, **servos) as run:
+        joint = run.robots[0].own_joints[0]
+        assert run.handler.carry_out(ServoTorque(joint, "off"), run.stop) == Accepted(0)
+        assert run.channels[0].output.incidents == [f"{joint} (id 1) was switched off on command"]
 
 
 @pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGINT])
