@@ -40,7 +40,7 @@ MUTANTS = {
         "np.where(self.joints, SLOWER, 1.0)",
         "np.ones(len(self.joints))",
     ),
-    "no watchdog": Mutant(ServoPort.write, '"bus_watchdog", units)', '"bus_watchdog", 0)'),
+    "no watchdog": Mutant(ServoPort.write, '"bus_watchdog", self.part.watchdog_units)', '"bus_watchdog", 0)'),
     "no identity check": Mutant(check_identities, "identity.model != joint.model", "False"),
     "no switch-off": Mutant(ServoPort.close, "end(self.part, self.bus)", "[]"),
     "no close": Mutant(ServoPort.close, "if self._closed:", "if True:"),

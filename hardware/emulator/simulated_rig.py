@@ -13,7 +13,6 @@ from hardware.rig.rig_file import RigConfig
 from hardware.rig.scale import Array, RigScale
 
 _POSITION_MODE = 3
-_WATCHDOG_UNIT = 0.02  # s
 
 
 class SimulatedRig:
@@ -46,7 +45,7 @@ class SimulatedRig:
                 ("profile_velocity", max(1, round(speed))),
                 ("goal_position", self.servos.devices[index]["present_position"]),
                 ("torque_enable", 1),
-                ("bus_watchdog", round(config.watchdog_ms * 1e-3 / _WATCHDOG_UNIT)),
+                ("bus_watchdog", config.watchdog_units),
             ):
                 self._write(index, name, value)
         self._measure()

@@ -20,7 +20,7 @@ from motiondeck_base.file_words import in_file_words
 from motiondeck_base.near_names import did_you_mean
 
 _DRIVEN = "the XL-320 and servos of the X, MX, AX, RX, P and PRO(A) series"
-_WATCHDOG_UNIT_MS = 20  # in which the servos count
+_WATCHDOG_UNIT = 0.02  # s, in which the servos count
 _QUOTED = re.compile(r'"(?:\\.|[^"\\\n])*"|\'[^\'\n]*\'')
 BAUD_RATES = (9600, 57600, 115200, 1_000_000, 2_000_000, 3_000_000, 4_000_000)
 
@@ -163,7 +163,7 @@ class RigConfig(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     def __post_init__(self) -> None:
         if self.baud not in BAUD_RATES:
             raise ValueError(f"baud {self.baud} is not one of {', '.join(map(str, BAUD_RATES))}")
-        if self.watchdog_ms < (shortest := _WATCHDOG_UNIT_MS + math.ceil(1.5e3 / self.rate_hz)):
+        if self.watchdog_ms < (shortest := round(1e3 * _WATCHDOG_UNIT) + math.ceil(1.5e3 / self.rate_hz)):
             raise ValueError(
                 f"watchdog_ms {self.watchdog_ms} is too short for rate_hz {self.rate_hz:g}: the servos would stop "
                 f"between two targets. It must be at least {shortest}"
@@ -209,6 +209,19 @@ class RigConfig(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
         return tuple(
             msgspec.structs.replace(part, port=port) for part, port in zip(self.parts, ports or self.ports, strict=True)
         )
+
+    @property
+    def watchdog_units(self) -> int:
+        """The silence of `watchdog_ms` as the servos' watchdogs count it."""
+        return round(self.watchdog_ms * 1e-3 / _WATCHDOG_UNIT)
+
+    @property
+    def patience(self) -> float:
+        """The silence after which the servos count as stopped, s.
+
+        It is one unit shorter than theirs: rather stopped here and not there than the reverse.
+        """
+        return self.watchdog_ms * 1e-3 - _WATCHDOG_UNIT
 
     @property
     def protocols(self) -> dict[int, int]:

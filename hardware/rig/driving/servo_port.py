@@ -36,8 +36,6 @@ from hardware.rig.scale import Array, RigScale
 from hardware.rig.switching.identities import knows_fast_reads
 from hardware.rig.switching.torque import hold_each, speed_counts, switch_off, switch_on
 
-WATCHDOG_UNIT = 0.02
-"""s, in which the servos count."""
 _ARM_AGAIN = 1.0  # s
 
 
@@ -81,7 +79,7 @@ class ServoPort:
         self.left_out = np.zeros(count, dtype=np.bool_)
         self._own = np.zeros(count, dtype=np.bool_)
         self._own[self.joints] = True
-        self._last_sent = 0.0
+        self._last_sent, self._patience = 0.0, part.patience
         self._armed = self._stopped = self.gone = self._closed = False
         self._arm_next = self._reads_next = 0.0
         self._switched_on = False
@@ -102,9 +100,7 @@ class ServoPort:
     @property
     def stopped(self) -> bool:
         """Whether the bus was silent for so long that the servos' watchdogs have stopped them; see `attach`."""
-        # One unit earlier than the servos, which count in units: rather stopped here and not there than the reverse.
-        patience = self.part.watchdog_ms * 1e-3 - WATCHDOG_UNIT
-        return self._stopped or (self._armed and self.bus.port.now() - self._last_sent > patience)
+        return self._stopped or (self._armed and self.bus.port.now() - self._last_sent > self._patience)
 
     def write(self, counts: Array) -> bool:
         """Sends goal positions, shape (J,), pulses, and requests the state in the same write; False if not sent.
@@ -117,8 +113,7 @@ class ServoPort:
             return False
         now = self.bus.port.now()
         if not self._armed or now >= self._arm_next:
-            units = round(self.part.watchdog_ms * 1e-3 / WATCHDOG_UNIT)
-            self._armed = sync_write_all(self.part, self.bus, "bus_watchdog", units) or self._armed
+            self._armed = sync_write_all(self.part, self.bus, "bus_watchdog", self.part.watchdog_units) or self._armed
             self._arm_next = now + _ARM_AGAIN
             self._paced = False
         data = _frames(self._goals, counts)

@@ -24,7 +24,6 @@ from numpy.typing import NDArray
 from hardware.control_table.meanings import describe_errors
 from hardware.control_table.servo_traits import TRAITS
 from hardware.rig.driving.readings import Measurements
-from hardware.rig.driving.servo_port import WATCHDOG_UNIT
 from hardware.rig.rig_file import RigConfig, RigJoint
 from hardware.rig.scale import Array
 from hardware.rig.supervision.servo_states import CONDITIONS
@@ -92,7 +91,7 @@ class Health:
         self.incidents: deque[Incident] = deque(maxlen=_KEPT)
         self.mend, self.fatal, self.lost, self.off = (np.zeros(count, dtype=np.bool_) for _ in range(4))
         self._names = [joint.label for joint in config.joints]
-        self._patience = config.watchdog_ms * 1e-3 - WATCHDOG_UNIT
+        self._patience = config.patience
         self._hottest = np.array([joint.hottest for joint in config.joints])
         traits = [TRAITS[joint.model] for joint in config.joints]
         self._lowest = np.array([_LOW_VOLTAGE * each.voltage for each in traits])
