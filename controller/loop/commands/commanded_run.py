@@ -175,6 +175,7 @@ class CommandedRun:
                 deck.pause()
             case commands.EmergencyStop():
                 stop.emergency_stop()
+                self._code = 0.0  # who was about to reset it has to confirm that anew
                 deck.pause()
             case commands.Reset():
                 if remote:

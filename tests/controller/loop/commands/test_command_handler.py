@@ -210,6 +210,17 @@ def test_an_emergency_stop_that_is_sent_again_is_one_press(desk):
     assert desk.stop.emergency
 
 
+def test_a_second_press_takes_the_code_of_a_reset_back():
+    desk = Desk(remote=True)
+    desk.ask(EmergencyStop())
+    desk.stop.at_rest = True
+    code = float(re.search(r"give reset (\d{4})$", desk.ask(Reset()).reason)[1])
+    desk.ask(EmergencyStop(), "who sees somebody near")
+    desk.stop.at_rest = True
+    assert isinstance(desk.ask(Reset(code=code)), Refused)
+    assert desk.stop.emergency
+
+
 def test_a_reset_on_this_machine_needs_no_code(desk):
     desk.ask(EmergencyStop())
     desk.stop.at_rest = True
