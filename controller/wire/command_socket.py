@@ -25,7 +25,7 @@ from controller.wire.local_transport import (
 )
 from controller.wire.messages.arguments import CommandError
 from controller.wire.messages.command_row import Natural
-from controller.wire.messages.command_table import read_command
+from controller.wire.messages.command_table import read_command, usages
 from controller.wire.messages.commands import MOST_BYTES, DeckCommand, EmergencyStop, encode
 from controller.wire.messages.replies import Refused, Reply, SecondReply, read_reply
 from controller.wire.network_transport import NetworkConnection, NetworkListener
@@ -73,6 +73,7 @@ class CommandServer:
             raise SocketError(f"commands at {host} need a token; give one with --token-file FILE")
         else:
             self._listener = NetworkListener(port, host, token)
+        usages()  # before a loop runs, in which it would make a tick late
         self._waiting: deque[tuple[bytes, Address]] = deque()
         self._queued: dict[Address, deque[bytes]] = {}  # empty ones are taken out
         self._refusals = 0  # in this poll

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from functools import cache
 from typing import Any, get_args
 
 import msgspec
@@ -33,6 +34,12 @@ def checked(message: DeckCommand) -> DeckCommand:
     return message
 
 
+@cache
+def usages() -> str:
+    """All commands with their arguments; the first call takes some ms, and so would the first use of each row."""
+    return ", ".join(row.usage for row in COMMANDS)
+
+
 def read_command(data: bytes) -> DeckCommand:
     """The command in a datagram.
 
@@ -44,8 +51,7 @@ def read_command(data: bytes) -> DeckCommand:
     try:
         return checked(_decoder.decode(data))
     except (msgspec.MsgspecError, UnicodeDecodeError, RecursionError) as error:
-        usages = ", ".join(row.usage for row in COMMANDS)
-        raise CommandError(f"this is not a command ({error}). Commands: {usages}.") from error
+        raise CommandError(f"this is not a command ({error}). Commands: {usages()}.") from error
 
 
 def parse_command(words: Sequence[str]) -> DeckCommand:

@@ -1,4 +1,6 @@
 import socket
+import subprocess
+import sys
 import threading
 from collections import deque
 from contextlib import closing
@@ -550,6 +552,18 @@ def test_a_port_in_use_is_said_in_one_line(stage):
     with pytest.raises(SocketError, match=said) as caught:
         CommandServer(stage.server.port)
     assert "\n" not in str(caught.value)
+
+
+def test_what_reading_commands_needs_is_worked_out_before_the_loop_runs():
+    """It takes milliseconds; the first command, or datagram that is none, would make a tick late."""
+    opened = """
+from controller.wire.command_socket import CommandServer
+from controller.wire.messages.command_table import COMMANDS
+CommandServer(0).close()
+print({"arguments" in vars(row) for row in COMMANDS})
+"""
+    done = subprocess.run([sys.executable, "-c", opened], capture_output=True, text=True, check=True)
+    assert done.stdout == "{True}\n"
 
 
 @pytest.mark.parametrize("port", [-1, 70_000])
