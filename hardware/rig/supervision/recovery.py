@@ -75,9 +75,12 @@ class PortRecovery:
         recovered, self._recovered = self._recovered, None
         return recovered
 
-    def stop(self) -> None:
-        """Cancels, and waits for the end: before it could still switch something on."""
+    def cancel(self) -> None:
+        """Ends it as soon as possible; see `wait`."""
         self._cancelled = True
+
+    def wait(self) -> None:
+        """Waits for the end, before which it could still switch something on."""
         if self.job is not None:
             self.job.join()  # each of its waits for an answer has an end
 

@@ -267,8 +267,13 @@ class Rig:
         """Switches off, or holds, as the rig file asks; returns the joints that did not confirm it."""
         self._stopped = True
         for one in self._recoveries:
-            one.stop()
-        return _close_all(self._all_ports())
+            one.cancel()
+        try:
+            for one in self._recoveries:
+                one.wait()
+        finally:
+            unconfirmed = _close_all(self._all_ports())
+        return unconfirmed
 
     def _now(self) -> float:
         return self._recoveries[0].port.bus.port.now()

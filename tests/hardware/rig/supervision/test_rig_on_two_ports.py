@@ -9,6 +9,7 @@ from hardware.emulator.bus import EmulatedBus
 from hardware.emulator.faults import Fault, FaultPlan
 from hardware.emulator.port import EmulatedPort
 from hardware.errors import RigError, SerialPortError
+from hardware.rig.supervision.recovery import PortRecovery
 from hardware.rig.supervision.rig import Rig
 
 
@@ -142,3 +143,15 @@ def test_a_loss_on_one_port_does_not_stop_a_rig_whose_other_joints_are_switched_
         bench.rig.switch_off(joint)
     bench.play(200)
     assert bench.rig.lost.tolist() == [False, True, True, True]
+
+
+def test_ctrl_c_while_the_end_waits_for_a_recovery_leaves_no_torque_on(config, monkeypatch):
+    bench = Bench(config)
+
+    def interrupted(recovery):
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(PortRecovery, "wait", interrupted)
+    with pytest.raises(KeyboardInterrupt):
+        bench.rig.close()
+    assert not any(device["torque_enable"] for port in bench.ports for device in port.bus.devices)
