@@ -46,6 +46,7 @@ class _Start(NamedTuple):
     """The joint positions to begin at, shape (J,), rad; fits `run_phases.Measuring`."""
 
     measured: NDArray[np.float64]
+    held: None = None
 
 
 class Deck(DeckCommands[CommandedSwitch]):

@@ -49,7 +49,7 @@ class RobotOutput:
         self.name = called + output.name
         self._output = output
         self._mine = slice(first, first + joints)
-        self._measured = np.full(of, np.nan)
+        self._measured, self._held = np.full(of, np.nan), np.full(of, np.nan)
 
     def write(self, targets: Array, pose: Pose) -> None:
         """Writes this robot's targets."""
@@ -62,6 +62,14 @@ class RobotOutput:
             return None
         self._measured[self._mine] = measured
         return self._measured
+
+    def held(self) -> Array | None:
+        """Where the output holds this robot's joints on its own, NaN for all others; None while it follows."""
+        held = getattr(self._output, "held", None)
+        if held is None or (own := held()) is None:
+            return None
+        self._held[self._mine] = own
+        return self._held
 
     @property
     def incidents(self) -> Sequence[str]:

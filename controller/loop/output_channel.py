@@ -20,12 +20,14 @@ class Channel:
     Attributes:
         every: 1 for each tick, 2 for each second tick, and so on.
         measured: the joint positions read last, shape (J,), rad, or None; NaN for a joint that is not measured.
+        held: where the output holds joints on its own, shape (J,), rad, NaN for others; None while it follows.
         parked: whether the output is no longer served.
     """
 
     output: Output
     every: int = 1
     measured: Array | None = field(default=None, init=False)
+    held: Array | None = field(default=None, init=False)
     faults: int = field(default=0, init=False)
     fault: str = field(default="", init=False)
     parked: bool = field(default=False, init=False)
@@ -38,6 +40,8 @@ class Channel:
             return
         try:
             self.measured = self.output.measured()
+            held = getattr(self.output, "held", None)
+            self.held = held() if held is not None else None
         except Exception as error:
             self._count(error)
 
@@ -52,6 +56,8 @@ class Channel:
         self._failed_turns = self._failed_turns + 1 if self._failed else 0
         self._failed = False
         self.parked = self._failed_turns >= FAULTS_TO_PARK
+        if self.parked:
+            self.held = None
 
     def report(self) -> dict[str, object]:
         """The output's own report with its name and whether it was parked; `faults` is the sum of both counts."""

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Sequence
+from itertools import chain
 from typing import Protocol
 
 import numpy as np
@@ -14,6 +15,9 @@ from controller.loop.safety.safety_envelope import SafetyEnvelope
 from controller.loop.stop_requests import StopRequest
 from controller.motion.posture import Pose
 from controller.motion.rotations import Array
+
+_FOLLOWS_WITHIN = 0.1  # s, from the targets being where an output holds its joints
+_TRIES = 5  # of moving there: an output may come to rest later
 
 
 class Player(Protocol):
@@ -30,6 +34,14 @@ class Measuring(Protocol):
     @property
     def measured(self) -> Array | None:
         """The latest positions, shape (J,), rad, NaN for a joint that is not measured; None before the first."""
+        ...
+
+    @property
+    def held(self) -> Array | None:
+        """Where it holds joints on its own, shape (J,), rad, NaN for others; None while it follows its targets.
+
+        It follows again once its targets are there.
+        """
         ...
 
 
@@ -92,12 +104,12 @@ def safe_targets(
     envelope.start(_measured(channels, _reachable(source.targets, envelope)))
     ticks = seconds / source.dt - 0.5
     phases = {
-        "playing": lambda: _follow(source, envelope, stop),
-        "home": lambda: _hold(source, envelope, rest, stop),
-        "held": lambda: _hold(source, envelope, None, stop),
-        "emergency stop": lambda: _hold(source, envelope, None, stop),
+        "playing": lambda: _follow(source, channels, envelope, stop),
+        "home": lambda: _go_home(source, channels, envelope, rest),
+        "held": lambda: _hold(source, envelope, stop),
+        "emergency stop": lambda: _hold(source, envelope, stop),
     }
-    mode, phase = "", iter(())
+    done, phase = None, iter(())
     while not stop.reason:
         if source.counter.given_up:
             stop.ask(f"the deck keeps failing: {source.counter.fault}")
@@ -105,13 +117,13 @@ def safe_targets(
         if source.updates > ticks:
             stop.ask("played to the end")
             break
-        if stop.mode != mode:
-            mode = stop.mode
-            stop.approaching = False
-            phase = phases[mode]()
+        wanted = stop.state.phase, stop.home
+        if wanted != done:
+            done, stop.approaching = wanted, False
+            phase = phases[stop.mode]()
         yield next(phase)
 
-    homeward = _move_to(rest, envelope, source.dt)
+    homeward = chain(_rejoin(channels, envelope, source.dt), _move_to(rest, envelope, source.dt))
     while not stop.emergency:
         targets = next(homeward, None)
         if targets is None:
@@ -121,25 +133,53 @@ def safe_targets(
         yield envelope.brake()
 
 
-def _follow(source: Source, envelope: SafetyEnvelope, stop: StopRequest) -> Iterator[Array]:
-    """Approaches the deck's targets slowly, and then follows them."""
-    source.running, stop.approaching = False, True
-    yield from _move_to(_reachable(source.targets, envelope), envelope, source.dt)
-    stop.approaching = False
+def _follow(
+    source: Source, channels: Sequence[Measuring], envelope: SafetyEnvelope, stop: StopRequest
+) -> Iterator[Array]:
+    """Approaches the deck's targets slowly and follows them, and again where an output has held its joints."""
     while True:
-        source.update()
-        yield envelope(source.targets)
+        source.running, stop.approaching = False, True
+        yield from _rejoin(channels, envelope, source.dt)
+        yield from _move_to(_reachable(source.targets, envelope), envelope, source.dt)
+        stop.approaching = False
+        while _held(channels) is None:
+            source.update()
+            yield envelope(source.targets)
 
 
-def _hold(source: Source, envelope: SafetyEnvelope, position: Array | None, stop: StopRequest) -> Iterator[Array]:
-    """Moves slowly to a position (or just brakes, where it is None) and holds it; the deck's time goes on."""
-    for targets in _move_to(position, envelope, source.dt):
-        source.update()
-        yield targets
+def _go_home(
+    source: Source, channels: Sequence[Measuring], envelope: SafetyEnvelope, rest: Array | None
+) -> Iterator[Array]:
+    """Moves slowly to the rest pose (or just brakes, without one) and stays there; the deck's time goes on."""
     while True:
-        stop.at_rest = True
+        for targets in chain(_rejoin(channels, envelope, source.dt), _move_to(rest, envelope, source.dt)):
+            source.update()
+            yield targets
+        while _held(channels) is None:
+            source.update()
+            yield envelope.brake()
+
+
+def _hold(source: Source, envelope: SafetyEnvelope, stop: StopRequest) -> Iterator[Array]:
+    """Brakes and holds; the deck's time goes on."""
+    while True:
+        if envelope.at_rest:
+            stop.state.rested()
         source.update()
         yield envelope.brake()
+
+
+def _rejoin(channels: Sequence[Measuring], envelope: SafetyEnvelope, dt: float) -> Iterator[Array]:
+    """Moves slowly to where outputs hold joints on their own, and waits some ticks for them to follow again."""
+    for _ in range(_TRIES):
+        held = _held(channels)
+        if held is None:
+            return
+        yield from _move_to(_reachable(np.where(np.isfinite(held), held, envelope.position), envelope), envelope, dt)
+        for _ in range(math.ceil(_FOLLOWS_WITHIN / dt)):
+            if _held(channels) is None:
+                return
+            yield envelope.brake()
 
 
 def _move_to(position: Array | None, envelope: SafetyEnvelope, dt: float) -> Iterator[Array]:
@@ -158,6 +198,15 @@ def _reachable(targets: Array, envelope: SafetyEnvelope) -> Array:
     limits = envelope.limits
     known = np.where(np.isfinite(targets), targets, 0.5 * (limits.lower + limits.upper))
     return np.clip(known, limits.lower, limits.upper)
+
+
+def _held(channels: Sequence[Measuring]) -> Array | None:
+    """Where outputs hold joints on their own, shape (J,), rad, NaN for others; None if each follows its targets."""
+    held: Array | None = None
+    for channel in channels:
+        if channel.held is not None:
+            held = channel.held if held is None else np.where(np.isfinite(held), held, channel.held)
+    return held
 
 
 def _measured(channels: Sequence[Measuring], assumed: Array) -> Array:

@@ -6,62 +6,46 @@ import signal
 import threading
 from collections.abc import Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
+from controller.loop.stop_state import StopState
 from controller.wire.messages.deck_snapshot import Mode
 from motiondeck_base.early_end import end_if_asked
-from motiondeck_base.errors import MotiondeckError
-
-
-class EmergencyStopError(MotiondeckError):
-    """A command that the present emergency-stop state does not allow."""
 
 
 @dataclass
 class StopRequest:
-    """Whether the run is to end and why, and the mode of the joints until then.
+    """Whether the run is to end and why, and what the joints do until then.
 
     Attributes:
-        mode: whether the joints follow the deck, stand at home, are held, or are held by the emergency stop.
-        at_rest: whether the joints have come to rest where they are held; set by the loop.
+        state: the emergency stop.
+        home: whether the joints stand at home instead of following the deck.
         approaching: whether the joints are on their slow way to the motion, whose time waits; set by the loop.
-        presses: how often the emergency stop was commanded, while it was on too.
         then: the library file and the motion to start again with, if that was asked for.
     """
 
     reason: str = ""
-    mode: Mode = "playing"
-    at_rest: bool = False
+    state: StopState = field(default_factory=StopState)
+    home: bool = False
     approaching: bool = False
-    presses: int = 0
     then: tuple[str, str] | None = None
+
+    @property
+    def mode(self) -> Mode:
+        """Whether the joints follow the deck, stand at home, are held, or are held by the emergency stop."""
+        if self.state.phase == "running":
+            return "home" if self.home else "playing"
+        return "held" if self.state.phase == "held" else "emergency stop"
 
     @property
     def emergency(self) -> bool:
         """Whether the emergency stop is on."""
-        return self.mode == "emergency stop"
+        return self.state.stopped
 
     @property
     def holds(self) -> bool:
-        """Whether nothing is to move: by the emergency stop, or after it until somebody lets the joints go on."""
-        return self.mode in ("emergency stop", "held")
-
-    def emergency_stop(self) -> None:
-        """Sets the emergency stop: the joints brake from this tick on and stay where they come to rest."""
-        self.mode, self.at_rest = "emergency stop", False
-        self.presses += 1
-
-    def reset(self) -> None:
-        """Releases the emergency stop; the joints stay where they are.
-
-        Raises:
-            EmergencyStopError: if it is not on, or the joints have not come to rest yet.
-        """
-        if not self.emergency:
-            raise EmergencyStopError("the emergency stop is not on, so there is nothing to reset")
-        if not self.at_rest:
-            raise EmergencyStopError("the joints are still braking; reset the emergency stop when they are at rest")
-        self.mode = "held"
+        """Whether nothing is to move: by the emergency stop, or after it until the joints are let go on."""
+        return self.state.phase != "running"
 
     def play(self) -> None:
         """Lets the joints follow the deck, after a slow approach if they do not follow it already.
@@ -69,18 +53,13 @@ class StopRequest:
         Raises:
             EmergencyStopError: if the emergency stop is on.
         """
-        self.check_released()
-        self.mode = "playing"
+        self.state.go_on()
+        self.home = False
 
     def go_home(self) -> None:
         """Sends the joints to the rest pose; raises an EmergencyStopError if the emergency stop is on."""
-        self.check_released()
-        self.mode = "home"
-
-    def check_released(self) -> None:
-        """Checks that the joints may be moved; raises an EmergencyStopError if the emergency stop is on."""
-        if self.emergency:
-            raise EmergencyStopError("the emergency stop is on; release it with: reset")
+        self.state.go_on()
+        self.home = True
 
     def ask(self, reason: str) -> None:
         """Asks for a controlled end of the run; the first reason is kept."""

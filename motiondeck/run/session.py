@@ -18,8 +18,8 @@ from controller.loop.output_channel import Channel
 from controller.loop.permissions import Permission, handed_back, request_core, request_one_blas_thread, request_realtime
 from controller.loop.safety.safety_envelope import SafetyEnvelope
 from controller.loop.stop_requests import StopRequest
+from controller.loop.stop_state import StopState
 from controller.motion.rotations import Array
-from controller.wire.messages.commands import EmergencyStop
 from controller.wire.messages.deck_snapshot import SnapshotSource, TickHealth
 from controller.wire.messages.replies import Refused
 from motiondeck.run.beside.child_process import Children
@@ -64,20 +64,21 @@ class WiredStop(Protocol):
 
 
 class WiredStopWatch:
-    """Stops at each pull, during an emergency stop too, and as long as the wired stop is pulled."""
+    """Counts the pulls of a wired stop, which demands the emergency stop as long as it is pulled."""
 
     def __init__(self, wired: WiredStop, handler: CommandHandler) -> None:
         self._wired, self._handler, self._pulls = wired, handler, 0
+        self._source = f"the emergency stop at {wired.name}"
 
-    def poll(self, stop: StopRequest) -> None:
-        """Commands the emergency stop if it has to."""
-        wired, handler = self._wired, self._handler
+    def poll(self, state: StopState) -> None:
+        """Passes on what has happened since the last call."""
+        wired, source = self._wired, self._source
         before, self._pulls = self._pulls, wired.pulls
-        if self._pulls == before and (stop.emergency or not wired.pulled):
-            return
-        handler.carry_out(EmergencyStop(), stop)
-        handler.notify("fault", f"the emergency stop at {wired.name} was pulled")
-        print(f"motiondeck: the emergency stop at {wired.name} was pulled", file=sys.stderr)
+        state.count(source, self._pulls)
+        state.pull(source, wired.pulled)
+        if self._pulls != before:
+            self._handler.notify("fault", f"{source} was pulled")
+            print(f"motiondeck: {source} was pulled", file=sys.stderr)
 
 
 @dataclass
@@ -181,7 +182,7 @@ class Session:
             if robot.rig is not None and robot.rig.parked:
                 stop.ask(f"the rig is lost: {robot.rig.fault}")
         if self.wired_stop is not None:
-            self.wired_stop.poll(stop)
+            self.wired_stop.poll(stop.state)
         self.handler(stop)
         self.news.update()
 

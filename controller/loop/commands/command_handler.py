@@ -39,11 +39,14 @@ class CommandHandler:
         self._second = SecondReplies(now)
         self._sent_mode: tuple[Mode, bool] = ("playing", run.deck.paused)
         self._presses = 0  # those that subscribers were told of
+        self._seen = 0  # by the last call
         self._stops: deque[tuple[Address, int]] = deque(maxlen=_REMEMBERED)  # senders and numbers of the latest
         self._fallen = False
 
     def __call__(self, stop: StopRequest) -> None:
         """Carries out new commands, and sends what has happened since the last call."""
+        if stop.state.total != self._seen:
+            self._note_other_sources()
         for server in self._servers:
             for message, sender in server.poll():
                 client = Client(server, sender)
@@ -54,6 +57,7 @@ class CommandHandler:
                 if isinstance(message, AtTime) and isinstance(outcome.reply, Accepted):
                     self._timed.add(client, message)
                 client.reply(outcome.reply)
+        self._seen = stop.state.total
         if self._timed.waiting:
             self._carry_out_timed(stop)
         if self._second.switches:
@@ -68,10 +72,16 @@ class CommandHandler:
         if self._body is not None and self._body.fallen != self._fallen:
             self._send_fall(self._body.fallen)
         mode = stop.mode, self._deck.paused
-        if stop.presses != self._presses or mode != self._sent_mode:
-            for event in mode_events(self._deck, stop.mode, self._sent_mode, pressed=stop.presses != self._presses):
+        if stop.state.total != self._presses or mode != self._sent_mode:
+            for event in mode_events(self._deck, stop.mode, self._sent_mode, pressed=stop.state.total != self._presses):
                 self._listeners.send(event)
-            self._sent_mode, self._presses = mode, stop.presses
+            self._sent_mode, self._presses = mode, stop.state.total
+
+    def _note_other_sources(self) -> None:
+        """Has the deck pause, and records an emergency stop, for presses that came by no command."""
+        self._run.halt()
+        if self._note is not None:
+            self._note(EmergencyStop(), Accepted(0))
 
     def _note_press(self, message: EmergencyStop, sender: Address) -> None:
         """Tells a stop that comes again, as its reply was lost, from a second press; both were carried out."""

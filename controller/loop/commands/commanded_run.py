@@ -15,7 +15,8 @@ from typing import NamedTuple, Protocol, assert_never, runtime_checkable
 
 from controller.loop.commands.interfaces import Look, Progress, Pushable, RealTime, RigServos
 from controller.loop.commands.timed_commands import TimedCommands
-from controller.loop.stop_requests import EmergencyStopError, StopRequest
+from controller.loop.stop_requests import StopRequest
+from controller.loop.stop_state import EmergencyStopError
 from controller.wire.messages import commands
 from controller.wire.messages.commands import DeckCommand
 from controller.wire.messages.deck_snapshot import DeckState, Mode, SnapshotSource
@@ -125,12 +126,17 @@ class CommandedRun:
         """Carries out one command, of another machine if it is `remote`; whatever goes wrong refuses it."""
         try:
             if stop.mode not in message.row.modes:
-                stop.check_released()
+                stop.state.check_released()
             if self._commandable is None:
                 message.row.check_use("replay")
             return self._carry_out(message, stop, remote)
         except Exception as error:
             return Outcome(refusal(error, message.id))
+
+    def halt(self) -> None:
+        """Has the deck pause at a press of the emergency stop; a remote reset has to be confirmed anew."""
+        self._code = 0.0
+        self.deck.pause()
 
     def _carry_out(self, message: DeckCommand, stop: StopRequest, remote: bool) -> Outcome:
         deck, done = self.deck, Outcome(Accepted(message.id))
@@ -174,13 +180,12 @@ class CommandedRun:
                 stop.go_home()
                 deck.pause()
             case commands.EmergencyStop():
-                stop.emergency_stop()
-                self._code = 0.0  # who was about to reset it has to confirm that anew
-                deck.pause()
+                stop.state.press("command")
+                self.halt()
             case commands.Reset():
                 if remote:
                     self._check_code(message, stop)
-                stop.reset()
+                stop.state.reset()
                 self._code = 0.0
             case commands.Stop():
                 stop.ask("stopped on command")
@@ -194,7 +199,7 @@ class CommandedRun:
                 self.timed.check(message, remote=remote)
             case commands.ServoTorque(joint=joint, to=to):
                 if to == "on":
-                    stop.check_released()
+                    stop.state.check_released()
                 self._rig.switch(joint, on=to == "on")
             case commands.RestartServo(joint=joint):
                 self._rig.restart(joint)

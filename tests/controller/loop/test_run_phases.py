@@ -9,7 +9,8 @@ from hypothesis import strategies as st
 from controller.deck.interfaces import JointLimits
 from controller.loop.run_phases import Source, safe_targets
 from controller.loop.safety.safety_envelope import SafetyEnvelope
-from controller.loop.stop_requests import EmergencyStopError, StopRequest
+from controller.loop.stop_requests import StopRequest
+from controller.loop.stop_state import EmergencyStopError, StopState
 from controller.motion.posture import Pose
 
 JOINTS, DT = 3, 0.005
@@ -79,7 +80,12 @@ def assert_safe(written):
 
 def carry_out(stop, command):
     try:
-        {"emergency stop": stop.emergency_stop, "reset": stop.reset, "home": stop.go_home, "play": stop.play}[command]()
+        {
+            "emergency stop": lambda: stop.state.press("command"),
+            "reset": stop.state.reset,
+            "home": stop.go_home,
+            "play": stop.play,
+        }[command]()
     except EmergencyStopError:
         assert stop.emergency or command == "reset"
 
@@ -115,7 +121,7 @@ def test_the_emergency_stop_wins_within_one_tick(seed, commands, ticks, other_se
             run.tick(count)
             carry_out(run.stop, command)
         run.tick(ticks + 1)
-        run.stop.emergency_stop()
+        run.stop.state.press("command")
         if deck_changes:
             deck.rng = np.random.default_rng(other_seed)
         begin = len(run.written)
@@ -137,7 +143,7 @@ def test_the_emergency_stop_wins_within_one_tick(seed, commands, ticks, other_se
 def test_the_emergency_stop_stops_soon():
     run = Run(Wild(3))
     run.tick(400)
-    run.stop.emergency_stop()
+    run.stop.state.press("command")
     begin = len(run.written)
     run.settle()
     # 6 rad/s at 60 rad/s^2 is 0.1 s; turning the acceleration round takes 0.06 s and letting it go 0.03 s
@@ -147,12 +153,12 @@ def test_the_emergency_stop_stops_soon():
 def test_after_a_reset_nothing_moves_until_it_is_told_to_and_then_slowly():
     run = Run(Wild(5))
     run.tick(300)
-    run.stop.emergency_stop()
+    run.stop.state.press("command")
     with pytest.raises(EmergencyStopError, match="still braking"):
-        run.stop.reset()
+        run.stop.state.reset()
     run.settle()
     run.tick(2)
-    run.stop.reset()
+    run.stop.state.reset()
     place = run.written[-1]
     run.tick(50)
     assert np.array_equal(run.written[-1], place)
@@ -201,7 +207,7 @@ def test_at_home_the_time_goes_on():
 def test_an_end_during_the_emergency_stop_leaves_the_joints_where_they_are():
     run = Run(Wild(9))
     run.tick(300)
-    run.stop.emergency_stop()
+    run.stop.state.press("command")
     run.settle()
     place = run.written[-1]
     run.stop.ask("enough")
@@ -214,7 +220,7 @@ def test_an_emergency_stop_on_the_last_way_home_ends_the_run_there():
     run.tick(300)
     run.stop.ask("enough")
     run.tick(60)
-    run.stop.emergency_stop()
+    run.stop.state.press("command")
     begin = len(run.written)
     run.finish()
     assert len(run.written) - begin < 40
@@ -234,18 +240,18 @@ def test_a_deck_that_keeps_failing_at_home_ends_the_run():
 def test_pressed_again_the_emergency_stop_can_still_be_reset():
     run = Run(Wild(9))
     run.tick(300)
-    run.stop.emergency_stop()
+    run.stop.state.press("command")
     run.settle()
     run.tick(2)
-    run.stop.reset()
-    run.stop.emergency_stop()
+    run.stop.state.reset()
+    run.stop.state.press("command")
     run.tick(2)
-    run.stop.emergency_stop()
+    run.stop.state.press("command")
     run.tick(2)
-    run.stop.reset()
+    run.stop.state.reset()
     assert run.stop.mode == "held"
 
 
 def test_where_nothing_is_latched_there_is_nothing_to_reset():
     with pytest.raises(EmergencyStopError, match="nothing to reset"):
-        StopRequest().reset()
+        StopState().reset()

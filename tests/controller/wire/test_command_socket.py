@@ -283,7 +283,7 @@ def test_the_emergency_stop_is_latched_until_reset(stage):
         assert "release it with: reset" in refused.reason
     assert stage.deck.motion == "walk"
     assert "still braking" in stage.ask(Reset()).reason
-    stage.stop.at_rest = True
+    stage.stop.state.rested()
     assert isinstance(stage.ask(Reset()), Accepted)
     assert (stage.ask(GetStatus()).mode, stage.deck.paused) == ("held", True)
     assert isinstance(stage.ask(Resume()), Accepted)

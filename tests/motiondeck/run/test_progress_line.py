@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import pytest
 
 from controller.loop.stop_requests import StopRequest
+from controller.loop.stop_state import StopState
 from motiondeck.run.progress_line import PERIOD, progress_line, words_of
 from motiondeck.run.report import summary
 
@@ -37,7 +38,7 @@ class Playing:
         ),
         (Playing(settled=False), StopRequest(), 20.0, "walk (on its way)  12 of 20 s"),
         (Playing(time=0.005), StopRequest(), None, "approaching the first pose of walk"),
-        (Playing(), StopRequest(mode="emergency stop"), None, "EMERGENCY STOP: walk, Ctrl-C ends it"),
+        (Playing(), StopRequest(state=StopState("latched")), None, "EMERGENCY STOP: walk, Ctrl-C ends it"),
         (Playing(), StopRequest("Ctrl-C was pressed"), None, "Ctrl-C was pressed: the joints come to rest"),
         (Playing(), StopRequest("the rig is lost: gone"), None, "the rig is lost: gone: the joints come to rest"),
     ],

@@ -201,7 +201,7 @@ def test_it_is_told_who_is_missing_and_who_is_left_out(theatre, monkeypatch):
 
 def test_a_stop_of_one_deck_stops_all_without_a_conductor(theatre):
     left, right = theatre.deck("left"), theatre.deck("right")
-    left.stop.emergency_stop()
+    left.stop.state.press("command")
     theatre.until(lambda: right.stop.emergency, 2.0)
 
 
@@ -221,7 +221,7 @@ def test_what_no_show_may_say_is_not_carried_out(theatre):
     left = theatre.deck("left")
     theatre.conduct(lead=0.05)
     theatre.until(lambda: "left" in theatre.conductor.decks and theatre.conductor.decks["left"].health)
-    left.stop.emergency_stop()
+    left.stop.state.press("command")
     with pytest.raises(Exception, match="not for a show"):
         theatre.conductor.command(["left"], "reset")
     link = Link(on_this_machine("gala", "other", listens=False))

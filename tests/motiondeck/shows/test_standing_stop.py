@@ -108,7 +108,7 @@ class DeckOfShow:
 
     def tick(self):
         self.handler(self.stop)
-        self.stop.at_rest = self.stop.emergency
+        self.stop.state.rested()
 
     @property
     def moves(self):

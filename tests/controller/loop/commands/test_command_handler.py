@@ -180,7 +180,7 @@ def test_a_reset_from_another_machine_has_to_be_confirmed_and_each_stop_anew():
     desk = Desk(remote=True)
     for _ in range(2):
         assert isinstance(desk.ask(EmergencyStop()), Accepted)
-        desk.stop.at_rest = True
+        desk.stop.state.rested()
         refused = desk.ask(Reset())
         assert isinstance(refused, Refused)
         code = float(re.search(r"give reset (\d{4})$", refused.reason)[1])
@@ -203,7 +203,7 @@ def test_an_emergency_stop_that_is_sent_again_is_one_press(desk):
     assert pressed(5, "right") == ["emergency stop"]
     assert pressed(5, "left") == pressed(5, "right") == []
     assert pressed(6, "left") == ["emergency stop"]
-    desk.stop.at_rest = True
+    desk.stop.state.rested()
     assert isinstance(desk.ask(Reset()), Accepted)
     desk.tick()
     assert pressed(6, "left") == ["emergency stop"], "it is carried out all the same"
@@ -213,17 +213,17 @@ def test_an_emergency_stop_that_is_sent_again_is_one_press(desk):
 def test_a_second_press_takes_the_code_of_a_reset_back():
     desk = Desk(remote=True)
     desk.ask(EmergencyStop())
-    desk.stop.at_rest = True
+    desk.stop.state.rested()
     code = float(re.search(r"give reset (\d{4})$", desk.ask(Reset()).reason)[1])
     desk.ask(EmergencyStop(), "who sees somebody near")
-    desk.stop.at_rest = True
+    desk.stop.state.rested()
     assert isinstance(desk.ask(Reset(code=code)), Refused)
     assert desk.stop.emergency
 
 
 def test_a_reset_on_this_machine_needs_no_code(desk):
     desk.ask(EmergencyStop())
-    desk.stop.at_rest = True
+    desk.stop.state.rested()
     assert isinstance(desk.ask(Reset()), Accepted)
 
 
@@ -246,23 +246,26 @@ class Wired:
 def test_a_wired_stop_stops_and_while_it_is_pulled_a_reset_is_in_vain(desk, capsys):
     wired = Wired()
     watch = WiredStopWatch(wired, desk.desk)
-    watch.poll(desk.stop)
+    watch.poll(desk.stop.state)
     assert not desk.stop.emergency
     wired.pulled, wired.pulls = True, 1
-    watch.poll(desk.stop)
+    watch.poll(desk.stop.state)
     assert desk.stop.emergency
     assert "/dev/ttyUSB1 was pulled" in capsys.readouterr().err
-    desk.stop.at_rest = True
-    assert isinstance(desk.ask(Reset()), Accepted)
-    watch.poll(desk.stop)
-    assert desk.stop.emergency, "it is still pulled"
+    desk.stop.state.rested()
+    refused = desk.ask(Reset())
+    assert isinstance(refused, Refused)
+    assert "/dev/ttyUSB1 is still pulled" in refused.reason
+    watch.poll(desk.stop.state)
+    assert desk.stop.emergency
     wired.pulled = False
-    desk.stop.at_rest = True
+    watch.poll(desk.stop.state)
+    assert desk.stop.emergency, "it is latched"
     assert isinstance(desk.ask(Reset()), Accepted)
-    watch.poll(desk.stop)
+    watch.poll(desk.stop.state)
     assert not desk.stop.emergency
     wired.pulls = 2  # a key that was let go again before anybody looked
-    watch.poll(desk.stop)
+    watch.poll(desk.stop.state)
     assert desk.stop.emergency
 
 
@@ -273,8 +276,8 @@ def test_each_pull_of_a_wired_stop_is_a_new_emergency_stop(desk):
     presses = []
     for pulled, pulls in ((True, 1), (True, 1), (False, 1), (True, 2), (True, 2), (False, 3)):
         wired.pulled, wired.pulls = pulled, pulls
-        watch.poll(desk.stop)
-        presses.append(desk.stop.presses)
+        watch.poll(desk.stop.state)
+        presses.append(desk.stop.state.total)
     assert presses == [1, 1, 1, 2, 2, 3]
 
 
@@ -299,7 +302,9 @@ def test_a_servo_can_be_switched_off_in_an_emergency_stop_but_not_on(desk):
     for message in (ServoTorque("knee", "on"), RestartServo("knee")):
         assert isinstance(desk.ask(message), Refused)
     assert desk.ask(ServoTorque("knee", "off")) == Accepted(0)
-    desk.stop.mode = "playing"
+    desk.stop.state.rested()
+    desk.ask(Reset())
+    desk.stop.play()
     desk.ask(RestartServo("knee"))
     assert servos.done == [("knee", False), ("knee", "restarted")]
 
@@ -439,7 +444,7 @@ def test_an_emergency_stop_and_a_sender_that_leaves_end_commands_for_a_time():
     desk.ask(AtTime(100.02, Resume()))
     desk.ask(EmergencyStop())
     assert isinstance(desk.ask(AtTime(100.02, Resume())), Refused)
-    desk.stop.at_rest = True
+    desk.stop.state.rested()
     desk.ask(Reset())
     desk.ask(AtTime(100.03, Pause()), "who leaves")
     desk.server.gone.add("who leaves")

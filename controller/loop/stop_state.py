@@ -1,0 +1,134 @@
+"""The emergency stop as a state: which sources demand it, how far the joints are, and what lets them go on.
+
+    running   the joints follow what is played
+    braking   they come to rest, because a source demands it or there is nothing left to follow
+    latched   at rest, and a source demands it still
+    held      at rest, and no source demands it: until they are let go on
+
+    running --press, lose--> braking --rested--> latched --reset--> held --go_on--> running
+                                        \\-------(no source)---------^
+    held, latched --press--> latched        braking --regain (no source)--> running
+
+A source counts its presses, and a reset releases those that it has seen: neither a press that comes twice nor one that
+crosses a reset on its way can be taken for another. A pulled wire cannot be reset before it is let go.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Literal
+
+from motiondeck_base.errors import MotiondeckError
+
+Phase = Literal["running", "braking", "latched", "held"]
+
+
+class EmergencyStopError(MotiondeckError):
+    """A command that the present emergency-stop state does not allow."""
+
+
+class StopState:
+    """The stop state of joints; each source is a name.
+
+    Attributes:
+        phase: see above.
+        presses: the presses of each source since the start.
+        released: how many of them resets have released.
+        pulled: sources that are pulled now: no reset releases them.
+    """
+
+    def __init__(self, phase: Phase = "running") -> None:
+        self.phase: Phase = phase
+        self.presses: dict[str, int] = {}
+        self.released: dict[str, int] = {}
+        self.pulled: set[str] = set()
+
+    @property
+    def demanded(self) -> bool:
+        """Whether any source demands the stop."""
+        released = self.released
+        return any(count > released.get(name, 0) for name, count in self.presses.items())
+
+    @property
+    def stopped(self) -> bool:
+        """Whether the emergency stop is on: the joints brake for it, or are latched."""
+        return self.phase == "latched" or (self.phase == "braking" and self.demanded)
+
+    @property
+    def total(self) -> int:
+        """All presses so far."""
+        return sum(self.presses.values())
+
+    def press(self, source: str) -> None:
+        """One press of a source."""
+        self.count(source, self.presses.get(source, 0) + 1)
+
+    def count(self, source: str, presses: int) -> None:
+        """Takes in how often a source was pressed by its own count, which never falls; fewer are an old report."""
+        if presses > self.presses.get(source, 0):
+            self.presses[source] = presses
+            self._stop()
+
+    def pull(self, source: str, pulled: bool) -> None:
+        """A source that demands the stop as long as it is pulled, and until a reset after that."""
+        if not pulled:
+            self.pulled.discard(source)
+        elif source not in self.pulled:
+            self.pulled.add(source)
+            self.count(source, self.released.get(source, 0) + 1)
+
+    def lose(self) -> None:
+        """There is nothing to follow: the joints brake, as far as they move."""
+        if self.phase == "running":
+            self.phase = "braking"
+
+    def regain(self) -> None:
+        """There is something to follow again: joints that still brake for its loss follow it."""
+        if self.phase == "braking" and not self.demanded:
+            self.phase = "running"
+
+    def rested(self) -> None:
+        """The joints have come to rest."""
+        if self.phase == "braking":
+            self.phase = "latched" if self.demanded else "held"
+
+    def reset(self) -> None:
+        """Releases all presses so far; the joints stay where they are.
+
+        Raises:
+            EmergencyStopError: if the stop is not on, the joints have not come to rest, or a wire is still pulled.
+        """
+        if not self.stopped:
+            raise EmergencyStopError("the emergency stop is not on, so there is nothing to reset")
+        if self.phase == "braking":
+            raise EmergencyStopError("the joints are still braking; reset the emergency stop when they are at rest")
+        for source in sorted(self.pulled):
+            raise EmergencyStopError(f"{source} is still pulled; release it there first, then reset")
+        self.release(self.presses)
+
+    def release(self, seen: Mapping[str, int]) -> None:
+        """Releases the presses that a reset has seen, for each source its count; others go on demanding the stop."""
+        for source, count in seen.items():
+            if source in self.pulled:
+                continue
+            self.released[source] = max(self.released.get(source, 0), min(count, self.presses.get(source, 0)))
+        if self.phase == "latched" and not self.demanded:
+            self.phase = "held"
+
+    def go_on(self) -> None:
+        """Lets held joints move again.
+
+        Raises:
+            EmergencyStopError: if the emergency stop is on.
+        """
+        self.check_released()
+        if self.phase == "held":
+            self.phase = "running"
+
+    def check_released(self) -> None:
+        """Checks that the joints may be moved; raises an EmergencyStopError if the emergency stop is on."""
+        if self.stopped:
+            raise EmergencyStopError("the emergency stop is on; release it with: reset")
+
+    def _stop(self) -> None:
+        self.phase = "latched" if self.phase in ("held", "latched") else "braking"
