@@ -61,7 +61,7 @@ class LoopReport(msgspec.Struct, frozen=True):
     work_us: Percentiles
     outputs: list[dict[str, object]]  # for each output its name, faults, whether it was parked, and its own report
     reason: str
-    faults: dict[str, int]  # how often the deck, the commands and the telemetry have raised
+    faults: dict[str, int]  # how often the deck, the commands, the sources of stops and the telemetry have raised
     changed: list[int]  # for each joint how many targets the safety envelope has changed
 
 
@@ -94,6 +94,7 @@ def run(
     seconds: float = math.inf,
     rest: Array | None = None,
     commands: Callable[[StopRequest], None] | None = None,
+    stops: Sequence[Callable[[StopRequest], None]] = (),
     publish: Callable[[LoopState], None] | None = None,
     publish_every: int = 4,
     stop: StopRequest | None = None,
@@ -110,11 +111,14 @@ def run(
         rest: joint positions (J,), rad, to end at; without them the joints stay where they stop.
         commands: carries out commands once a tick; it may request a stop, and must not wait. If it keeps raising, the
             joints come to rest and the loop ends: a deck that nothing can stop must not play on.
+        stops: the sources of the emergency stop, each asked once a tick, as `commands`, and apart from them: one that
+            keeps raising ends the loop, and the others go on until the joints are at rest.
         publish: called with the state every `publish_every` ticks; it must not wait.
         stop: ends the loop when set; if set before the first tick nothing moves. By default one that signals set.
     """
     source = Source(deck, clock.period)
     commanding, publishing = FaultCounter(), FaultCounter()
+    stopping = [FaultCounter() for _ in stops]
     with undisturbed(), nullcontext(stop) if stop is not None else stop_on_signals() as stop:
         state = LoopState(envelope.position, source.pose)
         steps = safe_targets(source, channels, envelope, stop, seconds, rest)
@@ -123,6 +127,10 @@ def run(
         pace = Pace(clock.period)
         try:
             while True:
+                for source_of_stops, counter in zip(stops, stopping, strict=True):
+                    counter.call(source_of_stops, stop)
+                    if counter.given_up:
+                        stop.ask(f"an emergency stop cannot be taken: {counter.fault}")
                 if commands:
                     commanding.call(commands, stop)
                     if commanding.given_up:
@@ -163,6 +171,11 @@ def run(
         work_us=state.work.percentiles(),
         outputs=[channel.report() for channel in channels],
         reason=stop.reason,
-        faults={"deck": source.counter.faults, "commands": commanding.faults, "telemetry": publishing.faults},
+        faults={
+            "deck": source.counter.faults,
+            "commands": commanding.faults,
+            "stops": sum(counter.faults for counter in stopping),
+            "telemetry": publishing.faults,
+        },
         changed=envelope.changed.copy(),
     )

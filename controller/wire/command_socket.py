@@ -8,24 +8,24 @@ are counted and, up to a limit, refused.
 from __future__ import annotations
 
 import itertools
+import threading
 import time
 from collections import Counter, deque
-from collections.abc import Hashable, Iterator
+from collections.abc import Callable, Hashable, Iterator
 from dataclasses import dataclass
+from typing import TypeVar
 
 import msgspec
 
 from controller.wire.local_transport import (
     DEFAULT_PORT,
-    MOST_CLIENTS,
     LocalConnection,
     LocalListener,
     PeerGoneError,
     SocketError,
 )
 from controller.wire.messages.arguments import CommandError
-from controller.wire.messages.command_row import Natural
-from controller.wire.messages.command_table import read_command, usages
+from controller.wire.messages.command_table import number_in, read_command, usages
 from controller.wire.messages.commands import MOST_BYTES, DeckCommand, EmergencyStop, encode
 from controller.wire.messages.replies import Refused, Reply, SecondReply, read_reply
 from controller.wire.network_transport import NetworkConnection, NetworkListener
@@ -37,12 +37,14 @@ _LINE = 32  # further commands of a sender that queue for the next polls; beyond
 _REFUSALS = 8  # refusals of malformed datagrams in one poll: each costs as much as a command
 _TAKEN = 320  # datagrams received in one poll
 _WAITING = 256  # datagrams kept for later polls
-_FULL = (
-    f"the deck is full: {MOST_CLIENTS} programs are connected, as many as it takes. End one of them. "
-    "An emergency stop is taken all the same"
-)
 _STOP_AGAIN, _STOP_FOR = 0.05, 5.0  # s: how often, and for how long, an unanswered stop over a network is sent
+_STOPPED_WITHIN = 0.5  # s in which a stop of a deck of this user is answered
+_UNSTOPPED = (
+    "the emergency stop is not acknowledged: the deck has ended, or is held up. If the robot moves, cut its power"
+)
 _REMEMBERED = 256  # second replies that a client keeps for `wait_settled`
+
+T = TypeVar("T")
 
 Address = Hashable
 """Identifies a sender."""
@@ -68,7 +70,7 @@ class CommandServer:
             SocketError: if the port is in use or out of range, or an address is given without a token.
         """
         if host is None:
-            self._listener = LocalListener(port, encode(Refused(_FULL, 0)))
+            self._listener = LocalListener(port)
         elif token is None:
             raise SocketError(f"commands at {host} need a token; give one with --token-file FILE")
         else:
@@ -133,14 +135,12 @@ class CommandServer:
     def _refuse(self, data: bytes, sender: Address, reason: str) -> None:
         self._refusals += 1
         if self._refusals <= _REFUSALS:
-            self.reply(sender, Refused(reason, _number_in(data)))
+            self.reply(sender, Refused(reason, number_in(data)))
 
     def _take(self) -> None:
         """Reads what has arrived, an emergency stop to the front; what exceeds the limits is dropped and counted."""
         for datagram in self._listener.receive(MOST_BYTES + 1, _TAKEN):
-            if datagram[1].reserved and not _is_stop(datagram[0]):
-                self._refuse(*datagram, _FULL)
-            elif b'"estop"' in datagram[0]:
+            if b'"estop"' in datagram[0]:
                 self._waiting.appendleft(datagram)
             else:
                 self._waiting.append(datagram)
@@ -176,7 +176,10 @@ class _UnansweredStop:
 
 
 class CommandClient:
-    """Sends commands to a deck of this user, or with a token to one at an address."""
+    """Sends commands to a deck of this user, or with a token to one at an address.
+
+    Threads may share a client of a deck of this user: each reply goes to the one that waits for its number.
+    """
 
     def __init__(
         self, port: int = DEFAULT_PORT, host: str | None = None, token: bytes | None = None, patience: float = 1.0
@@ -189,36 +192,59 @@ class CommandClient:
         Raises:
             SocketError: if the address or port cannot exist.
         """
-        self._over_network = host is not None and token is not None
         self._connection = (
             LocalConnection(port, patience) if host is None or token is None else NetworkConnection(port, host, token)
         )
         self._numbers = itertools.count(1)
+        self._requested: dict[int, Reply | None] = {}  # the first replies to requests under way, as they come
         self._settled: dict[int, SecondReply] = {}
+        self._filed = threading.Condition()
+        self._reading = False  # whether one of the threads that wait reads for all
         self._stop: _UnansweredStop | None = None
 
     def post(self, message: DeckCommand) -> int:
         """Sends a command without waiting for a reply; returns the number that its replies will carry.
 
+        An emergency stop of a deck of this user goes to its stop door.
+
         Raises:
-            SocketError: if no deck is running there, or it takes no commands.
+            SocketError: if no deck is running there, or it is full or takes no commands.
         """
-        message = msgspec.structs.replace(message, id=next(self._numbers))
-        self._connection.send(data := encode(message))
-        if self._over_network and isinstance(message, EmergencyStop):
+        self._send(message, number := next(self._numbers))
+        return number
+
+    def _send(self, message: DeckCommand, number: int) -> None:
+        data = encode(msgspec.structs.replace(message, id=number))
+        if not isinstance(message, EmergencyStop):
+            self._connection.send(data)
+        elif isinstance(self._connection, LocalConnection):
+            self._connection.send_stop(data)
+        else:
+            self._connection.send(data)
             now = time.monotonic()
-            self._stop = _UnansweredStop(message.id, data, posted=now, sent=now)
-        return message.id
+            self._stop = _UnansweredStop(number, data, posted=now, sent=now)
 
     def request(self, message: DeckCommand, timeout_s: float = 1.0) -> Reply:
-        """Sends a command and waits for its first reply; raises a SocketError if no deck replies in time."""
-        number = self.post(message)
-        deadline = time.monotonic() + timeout_s
-        while (reply := self.receive(deadline - time.monotonic())) is not None:
-            if reply.id == number or (reply.id == 0 and isinstance(reply, Refused)):
-                return reply
-            self._remember(reply)
-        raise PeerGoneError("the deck does not reply: it has ended, or is held up")
+        """Sends a command and waits for its first reply, to an emergency stop of a deck of this user for 0.5 s at most.
+
+        Raises:
+            SocketError: if no deck replies in time.
+        """
+        stops = isinstance(message, EmergencyStop)
+        if stops and isinstance(self._connection, LocalConnection):
+            timeout_s = min(timeout_s, _STOPPED_WITHIN)
+        until, number = time.monotonic() + timeout_s, next(self._numbers)
+        with self._filed:
+            self._requested[number] = None
+        try:
+            self._send(message, number)
+            reply = self._wait_for(lambda: self._requested[number], until)
+        finally:
+            with self._filed:
+                del self._requested[number]
+        if reply is None:
+            raise PeerGoneError(_UNSTOPPED if stops else "the deck does not reply: it has ended, or is held up")
+        return reply
 
     def wait_settled(self, number: int, timeout_s: float = 10.0) -> SecondReply | None:
         """Waits for the second reply to the command with this number; None if there is none in time.
@@ -226,16 +252,42 @@ class CommandClient:
         Raises:
             SocketError: if the deck is gone.
         """
-        deadline = time.monotonic() + timeout_s
-        while number not in self._settled:
-            reply = self.receive(deadline - time.monotonic())
-            if reply is None:
-                return None
-            self._remember(reply)
-        return self._settled.pop(number)
+        return self._wait_for(lambda: self._settled.get(number), time.monotonic() + timeout_s)
 
-    def _remember(self, reply: Reply) -> None:
-        if isinstance(reply, SecondReply):
+    def _wait_for(self, reply: Callable[[], T | None], until: float) -> T | None:
+        """Waits for a reply to be filed; of the threads that wait, one reads, and files what comes for all."""
+        with self._filed:
+            while (found := reply()) is None:
+                left = until - time.monotonic()
+                more = self._filed.wait(left) if self._reading else self._read_for_all(left)
+                if not more and time.monotonic() >= until:
+                    return reply()
+            return found
+
+    def _read_for_all(self, timeout_s: float) -> bool:
+        """Reads a reply, while other threads may send, or wait to be notified; called with the lock of `_filed`.
+
+        Returns whether one has arrived.
+        """
+        self._reading = True
+        self._filed.release()
+        try:
+            arrived = self.receive(timeout_s)
+        finally:
+            self._filed.acquire()
+            self._reading = False
+            self._filed.notify_all()
+        if arrived is not None:
+            self._file(arrived)
+        return arrived is not None
+
+    def _file(self, reply: Reply) -> None:
+        waiting = [number for number, first in self._requested.items() if first is None]
+        if reply.id in waiting:
+            self._requested[reply.id] = reply
+        elif isinstance(reply, Refused) and not reply.id and waiting:  # it could not be read
+            self._requested[waiting[0]] = reply
+        elif isinstance(reply, SecondReply):
             self._settled[reply.id] = reply
             if len(self._settled) > _REMEMBERED:
                 del self._settled[next(iter(self._settled))]
@@ -246,7 +298,7 @@ class CommandClient:
         An emergency stop over a network is sent again meanwhile, with its number, until it is answered or 5 s old.
 
         Raises:
-            SocketError: if no deck is running there.
+            SocketError: if no deck is running there, or it is full.
         """
         data = self._receive_answer(timeout_s) if self._stop is not None else self._connection.receive(timeout_s)
         if data is None:
@@ -284,23 +336,8 @@ class CommandClient:
         self._connection.close()
 
 
-class _Numbered(msgspec.Struct):
-    id: Natural = 0
-
-
-_numbered = msgspec.json.Decoder(_Numbered)
-
-
 def _is_stop(data: bytes) -> bool:
     try:
         return b'"estop"' in data and isinstance(read_command(data), EmergencyStop)
     except CommandError:
         return False
-
-
-def _number_in(data: bytes) -> int:
-    """The number of a command that cannot be read otherwise, or 0."""
-    try:
-        return _numbered.decode(data).id
-    except (msgspec.MsgspecError, UnicodeDecodeError, RecursionError):
-        return 0

@@ -1,7 +1,8 @@
 """Datagrams between programs of one user on this machine: Unix sockets in a folder of mode 0700.
 
-A deck is found by its number, which is the name of its socket. Each client has its own connection, so that one
-that floods or never reads fills only its own buffer, and either side notices at once when the other is gone.
+A deck is found by its number, which is the name of its socket; beside it is the stop door (`stop_door`), with `.stop`
+behind the number. Each client has its own connection, so that one that floods or never reads fills only its own
+buffer, and either side notices at once when the other is gone.
 """
 
 from __future__ import annotations
@@ -14,6 +15,8 @@ import select
 import socket
 import stat
 import struct
+import threading
+import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -23,9 +26,19 @@ from motiondeck_base.errors import MotiondeckError
 
 DEFAULT_PORT = 47810
 
+STOP_DOOR = ".stop"
+"""What the name of the stop door has behind the number of its deck."""
+
 MOST_CLIENTS = 64
-RESERVED = 16  # further connections, of which only an emergency stop is taken
+FULL = (
+    f"the deck is full: {MOST_CLIENTS} programs are connected, as many as it takes. End one of them. "
+    "An emergency stop is taken all the same"
+)
+_FULL = f'{{"type":"refused","reason":"{FULL}"}}'.encode()  # sent before a connection is ended
+_STOP_PATIENCE = 0.2  # s that an emergency stop waits for room, at the door and then at the ordinary socket
+_MOST_BYTES = 65536  # of a reply
 _FREE_NUMBERS = range(49152, 65536)
+_TIME = struct.Struct("ll")  # s and us, of a timeout
 _CREDENTIALS = struct.Struct("3i")  # process, user and group of a peer
 
 T = TypeVar("T")
@@ -37,6 +50,10 @@ class SocketError(MotiondeckError):
 
 class PeerGoneError(SocketError):
     """The other side of a connection has ended, or was never there."""
+
+
+class DeckFullError(SocketError):
+    """A deck that has ended the connection, as it has as many as it takes."""
 
 
 def command_folder() -> Path:
@@ -65,11 +82,74 @@ def command_folder() -> Path:
     return folder
 
 
-class LocalClient:
-    """A program that is connected to a deck; in a reserved place it may give an emergency stop only."""
+class LocalSocket:
+    """A listening socket in the folder of this user, under the number of a deck; it never blocks."""
 
-    def __init__(self, connection: socket.socket, reserved: bool) -> None:
-        self.connection, self.reserved = connection, reserved
+    def __init__(self, port: int, ending: str, backlog: int) -> None:
+        """Takes a number, 0 for any free one.
+
+        Raises:
+            SocketError: if another deck has it, it is out of range, or the folder cannot be used.
+        """
+        _check(port)
+        self._socket = socket.socket(socket.AF_UNIX, socket.SOCK_SEQPACKET)
+        self._socket.setblocking(False)
+        folder = command_folder()
+        try:
+            with _locked(folder):
+                self.port = port or _free_number(folder)
+                self._path = folder / f"{self.port}{ending}"
+                if _answers(self._path):
+                    raise _another_deck(port)
+                self._path.unlink(missing_ok=True)  # of a deck that was killed
+                self._socket.bind(str(self._path))
+                self._socket.listen(backlog)
+        except OSError as error:
+            self._socket.close()
+            raise SocketError(f"{folder}: no command socket can be made ({error.strerror or error})") from error
+        except SocketError:
+            self._socket.close()
+            raise
+
+    def accept(self) -> socket.socket | None:
+        """A connection of a program of this user or of root, or None; one of another user is closed."""
+        with contextlib.suppress(OSError):
+            client, _ = self._socket.accept()
+            user = _CREDENTIALS.unpack(client.getsockopt(socket.SOL_SOCKET, socket.SO_PEERCRED, _CREDENTIALS.size))[1]
+            if user in (0, os.geteuid()):
+                client.setblocking(False)
+                return client
+            client.close()
+        return None
+
+    def fileno(self) -> int:
+        """Readable when a program wants to connect."""
+        return self._socket.fileno()
+
+    def close(self) -> None:
+        """Closes and removes it; may be called twice."""
+        if self._socket.fileno() < 0:
+            return
+        self._socket.close()
+        with contextlib.suppress(OSError), _locked(self._path.parent):
+            if not _answers(self._path):
+                self._path.unlink(missing_ok=True)
+
+
+def read_datagram(connection: socket.socket, most_bytes: int) -> bytes | None:
+    """A datagram that has arrived, b"" for none; None where the peer has gone, which an empty datagram looks like."""
+    try:
+        return connection.recv(most_bytes) or None
+    except BlockingIOError:
+        return b""
+    except OSError:
+        return None
+
+
+def send_datagram(connection: socket.socket, data: bytes) -> None:
+    """Sends a datagram; it is dropped if the peer's buffer is full, or the peer has gone."""
+    with contextlib.suppress(OSError):
+        connection.send(data)
 
 
 class LocalListener:
@@ -77,38 +157,15 @@ class LocalListener:
 
     remote = False
 
-    def __init__(self, port: int, full: bytes) -> None:
-        """Takes a number, 0 for any free one; raises a SocketError if another deck has it, or it is out of range.
-
-        Args:
-            full: what a program reads that has to leave its reserved place to a later one.
-        """
-        _check(port)
-        self._full = full
-        self._socket = socket.socket(socket.AF_UNIX, socket.SOCK_SEQPACKET)
-        self._socket.setblocking(False)
-        self._clients: dict[int, LocalClient] = {}
-        self._reserved: list[LocalClient] = []  # the longest connected first
-        folder = command_folder()
-        try:
-            with _locked(folder):
-                self.port = port or _free_number(folder)
-                self._path = folder / str(self.port)
-                if _answers(self._path):
-                    raise _another_deck(port)
-                self._path.unlink(missing_ok=True)  # of a deck that was killed
-                self._socket.bind(str(self._path))
-                self._socket.listen(MOST_CLIENTS)
-        except OSError as error:
-            self._socket.close()
-            raise SocketError(f"{folder}: no command socket can be made ({error.strerror or error})") from error
-        except SocketError:
-            self._socket.close()
-            raise
+    def __init__(self, port: int) -> None:
+        """Takes a number, 0 for any free one; raises a SocketError if another deck has it, or it is out of range."""
+        self._door = LocalSocket(port, "", MOST_CLIENTS)
+        self.port = self._door.port
+        self._clients: dict[int, socket.socket] = {}
         self._ready = select.epoll()
-        self._ready.register(self._socket, select.EPOLLIN)
+        self._ready.register(self._door, select.EPOLLIN)
 
-    def receive(self, most_bytes: int, limit: int) -> Iterator[tuple[bytes, LocalClient]]:
+    def receive(self, most_bytes: int, limit: int) -> Iterator[tuple[bytes, socket.socket]]:
         """The datagrams that have arrived, each with its sender; clients take turns.
 
         A client that comes or goes counts as a datagram, so that no number of them makes this take long.
@@ -116,71 +173,44 @@ class LocalListener:
         while limit > 0 and (found := self._ready.poll(0)):
             limit -= len(found)
             for number, _ in found:
-                if number == self._socket.fileno():
+                if number == self._door.fileno():
                     self._accept()
-                elif data := self._read(client := self._clients[number], most_bytes):
+                elif data := read_datagram(client := self._clients[number], most_bytes):
                     yield data, client
-            while len(self._reserved) > RESERVED:
-                yield from self._dismiss(self._reserved[0], most_bytes)
+                elif data is None:
+                    self._drop(client)
 
     def _accept(self) -> None:
-        with contextlib.suppress(OSError):
-            client, _ = self._socket.accept()
-            client.setblocking(False)
-            user = _CREDENTIALS.unpack(client.getsockopt(socket.SOL_SOCKET, socket.SO_PEERCRED, _CREDENTIALS.size))[1]
-            if user not in (0, os.geteuid()):
-                client.close()
-                return
-            place = LocalClient(client, len(self._clients) - len(self._reserved) >= MOST_CLIENTS)
-            self._clients[client.fileno()] = place
-            if place.reserved:
-                self._reserved.append(place)
+        client = self._door.accept()
+        if client is None:
+            return
+        if len(self._clients) < MOST_CLIENTS:
+            self._clients[client.fileno()] = client
             self._ready.register(client, select.EPOLLIN)
-
-    def _read(self, client: LocalClient, most_bytes: int) -> bytes:
-        """A datagram of a client; nothing where it has gone. An empty datagram looks the same, and ends it too."""
-        try:
-            if data := client.connection.recv(most_bytes):
-                return data
-        except BlockingIOError:
-            return b""
-        except OSError:
-            pass
-        self._drop(client)
-        return b""
-
-    def _dismiss(self, client: LocalClient, most_bytes: int) -> Iterator[tuple[bytes, LocalClient]]:
-        """Drops a client, after all that it has sent is read: an emergency stop is not lost with its connection."""
-        self.send(client, self._full)
+            return
+        send_datagram(client, _FULL)
         with contextlib.suppress(OSError):
-            client.connection.shutdown(socket.SHUT_RD)  # from here on it knows that what it sends does not arrive
-        while data := self._read(client, most_bytes):
-            yield data, client
-        if self.connected(client):
-            self._drop(client)
+            client.shutdown(socket.SHUT_RD)
+        while read_datagram(client, 1):  # what is unread when it is closed would keep it from reading why
+            pass
+        client.close()
 
-    def _drop(self, client: LocalClient) -> None:
-        """Ends a connection; whoever has waited longest in a reserved place takes an ordinary one that gets free."""
-        del self._clients[client.connection.fileno()]
-        if client.reserved:
-            self._reserved.remove(client)
-        elif self._reserved:
-            self._reserved.pop(0).reserved = False
-        self._ready.unregister(client.connection)
-        client.connection.close()
+    def _drop(self, client: socket.socket) -> None:
+        del self._clients[client.fileno()]
+        self._ready.unregister(client)
+        client.close()
 
     def fileno(self) -> int:
         """Readable when there is something to receive."""
         return self._ready.fileno()
 
-    def connected(self, sender: LocalClient) -> bool:
+    def connected(self, sender: socket.socket) -> bool:
         """Whether a sender is connected."""
-        return sender.connection.fileno() >= 0
+        return sender.fileno() >= 0
 
-    def send(self, receiver: LocalClient, data: bytes) -> None:
+    def send(self, receiver: socket.socket, data: bytes) -> None:
         """Sends a datagram; it is dropped if the receiver's buffer is full."""
-        with contextlib.suppress(OSError):
-            receiver.connection.send(data)
+        send_datagram(receiver, data)
 
     def close(self) -> None:
         """Ends all connections and removes the socket; may be called twice."""
@@ -188,16 +218,107 @@ class LocalListener:
             return
         self._ready.close()
         for client in self._clients.values():
-            client.connection.close()
+            client.close()
         self._clients.clear()
-        self._socket.close()
-        with contextlib.suppress(OSError), _locked(self._path.parent):
-            if not _answers(self._path):
-                self._path.unlink(missing_ok=True)
+        self._door.close()
+
+
+class _Link:
+    """One connection to a socket of a deck; made when something is sent. Threads may send and read at the same time."""
+
+    def __init__(self, port: int, ending: str, ready: select.epoll) -> None:
+        self._port, self._name, self._ready = port, f"{port}{ending}", ready
+        self._socket: socket.socket | None = None
+        self._sending = threading.Lock()
+        self._full = False
+
+    def send(self, data: bytes, patience: float) -> None:
+        """Sends a datagram; it waits for room, as long as its patience lasts, and connects where it is not connected.
+
+        Raises:
+            PeerGoneError: if nothing listens there.
+            DeckFullError: if the deck has no room for another connection.
+            SocketError: if it takes nothing.
+        """
+        until = time.monotonic() + patience
+        with self._sending:
+            while True:
+                before = self._socket
+                connection = before or self._connect(patience)
+                connection.settimeout(patience)
+                try:
+                    self._attempt(connection.send, data)
+                    return
+                except PeerGoneError:  # the deck has ended, is full, or needed the place for others
+                    self._end(connection, read_datagram(connection, _MOST_BYTES) == _FULL)
+                if before is None and (self._full or time.monotonic() >= until):
+                    raise self.gone
+
+    def _connect(self, patience: float) -> socket.socket:
+        path = command_folder() / self._name
+        fresh = socket.socket(socket.AF_UNIX, socket.SOCK_SEQPACKET)
+        # In a queue of programs that connect, only a call that blocks waits for its turn.
+        fresh.setblocking(patience > 0.0)
+        fresh.setsockopt(socket.SOL_SOCKET, socket.SO_SNDTIMEO, _TIME.pack(int(patience), int(patience % 1.0 * 1e6)))
+        self._full = False
+        try:
+            self._attempt(fresh.connect, str(path))
+        except SocketError:
+            fresh.close()
+            raise
+        self._ready.register(fresh, select.EPOLLIN)
+        self._socket = fresh
+        return fresh
+
+    def _attempt(self, act: Callable[[T], object], given: T) -> None:
+        try:
+            act(given)
+        except (TimeoutError, BlockingIOError):
+            raise SocketError(f"the deck on port {self._port} takes no commands: it is held up") from None
+        except OSError:
+            raise self.gone from None
+
+    def read(self) -> bytes:
+        """What has arrived, b"" for nothing; without a peer the connection is closed."""
+        connection = self._socket
+        if connection is None:
+            return b""
+        data = read_datagram(connection, _MOST_BYTES)
+        if data is None or data == _FULL:
+            self._end(connection, data == _FULL)
+            return b""
+        return data
+
+    @property
+    def number(self) -> int:
+        """The file descriptor; -1 without a connection."""
+        connection = self._socket
+        return connection.fileno() if connection is not None else -1
+
+    @property
+    def gone(self) -> SocketError:
+        """Why there is no connection."""
+        if self._full:
+            return DeckFullError(FULL)
+        return PeerGoneError(f"no deck is running on port {self._port}; start one with: motiondeck play")
+
+    def close(self) -> None:
+        """Ends the connection; may be called twice."""
+        if self._socket is not None:
+            self._end(self._socket, full=False)
+
+    def _end(self, connection: socket.socket, full: bool) -> None:
+        if self._socket is connection:
+            self._socket, self._full = None, full
+            self._ready.unregister(connection)
+            connection.close()
 
 
 class LocalConnection:
-    """A client's connection to a deck of this user; made when something is sent."""
+    """A client's connections to a deck of this user: for commands, and to its stop door; made when something is sent.
+
+    Threads may send and receive at the same time.
+    """
 
     def __init__(self, port: int, patience: float) -> None:
         """Prepares to talk to the deck of a number, which may keep a sender waiting for `patience` seconds.
@@ -206,78 +327,66 @@ class LocalConnection:
             SocketError: if it is out of range.
         """
         _check(port)
-        self._port, self._patience = port, patience
-        self._socket: socket.socket | None = None
+        self._patience = patience
+        self._ready = select.epoll()
+        self._commands, self._door = _Link(port, "", self._ready), _Link(port, STOP_DOOR, self._ready)
+        self._awaited = 0  # replies from the door
 
     def send(self, data: bytes) -> None:
-        """Sends a datagram; it waits for room, as long as its patience lasts, and connects where it is not connected.
+        """Sends a command.
 
         Raises:
             PeerGoneError: if no deck is running there.
-            SocketError: if it takes nothing.
+            SocketError: if it is full, or takes nothing.
         """
-        if self._socket is not None:
-            self._socket.settimeout(self._patience)
-            with contextlib.suppress(PeerGoneError):
-                self._attempt(self._socket.send, data)
-                return
-            self.close()  # the deck has ended, or needed the place for others
-        path = command_folder() / str(self._port)
-        fresh = socket.socket(socket.AF_UNIX, socket.SOCK_SEQPACKET)
-        fresh.settimeout(self._patience)
-        try:
-            self._attempt(fresh.connect, str(path))
-        except SocketError:
-            fresh.close()
-            raise
-        self._socket = fresh
-        self._attempt(fresh.send, data)
+        self._commands.send(data, self._patience)
 
-    def _attempt(self, act: Callable[[T], object], given: T) -> None:
+    def send_stop(self, data: bytes) -> None:
+        """Sends an emergency stop to the door, or as a command where there is none or it is held up; raises as `send`.
+
+        An older deck has no door, and neither has a loop of one's own.
+        """
+        patience = min(self._patience, _STOP_PATIENCE)
+        self._awaited += 1
         try:
-            act(given)
-        except (TimeoutError, BlockingIOError):
-            raise self._held_up() from None
-        except OSError:
-            raise self._not_running() from None
+            self._door.send(data, patience)
+        except SocketError:
+            self._awaited = 0
+            self._commands.send(data, patience)
 
     def receive(self, timeout_s: float) -> bytes | None:
         """The next datagram, or None if none arrives in time; without any time it does not wait at all.
 
         Raises:
             PeerGoneError: if no deck is running there.
+            SocketError: if it is full.
         """
-        if self._socket is None:
-            raise self._not_running()
-        # Any time above 0 becomes at least a millisecond, in which a loop would give up its core.
-        self._socket.settimeout(max(timeout_s, 0.0))
-        try:
-            if data := self._socket.recv(65536):
+        until = time.monotonic() + timeout_s
+        while self._commands.number >= 0 or (self._awaited and self._door.number >= 0):
+            # Any time above 0 becomes at least a millisecond, in which a loop would give up its core.
+            ready = {number for number, _ in self._ready.poll(max(until - time.monotonic(), 0.0))}
+            # The door first: the events of a stop come after the reply to it.
+            if self._door.number in ready:
+                data = self._door.read()
+                self._awaited = max(self._awaited - 1, 0)
+            elif self._commands.number in ready:
+                data = self._commands.read()
+            else:
+                return None
+            if data:
                 return data
-        except (TimeoutError, BlockingIOError):
-            return None
-        except OSError:
-            pass
-        self.close()
-        raise self._not_running()
+        raise self._commands.gone
 
     def fileno(self) -> int:
-        """Readable when there is something to receive; raises a PeerGoneError if it is not connected."""
-        if self._socket is None:
-            raise self._not_running()
-        return self._socket.fileno()
+        """Readable when there is something to receive; raises a SocketError if it is not connected."""
+        if self._commands.number < 0 and self._door.number < 0:
+            raise self._commands.gone
+        return self._ready.fileno()
 
     def close(self) -> None:
-        """Closes the connection; may be called twice."""
-        if self._socket is not None:
-            self._socket.close()
-        self._socket = None
-
-    def _held_up(self) -> SocketError:
-        return SocketError(f"the deck on port {self._port} takes no commands: it is held up")
-
-    def _not_running(self) -> PeerGoneError:
-        return PeerGoneError(f"no deck is running on port {self._port}; start one with: motiondeck play")
+        """Closes the connections; may be called twice."""
+        self._commands.close()
+        self._door.close()
 
 
 def refuse_second_deck(port: int) -> None:

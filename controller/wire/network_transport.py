@@ -23,7 +23,7 @@ import struct
 import time
 from collections.abc import Iterator
 from dataclasses import dataclass, field
-from typing import Any, ClassVar
+from typing import Any
 
 from controller.wire.authentication import SIGNATURE_BYTES, sign, verify
 from controller.wire.local_transport import PeerGoneError, SocketError
@@ -44,7 +44,6 @@ class RemoteClient:
 
     name: bytes
     address: Any = field(compare=False)
-    reserved: ClassVar[bool] = False
 
 
 class NetworkListener:

@@ -26,6 +26,7 @@ from controller.motion.skeleton import Skeleton
 from controller.wire.command_socket import CommandServer
 from controller.wire.leader_link import LeaderLink
 from controller.wire.messages.deck_snapshot import SnapshotSource
+from controller.wire.stop_door import StopDoor
 from motiondeck.run.beside.child_process import Children, PageProcess, child_process, kept_tty, page_process
 from motiondeck.run.report import RunNews
 from motiondeck.run.robots.robot_on_deck import RobotOnDeck, channels_of
@@ -114,6 +115,8 @@ def _assemble(opening: ExitStack, stop: StopRequest, spec: RunSpec, played: Play
     wired = _wired_stop(opening, spec)
     servers = _servers(opening, spec)
     port = servers[-1].port
+    door = StopDoor(port)
+    opening.callback(door.close)
     page = host.page
     if page is None and spec.page_port is not None:
         page = opening.enter_context(page_process(spec.page_port, spec.command_port))
@@ -183,6 +186,7 @@ def _assemble(opening: ExitStack, stop: StopRequest, spec: RunSpec, played: Play
         children=children,
         command_port=port,
         page_port=page.port if page is not None else None,
+        door=door,
         page=shown,
         recorder=recorder,
         watch=watch,

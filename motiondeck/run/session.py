@@ -22,6 +22,7 @@ from controller.loop.stop_state import StopState
 from controller.motion.rotations import Array
 from controller.wire.messages.deck_snapshot import SnapshotSource, TickHealth
 from controller.wire.messages.replies import Refused
+from controller.wire.stop_door import StopDoor
 from motiondeck.run.beside.child_process import Children
 from motiondeck.run.progress_line import progress_line
 from motiondeck.run.report import RunNews, run_report
@@ -89,7 +90,7 @@ class Session:
         source: the name of what is played.
         measured: returns the measured joint positions of the first robot, rad, as far as they are known.
         page_port: where the page is; None for no page.
-        page, recorder, watch, wired_stop: None for what the run does not have.
+        door, page, recorder, watch, wired_stop: None for what the run does not have.
         timeline: what is still to be commanded, in order.
         progress, prompt: whether a terminal shows how the run goes, and whether it has a prompt.
     """
@@ -109,6 +110,7 @@ class Session:
     children: Children
     command_port: int
     page_port: int | None = None
+    door: StopDoor | None = None
     page: Page | None = None
     recorder: TickRecorder | None = None
     watch: Watch | None = None
@@ -139,6 +141,7 @@ class Session:
                 seconds=spec.seconds if spec.seconds is not None else float("inf"),
                 rest=np.concatenate(rests) if len(rests) == len(self.robots) else None,
                 commands=self._carry_out_commands,
+                stops=self._stops(),
                 publish=self._publish,
                 publish_every=1 if self.recorder or self.watch else self._ticks_a_picture,
                 stop=self.stop,
@@ -169,6 +172,21 @@ class Session:
         counts = {prefix + pair: count for prefix, guard in guards.items() for pair, count in guard.kept_apart.items()}
         return {"kept_apart": counts} if guards else {}
 
+    def _stops(self) -> list[Callable[[StopRequest], None]]:
+        """What passes on the presses of each source of the emergency stop."""
+        door, wired = self.door, self.wired_stop
+        stops = list[Callable[[StopRequest], None]]()
+        if door is not None:
+
+            def poll_door(stop: StopRequest) -> None:
+                for _ in range(door.poll()):
+                    stop.state.press("stop door")
+
+            stops.append(poll_door)
+        if wired is not None:
+            stops.append(lambda stop: wired.poll(stop.state))
+        return stops
+
     def _carry_out_commands(self, stop: StopRequest) -> None:
         """Carries out commands of the sockets, and those of the timeline that are due."""
         while self.timeline and self.timeline[0].at <= self.deck.time:
@@ -181,8 +199,6 @@ class Session:
         for robot in self.robots:
             if robot.rig is not None and robot.rig.parked:
                 stop.ask(f"the rig is lost: {robot.rig.fault}")
-        if self.wired_stop is not None:
-            self.wired_stop.poll(stop.state)
         self.handler(stop)
         self.news.update()
 

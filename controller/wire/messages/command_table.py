@@ -9,9 +9,8 @@ from typing import Any, get_args
 import msgspec
 
 from controller.wire.messages.arguments import CommandError, WeightedMotions, WholeCommand
-from controller.wire.messages.command_row import CommandRow
+from controller.wire.messages.command_row import CommandRow, Natural
 from controller.wire.messages.commands import MOST_BYTES, DeckCommand, Switch
-from motiondeck_base.files import shortened
 from motiondeck_base.near_names import did_you_mean
 
 _MESSAGES: tuple[type[DeckCommand], ...] = get_args(DeckCommand)
@@ -55,6 +54,21 @@ def read_command(data: bytes) -> DeckCommand:
         raise CommandError(f"this is not a command ({error}). Commands: {usages()}.") from error
 
 
+class _Numbered(msgspec.Struct):
+    id: Natural = 0
+
+
+_numbered = msgspec.json.Decoder(_Numbered)
+
+
+def number_in(data: bytes) -> int:
+    """The number of a command that cannot be read otherwise, or 0."""
+    try:
+        return _numbered.decode(data).id
+    except (msgspec.MsgspecError, UnicodeDecodeError, RecursionError):
+        return 0
+
+
 def parse_command(words: Sequence[str]) -> DeckCommand:
     """The message of typed words: a command and its arguments, or a motion's name alone, which switches to it.
 
@@ -74,9 +88,7 @@ def parse_command(words: Sequence[str]) -> DeckCommand:
     if len(words) == 1:
         return checked(Switch(words[0]))
     hint = did_you_mean(words[0], BY_WORD) if words else ""
-    raise CommandError(
-        f"'{shortened(' '.join(words))}' is not a command.{hint} `motiondeck send help` lists the commands."
-    )
+    raise CommandError(f"'{' '.join(words)}' is not a command.{hint} `motiondeck send help` lists the commands.")
 
 
 def _values(row: CommandRow, words: Sequence[str]) -> dict[str, Any]:

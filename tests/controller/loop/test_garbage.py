@@ -40,7 +40,7 @@ def test_a_loop_that_plays_on_holds_no_more_memory_than_before(playing):
 
     envelope = SafetyEnvelope(robot.limits, clock.period)
     report = run(deck, [Channel(output)], clock, envelope, seconds=len(blocks) * LOOK_EVERY / RATE, publish=look)
-    assert report.faults == {"deck": 0, "commands": 0, "telemetry": 0}
+    assert report.faults == {"deck": 0, "commands": 0, "stops": 0, "telemetry": 0}
     # Caches fill up in the beginning; what leaks does so between any two looks.
     assert blocks.all()
     assert np.diff(blocks[1:]).min() <= 0

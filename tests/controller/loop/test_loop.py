@@ -116,7 +116,7 @@ def test_a_long_run_with_every_fault_at_once_counts_them_and_goes_on():
         WavingDeck(failing, spoilt), Channel(broken), Channel(shaky), Channel(healthy), seconds=(ticks - 1) / RATE
     )
     assert report.ticks >= ticks - 1
-    assert report.faults == {"deck": len(failing), "commands": 0, "telemetry": 0}
+    assert report.faults == {"deck": len(failing), "commands": 0, "stops": 0, "telemetry": 0}
     by_name = {output["name"]: output for output in report.outputs}
     assert (by_name["broken"]["faults"], by_name["broken"]["parked"]) == (3, True)
     assert by_name["broken"]["fault"] == "OSError: the cable is loose"
@@ -255,6 +255,45 @@ def test_commands_that_keep_failing_end_the_run_with_the_joints_at_rest():
     assert report.ticks < 1000
     assert_calm(output.written)
     assert np.allclose(output.written[-1], output.written[-2], atol=1e-9)
+
+
+@pytest.mark.parametrize("pressed", [5, 40])  # 20 failures end the run
+def test_an_emergency_stop_is_taken_while_commands_keep_failing_and_on_the_way_to_rest(pressed):
+    """The sources of the stop are asked apart from commands, until the joints are at rest."""
+    output, ticks = Recording(), []
+
+    def commands(stop):
+        raise OSError("stderr is gone")
+
+    def door(stop):
+        ticks.append(len(output.written))
+        if len(ticks) == pressed:
+            stop.state.press("stop door")
+
+    report = play(WavingDeck(), Channel(output), commands=commands, stops=[door], rest=np.full(JOINTS, 1.5))
+    assert report.reason == "commands keep failing: OSError: stderr is gone"
+    assert_calm(output.written)
+    assert np.allclose(output.written[-1], output.written[-2], atol=1e-9)
+    assert not np.allclose(output.written[-1], 1.5, atol=0.1)  # not the rest pose
+
+
+def test_a_source_of_the_stop_that_keeps_failing_ends_the_run_and_the_others_are_asked_until_rest():
+    output, asked, at_end = Recording(), [], []
+
+    def broken(stop):
+        if len(output.written) > 300:
+            raise OSError("the door is off its hinges")
+
+    def door(stop):
+        asked.append(len(output.written))
+        if stop and not at_end:
+            at_end.append(len(output.written))
+
+    report = play(WavingDeck(), Channel(output), stops=[broken, door], rest=np.zeros(JOINTS), seconds=1e4)
+    assert report.reason == "an emergency stop cannot be taken: OSError: the door is off its hinges"
+    assert report.faults["stops"] == 20
+    assert_calm(output.written)
+    assert asked[-1] == len(output.written) > at_end[0] + 20
 
 
 def test_telemetry_is_shown_every_so_many_ticks_and_given_up_when_it_keeps_failing():

@@ -535,7 +535,7 @@ def test_a_flood_does_not_cost_the_loop_a_tick(stage):
             stage.desk(stop)
 
         report = run(stage.deck, [], clock, SafetyEnvelope(limits, clock.period), seconds=1.0, commands=commands)
-    assert (report.ticks, report.faults) == (200, {"deck": 0, "commands": 0, "telemetry": 0})
+    assert (report.ticks, report.faults) == (200, {"deck": 0, "commands": 0, "stops": 0, "telemetry": 0})
     assert stage.server.traffic.malformed > 1000
 
 

@@ -2,16 +2,21 @@
 
 import os
 import socket
+import struct
 import subprocess
 import sys
+import threading
 import time
 from contextlib import ExitStack, closing
+from types import SimpleNamespace
 
 import pytest
 
+from controller.wire import local_transport
 from controller.wire.command_socket import CommandClient, CommandServer, SocketError
-from controller.wire.local_transport import MOST_CLIENTS, RESERVED, command_folder
+from controller.wire.local_transport import MOST_CLIENTS, DeckFullError, command_folder
 from controller.wire.messages.commands import EmergencyStop, GetStatus, Pause
+from controller.wire.stop_door import StopDoor
 
 
 @pytest.fixture
@@ -29,10 +34,13 @@ def test_sockets_are_in_a_folder_of_the_users_own_and_gone_afterwards(folder):
     assert [file.name for file in folder.iterdir()] == ["lock"]
 
 
-def test_a_folder_that_others_may_enter_is_refused(folder):
-    folder.mkdir(mode=0o755)
+@pytest.mark.parametrize("mode", [0o755, 0o770, 0o750, 0o710, 0o701])
+@pytest.mark.parametrize("opened", [CommandServer, StopDoor])
+def test_a_folder_that_others_may_enter_is_refused(folder, opened, mode):
+    folder.mkdir()
+    folder.chmod(mode)
     with pytest.raises(SocketError, match="chmod 700"):
-        CommandServer(0)
+        opened(47810)
 
 
 def test_a_folder_behind_a_link_is_refused(folder, tmp_path):
@@ -58,6 +66,39 @@ for act in ("connect", "bind"):
 """
         done = subprocess.run([sys.executable, "-c", attempt], capture_output=True, text=True, check=True)
         assert done.stdout.split() == ["refused", "refused"]
+
+
+@pytest.fixture
+def peers(monkeypatch):
+    """The users, as the system tells them, of the programs that connect; None for who they really are."""
+    told = SimpleNamespace(user=None)
+
+    class Peer(socket.socket):
+        def getsockopt(self, level, name, length=0):
+            if told.user is None or (level, name) != (socket.SOL_SOCKET, socket.SO_PEERCRED):
+                return super().getsockopt(level, name, length)
+            return struct.pack("3i", os.getpid(), told.user, os.getgid())
+
+        def accept(self):
+            number, address = self._accept()
+            return Peer(fileno=number), address
+
+    monkeypatch.setattr(local_transport.socket, "socket", Peer)
+    return told
+
+
+@pytest.mark.parametrize(("user", "taken"), [(os.geteuid(), True), (0, True), (65534, False)])
+def test_commands_and_stops_are_taken_from_this_user_and_root_alone(folder, peers, user, taken):
+    """The folder keeps others out; who is in nevertheless, by a descriptor that was passed on, is asked too."""
+    with (
+        closing(CommandServer(0)) as server,
+        closing(StopDoor(server.port)) as door,
+        closing(CommandClient(server.port)) as client,
+    ):
+        peers.user = user
+        client.post(Pause())
+        client.post(EmergencyStop())
+        assert (len(list(server.poll())), door.poll()) == (taken, taken)
 
 
 def test_what_a_killed_deck_has_left_is_taken_over(folder):
@@ -129,80 +170,53 @@ def full(folder):
 
 
 def test_a_full_deck_says_that_it_is_full(full):
-    _, connect = full
+    server, connect = full
     (late,) = connect(1)
-    assert "the deck is full" in late.receive(1.0).reason
+    for _ in range(2):
+        with pytest.raises(DeckFullError, match="the deck is full"):
+            late.receive(1.0)
+    late.post(GetStatus())
+    assert list(server.poll()) == []
+    with pytest.raises(DeckFullError, match="the deck is full"):
+        late.receive(1.0)
 
 
-@pytest.mark.parametrize("idle", [0, RESERVED, 300])
-def test_an_emergency_stop_finds_a_place_in_a_full_deck(full, idle):
+def test_a_full_deck_says_so_to_a_program_that_sends_after_it_was_turned_away(full):
     server, connect = full
-    connect(idle)
-    with closing(CommandClient(server.port)) as client:
-        number = client.post(EmergencyStop())
-        assert [message for message, _ in server.poll()] == [EmergencyStop(id=number)]
+    (late,) = connect(1)
+    polling = threading.Event()
+
+    def serve():
+        while not polling.wait(0.001):
+            list(server.poll())
+
+    thread = threading.Thread(target=serve)
+    thread.start()
+    try:
+        for _ in range(50):
+            with pytest.raises(DeckFullError, match="the deck is full"):
+                late.request(GetStatus())
+    finally:
+        polling.set()
+        thread.join()
 
 
-def test_a_program_that_had_to_leave_its_reserved_place_reads_why(full):
+def test_programs_that_are_connected_to_a_full_deck_are_served(full):
     server, connect = full
-    first, *_ = connect(RESERVED + 1)
-    assert "the deck is full" in first.receive(1.0).reason  # the reply to its command
-    assert "the deck is full" in first.receive(1.0).reason
-    number = first.post(GetStatus())
-    list(server.poll())
-    reply = first.receive(1.0)
-    assert "the deck is full" in reply.reason
-    assert reply.id == number
-
-
-@pytest.mark.parametrize("idle", [0, RESERVED])
-def test_an_emergency_stop_is_taken_from_who_hangs_up_at_once(full, idle):
-    server, connect = full
-    connect(idle)
-    with closing(CommandClient(server.port)) as client:
-        number = client.post(EmergencyStop())
-    with closing(CommandClient(server.port)) as late:
-        late.post(GetStatus())
-        assert [message for message, _ in server.poll()] == [EmergencyStop(id=number)]
-
-
-def test_an_emergency_stop_behind_other_commands_is_not_lost_with_a_reserved_place(full):
-    server, connect = full
-    first, *_ = connect(RESERVED)
-    for _ in range(3):
-        first.post(Pause())
-    number = first.post(EmergencyStop())
-    with closing(CommandClient(server.port)) as late:
-        late.post(GetStatus())
-        assert [message for message, _ in server.poll()] == [EmergencyStop(id=number)]
-
-
-def test_who_had_to_leave_a_reserved_place_is_still_heard_with_an_emergency_stop(full):
-    server, connect = full
-    first, *_ = connect(RESERVED + 1)
-    number = first.post(EmergencyStop())
+    connect(300)
+    number = connect.there[-1].post(EmergencyStop())  # there is no door here
     assert [message for message, _ in server.poll()] == [EmergencyStop(id=number)]
-
-
-def test_who_is_in_a_reserved_place_moves_up_when_another_leaves(full):
-    server, connect = full
-    late, later = connect(2)
-    for each in (late, later):
-        assert "the deck is full" in each.receive(1.0).reason
-    connect.there[0].close()
-    list(server.poll())
-    numbers = [each.post(GetStatus()) for each in (late, later)]
-    assert [message for message, _ in server.poll()] == [GetStatus(id=numbers[0])]
-    assert "the deck is full" in later.receive(1.0).reason
 
 
 def test_a_place_that_is_left_is_taken_by_the_next(full):
     server, connect = full
-    (late,) = connect(1)
-    late.close()
+    connect.there[0].close()
     list(server.poll())
-    (again,) = connect(1)
-    assert "the deck is full" in again.receive(1.0).reason
+    late, later = connect(2)
+    number = late.post(GetStatus())
+    assert [message for message, _ in server.poll()] == [GetStatus(id=number)]
+    with pytest.raises(DeckFullError):
+        later.receive(1.0)
 
 
 def post_many(clients):

@@ -2,6 +2,7 @@
 
 import os
 import signal
+from contextlib import closing
 
 import pytest
 
@@ -10,7 +11,9 @@ from controller.deck.deck import Deck
 from controller.library.motion_library import load_library
 from controller.loop.clock import VirtualClock
 from controller.loop.stop_requests import SIGNALS
-from controller.wire.messages.commands import ServoTorque
+from controller.wire.command_socket import CommandClient
+from controller.wire.messages.commands import EmergencyStop, ServoTorque, Subscribe
+from controller.wire.messages.events import Event
 from controller.wire.messages.replies import Accepted
 from motiondeck.run.assembly import Host, Played, open_session
 from motiondeck.run.robots.robot_on_deck import open_robots
@@ -29,6 +32,46 @@ def session(library, deck, robots=1, **changes):
     spec = RunSpec(physics=False, follow=follow, rate=100.0, **{"seconds": 0.5} | changes)
     played = Played(library, lambda opening: open_robots(opening, spec, library), deck)
     return open_session(spec, played, Host(clock=VirtualClock(100.0)))
+
+
+def test_an_emergency_stop_at_the_door_stops_pauses_and_is_told_to_subscribers(library):
+    with (
+        session(library, lambda retarget: Deck(library, retarget, "march")) as run,
+        closing(CommandClient(run.command_port)) as client,
+    ):
+        client.post(Subscribe())
+        number = client.post(EmergencyStop())
+        run.run()
+        replies = [client.receive(0.0) for _ in range(5)]
+        assert replies[0] == Accepted(number)  # from the door
+        kinds = [(reply.kind, reply.text) for reply in replies if isinstance(reply, Event)]
+        assert kinds[:2] == [("mode", "emergency stop"), ("paused", "paused")]
+        assert run.stop.mode == "emergency stop"
+        assert run.deck.paused
+
+
+def test_commands_that_raise_do_not_keep_the_door_from_working(library):
+    with (
+        session(library, lambda retarget: Deck(library, retarget, "march")) as run,
+        closing(CommandClient(run.command_port)) as client,
+    ):
+        ticks = []
+
+        class Broken:
+            def __call__(self, stop):
+                ticks.append(stop.mode)
+                if len(ticks) == 10:
+                    client.post(EmergencyStop())
+                raise OSError("stderr is gone")
+
+            def notify(self, *_):
+                pass
+
+        run.handler = Broken()
+        report = run.run()
+        assert ticks == ["playing"] * 10 + ["emergency stop"] * 10
+        assert report["reason"] == "commands keep failing: OSError: stderr is gone"
+        assert isinstance(client.receive(0.0), Accepted)
 
 
 def test_a_second_robot_mirrors_the_first(library):

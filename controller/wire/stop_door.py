@@ -1,0 +1,127 @@
+"""The stop door: a local socket of a deck at which an emergency stop is taken, and nothing else.
+
+It has places of its own, apart from those for commands. When all are taken, the longest idle holder makes room, after
+all that it has sent is read; so no number of clients keeps an emergency stop out. Whoever comes is of this user, and
+proves no more. The module imports no numpy: the small process that guards a rig has the door too.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import select
+import socket
+from collections import deque
+from dataclasses import dataclass, field
+
+import msgspec
+
+from controller.wire.local_transport import STOP_DOOR, LocalSocket, read_datagram, send_datagram
+from controller.wire.messages.command_table import number_in
+from controller.wire.messages.commands import MOST_BYTES, EmergencyStop, encode
+from controller.wire.messages.replies import Accepted, Refused
+
+PLACES = 16
+_BACKLOG = 64
+_WORK = 128  # datagrams in one poll, besides those of programs that have to leave
+_REMEMBERED = 16  # presses of one connection
+_REFUSAL = "only an emergency stop is taken here; give commands at the deck's command socket"
+
+_press = msgspec.json.Decoder(EmergencyStop)
+
+
+@dataclass(eq=False)
+class _Holder:
+    """A program that is connected, and the numbers of its latest presses."""
+
+    connection: socket.socket
+    presses: deque[int] = field(default_factory=lambda: deque(maxlen=_REMEMBERED))
+
+
+class StopDoor:
+    """Takes emergency stops; never blocks, and never raises once it is open."""
+
+    def __init__(self, port: int) -> None:
+        """Opens the door of the deck with that command port.
+
+        Raises:
+            SocketError: if another deck has it, or the folder of the sockets is not this user's alone.
+        """
+        self._socket = LocalSocket(port, STOP_DOOR, _BACKLOG)
+        self._holders: dict[int, _Holder] = {}  # the longest idle first
+        self._ready = select.epoll()
+        self._ready.register(self._socket, select.EPOLLIN)
+
+    def poll(self) -> int:
+        """Answers what has arrived; the number of new presses.
+
+        A stop that is sent again, with its number on its connection, counts once; one without a number always counts.
+        """
+        presses, work, admitted = 0, _WORK, 0
+        while work > 0 and (found := self._ready.poll(0)):
+            work -= len(found)
+            for number, _ in found:
+                if number == self._socket.fileno():
+                    # With more a program would have to leave before it has had a chance to send.
+                    while admitted < PLACES and (connection := self._socket.accept()) is not None:
+                        admitted += 1
+                        presses += self._admit(connection)
+                elif number in self._holders:  # else it had to make room
+                    presses += self._read(number)
+        return presses
+
+    def fileno(self) -> int:
+        """Readable when there is something to poll."""
+        return self._ready.fileno()
+
+    def close(self) -> None:
+        """Ends all connections and removes the socket; may be called twice."""
+        if self._ready.closed:
+            return
+        self._ready.close()
+        for holder in self._holders.values():
+            holder.connection.close()
+        self._holders.clear()
+        self._socket.close()
+
+    def _admit(self, connection: socket.socket) -> int:
+        """Gives a program a place; the presses of the one that has to leave."""
+        self._holders[connection.fileno()] = _Holder(connection)
+        self._ready.register(connection, select.EPOLLIN)
+        return self._dismiss(next(iter(self._holders))) if len(self._holders) > PLACES else 0
+
+    def _dismiss(self, number: int) -> int:
+        """Ends a connection, after all that it has sent is read: an emergency stop is not lost with it."""
+        holder = self._holders.pop(number)
+        with contextlib.suppress(OSError):
+            holder.connection.shutdown(socket.SHUT_RD)  # what it sends from now on fails, for it to see
+        presses = 0
+        while data := read_datagram(holder.connection, MOST_BYTES + 1):
+            presses += self._answer(holder, data)
+        self._end(holder)
+        return presses
+
+    def _read(self, number: int) -> int:
+        """Answers one datagram of a holder; 1 for a new press. A holder that has gone is dropped."""
+        holder = self._holders.pop(number)
+        data = read_datagram(holder.connection, MOST_BYTES + 1)
+        if data is None:
+            self._end(holder)
+            return 0
+        self._holders[number] = holder  # as the latest that was heard
+        return self._answer(holder, data) if data else 0
+
+    def _end(self, holder: _Holder) -> None:
+        self._ready.unregister(holder.connection)
+        holder.connection.close()
+
+    def _answer(self, holder: _Holder, data: bytes) -> int:
+        try:
+            press = _press.decode(data)
+        except (msgspec.MsgspecError, UnicodeDecodeError, RecursionError):
+            send_datagram(holder.connection, encode(Refused(_REFUSAL, number_in(data))))
+            return 0
+        send_datagram(holder.connection, encode(Accepted(press.id)))
+        if press.id and press.id in holder.presses:
+            return 0
+        holder.presses.append(press.id)
+        return 1
