@@ -18,8 +18,11 @@ from motiondeck.page.learning.learning_process import Learned, LearningStep, Lea
 from motiondeck.page.web.parts import Ask, PageParts
 from motiondeck.page.web.private_page import PrivatePage
 from motiondeck.page.web.stick_figure import curves_svg, figure_svg
+from motiondeck.page.web.upload_limit import limit_uploads
+from motiondeck_base.files import shortened
 
 LONGEST_NAME = 40
+MOST_BYTES = 64 * 2**20  # of a dropped file
 STARTS_AGAIN = "The robot comes to rest, the deck starts again with the new library, and this page comes back."
 NEEDS_SKELETON = "Its skeleton is a separate file: drop the .asf too (both at once will do)."
 
@@ -43,6 +46,7 @@ class LearnPanel:
         parts.add("drop-zone", "drop-zone").show("Drop a recording anywhere on the page: BVH, C3D, AMC with ASF, …")
         upload = gui.add_upload_button("Choose a recording", icon=viser.Icon.UPLOAD, color="gray")
         upload.on_upload(lambda event: self._take(event.target.value))
+        limit_uploads(page, MOST_BYTES, self._refuse)
         self._said = gui.add_html("")
         self._strip = gui.add_html("", visible=False)
         self._part = gui.add_multi_slider(
@@ -72,6 +76,10 @@ class LearnPanel:
             self._say(NEEDS_SKELETON, wrong=True)
             return
         self.look_at(file)
+
+    def _refuse(self, name: str, size: int) -> None:
+        most = f"the page takes at most {MOST_BYTES:,} bytes"
+        self._say(f"{shortened(name)} has {size:,} bytes; {most}. Give it to: motiondeck learn", wrong=True)
 
     def look_at(self, file: Path) -> None:
         """Reads a recording, and offers to learn it."""
@@ -111,7 +119,7 @@ class LearnPanel:
                 self._say(text)
                 self._play.visible = True
             case NotLearned(reason=reason):
-                self._say(reason, wrong=True)
+                self._say(reason.replace(f"{self._folder}/", ""), wrong=True)
 
     def _show_recording(self, seen: Seen, seconds: float, moving: tuple[float, float]) -> None:
         self._file = Path(seen.file)

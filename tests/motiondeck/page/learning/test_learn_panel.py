@@ -15,7 +15,7 @@ from controller.motion.formats.writing import bvh_text
 from controller.wire.messages.commands import LoadLibrary, Pause, ServoTorque
 from hardware.rig.supervision.servo_states import ServoStates
 from motiondeck.page.learning.hand_recorder import HandRecorder
-from motiondeck.page.learning.learn_panel import LearnPanel
+from motiondeck.page.learning.learn_panel import MOST_BYTES, LearnPanel
 from motiondeck.page.learning.learning_process import LearnRequest, NotLearned, work
 from motiondeck.page.web.page_state import RigDescription, ServoDescription
 from motiondeck.page.web.parts import PageParts
@@ -76,6 +76,7 @@ def test_a_dropped_recording_is_trimmed_named_learned_and_played(learning):
 
     drop(tab, folder / "broken.bvh")
     tab.locator("#learning").get_by_text("no MOTION section").wait_for()
+    assert tab.locator("#learning").inner_text().startswith("broken.bvh")
     assert not tab.get_by_role("button", name="Learn it").is_visible()
 
     drop(tab, folder / "swing.bvh")
@@ -140,6 +141,20 @@ def test_a_recording_without_its_skeleton_says_what_to_drop(learning):
     (folder / "walk.amc").write_text(":FULLY-SPECIFIED\n")
     drop(tab, folder / "walk.amc")
     tab.get_by_text("drop the .asf too").wait_for()
+
+
+def test_a_recording_that_is_too_large_is_refused_in_one_line_and_not_written(learning):
+    tab, folder = learning.tab, learning.folder
+    (folder / "long.bvh").write_bytes(bytes(MOST_BYTES + 1))
+    tab.locator("input[type=file]").set_input_files(folder / "long.bvh")
+    said = tab.locator("#learning").get_by_text("long.bvh has")
+    said.wait_for()
+    assert said.inner_text() == (
+        "long.bvh has 67,108,865 bytes; the page takes at most 67,108,864 bytes. Give it to: motiondeck learn"
+    )
+    assert not [*(folder / "dropped").glob("long*")]
+    tab.get_by_text("Uploading").wait_for(state="detached")
+    assert tab.get_by_role("button", name="Choose a recording").is_enabled()
 
 
 def test_a_learning_process_that_dies_is_told():
