@@ -28,6 +28,7 @@ from motiondeck_base.errors import MotiondeckError
 from motiondeck_base.socket_owners import owner_of_connection
 
 LOOPBACK = "127.0.0.1"
+_HTTP = 80  # the port that browsers leave out
 
 
 class PagePortError(MotiondeckError):
@@ -102,15 +103,19 @@ def _taken(port: int) -> str:
 def _own_pages_only(port: int) -> Iterator[None]:
     """Makes a server started within refuse websockets that its own page has not opened, and frames around that page.
 
-    A browser lets any page open a websocket to any address, but says truthfully which page it was.
+    A browser lets any page open a websocket to any address, but says truthfully which page it was. And it takes a page
+    for one of a site whose name has been made to lead here (DNS rebinding), but says truthfully which name that was.
     """
     serve = websockets.asyncio.server.serve
-    pages = [f"http://{host}:{port}" for host in (LOOPBACK, "localhost")]
+    hosts = [f"{host}:{port}" if port != _HTTP else host for host in (LOOPBACK, "localhost", "[::1]")]
+    pages = [f"http://{host}" for host in hosts]
 
     def guarded(*arguments: Any, process_request: Callable[[ServerConnection, Request], Any], **more: Any) -> Any:
         def check(connection: ServerConnection, request: Request) -> Any:
             if not _is_same_user(connection):
                 return connection.respond(HTTPStatus.FORBIDDEN, "This page belongs to another user.\n")
+            if [host.lower() for host in request.headers.get_all("Host")] not in [[host] for host in hosts]:
+                return connection.respond(HTTPStatus.MISDIRECTED_REQUEST, f"This page is at {pages[0]} only.\n")
             return process_request(connection, request)
 
         return serve(*arguments, origins=pages, process_request=check, process_response=_forbid_frames, **more)  # pyright: ignore

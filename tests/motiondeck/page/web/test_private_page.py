@@ -16,6 +16,7 @@ import websockets.sync.client
 from benchmarks.deck.page import CAMERA
 from motiondeck.page.web.private_page import PagePortError, PrivatePage
 from waiting import free_port
+from web_pages import coarse
 
 
 def open_socket(port, **more):
@@ -26,6 +27,13 @@ def open_socket(port, **more):
 
 def own_page(port):
     return {"origin": f"http://127.0.0.1:{port}"}
+
+
+@pytest.fixture
+def page():
+    page = PrivatePage(free_port(), "test")
+    yield page
+    page.stop()
 
 
 class Tunnels:
@@ -153,6 +161,40 @@ with socket.create_connection(("127.0.0.1", {port})) as connection:
             assert done.stdout.split() == [status]
     finally:
         page.stop()
+
+
+def answer(port, *headers):
+    """The status of a request with these headers."""
+    with socket.create_connection(("127.0.0.1", port)) as connection:
+        connection.settimeout(20.0)
+        connection.sendall("\r\n".join(["GET / HTTP/1.1", *headers, "", ""]).encode())
+        return int(connection.recv(1000).split()[1])
+
+
+UPGRADE = ("Connection: Upgrade", "Upgrade: websocket", "Sec-WebSocket-Version: 13", f"Sec-WebSocket-Key: {'a' * 22}==")
+
+
+def test_a_name_of_another_site_that_leads_here_gets_neither_the_page_nor_a_websocket(page):
+    port = page.get_port()
+    for own in (f"127.0.0.1:{port}", f"localhost:{port}", f"LOCALHOST:{port}", f"[::1]:{port}"):
+        assert answer(port, f"Host: {own}") == 200
+        assert answer(port, f"Host: {own}", f"Origin: http://127.0.0.1:{port}", *UPGRADE) == 101
+    for other in (f"evil.example:{port}", "evil.example", "127.0.0.1", "127.0.0.1:1", f"127.0.0.1.evil.example:{port}"):
+        assert answer(port, f"Host: {other}") == 421
+        assert answer(port, f"Host: {other}", f"Origin: http://127.0.0.1:{port}", *UPGRADE) == 421
+    assert answer(port) == 421
+    assert answer(port, f"Host: 127.0.0.1:{port}", f"Host: evil.example:{port}") == 421
+
+
+def test_a_rebound_name_shows_nothing_of_the_page_in_a_browser(page, browser):
+    # Chromium takes every name below localhost for this machine, as a rebound name would be.
+    tab = browser.new_page()
+    tab.goto(coarse(page.address))
+    tab.locator("canvas").first.wait_for()
+    reply = tab.goto(f"http://rebound.localhost:{page.get_port()}/")
+    assert reply.status == 421
+    assert "This page is at http://127.0.0.1" in tab.content()
+    tab.close()
 
 
 def test_it_listens_on_loopback_only(monkeypatch):
