@@ -14,6 +14,7 @@ from viser._messages import (
     FileTransferStartUpload,
     RemoveNotificationMessage,
 )
+from viser.infra import ClientId
 
 
 def limit_uploads(page: viser.ViserServer, most: int, refuse: Callable[[str, int], None]) -> None:
@@ -25,7 +26,7 @@ def limit_uploads(page: viser.ViserServer, most: int, refuse: Callable[[str, int
     gui, sockets = page.gui, page._websock_server
     open_uploads = gui._current_file_upload_states
 
-    def start(client: int, message: FileTransferStartUpload) -> None:
+    def start(client: ClientId, message: FileTransferStartUpload) -> None:
         under_way = sum(one["total_bytes"] for one in open_uploads.values())
         if 0 <= message.size_bytes <= most - under_way and message.part_count <= message.size_bytes:
             gui._handle_file_transfer_start(client, message)
@@ -36,7 +37,7 @@ def limit_uploads(page: viser.ViserServer, most: int, refuse: Callable[[str, int
         sockets.queue_message(FileTransferPartAck(source, transfer, size, size))
         sockets.queue_message(RemoveNotificationMessage(f"upload-{transfer}"))
 
-    def take(client: int, message: FileTransferPart) -> None:
+    def take(client: ClientId, message: FileTransferPart) -> None:
         upload = open_uploads.get(message.transfer_uuid)
         if upload is None:
             return
