@@ -142,7 +142,7 @@ def _xl320(model: str, traits: Traits) -> ControlTable:
 
 
 def _set_defaults(table: ControlTable, traits: Traits, **defaults: int) -> None:
-    defaults |= {"model_number": table.number, "temperature_limit": traits.temperature_limit}
+    defaults |= {"model_number": table.number, "temperature_limit": traits.figures[1]}
     for name, value in defaults.items():
         table.registers[name] = replace(table.registers[name], default=value)
 

@@ -2,7 +2,7 @@
 
 The `.model` files of the installed dynamixel-sdk give address and length of each register. Sign, access, memory, range,
 default and unit come from the XM430-W350's manual, whose register names the others share, with the figures of
-`servo_traits` for each model. The tables of `ax_rx_mx` and `p_series` are complete. For the Y series and the
+`x_series` for each model. The tables of `ax_rx_mx` and `p_series` are complete. For the Y series and the
 RH-P12-RN the range is what the bytes can hold.
 """
 
@@ -18,8 +18,9 @@ from hardware.control_table.family import X
 from hardware.control_table.p_series import P_SERIES
 from hardware.control_table.register import Register
 from hardware.control_table.sdk_models import Row, model_file, model_numbers
-from hardware.control_table.servo_traits import TRAITS, Traits
+from hardware.control_table.servo_traits import TRAITS
 from hardware.control_table.table import ControlTable
+from hardware.control_table.x_series import as_in_manual
 from hardware.control_table.xm430_w350 import XM430_W350
 from motiondeck_base.near_names import near_names
 
@@ -82,7 +83,7 @@ def _table(model: str) -> ControlTable:
     make = _register_like_xm430 if traits is not None else _plain_register
     registers = {row.name: make(row, torque, file.rad_per_s) for row in rows}
     if traits is not None:
-        registers = {name: _as_this_model(register, traits) for name, register in registers.items()}
+        registers = {name: as_in_manual(model, register) for name, register in registers.items()}
     registers["model_number"] = replace(registers["model_number"], default=_numbers()[model])
     family = traits.family if traits is not None else X
     return ControlTable(model, _numbers()[model], file.pulses_per_turn, registers, family)
@@ -150,33 +151,3 @@ def _plain_register(row: Row, torque: int, rad_per_s: float) -> Register:
 def _rpm(rad_per_s: float) -> float:
     """The unit of velocity in rev/min, which the maker's files give rounded in rad/s."""
     return round(rad_per_s / _RAD_PER_S, 3)
-
-
-def _as_this_model(register: Register, traits: Traits) -> Register:
-    most = traits.current_limit
-    tenths = round(traits.voltage * 10)
-    match register.name:
-        case "current_limit":
-            return replace(register, maximum=most, default=most, scale=traits.current_unit)
-        case "goal_current" | "present_current":
-            default = most if register.name == "goal_current" else None
-            return replace(register, minimum=-most, maximum=most, default=default, scale=traits.current_unit)
-        case "present_load":
-            return replace(register, signed=True, minimum=-1000, maximum=1000, unit="%", scale=0.1)
-        case "velocity_limit":
-            top = max(register.maximum, 2047) if traits.velocity_limit > 1023 else register.maximum
-            return replace(register, default=traits.velocity_limit, maximum=top)
-        case "goal_velocity" if traits.velocity_limit > 1023:
-            return replace(register, minimum=-2047, maximum=2047)
-        case "temperature_limit":
-            return replace(register, default=traits.temperature_limit)
-        case "position_p_gain":
-            return replace(register, default=traits.position_p)
-        case "max_voltage_limit":
-            return replace(register, minimum=0, maximum=300, default=tenths + (20 if tenths <= 60 else 40))
-        case "min_voltage_limit":
-            return replace(register, minimum=0, maximum=300, default=min(round(tenths * 0.75), 95))
-        case "present_input_voltage":
-            return replace(register, default=tenths)
-        case _:
-            return register

@@ -83,8 +83,7 @@ _GAINS = ("velocity_i_gain", "velocity_p_gain", "position_d_gain", "position_i_g
 
 
 def _table(model: str, traits: Traits) -> ControlTable:
-    number, half_turn, ends, most_acceleration, acceleration, shutdown = traits.figures
-    current, velocity = traits.current_limit, traits.velocity_limit
+    number, current, velocity, half_turn, ends, most_acceleration, acceleration, shutdown = traits.figures
     table = parse_table(model, number, 2 * half_turn, _LAYOUT, traits.family)
 
     def limit(name: str, minimum: int, maximum: int, default: int | None) -> None:

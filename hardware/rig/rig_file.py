@@ -116,6 +116,12 @@ class RigJoint(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
         register = self.table.registers.get("temperature_limit")
         return float(register.default) if register is not None and register.default else 80.0
 
+    def error_for(self, part: float) -> float:
+        """How far from its goal the servo with its gain from the box drives with this part of its voltage, rad."""
+        traits = TRAITS[self.model]
+        gain = traits.stiffness or self.table["position_p_gain"].default or 0
+        return part * traits.family.full_pwm * traits.family.gain_unit / gain / abs(self.pulses_per_radian)
+
     @property
     def pulses_per_radian(self) -> float:
         """Pulses for one rad, negative where the servo turns the other way."""

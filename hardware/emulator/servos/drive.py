@@ -51,6 +51,7 @@ class Motor:
         stall_current: mA.
         voltage: at which these hold, V.
         full_pwm: the PWM count that means full voltage.
+        specified_torque: the stall torque that the maker specifies, N·m; 0 for none.
         lag: time constant with which the speed follows the voltage, s.
         warming: how fast the stall current heats it, K/s.
         cooling: time constant with which it cools, s.
@@ -60,21 +61,23 @@ class Motor:
     stall_current: float
     voltage: float = 12.0
     full_pwm: float = 885.0
+    specified_torque: float = 0.0
     lag: float = _LAG
     warming: float = _WARMING
     cooling: float = _COOLING
 
     @property
     def stall_torque(self) -> float:
-        """Of the horn at full voltage, N·m: an ideal motor's (stall power over no-load speed), less the gears'."""
+        """Of the horn at full voltage, N·m; unless specified, stall power over no-load speed, less the gears' part."""
         power = self.voltage * self.stall_current * 1e-3
-        return _GEARS * power / (self.no_load_speed * 2.0 * math.pi / 60.0)
+        return self.specified_torque or _GEARS * power / (self.no_load_speed * 2.0 * math.pi / 60.0)
 
 
 def motor_of(model: str) -> Motor:
     """The motor of a model that can be a joint of a rig; the motor is in no control table."""
     traits = TRAITS[model]
-    return Motor(traits.no_load_speed, traits.stall_current * 1e3, traits.voltage, traits.family.full_pwm)
+    stall, volts, full = traits.stall_current * 1e3, traits.voltage, traits.family.full_pwm
+    return Motor(traits.no_load_speed, stall, volts, full, traits.stall_torque)
 
 
 class MotorDrive:
@@ -168,6 +171,7 @@ class MotorDrive:
         limited = self._current_based if self._current_based.any() else None
         change = self.acceleration * dt
         twice_slower = 2.0 / self.acceleration
+        most_sum = full / np.maximum(self.i_gain, 1.0)  # which asks for full voltage, or less
         drive = self.pwm
         for _ in range(steps):
             left = target - self.path
@@ -182,7 +186,7 @@ class MotorDrive:
             error = self.path - self.shaft
             drive = self.p_gain * error
             if self._extra_gains:
-                self._sum = _within(self._sum + error * dt, -full, full) * on
+                self._sum = _within(self._sum + error * dt, -most_sum, most_sum) * on
                 drive += self.i_gain * self._sum
                 drive += self.d_gain * (self.path_speed - self.speed) + self.ff_gain * self.path_speed
             if not self._all_positional:

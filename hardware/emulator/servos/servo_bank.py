@@ -105,7 +105,7 @@ class ServoBank:
 
     def _at_first(self, register: Register) -> int:
         """The factory value of a register; 0 where it is unknown, but a motor needs a gain."""
-        unknown = self._traits.position_p if register.name == "position_p_gain" else 0
+        unknown = self._traits.stiffness if register.name == "position_p_gain" else 0
         return unknown if register.default is None else register.default
 
     def restore_control(self, row: int) -> None:

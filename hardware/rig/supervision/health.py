@@ -250,4 +250,4 @@ class Health:
 
 def _far(joint: RigJoint) -> float:
     """How far from its goal a servo with its gain from the box drives with half of its voltage, rad."""
-    return float(np.clip(TRAITS[joint.model].error_for(0.5) / abs(joint.pulses_per_radian), 0.05, 0.5))
+    return float(np.clip(joint.error_for(0.5), 0.05, 0.5))

@@ -185,6 +185,4 @@ def _allowed(joint: RigJoint) -> float:
 
 def _reach(joint: RigJoint) -> float:
     """How far from its goal a servo with its default gain draws the gentle current, rad."""
-    traits = TRAITS[joint.model]
-    part = _GENTLE * _allowed(joint) / traits.stall_current
-    return traits.error_for(part) / abs(joint.pulses_per_radian)
+    return joint.error_for(_GENTLE * _allowed(joint) / TRAITS[joint.model].stall_current)

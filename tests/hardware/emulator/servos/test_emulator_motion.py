@@ -148,3 +148,14 @@ def test_the_same_words_at_the_same_times_give_the_same_motion(rig_of_four):
         put(bus, "goal_position", 3210)
         ways.append(journey(port, "present_position", 0.5).tolist())
     assert ways[0] == ways[1]
+
+
+def test_an_integral_gain_asks_for_no_more_than_full_voltage(port, bus, servo):
+    """Held up for long, and free again, the horn is not driven beyond its goal for as long as it was held up."""
+    put(bus, "position_i_gain", 400)
+    put(bus, "goal_pwm", 400)  # so that it does not report an overload
+    servo.bank.drive.jammed[0] = True
+    put(bus, "goal_position", 2148)
+    journey(port, "present_position", 20.0)
+    servo.bank.drive.jammed[0] = False
+    assert journey(port, "present_position", 1.0).max() < 2400
