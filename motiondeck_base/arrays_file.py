@@ -16,7 +16,7 @@ from safetensors import SafetensorError, safe_open
 from safetensors.numpy import save
 
 from motiondeck_base.errors import FileFormatError
-from motiondeck_base.files import write_file
+from motiondeck_base.files import shortened, write_file
 from motiondeck_base.mistaken_files import what_it_is
 from motiondeck_base.printable import printable
 
@@ -83,7 +83,7 @@ def read_arrays(path: Path, kind: Kind) -> tuple[object, StoredArrays]:
     version = header.get("version") if isinstance(header, dict) else None
     if version not in (kind.version, *kind.older):
         raise FileFormatError(
-            f"{path}: format version {version!r}; this Motiondeck reads version {kind.version}. "
+            f"{path}: format version {shortened(repr(version))}; this Motiondeck reads version {kind.version}. "
             f"Make it again with {kind.made_by}."
         )
     return header, StoredArrays(path, arrays)

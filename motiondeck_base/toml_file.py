@@ -12,10 +12,12 @@ from typing import Any, Literal, TypeVar, Union, get_args, get_origin
 import msgspec
 
 from motiondeck_base.errors import FileFormatError
+from motiondeck_base.file_numbers import LARGEST, SMALLEST, impossible_numbers, key_path
 from motiondeck_base.file_words import in_file_words
 from motiondeck_base.near_names import near_names
 
 T = TypeVar("T")
+_ENDLESS = re.compile(r"[\d_]{4301}")
 
 
 def read_toml(path: Path, shape: type[T]) -> T:
@@ -24,6 +26,15 @@ def read_toml(path: Path, shape: type[T]) -> T:
     Raises:
         FileFormatError: one line per problem, with the file, the place, and the allowed keys or the expected type.
     """
+    return shaped(parse_toml(path)[1], shape, str(path), SMALLEST)
+
+
+def parse_toml(path: Path) -> tuple[str, dict[str, Any]]:
+    """The text of a TOML file, and its contents as plain values.
+
+    Raises:
+        FileFormatError: one line that names the file and what is wrong with it.
+    """
     try:
         text = path.read_text(encoding="utf-8-sig")
     except OSError as error:
@@ -31,18 +42,27 @@ def read_toml(path: Path, shape: type[T]) -> T:
     except UnicodeDecodeError:
         raise FileFormatError(f"{path}: not a text file in UTF-8; save it as UTF-8") from None
     try:
-        tree = tomllib.loads(text)
+        return text, tomllib.loads(text)
     except tomllib.TOMLDecodeError as error:
         raise FileFormatError(f"{path}: not valid TOML: {error}") from None
-    return shaped(tree, shape, str(path))
+    except ValueError:  # Python reads no whole number of more than 4300 digits
+        line = next((number for number, line in enumerate(text.splitlines(), 1) if _ENDLESS.search(line)), 1)
+        raise FileFormatError(f"{path} line {line}: the number is too long; numbers go up to {LARGEST:g}") from None
+    except RecursionError:
+        raise FileFormatError(f"{path}: lists or tables stand too deep in each other; take brackets away") from None
 
 
-def shaped(tree: object, shape: type[T], place: str) -> T:
+def shaped(tree: object, shape: type[T], place: str, smallest: float = 0.0) -> T:
     """A tree of plain values as a msgspec structure; `place` is what errors call the tree.
+
+    Numbers that are not finite, too large, or below `smallest` in size are refused, see `file_numbers`.
 
     Raises:
         FileFormatError: if the tree does not fit; one line per problem.
     """
+    impossible = [f"{key_path(keys)} {problem}" for keys, problem in impossible_numbers(tree, smallest)]
+    if impossible:
+        raise FileFormatError.listing(place, impossible)
     try:
         return msgspec.convert(tree, shape, strict=True)
     except msgspec.ValidationError:

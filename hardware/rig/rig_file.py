@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import codecs
 import math
 import re
 from collections import Counter
@@ -16,8 +15,11 @@ from hardware.control_table.models import MODELS
 from hardware.control_table.servo_traits import TRAITS
 from hardware.control_table.table import ControlTable
 from hardware.errors import RigError, RigFileError
+from motiondeck_base.errors import FileFormatError
+from motiondeck_base.file_numbers import SMALLEST, impossible_numbers
 from motiondeck_base.file_words import in_file_words
 from motiondeck_base.near_names import did_you_mean
+from motiondeck_base.toml_file import parse_toml
 
 _DRIVEN = "the XL-320 and servos of the X, MX, AX, RX, P and PRO(A) series"
 _WATCHDOG_UNIT = 0.02  # s, in which the servos count
@@ -259,17 +261,16 @@ def load_rig(path: str | Path) -> RigConfig:
         RigFileError: if it cannot be read, is not TOML, or has an unknown key or an impossible value.
     """
     try:
-        data = Path(path).read_bytes().removeprefix(codecs.BOM_UTF8)
-    except OSError as error:
-        raise RigFileError(f"cannot read the rig file {path}: {error.strerror}.") from error
+        text, tree = parse_toml(Path(path))
+    except FileFormatError as error:
+        raise RigFileError(str(error)) from None
+    for keys, problem in impossible_numbers(tree, SMALLEST):
+        where = "".join(f"[{key}]" if isinstance(key, int) else f".{key}" for key in keys[:-1])
+        raise RigFileError(_explain(path, text, f"{keys[-1]} {problem} - at `${where}`"))
     try:
-        return msgspec.toml.decode(data, type=RigConfig)
+        return msgspec.convert(tree, RigConfig)
     except msgspec.ValidationError as error:
-        raise RigFileError(_explain(path, data.decode(), str(error))) from error
-    except UnicodeDecodeError:
-        raise RigFileError(f"{path}: not a text file in UTF-8; save it as UTF-8") from None
-    except msgspec.DecodeError as error:
-        raise RigFileError(f"{path} is not a complete TOML file: {error}") from error
+        raise RigFileError(_explain(path, text, str(error))) from error
 
 
 def _explain(path: str | Path, text: str, message: str) -> str:
@@ -296,7 +297,7 @@ def _line(text: str, where: str, key: str, what: str) -> int | None:
     """The line of the mistake: that of the key, of the joint, or of what the message names first or last."""
     joint = re.search(r"joints\[(\d+)\]", where)
     if joint:
-        return _line_of(text, key if not key.startswith("joints[") else "", int(joint[1]) + 1)
+        return _line_of(text, key if not key.startswith("joints[") else what.split(" ", 1)[0], int(joint[1]) + 1)
     named = re.findall(r"joint (\d+) \(", what)
     if named:
         return _line_of(text, "", int(named[-1]))

@@ -9,6 +9,7 @@ from dataclasses import dataclass
 from controller.wire.messages.arguments import CommandError
 from controller.wire.messages.command_table import BY_WORD, parse_command
 from controller.wire.messages.commands import DeckCommand
+from motiondeck_base.files import shortened
 
 _PLACE = re.compile(r"\$([1-9])")
 
@@ -29,12 +30,12 @@ class CommandPattern:
         if self.complete:
             parse_command(words)
         elif words[0] not in BY_WORD:
-            raise CommandError(f"'{self.text}' does not begin with a command, such as: tempo $1")
+            raise CommandError(f"'{shortened(self.text)}' does not begin with a command, such as: tempo $1")
         else:
             command = BY_WORD[words[0]]
             required = sum(not argument.optional for argument in command.arguments)
             if not required <= len(words) - 1 <= len(command.arguments):
-                raise CommandError(f"'{self.text}': give it as: {command.usage}")
+                raise CommandError(f"'{shortened(self.text)}': give it as: {command.usage}")
 
     @property
     def complete(self) -> bool:

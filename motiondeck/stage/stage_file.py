@@ -13,6 +13,7 @@ from controller.wire.messages.arguments import CommandError
 from motiondeck.stage.command_pattern import CommandPattern
 from motiondeck.stage.timecode import Timecode
 from motiondeck_base.errors import FileFormatError
+from motiondeck_base.files import shortened
 from motiondeck_base.toml_file import read_toml
 
 Port = Annotated[int, msgspec.Meta(ge=1, le=65535)]
@@ -87,9 +88,9 @@ def read_stage(path: Path) -> StageMap:
             try:
                 pattern = found[key(name)] = CommandPattern(text)
                 if not pattern.complete and key is not _address:
-                    raise ValueError(f"'{text}': only OSC messages have arguments")
+                    raise ValueError(f"'{shortened(text)}': only OSC messages have arguments")
             except (CommandError, ValueError) as error:
-                problems.append(f"'{name}' in [{place}]: {error}")
+                problems.append(f"'{shortened(name)}' in [{place}]: {error}")
         return found
 
     target = None
@@ -98,7 +99,9 @@ def read_stage(path: Path) -> StageMap:
         if host and port.isdecimal() and 0 < int(port) < 65536:
             target = host, int(port)
         else:
-            problems.append(f"send_to in [osc] is HOST:PORT, such as 127.0.0.1:9001, not '{raw.osc.send_to}'")
+            problems.append(
+                f"send_to in [osc] is HOST:PORT, such as 127.0.0.1:9001, not '{shortened(raw.osc.send_to)}'"
+            )
     osc = OscMap(raw.osc.listen, target, patterns("osc.commands", raw.osc.commands, _address))
     if osc.commands and osc.port is None:
         problems.append("commands in [osc] need a port on which they arrive, such as: listen = 9000")

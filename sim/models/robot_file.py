@@ -98,7 +98,8 @@ class RobotFile(msgspec.Struct, forbid_unknown_fields=True, frozen=True):
     rise: RiseSettings = RiseSettings()
 
 
-_POSITIVE = ("velocity", "acceleration", "jerk", "root_height")
+# The least and the most of them; with lower limits an approach would never end.
+_POSITIVE = {"velocity": (1e-3, 1e9), "acceleration": (1e-3, 1e9), "jerk": (1e-3, 1e12), "root_height": (1e-3, 1e3)}
 
 
 def read_robot_file(path: Path) -> RobotFile:
@@ -113,15 +114,15 @@ def read_robot_file(path: Path) -> RobotFile:
 def _check_numbers(path: Path, robot: RobotFile) -> None:
     for key, rows in (("front", robot.rise.front), ("back", robot.rise.back)):
         for number, row in enumerate(rows, start=1):
-            if not (row[0] > 0.0 and all(abs(value) < float("inf") for value in row)):
+            if not row[0] > 0.0:
                 place = f"{path}: rise.{key}, row {number}: {list(row)}"
                 raise FileFormatError(f"{place}; it must be a time above 0 s and five angles in rad")
     for place, value in _numbers("", robot):
-        positive = place.rpartition(".")[2] in _POSITIVE
-        if not abs(value) < float("inf") or (positive and value <= 0.0):
-            raise FileFormatError(
-                f"{path}: {place} is {value}; it must be a {'positive' if positive else 'finite'} number"
-            )
+        if value <= 0.0 and place.rpartition(".")[2] in _POSITIVE:
+            raise FileFormatError(f"{path}: {place} is {value:g}; it must be a positive number")
+        lowest, highest = _POSITIVE.get(place.rpartition(".")[2], (value, value))
+        if not lowest <= value <= highest:
+            raise FileFormatError(f"{path}: {place} is {value:g}; it lies between {lowest:g} and {highest:g}")
     if robot.rise.back and not robot.rise.front:
         raise FileFormatError(f"{path}: rise.back ends on the belly: it needs rise.front to get up from there")
     if not abs(sum(component**2 for component in robot.root_rotation) - 1.0) < 1e-3:

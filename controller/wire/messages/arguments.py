@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
 from motiondeck_base.errors import MotiondeckError
+from motiondeck_base.files import shortened
 
 LONGEST_NAME = 100
 
@@ -57,13 +57,15 @@ class Number:
     def parse(self, word: str) -> float:
         """The number; raises a CommandError where the word is none."""
         try:
-            return int(word) if self.whole else float(word)
-        except ValueError:
-            raise CommandError(self._range(f"'{word}'")) from None
+            value = int(word) if self.whole else float(word)
+            float(value)
+        except (ValueError, OverflowError):
+            raise CommandError(self._range(f"'{shortened(word)}'")) from None
+        return value
 
     def check(self, value: float) -> None:
         """Raises a CommandError where a number is outside the range or not finite."""
-        if not (math.isfinite(value) and self.lowest <= value <= self.highest):
+        if not self.lowest <= value <= self.highest:
             raise CommandError(self._range(f"{value:g}"))
 
     def _range(self, value: str) -> str:
@@ -80,7 +82,7 @@ class Flag:
     def parse(self, word: str) -> bool:
         """True; raises a CommandError for any other word."""
         if word != self.name:
-            raise CommandError(f"'{word}' is not understood here; leave it out or give: {self.name}")
+            raise CommandError(f"'{shortened(word)}' is not understood here; leave it out or give: {self.name}")
         return True
 
     def check(self, value: bool) -> None:
@@ -102,7 +104,7 @@ class Choice:
     def check(self, value: str) -> None:
         """Raises a CommandError if a word is not one of them."""
         if value not in self.words:
-            raise CommandError(f"{self.name} must be one of {', '.join(self.words)}, not '{value}'")
+            raise CommandError(f"{self.name} must be one of {', '.join(self.words)}, not '{shortened(value)}'")
 
 
 @dataclass(frozen=True)

@@ -11,6 +11,7 @@ import msgspec
 from controller.wire.messages.arguments import CommandError, WeightedMotions, WholeCommand
 from controller.wire.messages.command_row import CommandRow, Natural
 from controller.wire.messages.commands import MOST_BYTES, DeckCommand, Switch
+from motiondeck_base.files import shortened
 from motiondeck_base.near_names import did_you_mean
 
 _MESSAGES: tuple[type[DeckCommand], ...] = get_args(DeckCommand)
@@ -88,7 +89,9 @@ def parse_command(words: Sequence[str]) -> DeckCommand:
     if len(words) == 1:
         return checked(Switch(words[0]))
     hint = did_you_mean(words[0], BY_WORD) if words else ""
-    raise CommandError(f"'{' '.join(words)}' is not a command.{hint} `motiondeck send help` lists the commands.")
+    raise CommandError(
+        f"'{shortened(' '.join(words))}' is not a command.{hint} `motiondeck send help` lists the commands."
+    )
 
 
 def _values(row: CommandRow, words: Sequence[str]) -> dict[str, Any]:

@@ -9,7 +9,6 @@ say = "switch jog"           # a command as typed at the prompt
 
 from __future__ import annotations
 
-import math
 from collections.abc import Iterable
 from dataclasses import dataclass
 from pathlib import Path
@@ -65,7 +64,7 @@ def read_timeline(path: Path, motions: Iterable[str]) -> tuple[str, list[Timed]]
     timeline: list[Timed] = []
     for number, line in enumerate(file.commands, start=1):
         place = f"{path}, command {number}"
-        if not (math.isfinite(line.at) and line.at >= 0.0):
+        if line.at < 0.0:
             raise FileFormatError(f"{place}: at = {line.at} is not a number of seconds from 0 on")
         try:
             message = parse_command(line.say.split())

@@ -81,7 +81,7 @@ def test_a_joint_may_differ_from_the_others(tmp_path):
             FileFormatError,
             "lower must be less than upper",
         ),
-        (GOOD.replace("30.0", "-1.0"), FileFormatError, r"limits\.velocity is -1\.0"),
+        (GOOD.replace("30.0", "-1.0"), FileFormatError, r"limits\.velocity is -1; it must be a positive number"),
         (GOOD.replace("30.0", '"fast"'), FileFormatError, r"robot\.toml: .*limits\.velocity"),
         (GOOD.replace("30.0", "inf"), FileFormatError, r"limits\.velocity is inf"),
         (GOOD.replace('"mannequin"\n[', '"dog"\n['), FileFormatError, r"robot\.toml: .*dog"),

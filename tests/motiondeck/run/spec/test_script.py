@@ -78,7 +78,7 @@ def test_a_timeline_says_what_is_commanded_when(tmp_path):
         ("", "missing key 'motion'"),
         ('motion = "walk"\ntempo = 2', "unknown key 'tempo'"),
         ('motion = "walk"\n[[commands]]\nat = -1.0\nsay = "jog"', "command 1: at = -1.0"),
-        ('motion = "walk"\n[[commands]]\nat = nan\nsay = "jog"', "command 1: at = nan"),
+        ('motion = "walk"\n[[commands]]\nat = nan\nsay = "jog"', "commands.1.at is nan; it must be a finite number"),
         (
             'motion = "walk"\n[[commands]]\nat = 1.0\nsay = "tempo 9"',
             "command 1: tempo: TEMPO must be",
