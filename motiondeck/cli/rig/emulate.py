@@ -39,6 +39,10 @@ def emulate(
         Literal["fixed", "free"] | None,
         typer.Option("--root", help="With --robot: fixed in the air (default), or free to fall."),
     ] = None,
+    record: Annotated[
+        Path | None,
+        typer.Option("--record", metavar="FILE", help="Record where the shafts really are (emulator/shaft_record.py)."),
+    ] = None,
     fresh: Annotated[bool, typer.Option("--fresh", help="Only the first servo, as new: id 1, 57600 baud.")] = False,
 ) -> None:
     """Emulate a rig for any client, without hardware.
@@ -77,8 +81,19 @@ def emulate(
     faults = [parse_fault(text) for text in fault or []]
     servos = counted(len(config.joints), "servo")
     print(f"{servos} at {config.baud} baud; clients of another speed get no answer", file=sys.stderr, flush=True)
+    hands, recorded = _hands(config), None
+    if record is not None:
+        from hardware.emulator.shaft_record import ShaftRecord
+
+        recorded = ShaftRecord(record, config)
+
+    def between(buses: Sequence[EmulatedBus]) -> None:
+        hands(buses)
+        if recorded is not None:
+            recorded(buses)
+
     with ended_by_sigterm():
-        serve(config, lambda port: print(port, flush=True), faults, link=link, plant=plant, between=_hands(config))
+        serve(config, lambda port: print(port, flush=True), faults, link=link, plant=plant, between=between)
 
 
 def _hands(config: RigConfig) -> Callable[[Sequence[EmulatedBus]], None]:
