@@ -22,6 +22,7 @@ from motiondeck_base.near_names import did_you_mean
 from motiondeck_base.toml_file import parse_toml
 
 _DRIVEN = "the XL-320 and servos of the X, MX, AX, RX, P and PRO(A) series"
+_GAINS = ("position_p_gain", "position_i_gain", "position_d_gain")
 _WATCHDOG_UNIT = 0.02  # s, in which the servos count
 _QUOTED = re.compile(r'"(?:\\.|[^"\\\n])*"|\'[^\'\n]*\'')
 BAUD_RATES = (9600, 57600, 115200, 1_000_000, 2_000_000, 3_000_000, 4_000_000)
@@ -42,6 +43,7 @@ class RigJoint(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
         current: its limit, A; 0 for the servo's own.
         gear: turns of the horn for one turn of the joint.
         port: of the serial adapter that its servo is on; the rig's own if empty.
+        position_p_gain, position_i_gain, position_d_gain: counts of these registers; what the servo has if None.
     """
 
     name: str
@@ -56,6 +58,9 @@ class RigJoint(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     current: Annotated[float, msgspec.Meta(ge=0)] = 0.0
     gear: Annotated[float, msgspec.Meta(gt=0)] = 1.0
     port: str = ""
+    position_p_gain: Annotated[int, msgspec.Meta(ge=0)] | None = None
+    position_i_gain: Annotated[int, msgspec.Meta(ge=0)] | None = None
+    position_d_gain: Annotated[int, msgspec.Meta(ge=0)] | None = None
 
     def __post_init__(self) -> None:
         if not (self.name.strip() and self.name.isprintable()):
@@ -81,6 +86,7 @@ class RigJoint(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
         if self.current and self.current > (most := (limit := self.table["current_limit"]).maximum * limit.si):
             raise ValueError(f"current is {self.current:g} A; the most that model '{self.model}' takes is {most:.3g} A")
         self._refuse_too_small_limits()
+        self._refuse_unknown_gains()
         bottom, top = self.table.one_turn
         low, high = sorted((self.pulses(self.lower), self.pulses(self.upper)))
         if not (low >= bottom and high <= top):
@@ -102,6 +108,20 @@ class RigJoint(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
                     f"{key} is {value:g} {unit}; the least that model '{self.model}' can keep is {least:.3g}"
                 )
 
+    def _refuse_unknown_gains(self) -> None:
+        """Raises ValueError for a gain that the model does not have, or does not take."""
+        for name, gain in self.gains.items():
+            if (register := self.table.registers.get(name)) is None:
+                raise ValueError(f"model '{self.model}' has no {name}: leave it out")
+            if gain > register.maximum:
+                raise ValueError(f"{name} is {gain}; the most that model '{self.model}' takes is {register.maximum}")
+
+    @property
+    def gains(self) -> dict[str, int]:
+        """The gains that the rig file asks for, by register."""
+        asked = {name: getattr(self, name) for name in _GAINS}
+        return {name: gain for name, gain in asked.items() if gain is not None}
+
     @property
     def label(self) -> str:
         """Name and ID for a message."""
@@ -114,15 +134,23 @@ class RigJoint(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
 
     @property
     def hottest(self) -> float:
-        """The temperature at which the servo shuts down, degC."""
+        """The temperature at which the servo shuts down as delivered, degC."""
         register = self.table.registers.get("temperature_limit")
         return float(register.default) if register is not None and register.default else 80.0
 
-    def error_for(self, part: float) -> float:
-        """How far from its goal the servo with its gain from the box drives with this part of its voltage, rad."""
-        traits = TRAITS[self.model]
-        gain = traits.stiffness or self.table["position_p_gain"].default or 0
-        return part * traits.family.full_pwm * traits.family.gain_unit / gain / abs(self.pulses_per_radian)
+    def slack(self, position_p_gain: int | None = None) -> float:
+        """How far from its goal the servo drives with its full voltage, rad; infinite without a gain.
+
+        Args:
+            position_p_gain: as the servo keeps it; as delivered if None.
+        """
+        traits, row = TRAITS[self.model], self.table.registers.get("position_p_gain")
+        usual = row.default if row is not None else None
+        stiffness = float(traits.stiffness or usual or 0)
+        if position_p_gain is not None:
+            stiffness *= position_p_gain / (usual or traits.stiffness)
+        full = traits.family.full_pwm * traits.family.gain_unit / abs(self.pulses_per_radian)
+        return full / stiffness if stiffness else math.inf
 
     @property
     def pulses_per_radian(self) -> float:

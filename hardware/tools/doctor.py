@@ -35,6 +35,7 @@ _SILENT = (
     "switch-on"
 )
 _SET_ANYWAY = "set at every switch-on"
+_KEPT = "kept; the rig file may set gains, and a restart of the servo brings back those delivered"
 _FALSIFIES = {"drive_mode", "homing_offset", "multi_turn_offset", "resolution_divider"}  # the position a servo reports
 _THE_RIGS_OWN = ("min_position_limit", "max_position_limit", "current_limit")  # of which no servo knows beforehand
 
@@ -120,11 +121,12 @@ def examine(config: RigConfig, bus: Bus) -> Report:
             problems.append(str(error))
             continue
         problems += _complaints(servo, joint, name, {one.register for one in differences})
-        problems += [f"{one}: --fix sets it" for one in differences if one.when != "switch-on"]
+        problems += [f"{one}: --fix sets it" for one in differences if one.when in ("refused", "advised")]
         if _turns_endlessly(joint, differences):
             notes.append(f"{name} is set to turn without an end, its position limits are equal: {_SET_ANYWAY}")
         at_switch_on = [one for one in differences if one.when == "switch-on" and one.register not in _THE_RIGS_OWN]
         notes += [f"{one}: {_SET_ANYWAY}" for one in at_switch_on]
+        notes += [f"{one}: {_KEPT}" for one in differences if one.when == "kept"]
     latency = latency_timer(bus.port.name)
     if latency is not None and latency > 1:
         problems.append(
@@ -195,17 +197,21 @@ def fix_settings(config: RigConfig, bus: Bus) -> Fixed:
             raise_answer_level(one, bus)
             if level != _answer_level(joint, bus) == ANSWER_EVERYTHING:
                 done.append(f"{joint.label}: status_return_level was {level} and is {ANSWER_EVERYTHING}")
-            differences = audit(one, bus)
+            differences = _to_set(one, bus)
             if differences and read_register(joint, bus, "torque_enable"):
                 refused.append(f"{joint.label} has its torque on: motiondeck rig stop takes it off")
                 continue
             limits = [difference for difference in differences if difference.when != "switch-on"]
             done.extend(_settle_each(limits, one, bus))
             # Goal PWM and torque limit follow their limits.
-            done.extend(_settle_each(audit(one, bus) if limits else differences, one, bus))
+            done.extend(_settle_each(_to_set(one, bus) if limits else differences, one, bus))
         except ServoError as error:
             refused.append(f"{joint.name}: {error}")
     return Fixed(done, refused)
+
+
+def _to_set(config: RigConfig, bus: Bus) -> list[Difference]:
+    return [one for one in audit(config, bus) if one.when != "kept"]
 
 
 def _answer_level(joint: RigJoint, bus: Bus) -> int:

@@ -64,6 +64,7 @@ class Measurements:
         torque: whether torque is on, shape (J,).
         read_at: when each joint's position was last read, shape (J,), s.
         missed_in_a_row: replies that each joint has missed since its last one, shape (J,).
+        hottest, slack: each servo's own, from when it was switched on (see `OwnSettings`), shape (J,), degC, rad.
     """
 
     def __init__(self, count: int) -> None:
@@ -72,6 +73,7 @@ class Measurements:
         self.errors = np.zeros(count, dtype=np.int64)
         self.torque = np.ones(count, dtype=np.bool_)
         self.read_at = np.zeros(count)
+        self.hottest, self.slack = np.full(count, np.nan), np.full(count, np.nan)
         self.missed_in_a_row = np.zeros(count, dtype=np.int64)
 
 

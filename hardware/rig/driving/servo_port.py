@@ -34,6 +34,7 @@ from hardware.rig.registers import return_delays, same_place, sync_write_all
 from hardware.rig.rig_file import RigConfig
 from hardware.rig.scale import Array, RigScale
 from hardware.rig.switching.identities import knows_fast_reads
+from hardware.rig.switching.own_settings import OwnSettings, read_own_settings
 from hardware.rig.switching.torque import hold_each, speed_counts, switch_off, switch_on
 
 _ARM_AGAIN = 1.0  # s
@@ -87,6 +88,7 @@ class ServoPort:
             held = switch_on(part, bus)
             self._fast = knows_fast_reads(part, bus)
             blocks = arrange_state(part, bus)
+            own = read_own_settings(part, bus)
             refuse_slow_wire(part, blocks, self._fast, return_delays(part, bus))
         except MotiondeckError as error:
             raise with_torque(error, self.close()) from error
@@ -95,7 +97,7 @@ class ServoPort:
             raise
         self._switched_on = True
         self.readings = Readings(config, self.joints.tolist(), RigScale(config), measured, faults)
-        self.readings.start(self.joints.tolist(), held, blocks, bus.port.now())
+        self.attach(bus, self.joints.tolist(), held, blocks, own, bus.port.now())
 
     @property
     def stopped(self) -> bool:
@@ -141,9 +143,18 @@ class ServoPort:
         reply = self.bus.collect() or self.bus.collect_early()
         return reply is not None and self.readings.take(reply, now)
 
-    def attach(self, bus: Bus, joints: Sequence[int], held: Array, blocks: Sequence[StateBlock], now: float) -> None:
+    def attach(
+        self,
+        bus: Bus,
+        joints: Sequence[int],
+        held: Array,
+        blocks: Sequence[StateBlock],
+        own: OwnSettings,
+        now: float,
+    ) -> None:
         """Goes on over this bus, where these joints hold at these angles, rad; see `Readings.start`."""
         self.bus = bus
+        self.readings.measured.hottest[joints], self.readings.measured.slack[joints] = own
         self.readings.start(joints, held, blocks, now)
         self._stopped = self._armed = self.gone = False
 

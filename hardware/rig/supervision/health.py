@@ -24,7 +24,7 @@ from numpy.typing import NDArray
 from hardware.control_table.meanings import describe_errors
 from hardware.control_table.servo_traits import TRAITS
 from hardware.rig.driving.readings import Measurements
-from hardware.rig.rig_file import RigConfig, RigJoint
+from hardware.rig.rig_file import RigConfig
 from hardware.rig.scale import Array
 from hardware.rig.supervision.servo_states import CONDITIONS
 
@@ -37,9 +37,11 @@ EASED_FROM = 12.0
 _MISSED_AFTER = 0.5  # s of silence until it is an incident
 _IDLE_AFTER = 0.5  # s
 _MOVED = 0.02  # rad
+_FAR = 0.5  # of the slack: a servo so far from its goal drives with half of its voltage
+_NEAREST_FAR, _FARTHEST_FAR = 0.05, 0.5  # rad
 _IDLE_CURRENT = 0.2  # of the stall current: a motor that drives towards a goal so far off draws more
 _SERIOUS = 4 | 8 | 16 | 32  # heat, encoder, shock, overload
-_LOW_VOLTAGE = 0.8  # of the model's nominal one
+_LOW_VOLTAGE = 0.8  # of the highest seen; each servo reports a voltage beyond its own limits
 _RESTLESS, _RESTLESS_WITHIN = 5, 10.0  # times, s
 _KEPT = 200
 
@@ -92,11 +94,8 @@ class Health:
         self.mend, self.fatal, self.lost, self.off = (np.zeros(count, dtype=np.bool_) for _ in range(4))
         self._names = [joint.label for joint in config.joints]
         self._patience = config.patience
-        self._hottest = np.array([joint.hottest for joint in config.joints])
-        traits = [TRAITS[joint.model] for joint in config.joints]
-        self._lowest = np.array([_LOW_VOLTAGE * each.voltage for each in traits])
-        self._stall = np.array([each.stall_current for each in traits])
-        self._far = np.array([_far(joint) for joint in config.joints])
+        self._strongest = np.full(count, np.nan)
+        self._stall = np.array([TRAITS[joint.model].stall_current for joint in config.joints])
         self._moved = np.array([min(_MOVED, 0.1 * joint.velocity) for joint in config.joints])
         self._heard = np.full(count, now)
         self._missing = np.zeros(count, dtype=np.bool_)
@@ -127,7 +126,7 @@ class Health:
         silence[~missing] = 0.0
         serious = measured.errors & _SERIOUS != 0
         down = serious | (~measured.torque & (measured.errors != 0))
-        hot = measured.temperatures >= self._hottest + 1.0
+        hot = measured.temperatures >= measured.hottest + 1.0
         silent = silence > LOST_AFTER
         limp = ~measured.torque & ~down & ~missing
         still = self._still(measured, goals, now) & measured.torque & ~missing & ~yielding
@@ -140,7 +139,7 @@ class Health:
             alive[joints] = False
         mend, self.mend = self.mend, alive & (back | limp | idle)
         self.fatal = alive & (down | hot | silent | restless | (idle & self._was_idle))
-        margin = self._hottest - measured.temperatures
+        margin = measured.hottest - measured.temperatures
         known, seen = self._known, self._seen
         seen[_SILENT] = silence > _MISSED_AFTER
         seen[_LIMP] = limp
@@ -148,7 +147,8 @@ class Health:
         seen[_STILL] = still
         seen[_YIELDS] = yielding
         seen[_WARM] = margin < EASED_FROM
-        seen[_STARVED] = (measured.voltages < self._lowest) | (measured.errors & 1 != 0)
+        self._strongest = np.fmax(self._strongest, measured.voltages)
+        seen[_STARVED] = (measured.voltages < _LOW_VOLTAGE * self._strongest) | (measured.errors & 1 != 0)
         seen[_DOWN] = down
         seen &= alive
         for joints in recovering:
@@ -209,7 +209,8 @@ class Health:
     def _still(self, measured: Measurements, goals: Array, now: float) -> Mask:
         """Which joints are far from their goals and have not moved for a while, by readings that are new."""
         positions = measured.positions
-        moves = ~(np.abs(positions - self._anchor) < self._moved) | (np.abs(goals - positions) < self._far)
+        far = np.minimum(np.maximum(_FAR * measured.slack, _NEAREST_FAR), _FARTHEST_FAR)
+        moves = ~(np.abs(positions - self._anchor) < self._moved) | (np.abs(goals - positions) < far)
         self._anchor[moves], self._anchored[moves] = positions[moves], now
         return measured.read_at - self._anchored > _IDLE_AFTER
 
@@ -228,7 +229,7 @@ class Health:
             if kind == _DOWN:
                 detail = f": {describe_errors(int(measured.errors[index]))}"
             elif kind == _WARM:
-                detail = f": {measured.temperatures[index]:.0f} degC, its limit is {self._hottest[index]:.0f}"
+                detail = f": {_heat(measured, index)}"
             elif kind == _STARVED:
                 detail = f": {measured.voltages[index]:.1f} V"
             self.incidents.append(Incident(now, self._names[index], _INCIDENTS[kind] + detail))
@@ -238,7 +239,7 @@ class Health:
             if down[index]:
                 reason = f"has shut down: {describe_errors(int(measured.errors[index]))}"
             elif hot[index]:
-                reason = f"is too hot: {measured.temperatures[index]:.0f} degC, its limit is {self._hottest[index]:.0f}"
+                reason = f"is too hot: {_heat(measured, index)}"
             elif silent[index]:
                 reason = "does not answer"
             elif restless[index]:
@@ -248,6 +249,5 @@ class Health:
             self._reason[index] = reason
 
 
-def _far(joint: RigJoint) -> float:
-    """How far from its goal a servo with its gain from the box drives with half of its voltage, rad."""
-    return float(np.clip(joint.error_for(0.5), 0.05, 0.5))
+def _heat(measured: Measurements, index: int) -> str:
+    return f"{measured.temperatures[index]:.0f} degC, its limit is {measured.hottest[index]:.0f}"

@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hardware.control_table.servo_traits import TRAITS
+from hardware.rig.driving.readings import Measurements
 from hardware.rig.rig_file import RigConfig, RigJoint
 from hardware.rig.scale import Array, RigScale
 from hardware.rig.supervision.health import EASED_FROM
@@ -35,8 +36,9 @@ class JointPace:
         catching_up: joints that catch up with their targets after a recovery.
     """
 
-    def __init__(self, config: RigConfig, scale: RigScale, now: float) -> None:
-        self.ease, self.strain, self.catching_up = Easing(config), Strain(config), CatchingUp(config)
+    def __init__(self, config: RigConfig, scale: RigScale, own: Measurements, now: float) -> None:
+        """Takes heat and slack that each servo bears from its own settings in `own`, whenever they are read anew."""
+        self.ease, self.strain, self.catching_up = Easing(own.hottest), Strain(config, own.slack), CatchingUp(config)
         self._scale = scale
         self._speed = np.array([joint.velocity for joint in config.joints])
         self._longest = _LONGEST_STEP / config.rate_hz
@@ -69,7 +71,8 @@ class JointPace:
         if np.logical_or.reduce(self.catching_up.joints):
             part = self.part
         if np.logical_or.reduce(strain.yielding):
-            near = np.clip(targets, positions - strain.reach, positions + strain.reach)
+            reach = strain.reach
+            near = np.clip(targets, positions - reach, positions + reach)
             targets = np.where(strain.yielding, near, targets)
             self.catching_up.joints |= strain.yielding
             part = np.where(strain.yielding, 1.0, self.part)
@@ -139,10 +142,11 @@ class Easing:
         part: of its speed limit that each joint may use now, shape (J,).
     """
 
-    def __init__(self, config: RigConfig) -> None:
-        self.part = np.ones(len(config.joints))
-        self._hottest = np.array([joint.hottest for joint in config.joints])
-        self._strongest = np.full(len(config.joints), np.nan)
+    def __init__(self, hottest: Array) -> None:
+        """Eases below these temperatures (J,), degC."""
+        self.part = np.ones(len(hottest))
+        self._hottest = hottest
+        self._strongest = np.full(len(hottest), np.nan)
 
     def note(self, temperatures: Array, voltages: Array) -> None:
         """Takes in the temperatures, degC, and supply voltages, V, both (J,) and NaN where not measured yet."""
@@ -161,15 +165,22 @@ class Strain:
 
     Attributes:
         yielding: joints that yield now, shape (J,).
-        reach: how far from its position the goal of a yielding joint may be, shape (J,), rad.
     """
 
-    def __init__(self, config: RigConfig) -> None:
+    def __init__(self, config: RigConfig, slack: Array) -> None:
+        """Knows each servo's slack (J,), rad, as in `own_settings`."""
         self._allowed = np.array([_allowed(joint) for joint in config.joints])
-        self.reach = np.array([_reach(joint) for joint in config.joints])
+        self._slack = slack
+        stall = np.array([TRAITS[joint.model].stall_current for joint in config.joints])
+        self._gentle = _GENTLE * self._allowed / stall
         self.yielding = np.zeros(len(config.joints), dtype=np.bool_)
         self._smoothed = np.zeros(len(config.joints))
         self._noted = -math.inf
+
+    @property
+    def reach(self) -> Array:
+        """How far from its position the goal of a yielding joint may be, shape (J,), rad."""
+        return self._gentle * self._slack
 
     def note(self, currents: Array, now: float) -> None:
         """Takes in the currents (J,), A, measured at the time `now`, s."""
@@ -181,8 +192,3 @@ class Strain:
 
 def _allowed(joint: RigJoint) -> float:
     return min(joint.current or math.inf, _MOST * TRAITS[joint.model].stall_current)
-
-
-def _reach(joint: RigJoint) -> float:
-    """How far from its goal a servo with its default gain draws the gentle current, rad."""
-    return joint.error_for(_GENTLE * _allowed(joint) / TRAITS[joint.model].stall_current)

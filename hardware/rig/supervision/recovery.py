@@ -19,18 +19,20 @@ from hardware.rig.driving.state_block import StateBlock, arrange_state
 from hardware.rig.scale import Array
 from hardware.rig.supervision.health import Health
 from hardware.rig.supervision.pace import SLOWER
+from hardware.rig.switching.own_settings import OwnSettings, read_own_settings
 from hardware.rig.switching.torque import resume
 
 _PAUSE = 0.05  # s between two tries
 
 
 class Recovered(NamedTuple):
-    """Joints, by index, that are set up again: where they hold, rad, and the block to read of each."""
+    """Joints, by index, that are set up again: where they hold, rad, the block to read of each, and what it keeps."""
 
     bus: Bus
     joints: list[int]
     held: Array
     blocks: list[StateBlock]
+    own: OwnSettings
 
 
 class PortRecovery:
@@ -103,7 +105,7 @@ class PortRecovery:
                 alive = port.part.only(places)
                 held = resume(alive, bus, SLOWER, lambda: self._cancelled)
                 joints = port.joints[places].tolist()
-                self._recovered = Recovered(bus, joints, held, arrange_state(alive, bus))
+                self._recovered = Recovered(bus, joints, held, arrange_state(alive, bus), read_own_settings(alive, bus))
                 return
             except MotiondeckError as error:
                 self.failure = error

@@ -99,7 +99,7 @@ class Rig:
             raise
         self.goals = self.positions.copy()
         now = opened[0].bus.port.now()
-        self._pace, self._health = JointPace(config, self._scale, now), Health(config, now)
+        self._pace, self._health = JointPace(config, self._scale, self.measured, now), Health(config, now)
         self._recoveries: list[PortRecovery] = []
         for port in opened:
             port.left_out = self._health.lost

@@ -5,7 +5,8 @@ puts its zero elsewhere, a second ID lets another servo's goals move it.
 
     register                 needed                                            set
     operating_mode, min_position_limit, max_position_limit, current_limit      at switch-on: the rig file states them
-    gains P, I, feed-forward, compliance: the model's own                      at switch-on: they are in RAM
+    gains P, I and D     what the rig file has, if it has any                  at switch-on: they are in RAM
+    gains, feed-forward, compliance: as delivered                              never: another one is kept, and named
     goal_pwm, torque_limit   what pwm_limit or max_torque allows               at switch-on
     status_return_level      2: every instruction is answered                  at switch-on, before all else
     drive_mode               0: not reversed, velocity-based profile           on request, refused until then
@@ -20,8 +21,7 @@ puts its zero elsewhere, a second ID lets another servo's goals move it.
     pwm_limit, max_torque    the model's own                                   on request, advised (0: refused)
     return_delay_time        20 us at most                                     on request, advised
 
-Profiles and bus watchdog are RAM too; `switching` writes them each time. D gains are left alone:
-some models have one from the box, and the tables do not hold it.
+Profiles and bus watchdog are RAM too; `switching` writes them each time.
 """
 
 from __future__ import annotations
@@ -41,8 +41,8 @@ ANSWER_EVERYTHING = 2
 """The status return level at which a servo answers every instruction."""
 _PROTECTED = 4 | 16 | 32  # heat, shock, overload
 _JOINT_MODE = 2  # of an XL-320
-_GAINS = ("position_p_gain", "position_i_gain", "feedforward_1st_gain", "feedforward_2nd_gain", "cw_compliance_margin",
-          "ccw_compliance_margin", "cw_compliance_slope", "ccw_compliance_slope")  # fmt: skip
+_GAINS = ("position_p_gain", "position_i_gain", "position_d_gain", "feedforward_1st_gain", "feedforward_2nd_gain",
+          "cw_compliance_margin", "ccw_compliance_margin", "cw_compliance_slope", "ccw_compliance_slope")  # fmt: skip
 _LAST_ID, _NO_SECOND_ID = 252, 255
 _COOLEST_LIMIT = 40  # degC: with a lower one a servo shuts down where it is warm
 _ROUNDED_UP = 1.01  # of a limit: a register may hold so much of it
@@ -71,7 +71,7 @@ _WHY = {
 }
 
 
-When = Literal["switch-on", "refused", "advised"]
+When = Literal["switch-on", "refused", "advised", "kept"]
 
 
 class Difference(NamedTuple):
@@ -79,7 +79,8 @@ class Difference(NamedTuple):
 
     Attributes:
         found, needed: in counts.
-        when: "switch-on" if it is set then; else it is set on request, and "refused" until then or only "advised".
+        when: "switch-on" if it is set then; "kept" if it is never set, because the rig file does not ask for it; else
+            it is set on request, and "refused" until then or only "advised".
     """
 
     joint: str
@@ -91,6 +92,8 @@ class Difference(NamedTuple):
 
     def __str__(self) -> str:
         why = f" ({_WHY[self.register]})" if self.register in _WHY else ""
+        if self.when == "kept":
+            return f"{self.joint} (id {self.id}): {self.register} is {self.found}, as delivered it is {self.needed}"
         return f"{self.joint} (id {self.id}): {self.register} is {self.found}, the rig needs {self.needed}{why}"
 
 
@@ -99,20 +102,24 @@ def audit(config: RigConfig, bus: Bus) -> list[Difference]:
     found: list[Difference] = []
     for joint, (low, high) in zip(config.joints, RigScale(config).ends.T, strict=True):
         held = _read_settings(joint, bus)
+        changes_mode = held.get("operating_mode", POSITION_MODE) != POSITION_MODE
         for name, needed, when in _needs(joint, int(low), int(high), held):
-            if held[name] != needed:
+            # A change of the mode puts the gains back to those delivered.
+            if held[name] != needed or (changes_mode and name in joint.gains):
                 found.append(Difference(joint.name, joint.id, name, held[name], needed, when))
     return found
 
 
 def settle(differences: Iterable[Difference], config: RigConfig, bus: Bus) -> None:
-    """Writes what the rig needs where it differs. EEPROM registers are locked while torque is on.
+    """Writes what the rig needs where it differs, but nothing "kept". EEPROM registers are locked while torque is on.
 
     Raises:
         ServoError: if a servo refuses; a locked EEPROM stays so until its power is off.
     """
     tables = {joint.id: joint.table for joint in config.joints}
     for difference in differences:
+        if difference.when == "kept":
+            continue
         id, table = difference.id, tables[difference.id]
         register, lock = table[difference.register], table.registers.get("lock")
         try:
@@ -156,8 +163,10 @@ def _needs(joint: RigJoint, low: int, high: int, held: dict[str, int]) -> Iterat
         yield "current_limit", in_counts(joint, "current_limit", joint.current), "switch-on"
     for name in _GAINS:
         default = joint.table.registers[name].default if name in held else None
-        if default is not None:
-            yield name, default, "switch-on"
+        if name in joint.gains:
+            yield name, joint.gains[name], "switch-on"
+        elif default is not None:
+            yield name, default, "kept"
     for name, most in (("goal_pwm", "pwm_limit"), ("torque_limit", "max_torque")):
         if name in held:
             yield name, held[most], "switch-on"

@@ -27,9 +27,6 @@ LEFT_BEHIND = {
 SET_ANYWAY = {
     "operating_mode": 4,
     "status_return_level": 0,
-    "position_p_gain": 8000,
-    "position_i_gain": 900,
-    "feedforward_1st_gain": 500,
     "goal_pwm": 300,
     "profile_velocity": 0,
     "bus_watchdog": -1,
