@@ -29,8 +29,7 @@ __all__ = ["CommandedMotion", "DeckEvent", "DeckStatus", "LiveDeck", "LockState"
 
 _ANSWERS_WITHIN = 5.0  # s
 _CHECK_EVERY = 1.0  # s
-# s that a thread waits for a reply before it yields to another, and the gap, without which it would lock again first.
-_TURN, _GAP = 0.01, 0.001
+_MOST_AT_ONCE = 32  # commands of all threads that await their reply; a deck takes bursts of 40
 
 
 @dataclass(frozen=True)
@@ -68,7 +67,7 @@ class LiveDeck(DeckCommands[CommandedMotion]):
     """
 
     # A misspelt name, as in `deck.tmpo = 2`, is an error and not an attribute more.
-    __slots__ = ("_clients", "_process", "command_port", "motions", "page")
+    __slots__ = ("_client", "_process", "_turns", "command_port", "motions", "page")
 
     def __init__(self, process: DeckProcess) -> None:
         self._process = process
@@ -76,7 +75,8 @@ class LiveDeck(DeckCommands[CommandedMotion]):
         self.motions = tuple(ready.motions)
         self.command_port = ready.command_port
         self.page = f"http://127.0.0.1:{ready.page_port}" if ready.page_port is not None else None
-        self._clients = threading.local()  # replies come to the client that asked: one for each thread
+        self._client = CommandClient(self.command_port)
+        self._turns = threading.Semaphore(_MOST_AT_ONCE)
 
     def __enter__(self) -> LiveDeck:
         return self
@@ -159,17 +159,7 @@ class LiveDeck(DeckCommands[CommandedMotion]):
             with contextlib.suppress(SocketError):
                 self._client.post(commands.Stop())
         self._process.end()
-
-    @property
-    def _client(self) -> CommandClient:
-        return self._own[0]
-
-    @property
-    def _own(self) -> tuple[CommandClient, threading.Lock]:
-        """The client of this thread and a lock for reading from it: other threads may wait for its switches."""
-        if not hasattr(self._clients, "own"):
-            self._clients.own = CommandClient(self.command_port), threading.Lock()
-        return self._clients.own
+        self._client.close()
 
     def _refuse_fork(self) -> None:
         if self._process.in_fork:
@@ -179,24 +169,18 @@ class LiveDeck(DeckCommands[CommandedMotion]):
             )
 
     def _commanded(self, message: DeckCommand) -> CommandedMotion:
-        reply, (client, reading) = self._request(message), self._own
+        reply = self._request(message)
         motion = " + ".join(message.motions)
         assert isinstance(reply, Accepted), "what is not refused is accepted"
         outcome: list[Settled | Refused] = []
 
         def wait(timeout: float) -> float:
             self._refuse_fork()
-            deadline = time.monotonic() + timeout
-            while not outcome:
-                left = deadline - time.monotonic()
-                with reading:
-                    settled = client.wait_settled(reply.id, min(max(left, 0.0), _TURN))
-                if isinstance(settled, Settled | Refused):
-                    outcome.append(settled)
-                elif left <= 0.0 and not outcome:
-                    raise MotiondeckError(f"{motion} has not settled after {timeout:g} s")
-                else:
-                    time.sleep(_GAP)
+            settled = None if outcome else self._client.wait_settled(reply.id, timeout)
+            if isinstance(settled, Settled | Refused):
+                outcome.append(settled)
+            if not outcome:
+                raise MotiondeckError(f"{motion} has not settled after {timeout:g} s")
             if isinstance(outcome[0], Refused):
                 raise CommandError(outcome[0].reason)
             return outcome[0].seconds
@@ -214,13 +198,13 @@ class LiveDeck(DeckCommands[CommandedMotion]):
             self._process.end()
             raise SocketError(self._process.how_it_ended)
         message = with_right_types(message)
+        stops = isinstance(message, commands.EmergencyStop)  # it waits for no other command
         try:
-            client, reading = self._own
-            with reading:
-                reply = client.request(checked(message), _ANSWERS_WITHIN)
+            with contextlib.nullcontext() if stops else self._turns:
+                reply = self._client.request(checked(message), _ANSWERS_WITHIN)
         except SocketError:
             # It may just be ending: then its reason is more useful than a missing answer.
-            if self._process.wait(1.0):
+            if self._process.wait(0.0 if stops else 1.0):
                 self._process.end()
                 raise SocketError(self._process.how_it_ended) from None
             raise

@@ -7,6 +7,7 @@ import subprocess
 import sys
 import threading
 import time
+from contextlib import closing
 from fractions import Fraction
 
 import numpy as np
@@ -14,6 +15,9 @@ import pytest
 
 import motiondeck
 import synthetic
+from controller.wire.command_socket import CommandClient
+from controller.wire.messages.commands import EmergencyStop, GetStatus
+from controller.wire.messages.replies import Accepted
 from controller.wire.run_recording import load_recording
 from motiondeck import MotiondeckError
 from motiondeck.libraries import Library
@@ -66,18 +70,51 @@ def test_ten_lines_play_switch_on_a_condition_and_end(library, tmp_path):
     deck.close()
 
 
-@pytest.mark.thorough
-def test_several_threads_command_one_deck(library):
+def test_the_threads_of_a_program_share_a_connection(library):
+    """70 of them would be more than a deck has places for programs, and 70 commands at once more than it takes."""
     with motiondeck.play(library, "march", physics=False, rate=100.0) as deck:
-        told, waited = [], []
-        asking = [threading.Thread(target=lambda: told.extend(deck.status() for _ in range(20))) for _ in range(3)]
-        waiting = threading.Thread(target=lambda: waited.append(deck.switch("wave").wait()))
-        for thread in (*asking, waiting):
+        told, waited, together, over = [], [], threading.Barrier(71), threading.Event()
+
+        def ask():
+            together.wait()
+            told.append(deck.status().motion)
+            over.wait()
+
+        def switch():
+            together.wait()
+            waited.append(deck.switch("wave").wait())
+
+        threads = [threading.Thread(target=act) for act in [ask] * 70 + [switch]]
+        for thread in threads:
             thread.start()
-        for thread in (*asking, waiting):
+        with closing(CommandClient(deck.command_port)) as another:
+            threads.pop().join()
+            while len(told) < 70:
+                time.sleep(0.01)
+            assert another.request(GetStatus()).motion == "wave"
+            assert isinstance(another.request(EmergencyStop()), Accepted)
+        over.set()
+        for thread in threads:
             thread.join()
-        assert len(told) == 60
         assert 0.0 < waited[0] < 5.0
+
+
+def test_a_deck_that_is_held_up_says_within_half_a_second_that_it_takes_no_stop(library):
+    with motiondeck.play(library, "march", physics=False, rate=100.0) as deck:
+        asking = [threading.Thread(target=deck.status) for _ in range(40)]  # more than may wait at once
+        os.kill(deck._process._process.pid, signal.SIGSTOP)
+        try:
+            for thread in asking:
+                thread.start()
+            began = time.monotonic()
+            with pytest.raises(MotiondeckError, match="the emergency stop is not acknowledged"):
+                deck.emergency_stop()
+            assert time.monotonic() - began < 0.8
+        finally:
+            os.kill(deck._process._process.pid, signal.SIGCONT)
+        for thread in asking:
+            thread.join()
+        assert deck.status().mode == "emergency stop"  # it is taken as soon as the deck goes on
 
 
 def test_any_thread_may_wait_for_a_switch_as_often_as_it_likes(library):
