@@ -15,6 +15,7 @@ from functools import cache
 
 from hardware.control_table.ax_rx_mx import AX_RX_MX
 from hardware.control_table.family import X
+from hardware.control_table.other_devices import OTHER_DEVICES
 from hardware.control_table.p_series import P_SERIES
 from hardware.control_table.register import Register
 from hardware.control_table.sdk_models import Row, model_file, model_numbers
@@ -56,7 +57,8 @@ MODELS = Models()
 
 def model_name(number: int) -> str:
     """The name of the model with this number, or the number where it is not known."""
-    return _names().get(number, f"model number {number}")
+    known = _names().get(number) or OTHER_DEVICES.get(number, (None,))[0]
+    return known or f"model number {number}"
 
 
 @cache

@@ -12,6 +12,7 @@ from typing import Annotated, Literal
 import msgspec
 
 from hardware.control_table.models import MODELS
+from hardware.control_table.other_devices import WHY_NO_JOINT
 from hardware.control_table.servo_traits import TRAITS
 from hardware.control_table.table import ControlTable
 from hardware.errors import RigError, RigFileError
@@ -65,6 +66,8 @@ class RigJoint(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     def __post_init__(self) -> None:
         if not (self.name.strip() and self.name.isprintable()):
             raise ValueError(f"name {self.name!r} must be printable, and not empty")
+        if self.model in WHY_NO_JOINT:
+            raise ValueError(f"model '{self.model}' cannot be a joint of a rig: {WHY_NO_JOINT[self.model]}")
         if self.model not in MODELS:
             near = MODELS.near(self.model)
             raise ValueError(
