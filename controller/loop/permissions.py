@@ -5,7 +5,7 @@ from __future__ import annotations
 import ctypes
 import os
 import resource
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 
@@ -23,8 +23,12 @@ class Permission:
     granted: bool
     remedy: str = ""
 
-    def __str__(self) -> str:
-        return f"{self.name}: granted" if self.granted else f"{self.name}: not permitted. {self.remedy}"
+
+def permission_lines(permissions: Sequence[Permission]) -> list[str]:
+    """At most two lines: all that was granted, and all that was not, with its remedies."""
+    granted = ", ".join(one.name for one in permissions if one.granted)
+    refused = " ".join(f"{one.name}. {one.remedy}" for one in permissions if not one.granted)
+    return [f"{what}: {names}" for what, names in (("granted", granted), ("not permitted", refused)) if names]
 
 
 @contextmanager
@@ -47,12 +51,15 @@ def handed_back() -> Iterator[None]:
                 ctypes.CDLL(None).munlockall()
 
 
-def request_realtime() -> list[Permission]:
+def request_realtime(priority: int = FIFO_PRIORITY) -> list[Permission]:
     """Requests SCHED_FIFO for this thread and locked memory; never raises, but returns what was granted.
 
     Start other processes before: they would inherit the scheduling.
+
+    Args:
+        priority: of the thread among those of SCHED_FIFO, 1 to 99.
     """
-    return [_first_in_first_out(), _locked_memory()]
+    return [_first_in_first_out(priority), _locked_memory()]
 
 
 def request_core(core: int) -> Permission:
@@ -84,14 +91,12 @@ def request_one_blas_thread() -> Permission:
     return Permission("one BLAS thread", most == 1, "Set OPENBLAS_NUM_THREADS=1 (or MKL_NUM_THREADS=1).")
 
 
-def _first_in_first_out() -> Permission:
+def _first_in_first_out(priority: int) -> Permission:
     name = "real-time scheduling (SCHED_FIFO)"
     try:
-        os.sched_setscheduler(0, os.SCHED_FIFO, os.sched_param(FIFO_PRIORITY))
+        os.sched_setscheduler(0, os.SCHED_FIFO, os.sched_param(priority))
     except (AttributeError, OSError):
-        return Permission(
-            name, False, f"Allow it with 'ulimit -r {FIFO_PRIORITY}' (limits.conf: rtprio) or CAP_SYS_NICE."
-        )
+        return Permission(name, False, f"Allow it with 'ulimit -r {priority}' (limits.conf: rtprio) or CAP_SYS_NICE.")
     return Permission(name, True)
 
 

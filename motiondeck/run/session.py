@@ -15,7 +15,14 @@ from controller.loop.clock import Clock
 from controller.loop.commands.command_handler import CommandHandler
 from controller.loop.loop import LoopState, run
 from controller.loop.output_channel import Channel
-from controller.loop.permissions import Permission, handed_back, request_core, request_one_blas_thread, request_realtime
+from controller.loop.permissions import (
+    Permission,
+    handed_back,
+    permission_lines,
+    request_core,
+    request_one_blas_thread,
+    request_realtime,
+)
 from controller.loop.safety.safety_envelope import SafetyEnvelope
 from controller.loop.stop_requests import StopRequest
 from controller.loop.stop_state import StopState
@@ -162,10 +169,11 @@ class Session:
     def _request_permissions(self) -> None:
         if self.spec.core is not None:
             self._permissions.append(request_core(self.spec.core))
-        if self.spec.realtime:
+        rig_alone = any(robot.simulation is None for robot in self.robots)
+        if self.spec.realtime or self.spec.drives_servos or rig_alone:
             self._permissions += [*request_realtime(), request_one_blas_thread()]
-        for permission in self._permissions:
-            print(permission, file=sys.stderr)
+        for line in permission_lines(self._permissions):
+            print(line, file=sys.stderr)
 
     def _kept_apart(self) -> dict[str, Any]:
         guards = {robot.prefix: robot.guard for robot in self.robots if robot.guard is not None}

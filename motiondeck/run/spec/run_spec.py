@@ -152,7 +152,7 @@ class RunSpec:
         False, "--walk", "Let a free robot walk where the motion goes, 1.2 s behind it.", panel=_SIMULATION
     )
     realtime: bool = option(
-        False, "--realtime", "Ask for real-time scheduling and locked memory, and print what was granted.", panel=_LOOP
+        False, "--realtime", "Ask for real-time scheduling and locked memory; with a real rig always.", panel=_LOOP
     )
     core: int | None = option(
         None, "--core", "Run the loop on this core of the CPU, all other processes on the others.", "N", _LOOP
@@ -231,6 +231,12 @@ class RunSpec:
         if isinstance(self.page, bool):
             return 0 if self.page else None
         return self.page
+
+    @property
+    def drives_servos(self) -> bool:
+        """Whether it has a rig that is not emulated; emulated servos are an ordinary process of the same machine."""
+        rigs = (str(rig) for rig in (self.rig, self.follow_rig) if rig is not None)
+        return any(rig.partition(":")[0] != EMULATED for rig in rigs)
 
     def check(self) -> None:
         """Refuses, before anything is loaded, impossible values and options that contradict or lack each other.

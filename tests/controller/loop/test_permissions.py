@@ -4,7 +4,14 @@ import os
 import pytest
 from threadpoolctl import threadpool_info, threadpool_limits
 
-from controller.loop.permissions import handed_back, request_core, request_one_blas_thread, request_realtime
+from controller.loop.permissions import (
+    FIFO_PRIORITY,
+    handed_back,
+    permission_lines,
+    request_core,
+    request_one_blas_thread,
+    request_realtime,
+)
 
 
 class Libc:
@@ -25,17 +32,19 @@ class Libc:
 @pytest.fixture
 def scheduling(monkeypatch):
     asked = []
-    monkeypatch.setattr(os, "sched_setscheduler", lambda pid, policy, param: asked.append((pid, policy)))
+    monkeypatch.setattr(
+        os, "sched_setscheduler", lambda pid, policy, param: asked.append((pid, policy, param.sched_priority))
+    )
     return asked
 
 
 def test_what_is_granted_is_said(monkeypatch, scheduling):
     monkeypatch.setattr(ctypes, "CDLL", Libc(0))
-    assert [str(permission) for permission in request_realtime()] == [
-        "real-time scheduling (SCHED_FIFO): granted",
-        "memory locked in RAM (mlockall): granted",
+    assert permission_lines(request_realtime()) == [
+        "granted: real-time scheduling (SCHED_FIFO), memory locked in RAM (mlockall)"
     ]
-    assert scheduling == [(0, os.SCHED_FIFO)]
+    request_realtime(7)
+    assert scheduling == [(0, os.SCHED_FIFO, FIFO_PRIORITY), (0, os.SCHED_FIFO, 7)]
 
 
 def test_what_is_refused_is_said_with_the_remedy(monkeypatch):
@@ -46,7 +55,8 @@ def test_what_is_refused_is_said_with_the_remedy(monkeypatch):
     monkeypatch.setattr(ctypes, "CDLL", Libc(-1))
     fifo, memory = request_realtime()
     assert not fifo.granted
-    assert "not permitted" in str(fifo)
+    (line,) = permission_lines([fifo, memory])
+    assert line.startswith("not permitted: real-time scheduling (SCHED_FIFO). Allow it with 'ulimit -r 60'")
     assert "rtprio" in fifo.remedy
     assert not memory.granted
     assert "memlock" in memory.remedy
@@ -101,7 +111,7 @@ def test_a_core_that_is_not_there_is_refused_with_those_that_are(monkeypatch):
     monkeypatch.setattr(os, "sched_setaffinity", refuse)
     permission = request_core(7)
     assert not permission.granted
-    assert "core 7" in str(permission)
+    assert "core 7" in permission.name
     assert "cores 0, 3" in permission.remedy
 
 
