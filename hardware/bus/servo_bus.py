@@ -9,6 +9,7 @@ from collections import Counter, deque
 from collections.abc import Mapping
 from typing import NamedTuple
 
+from hardware.bus.echo import WithoutEcho, returns_what_is_sent
 from hardware.bus.group_read import Blocks, GroupRead, group_read
 from hardware.bus.port import Port, SerialPort
 from hardware.bus.protocol import PROTOCOLS, Protocol
@@ -65,6 +66,8 @@ class Bus:
         port: carries the bytes.
         baud: bits/s, 10 of which carry a byte.
         protocols: the protocol (1 or 2) of servos by ID; an ID that is not in it speaks 2.0.
+        echoes: whether the adapter returns what is sent, which is then dropped (see `echo`); None while nothing has
+            looked like it.
         garbled: whether bytes have come instead of the last answer that was waited for, or between those of a ping to
             all: two servos may have answered at the same time.
     """
@@ -74,6 +77,7 @@ class Bus:
         self.baud = baud
         self._byte_time = 10.0 / baud
         self.protocols: Mapping[int, int] = {}
+        self.echoes: bool | None = None
         self.garbled = False
         self._retries = retries
         self._margin = margin
@@ -257,9 +261,12 @@ class Bus:
         self._pending = None
         self._discard()
         ping = _PROTOCOL1.instructions.ping(BROADCAST)
-        if not self.port.send(ping) or not self.port.wait(self.wire_time(2 * len(ping)) + self._margin):
-            return []
-        self.port.wait(self._margin)
+        for _ in range(2):
+            if not self.port.send(ping) or not self.port.wait(self.wire_time(2 * len(ping)) + self._margin):
+                return []
+            self.port.wait(self._margin)
+            if not (self.port.receive().startswith(ping) and self._drops_echo()):
+                break
         before = self.protocols, self._retries, self._margin
         self.protocols = dict.fromkeys(range(BROADCAST), 1)
         self._retries, self._margin = 0, min(self._margin, _SHORT_MARGIN)
@@ -329,17 +336,29 @@ class Bus:
         deadline = self.port.now() + self.wire_time(len(frame) + status_length(length)) + margin
         protocol = self._protocol(id)
         parser, read = protocol.parser(), protocol.as_status
-        unread = 0
+        unread, heard = 0, b""
         while (left := deadline - self.port.now()) > 0.0 and self.port.wait(left):
             received = self.port.receive()
             unread += len(received)
+            heard += received
             for answer in parser.feed(received):
                 unread = 0
                 status = read(answer)
                 if status is not None and status.id == id and (status.error or len(status.params) == length):
+                    if protocol is _PROTOCOL1 and heard.startswith(frame) and self._drops_echo():
+                        return self._exchange(frame, id, length, margin)
                     return status
         self.garbled = unread > 0
         return None
+
+    def _drops_echo(self) -> bool:
+        """Whether the port turns out to be one with an echo, which it drops from now on."""
+        if self.echoes is not None:
+            return False
+        self.echoes = returns_what_is_sent(self.port, self._margin)
+        if self.echoes:
+            self.port = WithoutEcho(self.port)
+        return self.echoes
 
     def _discard(self) -> None:
         self.port.receive()

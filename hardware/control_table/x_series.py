@@ -1,4 +1,4 @@
-"""The control tables of the X series and of the MX servos of Protocol 2.0: what each model has of its own.
+"""The control tables of the X series and of the MX servos of Protocol 2.0: how each model differs from the XM430-W350.
 
 The figures are those of each model's page in the maker's e-Manual; what a row lacks is as in the XM430-W350. Both
 voltage limits have the range `volts`, and its ends are their defaults. The pages of the MX servos are of their first

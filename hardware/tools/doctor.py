@@ -127,6 +127,8 @@ def examine(config: RigConfig, bus: Bus) -> Report:
         at_switch_on = [one for one in differences if one.when == "switch-on" and one.register not in _THE_RIGS_OWN]
         notes += [f"{one}: {_SET_ANYWAY}" for one in at_switch_on]
         notes += [f"{one}: {_KEPT}" for one in differences if one.when == "kept"]
+    if bus.echoes:
+        notes.append("the adapter returns what is sent to it, which is dropped")
     latency = latency_timer(bus.port.name)
     if latency is not None and latency > 1:
         problems.append(
