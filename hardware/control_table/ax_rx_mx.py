@@ -111,6 +111,15 @@ _XL_320 = """
 _STEPS = 1228  # to a turn: 1023 of them are 300 degrees
 
 
+# What a model has otherwise than its series.
+_EXCEPTIONS: dict[str, dict[str, int]] = {
+    "AX-12W": {
+        f"{way}_compliance_{what}": value for way in ("cw", "ccw") for what, value in (("margin", 4), ("slope", 64))
+    },
+    "AX-18A": {"max_torque": 983, "torque_limit": 983},
+}
+
+
 def _ax(model: str, traits: Traits, **defaults: int) -> ControlTable:
     table = parse_table(model, traits.figures[0], _STEPS, _EEPROM + _SLOPES + _MEASURED, traits.family)
     _set_defaults(table, traits, **defaults)
@@ -118,7 +127,7 @@ def _ax(model: str, traits: Traits, **defaults: int) -> ControlTable:
 
 
 def _rx(model: str, traits: Traits) -> ControlTable:
-    return _ax(model, traits, baud_rate=34, max_voltage_limit=240)
+    return _ax(model, traits, baud_rate=34, max_voltage_limit=190)
 
 
 def _mx(model: str, traits: Traits) -> ControlTable:
@@ -133,7 +142,7 @@ def _mx(model: str, traits: Traits) -> ControlTable:
         registers[name] = replace(registers[name], maximum=4095)
     registers["present_velocity"] = replace(registers["present_velocity"], scale=0.114)
     volts = 240 if number == 310 else 160
-    _set_defaults(table, traits, baud_rate=34, max_position_limit=4095, max_voltage_limit=volts)
+    _set_defaults(table, traits, baud_rate=34, max_position_limit=4095, max_voltage_limit=volts, punch=0)
     return table
 
 
@@ -143,6 +152,7 @@ def _xl320(model: str, traits: Traits) -> ControlTable:
 
 def _set_defaults(table: ControlTable, traits: Traits, **defaults: int) -> None:
     defaults |= {"model_number": table.number, "temperature_limit": traits.figures[1]}
+    defaults |= _EXCEPTIONS.get(table.model, {})
     for name, value in defaults.items():
         table.registers[name] = replace(table.registers[name], default=value)
 

@@ -107,6 +107,41 @@ RANGES = {
     "profile_velocity": {(0, 32767): ""},
     "profile_acceleration": {(0, 32767): ""},
 }  # fmt: skip
+# The same of AX, RX and MX servos of Protocol 1.0; "" is for the others of these.
+OLD = ["AX-12W", "AX-18A", "RX-10", "RX-24F", "RX-28", "RX-64", "MX-64(1.0)", "MX-106(1.0)"]
+RX = "RX-10 RX-24F RX-28 RX-64"
+MX = "MX-64(1.0) MX-106(1.0)"
+OLD_DEFAULTS = {
+    "model_number": {
+        10: "RX-10", 18: "AX-18A", 24: "RX-24F", 28: "RX-28", 64: "RX-64", 300: "AX-12W", 310: "MX-64(1.0)",
+        320: "MX-106(1.0)",
+    },
+    "id": {1: ""},
+    "baud_rate": {1: "AX-12W AX-18A", 34: ""},
+    "return_delay_time": {250: ""},
+    "min_position_limit": {0: ""},
+    "max_position_limit": {4095: MX, 1023: ""},
+    "temperature_limit": {70: "AX-12W", 75: "AX-18A", 80: ""},
+    "min_voltage_limit": {60: ""},
+    "max_voltage_limit": {140: "AX-12W AX-18A", 160: "MX-106(1.0)", 190: RX, 240: "MX-64(1.0)"},
+    "max_torque": {983: "AX-18A", 1023: ""},
+    "torque_limit": {983: "AX-18A", 1023: ""},
+    "status_return_level": {2: ""},
+    "alarm_led": {36: ""},
+    "shutdown": {36: ""},
+    "torque_enable": {0: ""},
+    "cw_compliance_margin": {None: MX, 4: "AX-12W", 1: ""},
+    "ccw_compliance_margin": {None: MX, 4: "AX-12W", 1: ""},
+    "cw_compliance_slope": {None: MX, 64: "AX-12W", 32: ""},
+    "ccw_compliance_slope": {None: MX, 64: "AX-12W", 32: ""},
+    "position_p_gain": {32: MX, None: ""},
+    "position_i_gain": {0: MX, None: ""},
+    "position_d_gain": {0: MX, None: ""},
+    "lock": {0: ""},
+    "punch": {0: MX, 32: ""},
+    "multi_turn_offset": {0: MX, None: ""},
+    "resolution_divider": {1: MX, None: ""},
+}  # fmt: skip
 # V, rev/min, A, N·m, of the pages' specifications.
 MOTORS = {
     (5, 383, 1.47, 0.215): "XL330-M077", (5, 103, 1.47, 0.52): "XL330-M288", (5, 129, 1.8, 0.6): "XC330-M181",
@@ -118,21 +153,32 @@ MOTORS = {
     (24, 60, 2.4, 6.4): "XH540-V150", (12, 70, 4.9, 7.1): "XH540-W150 XD540-T150",
     (12, 39, 4.9, 9.9): "XH540-W270 XD540-T270", (12, 72, 4.9, 6.9): "XW540-T140", (12, 40, 4.9, 9.5): "XW540-T260",
     (12, 53, 4.4, 7.3): "XM540-W150", (12, 30, 4.4, 10.6): "XM540-W270", (12, 31, 1.3, 3.1): "XW430-T333",
+    (12, 54, 0.8, 1.3): "RX-10", (12, 126, 2.4, 2.6): "RX-24F", (18.5, 85, 1.9, 3.7): "RX-28",
+    (18.5, 64, 2.6, 5.3): "RX-64", (12, 97, 2.2, 1.8): "AX-18A",
     (12, 55, 1.4, 2.5): "MX-28", (12, 63, 4.1, 6.0): "MX-64", (12, 45, 5.2, 8.4): "MX-106",
 }  # fmt: skip
 
 
-def by_model(listed):
+def by_model(listed, models=ALL):
     """What a page says of each model: its own entry, or that without names."""
-    named = {model: stated for stated, models in listed.items() for model in models.split()}
-    others = [stated for stated, models in listed.items() if not models]
-    return named | {model: others[0] for model in ALL if others and model not in named}
+    named = {model: stated for stated, names in listed.items() for model in names.split()}
+    others = [stated for stated, names in listed.items() if not names]
+    return named | {model: others[0] for model in models if others and model not in named}
 
 
 @pytest.mark.parametrize("register", DEFAULTS)
 def test_a_register_comes_with_what_the_makers_page_says(register):
     stated = by_model(DEFAULTS[register])
     assert set(stated) >= set(ALL) - {"XD430-T350", "XD540-T270", "XM540-W270", "XH540-W150"}
+    for model, default in stated.items():
+        row = MODELS[model].registers.get(register)
+        assert (None if row is None else row.default) == default, model
+
+
+@pytest.mark.parametrize("register", OLD_DEFAULTS)
+def test_a_register_of_an_old_servo_comes_with_what_the_makers_page_says(register):
+    stated = by_model(OLD_DEFAULTS[register], OLD)
+    assert set(stated) == set(OLD)
     for model, default in stated.items():
         row = MODELS[model].registers.get(register)
         assert (None if row is None else row.default) == default, model

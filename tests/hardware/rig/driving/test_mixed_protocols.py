@@ -96,7 +96,7 @@ def test_all_follow_within_their_speed_and_report_their_health(config, port):
     assert (fastest < 1.1 * 2.0 + 0.1).all()
     assert (fastest > 1.5).all()
     assert rig.temperatures == pytest.approx(np.full(COUNT, 32.0), abs=1.0)
-    assert rig.voltages.tolist() == [12.0, 14.8, 12.0, 12.0, 7.4, 12.0]
+    assert rig.voltages.tolist() == [12.0, 18.5, 12.0, 12.0, 7.4, 12.0]
     assert (rig.recoveries, rig.faults.total, list(rig.incidents)) == (0, 0, [])
     assert rig.close() == []
     assert not any(device.torque for device in port.bus.devices)
