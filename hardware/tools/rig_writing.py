@@ -9,6 +9,7 @@ from pathlib import Path
 import msgspec
 
 from hardware.control_table.models import MODELS
+from hardware.control_table.other_devices import WHY_NO_JOINT
 from hardware.errors import RigError
 from hardware.rig.rig_file import RigConfig, RigJoint, load_rig
 from hardware.tools.scan import Found
@@ -21,6 +22,8 @@ _PORT_LINE = re.compile(r"^port\s*=.*$", re.MULTILINE)
 
 def new_joint(name: str, id: int, model: str) -> RigJoint:
     """A joint of which only the servo is known: angle 0 is in the middle of its one turn, and all of it is allowed."""
+    if model in WHY_NO_JOINT:
+        raise RigError(f"id {id}: model {model} cannot be a joint: {WHY_NO_JOINT[model]}.")
     if model not in MODELS:
         raise RigError(f"id {id}: Motiondeck does not know its model ({model}).")
     table = MODELS[model]

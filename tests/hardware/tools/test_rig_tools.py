@@ -7,14 +7,15 @@ import msgspec
 import pytest
 
 from benchmarks.rig._wire_time import rate_limit, read_time, write_time
-from hardware.bus.servo_bus import Bus
+from hardware.bus.servo_bus import Bus, Identity
 from hardware.emulator.bus import EmulatedBus
 from hardware.emulator.port import EmulatedPort
 from hardware.errors import RigError
 from hardware.rig.supervision.rig import Rig
 from hardware.tools.doctor import examine, fix_settings, latency_timer, shorten_latency
 from hardware.tools.monitor import observe
-from hardware.tools.scan import scan, set_up
+from hardware.tools.rig_writing import rig_of
+from hardware.tools.scan import Found, scan, set_up
 
 
 @pytest.fixture
@@ -206,3 +207,11 @@ def test_the_wires_arithmetic(length, fast, baud, latency, delay, hz):
     assert rate_limit(20, baud, length, fast, delay, latency) == pytest.approx(hz, abs=0.6)
     assert write_time(20, 1_000_000) == pytest.approx(1.14e-3)
     assert read_time(20, 1_000_000, 10) == pytest.approx((34 + 288) * 1e-5)
+
+
+def test_a_new_rig_leaves_out_what_cannot_be_a_joint_with_the_reason():
+    found = [Found(1_000_000, Identity(id, number, 1, False)) for id, number in ((1, 1060), (2, 1700), (3, 9))]
+    config, left_out = rig_of(found, "port")
+    assert [joint.model for joint in config.joints] == ["XL430-W250"]
+    assert "id 2: model XC335-T332 cannot be a joint: of it the maker has published where" in left_out[0]
+    assert left_out[1] == "id 3: Motiondeck does not know its model (model number 9)."
