@@ -240,10 +240,11 @@ def standstill(track: Track, joints: Joints, at: float) -> Standstill:
     # Row k is the step, in pulses, that arrives at period k + 1.
     steps = np.abs(np.diff(track.positions, axis=0)) / joints.pulse
     begin = int(np.searchsorted(track.times, at - _ROUNDING)) - 1  # the first step that could know of it
-    if begin < 1 or begin >= len(steps):
+    if begin < 1 or begin + _STILL >= len(track.positions):
         return Standstill(None, None, 0.0)
-    moving = (steps > 0.5).any(axis=1)
-    still = next((row for row in range(begin, len(steps) - _STILL + 1) if not moving[row : row + _STILL].any()), None)
+    spans = np.ptp(np.lib.stride_tricks.sliding_window_view(track.positions[begin:], _STILL + 1, axis=0), axis=2)
+    stand = np.flatnonzero((spans <= 1.5 * joints.pulse).all(axis=1))  # a pulse is what rounding can make of nothing
+    still = begin + int(stand[0]) if len(stand) else None
     if still is None:
         return Standstill(None, None, 0.0)
     moved = float(np.max(np.abs(track.positions[still + 1 :] - track.positions[still]), initial=0.0))

@@ -112,8 +112,10 @@ class JudgedRig:
 class JudgedDeck:
     """A deck that plays a motion on a judged rig, and whatever processes it starts."""
 
-    def __init__(self, rig: JudgedRig, folder: Path, motion: str, *options: str, under: tuple[str, ...] = ()) -> None:
-        """Starts it; `{folder}` in an option stands for the folder, and the command is run by the words `under`."""
+    def __init__(
+        self, rig: JudgedRig, folder: Path, motion: str, *options: str, program: tuple[str, ...] = MOTIONDECK
+    ) -> None:
+        """Starts it; `{folder}` in an option stands for the folder, and `program` runs the command line."""
         self.rig, self.folder = rig, folder
         self.environment = os.environ | {"TMPDIR": str(folder), "XDG_RUNTIME_DIR": str(folder)}
         folder.chmod(0o700)
@@ -121,12 +123,13 @@ class JudgedDeck:
         rig.speed()
         self.said = (folder / "said").open("a+")
         self.process = subprocess.Popen(
-            [*under, *MOTIONDECK, *(word.replace("{folder}", str(folder)) for word in words)],
+            [*program, *(word.replace("{folder}", str(folder)) for word in words)],
             env=self.environment,
             stdin=subprocess.DEVNULL,
             stdout=self.said,
             stderr=self.said,
             start_new_session=True,
+            cwd=ROOT,
         )
 
     def __enter__(self) -> JudgedDeck:

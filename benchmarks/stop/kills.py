@@ -62,8 +62,12 @@ class Strike:
         return max(self.acceleration, self.velocity) <= MOST and self.elsewhere < _NEAR
 
 
-def plan(count: int, seed: int) -> list[tuple[str, str, list[float]]]:
-    """Runs of a deck: its motion, how it ends (kill or end), and how long each stop and stall takes, s."""
+Run = tuple[str, str, list[float]]
+"""A run of a deck: its motion, how it ends (kill or end), and how long each stop and stall takes, s."""
+
+
+def plan(count: int, seed: int) -> list[Run]:
+    """Runs with so many strikes."""
     rng = random.Random(seed)
     kills = round(count * _PARTS["kill"])
     pauses = [10.0 ** rng.uniform(-1.7, 0.3) for _ in range(round(count * _PARTS["stop"]))]
@@ -73,15 +77,15 @@ def plan(count: int, seed: int) -> list[tuple[str, str, list[float]]]:
     return [(MOTIONS[run % len(MOTIONS)], "kill" if run < kills else "end", pauses[run::runs]) for run in range(runs)]
 
 
-def strike(count: int, seed: int, options: tuple[str, ...] = ()) -> tuple[list[Strike], float]:
-    """Strikes as often; what came of each, and the largest part of a limit in undisturbed play."""
+def strike(runs: list[Run], seed: int, options: tuple[str, ...] = ()) -> tuple[list[Strike], float]:
+    """Strikes at random moments; what came of each, and the largest part of a limit in undisturbed play."""
     rng = random.Random(seed + 1)
     strikes: list[Strike] = []
     undisturbed = 0.0
     with tempfile.TemporaryDirectory(ignore_cleanup_errors=True) as name:
         folder = Path(name)
         with JudgedRig(folder) as rig:
-            for motion, end, pauses in plan(count, seed):
+            for motion, end, pauses in runs:
                 with JudgedDeck(rig, folder, motion, "--headless", "--command-port", "7000", *options) as deck:
                     deck.plays()
                     begin = time.monotonic()
