@@ -282,12 +282,12 @@ def test_stopping_may_be_done_twice(servo20_file):
 
 
 def test_a_wrong_rig_file_is_told_before_anything_starts(tmp_path):
-    with pytest.raises(RigFileError, match="cannot read"):
+    with pytest.raises(RigFileError, match="cannot be read"):
         start_emulator(tmp_path / "none.toml")
 
 
 @pytest.mark.parametrize(
-    ("arguments", "code", "said"), [([], 2, "usage"), (["none.toml"], 1, "motiondeck: cannot read")]
+    ("arguments", "code", "said"), [([], 2, "usage"), (["none.toml"], 1, "none.toml: cannot be read")]
 )
 def test_the_emulators_command_says_what_is_wrong(tmp_path, arguments, code, said):
     run = subprocess.run(
