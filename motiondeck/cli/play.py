@@ -88,9 +88,12 @@ def play(
             return
         session = _play_live(spec, program, page, quiet=headless or as_json, as_json=as_json)
     if session.stop.then is not None:
+        library, motion = session.stop.then
+        if session.stop.emergency:
+            raise MotiondeckError(f"the emergency stop is on, so {motion} is not started. Start it when all is clear.")
         from motiondeck.run.play_again import play_again
 
-        play_again(context, *session.stop.then, page_port=session.page_port, command_port=session.command_port)
+        play_again(context, library, motion, page_port=session.page_port, command_port=session.command_port)
 
 
 def _check_for_film(spec: RunSpec) -> None:

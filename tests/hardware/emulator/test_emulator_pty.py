@@ -287,7 +287,7 @@ def test_a_wrong_rig_file_is_told_before_anything_starts(tmp_path):
 
 
 @pytest.mark.parametrize(
-    ("arguments", "code", "said"), [([], 2, "usage"), (["none.toml"], 1, "none.toml: cannot be read")]
+    ("arguments", "code", "said"), [([], 2, "usage"), (["none.toml"], 1, "motiondeck: none.toml: cannot be read")]
 )
 def test_the_emulators_command_says_what_is_wrong(tmp_path, arguments, code, said):
     run = subprocess.run(

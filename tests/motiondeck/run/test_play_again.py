@@ -5,6 +5,9 @@ import sys
 import pytest
 import typer.main
 
+from benchmarks.stop.hostile import running_deck
+from controller.wire.messages.commands import EmergencyStop, LoadLibrary
+from controller.wire.messages.replies import Accepted
 from motiondeck.cli.main import command_line
 from motiondeck.run.play_again import play_again
 from motiondeck_base.shipped import find_library
@@ -40,3 +43,12 @@ def test_of_a_motion_that_the_library_lacks_the_run_before_goes_on(started, caps
     again(["--library", "thesis15"], "tango")
     assert started[0][5:7] == ["--library", "thesis15"]
     assert "no motion 'tango'" in capsys.readouterr().err
+
+
+def test_after_an_emergency_stop_nothing_starts_again_by_itself():
+    load = LoadLibrary(str(find_library("thesis15")), "jog")
+    with running_deck("walk", "--port", "0") as (deck, client, said):
+        assert isinstance(client.request(load), Accepted)
+        assert isinstance(client.request(EmergencyStop()), Accepted)
+        assert deck.wait(20) == 1
+        assert "the emergency stop is on, so jog is not started" in said.read_text()
