@@ -5,14 +5,12 @@ from __future__ import annotations
 import math
 import os
 import time
-from collections import deque
 from collections.abc import Callable
-
-import msgspec
 
 from controller.wire.messages.arguments import CommandError
 from controller.wire.messages.commands import DeckCommand
 from motiondeck.shows.cue_list import CueList
+from motiondeck.shows.known_stops import KnownStops
 from motiondeck.shows.link import Link, Mailbox, StopRepeater
 from motiondeck.shows.membership import CONDUCTOR
 from motiondeck.shows.messages import (
@@ -40,8 +38,10 @@ JOINS_EVERY = 1.0
 REPORTED_AFTER = 3.0
 """A cue that waits longer for decks reports what it waits for, s."""
 
+STOP_REPORTED_AFTER = 0.4
+"""An emergency stop that has not reached every deck by then is reported, s; one that has, at once."""
+
 _NO_CUES = "all cues have been given: type commands to go on"
-_HISTORY = 64  # emergency stops that were seen
 
 Notify = Callable[[str], None]
 
@@ -65,16 +65,16 @@ class Conductor:
         self._arrived = Mailbox[tuple[str, bytes]]()
         self.cues = CueList(show.cues, show.lead, now(), first)
         self._number = 0
-        self._stops: deque[str] = deque(maxlen=_HISTORY)
+        self._stops = KnownStops()
         self._stop_repeater = StopRepeater(link)
         self._reported_waiting: ShowCue | None = None
         self._lacks: list[str] = []
         self._reported_lacks: list[str] = []
         self._lacking_since = 0.0
+        self._stopped_at, self._reported_stop = 0.0, ""
         self._seen = SeenDecks(show, self._run, notify, now)
         self.decks = self._seen.by_name
         self.given: dict[int, float] = {}
-        self._stop: EmergencyStopAll | None = None  # the latest; it stands until it is over
         link.answer("clock", self._time)
         link.subscribe("health/*", self._receive)
         link.subscribe("stop", self._receive)
@@ -88,8 +88,8 @@ class Conductor:
     @property
     def stopped_by(self) -> str:
         """The member that gave the emergency stop that stands, or ""."""
-        stop = self._stop
-        return "" if stop is None or stop.over else stop.by or "a deck without a name"
+        standing = self._stops.standing
+        return standing[-1].by or "a deck without a name" if standing else ""
 
     @property
     def over(self) -> bool:
@@ -107,6 +107,7 @@ class Conductor:
             while (due := self.cues.due(now, self._holds)) is not None:
                 number, cue, at = due
                 self._send_show_cue(number, cue, at)
+        self._report_stop(now)
         self._report_waiting()
         self._report_lacking(now)
         return 0.01
@@ -124,8 +125,7 @@ class Conductor:
             still = [deck.name for deck in self._seen.present if self.stop_at(deck) != "reset"]
             if still:
                 return f"first reset the emergency stop at: {', '.join(still)}"
-            assert self._stop is not None
-            self._stop = msgspec.structs.replace(self._stop, over=True)
+            self._stops.end()
             self._seen.forget_sent()
             self.cues.hold()
             then = "go again for the next cue" if not self.over else f"{_NO_CUES}, but for example: all resume"
@@ -176,7 +176,7 @@ class Conductor:
         self._arrived.put((key, data))
 
     def _time(self) -> bytes:
-        return encode(Time(self._run, self.now(), self.show.if_lost, self.show.lost_after, self._stop))
+        return encode(Time(self._run, self.now(), self.show.if_lost, self.show.lost_after, self._stops.latest))
 
     def _take(self, key: str, data: bytes) -> None:
         kind, _, name = key.partition("/")
@@ -189,27 +189,41 @@ class Conductor:
             self._seen.introduce(name, about)
         elif kind == "health" and (health := read(data, DeckHealth)) is not None:
             self._seen.note_health(name, health)
-            if self._stop is None and health.stop is not None:  # given while another conductor ran, or none
-                self._note_stop(health.stop)
-        elif kind == "stop" and (stop := read(data, EmergencyStopAll)) is not None and stop.id not in self._stops:
+            for stop in health.stops:  # some may have been given while another conductor ran, or none
+                self._note_stop(stop)
+        elif kind == "stop" and (stop := read(data, EmergencyStopAll)) is not None and self._note_stop(stop):
             self._link.publish("stop", data)
-            self._note_stop(stop)
 
     def stop_at(self, deck: SeenDeck) -> StopAt:
         """How far a deck is with the emergency stop that stands; a deck that has not said so is not reset."""
-        if not self.stopped_by:
+        standing = self._stops.standing
+        if not standing:
             return ""
         health = deck.health
-        if health is None or health.stop is None or self._stop is None or health.stop.id != self._stop.id:
+        if health is None or not {stop.id for stop in standing} <= {stop.id for stop in health.stops}:
             return "not reached"
         return "holds" if health.mode == "emergency stop" else "reset"
 
-    def _note_stop(self, stop: EmergencyStopAll) -> None:
-        self._stop = stop
-        self._stops.append(stop.id)
-        if self.stopped_by:
+    def _note_stop(self, stop: EmergencyStopAll) -> bool:
+        """Notes a stop, or that it is over; whether it is new."""
+        new = self._stops.add(stop)
+        if new and not stop.over:
+            self._stopped_at, self._reported_stop = self.now(), ""
             source = "the conductor" if stop.by == CONDUCTOR else self.stopped_by
             self._notify(f"emergency stop by {source}; reset each deck where it is, then: go")
+        return new
+
+    def _report_stop(self, now: float) -> None:
+        """Reports which decks the emergency stop has reached, and again when that has changed."""
+        if not self.stopped_by:
+            return
+        names, here = sorted({*self.decks, *self.show.decks}), self._seen.present_names
+        lacking = [name for name in names if name not in here or self.stop_at(self.decks[name]) == "not reached"]
+        listed = ", ".join(name if name in here else f"{name} (not here)" for name in lacking or names)
+        report = f"the emergency stop has {'not ' if lacking else ''}reached {listed}"
+        if report != self._reported_stop and names and (not lacking or now > self._stopped_at + STOP_REPORTED_AFTER):
+            self._reported_stop = report
+            self._notify(report)
 
     # Cues.
 

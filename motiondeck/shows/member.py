@@ -12,7 +12,6 @@ import os
 import random
 import select
 import time
-from collections import deque
 from collections.abc import Callable
 
 import msgspec
@@ -23,6 +22,7 @@ from controller.wire.messages.arguments import CommandError
 from controller.wire.messages.events import Event
 from controller.wire.messages.replies import Accepted, PhaseNow, Refused, State
 from motiondeck.shows.clock_estimate import ClockEstimate, RoundTrip
+from motiondeck.shows.known_stops import MOST_SENT, KnownStops, StopMemory
 from motiondeck.shows.link import Link, Mailbox, StopRepeater
 from motiondeck.shows.membership import CONDUCTOR
 from motiondeck.shows.messages import (
@@ -52,7 +52,7 @@ _IRREGULAR = 0.6, 1.4
 _PATIENCE = 1.0  # s for an answer
 _OWN_DOING = 1.0  # s within which the deck reports an emergency stop of this member that it has accepted
 _JOINS_WITHIN = 1.0  # s at the start for a conductor or a standing stop to be heard, before the deck moves
-_LISTENS = 0.4  # s of them after the conductor's first answer, for stops that a new conductor does not know yet
+_LISTENS = 0.4  # s after a conductor's first answer before the deck moves, for stops that it does not know yet
 _REMEMBERED = 64  # emergency stops that were passed on
 
 _THEN: dict[Lost, str] = {
@@ -70,6 +70,7 @@ class Member:
     Args:
         leader: where the deck asks for the phase of the show.
         notify: receives lines for the user of the deck.
+        memory: of the emergency stops that the deck was not reset from.
     """
 
     def __init__(
@@ -81,10 +82,11 @@ class Member:
         leader: CommandServer,
         notify: Notify,
         now: Callable[[], float] = time.monotonic,
+        memory: StopMemory | None = None,
     ) -> None:
         self._early = 0.5 / about.rate  # s before its time at which the deck may carry out a cue, in its nearest tick
         self._name, self._link, self._deck, self._leader = name, link, deck, leader
-        self._notify, self._now = notify, now
+        self._notify, self._now, self._memory = notify, now, memory
         self._arrived = Mailbox[tuple[str, bytes]]()
         self._answers = Mailbox[tuple[float, float, bytes]]()
         self._clock, self._time = ClockEstimate(), Time("", 0.0, "go on", 0.0)
@@ -95,12 +97,12 @@ class Member:
         self._step: CommonRound | None = None
         self._state: State | None = None
         self._problem, self._problems = "", 0
-        self._stops: deque[str] = deque(maxlen=_REMEMBERED)
-        self._last: EmergencyStopAll | None = None  # the latest that the deck has carried out
-        self._held_by: EmergencyStopAll | None = None  # the one whose reset the deck waits for
+        self._stops = KnownStops()
+        self._held: list[EmergencyStopAll] = []  # those that the deck has carried out and was not reset from
         self._stopping: dict[int, EmergencyStopAll | None] = {}  # what the deck has not accepted yet
         self._accepted_until = -math.inf
         self._joined_at = now() + _JOINS_WITHIN
+        self._resumes_at = -math.inf
         self._stop_repeater = StopRepeater(link)
         self._commands: dict[int, str] = {}
         deck.post(commands.Subscribe())
@@ -108,6 +110,8 @@ class Member:
         link.subscribe("stop", self._receive)
         link.answer(f"deck/{name}", lambda: encode(about))
         link.announce(f"deck/{name}")
+        for stop in memory.read() if memory is not None else ():
+            self._take_stop(stop)
 
     def _receive(self, key: str, data: bytes) -> None:
         self._arrived.put((key, data))
@@ -159,8 +163,8 @@ class Member:
         # again and again on the way there and never on the way back, which looks like another clock.
         self._ask_at = now + (_ASKS_FIRST if self._asked < _FIRST else ASKS_EVERY) * random.uniform(*_IRREGULAR)
         sent = self._now()
-        if self._held_by is not None:
-            self._link.publish("stop", encode(self._held_by))
+        for stop in self._held:
+            self._link.publish("stop", encode(stop))
         self._link.ask("clock", lambda _, data: self._answers.put((sent, self._now(), data)), _PATIENCE)
         if self._asked % 5 == 0 or self._asked >= _FIRST:
             self._deck.post(commands.GetStatus())
@@ -173,9 +177,10 @@ class Member:
             return
         if not self._time.run:
             self._joined_at = min(self._joined_at, received + _LISTENS)
-        if answer.stop is not None:
-            self._take_latest_stop(answer.stop)
+        for stop in answer.stops:
+            self._take_known_stop(stop)
         if answer.run != self._time.run:
+            self._resumes_at = received + _LISTENS
             self._notify(f"the show has {'another' if self._time.run else 'a'} conductor")
             self._clock, self._cues, self._asked = ClockEstimate(), [], 0
             self._deck.post(commands.Heartbeat(answer.after if answer.lost != "go on" else 0.0))
@@ -185,9 +190,9 @@ class Member:
         if self._lost:
             self._lost = False
             self._notify("the conductor is back")
-            if self._holds:
-                self._holds = False
-                self._deck.post(commands.Resume())
+        if self._holds and received >= self._resumes_at:
+            self._holds = False
+            self._deck.post(commands.Resume())
 
     def _check_conductor(self, now: float) -> None:
         time_now = self._time
@@ -313,7 +318,7 @@ class Member:
             clock=known,
             problem=self._problem,
             problems=self._problems,
-            stop=self._last,
+            stops=[stop for stop in self._stops.latest if stop not in self._stopping.values()],
         )
         self._link.publish(f"health/{self._name}", encode(health))
 
@@ -326,21 +331,17 @@ class Member:
 
     def _take_stop(self, stop: EmergencyStopAll) -> None:
         """Stops the deck, and passes the stop on once: other members may have no link to its sender."""
-        if stop.id in self._stops:
+        if not self._stops.add(stop):
             return
-        self._stops.append(stop.id)
         self._stop_deck(stop)
         self._joined_at = self._now()
         self._notify(f"emergency stop by {'the conductor' if stop.by == CONDUCTOR else stop.by}")
         self._link.publish("stop", encode(stop))
 
-    def _take_latest_stop(self, stop: EmergencyStopAll) -> None:
-        """Takes the latest stop of the show; one that is over still stops a deck that was cut meanwhile."""
-        if stop.id in self._stops:
-            if not self._stopping:
-                self._last = stop
-        elif stop.over and not self._time.run:  # it was over before this deck took part
-            self._stops.append(stop.id)
+    def _take_known_stop(self, stop: EmergencyStopAll) -> None:
+        """Takes a stop that the conductor knows; one that is over still stops a deck that was cut meanwhile."""
+        if stop in self._stops or (stop.over and not self._time.run):  # it was over before this deck took part
+            self._stops.add(stop)
         else:
             self._take_stop(msgspec.structs.replace(stop, over=False))
 
@@ -348,11 +349,16 @@ class Member:
         """Notes that the deck has accepted an emergency stop of this member; it reports it in the same tick."""
         self._accepted_until = self._now() + _OWN_DOING
         if stop is not None:
-            self._last = self._held_by = stop
+            self._hold([*self._held, stop])
 
     def _note_mode(self, mode: str) -> None:
-        if mode != "emergency stop":
-            self._held_by = None
+        if mode != "emergency stop" and self._held:
+            self._hold([])
+
+    def _hold(self, stops: list[EmergencyStopAll]) -> None:
+        self._held = stops[-MOST_SENT:]
+        if self._memory is not None:
+            self._memory.write(self._held)
 
     def _pass_on_stop(self) -> None:
         """Makes an emergency stop that was commanded at the deck one of the show, a second one too."""
@@ -360,8 +366,9 @@ class Member:
         own, self._accepted_until = now < self._accepted_until, -math.inf
         if own:
             return
-        stop = self._last = self._held_by = EmergencyStopAll(self._name, os.urandom(8).hex())
-        self._stops.append(stop.id)
+        stop = EmergencyStopAll(self._name, os.urandom(8).hex())
+        self._stops.add(stop)
+        self._hold([*self._held, stop])
         self._holds = False
         self._cues.clear()
         self._stop_repeater.start(stop, now)

@@ -10,6 +10,7 @@ import signal
 import sys
 
 from controller.wire.command_socket import CommandClient, CommandServer, SocketError
+from motiondeck.shows.known_stops import StopMemory
 from motiondeck.shows.link import Link
 from motiondeck.shows.member import Member
 from motiondeck.shows.membership import deck_in
@@ -34,7 +35,8 @@ def main(arguments: list[str] | None = None) -> int:
     try:
         membership = deck_in(options.show)
         deck, leader = CommandClient(options.command_port), CommandServer(options.leader_port)
-        member = Member(membership.name, about, Link(membership), deck, leader, _tell)
+        memory = StopMemory(membership.memory)
+        member = Member(membership.name, about, Link(membership), deck, leader, _tell, memory=memory)
     except MotiondeckError as error:
         _tell(str(error))
         return 1

@@ -3,6 +3,7 @@
 On one machine they meet over Unix sockets in a folder that only their user may enter, and nothing listens to a network:
 
     COMMANDS/shows/SHOW/MEMBER        COMMANDS as in `local_transport.command_folder`
+    COMMANDS/shows/SHOW/MEMBER.stops  emergency stops that a deck was not reset from, also of shows on several machines
 
 On several machines each member has a folder that `motiondeck fleet certificates` made, and TLS on both sides:
 
@@ -56,6 +57,11 @@ class Membership:
     connect: list[str] = field(default_factory=list)
     certificates: Path | None = None
 
+    @property
+    def memory(self) -> Path:
+        """The file with the emergency stops that the deck was not reset from."""
+        return _show_folder(self.show) / f"{self.name}.stops"
+
     def __str__(self) -> str:
         """Such as "left in gala, on this machine"."""
         where = "on this machine" if self.certificates is None else f"at {', '.join(self.listen)} with certificates"
@@ -97,8 +103,7 @@ def on_this_machine(show: str, name: str, *, listens: bool = True) -> Membership
     """
     check_name(show, "show")
     check_name(name, "member of a show")
-    folder = command_folder() / "shows" / show
-    folder.mkdir(mode=0o700, parents=True, exist_ok=True)
+    folder = _show_folder(show)
     own = folder / name
     others = sorted(path for path in folder.iterdir() if path != own and path.is_socket() and _answers(path))
     return Membership(show, name, [_unix(own)] if listens else [], [_unix(path) for path in others])
@@ -153,6 +158,13 @@ def tls_endpoint(address: str) -> str:
     """An address as zenoh writes it; raises a MotiondeckError if it is none."""
     host, port = host_and_port(address)
     return f"tls/[{host}]:{port}" if ":" in host else f"tls/{host}:{port}"
+
+
+def _show_folder(show: str) -> Path:
+    """A show's folder of this user, which is made where it is missing."""
+    folder = command_folder() / "shows" / show
+    folder.mkdir(mode=0o700, parents=True, exist_ok=True)
+    return folder
 
 
 def _unix(path: Path) -> str:

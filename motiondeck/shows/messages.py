@@ -51,7 +51,7 @@ class Time(msgspec.Struct, frozen=True):
     seconds: float  # the time, s
     lost: Lost  # what a deck does when the conductor does not answer any more
     after: float  # s without an answer after which that happens
-    stop: EmergencyStopAll | None = None  # the latest one of the show
+    stops: list[EmergencyStopAll] = []  # the latest ones of the show
 
 
 class CommonRound(msgspec.Struct, frozen=True):
@@ -96,7 +96,7 @@ class DeckHealth(msgspec.Struct, frozen=True):
         run, cue: the conductor and the number of the last cue that was carried out; "" and 0 for none.
         motion, mode, phase, paused, switching, lock: as in `State`; lock is "" without one.
         clock: how well the conductor's time is known; None if not at all.
-        stop: the latest emergency stop of the show that the deck carried out; it was reset since unless `mode` says so.
+        stops: the latest emergency stops that the deck has carried out; it was reset since unless `mode` says so.
         problem: the latest refusal or cue that came too late, or "".
     """
 
@@ -111,7 +111,7 @@ class DeckHealth(msgspec.Struct, frozen=True):
     clock: ClockHealth | None
     problem: str = ""
     problems: int = 0
-    stop: EmergencyStopAll | None = None
+    stops: list[EmergencyStopAll] = []
 
 
 encode = msgspec.json.Encoder().encode

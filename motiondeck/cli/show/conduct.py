@@ -245,32 +245,38 @@ def _describe(deck: DeckRow) -> str:
 
 
 def _stop_all(link: Link) -> None:
+    """Stops all decks, and says of each when it has stopped, and after a while which have not."""
+    from motiondeck.shows.conductor import STOP_REPORTED_AFTER
     from motiondeck.shows.link import STOP_AGAIN
     from motiondeck.shows.messages import DeckHealth, EmergencyStopAll, encode, read
     from motiondeck_base.errors import MotiondeckError
 
-    modes: dict[str, str] = {}
+    stop = EmergencyStopAll("conduct --stop", os.urandom(8).hex())
+    here: set[str] = set()
+    reached: set[str] = set()
 
     def heard(key: str, data: bytes) -> None:
-        health = read(data, DeckHealth)
-        if health is not None:
-            modes[key.removeprefix("health/")] = health.mode
+        health, name = read(data, DeckHealth), key.removeprefix("health/")
+        if health is not None and name not in reached and any(known.id == stop.id for known in health.stops):
+            reached.add(name)
+            print(f"{name}: emergency stop", flush=True)
 
     link.subscribe("health/*", heard)
-    data = encode(EmergencyStopAll("conduct --stop", os.urandom(8).hex()))
-    began = time.monotonic()
+    link.watch("deck/*", lambda key, is_here: (here.add if is_here else here.discard)(key.removeprefix("deck/")))
+    began, lacking = time.monotonic(), ""
     try:
-        while time.monotonic() < began + _STOP_WITHIN:
-            link.publish("stop", data)
+        while (waited := time.monotonic() - began) < _STOP_WITHIN:
+            link.publish("stop", encode(stop))
             time.sleep(STOP_AGAIN)
-            stopped = bool(modes) and all(mode == "emergency stop" for mode in modes.values())
-            if stopped and time.monotonic() > began + _STOP_AT_LEAST:
-                break
+            missing = ", ".join(sorted({*here} - reached))
+            if reached and not missing and waited > _STOP_AT_LEAST:
+                return
+            if missing != lacking and waited > STOP_REPORTED_AFTER:
+                lacking = missing
+                print(f"not stopped yet: {missing}" if missing else "all are stopped", flush=True)
     finally:
         link.close()
-    reported = sorted(name for name, mode in modes.items() if mode == "emergency stop")
-    if moving := sorted(set(modes) - set(reported)):
-        raise MotiondeckError(f"no emergency stop is reported by: {', '.join(moving)}")
-    if not reported:
+    if lacking:
+        raise MotiondeckError(f"no emergency stop is reported by: {lacking}")
+    if not reached:
         raise MotiondeckError("no deck of the show is reached")
-    print(f"emergency stop: {', '.join(reported)}")

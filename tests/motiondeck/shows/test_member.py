@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from controller.wire.command_socket import CommandClient, CommandServer
-from controller.wire.messages.commands import AtTime, GetPhase, LockPhase, SetTempo, Switch, Unlock
+from controller.wire.messages.commands import AtTime, GetPhase, LockPhase, Reset, ServoTorque, SetTempo, Switch, Unlock
 from controller.wire.messages.replies import PhaseNow
 from motiondeck.shows.member import ASKS_EVERY, Member
 from motiondeck.shows.messages import About, CommonRound, Time, TimedCue, encode
@@ -126,6 +126,19 @@ def test_a_cue_that_comes_too_late_is_left_out_and_told(stage):
     stage.cue(2, stage.time - 0.4, Switch("march"))
     assert len(timed(stage.play(0.05))) == 1
     assert stage.told[-1] == "scene 2 came 0.4 s late"
+
+
+@pytest.mark.parametrize(
+    ("command", "reason"),
+    [(Reset(), "not for a show"), (ServoTorque("l_knee", "off"), "not for a show"), (SetTempo(99.0), "TEMPO must be")],
+)
+def test_a_cue_with_what_no_show_may_say_is_left_out_and_told(stage, command, reason):
+    """Another member may send anything; what the conductor checks does not count here."""
+    stage.cue(1, stage.time + 0.1, Switch("march"), command, step=CommonRound(stage.time + AHEAD, 0.9))
+    assert timed(stage.play(0.5)) == []
+    assert stage.told[-1].startswith("scene 1: ")
+    assert reason in stage.told[-1]
+    assert stage.phase().phase is None
 
 
 def test_questions_come_at_irregular_times(stage):

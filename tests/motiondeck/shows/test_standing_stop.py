@@ -1,180 +1,15 @@
 """A stop of a show is a state: whatever is cut, restarted or pressed again, a deck is still until it is reset there."""
 
-from contextlib import ExitStack, closing
-from fnmatch import fnmatch
-from functools import cache
+from contextlib import closing
 
 import msgspec
 import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-import synthetic
-from controller.deck.deck import Deck
-from controller.loop.commands.command_handler import CommandHandler
-from controller.loop.commands.commanded_run import CommandedRun
-from controller.loop.stop_requests import StopRequest
-from controller.wire.command_socket import CommandClient, CommandServer
-from controller.wire.messages.commands import EmergencyStop, GetPhase, Reset, Resume
-from controller.wire.messages.replies import Accepted, PhaseNow
-from motiondeck.shows.conductor import Conductor
-from motiondeck.shows.member import Member
-from motiondeck.shows.messages import About, Time, encode, read
-from motiondeck.shows.show_file import Show
-
-NAMES = ["left", "middle", "right"]
-TICK = 0.02
-SETTLES = 0.7  # s; questions are at most 0.35 s apart
-
-library = cache(synthetic.small_phase_library)
-
-
-class Network:
-    """Links in this process, of which any can be cut from all others."""
-
-    def __init__(self):
-        self.links = {}
-
-    def others(self, name):
-        here = self.links[name]
-        return [link for link in self.links.values() if link is not here and not here.cut and not link.cut]
-
-
-class Link:
-    def __init__(self, network, name, *, cut=False):
-        self.network, self.name, self.cut = network, name, cut
-        self.subscribed, self.answers, self.announced, self.watching = [], {}, [], []
-        network.links[name] = self
-
-    def subscribe(self, keys, received):
-        self.subscribed.append((keys, received))
-
-    def publish(self, key, data):
-        for link in self.network.others(self.name):
-            for keys, received in link.subscribed:
-                if fnmatch(key, keys):
-                    received(key, data)
-
-    def answer(self, key, answer):
-        self.answers[key] = answer
-
-    def ask(self, keys, received, patience=1.0):
-        for link in self.network.others(self.name):
-            for key, answer in link.answers.items():
-                if fnmatch(key, keys):
-                    received(key, answer())
-
-    def announce(self, key):
-        self.announced.append(key)
-        for link in self.network.links.values():
-            for keys, seen in link.watching:
-                if fnmatch(key, keys):
-                    seen(key, True)
-
-    def watch(self, keys, seen):
-        self.watching.append((keys, seen))
-        for link in self.network.others(self.name):
-            for key in link.announced:
-                if fnmatch(key, keys):
-                    seen(key, True)
-
-    def close(self):
-        if self.network.links.get(self.name) is self:
-            del self.network.links[self.name]
-
-
-class DeckOfShow:
-    """A deck with its sockets and its member."""
-
-    def __init__(self, house, name, *, cut=False):
-        self.open, self.ran = ExitStack(), False
-        server = self.open.enter_context(closing(CommandServer(0)))
-        leader = self.open.enter_context(closing(CommandServer(0)))
-        deck = Deck(library(), lambda pose: pose.rotation.ravel(), "march")
-        self.stop, self.handler, self.deck = StopRequest(), CommandHandler(CommandedRun(deck), [server]), deck
-        client = self.open.enter_context(closing(CommandClient(server.port)))
-        self.link, about = Link(house.network, name, cut=cut), About("dummy", "small", 50.0, {"march": 0.9})
-        now = lambda: house.time  # noqa: E731
-        self.member = Member(name, about, self.link, client, leader, house.notes.append, now)
-        self.open.callback(self.member.close)
-        asking = self.open.enter_context(closing(CommandClient(leader.port)))
-        while True:  # as `ShowMember.leader` waits
-            asking.post(GetPhase())
-            self.member.step(0.0)
-            if isinstance(asking.receive(1.0), PhaseNow):
-                break
-            house.run(TICK)
-        self.ran = True
-
-    def tick(self):
-        self.handler(self.stop)
-        self.stop.state.rested()
-
-    @property
-    def moves(self):
-        return self.stop.mode == "playing" and not self.deck.paused
-
-
-class House:
-    """A show on a clock of its own."""
-
-    def __init__(self):
-        self.time, self.notes, self.network = 1000.0, [], Network()
-        self.decks, self.conductor, self.moved = {}, None, set()
-
-    def conduct(self, **show):
-        link = Link(self.network, "conductor")
-        self.conductor = Conductor(Show("gala", **show), link, self.notes.append, now=lambda: self.time)
-
-    def start(self, name, *, cut=False):
-        self.kill(name)
-        self.decks[name] = DeckOfShow(self, name, cut=cut)
-        self.run(SETTLES)
-
-    def kill(self, name):
-        if name in self.decks:
-            self.decks.pop(name).open.close()
-
-    def run(self, seconds=SETTLES):
-        """Runs the show; `moved` are the decks that moved meanwhile."""
-        self.moved = set()
-        for _ in range(round(seconds / TICK)):
-            self.time += TICK
-            for name, deck in self.decks.items():
-                deck.tick()
-                self.moved |= {name} if deck.moves else set()
-                deck.member.step(0.0)
-            if self.conductor is not None:
-                self.conductor.step()
-
-    def press(self, name):
-        deck = self.decks[name]
-        assert isinstance(deck.handler.carry_out(EmergencyStop(), deck.stop), Accepted)
-        self.run()
-
-    def reset(self, name):
-        deck = self.decks[name]
-        if deck.stop.emergency:
-            assert isinstance(deck.handler.carry_out(Reset(), deck.stop), Accepted)
-        deck.handler.carry_out(Resume(), deck.stop)
-        self.run()
-
-    def cut(self, name, *, cut=True):
-        self.decks[name].link.cut = cut
-        self.run()
-
-    @property
-    def moving(self):
-        return {name for name, deck in self.decks.items() if deck.moves}
-
-    def stops(self):
-        return {name: self.conductor.stop_at(self.conductor.decks[name]) for name in self.decks}
-
-    def close(self):
-        for name in [*self.decks]:
-            self.kill(name)
-        if self.conductor is not None:
-            self.conductor.close()
+from motiondeck.shows.known_stops import MOST_SENT, KnownStops, StopMemory
+from motiondeck.shows.messages import EmergencyStopAll, Time, encode, read
+from show_house import NAMES, House
 
 
 @pytest.fixture
@@ -221,6 +56,117 @@ def test_a_stop_stands_without_a_conductor(house):
     assert "middle" not in house.moved
     house.cut("right", cut=False)
     assert house.moving == set()
+
+
+@pytest.mark.parametrize("conducted", [True, False])
+def test_a_deck_that_was_not_reset_is_stopped_when_it_starts_again_without_a_link(house, conducted):
+    house.press("left")
+    if not conducted:
+        house.conductor.close()
+        house.conductor = None
+    house.cut("right")
+    house.start("right", cut=True)
+    assert "right" not in house.moved | house.moving
+    house.reset("right")
+    house.start("right", cut=True)
+    assert "right" in house.moving, "it was reset before it ended"
+
+
+def test_a_stop_goes_on_at_once_to_a_deck_that_only_another_one_is_linked_to(house, monkeypatch):
+    monkeypatch.setattr("motiondeck.shows.member.ASKS_EVERY", 60.0)  # only then is it repeated
+    house.run(3.0)
+    house.network.apart = [{"left", "right"}, *({"conductor", name} for name in ("left", "right"))]
+    house.press("left", 0.1)
+    assert house.decks["right"].stop.emergency
+
+
+def test_a_deck_repeats_all_stops_that_it_was_not_reset_from(house):
+    house.conductor.close()
+    house.conductor = None
+    house.network.apart = [{"left", "middle"}, {"left", "right"}]
+    house.press("left")
+    house.press("middle")
+    house.reset("right")
+    house.network.apart, house.network.deaf = [{"left", "right"}], [("middle", "left")]
+    house.run()
+    assert not house.decks["right"].stop.emergency
+    house.network.apart, house.network.deaf = [], []
+    house.run()
+    assert house.decks["right"].stop.emergency
+
+
+@pytest.mark.parametrize("first", ["conductor", "left"])
+def test_stops_that_were_given_apart_reach_all_when_they_meet(house, first):
+    """The conductor, or a deck, is cut and stopped, and has not heard of the other stop."""
+    house.network.apart = [{first, name} for name in (*NAMES, "conductor") if name != first]
+    house.press("middle")
+    house.reset("right")
+    if first == "conductor":
+        house.conductor.stop()
+        house.run()
+    else:
+        house.press("left")
+    assert "right" in house.moving
+    # The deck that holds the other stop comes back first.
+    house.network.apart = [{first, name} for name in NAMES if name not in (first, "middle")]
+    house.run()
+    house.network.apart = []
+    house.run()
+    assert house.moving == set()
+
+
+def test_a_deck_that_waits_for_a_conductor_does_not_go_on_before_that_one_knows_the_stop():
+    with closing(House()) as house:
+        house.conduct(if_lost="hold")
+        for name in NAMES:
+            house.start(name)
+        house.run(2.0)
+        house.conductor.close()
+        house.conductor = None
+        house.run(4.0)
+        house.cut("right")
+        house.press("left")
+        house.reset("left")
+        house.conduct(if_lost="hold")
+        house.network.apart = [{name, "right"} for name in ("left", "middle")]
+        house.network.apart += [{name, "conductor"} for name in ("left", "middle")]
+        house.cut("right", cut=False, seconds=0.3)
+        assert "right" not in house.moved
+        house.network.apart = []
+        house.run()
+        assert "right" not in house.moved | house.moving
+        house.reset("right")
+        assert "right" in house.moving
+
+
+def test_no_deck_counts_as_reset_before_it_was_reset(house):
+    for _ in range(20):
+        house.conductor.stop()
+        for _ in range(7):
+            house.run(0.02)
+            assert "reset" not in house.stops().values()
+        for name in NAMES:
+            house.reset(name, 0.08)
+        house.run(0.5)
+        house.conductor.go()
+
+
+def test_the_conductor_says_within_half_a_second_which_decks_the_stop_has_reached(house):
+    def said(seconds=None):
+        house.notes.clear()
+        if seconds is None:
+            house.run()
+        else:
+            house.press("left", seconds)
+        return [note for note in house.notes if note.startswith("the emergency stop has")]
+
+    assert said(0.2) == ["the emergency stop has reached left, middle, right"]
+    house.network.apart = [{"right", name} for name in (*NAMES, "conductor") if name != "right"]
+    assert said(0.45) == ["the emergency stop has not reached right"]
+    house.network.apart = []
+    assert said() == ["the emergency stop has reached left, middle, right"]
+    house.conductor.show.decks.append("far")
+    assert said(0.45) == ["the emergency stop has not reached far (not here)"]
 
 
 def test_a_second_press_is_a_new_stop(house):
@@ -277,6 +223,40 @@ def test_a_deck_that_was_cut_through_a_whole_stop_is_stopped_and_one_that_starts
     assert house.moving == {"left", "middle"}
 
 
+def stops(count):
+    return [EmergencyStopAll("left", str(number)) for number in range(count)]
+
+
+def test_what_is_over_stays_over_and_many_presses_leave_the_latest():
+    known = KnownStops()
+    assert [known.add(stop) for stop in stops(3)] == [True] * 3
+    assert not known.add(msgspec.structs.replace(stops(3)[1], over=True))
+    assert not known.add(stops(3)[1])
+    assert [stop.id for stop in known.standing] == ["0", "2"]
+    for stop in stops(1000):
+        known.add(stop)
+    assert known.latest == stops(1000)[-MOST_SENT:]
+    assert known.latest[-len(known.standing) :] == known.standing
+    known.end()
+    assert known.standing == []
+    assert stops(1000)[-1] in known
+    known.add(EmergencyStopAll("right", "stands"))
+    for stop in stops(2000)[-100:]:
+        known.add(msgspec.structs.replace(stop, over=True))
+    assert [stop.id for stop in known.latest][-1] == "stands", "as long as others need it to know that it is reset"
+
+
+def test_a_memory_that_is_damaged_is_empty(tmp_path):
+    memory = StopMemory(tmp_path / "left.stops")
+    assert memory.read() == []
+    memory.write(stops(2))
+    assert memory.read() == stops(2)
+    (tmp_path / "left.stops").write_bytes(b"[{")
+    assert memory.read() == []
+    memory.write([])
+    assert not (tmp_path / "left.stops").exists()
+
+
 def test_a_conductor_of_before_the_standing_stop_is_understood():
     class OlderTime(msgspec.Struct):
         run: str
@@ -322,9 +302,10 @@ class Expected:
         self.own.discard(name)
 
     def restart(self, name):
-        self.reset(name)
-        self.known[name] = -1
-        self.new.add(name)
+        if name not in self.still:  # else it remembers
+            self.reset(name)
+            self.known[name] = -1
+            self.new.add(name)
 
 
 WHAT = st.sampled_from(["press", "press", "reset", "reset", "cut", "heal", "restart"])
