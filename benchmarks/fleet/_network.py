@@ -25,14 +25,18 @@ _SET_DEVICE, _TUN, _NO_HEADER = 0x400454CA, 0x0001, 0x1000
 _PREFIX = "mdfleet"
 
 
-def namespace(number: int) -> str:
+NET = 77
+"""The number of a network, of its namespaces and addresses; several can be there at once."""
+
+
+def namespace(number: int, net: int = NET) -> str:
     """The name of a namespace."""
-    return f"{_PREFIX}{number}"
+    return f"{_PREFIX}{net}-{number}"
 
 
-def address(number: int) -> str:
+def address(number: int, net: int = NET) -> str:
     """The address in a namespace."""
-    return f"10.77.0.{number + 1}"
+    return f"10.{net}.0.{number + 1}"
 
 
 class Network:
@@ -49,6 +53,14 @@ class Network:
         """Ends that."""
         self._say(f"heal {number}")
 
+    def delay(self, delay_ms: float) -> None:
+        """Delays packets by this from now on, one way."""
+        self._say(f"delay {1e-3 * delay_ms}")
+
+    def loss(self, share: float) -> None:
+        """Loses this share of the packets from now on."""
+        self._say(f"loss {share}")
+
     def _say(self, line: str) -> None:
         assert self._router.stdin is not None
         self._router.stdin.write(line.encode() + b"\n")
@@ -56,7 +68,7 @@ class Network:
 
 
 @contextmanager
-def network(members: int, delay_ms: float, loss: float) -> Iterator[Network]:
+def network(members: int, delay_ms: float, loss: float, net: int = NET) -> Iterator[Network]:
     """So many connected namespaces while the block runs.
 
     Raises:
@@ -71,6 +83,7 @@ def network(members: int, delay_ms: float, loss: float) -> Iterator[Network]:
         str(members),
         str(delay_ms),
         str(loss),
+        str(net),
     ]
     router = subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE)
     assert router.stdout is not None
@@ -88,15 +101,15 @@ def _ip(*words: str) -> None:
     subprocess.run(["ip", *words], check=True)
 
 
-def _open_device(number: int) -> int:
+def _open_device(number: int, net: int) -> int:
     """A TUN device in a namespace of its own."""
-    device, inside = f"{_PREFIX}{number}", namespace(number)
+    device = inside = namespace(number, net)
     file = os.open("/dev/net/tun", os.O_RDWR | os.O_NONBLOCK)
     fcntl.ioctl(file, _SET_DEVICE, struct.pack("16sH", device.encode(), _TUN | _NO_HEADER))
     _ip("netns", "add", inside)
     _ip("link", "set", device, "netns", inside)
     _ip("-n", inside, "link", "set", "lo", "up")
-    _ip("-n", inside, "addr", "add", f"{address(number)}/24", "dev", device)
+    _ip("-n", inside, "addr", "add", f"{address(number, net)}/24", "dev", device)
     _ip("-n", inside, "link", "set", device, "up")
     return file
 
@@ -118,7 +131,15 @@ def _route(devices: list[int], delay: float, loss: float) -> None:
                 if not data:
                     return
                 for line in data.decode().splitlines():
-                    (cut.add if line.startswith("cut") else cut.discard)(int(line.split()[1]))
+                    match line.split():
+                        case ["cut", number]:
+                            cut.add(int(number))
+                        case ["heal", number]:
+                            cut.discard(int(number))
+                        case ["delay", seconds]:
+                            delay = float(seconds)
+                        case ["loss", share]:
+                            loss = float(share)
                 continue
             with suppress(BlockingIOError):
                 while packet := os.read(file, 65536):
@@ -136,14 +157,14 @@ def _route(devices: list[int], delay: float, loss: float) -> None:
 
 
 def main() -> None:
-    """The router's process: how many devices, delay in ms, loss; then on standard input: cut N, heal N."""
-    count, delay_ms, loss = int(sys.argv[1]), float(sys.argv[2]), float(sys.argv[3])
+    """The router's process: how many devices, delay in ms, loss, the network's number; `Network` commands it."""
+    count, delay_ms, loss, net = int(sys.argv[1]), float(sys.argv[2]), float(sys.argv[3]), int(sys.argv[4])
     for number in range(count):
-        subprocess.run(["ip", "netns", "del", namespace(number)], stderr=subprocess.DEVNULL)
+        subprocess.run(["ip", "netns", "del", namespace(number, net)], stderr=subprocess.DEVNULL)
     try:
-        devices = [_open_device(number) for number in range(count)]
+        devices = [_open_device(number, net) for number in range(count)]
         print("ready", flush=True)
         _route(devices, 1e-3 * delay_ms, loss)
     finally:
         for number in range(count):
-            subprocess.run(["ip", "netns", "del", namespace(number)], stderr=subprocess.DEVNULL)
+            subprocess.run(["ip", "netns", "del", namespace(number, net)], stderr=subprocess.DEVNULL)
