@@ -16,11 +16,22 @@ crosses a reset on its way can be taken for another. A pulled wire cannot be res
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import Literal
+from typing import Literal, Protocol
 
 from motiondeck_base.errors import MotiondeckError
 
 Phase = Literal["running", "braking", "latched", "held"]
+
+STOP_DOOR = "stop door"
+"""A source; a wired stop has the name of its device."""
+
+
+class WiredStop(Protocol):
+    """An emergency stop that is wired: the name of its device, whether it is pulled now, and how often it was."""
+
+    name: str
+    pulled: bool
+    pulls: int
 
 
 class EmergencyStopError(MotiondeckError):
@@ -77,6 +88,11 @@ class StopState:
             self.pulled.add(source)
             self.count(source, self.released.get(source, 0) + 1)
 
+    def watch(self, wired: WiredStop) -> None:
+        """Takes in what a wired stop does now; it is asked again and again."""
+        self.count(wired.name, wired.pulls)
+        self.pull(wired.name, wired.pulled)
+
     def lose(self) -> None:
         """There is nothing to follow: the joints brake, as far as they move."""
         if self.phase == "running":
@@ -103,7 +119,7 @@ class StopState:
         if self.phase == "braking":
             raise EmergencyStopError("the joints are still braking; reset the emergency stop when they are at rest")
         for source in sorted(self.pulled):
-            raise EmergencyStopError(f"{source} is still pulled; release it there first, then reset")
+            raise EmergencyStopError(f"the emergency stop at {source} is still pulled: let it go, then reset")
         self.release(self.presses)
 
     def release(self, seen: Mapping[str, int]) -> None:

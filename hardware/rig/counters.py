@@ -6,6 +6,7 @@ import time
 from collections.abc import Sequence
 from dataclasses import dataclass, fields
 
+import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
@@ -75,3 +76,28 @@ class Timings:
     def microseconds(self) -> NDArray[np.float64]:
         """A copy of the durations, shape (up to capacity,), us, in no particular order."""
         return self._microseconds[: self._count].copy()
+
+    @property
+    def percentiles(self) -> dict[str, float] | None:
+        """p50, p99, p999 and max of the durations, us; None before the first."""
+        durations = self.microseconds
+        if not len(durations):
+            return None
+        p50, p99, p999 = np.percentile(durations, (50.0, 99.0, 99.9))
+        return {"p50": float(p50), "p99": float(p99), "p999": float(p999), "max": float(durations.max())}
+
+
+class RigReport(msgspec.Struct, frozen=True):
+    """The counts and durations of a rig since it was switched on.
+
+    Attributes:
+        write_us, read_us: `Timings.percentiles` of sending goals and of collecting states.
+        recoveries: how often something was recovered.
+        faults, by_joint: `RigFaults.total` and `RigFaults.by_joint`.
+    """
+
+    write_us: dict[str, float] | None
+    read_us: dict[str, float] | None
+    recoveries: int
+    faults: int
+    by_joint: dict[str, dict[str, int]]

@@ -125,6 +125,11 @@ class RigJoint(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
         asked = {name: getattr(self, name) for name in _GAINS}
         return {name: gain for name, gain in asked.items() if gain is not None}
 
+    def check_restartable(self) -> None:
+        """Checks that the servo can be restarted; raises a RigError if its model cannot."""
+        if not self.table.family.reboots:
+            raise RigError(f"{self.name} ({self.model}) cannot be restarted. Switch its power off and on.")
+
     @property
     def label(self) -> str:
         """Name and ID for a message."""

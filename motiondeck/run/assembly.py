@@ -20,6 +20,7 @@ from controller.loop.output_channel import Channel
 from controller.loop.permissions import handed_back, leave_core
 from controller.loop.safety.safety_envelope import SafetyEnvelope
 from controller.loop.stop_requests import StopRequest, stop_on_signals
+from controller.loop.stop_state import WiredStop
 from controller.motion.clip import Clip
 from controller.motion.rotations import Array
 from controller.motion.skeleton import Skeleton
@@ -30,13 +31,14 @@ from controller.wire.stop_door import StopDoor
 from motiondeck.run.beside.child_process import Children, PageProcess, child_process, kept_tty, page_process
 from motiondeck.run.report import RunNews
 from motiondeck.run.robots.robot_on_deck import RobotOnDeck, channels_of
-from motiondeck.run.session import Session, WiredStop, WiredStopWatch
+from motiondeck.run.session import Session, WiredStopWatch
 from motiondeck.run.spec.run_spec import RunSpec
 from motiondeck.run.spec.script import Timed
 from motiondeck_base.errors import MotiondeckError
 
 if TYPE_CHECKING:  # a run imports what it has: page, show, recorder, recognition, rig, outputs
     from motiondeck.run.beside.tick_recorder import TickRecorder
+    from motiondeck.run.guard.guarded_rig import GuardedRig
     from motiondeck.run.recognition.watches import Watch
     from motiondeck.run.robots.rig_output import RigOutput
     from motiondeck.run.session import PlayableDeck
@@ -112,11 +114,8 @@ def open_session(spec: RunSpec, played: Played, host: Host = ALONE) -> Iterator[
 def _assemble(opening: ExitStack, stop: StopRequest, spec: RunSpec, played: Played, host: Host) -> Session:
     """Opens everything; the page takes longest to start, so it starts first and waits for the rest."""
     children = Children()
-    wired = _wired_stop(opening, spec)
     servers = _servers(opening, spec)
     port = servers[-1].port
-    door = StopDoor(port)
-    opening.callback(door.close)
     page = host.page
     if page is None and spec.page_port is not None:
         page = opening.enter_context(page_process(spec.page_port, spec.command_port))
@@ -136,6 +135,17 @@ def _assemble(opening: ExitStack, stop: StopRequest, spec: RunSpec, played: Play
     deck = played.make_deck(together([robot.retarget for robot in robots]))
     joints = [name for robot in robots for name in robot.joints]
     servos = _servos(first)
+    guarded = _guarded(robots)
+    for rig in guarded:
+        rig.stop = stop.state
+    door = wired = None
+    if guarded:
+        guarded[0].watch_stops(port, str(spec.stop_input) if spec.stop_input is not None else None)
+        wired = guarded[0].wire
+    else:
+        door = StopDoor(port)
+        opening.callback(door.close)
+        wired = _wired_stop(opening, spec)
     channels = channels_of(robots)
     if spec.outputs:
         from motiondeck.run.plugin_outputs import open_outputs
@@ -187,6 +197,7 @@ def _assemble(opening: ExitStack, stop: StopRequest, spec: RunSpec, played: Play
         command_port=port,
         page_port=page.port if page is not None else None,
         door=door,
+        guarded=guarded,
         page=shown,
         recorder=recorder,
         watch=watch,
@@ -251,6 +262,12 @@ def _servos(robot: RobotOnDeck) -> RigOutput | None:
     from motiondeck.run.robots.rig_output import RigOutput
 
     return robot.rig.output if isinstance(robot.rig.output, RigOutput) else None
+
+
+def _guarded(robots: Sequence[RobotOnDeck]) -> list[GuardedRig]:
+    """The rigs of robots that are behind a guard."""
+    servos = [_servos(robot) for robot in robots]
+    return [output.guarded for output in servos if output is not None and output.guarded is not None]
 
 
 def _watch(spec: RunSpec, played: Played, first: RobotOnDeck, channel: Channel) -> Watch | None:

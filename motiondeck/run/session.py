@@ -16,6 +16,7 @@ from controller.loop.commands.command_handler import CommandHandler
 from controller.loop.loop import LoopState, run
 from controller.loop.output_channel import Channel
 from controller.loop.permissions import (
+    FIFO_PRIORITY,
     Permission,
     handed_back,
     permission_lines,
@@ -25,7 +26,7 @@ from controller.loop.permissions import (
 )
 from controller.loop.safety.safety_envelope import SafetyEnvelope
 from controller.loop.stop_requests import StopRequest
-from controller.loop.stop_state import StopState
+from controller.loop.stop_state import STOP_DOOR, StopState, WiredStop
 from controller.motion.rotations import Array
 from controller.wire.messages.deck_snapshot import SnapshotSource, TickHealth
 from controller.wire.messages.replies import Refused
@@ -42,6 +43,7 @@ if TYPE_CHECKING:  # page, recorder and recognition are imported by a run that h
     from controller.loop.commands.commanded_run import Playback
     from controller.loop.run_phases import Player
     from motiondeck.run.beside.tick_recorder import TickRecorder
+    from motiondeck.run.guard.guarded_rig import GuardedRig
     from motiondeck.run.page.contents import ShownDeck
     from motiondeck.run.page.page import Page
     from motiondeck.run.recognition.watches import Watch
@@ -59,34 +61,20 @@ PICTURE_HZ = 50.0
 HEALTH_EVERY = 12  # pictures
 
 
-class WiredStop(Protocol):
-    """An emergency stop that is wired."""
-
-    name: str
-    pulled: bool
-    pulls: int
-
-    def close(self) -> None:
-        """Closes its device."""
-        ...
-
-
 class WiredStopWatch:
-    """Counts the pulls of a wired stop, which demands the emergency stop as long as it is pulled."""
+    """Passes on what a wired stop does, and reports each pull."""
 
     def __init__(self, wired: WiredStop, handler: CommandHandler) -> None:
         self._wired, self._handler, self._pulls = wired, handler, 0
-        self._source = f"the emergency stop at {wired.name}"
 
     def poll(self, state: StopState) -> None:
         """Passes on what has happened since the last call."""
-        wired, source = self._wired, self._source
-        before, self._pulls = self._pulls, wired.pulls
-        state.count(source, self._pulls)
-        state.pull(source, wired.pulled)
-        if self._pulls != before:
-            self._handler.notify("fault", f"{source} was pulled")
-            print(f"motiondeck: {source} was pulled", file=sys.stderr)
+        wired, before = self._wired, self._pulls
+        self._pulls = wired.pulls
+        state.watch(wired)
+        if wired.pulls != before:
+            self._handler.notify("fault", f"the emergency stop at {wired.name} was pulled")
+            print(f"motiondeck: the emergency stop at {wired.name} was pulled", file=sys.stderr)
 
 
 @dataclass
@@ -98,6 +86,7 @@ class Session:
         measured: returns the measured joint positions of the first robot, rad, as far as they are known.
         page_port: where the page is; None for no page.
         door, page, recorder, watch, wired_stop: None for what the run does not have.
+        guarded: the rigs that are behind a guard; the first guard has the stop door and the wired stop.
         timeline: what is still to be commanded, in order.
         progress, prompt: whether a terminal shows how the run goes, and whether it has a prompt.
     """
@@ -118,6 +107,7 @@ class Session:
     command_port: int
     page_port: int | None = None
     door: StopDoor | None = None
+    guarded: Sequence[GuardedRig] = ()
     page: Page | None = None
     recorder: TickRecorder | None = None
     watch: Watch | None = None
@@ -171,7 +161,9 @@ class Session:
             self._permissions.append(request_core(self.spec.core))
         rig_alone = any(robot.simulation is None for robot in self.robots)
         if self.spec.realtime or self.spec.drives_servos or rig_alone:
-            self._permissions += [*request_realtime(), request_one_blas_thread()]
+            # The guard of a rig goes before the deck.
+            priority = FIFO_PRIORITY - bool(self.guarded)
+            self._permissions += [*request_realtime(priority), request_one_blas_thread()]
         for line in permission_lines(self._permissions):
             print(line, file=sys.stderr)
 
@@ -181,16 +173,18 @@ class Session:
         return {"kept_apart": counts} if guards else {}
 
     def _stops(self) -> list[Callable[[StopRequest], None]]:
-        """What passes on the presses of each source of the emergency stop."""
-        door, wired = self.door, self.wired_stop
+        """What passes on the presses of each source of the emergency stop; with a rig its guard counts them."""
+        door, guarded, wired = self.door, self.guarded, self.wired_stop
         stops = list[Callable[[StopRequest], None]]()
         if door is not None:
 
             def poll_door(stop: StopRequest) -> None:
                 for _ in range(door.poll()):
-                    stop.state.press("stop door")
+                    stop.state.press(STOP_DOOR)
 
             stops.append(poll_door)
+        if guarded:
+            stops.append(lambda stop: stop.state.count(STOP_DOOR, guarded[0].door_presses))
         if wired is not None:
             stops.append(lambda stop: wired.poll(stop.state))
         return stops

@@ -169,12 +169,12 @@ class ServoPort:
         if own:
             sync_write_all(self.part.only(own), self.bus, "torque_enable", 0)
 
-    def close(self) -> list[str]:
-        """Switches off, or holds, as the rig file asks; returns the joints that did not confirm it."""
+    def close(self, *, hold: bool = False) -> list[str]:
+        """Switches off, or holds, as the rig file asks or as given; returns the joints that did not confirm it."""
         if self._closed:
             return []
         self.gone = True
-        end = hold_each if self._switched_on and self.part.on_exit == "hold" else switch_off
+        end = hold_each if self._switched_on and (hold or self.part.on_exit == "hold") else switch_off
         try:
             unconfirmed = end(self.part, self.bus)
         finally:

@@ -26,7 +26,7 @@ from numpy.typing import NDArray
 from hardware.bus.port import lasting_name
 from hardware.bus.servo_bus import Bus
 from hardware.errors import MotiondeckError, RigError, SerialPortError, with_torque
-from hardware.rig.counters import RigFaults, Timings
+from hardware.rig.counters import RigFaults, RigReport, Timings
 from hardware.rig.driving.readings import Measurements
 from hardware.rig.driving.register_reading import RegisterReading
 from hardware.rig.driving.servo_port import ServoPort
@@ -64,6 +64,7 @@ class Rig:
         beside: bool = True,
         sleep: Callable[[float], None] = time.sleep,
         ports: Sequence[str] = (),
+        spare: float = 0.0,
     ) -> None:
         """Opens the buses and switches the servos on, each where it stands.
 
@@ -72,6 +73,7 @@ class Rig:
             beside: whether a recovery runs in a thread beside the loop; otherwise the loop waits for it.
             sleep: how to wait where there is no port to wait on.
             ports: in place of the rig file's own.
+            spare: ticks of time that joints keep; see `JointPace`.
 
         Raises:
             RigError, SerialPortError: as `ServoPort` and `RigConfig.on_ports`; torque is taken off again where it was
@@ -99,18 +101,21 @@ class Rig:
             raise
         self.goals = self.positions.copy()
         now = opened[0].bus.port.now()
-        self._pace, self._health = JointPace(config, self._scale, self.measured, now), Health(config, now)
+        self._pace, self._health = JointPace(config, self._scale, self.measured, now, spare), Health(config, now)
         self._recoveries: list[PortRecovery] = []
         for port in opened:
             port.left_out = self._health.lost
             self._recoveries.append(PortRecovery(port, self._health, partial(open_bus, port.part), beside, sleep))
 
     @classmethod
-    def connect(cls, config: RigConfig, ports: Sequence[str] = ()) -> Rig:
-        """Opens the ports of a rig (its file's own, unless others are given) and switches it on."""
+    def connect(cls, config: RigConfig, ports: Sequence[str] = (), spare: float = 0.0) -> Rig:
+        """Opens the ports of a rig (its file's own, unless others are given) and switches it on.
+
+        A loop that itself keeps the joints' limits in each tick gives them a tick of `spare` time; see `JointPace`.
+        """
         # The adapter may come back as another tty; by this name it is found again.
         names = {part.port: lasting_name(part.port) for part in config.on_ports(ports)}
-        return cls(config, lambda part: Bus.open(names[part.port], part.baud), ports=ports)
+        return cls(config, lambda part: Bus.open(names[part.port], part.baud), ports=ports, spare=spare)
 
     def __enter__(self) -> Rig:
         return self
@@ -143,6 +148,13 @@ class Rig:
     def yielding(self) -> NDArray[np.bool_]:
         """Which joints push against something and give way, shape (J,)."""
         return self._pace.strain.yielding
+
+    @property
+    def report(self) -> RigReport:
+        """Counts and durations since the rig was switched on."""
+        faults = self.faults
+        durations = self.write_us.percentiles, self.read_us.percentiles
+        return RigReport(*durations, self.recoveries, faults.total, faults.by_joint(self.names))
 
     @property
     def pace(self) -> Array:
@@ -225,8 +237,7 @@ class Rig:
             RigError: if its model cannot be restarted.
         """
         servo = self.config.joints[joint]
-        if not servo.table.family.reboots:
-            raise RigError(f"{servo.name} ({servo.model}) cannot be restarted. Switch its power off and on.")
+        servo.check_restartable()
         self._health.take_back(joint, self._now())
         self._recovery_of(joint).to_do = lambda bus: bus.restart(servo.id)
 
@@ -263,8 +274,8 @@ class Rig:
             one.to_do = partial(scan.ask, one.port.part)
         return scan
 
-    def close(self) -> list[str]:
-        """Switches off, or holds, as the rig file asks; returns the joints that did not confirm it."""
+    def close(self, *, hold: bool = False) -> list[str]:
+        """Switches off, or holds, as the rig file asks or as given; returns the joints that did not confirm it."""
         self._stopped = True
         for one in self._recoveries:
             one.cancel()
@@ -272,7 +283,7 @@ class Rig:
             for one in self._recoveries:
                 one.wait()
         finally:
-            unconfirmed = _close_all(self._all_ports())
+            unconfirmed = _close_all(self._all_ports(), hold=hold)
         return unconfirmed
 
     def _now(self) -> float:
@@ -359,13 +370,13 @@ class Rig:
                     self._recover_port(one, error)
 
 
-def _close_all(ports: Sequence[ServoPort]) -> list[str]:
+def _close_all(ports: Sequence[ServoPort], *, hold: bool = False) -> list[str]:
     """Closes every port, also after one has failed; returns the joints that did not confirm it."""
     unconfirmed: list[str] = []
     interrupted: BaseException | None = None
     for port in reversed(ports):
         try:
-            unconfirmed += port.close()
+            unconfirmed += port.close(hold=hold)
         except Exception:  # the torque that is left on matters more than the error
             unconfirmed += port.part.names
         except BaseException as error:

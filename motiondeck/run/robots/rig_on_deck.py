@@ -56,7 +56,7 @@ def open_rig_alone(
         ) from None
     loaded = load_robot(file, source.skeleton)
     limits = narrowed(loaded.limits, loaded, config)
-    output = connect_rig(opening, config, ports, loaded.joints)
+    output = connect_rig(opening, config, ports, loaded.joints, limits)
     return RobotOnDeck(loaded.name, loaded.joints, limits, loaded.rest, loaded.retarget, Channel(output))
 
 
@@ -65,7 +65,7 @@ def _open_taught(opening: ExitStack, config: RigConfig, ports: list[str], source
     body, names = source.skeleton, config.names
     JointRetargeter(body, names, np.zeros(len(names)))  # what does not fit is refused before anything is switched on
     limits = _limits_of(config)
-    output = connect_rig(opening, config, ports, names)
+    output = connect_rig(opening, config, ports, names, limits)
     retarget = JointRetargeter(body, names, output.positions.copy())
     # A clip that limits have held back still comes to its last frame; a library ends where it stops.
     rest = np.clip(_targets(source, retarget)[-1], limits.lower, limits.upper) if isinstance(source, Clip) else None

@@ -16,6 +16,14 @@ from controller.loop.output_channel import Channel
 from controller.motion.posture import Pose
 from controller.motion.rotations import Array
 from controller.wire.messages.replies import OnPorts, Refused, Registers, ServoOnPort, ServoRegister
+from motiondeck.run.guard.guarded_rig import (
+    AwaitedRegisters,
+    AwaitedScan,
+    GuardedRig,
+    begin_with,
+    connect,
+    guard_process,
+)
 from motiondeck_base.errors import MotiondeckError, UnknownNameError
 from motiondeck_base.files import listed
 
@@ -32,7 +40,7 @@ if TYPE_CHECKING:
 class RegisterQuery:
     """The registers of a joint's servo, once they are read."""
 
-    def __init__(self, joint: RigJoint, reading: RegisterReading) -> None:
+    def __init__(self, joint: RigJoint, reading: RegisterReading | AwaitedRegisters) -> None:
         self._joint, self._reading = joint, reading
 
     def answer(self) -> Registers | Refused | None:
@@ -56,7 +64,7 @@ class RegisterQuery:
 class PortQuery:
     """The servos on the ports of a rig, once the scan is complete."""
 
-    def __init__(self, scan: PortScan) -> None:
+    def __init__(self, scan: PortScan | AwaitedScan) -> None:
         self._scan = scan
 
     def answer(self) -> OnPorts | None:
@@ -80,19 +88,15 @@ class RigOutput:
         MotiondeckError: if the rig has a joint that the robot has not.
     """
 
-    def __init__(self, rig: Rig, joints: tuple[str, ...], hz: float) -> None:
-        missing = [name for name in rig.names if name not in joints]
-        if missing:
-            raise MotiondeckError(
-                f"the rig's joints {listed(missing)} are not joints of this robot (it has: {listed(joints)}). Give the "
-                "robot that has them with --robot, or name the joints in the rig file as the robot does."
-            )
+    def __init__(self, rig: Rig | GuardedRig, joints: tuple[str, ...], hz: float) -> None:
+        check_joints(rig.names, joints)
         self.name = "rig"
         self._rig = rig
+        self.guarded = rig if isinstance(rig, GuardedRig) else None
         self._hz = hz
         self._order = np.array([joints.index(name) for name in rig.names])
         self._written = rig.positions.copy()
-        self._measured = np.full(len(joints), np.nan)
+        self._measured, self._held = np.full(len(joints), np.nan), np.full(len(joints), np.nan)
         self._measured[self._order] = rig.positions
         self._squares, self._samples = 0.0, 0
         self._lost = ""
@@ -125,6 +129,13 @@ class RigOutput:
     def measured(self) -> Array | None:
         """The latest measured positions (J,), rad; NaN for joints that the rig lacks."""
         return self._measured
+
+    def held(self) -> Array | None:
+        """Where the guard holds the joints on its own (J,), rad, NaN for joints that the rig lacks; else None."""
+        if self.guarded is None or (held := self.guarded.held) is None:
+            return None
+        self._held[self._order] = held
+        return self._held
 
     @property
     def positions(self) -> Array:
@@ -208,19 +219,19 @@ class RigOutput:
 
     def report(self) -> Mapping[str, object]:
         """The rig's part of the report of the run."""
-        rig = self._rig
+        rig, report = self._rig, self._rig.report
         return {
             "kind": "dynamixel",
             "joints": len(rig.names),
             "hz": self._hz,
-            "write_us": _percentiles(rig.write_us.microseconds),
-            "read_us": _percentiles(rig.read_us.microseconds),
+            "write_us": report.write_us,
+            "read_us": report.read_us,
             "tracking_rmse_rad": (self._squares / self._samples) ** 0.5 if self._samples else None,
-            "recoveries": rig.recoveries,
+            "recoveries": report.recoveries,
             "incidents": self.incidents,
-            "hottest_degc": _hottest(rig.temperatures),
-            "faults": rig.faults.total,
-            "faults_by_joint": rig.faults.by_joint(rig.names),
+            "hottest_degc": _hottest(rig.states.temperatures),
+            "faults": report.faults,
+            "faults_by_joint": report.by_joint,
         }
 
     def close(self) -> None:
@@ -228,7 +239,7 @@ class RigOutput:
         close_rig(self._rig)
 
 
-def close_rig(rig: Rig) -> None:
+def close_rig(rig: Rig | GuardedRig) -> None:
     """Closes a rig and names on stderr the joints that did not confirm it; may be called twice."""
     from hardware.errors import still_on
 
@@ -242,22 +253,27 @@ def _hottest(temperatures: Array) -> float | None:
     return float(known.max()) if len(known) else None
 
 
-def _percentiles(microseconds: Array) -> dict[str, float] | None:
-    if not len(microseconds):
-        return None
-    p50, p99, p999 = np.percentile(microseconds, (50.0, 99.0, 99.9))
-    return {"p50": float(p50), "p99": float(p99), "p999": float(p999), "max": float(microseconds.max())}
+def connect_rig(
+    opening: ExitStack,
+    config: RigConfig,
+    ports: Sequence[str],
+    joints: tuple[str, ...],
+    limits: JointLimits,
+    emulated: Path | None = None,
+) -> RigOutput:
+    """Connects a rig, behind its guard, as an output for a robot's joints; `opening` closes it.
 
-
-def connect_rig(opening: ExitStack, config: RigConfig, ports: Sequence[str], joints: tuple[str, ...]) -> RigOutput:
-    """Connects a rig as an output for a robot's joints; `opening` closes it.
+    Args:
+        limits: of these joints.
+        emulated: the rig file whose servos are emulated.
 
     Raises:
         MotiondeckError: if it cannot be connected, or has a joint that the robot has not.
     """
-    from hardware.rig.supervision.rig import Rig
-
-    rig = Rig.connect(config, ports)
+    check_joints(config.names, joints)
+    link, process = opening.enter_context(guard_process())
+    places = [joints.index(name) for name in config.names]
+    rig = connect(link, process, begin_with(config, limits, places, ports, str(emulated) if emulated else None))
     opening.callback(close_rig, rig)
     return RigOutput(rig, joints, config.rate_hz)
 
@@ -270,7 +286,6 @@ def open_rig(
     Raises:
         MotiondeckError: if the rig does not fit the robot or the rate, or cannot be connected.
     """
-    from hardware.emulator.process import start_emulator
     from hardware.rig.rig_file import load_rig
 
     config = load_rig(file)
@@ -280,8 +295,18 @@ def open_rig(
             f"{file}: rate_hz = {config.rate_hz:g} does not divide the loop's {rate:g} Hz; give another --rate"
         )
     limits = narrowed(robot.limits, robot, config)
-    ports = opening.enter_context(start_emulator(file)).ports if emulated else ()
-    return Channel(connect_rig(opening, config, ports, robot.joints), round(every)), limits
+    output = connect_rig(opening, config, (), robot.joints, limits, file if emulated else None)
+    return Channel(output, round(every)), limits
+
+
+def check_joints(names: Sequence[str], joints: Sequence[str]) -> None:
+    """Checks that a robot has the joints of a rig; raises a MotiondeckError that names those that are missing."""
+    missing = [name for name in names if name not in joints]
+    if missing:
+        raise MotiondeckError(
+            f"the rig's joints {listed(missing)} are not joints of this robot (it has: {listed(joints)}). Give the "
+            "robot that has them with --robot, or name the joints in the rig file as the robot does."
+        )
 
 
 def narrowed(limits: JointLimits, robot: Robot, config: RigConfig) -> JointLimits:

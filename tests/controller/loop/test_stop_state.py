@@ -118,7 +118,7 @@ def test_a_wire_that_was_let_go_stays_a_stop_until_the_reset():
     state.pull("wire", True)
     state.rested()
     assert state.phase == "latched"
-    with pytest.raises(EmergencyStopError, match="wire is still pulled"):
+    with pytest.raises(EmergencyStopError, match="at wire is still pulled"):
         state.reset()
     state.pull("wire", False)
     assert state.phase == "latched"

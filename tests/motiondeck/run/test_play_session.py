@@ -4,6 +4,7 @@ import os
 import signal
 from contextlib import closing
 
+import numpy as np
 import pytest
 
 import synthetic
@@ -11,6 +12,7 @@ from controller.deck.deck import Deck
 from controller.library.motion_library import load_library
 from controller.loop.clock import VirtualClock
 from controller.loop.stop_requests import SIGNALS
+from controller.motion.posture import Pose
 from controller.wire.command_socket import CommandClient
 from controller.wire.messages.commands import EmergencyStop, ServoTorque, Subscribe
 from controller.wire.messages.events import Event
@@ -19,6 +21,9 @@ from motiondeck.run.assembly import Host, Played, open_session
 from motiondeck.run.robots.robot_on_deck import open_robots
 from motiondeck.run.spec.run_spec import RunSpec
 from motiondeck_base.shipped import find_library
+from waiting import until
+
+POSE = Pose(np.zeros(3), np.array(0.0), np.zeros((1, 4)))
 
 
 @pytest.fixture(scope="module")
@@ -88,7 +93,13 @@ def test_the_servos_of_a_robot_that_another_mirrors_take_commands():
     with session(shipped, lambda retarget: Deck(shipped, retarget, "walk"), robots=2, **servos) as run:
         joint = run.robots[0].own_joints[0]
         assert run.handler.carry_out(ServoTorque(joint, "off"), run.stop) == Accepted(0)
-        assert run.channels[0].output.incidents == [f"{joint} (id 1) was switched off on command"]
+        output, still = run.channels[0].output, np.zeros(sum(len(robot.own_joints) for robot in run.robots))
+
+        def incidents():
+            output.write(still, POSE)
+            return output.incidents
+
+        until(lambda: f"{joint} (id 1) was switched off on command" in incidents(), "the incident")
 
 
 @pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGINT])

@@ -41,7 +41,7 @@ def children(pid):
     return [int(child) for child in Path(f"/proc/{pid}/task/{pid}/children").read_text().split()]
 
 
-def test_the_loop_of_a_real_rig_is_scheduled_first_and_no_process_beside_it_is(tmp_path):
+def test_the_loop_of_a_real_rig_and_its_guard_are_scheduled_first_and_no_process_beside_them_is(tmp_path):
     with start_emulator(find_rig("servo20")) as emulator:
         rig = tmp_path / "servo20.toml"
         lines = find_rig("servo20").read_text().splitlines()
@@ -60,11 +60,13 @@ def test_the_loop_of_a_real_rig_is_scheduled_first_and_no_process_beside_it_is(t
             assert first.startswith("granted") == is_permitted()
             expected = os.SCHED_FIFO if is_permitted() else os.SCHED_OTHER
             until(lambda: os.sched_getscheduler(deck.pid) == expected, "the scheduling")
-            beside = children(deck.pid)
+            guards = [pid for pid in children(deck.pid) if b"guard" in Path(f"/proc/{pid}/cmdline").read_bytes()]
+            assert [os.sched_getscheduler(pid) for pid in guards] == [expected]
+            if is_permitted():
+                assert os.sched_getparam(guards[0]).sched_priority > os.sched_getparam(deck.pid).sched_priority
+            beside = set(children(deck.pid)) - set(guards)
             assert beside
-            assert [os.sched_getscheduler(pid) for pid in [*beside, emulator.pid]] == [os.SCHED_OTHER] * (
-                1 + len(beside)
-            )
+            assert {os.sched_getscheduler(pid) for pid in [*beside, emulator.pid]} == {os.SCHED_OTHER}
         finally:
             deck.kill()
             deck.wait()

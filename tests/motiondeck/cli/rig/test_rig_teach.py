@@ -14,15 +14,14 @@ import pytest
 
 from command_line import invoked
 from controller.motion.formats.taught_clip import read_taught_clip, save_taught_clip, taught_clip, taught_mode
-from hardware.bus.servo_bus import Bus
-from hardware.emulator.bus import EmulatedBus
-from hardware.emulator.port import EmulatedPort
 from hardware.errors import SerialPortError
 from hardware.rig.rig_file import load_rig
+from hardware.rig.scale import RigScale
 from hardware.rig.supervision.rig import Rig
 from hardware.tools.teaching import Moment
 from motiondeck.cli.rig.play import play_clip
 from motiondeck.run.spec.run_spec import RunSpec
+from served_rigs import served
 
 LIMITS = "zero = 2048, lower = -1.5, upper = 1.5, velocity = 4.0"
 RIG = f"""
@@ -97,24 +96,17 @@ def test_one_port_that_is_gone_does_not_keep_the_others_from_being_switched_off(
     assert "not confirmed by tilt. Cut the power." in result.stderr
 
 
-def test_a_clip_that_the_limits_hold_back_comes_to_its_last_frame(rig, tmp_path, monkeypatch):
+def test_a_clip_that_the_limits_hold_back_comes_to_its_last_frame(rig, tmp_path):
     clip = tmp_path / "jerk.clip"
     angles = np.zeros((12, 1))
     angles[6:] = 1.2  # in one frame of 20 ms; the joint may do 4 rad/s
     save_taught_clip(taught_clip("jerk", ("tilt",), 50.0, angles), clip)
     config = msgspec.structs.replace(load_rig(rig), joints=load_rig(rig).joints[1:])
-    port = EmulatedPort(EmulatedBus(config))
-    connected = Rig(config, lambda part: Bus(port, part.baud), beside=False)
-
-    def write(targets):
-        port.elapse(1.0 / config.rate_hz)
-        Rig.write(connected, targets)
-
-    monkeypatch.setattr(connected, "write", write)
-    monkeypatch.setattr("hardware.rig.supervision.rig.Rig.connect", lambda config, ports: connected)
-    run = play_clip(config, [], read_taught_clip(clip), RunSpec(rate=config.rate_hz))
+    with served(config) as (servos, port):
+        run = play_clip(config, [port], read_taught_clip(clip), RunSpec(rate=config.rate_hz))
+        goal = RigScale(config).angles(np.array([servos[1]["goal_position"]]))
     assert run["reason"] == "played to the end"
-    assert connected.goals == pytest.approx([1.2], abs=0.005)
+    assert goal == pytest.approx([1.2], abs=0.005)
 
 
 @pytest.mark.parametrize(
@@ -276,27 +268,21 @@ def test_what_cannot_be_taught_or_played_is_said(rig, tmp_path):
         assert any(kind.__name__ == "MotiondeckError" for kind in type(raised.value).__mro__)
 
 
-def test_a_fault_of_one_model_among_others_ends_the_run_with_its_name_and_exit_code_1(rig, tmp_path, monkeypatch):
+def test_a_fault_of_one_model_among_others_ends_the_run_with_its_name_and_exit_code_1(rig, tmp_path):
     one_port = RIG.replace("elsewhere", "nowhere").replace('"XM430-W350"', '"XL330-M288"', 1)
     rig.write_text(one_port.replace('"tilt", id = 1', '"tilt", id = 2'))
     clip = tmp_path / "sway.clip"
     sway = 0.3 * np.sin(np.linspace(0.0, 12 * np.pi, 500))
     save_taught_clip(taught_clip("sway", ("pan", "tilt"), 50.0, np.stack([sway, -sway], axis=1)), clip)
-    config = load_rig(rig)
-    port = EmulatedPort(EmulatedBus(config))
     writes = []
 
-    def write(self, targets, send=Rig.write):
-        writes.append(targets)
-        if len(writes) == 20:
-            port.bus[1].fail(32)
-        send(self, targets)
+    def fail(bus):
+        writes.append(bus.moving)
+        if sum(writes) == 20:
+            bus[1].fail(32)
 
-    connected = Rig(config, lambda part: Bus(port, part.baud), beside=False)
-    monkeypatch.setattr(Rig, "write", write)
-    monkeypatch.setattr("hardware.rig.supervision.rig.Rig.connect", lambda config, ports: connected)
-    result = invoked("rig", "play", str(rig), str(clip), "--command-port", "0", "--seconds", "4")
+    with served(load_rig(rig), fail) as (_, port):
+        result = invoked("rig", "play", str(rig), str(clip), "--port", port, "--command-port", "0", "--seconds", "4")
     assert result.exit_code == 1
-    assert len(writes) <= 22
     assert "rig: pan (id 1) has shut down: overload" in result.stdout
     assert "the rig has stopped: pan (id 1) has shut down: overload" in result.stdout

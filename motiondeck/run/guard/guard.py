@@ -1,0 +1,190 @@
+"""Drives a rig by the targets of a deck while they are fresh; stops it, within its limits, when they are not.
+
+The guard ticks on a grid of its own, so that goals leave on time even when targets do not come on time. The grid
+follows the targets: it is moved, little by little, to shortly after they usually come. In a tick without new targets,
+and in the next, the joints go on as the targets did; then they brake and are held. Targets that come back before the
+joints are at rest are caught up with; later ones have to come to where the joints are held, to be followed from there.
+
+The emergency stop is kept here (see `stop_state`): the stop door, the wired stop and the deck demand it, each on its
+own. A reset comes from the deck, and names the presses that it releases.
+"""
+
+from __future__ import annotations
+
+from typing import Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from controller.loop.safety.safety_envelope import SafetyEnvelope
+from controller.loop.stop_state import STOP_DOOR, StopState, WiredStop
+from motiondeck.run.guard.messages import States, Targets
+from motiondeck_base.errors import MotiondeckError
+
+Array = NDArray[np.float64]
+
+MISSED = 2
+"""Ticks without targets in which the joints go on as the targets did."""
+AT = 1e-3
+"""rad from where joints are held, within which targets are there."""
+# Parts of a tick:
+_LATER = 0.02  # by which the grid is moved after targets that came late, so that joints are slower by as much at most
+_MARGIN = 0.05  # that targets come before their tick, at least, in _WINDOW ticks
+_WINDOW = 50
+_SHORTEST = 0.7  # from one tick to the next
+DECK = "the deck"
+
+
+class DrivenRig(Protocol):
+    """A rig that is switched on, as the guard drives it; see `hardware.rig.supervision.rig.Rig`."""
+
+    goals: Array
+    recoveries: int
+
+    def collect_state(self) -> bool:
+        """Takes what the servos have replied."""
+        ...
+
+    def write(self, targets: Array) -> None:
+        """Sends goals towards targets, shape (J,), rad; raises a MotiondeckError once the rig has stopped for good."""
+
+
+class RigGuard:
+    """The joints of a rig between a deck and the bus, tick by tick.
+
+    Attributes:
+        stop: the state of the emergency stop.
+        wired: the wired stop, if there is one.
+        failure: why the rig has stopped for good, or "".
+    """
+
+    def __init__(
+        self,
+        rig: DrivenRig,
+        envelope: SafetyEnvelope,
+        targets: Targets,
+        period: float,
+        now: float,
+    ) -> None:
+        """Holds the joints where the rig holds them.
+
+        Args:
+            targets: as they come from the deck.
+            period: s from tick to tick.
+            now: the machine's steady clock, s.
+        """
+        self.stop = StopState("held")
+        self.wired: WiredStop | None = None
+        self.failure = ""
+        self._rig, self._envelope, self._targets = rig, envelope, targets
+        self._period, self._grid = period, now + period
+        self._come, self._fresh, self._missed = now, False, MISSED
+        self._shift, self._least, self._ticks = 0.0, 1.0, 0  # of the grid a tick; least waiting; ticks of the window
+        self._latest = [rig.goals.copy() for _ in range(3)]  # the latest targets, the last first
+        self._recoveries, self._collected = rig.recoveries, 0
+        envelope.start(rig.goals)
+
+    @property
+    def at_rest(self) -> bool:
+        """Whether the joints have come to rest."""
+        return self._envelope.at_rest
+
+    @property
+    def due(self) -> float:
+        """When the next tick is due, s; targets that come change it."""
+        return self._come if self._fresh and self._still else self._grid
+
+    def receive(self, now: float) -> None:
+        """Takes in what has come with targets: the stop at the deck, and what a reset there has released."""
+        self._come, self._fresh = now, True
+        stop, targets = self.stop, self._targets
+        stop.pull(DECK, targets.stopped)
+        door, wire = targets.released
+        stop.release({STOP_DOOR: door})
+        if self.wired is not None:
+            stop.release({self.wired.name: wire})
+        if not targets.stopped:
+            stop.release({DECK: stop.presses.get(DECK, 0)})
+
+    def tick(self, now: float) -> None:
+        """One tick, at a time of the machine's steady clock, s."""
+        fresh, self._fresh = self._fresh, False
+        if self.wired is not None:
+            self.stop.watch(self.wired)
+        fresh = fresh and now - self._targets.sent < MISSED * self._period
+        self._move_grid(now, fresh)
+        if fresh:
+            oldest = self._latest.pop()
+            oldest[:] = self._targets.joints
+            self._latest.insert(0, oldest)
+            self._missed = 0
+        else:
+            self._missed += 1
+        if self.failure:
+            return
+        try:
+            self._collected += self._rig.collect_state()
+            self._rig.write(self._next(fresh))
+        except MotiondeckError as error:
+            self.failure = str(error)
+
+    def press(self, times: int) -> None:
+        """Emergency stops at the stop door since the last call."""
+        for _ in range(times):
+            self.stop.press(STOP_DOOR)
+
+    def lose_deck(self) -> None:
+        """The deck is gone: nothing is followed any more."""
+        self._missed = MISSED
+        self.stop.pull(DECK, True)
+
+    def report(self, states: States) -> None:
+        """Fills in the state of this tick, but for the servos."""
+        states.set(self.stop, self.wired.name if self.wired is not None else "", self._collected, self._rig.recoveries)
+
+    @property
+    def _still(self) -> bool:
+        return self.stop.phase in ("held", "latched")
+
+    def _move_grid(self, now: float, fresh: bool) -> None:
+        """Sets the time of the next tick, a period on, and moves it towards when targets come."""
+        shift, waited = self._shift, (now - self._come) / self._period
+        if self._still and fresh:
+            self._grid, shift = now + _MARGIN * self._period, 0.0
+        elif not fresh:
+            self._least, shift = 0.0, _LATER if self._missed <= MISSED else 0.0
+        self._least = min(self._least, waited)
+        self._ticks += 1
+        if self._ticks == _WINDOW:
+            # Half of what all targets of the window came too early, in the course of the next.
+            self._shift = -0.5 * max(0.0, self._least - _MARGIN) / _WINDOW
+            self._ticks, self._least = 0, 1.0
+        self._grid += (1.0 + shift) * self._period
+        if self._grid < now + _SHORTEST * self._period:  # the guard itself was late
+            self._grid = now + self._period
+
+    def _next(self, fresh: bool) -> Array:
+        """The safe targets of this tick."""
+        stop, envelope = self.stop, self._envelope
+        if self._missed > MISSED:
+            stop.lose()
+        elif fresh:
+            stop.regain()
+        last, before, first = self._latest
+        if stop.phase == "held" and fresh and bool(np.all(np.abs(last - envelope.position) < AT)):
+            stop.go_on()
+            before[:] = first[:] = last
+        if stop.phase == "running":
+            self._recoveries = self._rig.recoveries
+            if fresh:
+                return envelope(last)
+            n, speed, change = self._missed, last - before, last - 2.0 * before + first
+            return envelope(last + n * speed + 0.5 * n * (n + 1) * change)
+        if stop.phase != "braking" and self._rig.recoveries != self._recoveries:
+            # A joint that was set up again stays where it stands now.
+            self._recoveries = self._rig.recoveries
+            envelope.start(self._rig.goals)
+        goals = envelope.brake()
+        if envelope.at_rest:
+            stop.rested()
+        return goals

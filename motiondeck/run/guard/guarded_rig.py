@@ -1,0 +1,309 @@
+"""A rig behind its guard, as the deck sees it: targets go out, states come back, and no call waits in the loop."""
+
+from __future__ import annotations
+
+import contextlib
+import itertools
+import os
+import select
+import socket
+import subprocess
+import sys
+import time
+from collections import deque
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass, field
+from typing import NamedTuple, TypeVar
+
+import msgspec
+import numpy as np
+from numpy.typing import NDArray
+
+from controller.deck.interfaces import JointLimits
+from controller.loop.stop_state import STOP_DOOR, StopState
+from hardware.errors import RigError
+from hardware.rig.counters import RigReport
+from hardware.rig.rig_file import RigConfig
+from hardware.rig.supervision.health import Incident
+from hardware.rig.supervision.servo_states import ServoStates
+from motiondeck.run.guard import messages
+from motiondeck.run.guard.link import GuardLink
+from motiondeck.run.guard.messages import Begin, Note, States, Targets
+
+Array = NDArray[np.float64]
+
+_INCIDENTS = 200
+_SILENT = 1.0  # s after which a guard is taken for gone
+_REPORTS_WITHIN, _WATCHES_WITHIN, _CLOSES_WITHIN = 1.0, 5.0, 30.0  # s; closing waits for silent servos
+_GONE = "the guard of the rig has ended. The servos' own watchdogs stop them; restart the deck"
+
+N = TypeVar("N", bound=Note)
+
+
+class FoundServo(NamedTuple):
+    """A servo on a port."""
+
+    id: int
+    model: str
+    firmware: int
+
+
+@dataclass
+class AwaitedRegisters:
+    """The registers of a servo, once the guard has read them; as `RegisterReading`."""
+
+    counts: dict[str, int] = field(default_factory=dict)
+    failure: str = ""
+    done: bool = False
+
+
+@dataclass
+class AwaitedScan:
+    """The servos on the ports, once the guard has found them; as `PortScan`."""
+
+    servos: list[tuple[str, FoundServo]] | None = None
+    missing: list[str] = field(default_factory=list)
+    failure: str = ""
+
+    @property
+    def found(self) -> list[tuple[str, FoundServo]] | None:
+        """Name of the joint ("" for a servo that is not in the rig file) and servo; None until all are asked.
+
+        Raises:
+            RigError: if the ports could not be scanned.
+        """
+        if self.failure:
+            raise RigError(self.failure)
+        return self.servos
+
+
+@dataclass
+class GuardedWire:
+    """The wired stop that the guard watches."""
+
+    name: str
+    pulled: bool = False
+    pulls: int = 0
+
+
+class GuardedRig:
+    """A rig that is switched on, behind its guard; arrays follow the order of the rig file's joints.
+
+    Attributes:
+        positions: last measured, shape (J,), rad.
+        states: of the servos.
+        incidents: the latest, in order of time.
+        wire: the wired stop, if the guard watches one.
+        door_presses: how often an emergency stop came to the stop door.
+        not_permitted: what the system has refused the guard.
+    """
+
+    def __init__(
+        self, link: GuardLink[Note], process: subprocess.Popen[bytes], begin: Begin, ready: messages.Connected
+    ) -> None:
+        self.config = begin.config
+        self.names = begin.config.names
+        count = len(self.names)
+        self._link, self._process = link, process
+        self._targets, self._state = Targets(count), States(count)
+        link.expect(self._state.values)
+        rows = self._state.servos
+        rows[:2] = ready.positions
+        self.positions: Array = rows[1]
+        self.states = ServoStates(*rows)  # pyright: ignore[reportArgumentType] (rows of numbers, as the page has them)
+        self.incidents: deque[Incident] = deque(maxlen=_INCIDENTS)
+        self.wire: GuardedWire | None = None
+        self.door_presses = 0
+        self.not_permitted = ready.not_permitted
+        self.stop = StopState()
+        self._failure, self._watching = "", False
+        self._heard, self._collected = time.monotonic(), 0
+        self._numbers = itertools.count(1)
+        self._readings: dict[int, AwaitedRegisters] = {}
+        self._scans: dict[int, AwaitedScan] = {}
+        self._report: RigReport | None = None
+        self._closed: list[str] | None = None
+
+    @property
+    def held(self) -> Array | None:
+        """Where the guard holds the joints on its own, shape (J,), rad; None while it follows targets."""
+        return self._state.servos[0] if self._state.phase in ("held", "latched") else None
+
+    @property
+    def recoveries(self) -> int:
+        """How often something was recovered."""
+        return self._state.recoveries
+
+    def watch_stops(self, door: int, wired: str | None) -> None:
+        """Has the guard take emergency stops at the stop door of a command port, and of a wired stop; waits for it.
+
+        Raises:
+            RigError: if one cannot be opened.
+        """
+        self._link.send(messages.WatchStops(door, wired))
+        self._await(lambda: self._watching or bool(self._failure), _WATCHES_WITHIN)
+        if not self._watching:
+            raise RigError(self._failure or _GONE)
+        self.wire = GuardedWire(wired) if wired is not None else None
+
+    def collect_state(self) -> bool:
+        """Takes what the guard has sent; whether anything new was measured."""
+        state, collected = self._state, self._collected
+        sets, notes = self._link.receive()
+        for note in notes:
+            self._take(note)
+        if not sets:
+            return False
+        self._heard = time.monotonic()
+        self.door_presses, pulls = state.presses
+        if self.wire is not None:
+            self.wire.pulls, self.wire.pulled = pulls, state.pulled
+        self._collected = state.collected
+        return self._collected != collected
+
+    def write(self, targets: Array) -> None:
+        """Sends the targets of this tick, shape (J,), rad.
+
+        Raises:
+            RigError: if the rig has stopped for good, or its guard is gone.
+        """
+        now, stop, sent = time.monotonic(), self.stop, self._targets
+        if self._failure:
+            raise RigError(self._failure)
+        if self._link.lost or now - self._heard > _SILENT:
+            self._failure = _GONE
+            raise RigError(_GONE)
+        released = stop.released
+        wire = self.wire.name if self.wire is not None else ""
+        sent.set(now, stop.stopped, released.get(STOP_DOOR, 0), released.get(wire, 0))
+        sent.joints[:] = targets
+        self._link.send_numbers(sent.values)
+
+    def switch_off(self, joint: int) -> None:
+        """Has the torque taken off a joint."""
+        self._link.send(messages.SwitchTorque(joint, False))
+
+    def set_up_again(self, joint: int) -> None:
+        """Has a joint set up again and switched on where it stands."""
+        self._link.send(messages.SwitchTorque(joint, True))
+
+    def restart(self, joint: int) -> None:
+        """Has the servo of a joint restarted, and set up again; raises a RigError if its model cannot be."""
+        self.config.joints[joint].check_restartable()
+        self._link.send(messages.Restart(joint))
+
+    def registers(self, joint: int, write: tuple[str, int] | None = None) -> AwaitedRegisters:
+        """Has all registers of a servo read, and before that a count written into one of them."""
+        number = next(self._numbers)
+        self._link.send(messages.QueryRegisters(number, joint, write))
+        awaited = self._readings[number] = AwaitedRegisters()
+        return awaited
+
+    def scan(self) -> AwaitedScan:
+        """Has every ID on the ports asked."""
+        number = next(self._numbers)
+        self._link.send(messages.QueryPorts(number))
+        awaited = self._scans[number] = AwaitedScan()
+        return awaited
+
+    @property
+    def report(self) -> RigReport:
+        """Counts and durations since the rig was switched on; it waits for the guard."""
+        self._report = None
+        self._link.send(messages.QueryReport())
+        self._await(lambda: self._report is not None, _REPORTS_WITHIN)
+        return self._report or RigReport(None, None, self.recoveries, 0, {})
+
+    def close(self) -> list[str]:
+        """Has the rig closed as its file says, once the joints are at rest; the joints that did not confirm it."""
+        if self._closed is None:
+            self._link.send(messages.CloseRig())
+            self._await(lambda: self._closed is not None, _CLOSES_WITHIN)
+            if self._closed is None:
+                self._closed = list(self.names)
+            self._link.close()
+            with contextlib.suppress(subprocess.TimeoutExpired):
+                self._process.wait(2.0)
+            self._process.kill()
+            self._process.wait()
+            return self._closed
+        return []
+
+    def _await(self, arrived: Callable[[], bool], seconds: float) -> None:
+        deadline = time.monotonic() + seconds
+        while not arrived() and not self._link.lost and (left := deadline - time.monotonic()) > 0.0:
+            select.select([self._link.fileno()], (), (), left)
+            self.collect_state()
+
+    def _take(self, note: Note) -> None:
+        match note:
+            case messages.RigFailed(reason=reason):
+                self._failure = reason
+            case messages.IncidentNote():
+                self.incidents.append(Incident(note.time, note.source, note.what, note.fault))
+            case messages.RegistersRead(number=number):
+                awaited = self._readings.pop(number)
+                awaited.counts, awaited.failure, awaited.done = note.counts, note.failure, True
+            case messages.Scanned(number=number):
+                scan = self._scans.pop(number)
+                scan.servos = [(joint, FoundServo(id, model, firmware)) for joint, id, model, firmware in note.found]
+                scan.missing, scan.failure = note.missing, note.failure
+            case messages.ReportNote(report=report):
+                self._report = report
+            case messages.RigClosed(unconfirmed=unconfirmed):
+                self._closed = unconfirmed
+            case messages.Watching():
+                self._watching = True
+            case messages.Connected():
+                pass
+
+
+@contextmanager
+def guard_process() -> Iterator[tuple[GuardLink[Note], subprocess.Popen[bytes]]]:
+    """A guard that waits for its `Begin`; after the block it has gone, or is gone when the joints are at rest."""
+    ours, theirs = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
+    with theirs:
+        command = [sys.executable, "-P", "-m", "motiondeck.run.guard.process", str(theirs.fileno())]
+        one_thread = {f"{library}_NUM_THREADS": "1" for library in ("OPENBLAS", "OMP", "MKL")}
+        process = subprocess.Popen(
+            command,
+            pass_fds=[theirs.fileno()],
+            stdin=subprocess.DEVNULL,
+            start_new_session=True,  # Ctrl-C is for the deck
+            env=os.environ | one_thread,
+        )
+    link = GuardLink[Note](ours, msgspec.json.Decoder(Note))
+    try:
+        yield link, process
+    finally:
+        link.close()
+        process.wait()
+
+
+def connect(link: GuardLink[Note], process: subprocess.Popen[bytes], begin: Begin) -> GuardedRig:
+    """Has the guard connect a rig, and waits for it.
+
+    Raises:
+        RigError: if it cannot be connected.
+    """
+    link.send(begin)
+    while not link.lost:
+        select.select([link.fileno()], (), ())
+        for note in link.receive()[1]:
+            if isinstance(note, messages.RigFailed):
+                raise RigError(note.reason)
+            if isinstance(note, messages.Connected):
+                return GuardedRig(link, process, begin, note)
+    raise RigError("the guard of the rig has ended before the rig was connected")
+
+
+def begin_with(
+    config: RigConfig, limits: JointLimits, joints: Sequence[int], ports: Sequence[str], emulated: str | None
+) -> Begin:
+    """The first message to a guard; `joints` are the places of the rig's joints in the limits."""
+    lower, upper, velocity, acceleration, jerk = (
+        values[list(joints)].tolist()
+        for values in (limits.lower, limits.upper, limits.velocity, limits.acceleration, limits.jerk)
+    )
+    return Begin(config, list(ports), emulated, lower, upper, velocity, acceleration, jerk)

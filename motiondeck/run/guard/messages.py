@@ -1,0 +1,225 @@
+"""The messages between a deck and the guard of its rig: targets and states in numbers, all else in JSON."""
+
+from __future__ import annotations
+
+from typing import get_args
+
+import msgspec
+import numpy as np
+
+from controller.loop.stop_state import STOP_DOOR, Phase, StopState
+from hardware.rig.counters import RigReport
+from hardware.rig.rig_file import RigConfig
+
+PHASES: tuple[Phase, ...] = get_args(Phase)
+SERVO_ROWS = 8  # of `ServoStates`
+_STATE_NUMBERS = 6
+
+
+class Begin(msgspec.Struct, frozen=True, tag="begin"):
+    """Connects the rig; the deck's first message.
+
+    Attributes:
+        ports: in place of the rig file's own.
+        emulated: the rig file whose servos are to be emulated, or None.
+        lower, upper, velocity, acceleration, jerk: the limits of each joint, rad, rad/s, rad/s^2, rad/s^3.
+    """
+
+    config: RigConfig
+    ports: list[str]
+    emulated: str | None
+    lower: list[float]
+    upper: list[float]
+    velocity: list[float]
+    acceleration: list[float]
+    jerk: list[float]
+
+
+class WatchStops(msgspec.Struct, frozen=True, tag="watch"):
+    """Takes emergency stops at the stop door of a command port, and of the device of a wired stop if there is one."""
+
+    door: int
+    wired: str | None
+
+
+class SwitchTorque(msgspec.Struct, frozen=True, tag="torque"):
+    """Takes the torque off a joint, or has it set up again."""
+
+    joint: int
+    on: bool
+
+
+class Restart(msgspec.Struct, frozen=True, tag="restart"):
+    """Restarts the servo of a joint."""
+
+    joint: int
+
+
+class QueryRegisters(msgspec.Struct, frozen=True, tag="registers"):
+    """Reads all registers of a joint's servo, and before that writes a count into one."""
+
+    number: int
+    joint: int
+    write: tuple[str, int] | None
+
+
+class QueryPorts(msgspec.Struct, frozen=True, tag="scan"):
+    """Scans the ports for servos."""
+
+    number: int
+
+
+class QueryReport(msgspec.Struct, frozen=True, tag="report?"):
+    """Asks for the report of the rig so far."""
+
+
+class CloseRig(msgspec.Struct, frozen=True, tag="close"):
+    """Ends the rig as its file says, once the joints are at rest."""
+
+
+Request = Begin | WatchStops | SwitchTorque | Restart | QueryRegisters | QueryPorts | QueryReport | CloseRig
+
+
+class Connected(msgspec.Struct, frozen=True, tag="ready"):
+    """The rig is switched on where it stands, each joint at an angle, rad; and what the system has not permitted."""
+
+    positions: list[float]
+    not_permitted: list[str]
+
+
+class Watching(msgspec.Struct, frozen=True, tag="watching"):
+    """The stop door is open, and the wired stop."""
+
+
+class RigFailed(msgspec.Struct, frozen=True, tag="failed"):
+    """The rig could not be connected, a stop not be watched, or the rig has stopped for good."""
+
+    reason: str
+
+
+class IncidentNote(msgspec.Struct, frozen=True, tag="happened"):
+    """An incident of the rig; see `Incident`."""
+
+    time: float
+    source: str
+    what: str
+    fault: bool
+
+
+class RegistersRead(msgspec.Struct, frozen=True, tag="registers"):
+    """The registers of a servo by name, or why they could not be read."""
+
+    number: int
+    counts: dict[str, int]
+    failure: str
+
+
+class Scanned(msgspec.Struct, frozen=True, tag="scanned"):
+    """The servos that have answered (joint, id, model, firmware), and the joints that have not; or why not."""
+
+    number: int
+    found: list[tuple[str, int, str, int]]
+    missing: list[str]
+    failure: str
+
+
+class ReportNote(msgspec.Struct, frozen=True, tag="report"):
+    """The report of the rig so far."""
+
+    report: RigReport
+
+
+class RigClosed(msgspec.Struct, frozen=True, tag="closed"):
+    """The rig is closed; the joints that did not confirm it."""
+
+    unconfirmed: list[str]
+
+
+Note = Connected | Watching | RigFailed | IncidentNote | RegistersRead | Scanned | ReportNote | RigClosed
+
+
+class Targets:
+    """The targets of one tick, from the deck; all numbers are views of one array, as it is sent.
+
+    Attributes:
+        values: shape (4 + J,).
+        joints: shape (J,), rad.
+    """
+
+    def __init__(self, joints: int) -> None:
+        self.values = np.zeros(4 + joints)
+        self.joints = self.values[4:]
+
+    def set(self, now: float, stopped: bool, door: int, wire: int) -> None:
+        """Sets all but the joints.
+
+        Args:
+            now: by the machine's steady clock, s.
+            stopped: whether the emergency stop is on at the deck.
+            door, wire: presses at the stop door and pulls of the wire that resets have released.
+        """
+        self.values[:4] = now, stopped, door, wire
+
+    @property
+    def sent(self) -> float:
+        """When they were sent, s."""
+        return float(self.values[0])
+
+    @property
+    def stopped(self) -> bool:
+        """Whether the emergency stop is on at the deck."""
+        return bool(self.values[1])
+
+    @property
+    def released(self) -> tuple[int, int]:
+        """Presses at the stop door and pulls of the wire that resets have released."""
+        return int(self.values[2]), int(self.values[3])
+
+
+class States:
+    """The state of guard and servos in one tick; all numbers are views of one array, as it is sent.
+
+    Attributes:
+        values: shape (6 + 8 J,).
+        servos: the rows of `ServoStates`, shape (8, J).
+    """
+
+    def __init__(self, joints: int) -> None:
+        self.values = np.zeros(_STATE_NUMBERS + SERVO_ROWS * joints)
+        self.servos = self.values[_STATE_NUMBERS:].reshape(SERVO_ROWS, joints)
+
+    def set(self, state: StopState, wire: str, collected: int, recoveries: int) -> None:
+        """Sets all but the servos.
+
+        Args:
+            wire: the name of the wired stop.
+            collected: how often the rig has measured something new.
+        """
+        door, wired = state.presses.get(STOP_DOOR, 0), state.presses.get(wire, 0)
+        phase = PHASES.index(state.phase)
+        self.values[:_STATE_NUMBERS] = phase, door, wired, wire in state.pulled, collected, recoveries
+
+    @property
+    def phase(self) -> Phase:
+        """The phase of the guard's stop state."""
+        return PHASES[int(self.values[0])]
+
+    @property
+    def presses(self) -> tuple[int, int]:
+        """Presses at the stop door, and pulls of the wire."""
+        return int(self.values[1]), int(self.values[2])
+
+    @property
+    def pulled(self) -> bool:
+        """Whether the wired stop is pulled now."""
+        return bool(self.values[3])
+
+    @property
+    def collected(self) -> int:
+        """How often the rig has measured something new."""
+        return int(self.values[4])
+
+    @property
+    def recoveries(self) -> int:
+        """How often something was recovered."""
+        return int(self.values[5])

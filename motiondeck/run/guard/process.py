@@ -1,0 +1,203 @@
+"""python -m motiondeck.run.guard.process FD: the guard's process; its deck is at the other end of the socket FD.
+
+It ends with the deck: joints that move come to rest first. A deck that closes its rig has it closed as the rig file
+says; where the deck is gone without that, the servos hold with torque on.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import gc
+import select
+import signal
+import socket
+import sys
+import time
+from collections.abc import Sequence
+from contextlib import ExitStack
+from pathlib import Path
+
+import msgspec
+import numpy as np
+
+from controller.deck.interfaces import JointLimits
+from controller.loop.permissions import request_realtime
+from controller.loop.safety.safety_envelope import SafetyEnvelope
+from controller.wire.stop_door import StopDoor
+from hardware.rig.supervision.health import Incident
+from hardware.rig.supervision.rig import Rig
+from motiondeck.run.guard import messages
+from motiondeck.run.guard.guard import RigGuard
+from motiondeck.run.guard.link import GuardLink
+from motiondeck.run.guard.messages import Begin, Request, States, Targets
+from motiondeck.run.guard.rig_requests import RigRequests
+from motiondeck_base.errors import MotiondeckError, in_words
+
+_REST_WITHIN = 5.0  # s
+
+
+class GuardProcess:
+    """Runs a guard between its sockets and its rig.
+
+    Attributes:
+        closing: whether the deck has asked for the end.
+    """
+
+    def __init__(self, opening: ExitStack, link: GuardLink[Request], begin: Begin, rig: Rig) -> None:
+        """Guards a rig from now on; `opening` closes what is opened later."""
+        config = begin.config
+        limits = JointLimits(
+            np.array(begin.lower),
+            np.array(begin.upper),
+            np.array(begin.velocity),
+            np.array(begin.acceleration),
+            np.array(begin.jerk),
+        )
+        self._opening, self._link, self._rig = opening, link, rig
+        self._door: StopDoor | None = None
+        self._targets, self._states = Targets(len(config.joints)), States(len(config.joints))
+        link.expect(self._targets.values)
+        period = 1.0 / config.rate_hz
+        envelope = SafetyEnvelope(limits, period)
+        self.guard = RigGuard(rig, envelope, self._targets, period, time.monotonic())
+        self._requests = RigRequests(rig)
+        self._incidents: Incident | None = None
+        self._told = ""
+        self.closing = self.stopped = False
+
+    def run(self) -> None:
+        """Serves the deck until it closes the rig or is gone, and the joints are at rest."""
+        guard, link = self.guard, self._link
+        until: float | None = None
+        while until is None or not (guard.at_rest or guard.failure or time.monotonic() > until):
+            ears = [ear.fileno() for ear in (None if link.lost else link, self._door) if ear is not None]
+            select.select(ears, (), (), max(0.0, guard.due - time.monotonic()))
+            if self._door is not None:
+                guard.press(self._door.poll())
+            sets, requests = (0, []) if link.lost else link.receive()
+            for request in requests:
+                self._answer(request)
+            now = time.monotonic()
+            if sets:
+                guard.receive(now)
+            if now >= guard.due:
+                guard.tick(now)
+                self._report()
+            if until is None and (link.lost or self.closing or self.stopped):
+                guard.lose_deck()
+                until = now + _REST_WITHIN
+
+    def _answer(self, request: Request) -> None:
+        if isinstance(request, messages.CloseRig):
+            self.closing = True
+        elif isinstance(request, messages.QueryReport):
+            self._link.send(messages.ReportNote(self._rig.report))
+        elif isinstance(request, messages.WatchStops):
+            self._watch(request)
+        else:
+            self._requests.take(request)
+
+    def _watch(self, request: messages.WatchStops) -> None:
+        try:
+            self._door = self._opening.enter_context(contextlib.closing(StopDoor(request.door)))
+            if request.wired is not None:
+                from hardware.tools.stop_input import open_stop_input
+
+                wired = open_stop_input(Path(request.wired))
+                self._opening.callback(wired.close)
+                self.guard.wired = wired
+        except MotiondeckError as error:
+            self._link.send(messages.RigFailed(str(error)))
+        else:
+            self._link.send(messages.Watching())
+
+    def _report(self) -> None:
+        """Sends the state of this tick, what has happened, and the answers of servos that have come."""
+        link, states, guard = self._link, self._states, self.guard
+        guard.report(states)
+        for row, values in zip(states.servos, self._rig.states, strict=True):
+            row[:] = values
+        link.send_numbers(states.values)
+        for note in self._requests.answers():
+            link.send(note)
+        incidents = self._rig.incidents
+        if incidents and incidents[-1] is not self._incidents:
+            for incident in self._new(incidents):
+                link.send(messages.IncidentNote(*incident))
+            self._incidents = incidents[-1]
+        if guard.failure != self._told:
+            self._told = guard.failure
+            link.send(messages.RigFailed(guard.failure))
+
+    def _new(self, incidents: Sequence[Incident]) -> list[Incident]:
+        new: list[Incident] = []
+        for incident in reversed(incidents):
+            if incident is self._incidents:
+                break
+            new.append(incident)
+        return new[::-1]
+
+
+def guard(link: GuardLink[Request], begin: Begin) -> None:
+    """Connects the rig and guards it until the deck is gone or has closed it.
+
+    Raises:
+        MotiondeckError: if the rig, the stop door or the wired stop cannot be opened.
+    """
+    with ExitStack() as opening:
+        ports = begin.ports
+        if begin.emulated is not None:
+            from hardware.emulator.process import start_emulator
+
+            ports = opening.enter_context(start_emulator(begin.emulated)).ports
+        rig = Rig.connect(begin.config, ports, spare=1.0)
+        running: GuardProcess | None = None
+        try:
+            # Emulated servos are an ordinary process, which a guard in real time would hold up.
+            asked = request_realtime() if begin.emulated is None else []
+            refused = [str(permission) for permission in asked if not permission.granted]
+            running = GuardProcess(opening, link, begin, rig)
+            signal.signal(signal.SIGTERM, lambda number, frame: setattr(running, "stopped", True))
+            gc.collect()
+            gc.freeze()
+            gc.disable()
+            link.send(messages.Connected(rig.positions.tolist(), refused))
+            running.run()
+        finally:
+            left = running is not None and not running.closing
+            unconfirmed = rig.close(hold=left)
+            link.send(messages.RigClosed(unconfirmed))
+            if left and link.lost:
+                print(
+                    "motiondeck: the deck has ended without closing its rig. The joints hold, with torque on; take it "
+                    "off with: motiondeck rig stop RIG",
+                    file=sys.stderr,
+                )
+
+
+def main() -> int:
+    """Guards the rig of the deck at the socket whose number is on the command line."""
+    for number in (signal.SIGINT, signal.SIGHUP, signal.SIGTERM):
+        signal.signal(number, signal.SIG_IGN)  # what ends the deck must not end its guard before
+    end = socket.socket(fileno=int(sys.argv[1]))
+    link: GuardLink[Request] = GuardLink(end, msgspec.json.Decoder(Request))
+    begin: Request | None = None
+    while begin is None and not link.lost:
+        select.select([link.fileno()], (), ())
+        _, requests = link.receive()
+        begin = requests[0] if requests else None
+    if not isinstance(begin, Begin):
+        return 0
+    try:
+        guard(link, begin)
+    except MotiondeckError as error:
+        link.send(messages.RigFailed(str(error)))
+        return 1
+    except Exception as error:
+        link.send(messages.RigFailed(f"the guard of the rig has failed: {in_words(error)}"))
+        raise
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

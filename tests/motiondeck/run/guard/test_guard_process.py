@@ -1,0 +1,152 @@
+"""The guard as a process, with emulated servos behind it: it connects, answers, closes, and outlives its deck."""
+
+import signal
+import time
+from contextlib import contextmanager
+
+import numpy as np
+import pytest
+
+from controller.deck.interfaces import JointLimits
+from controller.loop.stop_state import STOP_DOOR
+from controller.wire.command_socket import CommandClient
+from controller.wire.messages.commands import EmergencyStop
+from controller.wire.messages.replies import Accepted
+from hardware.errors import RigError
+from hardware.rig.rig_file import RigConfig, RigJoint
+from hardware.rig.scale import RigScale
+from motiondeck.run.guard.guarded_rig import begin_with, connect, guard_process
+from served_rigs import served
+from waiting import until
+
+NAMES = ("pan", "tilt")
+CONFIG = RigConfig(
+    port="/dev/nowhere",
+    baud=1_000_000,
+    rate_hz=50.0,
+    joints=tuple(RigJoint(name, 1 + n, "XM430-W350", 1, 2048, -1.5, 1.5, 4.0) for n, name in enumerate(NAMES)),
+)
+LIMITS = JointLimits(*(np.full(2, x) for x in (-1.5, 1.5, 4.0, 40.0, 2000.0)))
+T = 1.0 / CONFIG.rate_hz
+
+
+@contextmanager
+def guarded(port):
+    with guard_process() as (link, process):
+        yield connect(link, process, begin_with(CONFIG, LIMITS, (0, 1), [port], None))
+
+
+def play(rig, seconds, speed=2.0, joint=0):
+    """The deck's side: from where the joints are held one of them moves on, rad/s."""
+    start, targets = rig.positions.copy(), rig.positions.copy()
+    until(lambda: rig.collect_state() or rig.held is not None, "the guard")
+    targets[:] = start if rig.held is None else rig.held
+    for _ in range(round(seconds / T)):
+        rig.collect_state()
+        rig.write(targets)
+        if rig.held is None:
+            targets[joint] += speed * T
+        time.sleep(T)
+
+
+def angles(servos):
+    return RigScale(CONFIG).angles(np.array([servos[1 + n]["goal_position"] for n in range(2)]))
+
+
+def test_targets_reach_the_servos_and_their_state_comes_back():
+    with served(CONFIG) as (servos, port), guarded(port) as rig:
+        play(rig, 0.5)
+        assert angles(servos)[0] == pytest.approx(rig.states.goals[0], abs=0.15)
+        assert rig.positions[0] > 0.3
+        assert rig.states.torque.all()
+        assert rig.states.temperatures[0] > 20.0
+        assert rig.report.write_us["p50"] > 0.0
+        assert rig.close() == []
+        assert not servos[1]["torque_enable"]
+        assert rig.close() == []
+
+
+def test_a_rig_that_cannot_be_connected_says_why():
+    with pytest.raises(RigError, match="no such device"), guarded("/dev/nowhere"):
+        pass
+
+
+def test_a_deck_that_is_gone_leaves_its_joints_at_rest_with_torque_on(capfd):
+    with served(CONFIG) as (servos, port):
+        with guard_process() as (link, process):
+            rig = connect(link, process, begin_with(CONFIG, LIMITS, (0, 1), [port], None))
+            play(rig, 0.5)
+            link.close()  # as when the deck is killed
+            process.wait(10.0)
+        held = angles(servos)
+        assert servos[1]["torque_enable"]
+        assert not servos[1]["bus_watchdog"]
+        time.sleep(0.2)
+        np.testing.assert_array_equal(angles(servos), held)
+    assert "The joints hold, with torque on" in capfd.readouterr().err
+
+
+def test_a_guard_that_is_to_end_brakes_first_and_its_deck_reads_that_it_is_gone():
+    with served(CONFIG) as (servos, port):
+        with guard_process() as (link, process):
+            rig = connect(link, process, begin_with(CONFIG, LIMITS, (0, 1), [port], None))
+            play(rig, 0.5)
+            process.send_signal(signal.SIGTERM)
+            with pytest.raises(RigError, match="guard of the rig has ended"):
+                play(rig, 5.0)
+        assert servos[1]["torque_enable"]
+
+
+def test_the_door_stops_the_rig_without_its_deck():
+    with served(CONFIG) as (_, port), guarded(port) as rig:
+        rig.watch_stops(49001, None)
+        play(rig, 0.4)
+        client = CommandClient(49001)
+        began = time.monotonic()
+        assert isinstance(client.request(EmergencyStop()), Accepted)
+        assert time.monotonic() - began < 0.3
+        client.close()
+        until(lambda: rig.collect_state() and rig.door_presses == 1, "the press")
+        until(lambda: rig.collect_state() and rig.held is not None, "the end of braking")
+        held = rig.held.copy()
+        play(rig, 0.3)
+        np.testing.assert_array_equal(rig.held, held)
+        rig.stop.count(STOP_DOOR, 1)
+        rig.stop.rested()
+        rig.stop.reset()
+        rig.stop.go_on()
+        play(rig, 0.3)
+        assert rig.held is None
+        assert rig.states.goals[0] > held[0] + 0.1
+
+
+def test_a_wired_stop_that_cannot_be_opened_says_so():
+    with served(CONFIG) as (_, port), guarded(port) as rig, pytest.raises(RigError, match="nothing: the stop cannot"):
+        rig.watch_stops(49002, "/dev/nothing")
+
+
+def test_what_is_asked_of_servos_is_answered_beside_the_targets():
+    with served(CONFIG) as (servos, port), guarded(port) as rig:
+        play(rig, 0.2)
+        reading, other = rig.registers(0), rig.registers(1, ("led", 1))
+        play(rig, 1.0, speed=0.0)
+        assert reading.done
+        assert reading.counts["torque_enable"] == 1
+        assert "while its torque is off" in other.failure
+        rig.switch_off(1)
+        play(rig, 0.5, speed=0.0)
+        assert not servos[2]["torque_enable"]
+        written = rig.registers(1, ("led", 1))
+        play(rig, 1.0, speed=0.0)
+        assert written.counts["led"] == 1
+        assert [incident.what for incident in rig.incidents] == ["was switched off on command"]
+        rig.set_up_again(1)
+        play(rig, 1.0, speed=0.0)
+        assert servos[2]["torque_enable"]
+        scan = rig.scan()
+        until(lambda: play(rig, 0.1, speed=0.0) or scan.found is not None, "the scan")
+        assert [(joint, servo.id, servo.model) for joint, servo in scan.found] == [
+            ("pan", 1, "XM430-W350"),
+            ("tilt", 2, "XM430-W350"),
+        ]
+        assert scan.missing == []
