@@ -43,6 +43,14 @@ def test_a_folder_that_others_may_enter_is_refused(folder, opened, mode):
         opened(47810)
 
 
+@pytest.mark.skipif(os.geteuid() != 0, reason="only root can give a folder away")
+def test_a_folder_of_another_user_is_refused(folder):
+    folder.mkdir(mode=0o700)
+    os.chown(folder, 65534, 65534)
+    with pytest.raises(SocketError, match="others could command"):
+        CommandServer(0)
+
+
 def test_a_folder_behind_a_link_is_refused(folder, tmp_path):
     (tmp_path / "elsewhere").mkdir(mode=0o700)
     folder.symlink_to(tmp_path / "elsewhere")

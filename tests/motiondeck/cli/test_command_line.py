@@ -18,6 +18,8 @@ import controller
 import synthetic
 from command_line import motiondeck
 from controller.library.motion_library import save_library
+from controller.wire.local_transport import command_folder
+from idle_programs import idle_programs
 
 pytestmark = pytest.mark.smoke
 
@@ -119,6 +121,14 @@ def test_a_running_deck_takes_commands_and_stops(library, tmp_path):
         assert words.strip().endswith("--port 0 --command-port 0")
         state = json.loads(motiondeck("send", "status", "--json", "--command-port", port).stdout)
         assert state["motion"] == "wave"
+        with idle_programs(command_folder() / port, 1000), idle_programs(command_folder() / f"{port}.stop", 100):
+            full = motiondeck("send", "status", "--command-port", port)
+            assert (full.returncode, "the deck is full" in full.stderr) == (1, True)
+            stopped = motiondeck("send", "estop", "--command-port", port)  # which waits 0.5 s for the reply
+            assert (stopped.returncode, stopped.stdout) == (0, "accepted\n")
+        while (state := motiondeck("send", "status", "--json", "--command-port", port)).returncode:
+            assert time.monotonic() < deadline, "the deck stays full"
+        assert json.loads(state.stdout)["mode"] == "emergency stop"
         assert motiondeck("send", "stop", "--command-port", port).returncode == 0
         out, _ = deck.communicate(timeout=20)
         assert [switch["to"] for switch in json.loads(out)["switches"]] == ["wave"]
