@@ -39,16 +39,13 @@ class DeckView:
     """All that is on the page of a deck.
 
     Args:
-        looks: to the deck too, for what takes it a while to answer.
         dropped: the folder where dropped recordings are kept.
 
     Raises:
         FileFormatError: if MuJoCo refuses a model file of the deck.
     """
 
-    def __init__(
-        self, page: PrivatePage, about: PageDescription, commands: CommandClient, looks: CommandClient, dropped: Path
-    ) -> None:
+    def __init__(self, page: PrivatePage, about: PageDescription, commands: CommandClient, dropped: Path) -> None:
         self._page = page
         model = _model(about.model_file)
         self._scene = Scene(page, model)
@@ -70,11 +67,11 @@ class DeckView:
             self._network = NetworkView(page, self._panel.parts, Path(about.library_file), height)
         if about.push_ns:
             BodyPush(self._scene.robot, height, about.push_ns, self._panel.send)
-        self._add_side(model, about, looks, dropped)
+        self._add_side(model, about, commands, dropped)
         self._camera, self._centre = Follower(), np.zeros(2)
         self._last_picture = self._last_health = 0.0
 
-    def _add_side(self, model: mujoco.MjModel, about: PageDescription, looks: CommandClient, dropped: Path) -> None:
+    def _add_side(self, model: mujoco.MjModel, about: PageDescription, commands: CommandClient, dropped: Path) -> None:
         """Puts the servos and the learning of new motions on the left, and the last minutes below."""
         gui, parts = self._page.gui, self._panel.parts
         rig = about.rig
@@ -82,7 +79,7 @@ class DeckView:
         side = gui.add_panel() if rig is not None or about.learn else None
         if side is not None and rig is not None:
             with side.add_tab("Rig", viser.Icon.ENGINE):
-                look = query_through(looks, self._panel.refuse)
+                look = query_through(commands, self._panel.refuse)
                 self._rig = RigPanel(self._page, parts, rig, self._panel.ask, look)
             self._glow = JointGlow(self._page, model, [servo.joint for servo in rig.servos], self._scene.height)
         if side is not None and about.learn and about.library_file:

@@ -5,7 +5,6 @@ from __future__ import annotations
 import time
 from collections.abc import Callable
 from pathlib import Path
-from threading import Lock
 from typing import cast
 
 import viser
@@ -108,7 +107,6 @@ class Panel:
     ) -> None:
         self._page, self._commands = page, commands
         self._motions, self._unrecognized = about.motions, about.unrecognized
-        self._lock = Lock()
         self._state = DeckSnapshot(motion="")
         self._moved = 0.0  # when a hand was on the tempo, s
         self._notices = Notices(page)
@@ -278,10 +276,9 @@ class Panel:
             self.send(SetTempo(factor=float(self._tempo.value)))
 
     def send(self, message: DeckCommand) -> None:
-        """Sends a command and shows a refusal on the page; page callbacks come from many threads, the socket is one."""
+        """Sends a command and shows a refusal on the page; an emergency stop waits for no other command."""
         try:
-            with self._lock:
-                reply = self._commands.request(message, timeout_s=ANSWER_WITHIN)
+            reply = self._commands.request(message, timeout_s=ANSWER_WITHIN)
             refusal = reply.reason if isinstance(reply, Refused) else ""
         except MotiondeckError as error:
             refusal = str(error)

@@ -55,8 +55,7 @@ def view(state: Path, command_port: int | None, port: int) -> None:
     command_port = about.command_port if command_port is None else command_port
     page = PrivatePage(port, label=f"Motiondeck · {about.robot}")
     print(f"page: {page.address}", file=sys.stderr, flush=True)
-    commands, looks = CommandClient(command_port), CommandClient(command_port)
-    shown = DeckView(page, about, commands, looks, state.parent / "dropped")
+    shown = DeckView(page, about, CommandClient(command_port), state.parent / "dropped")
     events = CommandClient(command_port)
     with contextlib.suppress(MotiondeckError):
         events.post(Subscribe())

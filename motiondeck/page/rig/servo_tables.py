@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import html
 from collections.abc import Callable
-from threading import Lock
 
 import viser
 from viser._gui_handles import GuiModalHandle
@@ -29,14 +28,12 @@ TORQUE_FIRST = "To write a register, switch the torque of this servo off first."
 
 
 def query_through(client: CommandClient, refuse: Callable[[str], None]) -> Look:
-    """Queries servos through a separate client, so that no other command of the page waits meanwhile."""
-    lock = Lock()
+    """Queries servos through a client; what else threads request of it does not wait meanwhile."""
 
     def look(message: DeckCommand) -> Registers | OnPorts | None:
         try:
-            with lock:
-                reply = client.request(message, FIRST_WITHIN)
-                last = reply if isinstance(reply, Refused) else client.wait_settled(reply.id, LAST_WITHIN)
+            reply = client.request(message, FIRST_WITHIN)
+            last = reply if isinstance(reply, Refused) else client.wait_settled(reply.id, LAST_WITHIN)
         except MotiondeckError as error:
             last = Refused(str(error))
         if isinstance(last, Registers | OnPorts):

@@ -11,6 +11,7 @@ from controller.wire.messages.commands import EmergencyStop, Push, StepOn, Switc
 from controller.wire.messages.deck_snapshot import BlendPart, DeckSnapshot
 from controller.wire.messages.events import Event
 from controller.wire.messages.replies import Accepted
+from controller.wire.stop_door import StopDoor
 from motiondeck.page.panel import Panel
 from motiondeck.page.web.page_state import PageDescription
 from motiondeck.page.web.private_page import PrivatePage
@@ -132,6 +133,25 @@ def test_two_browsers_see_what_happens_and_both_command(browser):
             for tab in tabs:
                 tab.close()
             page.stop()
+
+
+def test_an_emergency_stop_waits_for_no_other_command():
+    page = PrivatePage(free_port(), "test")
+    with (
+        closing(CommandServer(0)) as server,
+        closing(StopDoor(server.port)) as door,
+        closing(CommandClient(server.port)) as client,
+    ):
+        panel = Panel(page, PageDescription(model_file="", robot="test", motions=MOTIONS), client, look_from=print)
+        clicks = [threading.Thread(target=panel.send, args=(message,)) for message in (Switch("jog"), EmergencyStop())]
+        for click in clicks:
+            click.start()
+            time.sleep(0.1)
+        assert clicks[0].is_alive()  # the deck takes no commands
+        assert door.poll() == 1
+        for click in clicks:
+            click.join()
+        page.stop()
 
 
 @pytest.mark.thorough
