@@ -5,9 +5,11 @@
     latched   at rest, and a source demands it still
     held      at rest, and no source demands it: until they are let go on
 
-    running --press, lose--> braking --rested--> latched --reset--> held --go_on--> running
-                                        \\-------(no source)---------^
-    held, latched --press--> latched        braking --regain (no source)--> running
+    press, pull   running to braking, held to latched
+    lose          running to braking; regain leads back, if no source demands the stop
+    rested        braking to latched, or to held if no source demands the stop
+    reset         latched to held
+    go on         held to running
 
 A source counts its presses, and a reset releases those that it has seen: neither a press that comes twice nor one that
 crosses a reset on its way can be taken for another. A pulled wire cannot be reset before it is let go.
