@@ -98,13 +98,11 @@ class RigGuard:
         """Takes in what has come with targets: the stop at the deck, and what a reset there has released."""
         self._come, self._fresh = now, True
         stop, targets = self.stop, self._targets
-        stop.pull(DECK, targets.stopped)
         door, wire = targets.released
-        stop.release({STOP_DOOR: door})
+        stop.pull(DECK, targets.stopped)
+        stop.release({STOP_DOOR: door, DECK: stop.presses.get(DECK, 0)})  # while it is pulled nothing releases it
         if self.wired is not None:
             stop.release({self.wired.name: wire})
-        if not targets.stopped:
-            stop.release({DECK: stop.presses.get(DECK, 0)})
 
     def tick(self, now: float) -> None:
         """One tick, at a time of the machine's steady clock, s."""
