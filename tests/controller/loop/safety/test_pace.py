@@ -10,11 +10,12 @@ from hypothesis import strategies as st
 from controller.deck.interfaces import JointLimits
 from controller.loop.loop import run
 from controller.loop.output_channel import Channel
-from controller.loop.safety.pace import BURST, LEAST, Pace
+from controller.loop.safety.pace import Pace
 from controller.loop.safety.safety_envelope import SafetyEnvelope
 from controller.motion.posture import Pose
 
 PERIOD_NS = 5_000_000
+MOST_AHEAD = 1.25  # ticks: in any time T at most T / period + 2.25 are written, of which the first needs no time
 LIMITS = JointLimits(*(np.array([value]) for value in (-3.0, 3.0, 4.7, 200.0, 20_000.0)))
 POSE = Pose(np.zeros(3), np.array(0.0), np.array([[1.0, 0.0, 0.0, 0.0]]))
 
@@ -103,7 +104,7 @@ def test_after_stalls_the_port_never_asks_for_more_than_the_limit_per_second(pol
     """With 150 ms of ticks written at once, the port asked for several times the velocity limit."""
     (times, targets), _ = played(policy, stalls)
     for window in (0.05, 0.1, 0.2):
-        burst = 1.0 + (BURST + 1.0 - LEAST) * PERIOD_NS * 1e-9 / window
+        burst = 1.0 + (MOST_AHEAD + 1.0) * PERIOD_NS * 1e-9 / window  # a write may be a period behind its tick's start
         assert fastest(times, targets, window) <= LIMITS.velocity[0] * burst
     jumps = np.abs(np.diff(targets))
     assert jumps.max() <= LIMITS.velocity[0] * PERIOD_NS * 1e-9 * (1.0 + 1e-9)
@@ -118,17 +119,15 @@ def test_a_deck_that_catches_up_is_on_time_again():
 
 
 @settings(max_examples=100)
-@given(st.lists(st.integers(0, 4 * PERIOD_NS), min_size=1, max_size=300))
+@given(st.lists(st.sampled_from([0, 0, PERIOD_NS // 4]) | st.integers(0, 4 * PERIOD_NS), min_size=1, max_size=300))
 def test_no_more_ticks_are_written_than_periods_have_passed(steps):
     pace, now, written = Pace(PERIOD_NS * 1e-9), 0, []
     for step in steps:
         now += step
         if pace.may_write(now):
             written.append(now)
-    for first in range(0, len(written), 7):
-        for last in range(first, len(written)):
-            periods = (written[last] - written[first]) / PERIOD_NS
-            assert last - first <= periods + BURST + 1.0 - LEAST
+    ahead = np.arange(len(written)) - np.array(written) / PERIOD_NS
+    assert (ahead - np.minimum.accumulate(ahead)).max() <= MOST_AHEAD
 
 
 @given(st.lists(st.sampled_from([0, PERIOD_NS // 2, PERIOD_NS - 1]) | st.integers(0, PERIOD_NS - 1), max_size=100))

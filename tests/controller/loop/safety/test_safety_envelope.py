@@ -70,6 +70,24 @@ def test_whatever_is_asked_what_is_emitted_obeys_all_four_limits(limit, targets,
     assert_inside(np.array(emitted), limit, dt)
 
 
+@settings(deadline=None)
+@given(
+    st.floats(0.1, 1.0), st.floats(0.3, 1.0), st.sampled_from([1.0, -1.0]), st.floats(200.0, 20_000.0), st.booleans()
+)
+def test_a_target_that_gains_speed_is_let_go_in_time(hard, smooth, way, jerk, goes_on):
+    """Its own acceleration and jerk are allowed, and it passes until the velocity limit: to let go takes ticks."""
+    limit = limits(lower=-1e3, upper=1e3, jerk=jerk)
+    rise = np.minimum(smooth * jerk * DT * np.arange(1, 400), hard * limit.acceleration[0])
+    speed = np.cumsum(rise * DT)
+    targets = way * np.cumsum(speed * DT)
+    if not goes_on:
+        targets[speed > limit.velocity[0]] = np.nan
+    envelope = SafetyEnvelope(limit, DT)
+    envelope.start(np.zeros(1))
+    emitted = [np.zeros(1), *(envelope(np.array([target])).copy() for target in targets)]
+    assert_inside(np.array(emitted), limit, DT)
+
+
 @settings(max_examples=25, deadline=None)
 @given(st.lists(st.floats(-2.5, 2.5), min_size=1, max_size=3), st.integers(0, 2**32 - 1))
 def test_a_target_that_rests_is_reached_and_then_held_exactly(goals, seed):

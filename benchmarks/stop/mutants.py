@@ -1,0 +1,330 @@
+"""Breaks what stops a robot, line by line, and runs the tests of the room: each breakage must be noticed.
+
+The exit code is 1 if a breakage survives, or its line has changed.
+"""
+
+from __future__ import annotations
+
+import functools
+import os
+import shutil
+import subprocess
+import sys
+import tempfile
+import time
+from pathlib import Path
+from typing import Annotated, NamedTuple
+
+import typer
+
+from benchmarks.command import run
+
+ROOT = Path(__file__).parents[2]
+HANGS = 300.0  # s after which tests count as failed
+_KEPT_OUT = shutil.ignore_patterns(".git", ".venv", "__pycache__", "docs", ".hypothesis")
+
+
+class Mutant(NamedTuple):
+    """A file, the tests that must notice, a piece of text that stands in the file once, and what replaces it."""
+
+    what: str
+    file: str
+    tests: str
+    text: str
+    instead: str
+
+
+ENVELOPE, SAFETY = "controller/loop/safety/safety_envelope.py", "tests/controller/loop/safety"
+BRAKING, PACE = "controller/loop/safety/braking.py", "controller/loop/safety/pace.py"
+STATE, STATES = "controller/loop/stop_state.py", "tests/controller/loop/test_stop_state.py"
+PHASES, LOOP = "controller/loop/run_phases.py", "tests/controller/loop/test_run_phases.py"
+COMMANDS, HANDLER = "controller/loop/commands/commanded_run.py", "tests/controller/loop/commands"
+DOOR = "controller/wire/stop_door.py"
+LOCAL, WIRE = "controller/wire/local_transport.py", "tests/controller/wire"
+NETWORK, SIGNED = "controller/wire/network_transport.py", "controller/wire/authentication.py"
+PAGE, PAGES = "motiondeck/page/web/private_page.py", "tests/motiondeck/page/web/test_private_page.py"
+MEMBER, SHOWS = "motiondeck/shows/member.py", "tests/motiondeck/shows"
+RIG, RIGS = "hardware/rig/supervision/pace.py", "tests/hardware/rig"
+PORT = "hardware/rig/driving/servo_port.py"
+
+MUTANTS = (
+    Mutant(
+        "envelope: acceleration is let go late, upwards", ENVELOPE, SAFETY,
+        "        high = min(high, held_back(v_max - v, j_max))",
+        "        pass",
+    ),
+    Mutant(
+        "envelope: acceleration is let go late, downwards", ENVELOPE, SAFETY,
+        "        low = max(low, -held_back(v_max + v, j_max))",
+        "        pass",
+    ),
+    Mutant(
+        "envelope: a passing target lets acceleration go late", ENVELOPE, SAFETY,
+        "passes = fast + 0.5 * (size - 0.5 * j_max) ** 2 / j_max <= v_max",
+        "passes = fast <= v_max",
+    ),
+    Mutant(
+        "envelope: a passing target needs no room to stop", ENVELOPE, SAFETY,
+        "passes = passes and (way <= room or longest_run(fast, size, a_max, j_max) <= room)",
+        "pass",
+    ),
+    Mutant(
+        "envelope: no acceleration limit of a passing target", ENVELOPE, SAFETY,
+        " and -a_max <= direct <= a_max",
+        "",
+    ),
+    Mutant(
+        "envelope: NaN passes", ENVELOPE, SAFETY,
+        "target if -_FINITE < target < _FINITE else last_goal",
+        "target",
+    ),
+    Mutant(
+        "envelope: no stop before a position limit", ENVELOPE, SAFETY,
+        "    if p + v + chosen + rise <= top and",
+        "    if p + v + chosen <= top and",
+    ),
+    Mutant(
+        "braking: no acceleration limit", BRAKING, SAFETY,
+        "a - j, -most), a + j, most)",
+        "a - j), a + j)",
+    ),
+    Mutant(
+        "braking: a jerk too many", BRAKING, SAFETY,
+        "return copysign(size / n + 0.5 * j * (n - 1), v)",
+        "return copysign(size / n + 0.5 * j * n, v)",
+    ),
+    Mutant(
+        "pace: 20 periods at once", PACE, SAFETY,
+        "BURST = 2.0",
+        "BURST = 20.0",
+    ),
+    Mutant(
+        "pace: ticks that nothing has earned", PACE, SAFETY,
+        "LEAST = 0.75",
+        "LEAST = 0.0",
+    ),
+    Mutant(
+        "phases: an emergency stop plays on", PHASES, LOOP,
+        '"emergency stop": lambda: _hold(source, envelope, stop)',
+        '"emergency stop": lambda: _follow(source, channels, envelope, stop)',
+    ),
+    Mutant(
+        "phases: a run that ends in an emergency stop goes home", PHASES, LOOP,
+        "    while not stop.emergency:\n",
+        "    while True:\n",
+    ),
+    Mutant(
+        "phases: rest before the joints are", PHASES, LOOP,
+        "if envelope.at_rest:\n            stop.state",
+        "if True:\n            stop.state",
+    ),
+    Mutant(
+        "state: a pulled wire is reset", STATE, STATES,
+        "for source in sorted(self.pulled):",
+        "for source in ():",
+    ),
+    Mutant(
+        "state: an old report is a press", STATE, STATES,
+        "if presses > self.presses.get(source, 0):",
+        "if True:",
+    ),
+    Mutant(
+        "state: a reset releases presses that it has not seen", STATE, STATES,
+        "min(count, self.presses.get(source, 0))",
+        "self.presses.get(source, 0)",
+    ),
+    Mutant(
+        "state: a reset while the joints brake", STATE, STATES,
+        'if self.phase == "braking":\n            raise',
+        "if False:\n            raise",
+    ),
+    Mutant(
+        "commands: any is carried out in an emergency stop", COMMANDS, HANDLER,
+        "if stop.mode not in message.row.modes:",
+        "if False:",
+    ),
+    Mutant(
+        "commands: torque on in an emergency stop", COMMANDS, HANDLER,
+        'if to == "on":',
+        "if False:",
+    ),
+    Mutant(
+        "commands: a reset from elsewhere without its code", COMMANDS, HANDLER,
+        "if not self._code or message.code != self._code:",
+        "if False:",
+    ),
+    Mutant(
+        "commands: a pressed stop keeps a code", COMMANDS, HANDLER,
+        "        self._code = 0.0\n        self.deck.pause()",
+        "        self.deck.pause()",
+    ),
+    Mutant(
+        "signature: any is taken", SIGNED, WIRE,
+        "return data if hmac.compare_digest(",
+        "return data if True or hmac.compare_digest(",
+    ),
+    Mutant(
+        "token: others may read it", SIGNED, WIRE,
+        " or about.st_mode & 0o077",
+        "",
+    ),
+    Mutant(
+        "socket: other users may enter its folder", LOCAL, WIRE,
+        " or about.st_mode & 0o077",
+        "",
+    ),
+    Mutant(
+        "socket: the group may enter its folder", LOCAL, WIRE,
+        "about.st_mode & 0o077:",
+        "about.st_mode & 0o007:",
+    ),
+    Mutant(
+        "socket: any user is taken", LOCAL, WIRE,
+        "if user in (0, os.geteuid()):",
+        "if True:",
+    ),
+    Mutant(
+        "page: any user is taken", PAGE, PAGES,
+        "if not _is_same_user(connection):",
+        "if False:",
+    ),
+    Mutant(
+        "page: any name is taken", PAGE, PAGES,
+        "not in [[host] for host in hosts]:",
+        "in []:",
+    ),
+    Mutant(
+        "page: any site's websockets are taken", PAGE, PAGES,
+        "origins=pages, ",
+        "",
+    ),
+    Mutant(
+        "member: a stop of the show does not reach the deck", MEMBER, SHOWS,
+        "        self._stop_deck(stop)\n",
+        "",
+    ),
+    Mutant(
+        "member: a stop is not passed on", MEMBER, SHOWS,
+        '        self._link.publish("stop", encode(stop))\n',
+        "",
+    ),
+    Mutant(
+        "member: a cue says anything", MEMBER, SHOWS,
+        '                command.row.check_use("cue")\n',
+        "",
+    ),
+    Mutant(
+        "member: a cue says impossible numbers", MEMBER, SHOWS,
+        "                command.check()\n",
+        "",
+    ),
+    Mutant(
+        "rig: a goal goes as far as it likes", RIG, RIGS,
+        "return np.minimum(np.maximum(within, goals - reach), goals + reach), targets",
+        "return within, targets",
+    ),
+    Mutant(
+        "rig: goals beyond the limits", RIG, RIGS,
+        "within = self._scale.within(targets)\n        reach",
+        "within = targets\n        reach",
+    ),
+    Mutant(
+        "rig: watchdogs are not armed again", PORT, RIGS,
+        "if not self._armed or now >= self._arm_next:",
+        "if not self._armed:",
+    ),
+    Mutant(
+        "rig: goals after a silence", PORT, RIGS,
+        "return self._stopped or (self._armed and",
+        "return self._stopped or (False and",
+    ),
+    Mutant(
+        "network: a command is taken twice", NETWORK, WIRE,
+        "or number <= self._last.get(name, self._floor):",
+        "or False:",
+    ),
+    Mutant(
+        "network: a command of another run is taken", NETWORK, WIRE,
+        "if not hmac.compare_digest(challenge, self._expected(name)) or",
+        "if",
+    ),
+    Mutant(
+        "door: anything is a press", DOOR, WIRE,
+        "encode(Refused(_REFUSAL, number_in(data))))\n            return 0",
+        "encode(Refused(_REFUSAL, number_in(data))))\n            return 1",
+    ),
+    Mutant(
+        "door: idle programs keep their places", DOOR, WIRE,
+        "if len(self._holders) > PLACES else 0",
+        "if False else 0",
+    ),
+    Mutant(
+        "heartbeat: a silent client is not missed", "controller/loop/commands/listeners.py", HANDLER,
+        "silent > listener.within):",
+        "False):",
+    ),
+    Mutant(
+        "start again: after an emergency stop too", "motiondeck/cli/play.py", "tests/motiondeck/run/test_play_again.py",
+        "if session.stop.emergency:",
+        "if False:",
+    ),
+)  # fmt: skip
+
+
+def passes(copy: Path, tests: str) -> bool:
+    """Whether tests pass in a copy of the project."""
+    command = [sys.executable, "-m", "pytest", "-n", "0", "-x", "-q", tests]
+    environment = os.environ | {"PYTHONPATH": str(copy)}
+    try:
+        return subprocess.run(command, cwd=copy, env=environment, capture_output=True, timeout=HANGS).returncode == 0
+    except subprocess.TimeoutExpired:
+        return False
+
+
+@functools.cache
+def sound(copy: Path, tests: str) -> bool:
+    """Whether tests pass in a copy of the project that is whole; asked once."""
+    return passes(copy, tests)
+
+
+def noticed(mutant: Mutant, copy: Path) -> bool:
+    """Whether the tests fail with the breakage in a copy of the project, which is whole again afterwards.
+
+    Raises:
+        ValueError: if the file no longer has the text once, or the tests fail without the breakage.
+    """
+    file = copy / mutant.file
+    whole = file.read_text()
+    if whole.count(mutant.text) != 1:
+        raise ValueError(f"{mutant.file} has '{mutant.text}' {whole.count(mutant.text)} times")
+    if not sound(copy, mutant.tests):
+        raise ValueError(f"{mutant.tests} fails without it")
+    file.write_text(whole.replace(mutant.text, mutant.instead))
+    try:
+        return not passes(copy, mutant.tests)
+    finally:
+        file.write_text(whole)
+
+
+def main(
+    only: Annotated[str, typer.Option("--only", help="Those whose name has this in it.")] = "",
+) -> None:
+    survived = 0
+    chosen = [mutant for mutant in MUTANTS if only in mutant.what]
+    with tempfile.TemporaryDirectory() as folder:
+        copy = Path(folder) / "project"
+        shutil.copytree(ROOT, copy, ignore=_KEPT_OUT, symlinks=True)
+        for mutant in chosen:
+            began = time.monotonic()
+            try:
+                verdict = "noticed" if noticed(mutant, copy) else "SURVIVED"
+            except ValueError as error:
+                verdict = f"CHANGED: {error}"
+            survived += verdict != "noticed"
+            print(f"{verdict:<9} {time.monotonic() - began:5.0f} s  {mutant.what}", flush=True)
+    print(f"{len(chosen) - survived} of {len(chosen)} noticed")
+    raise typer.Exit(1 if survived else 0)
+
+
+if __name__ == "__main__":
+    run("mutants", main, __doc__)
