@@ -17,13 +17,8 @@ from typing import TypeVar
 
 import msgspec
 
-from controller.wire.local_transport import (
-    DEFAULT_PORT,
-    LocalConnection,
-    LocalListener,
-    PeerGoneError,
-    SocketError,
-)
+from controller.wire.local_connection import LocalConnection
+from controller.wire.local_transport import DEFAULT_PORT, LocalListener, PeerGoneError, SocketError
 from controller.wire.messages.arguments import CommandError
 from controller.wire.messages.command_table import number_in, read_command, usages
 from controller.wire.messages.commands import MOST_BYTES, DeckCommand, EmergencyStop, encode

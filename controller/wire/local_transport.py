@@ -1,8 +1,8 @@
 """Datagrams between programs of one user on this machine: Unix sockets in a folder of mode 0700.
 
 A deck is found by its number, which is the name of its socket; beside it is the stop door (`stop_door`), with `.stop`
-behind the number. Each client has its own connection, so that one that floods or never reads fills only its own
-buffer, and either side notices at once when the other is gone.
+behind the number. Each client (`local_connection`) has its own connection, so that one that floods or never reads
+fills only its own buffer, and either side notices at once when the other is gone.
 """
 
 from __future__ import annotations
@@ -15,12 +15,9 @@ import select
 import socket
 import stat
 import struct
-import threading
-import time
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from typing import TypeVar
 
 from motiondeck_base.errors import MotiondeckError
 
@@ -34,14 +31,11 @@ FULL = (
     f"the deck is full: {MOST_CLIENTS} programs are connected, as many as it takes. End one of them. "
     "An emergency stop is taken all the same"
 )
-_FULL = f'{{"type":"refused","reason":"{FULL}"}}'.encode()  # sent before a connection is ended
-_STOP_PATIENCE = 0.2  # s that an emergency stop waits for room, at the door and then at the ordinary socket
-_MOST_BYTES = 65536  # of a reply
-_FREE_NUMBERS = range(49152, 65536)
-_TIME = struct.Struct("ll")  # s and us, of a timeout
-_CREDENTIALS = struct.Struct("3i")  # process, user and group of a peer
+TURNED_AWAY = f'{{"type":"refused","reason":"{FULL}"}}'.encode()
+"""The last words of a full deck on a connection that it ends."""
 
-T = TypeVar("T")
+_FREE_NUMBERS = range(49152, 65536)
+_CREDENTIALS = struct.Struct("3i")  # process, user and group of a peer
 
 
 class SocketError(MotiondeckError):
@@ -91,7 +85,7 @@ class LocalSocket:
         Raises:
             SocketError: if another deck has it, it is out of range, or the folder cannot be used.
         """
-        _check(port)
+        check_port(port)
         self._socket = socket.socket(socket.AF_UNIX, socket.SOCK_SEQPACKET)
         self._socket.setblocking(False)
         folder = command_folder()
@@ -188,7 +182,7 @@ class LocalListener:
             self._clients[client.fileno()] = client
             self._ready.register(client, select.EPOLLIN)
             return
-        send_datagram(client, _FULL)
+        send_datagram(client, TURNED_AWAY)
         with contextlib.suppress(OSError):
             client.shutdown(socket.SHUT_RD)
         while read_datagram(client, 1):  # what is unread when it is closed would keep it from reading why
@@ -223,172 +217,6 @@ class LocalListener:
         self._door.close()
 
 
-class _Link:
-    """One connection to a socket of a deck; made when something is sent. Threads may send and read at the same time."""
-
-    def __init__(self, port: int, ending: str, ready: select.epoll) -> None:
-        self._port, self._name, self._ready = port, f"{port}{ending}", ready
-        self._socket: socket.socket | None = None
-        self._sending = threading.Lock()
-        self._full = False
-
-    def send(self, data: bytes, patience: float) -> None:
-        """Sends a datagram; it waits for room, as long as its patience lasts, and connects where it is not connected.
-
-        Raises:
-            PeerGoneError: if nothing listens there.
-            DeckFullError: if the deck has no room for another connection.
-            SocketError: if it takes nothing.
-        """
-        until = time.monotonic() + patience
-        with self._sending:
-            while True:
-                before = self._socket
-                connection = before or self._connect(patience)
-                connection.settimeout(patience)
-                try:
-                    self._attempt(connection.send, data)
-                    return
-                except PeerGoneError:  # the deck has ended, is full, or needed the place for others
-                    self._end(connection, read_datagram(connection, _MOST_BYTES) == _FULL)
-                if before is None and (self._full or time.monotonic() >= until):
-                    raise self.gone
-
-    def _connect(self, patience: float) -> socket.socket:
-        path = command_folder() / self._name
-        fresh = socket.socket(socket.AF_UNIX, socket.SOCK_SEQPACKET)
-        # In a queue of programs that connect, only a call that blocks waits for its turn.
-        fresh.setblocking(patience > 0.0)
-        fresh.setsockopt(socket.SOL_SOCKET, socket.SO_SNDTIMEO, _TIME.pack(int(patience), int(patience % 1.0 * 1e6)))
-        self._full = False
-        try:
-            self._attempt(fresh.connect, str(path))
-        except SocketError:
-            fresh.close()
-            raise
-        self._ready.register(fresh, select.EPOLLIN)
-        self._socket = fresh
-        return fresh
-
-    def _attempt(self, act: Callable[[T], object], given: T) -> None:
-        try:
-            act(given)
-        except (TimeoutError, BlockingIOError):
-            raise SocketError(f"the deck on port {self._port} takes no commands: it is held up") from None
-        except OSError:
-            raise self.gone from None
-
-    def read(self) -> bytes:
-        """What has arrived, b"" for nothing; without a peer the connection is closed."""
-        connection = self._socket
-        if connection is None:
-            return b""
-        data = read_datagram(connection, _MOST_BYTES)
-        if data is None or data == _FULL:
-            self._end(connection, data == _FULL)
-            return b""
-        return data
-
-    @property
-    def number(self) -> int:
-        """The file descriptor; -1 without a connection."""
-        connection = self._socket
-        return connection.fileno() if connection is not None else -1
-
-    @property
-    def gone(self) -> SocketError:
-        """Why there is no connection."""
-        if self._full:
-            return DeckFullError(FULL)
-        return PeerGoneError(f"no deck is running on port {self._port}; start one with: motiondeck play")
-
-    def close(self) -> None:
-        """Ends the connection; may be called twice."""
-        if self._socket is not None:
-            self._end(self._socket, full=False)
-
-    def _end(self, connection: socket.socket, full: bool) -> None:
-        if self._socket is connection:
-            self._socket, self._full = None, full
-            self._ready.unregister(connection)
-            connection.close()
-
-
-class LocalConnection:
-    """A client's connections to a deck of this user: for commands, and to its stop door; made when something is sent.
-
-    Threads may send and receive at the same time.
-    """
-
-    def __init__(self, port: int, patience: float) -> None:
-        """Prepares to talk to the deck of a number, which may keep a sender waiting for `patience` seconds.
-
-        Raises:
-            SocketError: if it is out of range.
-        """
-        _check(port)
-        self._patience = patience
-        self._ready = select.epoll()
-        self._commands, self._door = _Link(port, "", self._ready), _Link(port, STOP_DOOR, self._ready)
-        self._awaited = 0  # replies from the door
-
-    def send(self, data: bytes) -> None:
-        """Sends a command.
-
-        Raises:
-            PeerGoneError: if no deck is running there.
-            SocketError: if it is full, or takes nothing.
-        """
-        self._commands.send(data, self._patience)
-
-    def send_stop(self, data: bytes) -> None:
-        """Sends an emergency stop to the door, or as a command where there is none or it is held up; raises as `send`.
-
-        An older deck has no door, and neither has a loop of one's own.
-        """
-        patience = min(self._patience, _STOP_PATIENCE)
-        self._awaited += 1
-        try:
-            self._door.send(data, patience)
-        except SocketError:
-            self._awaited = 0
-            self._commands.send(data, patience)
-
-    def receive(self, timeout_s: float) -> bytes | None:
-        """The next datagram, or None if none arrives in time; without any time it does not wait at all.
-
-        Raises:
-            PeerGoneError: if no deck is running there.
-            SocketError: if it is full.
-        """
-        until = time.monotonic() + timeout_s
-        while self._commands.number >= 0 or (self._awaited and self._door.number >= 0):
-            # Any time above 0 becomes at least a millisecond, in which a loop would give up its core.
-            ready = {number for number, _ in self._ready.poll(max(until - time.monotonic(), 0.0))}
-            # The door first: the events of a stop come after the reply to it.
-            if self._door.number in ready:
-                data = self._door.read()
-                self._awaited = max(self._awaited - 1, 0)
-            elif self._commands.number in ready:
-                data = self._commands.read()
-            else:
-                return None
-            if data:
-                return data
-        raise self._commands.gone
-
-    def fileno(self) -> int:
-        """Readable when there is something to receive; raises a SocketError if it is not connected."""
-        if self._commands.number < 0 and self._door.number < 0:
-            raise self._commands.gone
-        return self._ready.fileno()
-
-    def close(self) -> None:
-        """Closes the connections; may be called twice."""
-        self._commands.close()
-        self._door.close()
-
-
 def refuse_second_deck(port: int) -> None:
     """Refuses a command port that another deck has; nothing is taken.
 
@@ -407,7 +235,8 @@ def _another_deck(port: int) -> SocketError:
     )
 
 
-def _check(port: int) -> None:
+def check_port(port: int) -> None:
+    """Raises a SocketError if a command port is out of range."""
     if not 0 <= port < 1 << 16:
         raise SocketError(f"command port {port} cannot be used: it must be from 0 to 65535")
 
