@@ -1,4 +1,4 @@
-"""Breaks what stops a robot, line by line, and runs the tests of the room: each breakage must be noticed.
+"""Breaks what stops a robot line by line; the tests of each room must notice.
 
 The exit code is 1 if a breakage survives, or its line has changed.
 """
