@@ -5,6 +5,10 @@ it. It prints the port for the deck. Lines on its standard input: `cut` (whateve
 its end ends the relay. The record is a sequence of
 
     time (CLOCK_MONOTONIC, ns, uint64) | way (uint8) | length (uint32) | the bytes
+
+What is written to a pseudo-terminal is handed over by a worker of the kernel without priority, on a busy machine tens
+of milliseconds later: frames that were sent in time then come in a bunch. So the relay also sends itself a byte on a
+pseudo-terminal of its own every few milliseconds, and records how late a slow one came (PROBE, in ns, uint64).
 """
 
 from __future__ import annotations
@@ -23,6 +27,8 @@ from pathlib import Path
 
 ENTRY = struct.Struct("<QBI")
 TO_SERVOS, FROM_SERVOS, LOST = 0, 1, 2  # LOST is added to the way of bytes that came while the bus was cut
+PROBE = 4
+_PROBED_EVERY, _SLOW = 3_000_000, 1_000_000  # ns
 _SPEED = 4, 5  # places of the speeds in a terminal's settings
 
 
@@ -37,22 +43,30 @@ def relay(device: str, baud: int, record: str) -> None:
         settings[place] = getattr(termios, f"B{baud}")
     termios.tcsetattr(servos, termios.TCSANOW, settings)
     deck, kept_open = pty.openpty()
-    tty.setraw(kept_open)
+    probed, probing = pty.openpty()
+    for terminal in (kept_open, probing):
+        tty.setraw(terminal)
     os.set_blocking(deck, False)
     file = os.open(record, os.O_WRONLY | os.O_CREAT | os.O_APPEND, 0o600)
     print(os.ttyname(kept_open), flush=True)
     ways = {deck: (TO_SERVOS, servos), servos: (FROM_SERVOS, deck)}
-    cut = False
+    cut, probed_at, probe_due = False, 0, 0
     with select.epoll() as ready:
-        for source in (0, deck, servos):
+        for source in (0, deck, servos, probed):
             ready.register(source, select.EPOLLIN)
         while True:
-            for source, _ in ready.poll():
+            for source, _ in ready.poll(1e-9 * _PROBED_EVERY):
                 if source == 0:
                     words = os.read(0, 4096).split()
                     if not words:
                         return
                     cut = words[-1] == b"cut"
+                    continue
+                if source == probed:
+                    os.read(probed, 1)
+                    took, probed_at = time.monotonic_ns() - probed_at, 0
+                    if took > _SLOW:
+                        os.write(file, ENTRY.pack(time.monotonic_ns(), PROBE, 8) + took.to_bytes(8, "little"))
                     continue
                 way, target = ways[source]
                 try:
@@ -65,6 +79,21 @@ def relay(device: str, baud: int, record: str) -> None:
                     with contextlib.suppress(BlockingIOError):
                         os.write(target, data)
                 os.write(file, ENTRY.pack(now, way + LOST * cut, len(data)) + data)
+            if probed_at == 0 and (now := time.monotonic_ns()) >= probe_due:
+                # From when it was due: the host of a virtual machine may have taken the cores away meanwhile.
+                probed_at, probe_due = probe_due or now, now + _PROBED_EVERY
+                os.write(probing, b"?")
+
+
+def slowest_handover(record: Path, start: float, end: float) -> float:
+    """How long the slowest probe took that was under way between two times, s."""
+    slowest = 0.0
+    for now, way, data in entries(record):
+        if way == PROBE:
+            took = 1e-9 * int.from_bytes(data, "little")
+            if 1e-9 * now > start and 1e-9 * now - took < end:
+                slowest = max(slowest, took)
+    return slowest
 
 
 def entries(record: Path) -> Iterator[tuple[int, int, bytes]]:

@@ -13,7 +13,7 @@ from collections.abc import Callable
 from pathlib import Path
 from types import TracebackType
 
-from benchmarks.stop.bus_relay import ENTRY, LOST
+from benchmarks.stop.bus_relay import ENTRY, LOST, TO_SERVOS, slowest_handover
 from benchmarks.stop.goal_frames import GOAL_POSITION, FrameReader, goals_in
 from benchmarks.stop.goal_judge import Joints, joints_of
 
@@ -21,6 +21,7 @@ ROOT = Path(__file__).parents[2]
 ROBOT, RIG = ROOT / "configs" / "robots" / "servo20.toml", ROOT / "configs" / "rigs" / "servo20.toml"
 MOTIONDECK = (sys.executable, "-m", "motiondeck.cli.main")
 PATIENCE = 60.0  # s
+_HANDED_OVER = 0.005  # s
 FAST = 2.0  # rad/s; an approach is slower, a motion faster
 
 
@@ -69,6 +70,15 @@ class JudgedRig:
             process.kill()
             process.wait()
 
+    def forget(self) -> None:
+        """Empties the record of the bus."""
+        os.truncate(self.bus, 0)
+        self._read, self._reader = 0, FrameReader()
+
+    def disturbed(self, start: float, end: float) -> bool:
+        """Whether this machine was too busy between two times, s, to hand frames over when they were sent."""
+        return slowest_handover(self.bus, start, end) > _HANDED_OVER
+
     def cut(self) -> None:
         """Cuts the bus."""
         self._say("cut")
@@ -90,7 +100,7 @@ class JudgedRig:
             now, way, length = ENTRY.unpack_from(data, at)
             if at + ENTRY.size + length > len(data):
                 break
-            if way in (0, LOST):
+            if way in (TO_SERVOS, TO_SERVOS + LOST):
                 for frame in self._reader.feed(data[at + ENTRY.size : at + ENTRY.size + length]):
                     goals = goals_in(*frame, address_of)
                     passed = max(1e-9 * (now - self._at), joints.period)

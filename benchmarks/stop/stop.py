@@ -29,13 +29,13 @@ def kills(
     each: Annotated[bool, typer.Option("--each", help="Print every strike too.")] = False,
 ) -> None:
     began = time.monotonic()
-    strikes, undisturbed = striking.strike(striking.plan(count, seed), seed, tuple(option or ()))
+    result = striking.strike(striking.plan(count, seed), seed, tuple(option or ()))
     if each:
-        for strike in strikes:
+        for strike in result.strikes:
             print(strike)
-    print(striking.table(strikes, undisturbed))
-    print(f"{len(strikes)} strikes in {time.monotonic() - began:.0f} s")
-    raise typer.Exit(0 if all(strike.within and not strike.outside for strike in strikes) else 1)
+    print(striking.table(result))
+    print(f"{len(result.strikes)} strikes in {time.monotonic() - began:.0f} s")
+    raise typer.Exit(0 if result.good and len(result.strikes) == count else 1)
 
 
 def matrix(
