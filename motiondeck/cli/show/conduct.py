@@ -81,7 +81,7 @@ def conduct(
     first = cue_named(show.cues, begin_at) if begin_at is not None else 0
     member = _member(show.show, file, certificates, listens=not stop)
     if stop:
-        _stop_all(Link(member))
+        _stop_all(Link(member), show.decks)
         return
     began = time.monotonic()
 
@@ -244,15 +244,15 @@ def _describe(deck: DeckRow) -> str:
     return f"{mode}{doing}{lock}; {clock}" + (f"; {health.problem}" if health.problem else "")
 
 
-def _stop_all(link: Link) -> None:
-    """Stops all decks, and says of each when it has stopped, and after a while which have not."""
+def _stop_all(link: Link, decks: list[str]) -> None:
+    """Stops all decks that are found and those of the show file; reports each that has stopped, and which have not."""
     from motiondeck.shows.conductor import STOP_REPORTED_AFTER
     from motiondeck.shows.link import STOP_AGAIN
     from motiondeck.shows.messages import DeckHealth, EmergencyStopAll, encode, read
     from motiondeck_base.errors import MotiondeckError
 
     stop = EmergencyStopAll("conduct --stop", os.urandom(8).hex())
-    here: set[str] = set()
+    here = {*decks}
     reached: set[str] = set()
 
     def heard(key: str, data: bytes) -> None:
@@ -262,7 +262,7 @@ def _stop_all(link: Link) -> None:
             print(f"{name}: emergency stop", flush=True)
 
     link.subscribe("health/*", heard)
-    link.watch("deck/*", lambda key, is_here: (here.add if is_here else here.discard)(key.removeprefix("deck/")))
+    link.watch("deck/*", lambda key, _: here.add(key.removeprefix("deck/")))
     began, lacking = time.monotonic(), ""
     try:
         while (waited := time.monotonic() - began) < _STOP_WITHIN:

@@ -1,8 +1,12 @@
-"""`motiondeck play --show` while an emergency stop of the show stands, with processes."""
+"""`motiondeck play --show` and `conduct` while an emergency stop of the show stands, with processes."""
 
+import json
+import os
+import signal
 import subprocess
 import sys
 from contextlib import ExitStack, closing
+from pathlib import Path
 
 import pytest
 
@@ -22,27 +26,83 @@ def asked(port, message):
             return None
 
 
-@pytest.mark.thorough
-def test_the_first_answer_of_a_restarted_deck_is_an_emergency_stop(tmp_path, monkeypatch):
+class Stage:
+    """Decks of a show as processes, and its conductor."""
+
+    def __init__(self, opened, folder):
+        self.opened, self.ports = opened, dict(zip(("left", "right"), free_ports(2), strict=True))
+        self.file, self.conductor, self.said = folder / "gala.toml", None, folder / "said"
+        self.file.write_text('show = "gala"\ndecks = ["left", "right"]')
+
+    def run(self, *words, **pipes):
+        process = subprocess.Popen([sys.executable, "-m", "motiondeck", *map(str, words)], text=True, **pipes)
+        self.opened.callback(process.wait)
+        self.opened.callback(process.kill)
+        return process
+
+    def start(self, name):
+        """A deck, and the mode of its first answer."""
+        options = ("walk", "--headless", "--kinematic", "--rate", "50", "--command-port", self.ports[name])
+        deck, states = self.run("play", *options, "--show", f"gala/{name}", stdin=subprocess.DEVNULL), []
+        until(lambda: states.append(asked(self.ports[name], GetStatus())) or states[-1] is not None, name, 30.0)
+        return deck, states[-1].mode
+
+    def conduct(self):
+        out = self.opened.enter_context(self.said.open("w"))
+        self.conductor = self.run("conduct", self.file, "--headless", "--json", stdin=subprocess.PIPE, stdout=out)
+        until(lambda: sum(" is here: " in text for _, text in self.lines()) == 2, "both decks at the conductor", 20.0)
+
+    def lines(self):
+        said = [json.loads(line) for line in self.said.read_text().splitlines()]
+        return [(line["at"], line["text"]) for line in said]
+
+    def report(self, reports):
+        """What is said of the stop that is given now, and how long after it, s."""
+        self.conductor.stdin.write("stop\n")
+        self.conductor.stdin.flush()
+        reported = lambda: [line for line in self.lines() if line[1].startswith("the emergency stop has")]  # noqa: E731
+        at, text = until(lambda: len(reported()) == reports and reported()[-1], "a report", 5.0)
+        return text, at - [began for began, text in self.lines() if text.startswith("emergency stop by")][-1]
+
+
+@pytest.fixture
+def stage(tmp_path, monkeypatch):
     monkeypatch.setenv("XDG_RUNTIME_DIR", str(tmp_path))
-    ports = dict(zip(("left", "right"), free_ports(2), strict=True))
     with ExitStack() as opened:
+        yield Stage(opened, tmp_path)
 
-        def start(name):
-            options = ("walk", "--headless", "--kinematic", "--rate", "50", "--command-port", str(ports[name]))
-            command = [sys.executable, "-m", "motiondeck", "play", *options, "--show", f"gala/{name}"]
-            deck = subprocess.Popen(command, stdin=subprocess.DEVNULL)
-            opened.callback(deck.wait)
-            opened.callback(deck.kill)
-            states = []
-            until(lambda: states.append(asked(ports[name], GetStatus())) or states[-1] is not None, name, 30.0)
-            return deck, states[-1].mode
 
-        assert start("left")[1] == "playing"
-        right, mode = start("right")
-        assert mode == "playing"
-        assert isinstance(asked(ports["left"], EmergencyStop()), Accepted)
-        until(lambda: asked(ports["right"], GetStatus()).mode == "emergency stop", "the stop at right", 5.0)
-        right.kill()
-        right.wait()
-        assert start("right")[1] == "emergency stop"
+def member_of(deck):
+    """The process through which a deck takes part."""
+    children = Path(f"/proc/{deck.pid}/task/{deck.pid}/children").read_text().split()
+    return next(int(child) for child in children if "member_process" in Path(f"/proc/{child}/cmdline").read_text())
+
+
+@pytest.mark.thorough
+def test_the_first_answer_of_a_restarted_deck_is_an_emergency_stop(stage):
+    assert stage.start("left")[1] == "playing"
+    right, mode = stage.start("right")
+    assert mode == "playing"
+    assert isinstance(asked(stage.ports["left"], EmergencyStop()), Accepted)
+    until(lambda: asked(stage.ports["right"], GetStatus()).mode == "emergency stop", "the stop at right", 5.0)
+    right.kill()
+    right.wait()
+    assert stage.start("right")[1] == "emergency stop"
+
+
+@pytest.mark.thorough
+def test_it_is_said_within_half_a_second_which_decks_have_stopped(stage):
+    stage.start("left")
+    right, _ = stage.start("right")
+    stage.conduct()
+    text, seconds = stage.report(1)
+    assert text == "the emergency stop has reached left, right"
+    assert seconds < 0.5
+    os.kill(member_of(right), signal.SIGSTOP)
+    text, seconds = stage.report(2)
+    assert text == "the emergency stop has not reached right"
+    assert seconds < 0.5
+    stop = stage.run("conduct", stage.file, "--stop", stdout=subprocess.PIPE, stderr=subprocess.PIPE)
+    said, wrong = stop.communicate(timeout=20)
+    assert said.splitlines() == ["left: emergency stop", "not stopped yet: right"]
+    assert (stop.returncode, wrong) == (1, "motiondeck: no emergency stop is reported by: right\n")
