@@ -53,6 +53,14 @@ class Network:
         """Ends that."""
         self._say(f"heal {number}")
 
+    def part(self, one: int, other: int) -> None:
+        """Drops all packets between two namespaces."""
+        self._say(f"part {one} {other}")
+
+    def join(self, one: int, other: int) -> None:
+        """Ends that."""
+        self._say(f"join {one} {other}")
+
     def delay(self, delay_ms: float) -> None:
         """Delays packets by this from now on, one way."""
         self._say(f"delay {1e-3 * delay_ms}")
@@ -119,6 +127,7 @@ def _route(devices: list[int], delay: float, loss: float) -> None:
     chance, order = random.Random(1), itertools.count()
     waiting: list[tuple[float, int, int, bytes]] = []
     cut: set[int] = set()
+    parted: set[frozenset[int]] = set()
     number_of = {file: number for number, file in enumerate(devices)}
     poll = select.epoll()
     for file in (*devices, 0):
@@ -136,6 +145,10 @@ def _route(devices: list[int], delay: float, loss: float) -> None:
                             cut.add(int(number))
                         case ["heal", number]:
                             cut.discard(int(number))
+                        case ["part", one, other]:
+                            parted.add(frozenset({int(one), int(other)}))
+                        case ["join", one, other]:
+                            parted.discard(frozenset({int(one), int(other)}))
                         case ["delay", seconds]:
                             delay = float(seconds)
                         case ["loss", share]:
@@ -146,7 +159,7 @@ def _route(devices: list[int], delay: float, loss: float) -> None:
                     to = packet[19] - 1
                     if packet[0] >> 4 != 4 or not 0 <= to < len(devices) or {number_of[file], to} & cut:
                         continue
-                    if chance.random() >= loss:
+                    if {number_of[file], to} not in parted and chance.random() >= loss:
                         heapq.heappush(waiting, (time.monotonic() + delay, next(order), to, packet))
         now = time.monotonic()
         while waiting and waiting[0][0] <= now:

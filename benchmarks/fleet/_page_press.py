@@ -1,4 +1,4 @@
-"""Presses the emergency stop of a show's page as a browser does: python -m benchmarks.fleet._page_press PORT."""
+"""Presses the emergency stop of a show's page as a browser does."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ _CAMERA = {  # a browser is there for viser once it has sent its camera
 
 
 def main() -> None:
-    """Waits for the button in what the page sends, and presses it."""
+    """Waits for the button in what the page at a port sends, and presses it."""
     port = int(sys.argv[1])
     protocol = Subprotocol(f"viser-v{viser.__version__}")
     with connect(
@@ -49,7 +49,3 @@ def _stop_button(data: Any) -> str | None:
         if message["type"] == "GuiButtonMessage" and message["props"]["label"] == "Emergency stop":
             return message["uuid"]
     return None
-
-
-if __name__ == "__main__":
-    main()

@@ -1,10 +1,10 @@
 """Which deck of a show has to be still and when, from what was done; and whether its recording says so.
 
-A press is known to its member. It reaches every other one that is linked to a carrier: a deck that it has stopped and
-that was not reset since, or a conductor that knows it. `REACH` after that, or `RELINK` after a link was restored, the
-deck is in the emergency stop, `BRAKE` later its joints are still, and so they stay until it is reset where it stands. A
-deck that was stopped and is started again, that starts while it is linked to a carrier, or that paused without the
-conductor and is linked again, does not move at all before its reset.
+A press is known to its member. It reaches every other one that is linked to a carrier (a deck that it has stopped and
+that was not reset since, or a conductor that knows it), also over members that it is new to. `REACH` after that, or
+`RELINK` after a link was restored, the deck is in the emergency stop, `BRAKE` later its joints are still, and so they
+stay until it is reset where it stands. A deck that was stopped and is started again, that starts while it is linked to
+a carrier, or that paused without the conductor and is linked again, does not move at all before its reset.
 """
 
 from __future__ import annotations
@@ -43,6 +43,9 @@ REMEMBERS = 0.3
 PAUSES = 1.5
 """A deck has come to rest that has been without the conductor for `lost_after` and this, s."""
 
+TICK = 0.05
+"""A tick takes commands that came so long after it began, s."""
+
 SETTLING = 1e-3
 """A paused deck comes to its targets ever more slowly; its joints turn by less than this a tick, rad."""
 
@@ -52,8 +55,8 @@ _STOPPED = MODES.index("emergency stop")
 class Event(NamedTuple):
     """Something that was done: between two times, s, and to which member.
 
-    `what` is start, started (it takes part), killed, cut, heal, press, reset, over (`go` has ended the stop), or linked
-    (all are); of the network its loss and delay.
+    `what` is start, started (it takes part), killed, cut, heal, freeze or thaw (the process that takes part), press,
+    reset, over (`go` has ended the stop) or linked (all are); of two members, part or join. Others are not judged.
     """
 
     began: float
@@ -91,6 +94,7 @@ class _Member:
         possible, perhaps: stops that may have reached it, and those that it may have been reset from.
         stopped: since when it has to be in the emergency stop, and still, s; None if it has not.
         awaited: when it was started, s, if it must not move because a stop stands.
+        cut_at, frozen: when it was, s; infinite if it is not, or does not pause for it.
         quiet: since when it is linked again after a pause, s.
     """
 
@@ -106,6 +110,7 @@ class _Member:
     stopped: tuple[float, float, str] | None = None
     awaited: float | None = None
     cut_at: float = math.inf
+    frozen: float = math.inf
     quiet: float | None = None
 
 
@@ -121,6 +126,7 @@ class StopModel:
         self._members = {name: _Member() for name in (CONDUCTOR, *DECKS)}
         self._presses: list[float] = []
         self._over: dict[int, float] = {}
+        self._parted: set[frozenset[str]] = set()
         self.musts: list[Must] = []
         self.reached: list[tuple[str, Coming]] = []
 
@@ -129,13 +135,16 @@ class StopModel:
         self._arrive(event.began)
         if event.name == NETWORK:
             return
+        if event.what in ("part", "join"):
+            self._part(event)
+            return
         name, member = event.name, self._members[event.name]
         match event.what:
             case "start":
                 member.alive = True
                 if member.stopped is not None:
                     member.stopped = event.began, event.began, "started again without a reset"
-                elif name != CONDUCTOR and self._stands_for(member, event.began):
+                elif name != CONDUCTOR and self._stands_for(name, event.began):
                     member.awaited = event.began
             case "started":
                 member.since = member.born = event.at
@@ -145,19 +154,24 @@ class StopModel:
             case "killed":
                 self._end(name, event.at)
                 stopped = member.stopped
-                remembers = stopped is not None and stopped[0] < event.at - REMEMBERS
+                remembers = stopped is not None and stopped[0] < min(event.at, member.frozen) - REMEMBERS
                 self._members[name] = _Member(linked=member.linked, stopped=stopped if remembers else None)
                 if remembers:
                     self._members[name].knows = {*member.holds}
                     self._members[name].holds = member.holds
             case "cut":
                 conducted = all(each.since + RELINK < event.at for each in (member, self._members[CONDUCTOR]))
+                conducted &= self._are_linked(name, CONDUCTOR)
                 member.linked, member.awaited, member.quiet = False, None, None
                 member.cut_at = event.at if conducted else math.inf
             case "heal":
                 if event.at - member.cut_at > self._paused_after and member.stopped is None:
                     member.quiet = event.at
                 member.linked, member.since = True, max(member.since, event.at) if member.alive else math.inf
+            case "freeze":
+                member.frozen, member.awaited, member.quiet = event.at, None, None
+            case "thaw":
+                member.frozen, member.since = math.inf, event.at
             case "press":
                 self._presses.append(event.began)
                 member.knows.add(len(self._presses))
@@ -192,36 +206,66 @@ class StopModel:
         decks = {name: self._members[name] for name in DECKS}
         return {name for name, deck in decks.items() if deck.alive and (deck.stopped or deck.coming)}
 
-    def _carriers(self, stop: int, deck: _Member) -> list[_Member]:
-        """Those that tell a deck of a stop."""
-        if stop in self._over and deck.born > self._over[stop]:
-            return []
-        return [
-            member
-            for name, member in self._members.items()
-            if member.alive and member.linked and stop in (member.knows if name == CONDUCTOR else member.holds)
-        ]
+    def _part(self, event: Event) -> None:
+        """Two members have no link between them, or have it again."""
+        one, other = event.name.split()
+        if event.what == "part":
+            self._parted.add(frozenset({one, other}))
+        else:
+            self._parted.discard(frozenset({one, other}))
+            for member in (self._members[one], self._members[other]):
+                member.since = max(member.since, event.at) if member.alive else math.inf
+        self._spread(event.began, event.at)
 
-    def _stands_for(self, deck: _Member, started: float) -> bool:
+    def _are_linked(self, one: str, other: str) -> bool:
+        members = self._members[one], self._members[other]
+        linked = all(member.alive and member.linked and member.frozen == math.inf for member in members)
+        return linked and frozenset({one, other}) not in self._parted
+
+    def _carriers(self, stop: int, name: str) -> dict[str, float]:
+        """The members that repeat a stop for a deck, and since when each is linked, s."""
+        if stop in self._over and self._members[name].born > self._over[stop]:
+            return {}
+        return {
+            carrier: member.since
+            for carrier, member in self._members.items()
+            if member.alive and stop in (member.knows if carrier == CONDUCTOR else member.holds)
+        }
+
+    def _way(self, stop: int, name: str) -> float | None:
+        """Since when a stop can come to a member, over others that it is new to, s; None if it cannot."""
+        ways = self._carriers(stop, name)
+        grown = True
+        while grown:
+            grown = False
+            for there, since in [*ways.items()]:
+                for here, member in self._members.items():
+                    passes = here == name or not (stop in member.knows or stop in member.perhaps or stop in self._over)
+                    if passes and self._are_linked(there, here):
+                        found = max(since, member.since)
+                        if found < ways.get(here, math.inf) or here not in ways:
+                            ways[here], grown = found, True
+        return ways.get(name)
+
+    def _stands_for(self, name: str, started: float) -> bool:
         """Whether a deck is stopped before it moves that was started at a time."""
-        stops = range(1, len(self._presses) + 1) if deck.linked else ()
-        carriers = [carrier for stop in stops if stop not in self._over for carrier in self._carriers(stop, deck)]
-        return any(carrier.since + RELINK < started for carrier in carriers)
+        stops = [stop for stop in range(1, len(self._presses) + 1) if stop not in self._over]
+        carriers = [carrier for stop in stops for carrier in self._carriers(stop, name).items()]
+        return any(since + RELINK < started and self._are_linked(name, carrier) for carrier, since in carriers)
 
     def _spread(self, began: float, now: float) -> None:
         """Notes which stops can reach which members, and can no longer."""
         for name, member in self._members.items():
-            if member.awaited is not None and not self._stands_for(member, member.awaited):
+            if member.awaited is not None and not self._stands_for(name, member.awaited):
                 member.awaited = None
             for stop in range(1, len(self._presses) + 1):
-                carriers = self._carriers(stop, member)
                 if stop in member.knows or stop in member.perhaps:
                     continue
-                if not (carriers and member.alive and member.linked) or (name == CONDUCTOR and stop in self._over):
+                linked = self._way(stop, name)
+                if linked is None or (name == CONDUCTOR and stop in self._over):
                     member.coming.pop(stop, None)
                     continue
                 member.possible.add(stop)
-                linked = max(member.since, min(carrier.since for carrier in carriers))
                 reached = Coming(began if now - began < QUICK else math.nan, now + REACH, relinked=False)
                 if linked + RELINK > now + REACH:
                     reached = Coming(linked, linked + RELINK, relinked=True)
@@ -290,12 +334,12 @@ class DeckTicks(NamedTuple):
 def violations(musts: Iterable[Must], ticks: dict[str, DeckTicks]) -> Iterator[tuple[Must, str]]:
     """What was to be still and was not: which, and what it did."""
     for must in musts:
-        deck = ticks[must.name]
-        playing = deck.times[(deck.times > must.begins) & (deck.times < must.ends) & ~deck.stopped]
+        deck, ends = ticks[must.name], must.ends - TICK
+        playing = deck.times[(deck.times > must.begins) & (deck.times < ends) & ~deck.stopped]
         if len(playing):
             yield must, f"not stopped in {len(playing)} ticks, {playing[0] - must.begins:.2f} s later"
         least = SETTLING if must.begins == math.inf else 0.0
-        moving = deck.times[(deck.times > must.still) & (deck.times < must.ends) & (deck.turned > least)]
+        moving = deck.times[(deck.times > must.still) & (deck.times < ends) & (deck.turned > least)]
         if len(moving):
             yield must, f"moved in {len(moving)} ticks, {moving[0] - must.still:.2f} s later"
 

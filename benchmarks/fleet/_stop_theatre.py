@@ -6,6 +6,7 @@ Everything that is done is noted with its times; the decks record their ticks. `
 from __future__ import annotations
 
 import json
+import math
 import os
 import signal
 import subprocess
@@ -13,8 +14,10 @@ import sys
 import time
 from contextlib import closing, suppress
 from pathlib import Path
+from typing import Any
 
 from benchmarks.fleet._network import Network, address, namespace
+from benchmarks.fleet._show_mutants import MUTANTS
 from benchmarks.fleet._stop_judge import CONDUCTOR, DECKS, NETWORK, Event
 from controller.wire.command_socket import CommandClient, SocketError
 from controller.wire.messages.commands import DeckCommand, EmergencyStop, GetStatus, Reset, Resume
@@ -43,10 +46,12 @@ class StopTheatre:
 
     Attributes:
         done: what was done, in the order of time.
-        cut: the members whose links are cut.
+        reports: how long after a stop the conductor has said which decks it has reached, s.
+        cut, parted: the members whose links are cut, and pairs without the link between them.
+        frozen: the process of each deck that takes part in the show and is stopped.
     """
 
-    def __init__(self, folder: Path, net: Network, number: int, lost: str) -> None:
+    def __init__(self, folder: Path, net: Network, number: int, lost: str, mutant: str) -> None:
         self.folder, self.net, self.number, self.lost = folder, net, number, lost
         self.members = [CONDUCTOR, *DECKS]
         make_certificates(
@@ -55,9 +60,16 @@ class StopTheatre:
         (folder / "gala.toml").write_text(SHOW.format(lost=lost, after=LOST_AFTER))
         (folder / "run").mkdir(mode=0o700)
         os.environ["XDG_RUNTIME_DIR"] = str(folder / "run")
+        self._environment = {**os.environ}
+        if mutant:
+            broken = Path(__file__).parent / "mutated"
+            self._environment |= {"MUTATED": json.dumps(MUTANTS[mutant]), "PYTHONPATH": f"{broken}:{Path.cwd()}"}
         self.processes: dict[str, subprocess.Popen[bytes]] = {}
         self.done: list[Event] = []
+        self.reports: list[float] = []
         self.cut: set[str] = set()
+        self.parted: list[tuple[str, str]] = []
+        self.frozen: dict[str, int] = {}
         self._takes = dict.fromkeys(DECKS, 0)
         self._starting: set[str] = set()
         self._page_port = _PAGE_PORT
@@ -96,9 +108,13 @@ class StopTheatre:
     def kill(self, name: str) -> None:
         """Kills a member with all its processes."""
         process = self.processes.pop(name)
+        if (frozen := self.frozen.pop(name, None)) is not None:
+            os.kill(frozen, signal.SIGKILL)
         os.killpg(process.pid, signal.SIGKILL)
         process.wait()
         self._starting.discard(name)
+        if name == CONDUCTOR:
+            self._take_reports()
         (self.folder / f"{name}.log").unlink()
         self.note("killed", name)
 
@@ -110,10 +126,31 @@ class StopTheatre:
         command = ["ip", "netns", "exec", namespace(self.members.index(name), self.number)]
         command += [sys.executable, "-m", "motiondeck", *words]
         with (self.folder / f"{name}.log").open("ab") as log:
-            return subprocess.Popen(command, stdin=subprocess.PIPE, stdout=log, stderr=log, start_new_session=True)
+            return subprocess.Popen(
+                command,
+                env=self._environment,
+                stdin=subprocess.PIPE,
+                stdout=log,
+                stderr=log,
+                start_new_session=True,
+            )
 
     def _log(self, name: str) -> bytes:
         return (self.folder / f"{name}.log").read_bytes()
+
+    def freeze(self, name: str) -> None:
+        """Stops the process through which a deck takes part in the show."""
+        deck = self.processes[name].pid
+        children = Path(f"/proc/{deck}/task/{deck}/children").read_text().split()
+        process = next(int(child) for child in children if b"member_process" in _command_line(child))
+        os.kill(process, signal.SIGSTOP)
+        self.frozen[name] = process
+        self.note("freeze", name)
+
+    def thaw(self, name: str) -> None:
+        """Lets it go on."""
+        os.kill(self.frozen.pop(name), signal.SIGCONT)
+        self.note("thaw", name)
 
     # Links.
 
@@ -128,6 +165,18 @@ class StopTheatre:
         self.net.heal(self.members.index(name))
         self.cut.discard(name)
         self.note("heal", name)
+
+    def part(self, one: str, other: str) -> None:
+        """Cuts the link between two members."""
+        self.net.part(self.members.index(one), self.members.index(other))
+        self.parted.append((one, other))
+        self.note("part", f"{one} {other}")
+
+    def join(self, one: str, other: str) -> None:
+        """Restores it."""
+        self.net.join(self.members.index(one), self.members.index(other))
+        self.parted.remove((one, other))
+        self.note("join", f"{one} {other}")
 
     def weather(self, loss: float, delay_ms: float) -> None:
         """Sets the share of packets that are lost, each way, and the delay of the others."""
@@ -159,17 +208,20 @@ class StopTheatre:
     def press_on_page(self) -> None:
         """Presses the button of the conductor's page."""
         began = time.monotonic()
-        command = [
-            "ip",
-            "netns",
-            "exec",
-            namespace(0, self.number),
-            sys.executable,
-            "-m",
-            "benchmarks.fleet._page_press",
-        ]
-        if subprocess.run([*command, str(self._page_port)], stderr=subprocess.DEVNULL).returncode == 0:
+        if self._beside_conductor("_page_press", str(self._page_port)):
             self.note("press", CONDUCTOR, began)
+
+    def send_wrong_cue(self) -> None:
+        """Sends a cue that resets all decks and lets them go on, from a program with the conductor's certificates."""
+        began = time.monotonic()
+        self._beside_conductor("_wrong_cue", str(self.folder / "gala" / CONDUCTOR))
+        self.note("wrong cue", NETWORK, began)
+
+    def _beside_conductor(self, module: str, *words: str) -> bool:
+        """Runs a program in the conductor's namespace; whether it has succeeded."""
+        command = ["ip", "netns", "exec", namespace(0, self.number)]
+        command += [sys.executable, "-c", f"from benchmarks.fleet.{module} import main; main()", *words]
+        return subprocess.run(command, stderr=subprocess.DEVNULL).returncode == 0
 
     def reset(self, name: str) -> bool:
         """Resets a deck where it stands, and lets it play on; whether it was in the emergency stop."""
@@ -233,8 +285,20 @@ class StopTheatre:
         now = time.monotonic()
         self.done.append(Event(now if began is None else began, now, what, name))
 
+    def _take_reports(self) -> None:
+        """Notes how long after each stop the conductor has said which decks it has reached."""
+        stopped = math.nan
+        for line in self._log(CONDUCTOR).splitlines():
+            said: dict[str, Any] = json.loads(line) if line.startswith(b'{"at"') else {"text": ""}
+            if said["text"].startswith("emergency stop by"):
+                stopped = said["at"]
+            elif said["text"].startswith("the emergency stop has") and not math.isnan(stopped):
+                self.reports.append(said["at"] - stopped)
+                stopped = math.nan
+
     def close(self) -> None:
         """Ends all processes; the recordings are complete afterwards."""
+        self._take_reports()
         for process in self.processes.values():
             os.killpg(process.pid, signal.SIGTERM)
         for process in self.processes.values():
@@ -242,3 +306,7 @@ class StopTheatre:
                 process.wait(15)
             except subprocess.TimeoutExpired:
                 os.killpg(process.pid, signal.SIGKILL)
+
+
+def _command_line(process: str) -> bytes:
+    return Path(f"/proc/{process}/cmdline").read_bytes()

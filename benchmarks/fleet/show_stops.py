@@ -1,4 +1,4 @@
-"""A show's emergency stop with links cut, decks killed, the conductor killed: does a deck move that was not reset?
+"""A show's emergency stop while links are cut and members killed.
 
 Schedules in random order with real processes, in network namespaces with loss and delay. Everything is judged by what
 was done and by the decks' own recordings.
@@ -15,6 +15,7 @@ import tempfile
 import time
 from collections.abc import Iterator
 from contextlib import ExitStack, suppress
+from itertools import combinations
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -24,6 +25,7 @@ import typer
 
 from benchmarks.command import run
 from benchmarks.fleet._network import network
+from benchmarks.fleet._show_mutants import MUTANTS
 from benchmarks.fleet._stop_judge import (
     CONDUCTOR,
     DECKS,
@@ -55,9 +57,11 @@ def play_schedule(theatre: StopTheatre, chance: random.Random) -> None:
 
 def _do_something(theatre: StopTheatre, chance: random.Random) -> None:
     decks = [name for name in DECKS if theatre.runs(name)]
+    warm = [name for name in decks if name not in theatre.frozen]
     gone = [name for name in theatre.members if name not in theatre.processes]
     conducted = theatre.runs(CONDUCTOR)
     uncut = [name for name in theatre.members if name not in theatre.cut]
+    pairs = [pair for pair in combinations(theatre.members, 2) if pair not in theatre.parted]
     choices: list[tuple[int, Any]] = [
         (3 * bool(decks), lambda: theatre.press_at(chance.choice(decks))),
         (2 * bool(decks), lambda: theatre.send_stop(chance.choice(decks))),
@@ -67,6 +71,11 @@ def _do_something(theatre: StopTheatre, chance: random.Random) -> None:
         (1 * conducted, theatre.go),
         (3 * (len(uncut) > 2), lambda: theatre.cut_link(chance.choice(uncut))),
         (3 * bool(theatre.cut), lambda: theatre.heal_link(chance.choice(sorted(theatre.cut)))),
+        (3 * (len(theatre.parted) < 4), lambda: theatre.part(*chance.choice(pairs))),
+        (2 * bool(theatre.parted), lambda: theatre.join(*chance.choice(theatre.parted))),
+        (1 * conducted, theatre.send_wrong_cue),
+        (2 * bool(warm), lambda: theatre.freeze(chance.choice(warm))),
+        (2 * bool(theatre.frozen), lambda: theatre.thaw(chance.choice(sorted(theatre.frozen)))),
         (2 * (len(decks) > 1), lambda: theatre.kill(chance.choice(decks))),
         (1 * conducted, lambda: theatre.kill(CONDUCTOR)),
         (4 * bool(gone), lambda: theatre.start(chance.choice(gone))),
@@ -80,6 +89,10 @@ def begin_anew(theatre: StopTheatre) -> float:
     theatre.weather(0.0, 2.0)
     for name in sorted(theatre.cut):
         theatre.heal_link(name)
+    for name in sorted(theatre.frozen):
+        theatre.thaw(name)
+    for pair in [*theatre.parted]:
+        theatre.join(*pair)
     for name in theatre.members:
         if name not in theatre.processes:
             theatre.start(name)
@@ -102,7 +115,7 @@ def begin_anew(theatre: StopTheatre) -> float:
 
 def _limit(since: float, what: str) -> None:
     if time.monotonic() > since + 60.0:
-        raise SystemExit(f"waited in vain until all {what}")
+        raise TimeoutError(f"waited in vain until all {what}")
 
 
 def _all_stopped(theatre: StopTheatre) -> bool:
@@ -141,22 +154,24 @@ def judge(theatre: StopTheatre, parts: list[tuple[int, float]]) -> dict[str, Any
         "musts": len(musts),
         "linked": delays(model.reached, ticks, relinked=False).tolist(),
         "relinked": delays(model.reached, ticks, relinked=True).tolist(),
+        "reports": theatre.reports,
         "moved": sum(int((deck.turned > 0.0).sum()) for deck in ticks.values()),
         "ticks": sum(len(deck.times) for deck in ticks.values()),
         "schedules": len(parts),
     }
 
 
-def play_show(folder: Path, number: int, seeds: list[int], seconds: float) -> dict[str, Any]:
+def play_show(folder: Path, number: int, seeds: list[int], seconds: float, mutant: str) -> dict[str, Any]:
     """Plays schedules with one show, until there are no more or the time is over."""
     ends = time.monotonic() + seconds
     with suppress(OSError):
         os.nice(_NICE)  # the machine may have other work
+    parts: list[tuple[int, float]] = []
+    stuck: list[str] = []
     with network(len(DECKS) + 1, 2.0, 0.0, _FIRST_NET + number) as net:
-        theatre = StopTheatre(folder, net, _FIRST_NET + number, "hold" if number % 2 == 0 else "go on")
+        theatre = StopTheatre(folder, net, _FIRST_NET + number, "hold" if number % 2 == 0 else "go on", mutant)
         try:
             begin_anew(theatre)
-            parts: list[tuple[int, float]] = []
             for seed in seeds:
                 if time.monotonic() > ends:
                     break
@@ -164,9 +179,13 @@ def play_show(folder: Path, number: int, seeds: list[int], seconds: float) -> di
                 play_schedule(theatre, random.Random(seed))
                 begin_anew(theatre)
                 print(f"show {number}: schedule {seed}", file=sys.stderr, flush=True)
+        except TimeoutError as error:
+            stuck.append(f"schedule {parts[-1][0] if parts else 0}: {error}")
         finally:
             theatre.close()
-    return judge(theatre, parts)
+    found = judge(theatre, parts)
+    found["wrong"] += stuck
+    return found
 
 
 def main(
@@ -175,39 +194,53 @@ def main(
     shows: Annotated[int, typer.Option(help="How many shows play them side by side.")] = 3,
     seconds: Annotated[float, typer.Option(help="No schedule begins after this time.")] = 900.0,
     keep: Annotated[Path | None, typer.Option(help="Keep recordings and logs in this new folder.")] = None,
+    mutants: Annotated[bool, typer.Option("--mutants", help="Play them with each of some broken sources.")] = False,
+    mutant: Annotated[str, typer.Option(hidden=True)] = "",
     only: Annotated[int | None, typer.Option(hidden=True)] = None,
 ) -> None:
     """Cuts, kills and presses in random order, and judges by recordings whether anything moved. Needs root."""
+    seeds = [*range(seed, seed + schedules)]
     with ExitStack() as opened:
         folder = keep or Path(opened.enter_context(tempfile.TemporaryDirectory(prefix="stops-")))
         folder.mkdir(exist_ok=True)
-        seeds = [*range(seed, seed + schedules)]
         if only is not None:
-            print(json.dumps(play_show(folder, only, seeds[only::shows], seconds)))
+            print(json.dumps(play_show(folder, only, seeds[only::shows], seconds, mutant)))
+            return
+        numbers = {"schedules": schedules, "seed": seed, "shows": shows, "seconds": seconds}
+        if mutants:
+            print("| broken source | what was not still |\n|---|---|")
+            for number, name in enumerate(MUTANTS):
+                (folder / str(number)).mkdir()
+                wrong = _wrong([*_side_by_side(folder / str(number), name, **numbers)])
+                print(f"| {name} | {len(wrong)}: {wrong[0]} |" if wrong else f"| {name} | NOTHING |", flush=True)
             return
         began = time.monotonic()
-        found = [*_side_by_side(folder, shows, schedules, seed, seconds)]
+        found = [*_side_by_side(folder, mutant, **numbers)]
         took = time.monotonic() - began
     for name, value in table(found, took):
         print(f"| {name} | {value} |")
-    wrong = [line for each in found for line in each["wrong"]]
-    print(*wrong, sep="\n")
-    sys.exit(bool(wrong))
+    print(*_wrong(found), sep="\n")
+    sys.exit(bool(_wrong(found)))
 
 
-def _side_by_side(folder: Path, shows: int, schedules: int, seed: int, seconds: float) -> Iterator[dict[str, Any]]:
+def _wrong(found: list[dict[str, Any]]) -> list[str]:
+    return [line for each in found for line in each["wrong"]]
+
+
+def _side_by_side(folder: Path, mutant: str, *, shows: int, **numbers: float) -> Iterator[dict[str, Any]]:
     """Plays shows in processes of their own."""
-    numbers = ["--schedules", str(schedules), "--seed", str(seed), "--shows", str(shows), "--seconds", str(seconds)]
+    words = [word for name, value in numbers.items() for word in (f"--{name}", str(value))]
+    words += ["--shows", str(shows), "--mutant", mutant]
     running = []
     for number in range(shows):
-        command = [sys.executable, "-m", "benchmarks", "show_stops", *numbers, "--only", str(number)]
+        command = [sys.executable, "-m", "benchmarks", "show_stops", *words, "--only", str(number)]
         own = folder / f"show-{number}"
         running.append(subprocess.Popen([*command, "--keep", str(own)], stdout=subprocess.PIPE))
     for process in running:
         said, _ = process.communicate()
         if process.returncode:
             raise SystemExit("a show has failed: see above")
-        yield json.loads(said)  # a stop that never came took infinitely long
+        yield json.loads(said)
 
 
 def table(found: list[dict[str, Any]], took: float) -> Iterator[tuple[str, str]]:
@@ -221,12 +254,16 @@ def table(found: list[dict[str, Any]], took: float) -> Iterator[tuple[str, str]]
     yield "what was done", done
     yield "ticks in which joints moved, of all", f"{_sum(found, 'moved')} of {_sum(found, 'ticks')}"
     yield "times that a deck had to be still until its reset", str(_sum(found, "musts"))
-    yield "times that it was not", str(sum(len(each["wrong"]) for each in found))
-    for kind, what in (("linked", "to linked decks"), ("relinked", "to decks whose link was restored or new")):
+    yield "times that it was not", str(len(_wrong(found)))
+    for kind, what in (
+        ("linked", "a stop is at a linked deck"),
+        ("relinked", "a stop is at a deck whose link was restored or is new"),
+        ("reports", "the conductor has said which decks a stop has reached"),
+    ):
         times = np.array([each for one in found for each in one[kind]])
         if len(times):
             shown = f"{len(times)}: {np.median(times):.3f}, {np.percentile(times, 99):.3f}, {times.max():.3f}"
-            yield f"emergency stops {what}, s: median, p99, longest", shown
+            yield f"times after which {what}, s: median, p99, longest", shown
 
 
 def _sum(found: list[dict[str, Any]], what: str) -> int:
