@@ -35,7 +35,7 @@ Array = NDArray[np.float64]
 
 _INCIDENTS = 200
 _SILENT = 1.0  # s after which a guard is taken for gone
-_REPORTS_WITHIN, _WATCHES_WITHIN, _CLOSES_WITHIN = 1.0, 5.0, 30.0  # s; closing waits for silent servos
+_REPORTS_WITHIN, _WATCHES_WITHIN, _CLOSES_WITHIN = 1.0, 5.0, 15.0  # s; closing waits for silent servos
 _GONE = "the guard of the rig has ended. The servos' own watchdogs stop them; restart the deck"
 
 N = TypeVar("N", bound=Note)
@@ -259,8 +259,15 @@ class GuardedRig:
                 pass
 
 
+class GuardProcess(NamedTuple):
+    """A guard that runs, and the link to it."""
+
+    link: GuardLink[Note]
+    process: subprocess.Popen[bytes]
+
+
 @contextmanager
-def guard_process() -> Iterator[tuple[GuardLink[Note], subprocess.Popen[bytes]]]:
+def guard_process() -> Iterator[GuardProcess]:
     """A guard that waits for its `Begin`; after the block it has gone, or is gone when the joints are at rest."""
     ours, theirs = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
     with theirs:
@@ -275,9 +282,12 @@ def guard_process() -> Iterator[tuple[GuardLink[Note], subprocess.Popen[bytes]]]
         )
     link = GuardLink[Note](ours, msgspec.json.Decoder(Note))
     try:
-        yield link, process
+        yield GuardProcess(link, process)
     finally:
         link.close()
+        with contextlib.suppress(subprocess.TimeoutExpired):
+            process.wait(_CLOSES_WITHIN)
+        process.kill()
         process.wait()
 
 

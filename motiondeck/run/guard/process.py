@@ -36,7 +36,7 @@ from motiondeck_base.errors import MotiondeckError, in_words
 _REST_WITHIN = 5.0  # s
 
 
-class GuardProcess:
+class GuardService:
     """Runs a guard between its sockets and its rig.
 
     Attributes:
@@ -151,12 +151,12 @@ def guard(link: GuardLink[Request], begin: Begin) -> None:
 
             ports = opening.enter_context(start_emulator(begin.emulated)).ports
         rig = Rig.connect(begin.config, ports, spare=1.0)
-        running: GuardProcess | None = None
+        running: GuardService | None = None
         try:
             # Emulated servos are an ordinary process, which a guard in real time would hold up.
             asked = request_realtime() if begin.emulated is None else []
             refused = [str(permission) for permission in asked if not permission.granted]
-            running = GuardProcess(opening, link, begin, rig)
+            running = GuardService(opening, link, begin, rig)
             signal.signal(signal.SIGTERM, lambda number, frame: setattr(running, "stopped", True))
             gc.collect()
             gc.freeze()

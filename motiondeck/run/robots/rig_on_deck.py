@@ -16,6 +16,7 @@ from controller.motion.encodings.joint_angles import JointRetargeter
 from controller.motion.posture import Pose
 from controller.motion.rotations import Array
 from controller.wire.run_recording import RunRecording
+from motiondeck.run.guard.guarded_rig import guard_process
 from motiondeck.run.robots.rig_output import connect_rig, narrowed
 from motiondeck.run.robots.robot_on_deck import RobotOnDeck
 from motiondeck_base.errors import MotiondeckError, UnknownNameError
@@ -54,9 +55,10 @@ def open_rig_alone(
         raise MotiondeckError(
             f"{error} Motions of people are carried to the rig by a robot with its joints: name it with --robot."
         ) from None
+    guard = opening.enter_context(guard_process())
     loaded = load_robot(file, source.skeleton)
     limits = narrowed(loaded.limits, loaded, config)
-    output = connect_rig(opening, config, ports, loaded.joints, limits)
+    output = connect_rig(opening, guard, config, ports, loaded.joints, limits)
     return RobotOnDeck(loaded.name, loaded.joints, limits, loaded.rest, loaded.retarget, Channel(output))
 
 
@@ -65,7 +67,8 @@ def _open_taught(opening: ExitStack, config: RigConfig, ports: list[str], source
     body, names = source.skeleton, config.names
     JointRetargeter(body, names, np.zeros(len(names)))  # what does not fit is refused before anything is switched on
     limits = _limits_of(config)
-    output = connect_rig(opening, config, ports, names, limits)
+    guard = opening.enter_context(guard_process())
+    output = connect_rig(opening, guard, config, ports, names, limits)
     retarget = JointRetargeter(body, names, output.positions.copy())
     # A clip that limits have held back still comes to its last frame; a library ends where it stops.
     rest = np.clip(_targets(source, retarget)[-1], limits.lower, limits.upper) if isinstance(source, Clip) else None

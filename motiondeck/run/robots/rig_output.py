@@ -20,9 +20,9 @@ from motiondeck.run.guard.guarded_rig import (
     AwaitedRegisters,
     AwaitedScan,
     GuardedRig,
+    GuardProcess,
     begin_with,
     connect,
-    guard_process,
 )
 from motiondeck_base.errors import MotiondeckError, UnknownNameError
 from motiondeck_base.files import listed
@@ -255,6 +255,7 @@ def _hottest(temperatures: Array) -> float | None:
 
 def connect_rig(
     opening: ExitStack,
+    guard: GuardProcess,
     config: RigConfig,
     ports: Sequence[str],
     joints: tuple[str, ...],
@@ -264,6 +265,7 @@ def connect_rig(
     """Connects a rig, behind its guard, as an output for a robot's joints; `opening` closes it.
 
     Args:
+        guard: from `guard_process`, which takes a while to be ready.
         limits: of these joints.
         emulated: the rig file whose servos are emulated.
 
@@ -271,15 +273,14 @@ def connect_rig(
         MotiondeckError: if it cannot be connected, or has a joint that the robot has not.
     """
     check_joints(config.names, joints)
-    link, process = opening.enter_context(guard_process())
     places = [joints.index(name) for name in config.names]
-    rig = connect(link, process, begin_with(config, limits, places, ports, str(emulated) if emulated else None))
+    rig = connect(*guard, begin_with(config, limits, places, ports, str(emulated) if emulated else None))
     opening.callback(close_rig, rig)
     return RigOutput(rig, joints, config.rate_hz)
 
 
 def open_rig(
-    opening: ExitStack, file: Path, robot: Robot, rate: float, *, emulated: bool
+    opening: ExitStack, guard: GuardProcess, file: Path, robot: Robot, rate: float, *, emulated: bool
 ) -> tuple[Channel, JointLimits]:
     """Connects a rig for a loop of some rate (Hz); it as an output, and the robot's limits narrowed to the rig's.
 
@@ -295,7 +296,7 @@ def open_rig(
             f"{file}: rate_hz = {config.rate_hz:g} does not divide the loop's {rate:g} Hz; give another --rate"
         )
     limits = narrowed(robot.limits, robot, config)
-    output = connect_rig(opening, config, (), robot.joints, limits, file if emulated else None)
+    output = connect_rig(opening, guard, config, (), robot.joints, limits, file if emulated else None)
     return Channel(output, round(every)), limits
 
 

@@ -140,21 +140,26 @@ def open_robot(opening: ExitStack, spec: RunSpec, library: MotionLibrary, prefix
 
     dt = 1.0 / spec.rate
     file, rig_file = robot_files(spec)
+    guard = None
+    if rig_file is not None:
+        from motiondeck.run.guard.guarded_rig import guard_process
+
+        guard = opening.enter_context(guard_process())  # it gets ready while the robot is loaded
     robot = load_robot(file, library.skeleton, solver_named(spec.solver), dt)
     stage = KinematicPlayback(robot)
     if spec.physics:
         stage = PhysicsPlayback(robot, dt, spec.root, spec.balance, spec.walk)
     opening.callback(stage.close)
     rig, limits = None, robot.limits
-    if rig_file is not None:
+    if rig_file is not None and guard is not None:
         from motiondeck.run.robots.rig_output import open_rig
 
         emulated = str(spec.rig).startswith(EMULATED)
-        rig, limits = open_rig(opening, rig_file, robot, spec.rate, emulated=emulated)
-    guard = CollisionGuard(replace(robot, limits=limits), dt) if spec.check_collisions else None
-    retarget = guard or robot.retarget
+        rig, limits = open_rig(opening, guard, rig_file, robot, spec.rate, emulated=emulated)
+    apart = CollisionGuard(replace(robot, limits=limits), dt) if spec.check_collisions else None
+    retarget = apart or robot.retarget
     simulation = Simulation(robot, stage, spec.root, spec.balance, spec.walk)
-    return RobotOnDeck(robot.name, robot.joints, limits, robot.rest, retarget, rig, simulation, prefix, guard)
+    return RobotOnDeck(robot.name, robot.joints, limits, robot.rest, retarget, rig, simulation, prefix, apart)
 
 
 def robot_files(spec: RunSpec) -> tuple[Path, Path | None]:

@@ -13,7 +13,7 @@ from simulated_bodies import bent_pose, human
 
 
 def test_limbs_are_kept_apart_within_the_limits_of_the_rig(monkeypatch):
-    def open_rig(opening, file, robot, rate, *, emulated):
+    def open_rig(opening, guard, file, robot, rate, *, emulated):
         upper, velocity = robot.rest + 0.2, np.full(len(robot.rest), 0.5)
         rig = SimpleNamespace(output=SimpleNamespace(close=lambda: None))
         return rig, replace(robot.limits, lower=robot.rest - 0.2, upper=upper, velocity=velocity)
