@@ -21,7 +21,7 @@ from benchmarks.command import run
 
 ROOT = Path(__file__).parents[2]
 HANGS = 300.0  # s after which tests count as failed
-_KEPT_OUT = shutil.ignore_patterns(".git", ".venv", "__pycache__", "docs", ".hypothesis")
+_KEPT_OUT = shutil.ignore_patterns(".git", ".venv", "__pycache__", ".hypothesis")
 
 
 class Mutant(NamedTuple):
@@ -39,7 +39,7 @@ BRAKING, PACE = "controller/loop/safety/braking.py", "controller/loop/safety/pac
 STATE, STATES = "controller/loop/stop_state.py", "tests/controller/loop/test_stop_state.py"
 PHASES, LOOP = "controller/loop/run_phases.py", "tests/controller/loop/test_run_phases.py"
 COMMANDS, HANDLER = "controller/loop/commands/commanded_run.py", "tests/controller/loop/commands"
-DOOR = "controller/wire/stop_door.py"
+DOOR, CONNECTION = "controller/wire/stop_door.py", "controller/wire/local_connection.py"
 LOCAL, WIRE = "controller/wire/local_transport.py", "tests/controller/wire"
 NETWORK, SIGNED = "controller/wire/network_transport.py", "controller/wire/authentication.py"
 PAGE, PAGES = "motiondeck/page/web/private_page.py", "tests/motiondeck/page/web/test_private_page.py"
@@ -257,6 +257,36 @@ MUTANTS = (
         "door: idle programs keep their places", DOOR, WIRE,
         "if len(self._holders) > PLACES else 0",
         "if False else 0",
+    ),
+    Mutant(
+        "door: a program that has to leave is not heard", DOOR, WIRE,
+        "while data := read_datagram(holder.connection, MOST_BYTES + 1):",
+        'while data := b"":',
+    ),
+    Mutant(
+        "door: so many come at once that none can send", DOOR, WIRE,
+        "while admitted < PLACES and",
+        "while",
+    ),
+    Mutant(
+        "door: a stop that is sent again is another press", DOOR, WIRE,
+        "if press.id and press.id in holder.presses:",
+        "if False:",
+    ),
+    Mutant(
+        "client: no stop where there is no door", CONNECTION, WIRE,
+        "            self._awaited = 0\n            self._commands.send(data, patience)",
+        "            raise",
+    ),
+    Mutant(
+        "client: the stop waits for as long as a command", "controller/wire/command_socket.py", WIRE,
+        "timeout_s = min(timeout_s, _STOPPED_WITHIN)",
+        "pass",
+    ),
+    Mutant(
+        "loop: no stop while commands keep failing", "controller/loop/loop.py", "tests/controller/loop/test_loop.py",
+        "                    counter.call(source_of_stops, stop)",
+        "                    if not commanding.faults:\n                        counter.call(source_of_stops, stop)",
     ),
     Mutant(
         "heartbeat: a silent client is not missed", "controller/loop/commands/listeners.py", HANDLER,

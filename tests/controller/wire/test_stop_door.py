@@ -160,8 +160,10 @@ def test_greedy_programs_at_the_door_keep_no_stop_out(door, folder):
     serving.start()
     crowd = [subprocess.Popen([sys.executable, "-c", GREEDY, str(folder / "47810.stop")]) for _ in range(2)]
     try:
+        deadline = time.monotonic() + 20.0
         with closing(at_door()) as one:
             while True:
+                assert time.monotonic() < deadline, "nothing makes it leave"
                 try:
                     one.send(b"nonsense")
                 except BlockingIOError:
