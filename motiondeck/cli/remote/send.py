@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import sys
+import threading
 import time
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -18,7 +19,10 @@ if TYPE_CHECKING:
 
 _LONGEST_WAIT = 120.0  # s for --wait: a switch by way of other motions takes that long
 _STARTING = 5.0  # s that a deck may take from opening its socket to its first tick
+_STOPPED_WITHIN = 0.5  # s after which a line says that an emergency stop is not acknowledged
 _AGAIN = 15.0  # s after which a subscription is renewed
+
+_UNSTOPPED = "the emergency stop is not acknowledged yet; it is sent on. If the robot moves, cut its power"
 
 CommandPort = Annotated[int, typer.Option("--command-port", metavar="PORT", help="The deck's command port.")]
 Host = Annotated[
@@ -59,7 +63,7 @@ def send(
     import msgspec
 
     from controller.wire.messages.command_table import parse_command
-    from controller.wire.messages.commands import Blend
+    from controller.wire.messages.commands import Blend, EmergencyStop
     from controller.wire.messages.replies import Accepted, Refused, Settled
     from motiondeck.run.terminal import describe, help_on
     from motiondeck_base.errors import MotiondeckError
@@ -72,6 +76,9 @@ def send(
         return
     request = parse_command(words)
     client = client_of(command_port, host, token_file)
+    overdue = threading.Timer(_STOPPED_WITHIN, print, [_UNSTOPPED], {"file": sys.stderr, "flush": True})
+    if isinstance(request, EmergencyStop) and host is not None:
+        overdue.start()
     try:
         answer = client.request(request, _STARTING)
         if wait and request.row.second_reply == "settled" and isinstance(answer, Accepted):
@@ -85,6 +92,7 @@ def send(
             if answer is None:
                 raise MotiondeckError("the rig does not answer. Is it connected? See: motiondeck send status")
     finally:
+        overdue.cancel()
         client.close()
     if as_json:
         print(json.dumps(msgspec.to_builtins(answer)))
