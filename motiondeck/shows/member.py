@@ -50,7 +50,6 @@ ALONE_AFTER = 10.0
 _ASKS_FIRST, _FIRST = 0.05, 40  # so often, s, for the first questions; after them the time counts as known
 _IRREGULAR = 0.6, 1.4
 _PATIENCE = 1.0  # s for an answer
-_OWN_DOING = 1.0  # s within which the deck reports an emergency stop of this member that it has accepted
 _JOINS_WITHIN = 1.0  # s at the start for a conductor or a standing stop to be heard, before the deck moves
 _LISTENS = 0.4  # s after a conductor's first answer before the deck moves, for stops that it does not know yet
 _REMEMBERED = 64  # emergency stops that were passed on
@@ -100,7 +99,7 @@ class Member:
         self._stops = KnownStops()
         self._held: list[EmergencyStopAll] = []  # those that the deck has carried out and was not reset from
         self._stopping: dict[int, EmergencyStopAll | None] = {}  # what the deck has not accepted yet
-        self._accepted_until = -math.inf
+        self._own_presses = self._passed_on = 0  # of the deck: those of this member, and the others as far as handled
         self._joined_at = now() + _JOINS_WITHIN
         self._resumes_at = -math.inf
         self._stop_repeater = StopRepeater(link)
@@ -294,8 +293,7 @@ class Member:
                     return False
                 if reply.kind == "mode":
                     self._note_mode(reply.text)
-                    if reply.text == "emergency stop":
-                        self._pass_on_stop()
+                    self._pass_on_stop(reply.presses)
                 happened = True
         if happened:
             self._deck.post(commands.GetStatus())
@@ -346,8 +344,8 @@ class Member:
             self._take_stop(msgspec.structs.replace(stop, over=False))
 
     def _note_stopped(self, stop: EmergencyStopAll | None) -> None:
-        """Notes that the deck has accepted an emergency stop of this member; it reports it in the same tick."""
-        self._accepted_until = self._now() + _OWN_DOING
+        """Notes that the deck has accepted an emergency stop of this member; the next event counts it too."""
+        self._own_presses += 1
         if stop is not None:
             self._hold([*self._held, stop])
 
@@ -360,18 +358,18 @@ class Member:
         if self._memory is not None:
             self._memory.write(self._held)
 
-    def _pass_on_stop(self) -> None:
+    def _pass_on_stop(self, presses: int) -> None:
         """Makes an emergency stop that was commanded at the deck one of the show, a second one too."""
-        now = self._now()
-        own, self._accepted_until = now < self._accepted_until, -math.inf
-        if own:
+        others = presses - self._own_presses
+        if others <= self._passed_on:
             return
+        self._passed_on = others
         stop = EmergencyStopAll(self._name, os.urandom(8).hex())
         self._stops.add(stop)
         self._hold([*self._held, stop])
         self._holds = False
         self._cues.clear()
-        self._stop_repeater.start(stop, now)
+        self._stop_repeater.start(stop, self._now())
 
     def _stop_deck(self, stop: EmergencyStopAll | None) -> None:
         self._holds = False

@@ -38,7 +38,8 @@ class CommandHandler:
         self._listeners = Listeners(run.deck, now)
         self._second = SecondReplies(now)
         self._sent_mode: tuple[Mode, bool] = ("playing", run.deck.paused)
-        self._presses = 0  # those that subscribers were told of
+        self._presses = 0  # those of which events were sent
+        self._repeated = 0  # those of a stop that came again, which counts as one
         self._seen = 0  # by the last call
         self._stops: deque[tuple[Address, int]] = deque(maxlen=_REMEMBERED)  # senders and numbers of the latest
         self._fallen = False
@@ -51,9 +52,10 @@ class CommandHandler:
             for message, sender in server.poll():
                 client = Client(server, sender)
                 self._listeners.note(message, client)
+                was_on = stop.emergency
                 outcome = self._carry_out(message, stop, client, remote=server.remote)
                 if isinstance(message, EmergencyStop):
-                    self._note_press(message, sender)
+                    self._note_press(message, sender, was_on=was_on)
                 if isinstance(message, AtTime) and isinstance(outcome.reply, Accepted):
                     self._timed.add(client, message)
                 client.reply(outcome.reply)
@@ -71,11 +73,13 @@ class CommandHandler:
             self._listeners.send(events.popleft())
         if self._body is not None and self._body.fallen != self._fallen:
             self._send_fall(self._body.fallen)
-        mode = stop.mode, self._deck.paused
-        if stop.state.total != self._presses or mode != self._sent_mode:
-            for event in mode_events(self._deck, stop.mode, self._sent_mode, pressed=stop.state.total != self._presses):
+        mode: tuple[Mode, bool] = stop.mode, self._deck.paused
+        presses = stop.state.total - self._repeated
+        if presses != self._presses or mode != self._sent_mode:
+            pressed = presses != self._presses
+            for event in mode_events(self._deck, stop.mode, self._sent_mode, presses, pressed=pressed):
                 self._listeners.send(event)
-            self._sent_mode, self._presses = mode, stop.state.total
+            self._sent_mode, self._presses = mode, presses
 
     def _note_other_sources(self) -> None:
         """Has the deck pause, and records an emergency stop, for presses that came by no command."""
@@ -83,11 +87,11 @@ class CommandHandler:
         if self._note is not None:
             self._note(EmergencyStop(), Accepted(0))
 
-    def _note_press(self, message: EmergencyStop, sender: Address) -> None:
+    def _note_press(self, message: EmergencyStop, sender: Address, *, was_on: bool) -> None:
         """Tells a stop that comes again, as its reply was lost, from a second press; both were carried out."""
         press = sender, message.id
-        if message.id and press in self._stops:
-            self._presses += 1
+        if message.id and press in self._stops and was_on:
+            self._repeated += 1
         else:
             self._stops.append(press)
 

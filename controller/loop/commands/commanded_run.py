@@ -87,11 +87,13 @@ def refusal(error: Exception, number: int) -> Refused:
     return Refused(in_words(error).encode(errors="replace").decode(), number)
 
 
-def mode_events(deck: Playback, mode: Mode, before: tuple[Mode, bool], *, pressed: bool = False) -> Iterator[Event]:
+def mode_events(
+    deck: Playback, mode: Mode, before: tuple[Mode, bool], presses: int = 0, *, pressed: bool = False
+) -> Iterator[Event]:
     """The events of a change of mode or pause since `before`, or of the emergency stop `pressed` once more."""
     mode_before, paused_before = before
     if mode != mode_before or pressed:
-        yield Event("mode", mode, at=deck.time)
+        yield Event("mode", mode, at=deck.time, presses=presses)
     if deck.paused != paused_before:
         kind, text = ("paused", "paused") if deck.paused else ("resumed", "plays on")
         yield Event(kind, text, deck.motion, deck.time)

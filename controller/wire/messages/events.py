@@ -46,6 +46,7 @@ class Event(msgspec.Struct, frozen=True, tag="event"):
         at: s since the deck's start.
         number: rises by 1 from event to event of a deck; a gap means lost events.
         id: always 0, as no command's.
+        presses: of a mode: how often the emergency stop was pressed so far, by any source.
     """
 
     kind: EventKind
@@ -54,3 +55,4 @@ class Event(msgspec.Struct, frozen=True, tag="event"):
     at: float = 0.0
     number: Natural = 0
     id: Natural = 0
+    presses: Natural = 0

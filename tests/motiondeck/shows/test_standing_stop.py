@@ -178,6 +178,15 @@ def test_a_second_press_is_a_new_stop(house):
     assert house.moving == set()
 
 
+def test_a_press_in_the_tick_of_a_stop_of_the_show_is_a_stop_of_its_own(house):
+    house.conductor.stop()
+    house.run(0.02)  # the members have sent it to their decks
+    house.press("left")
+    house.press("left")
+    stops = [note for note in house.notes if note.startswith("emergency stop by left; reset")]
+    assert len(stops) == 2
+
+
 def test_it_is_known_who_holds_the_stop_and_who_was_reset(house):
     assert house.stops() == dict.fromkeys(NAMES, "")
     house.cut("right")

@@ -193,9 +193,13 @@ def test_a_reset_from_another_machine_has_to_be_confirmed_and_each_stop_anew():
 
 
 def test_an_emergency_stop_that_is_sent_again_is_one_press(desk):
+    counts = []
+
     def pressed(number, sender):
         desk.server.commands.append((EmergencyStop(id=number), sender))
-        return [event.text for event in desk.tick()]
+        events = desk.tick()
+        counts.extend(event.presses for event in events if event.kind == "mode")
+        return [event.text for event in events]
 
     desk.ask(Subscribe(), "listener")
     assert pressed(5, "left") == ["emergency stop", "paused"]
@@ -208,6 +212,7 @@ def test_an_emergency_stop_that_is_sent_again_is_one_press(desk):
     desk.tick()
     assert pressed(6, "left") == ["emergency stop"], "it is carried out all the same"
     assert desk.stop.emergency
+    assert counts == [1, 2, 3, 4]
 
 
 def test_a_second_press_takes_the_code_of_a_reset_back():
