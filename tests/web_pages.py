@@ -11,8 +11,10 @@ def coarse(address):
 
 
 def printed_address(lines):
-    """The address that a program prints first for its page."""
+    """The address that a program prints for its page, after what the system has permitted, if it drives servos."""
     first = lines.readline()
+    while first.startswith(("granted: ", "not permitted: ")):
+        first = lines.readline()
     assert first.startswith("page: http://127.0.0.1:"), first
     return first.split()[1]
 
