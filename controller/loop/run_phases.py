@@ -140,7 +140,10 @@ def _follow(
     while True:
         source.running, stop.approaching = False, True
         yield from _rejoin(channels, envelope, source.dt)
-        yield from _move_to(_reachable(source.targets, envelope), envelope, source.dt)
+        for targets in _move_to(_reachable(source.targets, envelope), envelope, source.dt):
+            yield targets
+            if _held(channels) is not None:
+                break
         stop.approaching = False
         while _held(channels) is None:
             source.update()

@@ -78,7 +78,7 @@ class RigGuard:
         self.failure = ""
         self._rig, self._envelope, self._targets = rig, envelope, targets
         self._period, self._grid = period, now + period
-        self._come, self._fresh, self._missed = now, False, MISSED
+        self._come, self._ticked, self._fresh, self._missed = now, now, False, MISSED
         self._shift, self._least, self._ticks = 0.0, 1.0, 0  # of the grid a tick; least waiting; ticks of the window
         self._latest = [rig.goals.copy() for _ in range(3)]  # the latest targets, the last first
         self._recoveries, self._collected = rig.recoveries, 0
@@ -92,7 +92,7 @@ class RigGuard:
     @property
     def due(self) -> float:
         """When the next tick is due, s; targets that come change it."""
-        return self._come if self._fresh and self._still else self._grid
+        return max(self._come, self._ticked + _SHORTEST * self._period) if self._fresh and self._still else self._grid
 
     def receive(self, now: float) -> None:
         """Takes in what has come with targets: the stop at the deck, and what a reset there has released."""
@@ -106,7 +106,7 @@ class RigGuard:
 
     def tick(self, now: float) -> None:
         """One tick, at a time of the machine's steady clock, s."""
-        fresh, self._fresh = self._fresh, False
+        fresh, self._fresh, self._ticked = self._fresh, False, now
         if self.wired is not None:
             self.stop.watch(self.wired)
         fresh = fresh and now - self._targets.sent < MISSED * self._period

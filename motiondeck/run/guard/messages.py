@@ -186,6 +186,7 @@ class States:
 
     def __init__(self, joints: int) -> None:
         self.values = np.zeros(_STATE_NUMBERS + SERVO_ROWS * joints)
+        self.values[0] = PHASES.index("held")
         self.servos = self.values[_STATE_NUMBERS:].reshape(SERVO_ROWS, joints)
 
     def set(self, state: StopState, wire: str, collected: int, recoveries: int) -> None:

@@ -42,10 +42,10 @@ class Wild:
 class Run:
     """A course that is stepped by hand; `written` is all it gave."""
 
-    def __init__(self, deck, rest=REST, seconds=math.inf):
+    def __init__(self, deck, rest=REST, seconds=math.inf, channels=()):
         self.stop = StopRequest()
         self.envelope = SafetyEnvelope(LIMITS, DT)
-        self.steps = safe_targets(Source(deck, DT), [], self.envelope, self.stop, seconds, rest)
+        self.steps = safe_targets(Source(deck, DT), channels, self.envelope, self.stop, seconds, rest)
         self.written = []
 
     def tick(self, count=1):
@@ -255,3 +255,108 @@ def test_pressed_again_the_emergency_stop_can_still_be_reset():
 def test_where_nothing_is_latched_there_is_nothing_to_reset():
     with pytest.raises(EmergencyStopError, match="nothing to reset"):
         StopState().reset()
+
+
+class Holding:
+    """An output that holds its first joints on its own until the targets are there, as a guard does."""
+
+    def __init__(self, place, joints=2):
+        self.measured = np.zeros(JOINTS)
+        self.place, self.joints, self.follows = np.array(place), joints, False
+
+    @property
+    def held(self):
+        if self.follows:
+            return None
+        return np.concatenate([self.place[: self.joints], np.full(JOINTS - self.joints, np.nan)])
+
+    def take(self, targets):
+        near = np.abs(targets - self.place)[: self.joints].max() < 1e-3
+        self.follows |= bool(near)
+
+    def lose(self, targets):
+        self.place, self.follows = targets.copy(), False
+
+
+def tick_with(run, output, count):
+    """Ticks, whose targets the output takes; the ticks until it followed."""
+    for tick in range(count):
+        run.tick()
+        output.take(run.written[-1])
+        if output.follows:
+            return tick
+    return None
+
+
+def test_joints_that_an_output_holds_are_met_there_before_they_follow_the_deck():
+    output = Holding([0.7, -0.4, 0.0])
+    output.measured[2] = 0.3
+    run = Run(Wild(3), channels=[output])
+    assert tick_with(run, output, 2000) is not None
+    np.testing.assert_allclose(run.written[-1], [0.7, -0.4, 0.3], atol=1e-3)
+    assert run.stop.approaching
+    for _ in range(2000):
+        run.tick()
+        assert output.follows
+        if not run.stop.approaching:
+            break
+    assert not run.stop.approaching
+    assert_safe(run.written)
+
+
+@pytest.mark.parametrize("when", [30, 400, 900])
+def test_an_output_that_stops_following_is_met_again(when):
+    output = Holding(np.zeros(JOINTS))
+    run = Run(Wild(5), channels=[output])
+    tick_with(run, output, 100)
+    run.tick(when)
+    output.lose(run.written[-1] + 0.2)
+    place = output.place
+    assert tick_with(run, output, 3000) is not None
+    np.testing.assert_allclose(run.written[-1][:2], place[:2], atol=1e-3)
+    run.tick(1500)
+    assert output.follows
+    assert not run.stop.approaching
+    assert_safe(run.written)
+
+
+def test_an_output_that_stops_following_during_the_approach_is_not_kept_waiting_for_its_end():
+    output = Holding(np.zeros(JOINTS))
+    run = Run(Wild(5), channels=[output])
+    tick_with(run, output, 100)
+    run.tick(30)
+    output.lose(run.written[-1])
+    assert run.stop.approaching
+    assert tick_with(run, output, 150) is not None
+
+
+def test_a_stop_holds_wherever_an_output_holds_its_joints():
+    output = Holding(np.zeros(JOINTS))
+    run = Run(Wild(5), channels=[output])
+    tick_with(run, output, 100)
+    run.tick(400)
+    output.lose(run.written[-1] + 0.2)
+    run.stop.state.press("command")
+    run.settle()
+    still = run.written[-1]
+    run.tick(200)
+    np.testing.assert_array_equal(run.written[-1], still)
+    run.stop.state.reset()
+    run.stop.go_home()
+    assert tick_with(run, output, 3000) is not None
+    run.settle()
+    run.tick(600)
+    np.testing.assert_allclose(run.written[-1], REST, atol=1e-6)
+    assert_safe(run.written)
+
+
+def test_the_end_comes_though_an_output_never_follows_again():
+    output = Holding(np.zeros(JOINTS))
+    run = Run(Wild(5), channels=[output])
+    tick_with(run, output, 100)
+    run.tick(400)
+    output.lose(np.full(JOINTS, 1.0))
+    run.stop.ask("enough")
+    run.finish()
+    np.testing.assert_allclose(run.written[-1], REST, atol=1e-6)
+    assert_safe(run.written)

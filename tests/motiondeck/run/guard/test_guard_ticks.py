@@ -154,7 +154,7 @@ def test_a_deck_that_comes_back_before_rest_is_caught_up_with(bench):
     bench.pass_time(6 * T)
     assert bench.phase == "braking"
     bench.time += 6 * T
-    for _ in range(60):
+    for _ in range(200):
         bench.deck_tick()
     assert bench.phase == "running"
     assert_safe(bench.rig.sent)
@@ -289,7 +289,7 @@ def test_goals_leave_on_time_whatever_the_jitter_of_the_targets(bench):
 
 
 def test_punctual_targets_are_passed_on_within_a_twentieth_of_a_tick(bench):
-    bench.deck_tick(wait=0.4 * T)  # the deck's ticks are earlier from now on
+    bench.deck_tick(wait=0.2 * T)  # the deck's ticks are earlier from now on
     waited = []
     for _ in range(600):
         bench.pass_time(0.7 * T)
@@ -311,6 +311,7 @@ def test_targets_that_stop_coming_right_after_they_are_followed_move_nothing(ben
     bench.pass_time(0.5)
     bench.rig.sent.clear()
     bench.join()
+    bench.pass_time(0.7 * T)
     assert bench.phase == "running"
     bench.pass_time(1.0)
     assert not speed(bench.rig.sent).any()
@@ -321,6 +322,14 @@ def test_many_targets_at_once_move_the_joints_no_faster(bench):
     for _ in range(100):
         bench.deck_tick(wait=0.1 * T)
     assert len(bench.rig.sent) - before <= (bench.now - began) / T + 3
+
+
+def test_many_targets_at_once_do_not_fill_the_bus_of_joints_that_are_held(bench):
+    bench.pass_time(0.5)
+    before, began = len(bench.rig.sent), bench.now
+    for _ in range(200):
+        bench.deck_tick(np.full(JOINTS, 0.5), wait=0.05 * T)
+    assert len(bench.rig.sent) - before <= 1.5 * (bench.now - began) / T + 2
 
 
 EVENTS = st.one_of(
