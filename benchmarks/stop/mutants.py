@@ -45,6 +45,7 @@ NETWORK, SIGNED = "controller/wire/network_transport.py", "controller/wire/authe
 PAGE, PAGES = "motiondeck/page/web/private_page.py", "tests/motiondeck/page/web/test_private_page.py"
 MEMBER, SHOWS = "motiondeck/shows/member.py", "tests/motiondeck/shows"
 RIG, RIGS = "hardware/rig/supervision/pace.py", "tests/hardware/rig"
+GUARD, GUARDS = "motiondeck/run/guard/guard.py", "tests/motiondeck/run/guard/test_guard_ticks.py"
 PORT = "hardware/rig/driving/servo_port.py"
 
 MUTANTS = (
@@ -205,8 +206,8 @@ MUTANTS = (
     ),
     Mutant(
         "member: a stop is not passed on", MEMBER, SHOWS,
-        '        self._link.publish("stop", encode(stop))\n',
-        "",
+        'stop.by}")\n        self._link.publish("stop", encode(stop))\n',
+        'stop.by}")\n',
     ),
     Mutant(
         "member: a cue says anything", MEMBER, SHOWS,
@@ -220,13 +221,13 @@ MUTANTS = (
     ),
     Mutant(
         "rig: a goal goes as far as it likes", RIG, RIGS,
-        "return np.minimum(np.maximum(within, goals - reach), goals + reach), targets",
-        "return within, targets",
+        "bounded = np.minimum(np.maximum(within, goals - reach), goals + reach)",
+        "bounded = within",
     ),
     Mutant(
         "rig: goals beyond the limits", RIG, RIGS,
-        "within = self._scale.within(targets)\n        reach",
-        "within = targets\n        reach",
+        "within = self._scale.within(targets)\n        speed",
+        "within = targets\n        speed",
     ),
     Mutant(
         "rig: watchdogs are not armed again", PORT, RIGS,
@@ -297,6 +298,46 @@ MUTANTS = (
         "start again: after an emergency stop too", "motiondeck/cli/play.py", "tests/motiondeck/run/test_play_again.py",
         "if session.stop.emergency:",
         "if False:",
+    ),
+    Mutant(
+        "guard: targets are followed however late they are", GUARD, GUARDS,
+        "if self._missed > MISSED:",
+        "if False:",
+    ),
+    Mutant(
+        "guard: targets sent long ago are fresh", GUARD, GUARDS,
+        "fresh = fresh and now - self._targets.sent < MISSED * self._period",
+        "pass",
+    ),
+    Mutant(
+        "guard: held joints jump to targets elsewhere", GUARD, GUARDS,
+        "bool(np.all(np.abs(last - envelope.position) < AT))",
+        "True",
+    ),
+    Mutant(
+        "guard: a lost deck does not stop the rig", GUARD, GUARDS,
+        "self.stop.pull(DECK, True)",
+        "pass",
+    ),
+    Mutant(
+        "guard: the wired stop is not watched", GUARD, GUARDS,
+        "self.stop.watch(self.wired)",
+        "pass",
+    ),
+    Mutant(
+        "guard: presses at its door are not counted", GUARD, GUARDS,
+        "self.stop.press(STOP_DOOR)",
+        "pass",
+    ),
+    Mutant(
+        "guard: a reset at the deck releases all presses at the door", GUARD, GUARDS,
+        "stop.release({STOP_DOOR: door, DECK",
+        "stop.release({STOP_DOOR: 10**9, DECK",
+    ),
+    Mutant(
+        "guard: a stop at the deck does not reach it", GUARD, GUARDS,
+        "stop.pull(DECK, targets.stopped)",
+        "pass",
     ),
 )  # fmt: skip
 

@@ -140,6 +140,22 @@ def test_the_emergency_stop_wins_within_one_tick(seed, commands, ticks, other_se
     assert np.array_equal(*runs)
 
 
+@settings(max_examples=20)
+@given(st.integers(0, 1000), st.integers(1, 300))
+def test_a_reset_is_refused_until_the_joints_are_at_rest(seed, ticks):
+    run = Run(Wild(seed))
+    run.tick(ticks)
+    run.stop.state.press("command")
+    run.tick()
+    while not run.envelope.at_rest:
+        with pytest.raises(EmergencyStopError, match="still braking"):
+            run.stop.state.reset()
+        run.tick()
+    run.tick()
+    run.stop.state.reset()
+    assert run.stop.state.phase == "held"
+
+
 def test_the_emergency_stop_stops_soon():
     run = Run(Wild(3))
     run.tick(400)
