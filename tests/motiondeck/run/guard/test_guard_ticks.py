@@ -130,6 +130,16 @@ def test_targets_elsewhere_are_not_followed_until_they_are_where_the_joints_are_
     assert_safe(bench.rig.sent)
 
 
+def test_a_deck_that_is_gone_stops_the_joints_and_the_stop_stands(bench):
+    before = len(bench.rig.sent)
+    bench.guard.lose_deck()
+    bench.pass_time(1.0)
+    assert bench.phase == "latched"
+    assert_safe(bench.rig.sent)
+    assert speed(bench.rig.sent)[before + 1] < speed(bench.rig.sent)[before - 2]
+    assert np.array_equal(bench.rig.sent[-1], bench.rig.sent[-2])
+
+
 def test_a_deck_that_is_late_by_less_than_two_ticks_is_not_braked(bench):
     for wait in (1.6 * T, 0.4 * T, T, 2.2 * T, T, T) * 20:
         bench.deck_tick(wait=wait)
