@@ -27,6 +27,7 @@ class _Listener:
     heard: float  # time of its last command, s
     subscribed: bool = False
     within: float = 0.0  # s of silence after which the deck pauses; 0 for never
+    missed: bool = False  # whether the deck has paused for its silence; it may have been held up, and listens again
 
 
 class Listeners:
@@ -48,7 +49,7 @@ class Listeners:
             if not isinstance(message, Subscribe | Heartbeat) or len(self.known) >= _MOST_LISTENERS:
                 return
             listener = self.known[client.sender] = _Listener(client, 0.0)
-        listener.client, listener.heard = client, self._now()
+        listener.client, listener.heard, listener.missed = client, self._now(), False
         if isinstance(message, Subscribe):
             listener.subscribed = True
         elif isinstance(message, Heartbeat):
@@ -72,11 +73,11 @@ class Listeners:
         for sender, listener in [*self.known.items()]:
             gone = not listener.client.connected
             silent = now - listener.heard
-            if listener.within and (gone or silent > listener.within):
+            if listener.within and not listener.missed and (gone or silent > listener.within):
                 self._deck.pause()
-                del self.known[sender]
+                listener.missed = True
                 self.notify("lost", f"paused: a client has {'gone' if gone else f'been silent for {silent:.2f} s'}")
-            elif gone or (listener.client.server.remote and silent > _FORGOTTEN_AFTER):
+            if gone or (listener.client.server.remote and silent > _FORGOTTEN_AFTER):
                 del self.known[sender]
 
 

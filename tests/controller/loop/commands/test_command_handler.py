@@ -151,6 +151,22 @@ def test_a_client_that_is_silent_for_longer_than_it_said_pauses_the_deck_once(de
     assert not desk.deck.paused
 
 
+def test_a_client_that_was_held_up_hears_events_again_and_is_missed_again(desk):
+    """A show's member that has stood still passes on emergency stops of its deck afterwards, as before."""
+    desk.ask(Heartbeat(2.0), "hand")
+    desk.ask(Subscribe(), "hand")
+    for _ in range(2):
+        assert [event.kind for event in desk.tick(2.1)] == ["lost", "paused"]
+        assert desk.tick(2.1) == []
+        desk.ask(Resume(), "hand")
+        desk.ask(EmergencyStop(), "somebody")
+        told = [reply.text for receiver, reply in desk.server.replies if receiver == "hand"]
+        assert told == ["emergency stop", "paused"]
+        desk.stop.state.rested()
+        desk.ask(Reset())
+        desk.ask(Resume(), "hand")
+
+
 def test_a_client_that_has_gone_is_missed_at_once(desk):
     desk.ask(Heartbeat(50.0), "hand")
     desk.server.gone.add("hand")
