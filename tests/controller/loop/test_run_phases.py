@@ -341,9 +341,9 @@ def test_an_output_that_stops_following_during_the_approach_is_not_kept_waiting_
     run = Run(Wild(5), channels=[output])
     tick_with(run, output, 100)
     run.tick(30)
-    output.lose(run.written[-1])
+    output.lose(run.written[-1] + 0.02)
     assert run.stop.approaching
-    assert tick_with(run, output, 150) is not None
+    assert tick_with(run, output, 75) is not None
 
 
 def test_a_stop_holds_wherever_an_output_holds_its_joints():
