@@ -46,7 +46,7 @@ from motiondeck_base.shipped import find_library
 
 NAMES = (
     "", " ", "\0", "walk\0", "a" * 100, "a" * 300, "ü" * 700, "💃" * 90, "\x1b[2J", "\u202e", "\n", "../" * 90, "%s%n",
-    "-1", "nan", "estop", "walk jog", "None", "0", "/", ".", "~", "/dev/zero", "/dev/stdin", "/proc/self/mem", "con",
+    "-1", "nan", "estop", "walk jog", "None", "0", "/", ".", "~", "/dev/zero", "/dev/stdin", "/proc/1", "con",
 )  # fmt: skip
 KNOWN = ("walk", "jog", "waltz", "standup", "box1", "crawl", "r_elbow", "l_knee", "r_hip_pitch", "speed", "led")
 FLOATS = (0.0, -0.0, 1.0, -1.0, 0.5, 0.25, 1e-300, 5e-324, -5e-324, 1e300, -1.7e308, 1e15, 2**53 + 1.0, 1e-9, 3.0, 60.0)

@@ -5,7 +5,12 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable
 from dataclasses import dataclass
-from typing import Literal
+from typing import Annotated, Literal
+
+import msgspec
+
+Counts = Annotated[int, msgspec.Meta(ge=-(2**31), lt=2**32)]
+"""A number that a register can hold."""
 
 # What one of a manual's units is in SI.
 SI_UNITS = {

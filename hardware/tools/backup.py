@@ -8,7 +8,7 @@ from pathlib import Path
 import msgspec
 
 from hardware.bus.servo_bus import UNKNOWN_MODEL, Bus
-from hardware.control_table.register import decode_block
+from hardware.control_table.register import Counts, decode_block
 from hardware.errors import NoReplyError, RigError
 from hardware.rig.registers import read_register
 from hardware.rig.rig_file import RigConfig, RigJoint
@@ -27,7 +27,7 @@ class ServoBackup(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     joint: str
     id: int
     model: str
-    registers: dict[str, int]
+    registers: dict[str, Counts]
 
 
 def back_up(config: RigConfig, bus: Bus) -> list[ServoBackup]:

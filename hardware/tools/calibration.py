@@ -10,11 +10,12 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from pathlib import Path
-from typing import NamedTuple
+from typing import Literal, NamedTuple
 
 import msgspec
 
 from hardware.bus.servo_bus import Bus
+from hardware.control_table.register import Counts
 from hardware.errors import RigError
 from hardware.rig.rig_file import RigConfig, RigJoint
 from hardware.rig.switching.audit import audit, settle
@@ -34,10 +35,10 @@ class MeasuredJoint(msgspec.Struct, forbid_unknown_fields=True):
     """
 
     id: int
-    direction: int
-    zero: int | None = None
-    low: int | None = None
-    high: int | None = None
+    direction: Literal[-1, 1]
+    zero: Counts | None = None
+    low: Counts | None = None
+    high: Counts | None = None
 
 
 class Range(NamedTuple):
@@ -77,7 +78,8 @@ class Sweep:
 
     def reverse(self, name: str) -> None:
         """The joint's angle grows the other way."""
-        self.measured[name].direction *= -1
+        one = self.measured[name]
+        one.direction = 1 if one.direction == -1 else -1
 
     def forget(self, name: str) -> None:
         """Forgets a joint's range, and begins anew where it stands."""

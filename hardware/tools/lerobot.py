@@ -15,6 +15,7 @@ from pathlib import Path
 
 import msgspec
 
+from hardware.control_table.register import Counts
 from hardware.errors import RigError
 from hardware.rig.rig_file import RigConfig, RigJoint
 from hardware.tools.calibration import measured_joint
@@ -29,9 +30,9 @@ class MotorCalibration(msgspec.Struct, frozen=True):
 
     id: int
     drive_mode: int
-    homing_offset: int
-    range_min: int
-    range_max: int
+    homing_offset: Counts
+    range_min: Counts
+    range_max: Counts
 
 
 def read_calibration(path: Path) -> dict[str, MotorCalibration]:

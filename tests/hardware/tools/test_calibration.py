@@ -85,15 +85,18 @@ def test_a_calibration_goes_on_where_it_was_kept(unknown, tmp_path, power_cycle)
         sweep.see("joint_1", place)
     sweep.zero_here("joint_1")
     save_progress(sweep, tmp_path / "rig.part")
+    whole = (tmp_path / "rig.part").read_text()
     again = load_progress(unknown, tmp_path / "rig.part")
     for place in (2400, 3000):
         again.see("joint_1", place + power_cycle)  # a servo forgets its turns when its power is off
     assert msgspec.structs.astuple(again.measured["joint_1"]) == (1, 1, 2500, 1000, 3000)
     with pytest.raises(RigError, match="other joints"):
         load_progress(unknown.only([0, 1]), tmp_path / "rig.part")
-    (tmp_path / "rig.part").write_text("{")
-    with pytest.raises(RigError, match="Remove it to begin anew"):
-        load_progress(unknown, tmp_path / "rig.part")
+    for damaged in ("{", whole.replace("2500", "1" * 400), whole.replace('"direction": 1', '"direction": 0')):
+        assert damaged != whole
+        (tmp_path / "rig.part").write_text(damaged)
+        with pytest.raises(RigError, match="Remove it to begin anew"):
+            load_progress(unknown, tmp_path / "rig.part")
     with pytest.raises(FileFormatError, match="cannot be written"):
         save_progress(sweep, tmp_path / "nowhere" / "rig.part")
 
@@ -191,6 +194,8 @@ def test_a_calibration_of_lerobot_makes_a_rig_with_its_angles(tmp_path):
         ("[]", "is not a calibration file of LeRobot"),
         ('{"pan": {"id": 1}}', "is not a calibration file of LeRobot"),
         (json.dumps({"pan": MOTORS["elbow_flex"] | {"range_min": 2900}}), "pan has range_min 2900"),
+        (json.dumps({"pan": MOTORS["elbow_flex"] | {"range_max": 10**400}}), "`int` <= .*range_max"),
+        (json.dumps({"pan": MOTORS["elbow_flex"] | {"homing_offset": 2**40}}), "`int` <= .*homing_offset"),
     ],
 )
 def test_other_files_are_no_calibration(tmp_path, text, said):
