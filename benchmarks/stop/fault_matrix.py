@@ -63,7 +63,8 @@ _ENDS = ("raising", "killed")  # the run
 _BEFORE = 0.1  # s from a fault to the stop
 _SEEN = 0.8  # s after the stop
 _AFTERWARDS = 0.4  # s after the fault is over
-_CUT_FOR = 0.3  # s
+_CUT_FOR, _JOINED = 0.3, 0.05  # s; and until the first frame after that
+_PATIENCE = 0.17  # s of silence until the servos' watchdogs may have stopped them
 _MOST_REPEATED = 5  # times for each repetition, where the machine is too busy to be judged
 _FAILURES = 3  # of the harness, after which a stage is given up
 _HOUR = 3600.0
@@ -79,6 +80,7 @@ class Trial:
 
     Attributes:
         at: from when on time counts, s (CLOCK_MONOTONIC).
+        broken_at: when a fault of this trial alone began, s.
         end: until when it is judged.
         goes_home: whether the run ends at the rest pose, so that joints may move after they stood.
     """
@@ -86,6 +88,7 @@ class Trial:
     source: str
     fault: str
     at: float
+    broken_at: float
     end: float
     goes_home: bool = False
     worst: float = 0.0
@@ -147,7 +150,9 @@ def run(stage: Stage, repetitions: int, seed: int) -> tuple[list[Trial], list[st
                     while left:
                         source, number = left.pop(0)
                         trial = around.trial(source, number)
-                        if not rig.disturbed(trial.at - _BEFORE, trial.end):
+                        _judge(rig, trial)
+                        stands = trial.at + 0.1 + (trial.still_after or 0.0)  # later nothing can come late
+                        if not rig.disturbed(trial.at - _BEFORE, trial.end if trial.still_after is None else stands):
                             trials.append(trial)
                         elif repeated < _MOST_REPEATED * repetitions:
                             left.append((source, number))
@@ -160,7 +165,6 @@ def run(stage: Stage, repetitions: int, seed: int) -> tuple[list[Trial], list[st
                             around.go_on(source)
             except (RuntimeError, OSError) as error:
                 failures.append(f"{stage.fault}, {', '.join(stage.sources)}: {error}")
-        _judge(rig, trials)
     return trials, failures
 
 
@@ -183,6 +187,7 @@ class Around:
         self._runner = CommandRunner(environment, ROOT)
         opening.callback(lambda: self._runner.close())
         self._conductor: subprocess.Popen[str] | None = None
+        self._show, self._shows_begun = "", 0
         self._environment = environment
         opening.callback(self._end_conductor)
 
@@ -199,8 +204,8 @@ class Around:
             if self._wired is not None:
                 options += ["--stop-input", self._wired[0]]
             if self._shows:
-                options += ["--show", "gala/a"]
                 self._start_conductor()
+                options += ["--show", f"{self._show}/a"]
             raises = "raising" in (fault, *self._stage.sources)
             program = _RAISING if raises else MOTIONDECK
             self._deck = opening.enter_context(JudgedDeck(self._rig, self._folder, MOTION, *options, program=program))
@@ -219,7 +224,9 @@ class Around:
     def trial(self, source: str, number: int) -> Trial:
         """Breaks what is to be broken, stops the deck, and watches."""
         deck, fault = self._deck, self._stage.fault
+        self._rig.forget()
         deck.plays()
+        time.sleep(0.3)
         time.sleep(self._rng.uniform(0.05, 0.4))
         deck.plays()
         broken_at, mend = self._break()
@@ -239,7 +246,8 @@ class Around:
         if source == "signal" and fault not in ("killed", "stopped"):
             until(lambda: deck.process.poll() is not None, 10.0)
         goes_home = source in ("signal", "raising") or fault == "raising"
-        return Trial(source, fault, broken_at if fault in _STOPS_ITSELF else at, time.monotonic(), goes_home)
+        began = broken_at if fault in _STOPS_ITSELF else at
+        return Trial(source, fault, began, broken_at, time.monotonic(), goes_home)
 
     def go_on(self, source: str) -> None:
         """Resets the emergency stop, and has the deck play on."""
@@ -323,10 +331,13 @@ class Around:
         return at, lambda: None
 
     def _start_conductor(self) -> None:
-        if self._conductor is not None:
-            return
+        """A show of its own for each deck: a stop that stands would stop the next one too."""
+        self._end_conductor()
+        self._shows_begun += 1
+        self._show = f"gala{self._shows_begun}"
         file = self._folder / "gala.toml"
-        file.write_text('show = "gala"\nif_lost = "go on"\n[[cues]]\nname = "opening"\nhold = true\nsay = "resume"\n')
+        cue = '[[cues]]\nname = "opening"\nhold = true\nsay = "resume"\n'
+        file.write_text(f'show = "{self._show}"\nif_lost = "go on"\n{cue}')
         self._conductor = subprocess.Popen(
             [*MOTIONDECK, "conduct", str(file), "--headless"],
             env=self._environment,
@@ -370,17 +381,17 @@ def _key_device(opening: ExitStack) -> tuple[str, int] | None:
     return str(path), writer
 
 
-def _judge(rig: JudgedRig, trials: list[Trial]) -> None:
+def _judge(rig: JudgedRig, trial: Trial) -> None:
     goals, shafts = judge.read_goals(rig.bus, rig.joints), judge.read_shafts(rig.shafts)
-    for trial in trials:
-        own = goals.between(trial.at - 2.0, trial.end)
-        track = judge.on_grid(own, rig.joints.period, trial.end)
-        here = track.times > trial.at - rig.joints.period
-        parts = (judge.acceleration_parts(track, rig.joints), judge.velocity_parts(track, rig.joints))
-        trial.worst = max(float(part[here].max(initial=0.0)) for part in parts)
-        still = judge.standstill(track, rig.joints, trial.at)
-        trial.braking_after, trial.still_after, trial.moved = still.braking_after, still.still_after, still.moved
-        trial.shafts_stand = judge.shafts_still_after(shafts.between(trial.at, trial.end), trial.at) is not None
+    track = judge.on_grid(goals.between(trial.at - 2.0, trial.end), rig.joints.period, trial.end)
+    here = track.times > trial.at - rig.joints.period
+    if trial.fault == "cut":  # nothing is sent to servos whose watchdogs have stopped them
+        here &= (track.times < trial.broken_at + _PATIENCE) | (track.times > trial.broken_at + _CUT_FOR + _JOINED)
+    parts = (judge.acceleration_parts(track, rig.joints), judge.velocity_parts(track, rig.joints))
+    trial.worst = max(float(part[here].max(initial=0.0)) for part in parts)
+    still = judge.standstill(track, rig.joints, trial.at)
+    trial.braking_after, trial.still_after, trial.moved = still.braking_after, still.still_after, still.moved
+    trial.shafts_stand = judge.shafts_still_after(shafts.between(trial.at, trial.end), trial.at) is not None
 
 
 def run_all(repetitions: int, seed: int, lanes: int, chosen: list[Stage]) -> Iterator[tuple[list[Trial], list[str]]]:

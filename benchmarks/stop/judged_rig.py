@@ -21,7 +21,7 @@ ROOT = Path(__file__).parents[2]
 ROBOT, RIG = ROOT / "configs" / "robots" / "servo20.toml", ROOT / "configs" / "rigs" / "servo20.toml"
 MOTIONDECK = (sys.executable, "-m", "motiondeck.cli.main")
 PATIENCE = 60.0  # s
-_HANDED_OVER = 0.005  # s
+_HANDED_OVER = 0.008  # s
 FAST = 2.0  # rad/s; an approach is slower, a motion faster
 
 

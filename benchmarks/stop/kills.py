@@ -59,6 +59,12 @@ class Strike:
     elsewhere: float = 0.0
 
     @property
+    def moves_until(self) -> float:
+        """When its goals stand for good, or the next thing happens, s: later nothing can come late."""
+        stands = self.kind == "kill" and self.still_after is not None
+        return min(self.end, self.at + (self.still_after or 0.0) + 0.1) if stands else self.end
+
+    @property
     def within(self) -> bool:
         """Whether the goals stayed within their limits, and no servo was set up where its shaft was not."""
         return max(self.acceleration, self.velocity) <= MOST and self.elsewhere < _NEAR
@@ -109,7 +115,7 @@ def strike(runs: list[Run], seed: int, options: tuple[str, ...] = ()) -> Result:
                     own = _strike_one(deck, rng, motion, end, pauses)
                     over = time.monotonic()
                 undisturbed = _judge(rig, own, begin, over)
-                good = [one for one in own if not rig.disturbed(one.at - _BEFORE, one.end)]
+                good = [one for one in own if not rig.disturbed(one.at - _BEFORE, one.moves_until)]
                 found.strikes += good
                 if not rig.disturbed(begin, own[0].at if own else over):
                     found.undisturbed = max(found.undisturbed, undisturbed)

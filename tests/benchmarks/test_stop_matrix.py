@@ -118,7 +118,7 @@ def test_command_lines_run_one_after_the_other_and_say_how_they_ended(tmp_path):
 
 def trial(source="door", fault="nothing", **found):
     good = {"worst": 0.9, "braking_after": 0.02, "still_after": 0.06, "shafts_stand": True}
-    return Trial(source, fault, 0.0, 1.0, **good | found)
+    return Trial(source, fault, at=0.0, broken_at=0.0, end=1.0, **good | found)
 
 
 def test_a_cell_tells_median_and_worst_and_what_is_wrong():
