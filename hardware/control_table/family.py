@@ -29,6 +29,7 @@ class Family:
         cells_moved: the firmware from which the indirect data cells are some bytes earlier, and how many; or None.
         follows: whether drive mode bit 1 makes one the follower of another.
         modes: the operating modes; () for those of a servo with, or without, a current measurement.
+        current_limited: the modes in which the goal current limits the current.
         full_pwm: the count of PWM that means full voltage.
         gain_unit: the position P gain with which a pulse of error is one count of PWM.
     """
@@ -46,6 +47,7 @@ class Family:
     cells_moved: tuple[int, int] | None = None
     follows: bool = False
     modes: tuple[int, ...] = ()
+    current_limited: tuple[int, ...] = (5,)
     full_pwm: float = 885.0
     gain_unit: float = 128.0
 
@@ -82,7 +84,9 @@ FAMILIES: dict[str, Family] = {
     "X330": replace(X, cells_moved=(52, 16)),
     "X540": replace(X, follows=True),
     # No manual tells the gain unit; an estimate that makes them about as stiff as the X series.
-    "P": Family(checks_profiles=True, modes=(0, 1, 3, 4, 16), full_pwm=2009.0, gain_unit=2048.0),
+    "P": Family(
+        checks_profiles=True, modes=(0, 1, 3, 4, 16), current_limited=(1, 3, 4), full_pwm=2009.0, gain_unit=2048.0
+    ),
     "XL320": Family(problems=MappingProxyType({_VOLTAGE: 4, _HEAT: 2, _OVERLOAD: 1}), shuts_down_by="torque_limit"),
     "AX": AX,
     "RX": AX,

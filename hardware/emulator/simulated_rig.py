@@ -11,8 +11,7 @@ from hardware.emulator.bus import EmulatedBus
 from hardware.rig.counters import RigFaults
 from hardware.rig.rig_file import RigConfig
 from hardware.rig.scale import Array, RigScale
-
-_POSITION_MODE = 3
+from hardware.rig.switching.audit import current_counts
 
 
 class SimulatedRig:
@@ -39,10 +38,11 @@ class SimulatedRig:
         for index, (joint, low, high) in enumerate(zip(config.joints, *ends, strict=True)):
             speed = joint.velocity * joint.gear / joint.table["profile_velocity"].si
             for name, value in (
-                ("operating_mode", _POSITION_MODE),
+                ("operating_mode", joint.mode),
                 ("min_position_limit", low),
                 ("max_position_limit", high),
                 ("profile_velocity", max(1, round(speed))),
+                *([("goal_current", current_counts(joint))] if joint.current else []),
                 ("goal_position", self.servos.devices[index]["present_position"]),
                 ("torque_enable", 1),
                 ("bus_watchdog", config.watchdog_units),

@@ -26,6 +26,8 @@ _DRIVEN = "the XL-320 and servos of the X, MX, AX, RX, P and PRO(A) series"
 _GAINS = ("position_p_gain", "position_i_gain", "position_d_gain")
 _WATCHDOG_UNIT = 0.02  # s, in which the servos count
 _QUOTED = re.compile(r'"(?:\\.|[^"\\\n])*"|\'[^\'\n]*\'')
+POSITION_MODE = 3
+"""The operating mode of a joint without a limit of current."""
 BAUD_RATES = (9600, 57600, 115200, 1_000_000, 2_000_000, 3_000_000, 4_000_000)
 
 
@@ -41,7 +43,7 @@ class RigJoint(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
         lower, upper: position limits, rad; within the servo's one turn.
         velocity: its limit, rad/s.
         acceleration: its limit, rad/s^2; 0 for none.
-        current: its limit, A; 0 for the servo's own.
+        current: its limit, A, that the servo itself keeps; 0 for none.
         gear: turns of the horn for one turn of the joint.
         port: of the serial adapter that its servo is on; the rig's own if empty.
         position_p_gain, position_i_gain, position_d_gain: counts of these registers; what the servo has if None.
@@ -139,6 +141,12 @@ class RigJoint(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     def table(self) -> ControlTable:
         """The control table of this servo's model."""
         return MODELS[self.model]
+
+    @property
+    def mode(self) -> int:
+        """The operating mode in which the servo keeps to positions, and to a limit of current where there is one."""
+        limited = self.table.family.current_limited
+        return POSITION_MODE if not self.current or POSITION_MODE in limited else limited[0]
 
     @property
     def hottest(self) -> float:

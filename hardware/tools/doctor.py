@@ -14,7 +14,7 @@ from hardware.control_table.meanings import describe_errors
 from hardware.errors import NoReplyError, ServoError
 from hardware.rig.driving.state_block import arranged, motion
 from hardware.rig.driving.wire_load import longest_tick
-from hardware.rig.registers import read_register
+from hardware.rig.registers import read_register, write_each
 from hardware.rig.rig_file import RigConfig, RigJoint
 from hardware.rig.switching.audit import ANSWER_EVERYTHING, Difference, audit, settle
 from hardware.rig.switching.identities import (
@@ -200,9 +200,12 @@ def fix_settings(config: RigConfig, bus: Bus) -> Fixed:
             if level != _answer_level(joint, bus) == ANSWER_EVERYTHING:
                 done.append(f"{joint.label}: status_return_level was {level} and is {ANSWER_EVERYTHING}")
             differences = _to_set(one, bus)
-            if differences and read_register(joint, bus, "torque_enable"):
+            if not differences:
+                continue
+            if read_register(joint, bus, "torque_enable"):
                 refused.append(f"{joint.label} has its torque on: motiondeck rig stop takes it off")
                 continue
+            write_each(one, bus, "bus_watchdog", [0])  # one that has tripped locks the goals
             limits = [difference for difference in differences if difference.when != "switch-on"]
             done.extend(_settle_each(limits, one, bus))
             # Goal PWM and torque limit follow their limits.

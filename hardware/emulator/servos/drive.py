@@ -4,9 +4,10 @@ In steps of at most 2 ms, with e = path - shaft:
 
     path     position modes (3, 4, 5): trapezoidal profile to the target, within top speed and acceleration
              velocity mode (1): the goal speed, within the acceleration
-    u        position   P e + I sum(e) + D de/dt + FF path speed      mode 5: within +- goal current
+    u        position   P e + I sum(e) + D de/dt + FF path speed
              velocity   what holds the path's speed, and its error once more
              current    what the goal current needs at this speed     PWM (16): the goal itself
+             in mode 5 (P series: 1, 3 and 4) so that the current after the step is within +- goal current
              and never beyond +- goal PWM
     settled  = u / full_pwm * no_load_speed * supply / nominal - load * no_load_speed
     speed   += (settled - speed) * (1 - exp(-dt / lag))
@@ -29,7 +30,6 @@ from hardware.control_table.servo_traits import TRAITS
 
 CURRENT, VELOCITY, PWM = 0, 1, 16
 POSITION_MODES = (3, 4, 5)
-_CURRENT_BASED = 5
 _LONGEST_STEP = 0.002
 _ROOM = 25.0
 _WARM = 32.0  # degC, a servo that has been on for a while
@@ -53,6 +53,7 @@ class Motor:
         full_pwm: the PWM count that means full voltage.
         specified_torque: the stall torque that the maker specifies, N·m; 0 for none.
         lag: time constant with which the speed follows the voltage, s.
+        current_limited: the modes in which the goal current limits the current.
         warming: how fast the stall current heats it, K/s.
         cooling: time constant with which it cools, s.
     """
@@ -63,6 +64,7 @@ class Motor:
     full_pwm: float = 885.0
     specified_torque: float = 0.0
     lag: float = _LAG
+    current_limited: tuple[int, ...] = (5,)
     warming: float = _WARMING
     cooling: float = _COOLING
 
@@ -77,7 +79,8 @@ def motor_of(model: str) -> Motor:
     """The motor of a model that can be a joint of a rig; the motor is in no control table."""
     traits = TRAITS[model]
     stall, volts, full = traits.stall_current * 1e3, traits.voltage, traits.family.full_pwm
-    return Motor(traits.no_load_speed, stall, volts, full, traits.stall_torque)
+    limited = traits.family.current_limited
+    return Motor(traits.no_load_speed, stall, volts, full, traits.stall_torque, current_limited=limited)
 
 
 class MotorDrive:
@@ -128,7 +131,7 @@ class MotorDrive:
         self._positional = (self.mode >= 3) & (self.mode <= 5)
         self._all_positional = bool(self._positional.all())
         self._extra_gains = bool((self.i_gain + self.d_gain + self.ff_gain).any())
-        self._current_based = (self.mode == _CURRENT_BASED) & self.on
+        self._current_based = np.isin(self.mode, self.motor.current_limited) & self.on
         self.pwm = self.pwm * self.on
         self.current = self.current * self.on
 
@@ -169,6 +172,9 @@ class MotorDrive:
         sag = self.load * no_load if self.load.any() else None
         jammed = self.jammed if self.jammed.any() else None
         limited = self._current_based if self._current_based.any() else None
+        free = np.where(self.jammed, 0.0, 0.0 if self.coupled else approach)  # how far speed follows voltage in a step
+        stiff = 1.0 - free * self.supply / self.motor.voltage
+        most_current = np.abs(self.goal_current)
         change = self.acceleration * dt
         twice_slower = 2.0 / self.acceleration
         most_sum = full / np.maximum(self.i_gain, 1.0)  # which asks for full voltage, or less
@@ -192,9 +198,9 @@ class MotorDrive:
             if not self._all_positional:
                 drive = self._other_modes(drive)
             if limited is not None:
-                back = self.speed / no_load
-                top = np.abs(self.goal_current)
-                drive = np.where(limited, _within(drive, (back - top) * full, (back + top) * full), drive)
+                back = np.where(self.jammed, 0.0, (1.0 - free) * self.speed / no_load) - free * self.load
+                low, high = ((back + top) / stiff * full for top in (-most_current, most_current))
+                drive = np.where(limited, _within(drive, low, high), drive)
             drive = _within(drive, -most, most)
             if self.coupled:
                 continue

@@ -24,7 +24,7 @@ from numpy.typing import NDArray
 from hardware.control_table.meanings import describe_errors
 from hardware.control_table.servo_traits import TRAITS
 from hardware.rig.driving.readings import Measurements
-from hardware.rig.rig_file import RigConfig
+from hardware.rig.rig_file import RigConfig, RigJoint
 from hardware.rig.scale import Array
 from hardware.rig.supervision.servo_states import CONDITIONS
 
@@ -39,7 +39,7 @@ _IDLE_AFTER = 0.5  # s
 _MOVED = 0.02  # rad
 _FAR = 0.5  # of the slack: a servo so far from its goal drives with half of its voltage
 _NEAREST_FAR, _FARTHEST_FAR = 0.05, 0.5  # rad
-_IDLE_CURRENT = 0.2  # of the stall current: a motor that drives towards a goal so far off draws more
+_IDLE_CURRENT = 0.2  # of what it may draw: a motor that drives towards a goal so far off draws more
 _SERIOUS = 4 | 8 | 16 | 32  # heat, encoder, shock, overload
 _LOW_VOLTAGE = 0.8  # of the highest seen; each servo reports a voltage beyond its own limits
 _RESTLESS, _RESTLESS_WITHIN = 5, 10.0  # times, s
@@ -95,7 +95,7 @@ class Health:
         self._names = [joint.label for joint in config.joints]
         self._patience = config.patience
         self._strongest = np.full(count, np.nan)
-        self._stall = np.array([TRAITS[joint.model].stall_current for joint in config.joints])
+        self._idle_below = np.array([_idle_current(joint) for joint in config.joints])
         self._moved = np.array([min(_MOVED, 0.1 * joint.velocity) for joint in config.joints])
         self._heard = np.full(count, now)
         self._missing = np.zeros(count, dtype=np.bool_)
@@ -130,7 +130,7 @@ class Health:
         silent = silence > LOST_AFTER
         limp = ~measured.torque & ~down & ~missing
         still = self._still(measured, goals, now) & measured.torque & ~missing & ~yielding
-        self._idle = idle = still & (np.abs(measured.currents) < _IDLE_CURRENT * self._stall)
+        self._idle = idle = still & (np.abs(measured.currents) < self._idle_below)
         restless = limp & self._often_mended(now) if np.logical_or.reduce(limp) else limp
         if np.logical_or.reduce(self.lost):
             self._return(~missing & ~down, recovering, now)
@@ -247,6 +247,11 @@ class Health:
             else:
                 reason = "does not follow its target, although it was set up anew"
             self._reason[index] = reason
+
+
+def _idle_current(joint: RigJoint) -> float:
+    stall = TRAITS[joint.model].stall_current
+    return _IDLE_CURRENT * min(joint.current or stall, stall)
 
 
 def _heat(measured: Measurements, index: int) -> str:

@@ -8,6 +8,7 @@ puts its zero elsewhere, a second ID lets another servo's goals move it.
     gains P, I and D     what the rig file has, if it has any                  at switch-on: they are in RAM
     gains, feed-forward, compliance: as delivered                              never: another one is kept, and named
     goal_pwm, torque_limit   what pwm_limit or max_torque allows               at switch-on
+    goal_current             where it limits: the joint's current, or all      at switch-on
     status_return_level      2: every instruction is answered                  at switch-on, before all else
     drive_mode               0: not reversed, velocity-based profile           on request, refused until then
     homing_offset, multi_turn_offset  0: the rig file has the zero             on request, refused until then
@@ -33,10 +34,9 @@ from typing import Literal, NamedTuple
 from hardware.bus.servo_bus import Bus
 from hardware.control_table.register import decode_block
 from hardware.errors import RefusedError
-from hardware.rig.rig_file import RigConfig, RigJoint
+from hardware.rig.rig_file import POSITION_MODE, RigConfig, RigJoint
 from hardware.rig.scale import RigScale
 
-POSITION_MODE = 3
 ANSWER_EVERYTHING = 2
 """The status return level at which a servo answers every instruction."""
 _PROTECTED = 4 | 16 | 32  # heat, shock, overload
@@ -50,8 +50,8 @@ _SLOW_ANSWER = 10  # counts of 2 us that do no harm
 _COMPARED = {
     "drive_mode", "homing_offset", "secondary_id", "startup_configuration", "shutdown", "temperature_limit",
     "velocity_limit", "acceleration_limit", "pwm_limit", "current_limit", "operating_mode", "min_position_limit",
-    "max_position_limit", "return_delay_time", "goal_pwm", "control_mode", "multi_turn_offset", "resolution_divider",
-    "torque_control_mode", "torque_limit", "max_torque", "status_return_level", *_GAINS,
+    "max_position_limit", "return_delay_time", "goal_pwm", "goal_current", "control_mode", "multi_turn_offset",
+    "resolution_divider", "torque_control_mode", "torque_limit", "max_torque", "status_return_level", *_GAINS,
 }  # fmt: skip
 _WHY = {
     "drive_mode": "reversed, or with a profile in time instead of speed, or with torque that a goal takes on",
@@ -102,10 +102,10 @@ def audit(config: RigConfig, bus: Bus) -> list[Difference]:
     found: list[Difference] = []
     for joint, (low, high) in zip(config.joints, RigScale(config).ends.T, strict=True):
         held = _read_settings(joint, bus)
-        changes_mode = held.get("operating_mode", POSITION_MODE) != POSITION_MODE
+        changes_mode = held.get("operating_mode", joint.mode) != joint.mode
         for name, needed, when in _needs(joint, int(low), int(high), held):
-            # A change of the mode puts the gains back to those delivered.
-            if held[name] != needed or (changes_mode and name in joint.gains):
+            # A change of the mode puts the gains back to those delivered, and the goal current to its limit.
+            if held[name] != needed or (changes_mode and name in (*joint.gains, "goal_current")):
                 found.append(Difference(joint.name, joint.id, name, held[name], needed, when))
     return found
 
@@ -123,6 +123,9 @@ def settle(differences: Iterable[Difference], config: RigConfig, bus: Bus) -> No
         id, table = difference.id, tables[difference.id]
         register, lock = table[difference.register], table.registers.get("lock")
         try:
+            if register.name == "operating_mode" and difference.needed != POSITION_MODE:
+                # Only the change to position mode makes a servo forget whole turns.
+                bus.write(id, register.address, register.encode(POSITION_MODE))
             bus.write(id, register.address, register.encode(difference.needed))
         except RefusedError as error:
             if lock is None or register.memory != "EEPROM" or bus.read(id, lock.address, 1).params == b"\0":
@@ -141,6 +144,11 @@ def in_counts(joint: RigJoint, name: str, limit: float) -> int:
     return max(1 if limit else 0, min(counts, register.largest))
 
 
+def current_counts(joint: RigJoint) -> int:
+    """The goal current with which a servo keeps its joint's limit of current; 0 for no limit."""
+    return in_counts(joint, "current_limit", joint.current) if joint.current else 0
+
+
 def _read_settings(joint: RigJoint, bus: Bus) -> dict[str, int]:
     rows = [register for name, register in joint.table.registers.items() if name in _COMPARED]
     held: dict[str, int] = {}
@@ -154,13 +162,13 @@ def _read_settings(joint: RigJoint, bus: Bus) -> dict[str, int]:
 def _needs(joint: RigJoint, low: int, high: int, held: dict[str, int]) -> Iterator[tuple[str, int, When]]:
     """Register, needed value, and when it is set, for the registers that this model has."""
     # First the mode: a change of it puts gains and goals back.
-    for name, mode in (("operating_mode", POSITION_MODE), ("control_mode", _JOINT_MODE), ("torque_control_mode", 0)):
+    for name, mode in (("operating_mode", joint.mode), ("control_mode", _JOINT_MODE), ("torque_control_mode", 0)):
         if name in held:
             yield name, mode, "switch-on"
     yield "min_position_limit", low, "switch-on"
     yield "max_position_limit", high, "switch-on"
     if joint.current:
-        yield "current_limit", in_counts(joint, "current_limit", joint.current), "switch-on"
+        yield "current_limit", current_counts(joint), "switch-on"
     for name in _GAINS:
         default = joint.table.registers[name].default if name in held else None
         if name in joint.gains:
@@ -170,6 +178,8 @@ def _needs(joint: RigJoint, low: int, high: int, held: dict[str, int]) -> Iterat
     for name, most in (("goal_pwm", "pwm_limit"), ("torque_limit", "max_torque")):
         if name in held:
             yield name, held[most], "switch-on"
+    if "goal_current" in held and joint.mode in joint.table.family.current_limited:
+        yield "goal_current", current_counts(joint) or held["current_limit"], "switch-on"
     yield "status_return_level", ANSWER_EVERYTHING, "switch-on"
     for name in ("drive_mode", "homing_offset", "startup_configuration", "multi_turn_offset"):
         if name in held:

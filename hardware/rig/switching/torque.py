@@ -16,7 +16,7 @@ from hardware.errors import NoReplyError, RigError, SerialPortError, ServoError
 from hardware.rig.registers import list_joints, read_each, read_register, sync_write_all, write_each
 from hardware.rig.rig_file import RigConfig, RigJoint
 from hardware.rig.scale import Array, RigScale
-from hardware.rig.switching.audit import POSITION_MODE, audit, in_counts, settle
+from hardware.rig.switching.audit import audit, current_counts, in_counts, settle
 from hardware.rig.switching.identities import (
     check_identities,
     raise_answer_level,
@@ -46,6 +46,7 @@ def switch_on(config: RigConfig, bus: Bus, cancelled: Callable[[], bool] = lambd
     raise_answer_level(config, bus)
     try:
         write_each(config, bus, "torque_enable", [0] * len(config.joints))
+        write_each(config, bus, "bus_watchdog", [0] * len(config.joints))  # one that has tripped locks the goals
         refuse_shut_down(config, bus)
         differences = audit(config, bus)
         refused = [str(difference) for difference in differences if difference.when == "refused"]
@@ -171,10 +172,12 @@ def _take_torque_on(config: RigConfig, bus: Bus) -> None:
 def _is_set(joint: RigJoint, bus: Bus, low: int, high: int) -> bool:
     wanted = {
         "torque_enable": 1,
-        "operating_mode": POSITION_MODE,
+        "operating_mode": joint.mode,
         "min_position_limit": low,
         "max_position_limit": high,
     }
+    if joint.current:
+        wanted["goal_current"] = current_counts(joint)
     return all(
         read_register(joint, bus, name) == value for name, value in wanted.items() if name in joint.table.registers
     )

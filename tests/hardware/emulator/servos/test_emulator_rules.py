@@ -209,6 +209,19 @@ def test_current_based_position_mode_pushes_no_harder_than_its_goal_current(serv
     assert servo.get("present_current") == pytest.approx(100, abs=1)
 
 
+@pytest.mark.parametrize("mode", [3, 4])
+def test_the_other_position_modes_keep_to_no_current(servo, port, mode):
+    """[X] Goal Current (102) and Current Limit (38) are used in modes 0 and 5."""
+    servo.put("operating_mode", mode)
+    servo.put("current_limit", 100)
+    servo.put("goal_current", 50)
+    servo.put("torque_enable", 1)
+    port.bus[1].bank.drive.jammed[0] = True
+    servo.put("goal_position", 3000)
+    port.elapse(0.1)
+    assert servo.get("present_current") == pytest.approx(2300 / 2.69, rel=0.02)
+
+
 def test_user_limits_hold_in_mode_3_only(servo):
     """[X] Max/Min Position Limit (48, 52): ignored in the multi-turn modes."""
     servo.put("max_position_limit", 3000)
