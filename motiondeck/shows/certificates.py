@@ -182,4 +182,6 @@ def _write(path: Path, data: bytes) -> None:
     temporary = path.with_name(f".{path.name}.new")
     with os.fdopen(os.open(temporary, os.O_CREAT | os.O_WRONLY | os.O_TRUNC, 0o600), "wb") as file:
         file.write(data)
+        file.flush()
+        os.fsync(file.fileno())
     temporary.replace(path)
