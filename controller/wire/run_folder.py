@@ -30,20 +30,28 @@ def run_folder() -> Iterator[Path]:
     try:
         root = Path(tempfile.gettempdir())
         _remove_abandoned(root)
-        folder = Path(tempfile.mkdtemp(prefix=_PREFIX, dir=root))
+        folder, lock = _locked_folder(root)
     except OSError as error:
         raise MotiondeckError(
             f"no temporary folder can be made ({error.strerror or error}). Free some room, or set TMPDIR to a folder "
             "that can be written"
         ) from error
-    # The lock is released when this process ends, even if it is killed.
-    lock = os.open(folder / _LOCK, os.O_CREAT | os.O_RDWR, 0o600)
-    fcntl.flock(lock, fcntl.LOCK_EX)
     try:
         yield folder
     finally:
         shutil.rmtree(folder, ignore_errors=True)
         os.close(lock)
+
+
+def _locked_folder(root: Path) -> tuple[Path, int]:
+    """A new folder and its lock, which is released when this process ends, even if it is killed."""
+    while True:
+        folder = Path(tempfile.mkdtemp(prefix=_PREFIX, dir=root))
+        lock = os.open(folder / _LOCK, os.O_CREAT | os.O_RDWR, 0o600)
+        fcntl.flock(lock, fcntl.LOCK_EX)
+        if os.fstat(lock).st_nlink:
+            return folder, lock
+        os.close(lock)  # before it was locked, another run took it for abandoned
 
 
 def allocate(file: int, size: int, path: Path) -> None:
