@@ -20,10 +20,11 @@ MUTANTS = {
     "a restarted deck does not wait": [(_MEMBER, "self._now() < self._joined_at", "False")],
     "a restarted deck remembers nothing": [(_MEMBER, "memory.read() if memory is not None else ()", "()")],
     "no ids in clock answers": [(_CONDUCTOR, "self._stops.latest))", "[]))")],
-    "a second press is swallowed": [(_MEMBER, "if own:", "if own or self._held:")],
+    "a second press is swallowed": [
+        (_MEMBER, "others <= self._passed_on:", "others <= self._passed_on or self._held:")
+    ],
     "a deck does not repeat its stop": [
         (_MEMBER, 'for stop in self._held:\n            self._link.publish("stop", encode(stop))', "")
     ],
-    "a deck forgets its stops when another comes": [(_MEMBER, "stops[-MOST_SENT:]", "stops[-1:]")],
 }
 """Each with its module, a text of it, and what is there instead; repeated."""

@@ -320,7 +320,7 @@ class DeckTicks(NamedTuple):
     @classmethod
     def read(cls, files: Iterable[Path]) -> DeckTicks:
         """Reads the recordings of a deck, one for each time it was started."""
-        parts: list[tuple[NDArray[np.float64], ...]] = []
+        parts: list[tuple[NDArray[np.float64], ...]] = [(np.empty(0), np.empty(0), np.empty(0))]
         for file in files:
             if not file.exists() or not file.stat().st_size:
                 continue  # it was killed before its first ticks were written

@@ -44,6 +44,8 @@ LOCAL, WIRE = "controller/wire/local_transport.py", "tests/controller/wire"
 NETWORK, SIGNED = "controller/wire/network_transport.py", "controller/wire/authentication.py"
 PAGE, PAGES = "motiondeck/page/web/private_page.py", "tests/motiondeck/page/web/test_private_page.py"
 MEMBER, SHOWS = "motiondeck/shows/member.py", "tests/motiondeck/shows"
+CONDUCTOR, STANDING = "motiondeck/shows/conductor.py", "tests/motiondeck/shows/test_standing_stop.py"
+CONDUCTOR, STANDING = "motiondeck/shows/conductor.py", "tests/motiondeck/shows/test_standing_stop.py"
 RIG, RIGS = "hardware/rig/supervision/pace.py", "tests/hardware/rig"
 GUARD, GUARDS = "motiondeck/run/guard/guard.py", "tests/motiondeck/run/guard/test_guard_ticks.py"
 PORT = "hardware/rig/driving/servo_port.py"
@@ -210,6 +212,61 @@ MUTANTS = (
         'stop.by}")\n',
     ),
     Mutant(
+        "member: a stop that stands is not repeated", MEMBER, STANDING,
+        '        for stop in self._held:\n            self._link.publish("stop", encode(stop))\n',
+        "",
+    ),
+    Mutant(
+        "member: a stop is forgotten when another comes", MEMBER, STANDING,
+        "self._held = stops[-MOST_SENT:]",
+        "self._held = stops[-1:]",
+    ),
+    Mutant(
+        "member: a second press is swallowed", MEMBER, STANDING,
+        "if others <= self._passed_on:",
+        "if others <= self._passed_on or self._held:",
+    ),
+    Mutant(
+        "member: presses of the show are taken for the deck's", MEMBER, STANDING,
+        "self._own_presses += 1",
+        "pass",
+    ),
+    Mutant(
+        "member: a restarted deck does not wait", MEMBER, STANDING,
+        "if self._now() < self._joined_at:",
+        "if False:",
+    ),
+    Mutant(
+        "member: a restarted deck remembers nothing", MEMBER, STANDING,
+        "for stop in memory.read() if memory is not None else ():",
+        "for stop in ():",
+    ),
+    Mutant(
+        "member: a deck goes on before a new conductor knows", MEMBER, STANDING,
+        "if self._holds and received >= self._resumes_at:",
+        "if self._holds:",
+    ),
+    Mutant(
+        "member: a stop counts as carried out when it is sent", MEMBER, STANDING,
+        " if stop not in self._stopping.values()]",
+        "]",
+    ),
+    Mutant(
+        "conductor: no stops in its clock's answers", CONDUCTOR, STANDING,
+        "self._stops.latest))",
+        "[]))",
+    ),
+    Mutant(
+        "conductor: stops of before are not taken over", CONDUCTOR, STANDING,
+        "for stop in health.stops:",
+        "for stop in ():",
+    ),
+    Mutant(
+        "conductor: a deck that is not reached is not reported", CONDUCTOR, STANDING,
+        'if name not in here or self.stop_at(self.decks[name]) == "not reached"]',
+        "if name not in here]",
+    ),
+    Mutant(
         "member: a cue says anything", MEMBER, SHOWS,
         '                command.row.check_use("cue")\n',
         "",
@@ -293,6 +350,11 @@ MUTANTS = (
         "heartbeat: a silent client is not missed", "controller/loop/commands/listeners.py", HANDLER,
         "silent > listener.within):",
         "False):",
+    ),
+    Mutant(
+        "heartbeat: a client that was held up hears no more", "controller/loop/commands/listeners.py", HANDLER,
+        "            if gone or (listener",
+        "            if gone or listener.missed or (listener",
     ),
     Mutant(
         "start again: after an emergency stop too", "motiondeck/cli/play.py", "tests/motiondeck/run/test_play_again.py",

@@ -130,8 +130,11 @@ def test_a_deck_that_waits_for_a_conductor_does_not_go_on_before_that_one_knows_
         house.conduct(if_lost="hold")
         house.network.apart = [{name, "right"} for name in ("left", "middle")]
         house.network.apart += [{name, "conductor"} for name in ("left", "middle")]
-        house.cut("right", cut=False, seconds=0.3)
-        assert "right" not in house.moved
+        house.notes.clear()
+        house.cut("right", cut=False, seconds=0.0)
+        while "the conductor is back" not in house.notes:
+            house.run(0.02)
+            assert "right" not in house.moved
         house.network.apart = []
         house.run()
         assert "right" not in house.moved | house.moving
