@@ -25,7 +25,6 @@ from controller.wire.messages import commands
 from controller.wire.messages.replies import Accepted, State
 
 _BAR = 1.0  # s
-QUIETLY = {"stdout": subprocess.DEVNULL, "stderr": subprocess.DEVNULL}
 
 
 def is_stopped(deck: CommandClient) -> bool:
@@ -68,7 +67,8 @@ def main(
             port = int(probe.getsockname()[1])
         play = ["play", "walk", "--headless", "--command-port", str(port)]
         listen = ["--listen", "127.0.0.1", "--token-file", str(token)]
-        with subprocess.Popen([sys.executable, "-m", "motiondeck", *play, *listen], **QUIETLY) as process:
+        program = [sys.executable, "-m", "motiondeck", *play, *listen]
+        with subprocess.Popen(program, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL) as process:
             deck, network = CommandClient(port), LossyNetwork(port, loss)
             wait_for(deck)
             arrived, answered = list[float](), list[float]()
