@@ -19,7 +19,8 @@ class FaultCounter:
 
     faults: int = 0
     fault: str = ""
-    given_up: bool = False  # whether the last FAULTS_TO_GIVE_UP calls have all raised; no further one is made
+    given_up: bool = False  # whether the last `most` calls have all raised; no further one is made
+    most: int = FAULTS_TO_GIVE_UP
     _in_a_row: int = 0
 
     def call(self, action: Callable[P, None], *args: P.args, **kwargs: P.kwargs) -> None:
@@ -31,7 +32,7 @@ class FaultCounter:
         except Exception as error:
             self.faults += 1
             self._in_a_row += 1
-            self.given_up = self._in_a_row >= FAULTS_TO_GIVE_UP
+            self.given_up = self._in_a_row >= self.most
             self.fault = in_words(error)
         else:
             self._in_a_row = 0

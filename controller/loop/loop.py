@@ -28,6 +28,8 @@ from controller.loop.stop_requests import StopRequest, stop_on_signals
 from controller.motion.posture import Pose
 from controller.motion.rotations import Array
 
+_DEAF = 10  # ticks in a row in which nothing can be commanded, or no stop be taken, after which the joints come to rest
+
 
 @dataclass
 class LoopState:
@@ -117,8 +119,8 @@ def run(
         stop: ends the loop when set; if set before the first tick nothing moves. By default one that signals set.
     """
     source = Source(deck, clock.period)
-    commanding, publishing = FaultCounter(), FaultCounter()
-    stopping = [FaultCounter() for _ in stops]
+    commanding, publishing = FaultCounter(most=_DEAF), FaultCounter()
+    stopping = [FaultCounter(most=_DEAF) for _ in stops]
     with undisturbed(), nullcontext(stop) if stop is not None else stop_on_signals() as stop:
         state = LoopState(envelope.position, source.pose)
         steps = safe_targets(source, channels, envelope, stop, seconds, rest)

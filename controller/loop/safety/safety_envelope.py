@@ -17,6 +17,7 @@ each take three times as long.
 from __future__ import annotations
 
 import numpy as np
+from numpy.typing import NDArray
 
 from controller.deck.interfaces import JointLimits
 from controller.loop.safety.braking import braked, held_back, longest_run, stopping_run
@@ -84,6 +85,11 @@ class SafetyEnvelope:
         for state, p in zip(self._states, position.tolist(), strict=True):
             state[:] = p, 0.0, 0.0, p, 0.0
         self.changed[:] = [0] * len(self.changed)
+
+    def restart(self, joints: NDArray[np.bool_], position: Array) -> None:
+        """Begins anew with these joints, shape (J,), at rest at `position` (J,), rad; the others go on."""
+        for joint in np.flatnonzero(joints).tolist():
+            self._states[joint][:] = float(position[joint]), 0.0, 0.0, float(position[joint]), 0.0
 
     @property
     def position(self) -> Array:

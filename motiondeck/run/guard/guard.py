@@ -4,6 +4,7 @@ The guard ticks on a grid of its own, so that goals leave on time even when targ
 follows the targets: it is moved, little by little, to shortly after they usually come. In a tick without new targets,
 and in the next, the joints go on as the targets did; then they brake and are held. Targets that come back before the
 joints are at rest are caught up with; later ones have to come to where the joints are held, to be followed from there.
+So they have to where servos were set up again, which stand where they were.
 
 The emergency stop is kept here (see `stop_state`): the stop door, the wired stop and the deck demand it, each on its
 own. A reset comes from the deck, and names the presses that it releases.
@@ -82,6 +83,7 @@ class RigGuard:
         self._shift, self._least, self._ticks = 0.0, 1.0, 0  # of the grid a tick; least waiting; ticks of the window
         self._latest = [rig.goals.copy() for _ in range(3)]  # the latest targets, the last first
         self._recoveries, self._collected = rig.recoveries, 0
+        self._set_up = False  # whether joints were set up again and the others still brake
         envelope.start(rig.goals)
 
     @property
@@ -164,7 +166,11 @@ class RigGuard:
     def _next(self, fresh: bool) -> Array:
         """The safe targets of this tick."""
         stop, envelope = self.stop, self._envelope
-        if self._missed > MISSED:
+        if self._rig.recoveries != self._recoveries:
+            # Joints that were set up again begin where they stand. The others brake, and the deck comes to all of them.
+            self._recoveries, self._set_up = self._rig.recoveries, True
+            envelope.restart(np.abs(self._rig.goals - envelope.position) > AT, self._rig.goals)
+        if self._missed > MISSED or self._set_up:
             stop.lose()
         elif fresh:
             stop.regain()
@@ -173,16 +179,12 @@ class RigGuard:
             stop.go_on()
             before[:] = first[:] = last
         if stop.phase == "running":
-            self._recoveries = self._rig.recoveries
             if fresh:
                 return envelope(last)
             n, speed, change = self._missed, last - before, last - 2.0 * before + first
             return envelope(last + n * speed + 0.5 * n * (n + 1) * change)
-        if stop.phase != "braking" and self._rig.recoveries != self._recoveries:
-            # A joint that was set up again stays where it stands now.
-            self._recoveries = self._rig.recoveries
-            envelope.start(self._rig.goals)
         goals = envelope.brake()
         if envelope.at_rest:
             stop.rested()
+            self._set_up = False
         return goals

@@ -37,15 +37,15 @@ def guarded(port):
 
 
 def play(rig, seconds, speed=2.0, joint=0):
-    """The deck's side: from where the joints are held one of them moves on, rad/s."""
-    start, targets = rig.positions.copy(), rig.positions.copy()
+    """The deck's side: it comes to where joints are held, and from there one of them moves on, rad/s."""
     until(lambda: rig.collect_state() or rig.held is not None, "the guard")
-    targets[:] = start if rig.held is None else rig.held
+    targets = rig.states.goals.copy()
     for _ in range(round(seconds / T)):
         rig.collect_state()
+        if rig.held is not None:
+            targets[:] = rig.held
         rig.write(targets)
-        if rig.held is None:
-            targets[joint] += speed * T
+        targets[joint] += speed * T
         time.sleep(T)
 
 

@@ -271,6 +271,24 @@ def test_a_joint_that_was_set_up_again_during_a_stop_stays_where_it_stands(bench
     np.testing.assert_array_equal(bench.rig.sent[-1], sagged)
 
 
+def test_joints_that_were_set_up_again_begin_where_they_stand_and_the_deck_comes_there(bench):
+    """The rig would have them catch up at a quarter of their speed limit at once, beyond their acceleration limit."""
+    bench.rig.goals = bench.rig.goals - [0.0, 0.4]
+    sagged, other = bench.rig.goals[1], bench.rig.sent[-1][0]
+    bench.rig.recoveries += 1
+    before = len(bench.rig.sent)
+    for _ in range(60):
+        bench.deck_tick()
+    assert bench.phase == "held"
+    sent = np.array(bench.rig.sent[before:])
+    assert (sent[:, 1] == sagged).all()
+    assert sent[-1, 0] != other, "the other joint was not stopped at once"
+    assert_safe(np.array([bench.rig.sent[before - 2], bench.rig.sent[before - 1], *sent])[:, :1])
+    bench.play()
+    assert bench.phase == "running"
+    assert_safe(bench.rig.sent[before:])
+
+
 def test_a_rig_that_is_lost_says_why_and_is_not_written_to_again(bench):
     bench.rig.broken = True
     bench.deck_tick()
