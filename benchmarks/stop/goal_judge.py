@@ -3,9 +3,9 @@
 Knows a record of the bus (see `bus_relay`), a record of the true shafts, and what robot and rig file say; it shares no
 code with what it judges. Times are CLOCK_MONOTONIC, s.
 
-**Grid.** A goal holds until the next one. The rig sends one in each period, late rather than early, so periods begin
-where most frames come right after and hardly any right before. A frame belongs to the period in which it passed, and
-one that is even later to the period before, if that has no other. One period without a frame counts as a late frame,
+**Grid.** A goal holds until the next one. The rig sends one in each period, and the periods may drift a little, so a
+frame is compared with the mean phase (on the circle) of the frames around it. It belongs to the period nearest to it;
+one that is even later, to the period before, if that has no other. One period without a frame counts as a late frame,
 between its neighbours. In two or more the goals stand still: a deck that falls silent in full motion stops its joints
 within one period, and is judged as that.
 
@@ -30,8 +30,7 @@ from benchmarks.stop.bus_relay import LOST, TO_SERVOS, entries
 from benchmarks.stop.goal_frames import GOAL_POSITION, PULSES_PER_TURN, WRITE, FrameReader, goals_in
 
 Array = NDArray[np.float64]
-_BINS = 40  # of a period
-_EARLY = 6  # of them before which a frame is early
+_AROUND = 51  # frames whose mean phase counts as that of the middle one
 _OVER = (1, 2, 3, 4)  # periods
 _MOVES = 3.0  # pulses a period, above which a joint counts as moving
 _FALLS = 1.5  # pulses a period by which a joint that brakes is slower than before; rounding alone makes 1
@@ -169,18 +168,18 @@ class Track:
 def on_grid(goals: Goals, period: float, until: float) -> Track:
     """Puts goals on the grid of periods, and holds the last ones until a time, s."""
     times = goals.times
-    start = times[0]
-    counts, _ = np.histogram(np.mod(times - start, period) / period, bins=_BINS, range=(0.0, 1.0))
-    before = np.array([np.roll(counts, _EARLY - first)[:_EARLY] for first in range(_BINS)]).sum(axis=1)
-    begin = int(np.lexsort((-counts - np.roll(counts, -1), before))[0])
-    phase = start + begin / _BINS * period
-    slots = np.floor((times - phase) / period + 0.5 * _EARLY / _BINS).astype(int)
+    turns = (times - times[0]) / period
+    around = np.convolve(np.exp(2j * np.pi * turns), np.ones(min(_AROUND, len(turns))), "same")
+    phase = np.unwrap(np.angle(around)) / (2.0 * np.pi)
+    slots = np.rint(turns - phase).astype(int)
+    due = times[0] + (slots + phase) * period
     for index in range(1, len(slots)):
         if slots[index] <= slots[index - 1]:
             before = slots[index - 2] if index > 1 else slots[index - 1] - 2
             if slots[index - 1] - 1 > before:
                 slots[index - 1] -= 1
-    first, last = int(slots[0]), math.floor((until - phase) / period)
+                due[index - 1] -= period
+    first, last = int(slots[0]), int(slots[-1]) + math.floor((until - due[-1]) / period)
     last = last if last > slots[-1] + 1 else int(slots[-1])  # the last frame may just be late
     grid = np.arange(first, last + 1)
     source = np.searchsorted(slots, grid, side="right") - 1
@@ -194,7 +193,8 @@ def on_grid(goals: Goals, period: float, until: float) -> Track:
             positions[index] = 0.5 * (positions[index - 1] + positions[index + 1])
             missing[index] = False
             late += 1
-    return Track(phase + grid * period, positions, missing, late)
+    ideal = due[source] + (grid - slots[source]) * period
+    return Track(ideal, positions, missing, late)
 
 
 def acceleration_parts(track: Track, joints: Joints) -> Array:
