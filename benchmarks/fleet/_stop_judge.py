@@ -22,10 +22,14 @@ from controller.wire.messages.deck_snapshot import MODES
 from controller.wire.run_recording import load_recording
 
 CONDUCTOR, NETWORK = "conductor", "network"
+LOSSY = "loss 0.2"
 DECKS: tuple[str, ...] = ("a", "b", "c", "d")
 
 REACH = 0.5
 """A press is an emergency stop at every linked deck after this, s."""
+
+REACH_OVER_FEW = 2.5
+"""The same where links are missing and many packets are lost, s: TCP sends one again after 0.3, 0.9 and 2.1 s."""
 
 BRAKE = 0.5
 """The joints are still so long after that, s."""
@@ -127,6 +131,7 @@ class StopModel:
         self._presses: list[float] = []
         self._over: dict[int, float] = {}
         self._parted: set[frozenset[str]] = set()
+        self._lossy = False
         self.musts: list[Must] = []
         self.reached: list[tuple[str, Coming]] = []
 
@@ -134,6 +139,7 @@ class StopModel:
         """Takes the next event."""
         self._arrive(event.began)
         if event.name == NETWORK:
+            self._lossy = event.what.startswith(LOSSY)
             return
         if event.what in ("part", "join"):
             self._part(event)
@@ -222,6 +228,11 @@ class StopModel:
         linked = all(member.alive and member.linked and member.frozen == math.inf for member in members)
         return linked and frozenset({one, other}) not in self._parted
 
+    @property
+    def _links_are_missing(self) -> bool:
+        members = self._members.values()
+        return bool(self._parted) or any(not each.linked or each.frozen < math.inf for each in members)
+
     def _carriers(self, stop: int, name: str) -> dict[str, float]:
         """The members that repeat a stop for a deck, and since when each is linked, s."""
         if stop in self._over and self._members[name].born > self._over[stop]:
@@ -266,8 +277,9 @@ class StopModel:
                     member.coming.pop(stop, None)
                     continue
                 member.possible.add(stop)
-                reached = Coming(began if now - began < QUICK else math.nan, now + REACH, relinked=False)
-                if linked + RELINK > now + REACH:
+                reach = REACH_OVER_FEW if self._lossy and self._links_are_missing else REACH
+                reached = Coming(began if now - began < QUICK else math.nan, now + reach, relinked=False)
+                if linked + RELINK > now + reach:
                     reached = Coming(linked, linked + RELINK, relinked=True)
                 member.coming[stop] = min(member.coming.get(stop, reached), reached, key=lambda each: each.due)
             if not member.coming:
