@@ -28,7 +28,7 @@ _GOALS = 'write_each(config, bus, "goal_position", [int(pulses) for pulses in sc
 MUTANTS = {
     "no clipping": Mutant(JointPace.bound, "self._scale.within(targets)", "targets"),
     "no goal := present": Mutant(hold_still, _GOALS, "pass"),
-    "no braking distance": Mutant(places_of_rest, "np.where(moves, np.clip(ahead, -most, most), 0.0)", "0.0"),
+    "no braking distance": Mutant(places_of_rest, "np.where(moves | stands, np.clip(ahead, -most, most), 0.0)", "0.0"),
     "no acceleration limit": Mutant(
         _limit_speed, '"profile_acceleration", rates', '"profile_acceleration", [0] * len(rates)'
     ),

@@ -27,7 +27,9 @@ from hardware.rig.switching.identities import (
 NEAR = 0.05
 """rad that a joint may stand outside its limits when switched on: play, and the rounding of pulses."""
 _PATH = ("present_velocity", "present_position", "velocity_trajectory", "position_trajectory")
+_NO_PATH = ("present_velocity", "present_position", "goal_position")
 _LAG = 0.15  # s that a joint may be behind its path and still follows it
+_STANDS = 0.05  # rad/s of a path, up to which it stands
 _UNTIL_TAKEN = 0.02  # s from reading a joint's position to its taking the new goal
 _ROUNDS = 2  # of asking for torque or its end: a servo that has just restarted is deaf for a while
 
@@ -202,8 +204,9 @@ def places_of_rest(config: RigConfig, bus: Bus, scale: RigScale) -> tuple[Array,
     """Present positions, and where each joint would come to rest if it braked now; both (J,), rad.
 
     With an acceleration limit a servo runs past any goal nearer than its braking distance v^2 / (2 a), and hurries back
-    to it at up to its speed limit. It brakes along its own path (position and velocity trajectory); a joint without
-    torque, or that does not turn the way of its path, has no braking distance.
+    to it at up to its speed limit. It brakes along its own path (position and velocity trajectory). A load keeps a
+    joint off its path, by at most its slack; holding where the path stands, it does not sink any further. A joint
+    without torque, or that is held off its path, rests where it is.
     """
     torque = np.array(read_each(config, bus, "torque_enable")) != 0
     rows = _read_path(config, bus)
@@ -218,15 +221,19 @@ def places_of_rest(config: RigConfig, bus: Bus, scale: RigScale) -> tuple[Array,
     rates = np.array([joint.acceleration for joint in config.joints])
     braking = np.divide(path_velocity * path_velocity, 2.0 * rates, out=np.zeros(len(rates)), where=rates > 0.0)
     ahead = scale.angles(path) - angles + np.sign(path_velocity) * braking + path_velocity * _UNTIL_TAKEN
+    slack = np.array([joint.slack(joint.position_p_gain) for joint in config.joints])
     # What the path is ahead of a joint that follows it, at most; farther ahead is one that is held up.
-    most = np.abs(path_velocity) * (_LAG + _UNTIL_TAKEN) + braking
+    most = np.abs(path_velocity) * (_LAG + _UNTIL_TAKEN) + braking + slack
     moves = torque & (velocity * path_velocity > 0.0)
-    return angles, angles + np.where(moves, np.clip(ahead, -most, most), 0.0)
+    stands = torque & (np.abs(path_velocity) < _STANDS) & (np.abs(ahead) < slack)
+    return angles, angles + np.where(moves | stands, np.clip(ahead, -most, most), 0.0)
 
 
 def _read_path(config: RigConfig, bus: Bus) -> list[dict[str, int]]:
-    """The registers of `_PATH` of every servo, read at the same time; a model without a path is where it is."""
-    rows = [[joint.table[name] for name in _PATH if name in joint.table.registers] for joint in config.joints]
+    """The registers of `_PATH` of every servo, read at the same time; a model without a path goes to its goal."""
+    has_path = [_PATH[-1] in joint.table.registers for joint in config.joints]
+    names = [_PATH if path else _NO_PATH for path in has_path]
+    rows = [[joint.table[name] for name in own] for joint, own in zip(config.joints, names, strict=True)]
     starts = [min(row.address for row in own) for own in rows]
     ends = [max(row.address + row.length for row in own) for own in rows]
     blocks = zip(config.joints, starts, ends, strict=True)
@@ -238,6 +245,6 @@ def _read_path(config: RigConfig, bus: Bus) -> list[dict[str, int]]:
     for joint, own, start in zip(config.joints, rows, starts, strict=True):
         values = decode_block(own, statuses[joint.id].params, start)
         values.setdefault("velocity_trajectory", values["present_velocity"])
-        values.setdefault("position_trajectory", values["present_position"])
+        values.setdefault("position_trajectory", values.get("goal_position", 0))
         found.append(values)
     return found
