@@ -72,7 +72,7 @@ def _do_something(theatre: StopTheatre, chance: random.Random) -> None:
         (3 * (len(uncut) > 2), lambda: theatre.cut_link(chance.choice(uncut))),
         (3 * bool(theatre.cut), lambda: theatre.heal_link(chance.choice(sorted(theatre.cut)))),
         (3 * (len(theatre.parted) < 4), lambda: theatre.part(*chance.choice(pairs))),
-        (3 * (len(theatre.parted) < 4), lambda: _leave_one_link(theatre, *chance.sample(DECKS, 2))),
+        (4 * (len(decks) > 2), lambda: _press_beyond(theatre, *chance.sample(decks, 3))),
         (2 * bool(theatre.parted), lambda: theatre.join(*chance.choice(theatre.parted))),
         (1 * conducted, theatre.send_wrong_cue),
         (2 * bool(warm), lambda: theatre.freeze(chance.choice(warm))),
@@ -85,11 +85,12 @@ def _do_something(theatre: StopTheatre, chance: random.Random) -> None:
     chance.choices(actions, weights)[0]()
 
 
-def _leave_one_link(theatre: StopTheatre, deck: str, other: str) -> None:
-    """Cuts the links of a deck, but not that to one other: stops come over that one."""
+def _press_beyond(theatre: StopTheatre, deck: str, other: str, presser: str) -> None:
+    """Cuts the links of a deck, but not that to one other, over which the stop comes that is then pressed elsewhere."""
     for name in theatre.members:
         if name not in (deck, other) and not {(deck, name), (name, deck)} & {*theatre.parted}:
             theatre.part(*sorted((deck, name), key=theatre.members.index))
+    theatre.send_stop(presser)
 
 
 def begin_anew(theatre: StopTheatre) -> float:
