@@ -62,6 +62,7 @@ _STOPS_ITSELF = ("raising", "stopped", "killed")
 _ENDS = ("raising", "killed")  # the run
 _BEFORE = 0.1  # s from a fault to the stop
 _SEEN = 0.8  # s after the stop
+_TURNS_IN = 2  # periods in which joints stand before they go home
 _AFTERWARDS = 0.4  # s after the fault is over
 _CUT_FOR, _JOINED = 0.3, 0.05  # s; and until the first frame after that
 _PATIENCE = 0.17  # s of silence until the servos' watchdogs may have stopped them
@@ -389,7 +390,8 @@ def _judge(rig: JudgedRig, trial: Trial) -> None:
         here &= (track.times < trial.broken_at + _PATIENCE) | (track.times > trial.broken_at + _CUT_FOR + _JOINED)
     parts = (judge.acceleration_parts(track, rig.joints), judge.velocity_parts(track, rig.joints))
     trial.worst = max(float(part[here].max(initial=0.0)) for part in parts)
-    still = judge.standstill(track, rig.joints, trial.at)
+    periods = {"periods": _TURNS_IN} if trial.goes_home else {}
+    still = judge.standstill(track, rig.joints, trial.at, **periods)
     trial.braking_after, trial.still_after, trial.moved = still.braking_after, still.still_after, still.moved
     trial.shafts_stand = judge.shafts_still_after(shafts.between(trial.at, trial.end), trial.at) is not None
 

@@ -235,14 +235,14 @@ class Standstill:
     moved: float
 
 
-def standstill(track: Track, joints: Joints, at: float) -> Standstill:
-    """Judges how the goals come to stand after the time `at`, s."""
+def standstill(track: Track, joints: Joints, at: float, periods: int = _STILL) -> Standstill:
+    """Judges how the goals come to stand after the time `at`, s: for so many periods, so that it counts."""
     # Row k is the step, in pulses, that arrives at period k + 1.
     steps = np.abs(np.diff(track.positions, axis=0)) / joints.pulse
     begin = int(np.searchsorted(track.times, at - _ROUNDING)) - 1  # the first step that could know of it
-    if begin < 1 or begin + _STILL >= len(track.positions):
+    if begin < 1 or begin + periods >= len(track.positions):
         return Standstill(None, None, 0.0)
-    spans = np.ptp(np.lib.stride_tricks.sliding_window_view(track.positions[begin:], _STILL + 1, axis=0), axis=2)
+    spans = np.ptp(np.lib.stride_tricks.sliding_window_view(track.positions[begin:], periods + 1, axis=0), axis=2)
     stand = np.flatnonzero((spans <= 1.5 * joints.pulse).all(axis=1))  # a pulse is what rounding can make of nothing
     still = begin + int(stand[0]) if len(stand) else None
     if still is None:
