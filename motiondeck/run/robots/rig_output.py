@@ -95,7 +95,7 @@ class RigOutput:
         self.guarded = rig if isinstance(rig, GuardedRig) else None
         self._hz = hz
         self._order = np.array([joints.index(name) for name in rig.names])
-        self._written = rig.positions.copy()
+        self._written, self._followed = rig.positions.copy(), rig.positions.copy()
         self._measured, self._held = np.full(len(joints), np.nan), np.full(len(joints), np.nan)
         self._measured[self._order] = rig.positions
         self._squares, self._samples = 0.0, 0
@@ -118,13 +118,14 @@ class RigOutput:
     def _exchange(self, targets: Array) -> None:
         rig = self._rig
         if rig.collect_state():
-            # The state was taken right after the last write: its targets are what the joints were following.
-            error = rig.positions - self._written
+            # The state was taken right after the goals before were sent: the joints were following these.
+            error = rig.positions - self._followed
             self._squares += float(error @ error)
             self._samples += len(error)
             self._measured[self._order] = rig.positions
         self._written[:] = targets[self._order]
         rig.write(self._written)
+        self._followed[:] = self._written if self.guarded is None else self.guarded.states.goals
 
     def measured(self) -> Array | None:
         """The latest measured positions (J,), rad; NaN for joints that the rig lacks."""
