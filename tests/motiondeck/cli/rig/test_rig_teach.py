@@ -17,9 +17,9 @@ from controller.motion.formats.taught_clip import read_taught_clip, save_taught_
 from hardware.errors import SerialPortError
 from hardware.rig.rig_file import load_rig
 from hardware.rig.scale import RigScale
-from hardware.rig.supervision.rig import Rig
 from hardware.tools.teaching import Moment
 from motiondeck.cli.rig.play import play_clip
+from motiondeck.run.guard.guarded_rig import GuardedRig
 from motiondeck.run.spec.run_spec import RunSpec
 from served_rigs import served
 
@@ -73,13 +73,13 @@ def test_sigterm_ends_a_run_on_the_rig_without_torque_and_with_its_report(rig, p
     save_taught_clip(taught_clip("sway", ("pan", "tilt"), 50.0, np.stack([sway, -sway], axis=1)), clip)
     writes = []
 
-    def write(self, targets, send=Rig.write):
+    def write(self, targets, send=GuardedRig.write):
         writes.append(targets)
         if len(writes) == 20:
             os.kill(os.getpid(), signal.SIGTERM)
         send(self, targets)
 
-    monkeypatch.setattr(Rig, "write", write)
+    monkeypatch.setattr(GuardedRig, "write", write)
     run = motiondeck("rig", "play", rig, clip, *port, "--command-port", "0", "--json")
     assert run["reason"] == "stopped from outside (SIGTERM)"
     assert len(writes) >= 20
