@@ -96,7 +96,6 @@ class GuardedRig:
         incidents: the latest, in order of time.
         wire: the wired stop, if the guard watches one.
         door_presses: how often an emergency stop came to the stop door.
-        not_permitted: what the system has refused the guard.
     """
 
     def __init__(
@@ -115,7 +114,6 @@ class GuardedRig:
         self.incidents: deque[Incident] = deque(maxlen=_INCIDENTS)
         self.wire: GuardedWire | None = None
         self.door_presses = 0
-        self.not_permitted = ready.not_permitted
         self.stop = StopState()
         self._failure, self._watching = "", False
         self._heard, self._collected = time.monotonic(), 0

@@ -81,10 +81,9 @@ Request = Begin | WatchStops | SwitchTorque | Restart | QueryRegisters | QueryPo
 
 
 class Connected(msgspec.Struct, frozen=True, tag="ready"):
-    """The rig is switched on where it stands, each joint at an angle, rad; and what the system has not permitted."""
+    """The rig is switched on where it stands, each joint at an angle, rad."""
 
     positions: list[float]
-    not_permitted: list[str]
 
 
 class Watching(msgspec.Struct, frozen=True, tag="watching"):

@@ -62,7 +62,7 @@ class GuardService:
         self.guard = RigGuard(rig, envelope, self._targets, period, time.monotonic())
         self._requests = RigRequests(rig)
         self._incidents: Incident | None = None
-        self._told = ""
+        self._reported_failure = ""
         self.closing = self.stopped = False
 
     def run(self) -> None:
@@ -125,8 +125,8 @@ class GuardService:
             for incident in self._new(incidents):
                 link.send(messages.IncidentNote(*incident))
             self._incidents = incidents[-1]
-        if guard.failure != self._told:
-            self._told = guard.failure
+        if guard.failure != self._reported_failure:
+            self._reported_failure = guard.failure
             link.send(messages.RigFailed(guard.failure))
 
     def _new(self, incidents: Sequence[Incident]) -> list[Incident]:
@@ -154,14 +154,14 @@ def guard(link: GuardLink[Request], begin: Begin) -> None:
         running: GuardService | None = None
         try:
             # Emulated servos are an ordinary process, which a guard in real time would hold up.
-            asked = request_realtime() if begin.emulated is None else []
-            refused = [str(permission) for permission in asked if not permission.granted]
+            if begin.emulated is None:
+                request_realtime()
             running = GuardService(opening, link, begin, rig)
             signal.signal(signal.SIGTERM, lambda number, frame: setattr(running, "stopped", True))
             gc.collect()
             gc.freeze()
             gc.disable()
-            link.send(messages.Connected(rig.positions.tolist(), refused))
+            link.send(messages.Connected(rig.positions.tolist()))
             running.run()
         finally:
             left = running is not None and not running.closing
