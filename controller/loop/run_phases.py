@@ -123,7 +123,7 @@ def safe_targets(
             phase = phases[stop.mode]()
         yield next(phase)
 
-    homeward = chain(_rejoin(channels, envelope, source.dt), _move_to(rest, envelope, source.dt))
+    homeward = _end(channels, envelope, rest, source.dt)
     while not stop.emergency:
         targets = next(homeward, None)
         if targets is None:
@@ -161,6 +161,14 @@ def _go_home(
         while _held(channels) is None:
             source.update()
             yield envelope.brake()
+
+
+def _end(channels: Sequence[Measuring], envelope: SafetyEnvelope, rest: Array | None, dt: float) -> Iterator[Array]:
+    """Moves slowly to the rest pose (or just brakes, without one), once more if an output has held joints meanwhile."""
+    for _ in range(2):
+        yield from chain(_rejoin(channels, envelope, dt), _move_to(rest, envelope, dt))
+        if _held(channels) is None:
+            return
 
 
 def _hold(source: Source, envelope: SafetyEnvelope, stop: StopRequest) -> Iterator[Array]:

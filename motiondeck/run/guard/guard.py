@@ -2,9 +2,10 @@
 
 The guard ticks on a grid of its own, so that goals leave on time even when targets do not come on time. The grid
 follows the targets: it is moved, little by little, to shortly after they usually come. In a tick without new targets,
-and in the next, the joints go on as the targets did; then they brake and are held. Targets that come back before the
-joints are at rest are caught up with; later ones have to come to where the joints are held, to be followed from there.
-So they have to where servos were set up again, which stand where they were.
+and in the next, the joints go on as the targets did; then they brake and are held, unless the targets stood still: to
+those they come first. Targets that come back before the joints are at rest are caught up with; later ones have to come
+to where the joints are held, to be followed from there. So they have to where servos were set up again, which stand
+where they were.
 
 The emergency stop is kept here (see `stop_state`): the stop door, the wired stop and the deck demand it, each on its
 own. A reset comes from the deck, and names the presses that it releases.
@@ -88,8 +89,8 @@ class RigGuard:
 
     @property
     def at_rest(self) -> bool:
-        """Whether the joints have come to rest."""
-        return self._envelope.at_rest
+        """Whether the joints have come to rest, and nothing is left to follow."""
+        return self._still and self._envelope.at_rest
 
     @property
     def due(self) -> float:
@@ -114,9 +115,7 @@ class RigGuard:
         fresh = fresh and now - self._targets.sent < MISSED * self._period
         self._move_grid(now, fresh)
         if fresh:
-            oldest = self._latest.pop()
-            oldest[:] = self._targets.joints
-            self._latest.insert(0, oldest)
+            self._take(self._targets.joints)
             self._missed = 0
         else:
             self._missed += 1
@@ -133,6 +132,12 @@ class RigGuard:
         for _ in range(times):
             self.stop.press(STOP_DOOR)
 
+    def end(self) -> None:
+        """The deck has sent its last targets, at which its joints are at rest: those that were held up come to them."""
+        last, before, first = self._latest
+        before[:] = first[:] = last
+        self.stop.regain()
+
     def lose_deck(self) -> None:
         """The deck is gone: nothing is followed any more."""
         self._missed = MISSED
@@ -141,6 +146,24 @@ class RigGuard:
     def report(self, states: States) -> None:
         """Fills in the state of this tick, but for the servos."""
         states.set(self.stop, self.wired.name if self.wired is not None else "", self._collected, self._rig.recoveries)
+
+    def _take(self, joints: Array) -> None:
+        """Keeps new targets; after missing ones the targets between are on a straight line, or were like these."""
+        last, before, first = self._latest
+        if self._missed:
+            speed = (joints - last) / (self._missed + 1) if self._missed <= MISSED else 0.0
+            before[:], first[:] = joints - speed, joints - 2.0 * speed
+            last[:] = joints
+        else:
+            first[:] = joints
+            self._latest = [first, last, before]
+
+    @property
+    def _is_on_its_way(self) -> bool:
+        """Whether joints that were held up are still on their way to targets that stand still."""
+        last, before, first = self._latest
+        stand = np.array_equal(last, before) and np.array_equal(before, first)
+        return stand and bool(np.any(np.abs(last - self._envelope.position) > AT))
 
     @property
     def _still(self) -> bool:
@@ -170,7 +193,7 @@ class RigGuard:
             # Joints that were set up again begin where they stand. The others brake, and the deck comes to all of them.
             self._recoveries, self._set_up = self._rig.recoveries, True
             envelope.restart(np.abs(self._rig.goals - envelope.position) > AT, self._rig.goals)
-        if self._missed > MISSED or self._set_up:
+        if self._set_up or (self._missed > MISSED and not self._is_on_its_way):
             stop.lose()
         elif fresh:
             stop.regain()

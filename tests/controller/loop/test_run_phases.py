@@ -376,3 +376,19 @@ def test_the_end_comes_though_an_output_never_follows_again():
     run.finish()
     np.testing.assert_allclose(run.written[-1], REST, atol=1e-6)
     assert_safe(run.written)
+
+
+def test_an_output_that_stops_following_on_the_way_to_the_end_is_brought_there_too():
+    output = Holding(np.zeros(JOINTS))
+    run = Run(Wild(5), channels=[output])
+    tick_with(run, output, 100)
+    run.stop.ask("enough")
+    run.tick(60)
+    output.lose(run.written[-1] + 0.02)
+    place = output.place[:2]
+    while run.tick():
+        output.take(run.written[-1])
+    assert output.follows
+    assert np.abs(np.array(run.written)[:, :2] - place).max(axis=1).min() < 1e-3
+    np.testing.assert_allclose(run.written[-1], REST, atol=1e-6)
+    assert_safe(run.written)

@@ -172,6 +172,34 @@ def test_a_deck_that_comes_back_before_rest_is_caught_up_with(bench):
     np.testing.assert_allclose(bench.rig.sent[-1], bench.targets.joints, atol=1e-3)
 
 
+@pytest.mark.parametrize("near, missed, ended", [(0.2, 0, False), (0.2, 9, False), (0.1, 7, True), (0.2, 10, True)])
+def test_joints_that_were_held_up_come_to_the_last_targets_of_a_deck(bench, near, missed, ended):
+    end = np.array([0.2, 0.6])
+    while np.abs(bench.envelope.position - end).max() > near:
+        bench.deck_tick(end)
+    for _ in range(missed):  # the deck is on time, and its targets do not come
+        bench.pass_time(T)
+        bench.envelope(end)
+    while not bench.envelope.at_rest:
+        bench.deck_tick(end)
+    bench.deck_tick(end)
+    assert np.abs(bench.rig.sent[-1] - end).max() > 2e-3
+    if ended:
+        bench.guard.end()
+    bench.pass_time(1.0)
+    assert bench.guard.at_rest
+    assert bench.phase == "held"
+    np.testing.assert_allclose(bench.rig.sent[-1], end, atol=2e-3)
+    assert_safe(bench.rig.sent)
+
+
+def test_a_deck_that_ends_in_motion_is_braked(bench):
+    bench.guard.end()
+    bench.pass_time(1.0)
+    assert bench.guard.at_rest
+    assert_safe(bench.rig.sent)
+
+
 def test_a_deck_that_comes_back_later_has_to_come_to_the_joints(bench):
     bench.pass_time(0.5)
     held = bench.rig.sent[-1]
