@@ -172,7 +172,9 @@ def test_a_deck_that_comes_back_before_rest_is_caught_up_with(bench):
     np.testing.assert_allclose(bench.rig.sent[-1], bench.targets.joints, atol=1e-3)
 
 
-@pytest.mark.parametrize(("near", "missed", "ended"), [(0.2, 0, False), (0.2, 9, False), (0.1, 7, True), (0.2, 10, True)])
+@pytest.mark.parametrize(
+    ("near", "missed", "ended"), [(0.2, 0, False), (0.2, 9, False), (0.1, 7, True), (0.2, 10, True)]
+)
 def test_joints_that_were_held_up_come_to_the_last_targets_of_a_deck(bench, near, missed, ended):
     end = np.array([0.2, 0.6])
     while np.abs(bench.envelope.position - end).max() > near:
