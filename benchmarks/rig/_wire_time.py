@@ -8,7 +8,7 @@ n servos, L data bytes each; stuffing, gaps and what the servos think beyond the
 
 from __future__ import annotations
 
-from hardware.protocol2.group_reply import fast_reply_length, status_length
+from hardware.families.dynamixel2.group_reply import fast_reply_length, status_length
 
 _GROUP_HEAD = 14  # header, ID, length, instruction, address, data length, checksum
 _GOAL = 4

@@ -25,9 +25,9 @@ from benchmarks.rig.schedule_judge import JudgedBus, JudgedPort, ShaftJudge
 from benchmarks.rig.source_mutants import MUTANTS, mutated
 from benchmarks.rig.taking_turns import Turns
 from hardware.bus.servo_bus import Bus
-from hardware.control_table.models import MODELS as TABLES
 from hardware.emulator.faults import Fault, FaultPlan
 from hardware.errors import RigError
+from hardware.families.models import MODELS as TABLES
 from hardware.rig.rig_file import RigConfig, RigJoint
 from hardware.rig.scale import Array
 from hardware.rig.supervision.rig import Rig

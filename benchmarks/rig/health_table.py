@@ -14,13 +14,13 @@ import typer
 
 from benchmarks import command
 from hardware.bus.servo_bus import Bus
-from hardware.control_table.models import MODELS as TABLES
-from hardware.control_table.p_series import P_SERIES
 from hardware.emulator.bus import BOOT_TIME, EmulatedBus
 from hardware.emulator.faults import Fault, FaultPlan
 from hardware.emulator.port import EmulatedPort
 from hardware.emulator.servos.device import Device
 from hardware.errors import RigError
+from hardware.families.dynamixel2.p_series import P_SERIES
+from hardware.families.models import MODELS as TABLES
 from hardware.rig.rig_file import RigConfig, RigJoint
 from hardware.rig.supervision.rig import Rig
 

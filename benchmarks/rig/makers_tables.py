@@ -15,7 +15,7 @@ from typing import Annotated, NamedTuple
 import typer
 
 from benchmarks import command
-from hardware.control_table.models import MODELS
+from hardware.families.models import MODELS
 
 # Ours include values that a page leaves out: no second ID, a tripped watchdog, bits of newer firmware.
 _WIDER = {"secondary_id", "bus_watchdog", "startup_configuration", "operating_mode", "drive_mode"}

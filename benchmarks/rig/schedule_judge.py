@@ -25,10 +25,10 @@ from hardware.emulator.faults import FaultPlan
 from hardware.emulator.port import EmulatedPort
 from hardware.emulator.servos.device import Device
 from hardware.emulator.servos.servo_bank import TRIPPED
-from hardware.protocol1 import instructions as wire1
-from hardware.protocol1.frames import Parser1
-from hardware.protocol2 import instructions as wire
-from hardware.protocol2.frames import Parser
+from hardware.families.dynamixel1 import instructions as wire1
+from hardware.families.dynamixel1.frames import Parser1
+from hardware.families.dynamixel2 import instructions as wire
+from hardware.families.dynamixel2.frames import Parser
 from hardware.rig.rig_file import RigConfig, RigJoint
 from hardware.rig.scale import Array
 

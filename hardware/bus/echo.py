@@ -7,8 +7,8 @@ Protocol 2.0 differs from an answer; one of Protocol 1.0 does not, and every pin
 from __future__ import annotations
 
 from hardware.bus.port import Port
-from hardware.protocol1 import instructions
-from hardware.protocol2.frames import BROADCAST
+from hardware.families.dynamixel1 import instructions
+from hardware.families.dynamixel2.frames import BROADCAST
 
 # No servo answers a read that is addressed to all.
 _PROBE = instructions.read(BROADCAST, 0, 1)

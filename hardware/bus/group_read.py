@@ -6,7 +6,7 @@ from collections.abc import Callable
 from typing import NamedTuple
 
 from hardware.bus.protocol import Protocol
-from hardware.protocol2.group_reply import (
+from hardware.families.dynamixel2.group_reply import (
     FastFormat,
     GroupReply,
     SingleFormat,

@@ -6,12 +6,12 @@ from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from types import ModuleType
 
-from hardware.protocol1 import frames as frames1
-from hardware.protocol1 import instructions as instructions1
-from hardware.protocol2 import frames as frames2
-from hardware.protocol2 import group_reply
-from hardware.protocol2 import instructions as instructions2
-from hardware.protocol2.frames import Frame, Parser, StatusPacket
+from hardware.families.dynamixel1 import frames as frames1
+from hardware.families.dynamixel1 import instructions as instructions1
+from hardware.families.dynamixel2 import frames as frames2
+from hardware.families.dynamixel2 import group_reply
+from hardware.families.dynamixel2 import instructions as instructions2
+from hardware.families.dynamixel2.frames import Frame, Parser, StatusPacket
 
 
 @dataclass(frozen=True, slots=True)

@@ -13,11 +13,11 @@ from hardware.bus.echo import WithoutEcho, returns_what_is_sent
 from hardware.bus.group_read import Blocks, GroupRead, group_read
 from hardware.bus.port import Port, SerialPort
 from hardware.bus.protocol import PROTOCOLS, Protocol
-from hardware.control_table.models import model_name
 from hardware.errors import NoReplyError, RefusedError
-from hardware.protocol2 import instructions
-from hardware.protocol2.frames import BROADCAST, StatusPacket
-from hardware.protocol2.group_reply import GroupReply, WholeReply, status_length
+from hardware.families.dynamixel2 import instructions
+from hardware.families.dynamixel2.frames import BROADCAST, StatusPacket
+from hardware.families.dynamixel2.group_reply import GroupReply, WholeReply, status_length
+from hardware.families.models import model_name
 
 UNKNOWN_MODEL = 0
 """Instead of a model number: a servo of Protocol 1.0 that answers a ping, which tells no model, and no read."""

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hardware.bus.protocol import PROTOCOLS, Protocol
-from hardware.protocol2.frames import HEADER, STUFFED_PATTERN
+from hardware.families.dynamixel2.frames import HEADER, STUFFED_PATTERN
 
 
 class SyncWrite:

@@ -15,10 +15,10 @@ from hardware.emulator.servos import protocol1_answers
 from hardware.emulator.servos.device import ACCESS, INSTRUCTION, LENGTH, RANGE, Device
 from hardware.emulator.servos.protocol1_answers import BOOT_TIME, Answer
 from hardware.emulator.servos.servo_bank import ServoBank
-from hardware.protocol1.frames import BAD_CHECKSUM as BAD_CHECKSUM1
-from hardware.protocol1.frames import Parser1
-from hardware.protocol2 import instructions as wire
-from hardware.protocol2.frames import ALERT, BROADCAST, HEADER, STATUS, Frame, Parser, build_status, checksum
+from hardware.families.dynamixel1.frames import BAD_CHECKSUM as BAD_CHECKSUM1
+from hardware.families.dynamixel1.frames import Parser1
+from hardware.families.dynamixel2 import instructions as wire
+from hardware.families.dynamixel2.frames import ALERT, BROADCAST, HEADER, STATUS, Frame, Parser, build_status, checksum
 from hardware.rig.rig_file import RigConfig
 
 LONGEST_GAP = 1.5e-3

@@ -11,11 +11,9 @@ from typing import Annotated, Literal
 
 import msgspec
 
-from hardware.control_table.models import MODELS
-from hardware.control_table.other_devices import WHY_NO_JOINT
-from hardware.control_table.servo_traits import TRAITS
-from hardware.control_table.table import ControlTable
 from hardware.errors import RigError, RigFileError
+from hardware.families.models import MODELS, TRAITS, WHY_NO_JOINT
+from hardware.families.table import ControlTable
 from motiondeck_base.errors import FileFormatError
 from motiondeck_base.file_numbers import SMALLEST, impossible_numbers
 from motiondeck_base.file_words import in_file_words
@@ -129,7 +127,7 @@ class RigJoint(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
 
     def check_restartable(self) -> None:
         """Checks that the servo can be restarted; raises a RigError if its model cannot."""
-        if not self.table.family.reboots:
+        if not self.table.series.reboots:
             raise RigError(f"{self.name} ({self.model}) cannot be restarted. Switch its power off and on.")
 
     @property
@@ -145,7 +143,7 @@ class RigJoint(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     @property
     def mode(self) -> int:
         """The operating mode in which the servo keeps to positions, and to a limit of current where there is one."""
-        limited = self.table.family.current_limited
+        limited = self.table.series.current_limited
         return POSITION_MODE if not self.current or POSITION_MODE in limited else limited[0]
 
     @property
@@ -165,7 +163,7 @@ class RigJoint(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
         stiffness = float(traits.stiffness or usual or 0)
         if position_p_gain is not None:
             stiffness *= position_p_gain / (usual or traits.stiffness)
-        full = traits.family.full_pwm * traits.family.gain_unit / abs(self.pulses_per_radian)
+        full = traits.series.full_pwm * traits.series.gain_unit / abs(self.pulses_per_radian)
         return full / stiffness if stiffness else math.inf
 
     @property

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from hardware.control_table.servo_traits import TRAITS
+from hardware.families.models import TRAITS
 from hardware.rig.rig_file import RigConfig, RigJoint
 
 Array = NDArray[np.float64]

@@ -8,8 +8,8 @@ from pathlib import Path
 import msgspec
 
 from hardware.bus.servo_bus import UNKNOWN_MODEL, Bus
-from hardware.control_table.register import Counts, decode_block
 from hardware.errors import NoReplyError, RigError
+from hardware.families.register import Counts, decode_block
 from hardware.rig.registers import read_register
 from hardware.rig.rig_file import RigConfig, RigJoint
 from motiondeck_base.files import write_file

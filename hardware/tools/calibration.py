@@ -15,8 +15,8 @@ from typing import Literal, NamedTuple
 import msgspec
 
 from hardware.bus.servo_bus import Bus
-from hardware.control_table.register import Counts
 from hardware.errors import RigError
+from hardware.families.register import Counts
 from hardware.rig.rig_file import RigConfig, RigJoint
 from hardware.rig.switching.audit import audit, settle
 from motiondeck_base.files import write_file

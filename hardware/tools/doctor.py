@@ -10,8 +10,8 @@ from typing import NamedTuple
 import msgspec
 
 from hardware.bus.servo_bus import UNKNOWN_MODEL, Bus, Identity
-from hardware.control_table.meanings import describe_errors
 from hardware.errors import NoReplyError, ServoError
+from hardware.families.meanings import describe_errors
 from hardware.rig.driving.state_block import arranged, motion
 from hardware.rig.driving.wire_load import longest_tick
 from hardware.rig.registers import read_register, write_each

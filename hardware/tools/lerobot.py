@@ -15,8 +15,8 @@ from pathlib import Path
 
 import msgspec
 
-from hardware.control_table.register import Counts
 from hardware.errors import RigError
+from hardware.families.register import Counts
 from hardware.rig.rig_file import RigConfig, RigJoint
 from hardware.tools.calibration import measured_joint
 from hardware.tools.rig_writing import assembled, new_joint

@@ -6,10 +6,10 @@ import time
 from collections.abc import Iterator
 
 from hardware.bus.servo_bus import Bus
-from hardware.control_table.meanings import describe_errors
-from hardware.control_table.register import decode_block
-from hardware.control_table.table import ControlTable
 from hardware.errors import ServoError
+from hardware.families.meanings import describe_errors
+from hardware.families.register import decode_block
+from hardware.families.table import ControlTable
 from hardware.rig.rig_file import RigConfig, RigJoint
 from hardware.rig.scale import RigScale
 from hardware.rig.switching.identities import hardware_errors

@@ -8,9 +8,8 @@ from pathlib import Path
 
 import msgspec
 
-from hardware.control_table.models import MODELS
-from hardware.control_table.other_devices import WHY_NO_JOINT
 from hardware.errors import RigError
+from hardware.families.models import MODELS, WHY_NO_JOINT
 from hardware.rig.rig_file import RigConfig, RigJoint, load_rig
 from hardware.tools.scan import Found
 from motiondeck_base.files import write_file

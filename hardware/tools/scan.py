@@ -6,9 +6,9 @@ from collections.abc import Callable, Iterable
 from typing import NamedTuple
 
 from hardware.bus.servo_bus import UNKNOWN_MODEL, Bus, Identity
-from hardware.control_table.models import MODELS
-from hardware.control_table.table import ControlTable
 from hardware.errors import NoReplyError, RigError
+from hardware.families.models import MODELS
+from hardware.families.table import ControlTable
 
 LIKELY_BAUDS = (57600, 1_000_000, 4_000_000, 2_000_000, 3_000_000, 115_200, 9600)
 """Where a servo is looked for, the likely rates first."""

@@ -9,10 +9,8 @@ from __future__ import annotations
 
 import math
 
-from hardware.control_table.register import Register
-from hardware.control_table.servo_traits import TRAITS
 from hardware.emulator.servos.servo_bank import TRIPPED, ServoBank
-from hardware.protocol2.instructions import (
+from hardware.families.dynamixel2.instructions import (
     BACKUP_RESTORE,
     BACKUP_STORE,
     CLEAR_TURNS,
@@ -20,6 +18,8 @@ from hardware.protocol2.instructions import (
     RESET_BUT_ID,
     RESET_BUT_ID_AND_BAUD,
 )
+from hardware.families.models import TRAITS
+from hardware.families.register import Register
 
 RESULT_FAIL, INSTRUCTION, RANGE, LENGTH, LIMIT, ACCESS = 1, 2, 4, 5, 6, 7
 
@@ -54,8 +54,8 @@ class Device:
         self.model = bank.table.model
         self._table = bank.table
         self._modes = TRAITS[self.model].modes
-        self.family = bank.table.family
-        self._limited_by = _LIMITED_BY | (_PROFILE_LIMITED_BY if self.family.checks_profiles else {})
+        self.series = bank.table.series
+        self._limited_by = _LIMITED_BY | (_PROFILE_LIMITED_BY if self.series.checks_profiles else {})
         self._backup: bytes | None = None
         size = bank.table.size
         self._memory = memoryview(bank.memory)[row * size : (row + 1) * size]
@@ -108,7 +108,7 @@ class Device:
     @property
     def baud(self) -> int:
         """The speed at which it hears and answers, bits/s."""
-        return self.family.baud_of(self._get("baud_rate")) or 0
+        return self.series.baud_of(self._get("baud_rate")) or 0
 
     @property
     def return_delay(self) -> float:
@@ -129,7 +129,7 @@ class Device:
     @property
     def torque(self) -> bool:
         """Whether torque is on."""
-        return self._get("torque_enable") != 0 and self._get(self.family.shuts_down_by) != 0
+        return self._get("torque_enable") != 0 and self._get(self.series.shuts_down_by) != 0
 
     @property
     def pulses_per_radian(self) -> float:
@@ -153,7 +153,7 @@ class Device:
 
     def fail(self, bits: int) -> None:
         """Gives the servo a hardware problem: 1 voltage, 4 heat, 8 encoder, 16 shock, 32 overload."""
-        self["hardware_error_status"] = self._get("hardware_error_status") | self.family.own_problems(bits)
+        self["hardware_error_status"] = self._get("hardware_error_status") | self.series.own_problems(bits)
         if self.shut_down and self._get("torque_enable"):
             self.bank.let_go(self.row)
 
@@ -340,13 +340,13 @@ class Device:
         if name == "operating_mode":
             return 0 if value in self._modes else RANGE
         if name == "drive_mode":
-            return RANGE if value & _FOLLOWER and not self.family.follows else 0
+            return RANGE if value & _FOLLOWER and not self.series.follows else 0
         if name == "baud_rate":
-            return 0 if self.family.baud_of(value) else RANGE
+            return 0 if self.series.baud_of(value) else RANGE
         if name == "lock":
             return 0 if value or not self._get("lock") else RANGE  # only power-up unlocks
         if name == "torque_enable":
-            return RESULT_FAIL if value and self.shut_down and self.family.shuts_down_by == name else 0
+            return RESULT_FAIL if value and self.shut_down and self.series.shuts_down_by == name else 0
         return 0
 
     def _take_effect(self, name: str, value: int, switched_on: bool) -> None:

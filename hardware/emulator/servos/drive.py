@@ -26,7 +26,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from hardware.control_table.servo_traits import TRAITS
+from hardware.families.models import TRAITS
 
 CURRENT, VELOCITY, PWM = 0, 1, 16
 POSITION_MODES = (3, 4, 5)
@@ -78,8 +78,8 @@ class Motor:
 def motor_of(model: str) -> Motor:
     """The motor of a model that can be a joint of a rig; the motor is in no control table."""
     traits = TRAITS[model]
-    stall, volts, full = traits.stall_current * 1e3, traits.voltage, traits.family.full_pwm
-    limited = traits.family.current_limited
+    stall, volts, full = traits.stall_current * 1e3, traits.voltage, traits.series.full_pwm
+    limited = traits.series.current_limited
     return Motor(traits.no_load_speed, stall, volts, full, traits.stall_torque, current_limited=limited)
 
 

@@ -9,10 +9,10 @@ from __future__ import annotations
 from typing import NamedTuple, Protocol
 
 from hardware.emulator.servos.device import ACCESS, LENGTH, LIMIT, RANGE, Device
-from hardware.protocol1 import instructions as wire
-from hardware.protocol1.frames import ANGLE_LIMIT, BAD_INSTRUCTION, OUT_OF_RANGE, build
-from hardware.protocol2.frames import BROADCAST, Frame
-from hardware.protocol2.instructions import RESET_ALL
+from hardware.families.dynamixel1 import instructions as wire
+from hardware.families.dynamixel1.frames import ANGLE_LIMIT, BAD_INSTRUCTION, OUT_OF_RANGE, build
+from hardware.families.dynamixel2.frames import BROADCAST, Frame
+from hardware.families.dynamixel2.instructions import RESET_ALL
 
 BOOT_TIME = 0.1
 """How long a servo is deaf after a reboot, s; the manual gives no figure."""
@@ -95,7 +95,7 @@ def _alone(bus: ServoBus, device: Device, frame: Frame) -> list[Answer]:
             bits = _bits(device.register(params[0], params[1:]))
         case wire.ACTION:
             bits = _bits(device.act())
-        case wire.REBOOT if device.family.reboots:
+        case wire.REBOOT if device.series.reboots:
             device.reboot(bus.time + BOOT_TIME)
             return done
         case wire.FACTORY_RESET:
@@ -126,7 +126,7 @@ def _bulk_read(bus: ServoBus, params: bytes) -> list[Answer]:
         length, id, address = params[at : at + 3]
         own: list[Answer] = []
         for device in bus.hearing(id, 1):
-            if device.family.bulk_reads:
+            if device.series.bulk_reads:
                 data = device.read(address, length)
                 own += status(device, 0 if data else OUT_OF_RANGE, data or b"", 1)
         if not own and bus.strict:

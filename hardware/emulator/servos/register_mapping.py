@@ -12,9 +12,9 @@ from typing import Any
 
 import numpy as np
 
-from hardware.control_table.table import ControlTable
-from hardware.control_table.xm430_w350 import XM430_W350
 from hardware.emulator.servos.drive import VELOCITY, MotorDrive
+from hardware.families.dynamixel2.xm430_w350 import XM430_W350
+from hardware.families.table import ControlTable
 
 _BEHIND = 1024  # bytes: farther than the memory of these servos reaches
 _LACKING = ("indirect_", "present_current", "goal_current", "current_limit", "startup_configuration", "backup_ready",

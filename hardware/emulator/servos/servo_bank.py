@@ -13,11 +13,11 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from hardware.control_table.register import Register
-from hardware.control_table.servo_traits import TRAITS
-from hardware.control_table.table import ControlTable
 from hardware.emulator.servos.drive import CURRENT, POSITION_MODES, PWM, VELOCITY, MotorDrive, motor_of
 from hardware.emulator.servos.register_mapping import follow, whole_table, with_sign
+from hardware.families.models import TRAITS
+from hardware.families.register import Register
+from hardware.families.table import ControlTable
 
 TRIPPED = -1
 """The bus watchdog register after it has stopped the servo."""
@@ -151,7 +151,7 @@ class ServoBank:
         )
         drive.offset = np.where(one_turn, 0.0, registers["homing_offset"].astype(np.float64))
         drive.on = registers["torque_enable"] != 0
-        gain = self._traits.family.gain_unit
+        gain = self._traits.series.gain_unit
         if not self.mapped:
             drive.p_gain = registers["position_p_gain"] / gain
             drive.i_gain = registers["position_i_gain"] / (gain * 0.512)  # a 1 kHz loop sums 512ths of it
@@ -248,7 +248,7 @@ class ServoBank:
         registers, drive = self.registers, self.drive
         self._overload = np.where(np.abs(drive.current) > _OVERLOADED, self._overload + seconds, 0.0)
         tenths = drive.supply * 10.0
-        voltage, heat, overload = (self.table.family.own_problems(bit) for bit in (_VOLTAGE, _HEAT, _OVERLOAD))
+        voltage, heat, overload = (self.table.series.own_problems(bit) for bit in (_VOLTAGE, _HEAT, _OVERLOAD))
         found = heat * (drive.temperature > registers["temperature_limit"])
         found |= overload * (self._overload > _OVERLOAD_TIME)
         found |= voltage * ((tenths > registers["max_voltage_limit"]) | (tenths < registers["min_voltage_limit"]))
@@ -262,7 +262,7 @@ class ServoBank:
 
     def let_go(self, rows: NDArray[np.bool_] | int) -> None:
         """Shuts servos down; one that loses its torque limit may get another, the others need a reboot."""
-        self.registers[self.table.family.shuts_down_by][rows] = 0
+        self.registers[self.table.series.shuts_down_by][rows] = 0
         self.settle()
 
     def show(self) -> None:

@@ -21,8 +21,8 @@ from numpy.typing import NDArray
 
 from hardware.bus.group_read import Blocks
 from hardware.bus.protocol import PROTOCOLS
-from hardware.protocol2.frames import ALERT
-from hardware.protocol2.group_reply import GroupReply, WholeReply
+from hardware.families.dynamixel2.frames import ALERT
+from hardware.families.dynamixel2.group_reply import GroupReply, WholeReply
 from hardware.rig.counters import RigFaults
 from hardware.rig.driving.register_reading import EVERY, RegisterReading
 from hardware.rig.driving.state_block import StateBlock, everything, row_layout
@@ -98,8 +98,8 @@ class Readings:
         self._all = slice(None) if len(joints) == len(config.joints) else self._own
         self._tables = [joint.table for joint in config.joints]
         self._problems: NDArray[np.uint8] | None = None  # by joint and error bits, where they are not the usual ones
-        if any(bit != own for table in self._tables for bit, own in table.family.problems.items()):
-            usual = [[table.family.usual_problems(bits) for bits in range(256)] for table in self._tables]
+        if any(bit != own for table in self._tables for bit, own in table.series.problems.items()):
+            usual = [[table.series.usual_problems(bits) for bits in range(256)] for table in self._tables]
             self._problems = np.array(usual, dtype=np.uint8)
         self._index = {self._ids[index]: index for index in self._line_of_all}
         self._everything = [everything(joint.table) for joint in config.joints]
@@ -302,7 +302,7 @@ def _turns(config: RigConfig, joints: Sequence[int]) -> list[NDArray[np.int64] |
     """The joints of each request, which repeat in this order; None for all of the port at once."""
     tables = {index: config.joints[index].table for index in joints}
     by_protocol = {
-        protocol: [index for index, table in tables.items() if table.protocol == protocol and table.family.bulk_reads]
+        protocol: [index for index, table in tables.items() if table.protocol == protocol and table.series.bulk_reads]
         for protocol in PROTOCOLS
     }
     together, bulk = by_protocol[2], by_protocol[1]

@@ -10,9 +10,9 @@ command. For all others there are the rig file, `rig doctor --fix` and `rig setu
 from __future__ import annotations
 
 from hardware.bus.protocol import PROTOCOLS
-from hardware.control_table.register import Register, decode_block
-from hardware.control_table.table import ControlTable
 from hardware.errors import RigError
+from hardware.families.register import Register, decode_block
+from hardware.families.table import ControlTable
 from hardware.rig.rig_file import RigJoint
 
 WRITABLE = ("led", "led_red", "led_green", "led_blue", "moving_threshold", "position_d_gain")

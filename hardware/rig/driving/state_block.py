@@ -16,9 +16,9 @@ from typing import Any
 import numpy as np
 
 from hardware.bus.servo_bus import Bus
-from hardware.control_table.register import Register
-from hardware.control_table.table import ControlTable
 from hardware.errors import RefusedError
+from hardware.families.register import Register
+from hardware.families.table import ControlTable
 from hardware.rig.registers import read_register
 from hardware.rig.rig_file import RigConfig, RigJoint
 
@@ -65,7 +65,7 @@ def arranged(table: ControlTable, firmware: int) -> Arrangement | None:
     size = sum(row.length for row in rows)
     if f"indirect_data_{size}" not in table.registers:
         return None
-    since, earlier = table.family.cells_moved or (0, 0)
+    since, earlier = table.series.cells_moved or (0, 0)
     cells = table["indirect_data_1"].address - (earlier if firmware >= since else 0)
     places = [place for row in rows for place in range(row.address, row.address + row.length)]
     offsets = np.cumsum([0, *(row.length for row in rows)])[:-1].tolist()

@@ -21,8 +21,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from hardware.control_table.meanings import describe_errors
-from hardware.control_table.servo_traits import TRAITS
+from hardware.families.meanings import describe_errors
+from hardware.families.models import TRAITS
 from hardware.rig.driving.readings import Measurements
 from hardware.rig.rig_file import RigConfig, RigJoint
 from hardware.rig.scale import Array

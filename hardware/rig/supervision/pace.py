@@ -7,7 +7,7 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from hardware.control_table.servo_traits import TRAITS
+from hardware.families.models import TRAITS
 from hardware.rig.driving.readings import Measurements
 from hardware.rig.rig_file import RigConfig, RigJoint
 from hardware.rig.scale import Array, RigScale

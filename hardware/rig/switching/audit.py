@@ -32,8 +32,8 @@ from collections.abc import Iterable, Iterator
 from typing import Literal, NamedTuple
 
 from hardware.bus.servo_bus import Bus
-from hardware.control_table.register import decode_block
 from hardware.errors import RefusedError
+from hardware.families.register import decode_block
 from hardware.rig.rig_file import POSITION_MODE, RigConfig, RigJoint
 from hardware.rig.scale import RigScale
 
@@ -178,7 +178,7 @@ def _needs(joint: RigJoint, low: int, high: int, held: dict[str, int]) -> Iterat
     for name, most in (("goal_pwm", "pwm_limit"), ("torque_limit", "max_torque")):
         if name in held:
             yield name, held[most], "switch-on"
-    if "goal_current" in held and joint.mode in joint.table.family.current_limited:
+    if "goal_current" in held and joint.mode in joint.table.series.current_limited:
         yield "goal_current", current_counts(joint) or held["current_limit"], "switch-on"
     yield "status_return_level", ANSWER_EVERYTHING, "switch-on"
     for name in ("drive_mode", "homing_offset", "startup_configuration", "multi_turn_offset"):
@@ -188,16 +188,16 @@ def _needs(joint: RigJoint, low: int, high: int, held: dict[str, int]) -> Iterat
         yield "resolution_divider", 1, "refused"
     if held.get("secondary_id", _NO_SECOND_ID) <= _LAST_ID:
         yield "secondary_id", _NO_SECOND_ID, "refused"
-    family = joint.table.family
-    yield "shutdown", held["shutdown"] | family.own_problems(_PROTECTED), "refused"
+    series = joint.table.series
+    yield "shutdown", held["shutdown"] | series.own_problems(_PROTECTED), "refused"
     hottest, limit = round(joint.hottest), held["temperature_limit"]
     yield "temperature_limit", limit if _COOLEST_LIMIT <= limit <= hottest else hottest, "refused"
     if "velocity_limit" in held:
         fast_enough = in_counts(joint, "velocity_limit", joint.velocity * joint.gear)
         # Without the profile a joint would not keep its limits.
-        when: When = "refused" if family.checks_profiles else "advised"
+        when: When = "refused" if series.checks_profiles else "advised"
         yield "velocity_limit", max(held["velocity_limit"], fast_enough), when
-        if family.checks_profiles:
+        if series.checks_profiles:
             quick_enough = in_counts(joint, "acceleration_limit", joint.acceleration * joint.gear)
             yield "acceleration_limit", max(held["acceleration_limit"], quick_enough), when
     for name in ("pwm_limit", "max_torque"):

@@ -5,9 +5,9 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from hardware.bus.servo_bus import Bus, Identity
-from hardware.control_table.meanings import describe_errors
-from hardware.control_table.servo_traits import TRAITS
 from hardware.errors import RigError, ServoError
+from hardware.families.meanings import describe_errors
+from hardware.families.models import TRAITS
 from hardware.rig.registers import list_joints, read_each, read_register, sync_write_all
 from hardware.rig.rig_file import RigConfig, RigJoint
 from hardware.rig.switching.audit import ANSWER_EVERYTHING
@@ -88,7 +88,7 @@ def refuse_shut_down(config: RigConfig, bus: Bus) -> None:
     down = [
         f"{joint.name} (id {joint.id}: {describe_errors(found)})"
         for joint, mask in zip(config.joints, read_each(config, bus, "shutdown"), strict=True)
-        if (found := hardware_errors(joint, bus)) & joint.table.family.usual_problems(mask)
+        if (found := hardware_errors(joint, bus)) & joint.table.series.usual_problems(mask)
     ]
     if down:
         raise RigError(f"shut down: {'; '.join(down)}. Mend the cause, then switch the servo's power off and on.")
@@ -100,7 +100,7 @@ def hardware_errors(joint: RigJoint, bus: Bus) -> int:
     error = joint.table.registers.get("hardware_error_status")
     register = error or joint.table["torque_enable"]
     status = bus.read(joint.id, register.address, register.length)
-    return joint.table.family.usual_problems(error.decode(status.params)) if error else status.hardware
+    return joint.table.series.usual_problems(error.decode(status.params)) if error else status.hardware
 
 
 class PortScan:

@@ -11,8 +11,8 @@ import msgspec
 import numpy as np
 
 from hardware.bus.servo_bus import Bus
-from hardware.control_table.register import decode_block
 from hardware.errors import NoReplyError, RigError, SerialPortError, ServoError
+from hardware.families.register import decode_block
 from hardware.rig.registers import list_joints, read_each, read_register, sync_write_all, write_each
 from hardware.rig.rig_file import RigConfig, RigJoint
 from hardware.rig.scale import Array, RigScale

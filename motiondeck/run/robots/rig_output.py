@@ -45,7 +45,7 @@ class RegisterQuery:
 
     def answer(self) -> Registers | Refused | None:
         """The registers in order of address."""
-        from hardware.control_table.meanings import meaning
+        from hardware.families.meanings import meaning
         from hardware.rig.driving.register_reading import WRITABLE, shown_registers
 
         joint, reading = self._joint, self._reading

@@ -3,13 +3,13 @@
 import pytest
 
 from hardware.bus.servo_bus import Bus
-from hardware.control_table.models import MODELS
 from hardware.emulator.bus import EmulatedBus
 from hardware.emulator.faults import Fault, FaultPlan
 from hardware.emulator.port import EmulatedPort
 from hardware.errors import NoReplyError, RefusedError, SerialPortError
-from hardware.protocol2.frames import build_status
-from hardware.protocol2.group_reply import WholeReply
+from hardware.families.dynamixel2.frames import build_status
+from hardware.families.dynamixel2.group_reply import WholeReply
+from hardware.families.models import MODELS
 from hardware.rig.rig_file import RigConfig, RigJoint
 
 XM430 = MODELS["XM430-W350"]

@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 
 from hardware.bus.protocol import PROTOCOLS
 from hardware.bus.sync_write import SyncWrite
-from hardware.protocol2 import instructions as wire
+from hardware.families.dynamixel2 import instructions as wire
 
 # -131073 is FF FF FD FF on the wire: a header, unless it is stuffed.
 GOALS = st.one_of(st.integers(-(2**31), 2**31 - 1), st.sampled_from([-131073, -3, 0, 2048]))

@@ -2,8 +2,8 @@
 
 import pytest
 
-from hardware.control_table.models import MODELS
 from hardware.errors import MotiondeckError, RigError
+from hardware.families.models import MODELS
 from hardware.tools.backup import back_up, load_backups, restore, save_backups
 
 

@@ -8,11 +8,11 @@ import numpy as np
 import pytest
 
 from hardware.bus.servo_bus import Bus
-from hardware.control_table.models import MODELS
 from hardware.emulator.bus import EmulatedBus
 from hardware.emulator.handling import Handling, HandlingError
 from hardware.emulator.port import EmulatedPort
 from hardware.errors import RigError
+from hardware.families.models import MODELS
 from hardware.rig.rig_file import RigConfig, RigJoint, load_rig
 from hardware.rig.switching.torque import switch_on
 from hardware.tools.calibration import Sweep, clear_offsets, load_progress, measured_joint, save_progress

@@ -2,10 +2,10 @@
 
 import pytest
 
-from hardware.control_table.models import MODELS
-from hardware.protocol2 import instructions as wire
-from hardware.protocol2.frames import BROADCAST, Parser, as_status, build
-from hardware.protocol2.group_reply import fast_reply, fast_reply_length
+from hardware.families.dynamixel2 import instructions as wire
+from hardware.families.dynamixel2.frames import BROADCAST, Parser, as_status, build
+from hardware.families.dynamixel2.group_reply import fast_reply, fast_reply_length
+from hardware.families.models import MODELS
 
 XM430 = MODELS["XM430-W350"]
 

@@ -4,10 +4,10 @@ import numpy as np
 import pytest
 
 from hardware.bus.servo_bus import Bus
-from hardware.control_table.models import MODELS
 from hardware.emulator.bus import EmulatedBus
 from hardware.emulator.port import EmulatedPort
 from hardware.errors import RefusedError
+from hardware.families.models import MODELS
 
 XM430 = MODELS["XM430-W350"]
 VELOCITY_UNIT = 0.229 / 60 * 4096  # pulses/s

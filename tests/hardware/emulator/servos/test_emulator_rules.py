@@ -7,12 +7,12 @@ import msgspec
 import numpy as np
 import pytest
 
-from hardware.control_table.models import MODELS
 from hardware.emulator.bus import EmulatedBus
 from hardware.emulator.port import EmulatedPort
-from hardware.protocol2 import instructions as wire
-from hardware.protocol2.frames import BROADCAST, Parser, as_status, build, checksum
-from hardware.protocol2.group_reply import fast_reply, fast_reply_length
+from hardware.families.dynamixel2 import instructions as wire
+from hardware.families.dynamixel2.frames import BROADCAST, Parser, as_status, build, checksum
+from hardware.families.dynamixel2.group_reply import fast_reply, fast_reply_length
+from hardware.families.models import MODELS
 
 XM430 = MODELS["XM430-W350"]
 

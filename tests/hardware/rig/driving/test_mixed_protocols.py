@@ -9,10 +9,10 @@ import pytest
 
 from benchmarks.rig.health_table import OLD_MODELS, mixed_rig, run
 from hardware.bus.servo_bus import Bus
-from hardware.control_table.models import MODELS
 from hardware.emulator.bus import EmulatedBus
 from hardware.emulator.port import EmulatedPort
 from hardware.errors import RigError
+from hardware.families.models import MODELS
 from hardware.rig.counters import RigFaults
 from hardware.rig.driving.readings import Measurements, Readings
 from hardware.rig.driving.state_block import motion

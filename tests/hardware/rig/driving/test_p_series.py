@@ -4,12 +4,12 @@ import numpy as np
 import pytest
 
 from hardware.bus.servo_bus import Bus
-from hardware.control_table.models import MODELS
-from hardware.control_table.p_series import P_SERIES
-from hardware.control_table.sdk_models import model_file, model_numbers
 from hardware.emulator.bus import EmulatedBus
 from hardware.emulator.port import EmulatedPort
 from hardware.errors import RigError, ServoError
+from hardware.families.dynamixel2.p_series import P_SERIES
+from hardware.families.dynamixel2.sdk_models import model_file, model_numbers
+from hardware.families.models import MODELS
 from hardware.rig.rig_file import RigConfig, RigJoint
 from hardware.rig.supervision.rig import Rig
 from hardware.rig.switching.audit import in_counts

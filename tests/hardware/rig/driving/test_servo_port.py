@@ -5,8 +5,8 @@ import numpy as np
 import pytest
 
 from hardware.errors import RigError
-from hardware.protocol2.frames import Parser
-from hardware.protocol2.instructions import SYNC_WRITE, WRITE
+from hardware.families.dynamixel2.frames import Parser
+from hardware.families.dynamixel2.instructions import SYNC_WRITE, WRITE
 from hardware.rig.supervision.rig import Rig
 from hardware.rig.switching.torque import hold_still
 

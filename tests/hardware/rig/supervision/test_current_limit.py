@@ -4,11 +4,10 @@ import numpy as np
 import pytest
 
 from hardware.bus.servo_bus import Bus
-from hardware.control_table.models import MODELS
-from hardware.control_table.servo_traits import TRAITS
 from hardware.emulator.bus import EmulatedBus
 from hardware.emulator.port import EmulatedPort
 from hardware.emulator.simulated_rig import SimulatedRig
+from hardware.families.models import MODELS, TRAITS
 from hardware.rig.rig_file import RigConfig, RigJoint
 from hardware.rig.supervision.rig import Rig
 from hardware.rig.switching.audit import current_counts
@@ -30,7 +29,7 @@ class Gripper:
 
     def __init__(self, model, current=None, **settings):
         self.limit = 0.15 * TRAITS[model].stall_current if current is None else current
-        zero = 0 if TRAITS[model].series == "P" else 2048
+        zero = 0 if TRAITS[model].series.name == "P" else 2048
         joint = RigJoint("grip", 1, model, 1, zero, -1.3, 1.3, 1.5, current=self.limit, **settings)
         self.config = RigConfig("emulated", 1_000_000, 100.0, (joint,))
         self.port = EmulatedPort(EmulatedBus(self.config), True)

@@ -12,7 +12,7 @@ from hardware.bus.servo_bus import Bus
 from hardware.emulator.bus import BOOT_TIME, EmulatedBus
 from hardware.emulator.port import EmulatedPort
 from hardware.errors import RigError
-from hardware.protocol2.frames import Parser
+from hardware.families.dynamixel2.frames import Parser
 from hardware.rig.driving.state_block import arrange_state
 from hardware.rig.supervision.rig import Rig
 

@@ -5,12 +5,12 @@ import numpy as np
 import pytest
 
 from hardware.bus.servo_bus import Bus
-from hardware.control_table.meanings import meaning
-from hardware.control_table.models import MODELS
 from hardware.emulator.bus import EmulatedBus
 from hardware.emulator.faults import FaultPlan, parse_fault
 from hardware.emulator.port import EmulatedPort
 from hardware.errors import RigError
+from hardware.families.meanings import meaning
+from hardware.families.models import MODELS
 from hardware.rig.driving.register_reading import shown_registers
 from hardware.rig.rig_file import RigJoint
 from hardware.rig.supervision.rig import Rig

@@ -8,12 +8,12 @@ import numpy as np
 import pytest
 
 from hardware.bus.servo_bus import Bus
-from hardware.control_table.models import MODELS
 from hardware.emulator.bus import EmulatedBus
 from hardware.emulator.faults import FaultPlan, parse_fault
 from hardware.emulator.port import EmulatedPort
 from hardware.errors import RigError, SerialPortError
-from hardware.protocol2.frames import Parser
+from hardware.families.dynamixel2.frames import Parser
+from hardware.families.models import MODELS
 from hardware.rig.rig_file import RigJoint
 from hardware.rig.supervision.rig import Rig
 from hardware.rig.supervision.servo_states import CONDITIONS

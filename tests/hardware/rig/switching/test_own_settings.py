@@ -5,10 +5,10 @@ import numpy as np
 import pytest
 
 from hardware.bus.servo_bus import Bus
-from hardware.control_table.servo_traits import TRAITS
 from hardware.emulator.bus import EmulatedBus
 from hardware.emulator.port import EmulatedPort
 from hardware.errors import RigError
+from hardware.families.models import TRAITS
 from hardware.rig.rig_file import RigConfig, RigJoint
 from hardware.rig.supervision.rig import Rig
 from hardware.tools.doctor import examine, fix_settings
@@ -57,7 +57,7 @@ class Bench:
 @pytest.mark.parametrize("model", TRAITS)
 def test_a_servo_from_the_box_switches_on_and_keeps_all_that_the_rig_file_does_not_ask_for(model):
     bench = Bench(model)
-    if TRAITS[model].series == "P":
+    if TRAITS[model].series.name == "P":
         bench.servo["shutdown"] = 52  # most of them come without protection against heat, and are refused
     before = bench.written()
     bench.play(bench.rig(), 0.1)

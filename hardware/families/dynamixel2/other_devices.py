@@ -27,6 +27,3 @@ OTHER_DEVICES: dict[int, tuple[str, str]] = {
     **{6000 + part: (f"HX5-D20 part {part}", _HAND) for part in range(1, 26)},
 }
 """By model number."""
-
-WHY_NO_JOINT: dict[str, str] = dict(OTHER_DEVICES.values())
-"""By name."""

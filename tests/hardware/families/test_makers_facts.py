@@ -5,12 +5,11 @@ The product has one row a model; here each register lists the models, so that no
 
 import pytest
 
-from hardware.control_table.models import MODELS
-from hardware.control_table.servo_traits import TRAITS
 from hardware.emulator.bus import EmulatedBus
+from hardware.families.models import MODELS, TRAITS
 from hardware.rig.rig_file import RigConfig, RigJoint
 
-ALL = [model for model, traits in TRAITS.items() if traits.series in ("X", "X330", "X540")]
+ALL = [model for model, traits in TRAITS.items() if traits.series.name in ("X", "X330", "X540")]
 SIZE_330 = "XL330-M077 XL330-M288 XC330-M181 XC330-M288 XC330-T181 XC330-T288"
 AT_24_VOLTS = "XH430-V350 XH430-V210 XH540-V270 XH540-V150 XW540-H260"
 WITHOUT_CURRENT = "XL430-W250 2XL430-W250 XC430-W150 XC430-W240 2XC430-W250 MX-28"

@@ -1,31 +1,29 @@
-"""The servo models whose control tables are known: the maker's addresses, and what the maker's files lack.
+"""The control tables of Protocol 2.0: the maker's addresses, and what the maker's files lack.
 
 The `.model` files of the installed dynamixel-sdk give address and length of each register. Sign, access, memory, range,
 default and unit come from the XM430-W350's manual, whose register names the others share, with the figures of
-`x_series` for each model. The tables of `ax_rx_mx` and `p_series` are complete. For the Y series and the
-RH-P12-RN the range is what the bytes can hold.
+`x_series` for each model. The tables of `p_series` and `xl_320` are complete. For the Y series and the RH-P12-RN the
+range is what the bytes can hold.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from dataclasses import replace
 from functools import cache
 
-from hardware.control_table.ax_rx_mx import AX_RX_MX
-from hardware.control_table.family import X
-from hardware.control_table.other_devices import OTHER_DEVICES
-from hardware.control_table.p_series import P_SERIES
-from hardware.control_table.register import Register
-from hardware.control_table.sdk_models import Row, model_file, model_numbers
-from hardware.control_table.servo_traits import TRAITS
-from hardware.control_table.table import ControlTable
-from hardware.control_table.x_series import as_in_manual
-from hardware.control_table.xm430_w350 import XM430_W350
-from motiondeck_base.near_names import near_names
+from hardware.families.dynamixel2.p_series import P_SERIES
+from hardware.families.dynamixel2.sdk_models import Row, model_file, model_numbers
+from hardware.families.dynamixel2.traits import TRAITS, X
+from hardware.families.dynamixel2.x_series import as_in_manual
+from hardware.families.dynamixel2.xl_320 import XL_320
+from hardware.families.dynamixel2.xm430_w350 import XM430_W350
+from hardware.families.register import Register
+from hardware.families.table import ControlTable
 
 _COMMON = XM430_W350.registers
+_OWN = P_SERIES | {table.model: table for table in (XM430_W350, XL_320)}
 _READ_ONLY = (
     *("present_", "model_", "firmware_", "moving", "realtime_", "registered_", "hardware_", "error_code", "backup_"),
     *("position_trajectory", "velocity_trajectory", "controller_state"),
@@ -33,50 +31,17 @@ _READ_ONLY = (
 _RAD_PER_S = 2.0 * math.pi / 60.0
 
 
-class Models(Mapping[str, ControlTable]):
-    """Control tables by model name; a table is made when it is first asked for."""
-
-    def __getitem__(self, model: str) -> ControlTable:
-        if model not in _numbers():
-            raise KeyError(model)
-        return _table(model)
-
-    def __iter__(self) -> Iterator[str]:
-        return iter(_numbers())
-
-    def __len__(self) -> int:
-        return len(_numbers())
-
-    def near(self, model: str) -> list[str]:
-        """The names most like this one."""
-        return near_names(model, self)
-
-
-MODELS = Models()
-
-
-def model_name(number: int) -> str:
-    """The name of the model with this number, or the number where it is not known."""
-    known = _names().get(number) or OTHER_DEVICES.get(number, (None,))[0]
-    return known or f"model number {number}"
-
-
 @cache
-def _numbers() -> dict[str, int]:
+def numbers() -> dict[str, int]:
+    """The number of each model whose table is known."""
     own = {model: traits.figures[0] for model, traits in TRAITS.items() if traits.figures}
     return {XM430_W350.model: XM430_W350.number} | model_numbers() | own
 
 
 @cache
-def _names() -> dict[int, str]:
-    return {number: model for model, number in _numbers().items()}
-
-
-@cache
-def _table(model: str) -> ControlTable:
-    if model == XM430_W350.model:
-        return XM430_W350
-    if (own := AX_RX_MX.get(model) or P_SERIES.get(model)) is not None:
+def table(model: str) -> ControlTable:
+    """The control table of a model."""
+    if (own := _OWN.get(model)) is not None:
         return own
     file = model_file(model)
     traits = TRAITS.get(model)
@@ -86,9 +51,9 @@ def _table(model: str) -> ControlTable:
     registers = {row.name: make(row, torque, file.rad_per_s) for row in rows}
     if traits is not None:
         registers = {name: as_in_manual(model, register) for name, register in registers.items()}
-    registers["model_number"] = replace(registers["model_number"], default=_numbers()[model])
-    family = traits.family if traits is not None else X
-    return ControlTable(model, _numbers()[model], file.pulses_per_turn, registers, family)
+    registers["model_number"] = replace(registers["model_number"], default=numbers()[model])
+    series = traits.series if traits is not None else X
+    return ControlTable(model, numbers()[model], file.pulses_per_turn, registers, series)
 
 
 def _with_cells(rows: tuple[Row, ...], whole: bool) -> Iterator[Row]:

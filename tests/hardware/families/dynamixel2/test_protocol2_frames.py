@@ -5,7 +5,7 @@ import pytest
 from hypothesis import example, given
 from hypothesis import strategies as st
 
-from hardware.protocol2.frames import (
+from hardware.families.dynamixel2.frames import (
     BROADCAST,
     HEADER,
     LONGEST,

@@ -1,15 +1,16 @@
-"""The control tables of the AX, RX and MX servos of Protocol 1.0, and of the XL-320 (e-Manual, each model's page).
+"""The control tables of the AX, RX and MX servos of Protocol 1.0 (e-Manual, each model's page).
 
 A register that does what one of the X series does has its name here; the manual's own is behind the #. Present speed
-and load hold their size and, in bit 10, their sign. No watchdog, no fast read and (AX, RX, XL-320) no acceleration.
+and load hold their size and, in bit 10, their sign. No watchdog, no fast read and (AX, RX) no acceleration.
 """
 
 from __future__ import annotations
 
 from dataclasses import replace
 
-from hardware.control_table.servo_traits import TRAITS, Traits
-from hardware.control_table.table import ControlTable, parse_table
+from hardware.families.dynamixel1.traits import TRAITS
+from hardware.families.table import ControlTable, parse_table
+from hardware.families.traits import Traits
 
 _EEPROM = """
     # address length name                   access memory  range              default  unit
@@ -74,40 +75,6 @@ _MX_CURRENT = """
 _MX_ACCELERATION = """
       73      1      profile_acceleration   RW     RAM     0..254             0        8.583deg/s2  # goal acceleration
 """
-_XL_320 = """
-    # address length name                   access memory  range              default  unit
-      0       2      model_number           R      EEPROM  0..65535           350      -
-      2       1      firmware_version       R      EEPROM  0..255             29       -
-      3       1      id                     RW     EEPROM  0..252             1        -
-      4       1      baud_rate              RW     EEPROM  0..3               3        -
-      5       1      return_delay_time      RW     EEPROM  0..254             250      2us
-      6       2      min_position_limit     RW     EEPROM  0..1023            0        1pulse       # CW angle limit
-      8       2      max_position_limit     RW     EEPROM  0..1023            1023     1pulse       # CCW angle limit
-      11      1      control_mode           RW     EEPROM  1..2               2        -
-      12      1      temperature_limit      RW     EEPROM  0..150             65       1degC
-      13      1      min_voltage_limit      RW     EEPROM  50..250            60       0.1V
-      14      1      max_voltage_limit      RW     EEPROM  50..250            90       0.1V
-      15      2      max_torque             RW     EEPROM  0..1023            1023     0.1%
-      17      1      status_return_level    RW     EEPROM  0..2               2        -
-      18      1      shutdown               RW     EEPROM  0..7               3        -
-      24      1      torque_enable          RW     RAM     0..1               0        -
-      25      1      led                    RW     RAM     0..7               0        -
-      27      1      position_d_gain        RW     RAM     0..254             0        -            # D gain
-      28      1      position_i_gain        RW     RAM     0..254             0        -            # I gain
-      29      1      position_p_gain        RW     RAM     0..254             32       -            # P gain
-      30      2      goal_position          RW     RAM     0..1023            -        1pulse
-      32      2m     profile_velocity       RW     RAM     0..2047            0        0.111rpm     # moving speed
-      35      2      torque_limit           RW     RAM     0..1023            1023     0.1%
-      37      2      present_position       R      RAM     0..65535           -        1pulse
-      39      2m     present_velocity       R      RAM     0..2047            -        0.111rpm     # present speed
-      41      2m     present_load           R      RAM     0..2047            -        0.1%
-      45      1      present_input_voltage  R      RAM     0..255             -        0.1V         # present voltage
-      46      1      present_temperature    R      RAM     0..255             -        1degC
-      47      1      registered_instruction R      RAM     0..1               0        -
-      49      1      moving                 R      RAM     0..1               -        -
-      50      1      hardware_error_status  R      RAM     0..255             0        -
-      51      2      punch                  RW     RAM     0..1023            32       -
-"""
 _STEPS = 1228  # to a turn: 1023 of them are 300 degrees
 
 
@@ -121,7 +88,7 @@ _EXCEPTIONS: dict[str, dict[str, int]] = {
 
 
 def _ax(model: str, traits: Traits, **defaults: int) -> ControlTable:
-    table = parse_table(model, traits.figures[0], _STEPS, _EEPROM + _SLOPES + _MEASURED, traits.family)
+    table = parse_table(model, traits.figures[0], _STEPS, _EEPROM + _SLOPES + _MEASURED, traits.series)
     _set_defaults(table, traits, **defaults)
     return table
 
@@ -136,7 +103,7 @@ def _mx(model: str, traits: Traits) -> ControlTable:
     reverse = "\n      10      1      drive_mode             RW     EEPROM  0..3               0        -\n"
     eeprom = _EEPROM.replace("\n      11 ", f"{reverse}      11 ") if number == 320 else _EEPROM
     text = eeprom + _MX_EEPROM + _MX_GAINS + _MEASURED + _MX_TICK + current + _MX_ACCELERATION
-    table = parse_table(model, number, 4096, text, traits.family)
+    table = parse_table(model, number, 4096, text, traits.series)
     registers = table.registers
     for name in ("min_position_limit", "max_position_limit"):
         registers[name] = replace(registers[name], maximum=4095)
@@ -146,10 +113,6 @@ def _mx(model: str, traits: Traits) -> ControlTable:
     return table
 
 
-def _xl320(model: str, traits: Traits) -> ControlTable:
-    return parse_table(model, traits.figures[0], _STEPS, _XL_320, traits.family)
-
-
 def _set_defaults(table: ControlTable, traits: Traits, **defaults: int) -> None:
     defaults |= {"model_number": table.number, "temperature_limit": traits.figures[1]}
     defaults |= _EXCEPTIONS.get(table.model, {})
@@ -157,9 +120,9 @@ def _set_defaults(table: ControlTable, traits: Traits, **defaults: int) -> None:
         table.registers[name] = replace(table.registers[name], default=value)
 
 
-_MAKE = {"AX": _ax, "RX": _rx, "MX1": _mx, "XL320": _xl320}
+_MAKE = {"AX": _ax, "RX": _rx, "MX1": _mx}
 
 AX_RX_MX: dict[str, ControlTable] = {
-    model: _MAKE[traits.series](model, traits) for model, traits in TRAITS.items() if traits.series in _MAKE
+    model: _MAKE[traits.series.name](model, traits) for model, traits in TRAITS.items()
 }
 """By model name."""

@@ -11,8 +11,9 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
-from hardware.control_table.register import Register
-from hardware.control_table.servo_traits import TRAITS, Traits
+from hardware.families.dynamixel2.traits import TRAITS
+from hardware.families.register import Register
+from hardware.families.traits import Traits
 
 _ROWS = """
 # model        volts     degC   current  velocity  position        velocity   exceptions
@@ -66,7 +67,7 @@ def _facts(row: Sequence[str], traits: Traits) -> _Facts:
         "temperature_limit": {"default": int(degrees)},
         "velocity_limit": {"default": int(velocity)},
         "present_input_voltage": {"default": round(traits.voltage * 10)},
-        "drive_mode": {"maximum": 15 if traits.family.follows else 13},
+        "drive_mode": {"maximum": 15 if traits.series.follows else 13},
         "external_port_mode_1": (port := {"maximum": 3, "default": 3}),
         "external_port_mode_2": port,
         "external_port_mode_3": port,
@@ -76,7 +77,7 @@ def _facts(row: Sequence[str], traits: Traits) -> _Facts:
         facts["current_limit"] = {"maximum": most, "default": most}
         facts["goal_current"] = {"minimum": -most, "maximum": most, "default": most}
         facts["present_current"] = {"minimum": -most, "maximum": most}
-    if traits.series == "X330":
+    if traits.series.name == "X330":
         facts["baud_rate"] = {"maximum": 6}
         facts["protocol_type"] = {"minimum": 2, "maximum": 22}
         facts["pwm_slope"] = {"minimum": 1, "maximum": 255, "default": 140}

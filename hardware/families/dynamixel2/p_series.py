@@ -9,8 +9,9 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-from hardware.control_table.servo_traits import TRAITS, Traits
-from hardware.control_table.table import ControlTable, parse_table
+from hardware.families.dynamixel2.traits import TRAITS
+from hardware.families.table import ControlTable, parse_table
+from hardware.families.traits import Traits
 
 _LAYOUT = """
     # address length name                   access memory  range                     default  unit
@@ -84,7 +85,7 @@ _GAINS = ("velocity_i_gain", "velocity_p_gain", "position_d_gain", "position_i_g
 
 def _table(model: str, traits: Traits) -> ControlTable:
     number, current, velocity, half_turn, ends, most_acceleration, acceleration, shutdown = traits.figures
-    table = parse_table(model, number, 2 * half_turn, _LAYOUT, traits.family)
+    table = parse_table(model, number, 2 * half_turn, _LAYOUT, traits.series)
 
     def limit(name: str, minimum: int, maximum: int, default: int | None) -> None:
         table.registers[name] = replace(table[name], minimum=minimum, maximum=maximum, default=default)
@@ -111,6 +112,6 @@ def _table(model: str, traits: Traits) -> ControlTable:
 
 
 P_SERIES: dict[str, ControlTable] = {
-    model: _table(model, traits) for model, traits in TRAITS.items() if traits.series == "P"
+    model: _table(model, traits) for model, traits in TRAITS.items() if traits.series.name == "P"
 }
 """By model name."""

@@ -1,54 +1,29 @@
-"""What a servo model is besides its control table, one row a model that can be a joint of a rig.
-
-Figures of the motor are those of the maker's specifications at the voltage named. The registers of a model are in
-`x_series`, `p_series` and `ax_rx_mx`. Where a figure differs from a servo's own register, the register counts.
-"""
+"""The series and models of Protocol 2.0: X, MX with its newer firmware, XL-320, P and PRO(A)."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import replace
+from types import MappingProxyType
 
-from hardware.control_table.family import FAMILIES, Family
+from hardware.families.series import HEAT, OVERLOAD, VOLTAGE, Series
+from hardware.families.traits import parse_traits
 
-_CURRENT_MODES = (0, 1, 3, 4, 5, 16)
-_VOLTAGE_MODES = (1, 3, 4, 16)
-
-
-@dataclass(frozen=True, slots=True)
-class Traits:
-    """A servo model.
-
-    Attributes:
-        series: the name of its family, by which its control table is made.
-        family: what it shares with others.
-        no_load_speed: of the horn at `voltage`, rev/min.
-        stall_current: A.
-        stall_torque: of the horn, N·m; 0 where the maker specifies none.
-        voltage: V.
-        current_unit: mA that one count of current means; 0 where the model measures load, in 0.1 %.
-        stiffness: its position gain in the unit of the X series; 0 where that is the default of its P gain.
-        fast_read: the firmware from which it answers fast sync and fast bulk reads; None for never.
-        figures: the model number where the maker's files lack it, then what the tables of its family need besides.
-    """
-
-    series: str
-    family: Family
-    no_load_speed: float
-    stall_current: float
-    stall_torque: float
-    voltage: float
-    current_unit: float
-    stiffness: int
-    fast_read: int | None
-    modes: tuple[int, ...]
-    figures: tuple[int, ...]
-
+X = Series()
+_SERIES = (
+    X,
+    replace(X, name="X330", cells_moved=(52, 16)),
+    replace(X, name="X540", follows=True),
+    # No manual tells the gain unit; an estimate that makes them about as stiff as the X series.
+    Series(
+        "P", checks_profiles=True, modes=(0, 1, 3, 4, 16), current_limited=(1, 3, 4), full_pwm=2009.0, gain_unit=2048.0
+    ),
+    Series("XL320", problems=MappingProxyType({VOLTAGE: 4, HEAT: 2, OVERLOAD: 1}), shuts_down_by="torque_limit"),
+)
 
 # Estimates: the stall torque of the P and PRO(A) series is unknown, their stall current is the current limit, and the
-# stiffness is explained in `family`. XW430-T200: the motor of the T333. XW540-H260: speed and current are estimates.
+# stiffness is explained above. XW430-T200: the motor of the T333. XW540-H260: speed and current are estimates.
 _ROWS = """
-# model         family rpm  stall_A N·m  V    mA   stiffness fast  number/figures of the family's tables
+# model         series rpm  stall_A N·m  V    mA   stiffness fast  number/figures of the series' tables
 XM430-W350      X      46   2.3   4.1    12   2.69 -    45
 XM430-W210      X      77   2.3   3.0    12   2.69 -    45
 XH430-W350      X      30   1.3   3.4    12   2.69 -    45
@@ -84,16 +59,6 @@ XC330-T288      X330   71   0.88  1.00   12   1.0  -    46
 MX-28           X      55   1.4   2.5    12   0    -    -
 MX-64           X      63   4.1   6.0    12   3.36 -    -
 MX-106          X540   45   5.2   8.4    12   3.36 -    -
-MX-28(1.0)      MX1    55   1.4   2.5    12   0    850  -   29/80
-MX-64(1.0)      MX1    63   4.1   6.0    12   0    850  -   310/80
-MX-106(1.0)     MX1    45   5.2   8.4    12   0    850  -   320/80
-AX-12A          AX     59   1.5   -      12   0    2835 -   12/70
-AX-12W          AX     470  1.4   -      12   0    1418 -   300/70
-AX-18A          AX     97   2.2   1.8    12   0    2835 -   18/75
-RX-10           RX     54   0.8   1.3    12   0    2835 -   10/80
-RX-24F          RX     126  2.4   2.6    12   0    2835 -   24/80
-RX-28           RX     85   1.9   3.7    18.5 0    2835 -   28/80
-RX-64           RX     64   2.6   5.3    18.5 0    2835 -   64/80
 XL-320          XL320  114  1.1   0.39   7.4  0    2835 -   350
 PH54-200-S500   P      33.1 22.7  -      24   1.0  314  -   2020/22740/2900/501923/501433/3992644/3992644/52
 PH54-100-S500   P      33.3 15.9  -      24   1.0  314  -   2010/15900/2920/501923/501433/4255632/10639/58
@@ -109,26 +74,5 @@ M54-40-S250-RA  P      28.4 4.5   -      24   1.0  314  -   46097/4470/2840/2514
 M42-10-S260-RA  P      28.0 1.5   -      24   1.0  314  -   43289/1461/2600/263187/262931/4346756/10867/52
 """
 
-
-def _traits(row: Sequence[str]) -> Traits:
-    series, rpm, stall, torque, volt, unit, stiffness, fast, *figures = row
-    family = FAMILIES[series]
-    return Traits(
-        series,
-        family,
-        float(rpm),
-        float(stall),
-        0.0 if torque == "-" else float(torque),
-        float(volt),
-        float(unit),
-        0 if stiffness == "-" else int(stiffness),
-        None if fast == "-" else int(fast),
-        family.modes or (_CURRENT_MODES if float(unit) else _VOLTAGE_MODES),
-        tuple(int(number) for text in figures for number in text.split("/")),
-    )
-
-
-TRAITS: dict[str, Traits] = {
-    row[0]: _traits(row[1:]) for line in _ROWS.splitlines() if (row := line.partition("#")[0].split())
-}
+TRAITS = parse_traits(_ROWS, {series.name: series for series in _SERIES})
 """By model name."""

@@ -1,23 +1,24 @@
-"""Servo families: what sets their servos apart. Everything outside the control tables asks a property of these."""
+"""Series: what sets the servos of one apart. Everything outside the control tables asks a property of these."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from types import MappingProxyType
 from typing import Literal
 
 BAUD_RATES = (9600, 57600, 115200, 1_000_000, 2_000_000, 3_000_000, 4_000_000, 4_500_000, 6_000_000, 10_500_000)
 """Bits/s, by the value of the baud rate register of a Protocol 2.0 servo."""
-_DIVIDED = {207: 9600, 34: 57600, 16: 115200, 1: 1_000_000, 0: 2_000_000}
-_VOLTAGE, _HEAT, _ENCODER, _SHOCK, _OVERLOAD = 1, 4, 8, 16, 32
+VOLTAGE, HEAT, ENCODER, SHOCK, OVERLOAD = 1, 4, 8, 16, 32
+"""The usual problems."""
 
 
 @dataclass(frozen=True, slots=True)
-class Family:
+class Series:
     """The servos of one series.
 
     Attributes:
+        name: as in the rows of its family.
         protocol: 1 or 2, that they speak.
         baud_rates: bits/s, by the value of the baud rate register.
         baud_base: bits/s; a value v that is not in `baud_rates` means baud_base / (v + 1). 0 for no such value.
@@ -34,11 +35,12 @@ class Family:
         gain_unit: the position P gain with which a pulse of error is one count of PWM.
     """
 
+    name: str = "X"
     protocol: int = 2
     baud_rates: Mapping[int, int] = field(default_factory=lambda: MappingProxyType(dict(enumerate(BAUD_RATES))))
     baud_base: float = 0.0
     problems: Mapping[int, int] = field(
-        default_factory=lambda: MappingProxyType({bit: bit for bit in (_VOLTAGE, _HEAT, _ENCODER, _SHOCK, _OVERLOAD)})
+        default_factory=lambda: MappingProxyType({bit: bit for bit in (VOLTAGE, HEAT, ENCODER, SHOCK, OVERLOAD)})
     )
     bulk_reads: bool = True
     reboots: bool = True
@@ -66,30 +68,3 @@ class Family:
     def own_problems(self, bits: int) -> int:
         """The inverse of `usual_problems`, without those that they do not report."""
         return sum(own for usual, own in self.problems.items() if bits & usual)
-
-
-X = Family()
-AX = Family(
-    protocol=1,
-    baud_rates=MappingProxyType(_DIVIDED),
-    baud_base=2e6,
-    problems=MappingProxyType({bit: bit for bit in (_VOLTAGE, _HEAT, _OVERLOAD)}),
-    bulk_reads=False,
-    reboots=False,
-    shuts_down_by="torque_limit",
-)
-
-FAMILIES: dict[str, Family] = {
-    "X": X,
-    "X330": replace(X, cells_moved=(52, 16)),
-    "X540": replace(X, follows=True),
-    # No manual tells the gain unit; an estimate that makes them about as stiff as the X series.
-    "P": Family(
-        checks_profiles=True, modes=(0, 1, 3, 4, 16), current_limited=(1, 3, 4), full_pwm=2009.0, gain_unit=2048.0
-    ),
-    "XL320": Family(problems=MappingProxyType({_VOLTAGE: 4, _HEAT: 2, _OVERLOAD: 1}), shuts_down_by="torque_limit"),
-    "AX": AX,
-    "RX": AX,
-    "MX1": replace(AX, baud_rates=MappingProxyType(_DIVIDED | {252: 3_000_000}), bulk_reads=True, reboots=True),
-}
-"""By the name that a row of `servo_traits` has."""

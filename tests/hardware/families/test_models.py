@@ -3,9 +3,8 @@
 import msgspec
 import pytest
 
-from hardware.control_table.models import MODELS, model_name
-from hardware.control_table.sdk_models import ModelFileError, model_file, model_numbers
-from hardware.control_table.servo_traits import TRAITS
+from hardware.families.dynamixel2.sdk_models import ModelFileError, model_file, model_numbers
+from hardware.families.models import MODELS, TRAITS, model_name
 from hardware.rig.driving.state_block import arranged
 from hardware.rig.rig_file import RigConfig, RigJoint
 
@@ -120,10 +119,10 @@ def test_their_counts_are_the_degrees_of_its_manual():
 
 def test_the_bits_of_an_xl_320_mean_what_they_mean_elsewhere():
     """In its manual: 1 overload, 2 heat, 4 voltage."""
-    family = MODELS["XL-320"].family
+    family = MODELS["XL-320"].series
     assert [family.usual_problems(bits) for bits in (1, 2, 4, 7)] == [32, 4, 1, 37]
     assert family.own_problems(4 | 32) == 3
-    assert MODELS["AX-12A"].family.usual_problems(36) == 36
+    assert MODELS["AX-12A"].series.usual_problems(36) == 36
 
 
 def test_cells_that_move_with_the_firmware_are_found_where_they_are():

@@ -3,8 +3,8 @@ import math
 import numpy as np
 import pytest
 
-from hardware.control_table.models import MODELS
-from hardware.control_table.table import UnknownRegisterError, parse_table
+from hardware.families.models import MODELS
+from hardware.families.table import UnknownRegisterError, parse_table
 
 XM430 = MODELS["XM430-W350"]
 

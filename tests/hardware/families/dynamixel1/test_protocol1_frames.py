@@ -7,9 +7,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from hardware.protocol1 import instructions as wire
-from hardware.protocol1.frames import LONGEST, Parser1, as_status, build, status_length
-from hardware.protocol2.frames import Frame
+from hardware.families.dynamixel1 import instructions as wire
+from hardware.families.dynamixel1.frames import LONGEST, Parser1, as_status, build, status_length
+from hardware.families.dynamixel2.frames import Frame
 
 FRAMES = st.builds(
     Frame, st.integers(0, 253), st.integers(0, 255), st.binary(max_size=40).filter(lambda data: b"\xff" not in data)

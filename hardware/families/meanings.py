@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from hardware.control_table.register import Register
-from hardware.control_table.table import ControlTable
+from hardware.families.register import Register
+from hardware.families.table import ControlTable
 
 _HARDWARE_ERRORS = {1: "input voltage", 4: "overheated", 8: "encoder", 16: "electrical shock", 32: "overload"}
 _OPERATING_MODES = {0: "current", 1: "velocity", 3: "position", 4: "extended position", 5: "current-based position",
@@ -20,14 +20,14 @@ def meaning(table: ControlTable, register: Register, count: int) -> str:
     """What a count means in a register of a model; "" where it is just a number."""
     name = register.name
     if name == "baud_rate":
-        baud = table.family.baud_of(count)
+        baud = table.series.baud_of(count)
         return f"{baud} baud" if baud else "no baud rate"
     if name == "operating_mode":
         return _OPERATING_MODES.get(count, "unknown")
     if name == "hardware_error_status":
-        return describe_errors(table.family.usual_problems(count))
+        return describe_errors(table.series.usual_problems(count))
     if name == "shutdown":
-        return f"at {describe_errors(table.family.usual_problems(count), 'nothing')}"
+        return f"at {describe_errors(table.series.usual_problems(count), 'nothing')}"
     if name in _SWITCHES:
         return "on" if count else "off"
     if register.unit == "pulse":

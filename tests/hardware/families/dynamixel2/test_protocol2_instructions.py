@@ -5,9 +5,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from hardware.bus.protocol import PROTOCOLS
-from hardware.protocol2 import instructions as wire
-from hardware.protocol2.frames import build, build_status, checksum
-from hardware.protocol2.group_reply import (
+from hardware.families.dynamixel2 import instructions as wire
+from hardware.families.dynamixel2.frames import build, build_status, checksum
+from hardware.families.dynamixel2.group_reply import (
     FastFormat,
     SingleFormat,
     fast_reply,

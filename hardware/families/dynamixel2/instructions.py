@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 
-from hardware.protocol2.frames import BROADCAST, build
+from hardware.families.dynamixel2.frames import BROADCAST, build
 
 PING = 0x01
 READ = 0x02

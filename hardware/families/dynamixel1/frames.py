@@ -9,7 +9,7 @@ itself, as in its hardware error status under Protocol 2.0, and four about the i
 
 from __future__ import annotations
 
-from hardware.protocol2.frames import BROADCAST, Frame, Parser, StatusPacket
+from hardware.families.dynamixel2.frames import BROADCAST, Frame, Parser, StatusPacket
 
 HEADER = b"\xff\xff"
 LONGEST = 250  # what LENGTH may say; the maker's own SDK takes no more

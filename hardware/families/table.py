@@ -7,12 +7,13 @@ from typing import Any, Literal, cast
 
 import numpy as np
 
-from hardware.control_table.family import Family, X
-from hardware.control_table.register import SI_UNITS, Register
 from hardware.errors import MotiondeckError
+from hardware.families.register import SI_UNITS, Register
+from hardware.families.series import Series
 from motiondeck_base.near_names import did_you_mean
 
 _SIGN_BIT = 10
+_USUAL = Series()
 
 
 class UnknownRegisterError(MotiondeckError):
@@ -27,14 +28,14 @@ class ControlTable:
         model: the maker's name, "XM430-W350".
         number: the model number a ping answers with.
         pulses_per_turn: position counts in one turn of the horn.
-        family: what it shares with other models.
+        series: what it shares with other models.
     """
 
     model: str
     number: int
     pulses_per_turn: int
     registers: dict[str, Register]
-    family: Family = X
+    series: Series = _USUAL
 
     def __getitem__(self, name: str) -> Register:
         """The register of this name; an UnknownRegisterError has the nearest names."""
@@ -60,11 +61,11 @@ class ControlTable:
     @property
     def protocol(self) -> int:
         """The protocol that it speaks, 1 or 2."""
-        return self.family.protocol
+        return self.series.protocol
 
     def baud_value(self, baud: int) -> int | None:
         """The value of its register for a baud rate; None if it cannot be so fast, or so slow."""
-        value = self.family.baud_value(baud)
+        value = self.series.baud_value(baud)
         return value if value is not None and value <= self["baud_rate"].maximum else None
 
     def place(self, name: str) -> tuple[int, int] | None:
@@ -85,7 +86,7 @@ class ControlTable:
         )
 
 
-def parse_table(model: str, number: int, pulses_per_turn: int, text: str, family: Family = X) -> ControlTable:
+def parse_table(model: str, number: int, pulses_per_turn: int, text: str, series: Series = _USUAL) -> ControlTable:
     """Reads rows of  address, length, name, access, memory, range, default, unit;  # starts a comment.
 
     A length of `2s` is two bytes, signed; `2m` two bytes with a size and, in bit 10, its sign; `-` stands for no
@@ -109,7 +110,7 @@ def parse_table(model: str, number: int, pulses_per_turn: int, text: str, family
                 end = register.address + register.length
         except (ValueError, KeyError) as error:
             raise ValueError(f"control table of {model}, row '{line.strip()}': {error}") from error
-    return ControlTable(model, number, pulses_per_turn, registers, family)
+    return ControlTable(model, number, pulses_per_turn, registers, series)
 
 
 def _registers(row: list[str]) -> list[Register]:

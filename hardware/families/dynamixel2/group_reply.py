@@ -14,7 +14,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from hardware.protocol2.frames import ALERT, BROADCAST, HEADER, STATUS, StatusPacket, checksum
+from hardware.families.dynamixel2.frames import ALERT, BROADCAST, HEADER, STATUS, StatusPacket, checksum
 
 _JOINT = HEADER + bytes((BROADCAST,))  # how every joint reply begins
 _FAST_HEAD = 8  # header, BROADCAST, length, STATUS: what the first servo sends before its piece

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 
-from hardware.protocol1.frames import build
-from hardware.protocol2.frames import BROADCAST
+from hardware.families.dynamixel1.frames import build
+from hardware.families.dynamixel2.frames import BROADCAST
 
 PING = 0x01
 READ = 0x02

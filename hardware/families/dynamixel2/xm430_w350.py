@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from hardware.control_table.table import parse_table
+from hardware.families.table import parse_table
 
 XM430_W350 = parse_table(
     "XM430-W350",

@@ -1,1 +1,0 @@
-"""Control tables and facts of servo models, as data."""

@@ -1,0 +1,1 @@
+"""Servo families: one folder each, and what they share."""

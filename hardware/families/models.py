@@ -1,0 +1,65 @@
+"""The servo models whose control tables are known, of all families: every folder beside this file is one."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from functools import cache
+from importlib import import_module
+from pkgutil import iter_modules
+
+import hardware.families
+from hardware.families.facts import FamilyFacts
+from hardware.families.table import ControlTable
+from motiondeck_base.near_names import near_names
+
+
+def _facts() -> list[FamilyFacts]:
+    """The facts of each family."""
+    names = [folder.name for folder in iter_modules(hardware.families.__path__) if folder.ispkg]
+    return [import_module(f"hardware.families.{name}.facts").FACTS for name in names]
+
+
+_FACTS = _facts()
+
+TRAITS = {model: traits for facts in _FACTS for model, traits in facts.traits.items()}
+"""By model name."""
+OTHER_DEVICES = {number: device for facts in _FACTS for number, device in facts.others.items()}
+"""By model number: the names of devices without a control table here, and why they cannot be joints of a rig."""
+WHY_NO_JOINT: dict[str, str] = dict(OTHER_DEVICES.values())
+"""By name."""
+
+
+class Models(Mapping[str, ControlTable]):
+    """Control tables by model name; a table is made when it is first asked for."""
+
+    def __getitem__(self, model: str) -> ControlTable:
+        return _of_models()[model].table(model)
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(_of_models())
+
+    def __len__(self) -> int:
+        return len(_of_models())
+
+    def near(self, model: str) -> list[str]:
+        """The names most like this one."""
+        return near_names(model, self)
+
+
+MODELS = Models()
+
+
+def model_name(number: int) -> str:
+    """The name of the model with this number, or the number where it is not known."""
+    known = _names().get(number) or OTHER_DEVICES.get(number, (None,))[0]
+    return known or f"model number {number}"
+
+
+@cache
+def _of_models() -> dict[str, FamilyFacts]:
+    return {model: facts for facts in _FACTS for model in facts.numbers()}
+
+
+@cache
+def _names() -> dict[int, str]:
+    return {number: model for facts in _FACTS for model, number in facts.numbers().items()}
