@@ -45,6 +45,8 @@ class RigJoint(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
         gear: turns of the horn for one turn of the joint.
         port: of the serial adapter that its servo is on; the rig's own if empty.
         position_p_gain, position_i_gain, position_d_gain: counts of these registers; what the servo has if None.
+        lag: how late its shaft is behind its targets while it plays, s; see `tools.identify`.
+        friction: the current that turns it slowly without a load, A; None where it is unknown.
     """
 
     name: str
@@ -62,6 +64,8 @@ class RigJoint(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     position_p_gain: Annotated[int, msgspec.Meta(ge=0)] | None = None
     position_i_gain: Annotated[int, msgspec.Meta(ge=0)] | None = None
     position_d_gain: Annotated[int, msgspec.Meta(ge=0)] | None = None
+    lag: Annotated[float, msgspec.Meta(ge=0, le=0.5)] = 0.0
+    friction: Annotated[float, msgspec.Meta(ge=0)] | None = None
 
     def __post_init__(self) -> None:
         if not (self.name.strip() and self.name.isprintable()):

@@ -50,6 +50,8 @@ def test_an_angle_becomes_pulses(written):
         (('"/dev/ttyUSB0"', '""'), "port: expected text with a length of at least 1"),
         (("1_000_000", "1234"), "baud 1234 is not one of 9600,"),
         (("id = 1", "id = 253"), "joint 1.id: expected a whole number of at most 252"),
+        (("velocity = 4", "velocity = 4, lag = 0.7"), "joint 1.lag: expected a number of at most 0.5"),
+        (("velocity = 4", "velocity = 4, friction = -0.1"), "joint 1.friction: expected a number of at least 0"),
         (("direction = 1", "direction = 2"), "joint 1.direction: 2 is not allowed; -1 and 1 are"),
         (("XM430-W350", "MX-28 1.0"), "joint 1: model 'MX-28 1.0' is unknown. Did you mean MX-28(1.0)"),
         (("-W350", "-X"), "joint 1: model 'XM430-X' is unknown"),
