@@ -5,7 +5,7 @@ follows the targets: it is moved, little by little, to shortly after they usuall
 and in the next, the joints go on as the targets did; then they brake and are held, unless the targets stood still: to
 those they come first. Targets that come back before the joints are at rest are caught up with; later ones have to come
 to where the joints are held, to be followed from there. So they have to where servos were set up again, which stand
-where they were.
+where they were. Through ticks that the guard itself has lost the joints go on, if they were few.
 
 The emergency stop is kept here (see `stop_state`): the stop door, the wired stop and the deck demand it, each on its
 own. A reset comes from the deck, and names the presses that it releases.
@@ -109,11 +109,13 @@ class RigGuard:
 
     def tick(self, now: float) -> None:
         """One tick, at a time of the machine's steady clock, s."""
-        fresh, self._fresh, self._ticked = self._fresh, False, now
+        fresh, self._fresh = self._fresh, False
+        lost, self._ticked = round((now - self._ticked) / self._period) - 1, now
         if self.wired is not None:
             self.stop.watch(self.wired)
         fresh = fresh and now - self._targets.sent < MISSED * self._period
         self._move_grid(now, fresh)
+        self._make_up(lost)
         if fresh:
             self._take(self._targets.joints)
             self._missed = 0
@@ -146,6 +148,15 @@ class RigGuard:
     def report(self, states: States) -> None:
         """Fills in the state of this tick, but for the servos."""
         states.set(self.stop, self.wired.name if self.wired is not None else "", self._collected, self._rig.recoveries)
+
+    def _make_up(self, lost: int) -> None:
+        """Goes on by the ticks that were not run; a joint whose goal stood still for more of them begins at rest."""
+        if lost > MISSED:
+            self._envelope.start(self._rig.goals)
+            return
+        for _ in range(lost):
+            self._missed += 1
+            self._next(False)
 
     def _take(self, joints: Array) -> None:
         """Keeps new targets; after missing ones the targets between are on a straight line, or were like these."""

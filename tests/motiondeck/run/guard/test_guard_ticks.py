@@ -365,6 +365,35 @@ def test_a_guard_that_was_late_itself_does_not_make_up_for_it(bench):
     assert bench.guard.due >= bench.now + 0.7 * T
 
 
+@pytest.mark.parametrize("lost", [1, 2])
+def test_time_that_the_guard_has_lost_is_none_for_the_joints(bench, lost):
+    for _ in range(20):
+        bench.deck_tick()
+    for _ in range(lost):  # the deck plays on, and the guard is not given the processor
+        bench.now += T
+        bench.time += T
+        bench.envelope(bench.wave)
+    bench.now = max(bench.now, bench.times[-1] + (lost + 1) * T)
+    for _ in range(20):
+        bench.deck_tick()
+    assert bench.phase == "running"
+    passed = T * np.rint(np.diff(np.array(bench.times[-40:])) / T)
+    assert passed.max() == pytest.approx((lost + 1) * T)
+    velocity = np.diff(np.array(bench.rig.sent[-40:]), axis=0) / passed[:, None]
+    acceleration = np.diff(velocity, axis=0) / (0.5 * (passed[1:] + passed[:-1]))[:, None]
+    assert np.abs(velocity).max() <= VELOCITY * (1.0 + 1e-6)
+    assert np.abs(acceleration).max() <= ACCELERATION * (1.0 + 1e-6)
+
+
+def test_joints_begin_at_rest_after_a_guard_that_was_gone_for_long(bench):
+    bench.now += 0.2
+    before = len(bench.rig.sent)
+    for _ in range(30):
+        bench.deck_tick()
+    sent = [bench.rig.sent[before - 1]] * 3 + bench.rig.sent[before:]
+    assert_safe(sent)
+
+
 def test_targets_that_stop_coming_right_after_they_are_followed_move_nothing(bench):
     bench.pass_time(0.5)
     bench.rig.sent.clear()
