@@ -23,13 +23,15 @@ class Lockable(Paced, ABC):
         time: s since the start, summed over updates.
         due: returns the due time of the present tick by the machine's steady clock, s; locks follow it, since beats and
             other decks go on while ticks are missed. Without it they follow the time of the deck.
-        phase_at: the due time of the present phase by that clock, s; None without one.
+        lead: how far the deck runs ahead of its joints, s; locks are kept where the joints are.
+        phase_at: when the joints are due at the present phase, by that clock, s; None without one.
         leader: observes the deck that this one can be locked to, or None.
         measured: returns the measured joint positions, or None where there are none.
     """
 
     time: float
     due: Callable[[], float] | None = None
+    lead: float = 0.0
     phase_at: float | None = None
     leader: Leader | None = None
     measured: Measured | None = None
@@ -40,10 +42,15 @@ class Lockable(Paced, ABC):
         self._beats: Beats | None = None
 
     def attach(
-        self, *, due: Callable[[], float] | None = None, measured: Measured | None = None, leader: Leader | None = None
+        self,
+        *,
+        due: Callable[[], float] | None = None,
+        measured: Measured | None = None,
+        leader: Leader | None = None,
+        lead: float = 0.0,
     ) -> None:
-        """Connects what locks follow: the clock of the loop, the measured joints, another deck."""
-        self.due, self.measured, self.leader = due, measured, leader
+        """Connects what locks follow: the clock of the loop, the measured joints, another deck; and the lead, s."""
+        self.due, self.measured, self.leader, self.lead = due, measured, leader, lead
 
     @property
     def lock_state(self) -> LockState | None:
@@ -124,8 +131,8 @@ class Lockable(Paced, ABC):
         due: however many were missed, the lock sees all of what it has fallen behind.
         """
         if self.due is not None:
-            self.phase_at = self.due()
-        time = self.phase_at - dt if self.phase_at is not None else self.time
+            self.phase_at = self.due() + self.lead
+        time = self.phase_at - dt if self.phase_at is not None else self.time + self.lead
         if self._lock is None or (playhead := self._playhead(time)) is None:
             return self.advance_tempo(dt), None
         steering = self._lock.steer(playhead)

@@ -25,6 +25,9 @@ class RecordedDeck(Paced):
         recording: with at least one tick.
         same_robot: whether the recorded robot plays it; its root then follows the recorded path.
 
+    Attributes:
+        lead: how far it runs ahead of its joints, s.
+
     Raises:
         MotiondeckError: if the recording is empty.
     """
@@ -54,6 +57,7 @@ class RecordedDeck(Paced):
         self._blend = (fields["blend_motion"], fields["blend_weight"]) if "blend_motion" in fields else None
         self._last = recording.ticks - 1
         self._place = 0.0  # in ticks of the recording
+        self.lead = self._waited = 0.0  # s; since the end is reached
 
     @property
     def motion(self) -> str:
@@ -67,12 +71,13 @@ class RecordedDeck(Paced):
 
     @property
     def over(self) -> bool:
-        """Whether the end is reached; the last targets are held there."""
-        return self._place >= self._last
+        """Whether the joints are at the end; the last targets are held there."""
+        return self._place >= self._last and self._waited >= self.lead
 
     def update(self, dt: float) -> tuple[Array, Pose]:
         """Advances by dt seconds, linear between recorded ticks; the joint targets (J,), rad, and the pose."""
         self.time += dt
+        self._waited = self._waited + dt if self._place >= self._last else 0.0
         step = dt * self.advance_tempo(dt) * self._rate
         self._place = min(max(self._place + step, 0.0), float(self._last))
         first = min(int(self._place), max(self._last - 1, 0))

@@ -20,6 +20,7 @@ from threadpoolctl import threadpool_limits
 from controller.loop.clock import Clock
 from controller.loop.fault_counter import FaultCounter
 from controller.loop.histogram import DurationHistogram, Percentiles
+from controller.loop.lead import Lead
 from controller.loop.output_channel import Channel
 from controller.loop.run_phases import Player, Source, safe_targets
 from controller.loop.safety.pace import Pace
@@ -35,7 +36,7 @@ _DEAF = 10  # ticks in a row in which nothing can be commanded, or no stop be ta
 class LoopState:
     """The state of a running loop, for telemetry; the next tick changes it."""
 
-    targets: Array  # the targets written to the outputs, shape (J,), rad
+    targets: Array  # safe targets that the joints are meant to be at now, shape (J,), rad
     pose: Pose
     tick: int = 0
     seconds: float = 0.0  # s since the loop started
@@ -104,7 +105,8 @@ def run(
     """Plays a deck on outputs until the time is over, or until a command, a signal or a failure ends it.
 
     The joints approach the deck's first targets slowly from their measured positions; joints that no output measures
-    are assumed to be at those targets. At the end they come to rest within their limits. Outputs are left open.
+    are assumed to be at those targets. At the end they come to rest within their limits. Outputs are left open. Where
+    joints lag, the deck runs ahead of the picture (see `lead`).
 
     Args:
         deck: updated once a tick. An exception of its first update is raised here: nothing has moved yet.
@@ -118,7 +120,8 @@ def run(
         publish: called with the state every `publish_every` ticks; it must not wait.
         stop: ends the loop when set; if set before the first tick nothing moves. By default one that signals set.
     """
-    source = Source(deck, clock.period)
+    lead = Lead(channels, len(envelope.position), clock.period)
+    source = Source(deck, clock.period, lead.before if lead.seconds else None)
     commanding, publishing = FaultCounter(most=_DEAF), FaultCounter()
     stopping = [FaultCounter(most=_DEAF) for _ in stops]
     with undisturbed(), nullcontext(stop) if stop is not None else stop_on_signals() as stop:
@@ -143,9 +146,12 @@ def run(
                     targets = next(steps, None)
                     if targets is None:
                         break
-                    for channel in channels:
-                        channel.write(state.tick, targets, source.pose)
                     state.targets, state.pose = targets, source.pose
+                    if lead.seconds:
+                        state.targets, state.pose = lead.write(channels, state.tick, targets, source.pose)
+                    else:
+                        for channel in channels:
+                            channel.write(state.tick, targets, source.pose)
                 else:
                     source.catch_up()
                 if publish and state.tick % publish_every == 0:

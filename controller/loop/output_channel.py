@@ -34,6 +34,11 @@ class Channel:
     _failed: bool = field(default=False, init=False)
     _failed_turns: int = field(default=0, init=False)
 
+    @property
+    def lag(self) -> Array | None:
+        """How long after a write each joint is there, shape (J,), s; None for an output that says nothing of it."""
+        return getattr(self.output, "lag", None)
+
     def read(self, tick: int) -> None:
         """Reads the joint positions, if it is the output's turn."""
         if self.parked or tick % self.every:

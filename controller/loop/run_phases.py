@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from itertools import chain
 from typing import Protocol
 
@@ -49,25 +49,34 @@ class Source:
     """The latest targets and pose of a deck; they keep their values while the deck raises.
 
     Attributes:
+        targets: for the envelope, shape (J,), rad: where joints lag less than others, those of a while ago.
+        pose: of the deck's latest update.
         updates: how many there were after the first one.
         running: whether the deck's time passes; while the joints approach it, it waits.
     """
 
-    def __init__(self, deck: Player, dt: float) -> None:
-        """Takes the first targets; an exception of the deck is raised here."""
-        self._deck = deck
+    def __init__(self, deck: Player, dt: float, before: Callable[[Array], Array] | None = None) -> None:
+        """Takes the first targets; an exception of the deck is raised here.
+
+        Args:
+            before: delays the targets (J,) of each update on their way to the envelope.
+        """
+        self._deck, self._before = deck, before
         self.dt = dt
         self.counter = FaultCounter()
         self.updates = 0
         self.running = False
         targets, self.pose = deck.update(dt)
-        self.targets = targets.copy()
+        self._latest = targets.copy()
+        self.targets = self._latest if before is None else before(self._latest)
 
     def update(self) -> None:
         """Advances the deck by one tick."""
         self.updates += 1
         self.running = True
         self.counter.call(self._take)
+        if self._before is not None:
+            self.targets = self._before(self._latest)
 
     def catch_up(self) -> None:
         """Advances the deck by a tick whose targets are not written, unless it waits for an approach."""
@@ -76,9 +85,9 @@ class Source:
 
     def _take(self) -> None:
         targets, pose = self._deck.update(self.dt)
-        if targets.shape != self.targets.shape:
-            raise ValueError(f"targets of shape {targets.shape} instead of {self.targets.shape}")
-        self.targets[:], self.pose = targets, pose
+        if targets.shape != self._latest.shape:
+            raise ValueError(f"targets of shape {targets.shape} instead of {self._latest.shape}")
+        self._latest[:], self.pose = targets, pose
 
 
 def safe_targets(

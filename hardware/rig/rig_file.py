@@ -43,6 +43,7 @@ class RigJoint(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
         acceleration: its limit, rad/s^2; 0 for none.
         current: its limit, A, that the servo itself keeps; 0 for none.
         gear: turns of the horn for one turn of the joint.
+        lag: how long after a target the shaft is there, s; 0 if that is not known.
         port: of the serial adapter that its servo is on; the rig's own if empty.
         position_p_gain, position_i_gain, position_d_gain: counts of these registers; what the servo has if None.
         lag: how late its shaft is behind its targets while it plays, s; see `tools.identify`.
@@ -60,6 +61,7 @@ class RigJoint(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     acceleration: Annotated[float, msgspec.Meta(ge=0)] = 0.0
     current: Annotated[float, msgspec.Meta(ge=0)] = 0.0
     gear: Annotated[float, msgspec.Meta(gt=0)] = 1.0
+    lag: Annotated[float, msgspec.Meta(ge=0, le=0.5)] = 0.0
     port: str = ""
     position_p_gain: Annotated[int, msgspec.Meta(ge=0)] | None = None
     position_i_gain: Annotated[int, msgspec.Meta(ge=0)] | None = None

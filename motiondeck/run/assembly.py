@@ -16,6 +16,7 @@ from controller.loop.clock import Clock, Ticker
 from controller.loop.commands.command_handler import CommandHandler
 from controller.loop.commands.commanded_run import CommandedRun
 from controller.loop.ensemble import all_limits, together
+from controller.loop.lead import Lead
 from controller.loop.output_channel import Channel
 from controller.loop.permissions import handed_back, leave_core
 from controller.loop.safety.safety_envelope import SafetyEnvelope
@@ -157,9 +158,13 @@ def _assemble(opening: ExitStack, stop: StopRequest, spec: RunSpec, played: Play
         # The clock of its events is the deck's, as of all others; the approach comes before.
         pushable.attach(lambda: deck.time, lambda: stop.holds)
     measured = _measured_by(channels[0], len(first.own_joints))
+    lead = Lead(channels, len(joints), clock.period).seconds
+    if isinstance(deck, RecordedDeck):
+        deck.lead = lead
     if isinstance(deck, Lockable):
         leader = member.leader(opening) if member is not None else _leader(opening, spec)
-        deck.attach(due=ticker.due if ticker is not None else None, measured=measured, leader=leader)
+        due = ticker.due if ticker is not None else None
+        deck.attach(due=due, measured=measured, leader=leader, lead=lead)
         if spec.lock_to is not None:
             deck.lock("beat" if spec.lock_to == "beat" else "body" if spec.lock_to == "body" else "deck")
     watch = _watch(spec, played, first, channels[0])

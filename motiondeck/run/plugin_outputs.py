@@ -25,13 +25,15 @@ GROUP = "motiondeck.outputs"
 LATEST = 0.5
 """The share of a tick that a write may take."""
 
+_LONGEST_LAG = 0.5  # s
+
 
 class PluginOutput(Protocol):
     """An output of another package.
 
     It may also have `measured()`, which returns the measured joint positions (J,), rad, NaN for a joint without a
-    sensor, or None, and `report()`, which returns its entry in the report of the run. All calls come from the thread of
-    the loop.
+    sensor, or None, `report()`, which returns its entry in the report of the run, and `lag`, which says how long after
+    a write each joint is there, shape (J,), s. All calls come from the thread of the loop.
     """
 
     def write(self, targets: Array, pose: Pose) -> None:
@@ -66,6 +68,9 @@ class PluggedOutput:
         self._measured: Callable[[], ArrayLike | None] = getattr(plugin, "measured", lambda: None)
         self._report: Callable[[], Mapping[str, object]] = getattr(plugin, "report", dict)
         self._closed = False
+        self.lag = np.asarray(getattr(plugin, "lag", np.zeros(joints)), dtype=np.float64)
+        if self.lag.shape != (joints,) or not ((self.lag >= 0.0) & (self.lag <= _LONGEST_LAG)).all():
+            raise MotiondeckError(f"output {name}: its lag must be {joints} numbers from 0 to {_LONGEST_LAG} s")
 
     def write(self, targets: Array, pose: Pose) -> None:
         """Writes the targets.

@@ -50,6 +50,7 @@ class PhysicsPlayback:
         fell_s: time of a free robot's first fall, s, or None.
         fallen: whether a free robot is down, until it has stood for STANDS_AGAIN.
         behind_s: delay of the body, s.
+        lag: latency of each joint's servo, shape (J,), s; None without servos.
     """
 
     name = "physics"
@@ -100,6 +101,8 @@ class PhysicsPlayback:
         self._legs = self._balance or self._walker
         self.behind_s = AHEAD if walk else 0.0
         self._servos = Servos(robot.servo, model, self._dt) if robot.servo is not None else None
+        late = round(robot.servo.latency / self._dt) * self._dt if robot.servo is not None else 0.0
+        self.lag = np.full(len(robot.rest), late) if late else None
         self._lead = lead_of(model)
         self._goal, self._goal_before, self.wanted = (model.qpos0.copy() for _ in range(3))
         self.placed = np.empty(7)

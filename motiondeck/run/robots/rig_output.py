@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from controller.deck.interfaces import JointLimits
+from controller.loop.lead import Delay
 from controller.loop.output_channel import Channel
 from controller.motion.posture import Pose
 from controller.motion.rotations import Array
@@ -84,6 +85,9 @@ class RigOutput:
         joints: the robot's joints in the order of the targets.
         hz: how often it is written to.
 
+    Attributes:
+        lag: of each joint, as its rig file says, shape (J,), s; 0 for joints that the rig lacks.
+
     Raises:
         MotiondeckError: if the rig has a joint that the robot has not.
     """
@@ -95,7 +99,10 @@ class RigOutput:
         self.guarded = rig if isinstance(rig, GuardedRig) else None
         self._hz = hz
         self._order = np.array([joints.index(name) for name in rig.names])
-        self._written, self._followed = rig.positions.copy(), rig.positions.copy()
+        self.lag = np.zeros(len(joints))
+        self.lag[self._order] = lags = np.array([joint.lag for joint in rig.config.joints])
+        self._followed = Delay(lags, 1.0 / hz)
+        self._written, self._meant = rig.positions.copy(), rig.positions.copy()
         self._measured, self._held = np.full(len(joints), np.nan), np.full(len(joints), np.nan)
         self._measured[self._order] = rig.positions
         self._squares, self._samples = 0.0, 0
@@ -119,13 +126,13 @@ class RigOutput:
         rig = self._rig
         if rig.collect_state():
             # The state was taken right after the goals before were sent: the joints were following these.
-            error = rig.positions - self._followed
+            error = rig.positions - self._meant
             self._squares += float(error @ error)
             self._samples += len(error)
             self._measured[self._order] = rig.positions
         self._written[:] = targets[self._order]
         rig.write(self._written)
-        self._followed[:] = self._written if self.guarded is None else self.guarded.states.goals
+        self._meant[:] = self._followed(self._written if self.guarded is None else self.guarded.states.goals)
 
     def measured(self) -> Array | None:
         """The latest measured positions (J,), rad; NaN for joints that the rig lacks."""

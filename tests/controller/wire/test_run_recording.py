@@ -219,6 +219,17 @@ def test_a_recorded_deck_plays_what_was_recorded_at_any_rate(dt):
     assert targets == pytest.approx([1.0, -1.0])
 
 
+def test_a_recording_is_over_once_joints_that_lag_are_at_its_end():
+    deck = RecordedDeck(recorded())
+    deck.lead = 0.05
+    ticks = next(tick for tick in range(1, 200) if (deck.update(0.01), deck.over)[1])
+    assert ticks == pytest.approx(99 + 5, abs=2)
+    deck.set_tempo(-1.0)
+    for _ in range(100):
+        deck.update(0.01)
+    assert not deck.over
+
+
 def test_the_same_robot_is_placed_where_it_was_and_another_one_by_the_pose():
     recording = recorded()
     place = np.column_stack([2.0 * recording.fields["root_position"], recording.fields["root_rotation"]])

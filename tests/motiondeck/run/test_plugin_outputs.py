@@ -145,3 +145,17 @@ def test_a_late_write_is_a_fault():
     with pytest.raises(LateOutputError, match=r"took 6\.0 ms, more than 5\.0 ms"):
         output.write(np.zeros(1), POSE)
     PluggedOutput("slow", slow, 1, 50.0, now=lambda: slow.seconds).write(np.zeros(1), POSE)
+
+
+def test_an_output_may_lag_and_says_so_in_seconds():
+    class Late:
+        lag = (0.03, 0.0)
+
+        def write(self, targets, pose):
+            pass
+
+    assert PluggedOutput("late", Late(), 2, 100.0).lag.tolist() == [0.03, 0.0]
+    for joints, wrong in ((3, (0.03, 0.0)), (2, (-0.01, 0.0)), (2, (0.6, 0.0)), (2, (float("nan"), 0.0))):
+        Late.lag = wrong
+        with pytest.raises(MotiondeckError, match="output late: its lag must be"):
+            PluggedOutput("late", Late(), joints, 100.0)

@@ -34,7 +34,8 @@ class FakeRig:
 
     names = ("c", "a")
 
-    def __init__(self):
+    def __init__(self, *lags):
+        self.config = SimpleNamespace(joints=[SimpleNamespace(lag=lag) for lag in lags or (0.0, 0.0)])
         self.positions = np.zeros(2)
         self.written = []
         self.broken = False
@@ -63,6 +64,16 @@ def test_each_joint_gets_its_own_target_and_its_measurement_comes_back():
     measured = output.measured()
     assert measured[[0, 2]] == pytest.approx([0.99, 2.99])
     assert np.isnan(measured[1])
+
+
+def test_a_joint_that_lags_is_measured_against_its_targets_of_one_lag_ago():
+    rig = FakeRig(0.02, 0.0)  # of joints c and a; FakeRig itself is a tick late, and 0.01 rad off
+    output = RigOutput(rig, JOINTS, 100.0)
+    assert output.lag.tolist() == [0.0, 0.0, 0.02]
+    for tick in range(200):
+        output.write(np.array([0.0, 0.0, 0.1 * tick]), POSE)
+    # Joint c is where its targets are, so 0.2 rad ahead of those of two ticks ago.
+    assert np.sqrt(output._squares / output._samples) == pytest.approx(np.sqrt((0.19**2 + 0.01**2) / 2.0), rel=0.02)
 
 
 def test_a_rig_that_is_lost_says_so_at_every_write():

@@ -1,0 +1,97 @@
+"""Lead: joints whose actuators lag get their targets earlier than the picture, so that all shows at the same time.
+
+The deck runs L ahead of the picture, L being the largest lag of a joint, in whole ticks. With l(o, j) the lag of joint
+j at output o and e(j) its largest, a target passes the safety envelope L - e(j) after the deck has made it, and output
+o gets it e(j) - l(o, j) after that: each shaft is where the motion is L after the deck. These are the deck's own
+targets, only later, so switches, changes of tempo and pauses come through exactly. The envelope stays the last before
+an output that lags: what it brakes, brakes at once.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+
+import numpy as np
+
+from controller.loop.output_channel import Channel
+from controller.motion.posture import Pose
+from controller.motion.rotations import Array
+
+
+class Delay:
+    """Delays J values, each by a time of its own, linear between ticks; before its first values they were as these."""
+
+    def __init__(self, seconds: Array, dt: float) -> None:
+        """Delays by `seconds` (J,), >= 0, in ticks of dt s."""
+        ticks = seconds / dt
+        whole = np.floor(ticks + 1e-6)
+        self._share = np.maximum(ticks - whole, 0.0)
+        self._whole, self._columns = whole.astype(np.int64), np.arange(len(seconds))
+        self._ring = np.zeros((int(self._whole.max(initial=0)) + 2, len(seconds)))
+        self._place = -1
+        self._delayed = np.empty(len(seconds))
+        self._shown = self._delayed.view()
+        self._shown.flags.writeable = False  # no output can change what the next one is given
+
+    def __call__(self, values: Array) -> Array:
+        """Takes the values (J,) of a tick; the delayed ones, read-only and overwritten by the next call."""
+        ring, columns = self._ring, self._columns
+        if self._place < 0:
+            ring[:] = values
+        self._place = (self._place + 1) % len(ring)
+        ring[self._place] = values
+        newer = ring[self._place - self._whole, columns]
+        older = ring[self._place - self._whole - 1, columns]
+        self._delayed[:] = newer + self._share * (older - newer)
+        return self._shown
+
+
+class DelayedPoses:
+    """Delays poses by whole ticks; before the first one they were as it is."""
+
+    def __init__(self, ticks: int) -> None:
+        self._ring: list[Pose] = []
+        self._ticks, self._place = ticks, 0
+
+    def __call__(self, pose: Pose) -> Pose:
+        """Takes the pose of a tick; the delayed one."""
+        ring = self._ring
+        if not ring:
+            ring[:] = [pose] * (self._ticks + 1)
+        ring[self._place] = pose
+        self._place = (self._place + 1) % len(ring)
+        return ring[self._place]
+
+
+class Lead:
+    """How far a deck runs ahead of the picture, and how late each output gets what it plays.
+
+    Attributes:
+        seconds: L, s.
+        before: delays the deck's targets on their way to the envelope.
+    """
+
+    def __init__(self, channels: Sequence[Channel], joints: int, dt: float) -> None:
+        """Takes the lags of the outputs, for J joints and ticks of dt s."""
+        none = np.zeros(joints)
+        lags = [none, *(channel.lag if channel.lag is not None else none for channel in channels)]
+        largest = np.maximum.reduce(lags)
+        ticks = math.ceil(largest.max(initial=0.0) / dt - 1e-6)
+        self.seconds = ticks * dt
+        self.before = Delay(self.seconds - largest, dt)
+        # One stream for all outputs that lag alike; the first is the picture.
+        alike = [lag.tobytes() for lag in lags]
+        distinct = list(dict.fromkeys(alike))
+        self._streams = [
+            (Delay(largest - lag, dt), DelayedPoses(ticks - round(lag.max(initial=0.0) / dt)))
+            for lag in (lags[alike.index(one)] for one in distinct)
+        ]
+        self._stream_of = [distinct.index(one) for one in alike[1:]]
+
+    def write(self, channels: Sequence[Channel], tick: int, targets: Array, pose: Pose) -> tuple[Array, Pose]:
+        """Writes the safe targets (J,), rad, and the deck's pose of a tick to the outputs; those of the picture."""
+        streamed = [(late(targets), poses(pose)) for late, poses in self._streams]
+        for channel, stream in zip(channels, self._stream_of, strict=True):
+            channel.write(tick, *streamed[stream])
+        return streamed[0]
