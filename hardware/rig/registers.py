@@ -5,7 +5,8 @@ from __future__ import annotations
 from collections.abc import Iterable, Sequence
 
 from hardware.bus.servo_bus import Bus
-from hardware.rig.rig_file import RigConfig, RigJoint
+from hardware.rig.rig_file import RigConfig
+from hardware.rig.rig_joint import RigJoint
 
 
 def read_register(joint: RigJoint, bus: Bus, name: str) -> int:

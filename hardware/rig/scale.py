@@ -8,7 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hardware.families.models import TRAITS
-from hardware.rig.rig_file import RigConfig, RigJoint
+from hardware.rig.rig_file import RigConfig
+from hardware.rig.rig_joint import RigJoint
 
 Array = NDArray[np.float64]
 

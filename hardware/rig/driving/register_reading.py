@@ -13,7 +13,7 @@ from hardware.bus.protocol import PROTOCOLS
 from hardware.errors import RigError
 from hardware.families.register import Register, decode_block
 from hardware.families.table import ControlTable
-from hardware.rig.rig_file import RigJoint
+from hardware.rig.rig_joint import RigJoint
 
 WRITABLE = ("led", "led_red", "led_green", "led_blue", "moving_threshold", "position_d_gain")
 EVERY = 4

@@ -20,7 +20,8 @@ from hardware.errors import RefusedError
 from hardware.families.register import Register
 from hardware.families.table import ControlTable
 from hardware.rig.registers import read_register
-from hardware.rig.rig_file import RigConfig, RigJoint
+from hardware.rig.rig_file import RigConfig
+from hardware.rig.rig_joint import RigJoint
 
 FIELDS = ("force", "present_velocity", "present_position", "hardware_error_status", "present_temperature",
           "torque_enable", "present_input_voltage", "torque_limit")  # fmt: skip

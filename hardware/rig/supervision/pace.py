@@ -9,7 +9,8 @@ from numpy.typing import NDArray
 
 from hardware.families.models import TRAITS
 from hardware.rig.driving.readings import Measurements
-from hardware.rig.rig_file import RigConfig, RigJoint
+from hardware.rig.rig_file import RigConfig
+from hardware.rig.rig_joint import RigJoint
 from hardware.rig.scale import Array, RigScale
 from hardware.rig.supervision.health import EASED_FROM
 

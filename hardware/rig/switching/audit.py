@@ -34,7 +34,8 @@ from typing import Literal, NamedTuple
 from hardware.bus.servo_bus import Bus
 from hardware.errors import RefusedError
 from hardware.families.register import decode_block
-from hardware.rig.rig_file import POSITION_MODE, RigConfig, RigJoint
+from hardware.rig.rig_file import RigConfig
+from hardware.rig.rig_joint import POSITION_MODE, RigJoint
 from hardware.rig.scale import RigScale
 
 ANSWER_EVERYTHING = 2

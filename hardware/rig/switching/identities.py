@@ -9,7 +9,8 @@ from hardware.errors import RigError, ServoError
 from hardware.families.meanings import describe_errors
 from hardware.families.models import TRAITS
 from hardware.rig.registers import list_joints, read_each, read_register, sync_write_all
-from hardware.rig.rig_file import RigConfig, RigJoint
+from hardware.rig.rig_file import RigConfig
+from hardware.rig.rig_joint import RigJoint
 from hardware.rig.switching.audit import ANSWER_EVERYTHING
 
 

@@ -8,7 +8,8 @@ import numpy as np
 
 from hardware.bus.servo_bus import Bus
 from hardware.rig.registers import read_register
-from hardware.rig.rig_file import RigConfig, RigJoint
+from hardware.rig.rig_file import RigConfig
+from hardware.rig.rig_joint import RigJoint
 from hardware.rig.scale import Array
 
 

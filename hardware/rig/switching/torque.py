@@ -14,7 +14,8 @@ from hardware.bus.servo_bus import Bus
 from hardware.errors import NoReplyError, RigError, SerialPortError, ServoError
 from hardware.families.register import decode_block
 from hardware.rig.registers import list_joints, read_each, read_register, sync_write_all, write_each
-from hardware.rig.rig_file import RigConfig, RigJoint
+from hardware.rig.rig_file import RigConfig
+from hardware.rig.rig_joint import RigJoint
 from hardware.rig.scale import Array, RigScale
 from hardware.rig.switching.audit import audit, current_counts, in_counts, settle
 from hardware.rig.switching.identities import (
