@@ -36,14 +36,15 @@ class SimulatedRig:
         self.positions, self.velocities, self.currents = (np.zeros(len(config.joints)) for _ in range(3))
         ends = self._scale.ends.astype(int).tolist()
         for index, (joint, low, high) in enumerate(zip(config.joints, *ends, strict=True)):
+            device = self.servos.devices[index]
+            self._scale.zero[index] -= device.bank.drive.forgotten[device.row]
             speed = joint.velocity * joint.gear / joint.table["profile_velocity"].si
             for name, value in (
                 ("operating_mode", joint.mode),
-                ("min_position_limit", low),
-                ("max_position_limit", high),
+                *([("min_position_limit", low), ("max_position_limit", high)] if joint.in_one_turn else []),
                 ("profile_velocity", max(1, round(speed))),
                 *([("goal_current", current_counts(joint))] if joint.current else []),
-                ("goal_position", self.servos.devices[index]["present_position"]),
+                ("goal_position", device["present_position"]),
                 ("torque_enable", 1),
                 ("bus_watchdog", config.watchdog_units),
             ):
@@ -99,7 +100,7 @@ class SimulatedRig:
                 self.faults.missed[index] += 1
                 continue
             self.faults.alert[index] += device.alert
-            self.positions[index] = joint.angle(device["present_position"])
+            self.positions[index] = (device["present_position"] - self._scale.zero[index]) / joint.pulses_per_radian
             speed = device["present_velocity"] * joint.table["present_velocity"].si
             self.velocities[index] = speed / (joint.direction * joint.gear)
             force = "present_current" if "present_current" in joint.table.registers else "present_load"

@@ -13,8 +13,11 @@ from hardware.families.table import ControlTable
 
 _DRIVEN = "the XL-320 and servos of the X, MX, AX, RX, P and PRO(A) series"
 _GAINS = ("position_p_gain", "position_i_gain", "position_d_gain")
-POSITION_MODE = 3
-"""The operating mode of a joint without a limit of current."""
+POSITION_MODE, EXTENDED_MODE = 3, 4
+"""Operating modes without a limit of current: within one turn of the servo, and through many."""
+NEAR = 0.05
+"""rad that a joint may stand outside its limits when switched on: play, and the rounding of pulses."""
+_FARTHEST = 4.0 * math.pi  # rad; farther are limits in degrees
 
 
 class RigJoint(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
@@ -25,8 +28,8 @@ class RigJoint(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
         id: on the bus, 0 to 252.
         model: the maker's name, as in `MODELS`.
         direction: +1 or -1, which way the servo turns when the joint's angle grows.
-        zero: the servo's position at angle 0, pulses.
-        lower, upper: position limits, rad; within the servo's one turn.
+        zero: the servo's position at angle 0, pulses; of a servo that counts turns, in any of them.
+        lower, upper: position limits, rad; beyond the servo's own one turn it is driven in a mode that counts turns.
         velocity: its limit, rad/s.
         acceleration: its limit, rad/s^2; 0 for none.
         current: its limit, A, that the servo itself keeps; 0 for none.
@@ -82,14 +85,7 @@ class RigJoint(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
             raise ValueError(f"current is {self.current:g} A; the most that model '{self.model}' takes is {most:.3g} A")
         self._refuse_too_small_limits()
         self._refuse_unknown_gains()
-        bottom, top = self.table.one_turn
-        low, high = sorted((self.pulses(self.lower), self.pulses(self.upper)))
-        if not (low >= bottom and high <= top):
-            in_degrees = ". Limits are in radians" if max(-self.lower, self.upper) > 2.0 * math.pi * self.gear else ""
-            raise ValueError(
-                f"limits {self.lower} to {self.upper} rad with zero {self.zero} reach from {low:.0f} to {high:.0f} "
-                f"pulses, outside the servo's one turn ({bottom} to {top}){in_degrees}"
-            )
+        self._refuse_far_limits()
 
     def _refuse_too_small_limits(self) -> None:
         """Raises ValueError for a limit below one count of its register, in which 0 means no limit."""
@@ -102,6 +98,19 @@ class RigJoint(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
                 raise ValueError(
                     f"{key} is {value:g} {unit}; the least that model '{self.model}' can keep is {least:.3g}"
                 )
+
+    def _refuse_far_limits(self) -> None:
+        """Raises ValueError for limits that are not in radians, or beyond what the model can count."""
+        if max(abs(self.lower), abs(self.upper)) > _FARTHEST:
+            raise ValueError(
+                f"limits {self.lower} to {self.upper} rad are beyond two turns of the joint. Limits are in radians"
+            )
+        if not self.in_one_turn and EXTENDED_MODE not in self.modes:
+            (bottom, top), (low, high) = self.table.one_turn, self.ends
+            raise ValueError(
+                f"limits {self.lower} to {self.upper} rad with zero {self.zero} reach from {low:.0f} to {high:.0f} "
+                f"pulses, outside the servo's one turn ({bottom} to {top}), and model '{self.model}' counts no turns"
+            )
 
     def _refuse_unknown_gains(self) -> None:
         """Raises ValueError for a gain that the model does not have, or does not take."""
@@ -135,8 +144,33 @@ class RigJoint(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     @property
     def mode(self) -> int:
         """The operating mode in which the servo keeps to positions, and to a limit of current where there is one."""
+        plain = POSITION_MODE if self.in_one_turn else EXTENDED_MODE
         limited = self.table.series.current_limited
-        return POSITION_MODE if not self.current or POSITION_MODE in limited else limited[0]
+        return plain if not self.current or plain in limited else limited[0]
+
+    @property
+    def modes(self) -> tuple[int, ...]:
+        """The operating modes of the model; () where it has no register for them."""
+        return TRAITS[self.model].modes if "operating_mode" in self.table.registers else ()
+
+    @property
+    def ends(self) -> tuple[float, float]:
+        """The lowest and the highest position of the servo, pulses, not rounded, from the zero of the rig file."""
+        low, high = sorted((self.pulses(self.lower), self.pulses(self.upper)))
+        return low, high
+
+    @property
+    def in_one_turn(self) -> bool:
+        """Whether the range lies within the one turn of position mode."""
+        (bottom, top), (low, high) = self.table.one_turn, self.ends
+        return bottom <= low and high <= top
+
+    @property
+    def several_turns(self) -> bool:
+        """Whether the place of the horn in one turn leaves open where in its range the joint stands."""
+        low, high = self.ends
+        near = 2.0 * NEAR * abs(self.pulses_per_radian)
+        return not self.in_one_turn and high - low + near > self.table.pulses_per_turn
 
     @property
     def hottest(self) -> float:
@@ -164,9 +198,13 @@ class RigJoint(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
         return self.direction * self.gear * self.table.pulses_per_turn / (2.0 * math.pi)
 
     def whole_turns(self, pulses: float) -> int:
-        """The pulses of the whole turns between a position and the servo's one turn."""
+        """The pulses of the whole turns between a position and the turn in which the joint is driven.
+
+        In position mode that is the servo's own one turn, else the one around the middle of the range.
+        """
         turn = self.table.pulses_per_turn
-        return int((pulses - self.table.one_turn[0]) // turn) * turn
+        start = self.table.one_turn[0] if self.mode == POSITION_MODE else (sum(self.ends) - turn) / 2.0
+        return math.floor((pulses - start) / turn) * turn
 
     def pulses(self, angle: float) -> float:
         """The servo's position (not rounded) at a joint angle in rad."""

@@ -19,6 +19,7 @@ class RigScale:
 
     Attributes:
         lower, upper: limits, shape (J,), rad.
+        zero: each servo's position at angle 0 as it counts now, shape (J,), pulses; see `whole_turns`.
         rad_per_s: one count of velocity, shape (J,), rad/s; its sign is as that of `amperes`.
         amperes: one count of current or load, shape (J,), A, negative where the servo turns the other way.
     """
@@ -27,7 +28,7 @@ class RigScale:
         joints = config.joints
         self.lower = np.array([joint.lower for joint in joints])
         self.upper = np.array([joint.upper for joint in joints])
-        self._zero = np.array([joint.zero for joint in joints], dtype=np.float64)
+        self.zero = np.array([joint.zero for joint in joints], dtype=np.float64)
         self._per_radian = np.array([joint.pulses_per_radian for joint in joints])
         self.rad_per_s = np.array(
             [joint.table["present_velocity"].si / (joint.direction * joint.gear) for joint in joints]
@@ -45,7 +46,7 @@ class RigScale:
 
     def pulses(self, angles: Array) -> Array:
         """The servo positions (J,), whole pulses, of joint angles (J,), rad."""
-        return np.rint(self._zero + angles * self._per_radian)
+        return np.rint(self.zero + angles * self._per_radian)
 
     def motion(self, joints: NDArray[np.int64] | slice, counts: NDArray[Any]) -> tuple[Array, Array, Array]:
         """Positions (rad), velocities (rad/s) and currents (A) of some joints, from records with their counts.
@@ -56,14 +57,14 @@ class RigScale:
         if velocity.dtype.kind == "u":
             velocity, force = _with_sign(velocity), _with_sign(force)
         return (
-            (counts["present_position"] - self._zero[joints]) / self._per_radian[joints],
+            (counts["present_position"] - self.zero[joints]) / self._per_radian[joints],
             velocity * self.rad_per_s[joints],
             force * self.amperes[joints],
         )
 
     def angles(self, pulses: Array) -> Array:
         """The joint angles (J,), rad, at servo positions (J,), pulses."""
-        return (pulses - self._zero) / self._per_radian
+        return (pulses - self.zero) / self._per_radian
 
 
 def _with_sign(counts: NDArray[Any]) -> Array:

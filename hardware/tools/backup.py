@@ -11,7 +11,8 @@ from hardware.bus.servo_bus import UNKNOWN_MODEL, Bus
 from hardware.errors import NoReplyError, RigError
 from hardware.families.register import Counts, decode_block
 from hardware.rig.registers import read_register
-from hardware.rig.rig_file import RigConfig, RigJoint
+from hardware.rig.rig_file import RigConfig
+from hardware.rig.rig_joint import RigJoint
 from motiondeck_base.files import write_file
 
 _CHUNK = 64  # bytes a read

@@ -1,8 +1,8 @@
 """Calibration of a rig by hand, all joints at once: zero, direction and range of each.
 
 Positions are the servo's own, without homing offset and reversal (`clear_offsets`), counted on through whole turns
-while torque is off. With torque on only one turn is left (0 to 4095 on most models): what a range has beyond it is
-given up, with a note.
+while torque is off. A model that does not count turns with torque on has only one then (0 to 4095 on most): what a
+range has beyond it is given up, with a note.
 """
 
 from __future__ import annotations
@@ -17,7 +17,8 @@ import msgspec
 from hardware.bus.servo_bus import Bus
 from hardware.errors import RigError
 from hardware.families.register import Counts
-from hardware.rig.rig_file import RigConfig, RigJoint
+from hardware.rig.rig_file import RigConfig
+from hardware.rig.rig_joint import EXTENDED_MODE, NEAR, RigJoint
 from hardware.rig.switching.audit import audit, settle
 from motiondeck_base.files import write_file
 
@@ -132,7 +133,7 @@ class Sweep:
 def measured_joint(
     joint: RigJoint, direction: int, zero: int, low: int, high: int, margin: float
 ) -> tuple[RigJoint, list[str]]:
-    """A joint as it was measured, and what of its range lies beyond the servo's one turn and is given up.
+    """A joint as it was measured, and what of its range its servo cannot do and is given up.
 
     Args:
         direction: 1 or -1.
@@ -144,8 +145,10 @@ def measured_joint(
         RigError: if nothing is left of its range.
     """
     bottom, top = joint.table.one_turn
-    turns = joint.whole_turns(zero)
+    turns = (zero - bottom) // joint.table.pulses_per_turn * joint.table.pulses_per_turn
     zero, low, high = zero - turns, low - turns, high - turns
+    if EXTENDED_MODE in joint.modes:
+        bottom, top = min(bottom, low), max(top, high)
     kept_low, kept_high = max(low, bottom), min(high, top)
     per_radian = abs(joint.pulses_per_radian) * direction
     lower, upper = sorted(((kept_low - zero) / per_radian, (kept_high - zero) / per_radian))
@@ -158,12 +161,18 @@ def measured_joint(
                 f"{joint.name}: {math.degrees(lost / abs(per_radian)):.0f} degrees at its {which} end lie beyond the "
                 "servo's own 0 and are given up. To have them, put the horn on elsewhere and calibrate again"
             )
+    if kept_high - kept_low <= joint.table.pulses_per_turn < kept_high - kept_low + 2.0 * NEAR * abs(per_radian):
+        lower, upper = lower + NEAR, upper - NEAR
+        notes.append(
+            f"{joint.name}: {math.degrees(NEAR):.0f} degrees at each end are given up, so that its place in one turn "
+            "tells where it stands"
+        )
     try:
         return msgspec.structs.replace(
             joint,
             direction=direction,
             zero=zero,
-            # Rounded inwards, so that no limit leaves the one turn.
+            # Rounded inwards, so that no limit leaves what was measured.
             lower=math.ceil(lower * 1e3) / 1e3,
             upper=math.floor(upper * 1e3) / 1e3,
         ), notes

@@ -15,7 +15,8 @@ from hardware.families.meanings import describe_errors
 from hardware.rig.driving.state_block import arranged, motion
 from hardware.rig.driving.wire_load import longest_tick
 from hardware.rig.registers import read_register, write_each
-from hardware.rig.rig_file import RigConfig, RigJoint
+from hardware.rig.rig_file import RigConfig
+from hardware.rig.rig_joint import NEAR, RigJoint
 from hardware.rig.switching.audit import ANSWER_EVERYTHING, Difference, audit, settle
 from hardware.rig.switching.identities import (
     hardware_errors,
@@ -23,7 +24,6 @@ from hardware.rig.switching.identities import (
     raise_answer_level,
     raise_answer_level_in_eeprom,
 )
-from hardware.rig.switching.torque import NEAR
 from hardware.tools.scan import LIKELY_BAUDS, scan
 
 _NEWEST = 255  # what a servo that does not answer may have as firmware
@@ -235,7 +235,7 @@ def _settle_each(differences: Iterable[Difference], config: RigConfig, bus: Bus)
 
 def _ask(joint: RigJoint, identity: Identity, bus: Bus) -> ServoReport:
     value = partial(read_register, joint, bus)
-    bits = hardware_errors(joint, bus)
+    bits, place = hardware_errors(joint, bus), value("present_position")
     temperature, voltage = float(value("present_temperature")), value("present_input_voltage") / 10.0
     why: list[str] = []
     if bits & _VOLTAGE:
@@ -250,7 +250,7 @@ def _ask(joint: RigJoint, identity: Identity, bus: Bus) -> ServoReport:
         firmware=identity.firmware,
         torque=value("torque_enable") != 0,
         errors=describe_errors(bits) + "".join(why) if bits else "",
-        position=joint.angle(value("present_position")),
+        position=joint.angle(place - joint.whole_turns(place)),
         temperature=temperature,
         voltage=voltage,
         return_delay_us=2 * value("return_delay_time"),
@@ -271,11 +271,8 @@ def _complaints(servo: ServoReport, joint: RigJoint, name: str, differing: set[s
     if servo.errors:
         found.append(f"{name} reports {servo.errors}: mend the cause, then switch its power off and on")
     position = servo.position
-    if "operating_mode" in differing:  # one that counts many turns; in position mode it shows its place in one
-        lowest, turn = joint.table.one_turn[0], joint.table.pulses_per_turn
-        pulses = lowest + (joint.pulses(position) - lowest) % turn
-        position = joint.angle(pulses)
-    if not (joint.lower - NEAR <= position <= joint.upper + NEAR or differing & _FALSIFIES):
+    known = not (joint.several_turns or differing & _FALSIFIES)
+    if known and not joint.lower - NEAR <= position <= joint.upper + NEAR:
         found.append(
             f"{name} stands at {position:.2f} rad, its limits are {joint.lower} to {joint.upper}: "
             "move it by hand, or motiondeck rig calibrate"

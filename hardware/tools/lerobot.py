@@ -17,7 +17,8 @@ import msgspec
 
 from hardware.errors import RigError
 from hardware.families.register import Counts
-from hardware.rig.rig_file import RigConfig, RigJoint
+from hardware.rig.rig_file import RigConfig
+from hardware.rig.rig_joint import RigJoint
 from hardware.tools.calibration import measured_joint
 from hardware.tools.rig_writing import assembled, new_joint
 from hardware.tools.scan import Found

@@ -9,7 +9,8 @@ from collections.abc import Iterator
 
 from hardware.bus.servo_bus import Bus
 from hardware.errors import RigError
-from hardware.rig.rig_file import RigConfig, RigJoint
+from hardware.rig.rig_file import RigConfig
+from hardware.rig.rig_joint import RigJoint
 from hardware.rig.switching.identities import check_identities
 from hardware.rig.switching.torque import switch_off
 

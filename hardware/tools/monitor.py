@@ -10,7 +10,8 @@ from hardware.errors import ServoError
 from hardware.families.meanings import describe_errors
 from hardware.families.register import decode_block
 from hardware.families.table import ControlTable
-from hardware.rig.rig_file import RigConfig, RigJoint
+from hardware.rig.rig_file import RigConfig
+from hardware.rig.rig_joint import RigJoint
 from hardware.rig.scale import RigScale
 from hardware.rig.switching.identities import hardware_errors
 

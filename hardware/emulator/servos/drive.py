@@ -91,6 +91,7 @@ class MotorDrive:
 
     Attributes:
         shaft, speed: of each horn.
+        forgotten: the whole turns of each that its servo no longer counts.
         path, path_speed: where the profile has led so far.
         load: torque against the horn's positive direction, as a part of the stall torque.
         supply: V.
@@ -105,6 +106,7 @@ class MotorDrive:
         self._no_load = motor.no_load_speed / 60.0 * pulses_per_turn
         self.shaft = shaft
         self.speed = np.zeros(count)
+        self.forgotten = np.zeros(count)
         self.path = shaft.copy()
         self.path_speed = np.zeros(count)
         self.target = shaft.copy()

@@ -73,6 +73,8 @@ class ServoBank:
         self._measures_current = "present_current" in table.registers
         self.mapped = table is not self.public
         self._pulses_per_radian = table.pulses_per_turn / (2.0 * math.pi)
+        for row in range(count):
+            self.to_one_turn(row)
         self.settle()
         self.show()
         self.registers["goal_position"] = self.registers["present_position"]
@@ -126,7 +128,7 @@ class ServoBank:
     def to_one_turn(self, row: int) -> None:
         """Forgets whole turns: position mode starts from within one."""
         start, turn = self.table.one_turn[0], self.table.pulses_per_turn
-        self.drive.shaft[row] = start + (self.drive.shaft[row] - start) % turn
+        self.drive.forgotten[row] = turn * np.floor((self.drive.shaft[row] - start) / turn)
         self.halt(row)
 
     def cut_off(self, row: int, cut: bool) -> None:
@@ -171,7 +173,8 @@ class ServoBank:
         registers, drive = self.registers, self.drive
         if drive.mode[row] not in POSITION_MODES:
             return
-        drive.target[row] = drive.sign[row] * (float(registers["goal_position"][row]) - drive.offset[row])
+        counted = drive.sign[row] * (float(registers["goal_position"][row]) - drive.offset[row])
+        drive.target[row] = counted + drive.forgotten[row]
         speed, acceleration = self._profile(row, abs(float(drive.target[row] - drive.path[row])))
         drive.top_speed[row], drive.acceleration[row] = speed, acceleration
         if speed == math.inf:
@@ -273,10 +276,10 @@ class ServoBank:
         registers, table, drive = self.registers, self.table, self.drive
         per_speed = 1.0 / (table["present_velocity"].si * self._pulses_per_radian)
         velocity = np.rint(drive.sign * drive.speed * per_speed)
-        position = np.rint(drive.sign * drive.shaft + drive.offset)
+        position = np.rint(drive.sign * (drive.shaft - drive.forgotten) + drive.offset)
         registers["present_position"] = np.clip(position, *table.one_turn) if self.mapped else position
         registers["present_velocity"] = with_sign(velocity) if table["present_velocity"].sign_bit else velocity
-        registers["position_trajectory"] = np.rint(drive.sign * drive.path + drive.offset)
+        registers["position_trajectory"] = np.rint(drive.sign * (drive.path - drive.forgotten) + drive.offset)
         registers["velocity_trajectory"] = np.rint(drive.sign * drive.path_speed * per_speed)
         registers["present_pwm"] = np.rint(drive.sign * drive.pwm)
         if self._measures_current:

@@ -17,6 +17,7 @@ be silent right behind such a write, all get the slowest of the silent ones' spe
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
+from functools import partial
 from typing import NamedTuple
 
 import numpy as np
@@ -35,7 +36,7 @@ from hardware.rig.rig_file import RigConfig
 from hardware.rig.scale import Array, RigScale
 from hardware.rig.switching.identities import knows_fast_reads
 from hardware.rig.switching.own_settings import OwnSettings, read_own_settings
-from hardware.rig.switching.torque import hold_each, speed_counts, switch_off, switch_on
+from hardware.rig.switching.torque import Held, hold_each, speed_counts, switch_off, switch_on
 
 _ARM_AGAIN = 1.0  # s
 
@@ -55,12 +56,15 @@ class ServoPort:
         gone: whether the rig has found the port gone, or it is closed.
         pace: the part of its speed limit that each servo keeps on its own, shape (J,); see `keep_pace`.
         left_out: the joints that the rig goes on without, shape (J,): their silence is expected.
+        goals: where the rig wants the joints, shape (J,), rad.
     """
 
-    def __init__(self, config: RigConfig, part: RigConfig, bus: Bus, measured: Measurements, faults: RigFaults) -> None:
+    def __init__(
+        self, config: RigConfig, part: RigConfig, bus: Bus, scale: RigScale, measured: Measurements, faults: RigFaults
+    ) -> None:
         """Switches the servos `part` of an open bus on, each where it stands.
 
-        Readings are written into `measured`, and faults counted in `faults`, of the whole rig.
+        Readings are written into `measured`, faults counted in `faults`, and zeros kept in `scale`, of the whole rig.
 
         Raises:
             RigError: if servos are missing, of another model, or not fit to be switched on; it names them all. Or if
@@ -84,8 +88,10 @@ class ServoPort:
         self._armed = self._stopped = self.gone = self._closed = False
         self._arm_next = self._reads_next = 0.0
         self._switched_on = False
+        self._scale = scale
+        self.goals = np.where([joint.several_turns for joint in config.joints], np.nan, 0.0)
         try:
-            held = switch_on(part, bus)
+            held = switch_on(part, bus, self.believed)
             self._fast = knows_fast_reads(part, bus)
             blocks = arrange_state(part, bus)
             own = read_own_settings(part, bus)
@@ -96,8 +102,13 @@ class ServoPort:
             self.close()
             raise
         self._switched_on = True
-        self.readings = Readings(config, self.joints.tolist(), RigScale(config), measured, faults)
+        self.readings = Readings(config, self.joints.tolist(), scale, measured, faults)
         self.attach(bus, self.joints.tolist(), held, blocks, own, bus.port.now())
+
+    @property
+    def believed(self) -> Array:
+        """Where the joints of this port should stand, shape (n,), rad: a restarted servo reports another turn."""
+        return self.goals[self.joints]
 
     @property
     def stopped(self) -> bool:
@@ -147,15 +158,16 @@ class ServoPort:
         self,
         bus: Bus,
         joints: Sequence[int],
-        held: Array,
+        held: Held,
         blocks: Sequence[StateBlock],
         own: OwnSettings,
         now: float,
     ) -> None:
-        """Goes on over this bus, where these joints hold at these angles, rad; see `Readings.start`."""
+        """Goes on over this bus, where these joints hold; see `Readings.start`."""
         self.bus = bus
+        self._scale.zero[joints] = held.zeros
         self.readings.measured.hottest[joints], self.readings.measured.slack[joints] = own
-        self.readings.start(joints, held, blocks, now)
+        self.readings.start(joints, held.angles, blocks, now)
         self._stopped = self._armed = self.gone = False
 
     def keep_pace(self, pace: Array) -> None:
@@ -174,7 +186,8 @@ class ServoPort:
         if self._closed:
             return []
         self.gone = True
-        end = hold_each if self._switched_on and (hold or self.part.on_exit == "hold") else switch_off
+        holds = self._switched_on and (hold or self.part.on_exit == "hold")
+        end = partial(hold_each, believed=self.believed) if holds else switch_off
         try:
             unconfirmed = end(self.part, self.bus)
         finally:

@@ -16,21 +16,20 @@ from hardware.bus.servo_bus import Bus
 from hardware.errors import MotiondeckError, RigError, SerialPortError
 from hardware.rig.driving.servo_port import ServoPort
 from hardware.rig.driving.state_block import StateBlock, arrange_state
-from hardware.rig.scale import Array
 from hardware.rig.supervision.health import Health
 from hardware.rig.supervision.pace import SLOWER
 from hardware.rig.switching.own_settings import OwnSettings, read_own_settings
-from hardware.rig.switching.torque import resume
+from hardware.rig.switching.torque import Held, resume
 
 _PAUSE = 0.05  # s between two tries
 
 
 class Recovered(NamedTuple):
-    """Joints, by index, that are set up again: where they hold, rad, the block to read of each, and what it keeps."""
+    """Joints, by index, that are set up again: where they hold, the block to read of each, and what it keeps."""
 
     bus: Bus
     joints: list[int]
-    held: Array
+    held: Held
     blocks: list[StateBlock]
     own: OwnSettings
 
@@ -103,7 +102,7 @@ class PortRecovery:
                     do(bus)
                 places = np.flatnonzero(~self._health.lost[port.joints]).tolist()
                 alive = port.part.only(places)
-                held = resume(alive, bus, SLOWER, lambda: self._cancelled)
+                held = resume(alive, bus, port.believed[places], SLOWER, lambda: self._cancelled)
                 joints = port.joints[places].tolist()
                 self._recovered = Recovered(bus, joints, held, arrange_state(alive, bus), read_own_settings(alive, bus))
                 return

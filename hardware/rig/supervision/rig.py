@@ -93,7 +93,7 @@ class Rig:
         opened: list[ServoPort] = []
         try:
             for part in config.on_ports(ports):
-                opened.append(ServoPort(config, part, open_bus(part), self.measured, self.faults))
+                opened.append(ServoPort(config, part, open_bus(part), self._scale, self.measured, self.faults))
         except MotiondeckError as error:
             raise with_torque(error, _close_all(opened)) from error
         except BaseException:
@@ -104,7 +104,7 @@ class Rig:
         self._pace, self._health = JointPace(config, self._scale, self.measured, now, spare), Health(config, now)
         self._recoveries: list[PortRecovery] = []
         for port in opened:
-            port.left_out = self._health.lost
+            port.left_out, port.goals = self._health.lost, self.goals
             self._recoveries.append(PortRecovery(port, self._health, partial(open_bus, port.part), beside, sleep))
 
     @classmethod
@@ -315,7 +315,7 @@ class Rig:
         if port.gone:
             self._note_port(port, "is back", fault=False)
         port.attach(*recovered, now)
-        self.goals[recovered.joints] = recovered.held
+        self.goals[recovered.joints] = recovered.held.angles
         self.recoveries += 1
         self._health.recovered(port.joints, now)
         self._pace.start_again(port.joints, now)

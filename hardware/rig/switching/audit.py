@@ -4,7 +4,8 @@ A used servo keeps what an earlier program has written: a time-based profile mak
 puts its zero elsewhere, a second ID lets another servo's goals move it.
 
     register                 needed                                            set
-    operating_mode, min_position_limit, max_position_limit, current_limit      at switch-on: the rig file states them
+    operating_mode, current_limit                                              at switch-on: the rig file states them
+    min_position_limit, max_position_limit  the range, if within one turn      at switch-on
     gains P, I and D     what the rig file has, if it has any                  at switch-on: they are in RAM
     gains, feed-forward, compliance: as delivered                              never: another one is kept, and named
     goal_pwm, torque_limit   what pwm_limit or max_torque allows               at switch-on
@@ -35,7 +36,7 @@ from hardware.bus.servo_bus import Bus
 from hardware.errors import RefusedError
 from hardware.families.register import decode_block
 from hardware.rig.rig_file import RigConfig
-from hardware.rig.rig_joint import POSITION_MODE, RigJoint
+from hardware.rig.rig_joint import RigJoint
 from hardware.rig.scale import RigScale
 
 ANSWER_EVERYTHING = 2
@@ -124,9 +125,6 @@ def settle(differences: Iterable[Difference], config: RigConfig, bus: Bus) -> No
         id, table = difference.id, tables[difference.id]
         register, lock = table[difference.register], table.registers.get("lock")
         try:
-            if register.name == "operating_mode" and difference.needed != POSITION_MODE:
-                # Only the change to position mode makes a servo forget whole turns.
-                bus.write(id, register.address, register.encode(POSITION_MODE))
             bus.write(id, register.address, register.encode(difference.needed))
         except RefusedError as error:
             if lock is None or register.memory != "EEPROM" or bus.read(id, lock.address, 1).params == b"\0":
@@ -166,8 +164,9 @@ def _needs(joint: RigJoint, low: int, high: int, held: dict[str, int]) -> Iterat
     for name, mode in (("operating_mode", joint.mode), ("control_mode", _JOINT_MODE), ("torque_control_mode", 0)):
         if name in held:
             yield name, mode, "switch-on"
-    yield "min_position_limit", low, "switch-on"
-    yield "max_position_limit", high, "switch-on"
+    if joint.in_one_turn:
+        yield "min_position_limit", low, "switch-on"
+        yield "max_position_limit", high, "switch-on"
     if joint.current:
         yield "current_limit", current_counts(joint), "switch-on"
     for name in _GAINS:

@@ -6,8 +6,8 @@ These functions wait for each servo's answer; they are not for use inside a loop
 from __future__ import annotations
 
 from collections.abc import Callable
+from typing import NamedTuple
 
-import msgspec
 import numpy as np
 
 from hardware.bus.servo_bus import Bus
@@ -15,7 +15,7 @@ from hardware.errors import NoReplyError, RigError, SerialPortError, ServoError
 from hardware.families.register import decode_block
 from hardware.rig.registers import list_joints, read_each, read_register, sync_write_all, write_each
 from hardware.rig.rig_file import RigConfig
-from hardware.rig.rig_joint import RigJoint
+from hardware.rig.rig_joint import NEAR, RigJoint
 from hardware.rig.scale import Array, RigScale
 from hardware.rig.switching.audit import audit, current_counts, in_counts, settle
 from hardware.rig.switching.identities import (
@@ -24,9 +24,8 @@ from hardware.rig.switching.identities import (
     raise_answer_level_in_eeprom,
     refuse_shut_down,
 )
+from hardware.rig.switching.turns import find_zeros
 
-NEAR = 0.05
-"""rad that a joint may stand outside its limits when switched on: play, and the rounding of pulses."""
 _PATH = ("present_velocity", "present_position", "velocity_trajectory", "position_trajectory")
 _NO_PATH = ("present_velocity", "present_position", "goal_position")
 _LAG = 0.15  # s that a joint may be behind its path and still follows it
@@ -35,14 +34,32 @@ _UNTIL_TAKEN = 0.02  # s from reading a joint's position to its taking the new g
 _ROUNDS = 2  # of asking for torque or its end: a servo that has just restarted is deaf for a while
 
 
-def switch_on(config: RigConfig, bus: Bus, cancelled: Callable[[], bool] = lambda: False) -> Array:
+class Held(NamedTuple):
+    """J joints that hold.
+
+    Attributes:
+        angles: where, shape (J,), rad.
+        zeros: each servo's position at angle 0 as it counts now, shape (J,), pulses.
+    """
+
+    angles: Array
+    zeros: Array
+
+
+def switch_on(config: RigConfig, bus: Bus, believed: Array, cancelled: Callable[[], bool] = lambda: False) -> Held:
     """Checks identities, takes torque off, audits and sets registers, makes each position the goal, takes torque on.
 
-    Torque does not come on if it is `cancelled` meanwhile. Returns the angles (J,), rad, at which the joints now hold.
+    Torque does not come on if it is `cancelled` meanwhile.
+
+    Args:
+        config: the rig.
+        bus: of its servos.
+        believed: see `find_zeros`.
+        cancelled: whether torque shall stay off.
 
     Raises:
         RigError: if servos are missing, of another model, shut down, set so that they could move wrongly (see `audit`),
-            or outside their limits, it names them all; or if it was cancelled.
+            outside their limits, or in an unknown turn, it names them all; or if it was cancelled.
     """
     raise_answer_level_in_eeprom(config, bus)
     check_identities(config, bus)
@@ -56,7 +73,7 @@ def switch_on(config: RigConfig, bus: Bus, cancelled: Callable[[], bool] = lambd
         if refused:
             raise RigError(f"{'; '.join(refused)}. Set it with motiondeck rig doctor RIG --fix.")
         settle((difference for difference in differences if difference.when == "switch-on"), config, bus)
-        held = hold_still(config, bus)
+        held = hold_still(config, bus, believed)
         if cancelled():
             raise RigError("the rig was closed before torque was on.")
         _take_torque_on(config, bus)
@@ -65,18 +82,19 @@ def switch_on(config: RigConfig, bus: Bus, cancelled: Callable[[], bool] = lambd
     return held
 
 
-def hold_still(config: RigConfig, bus: Bus, pace: float = 1.0) -> Array:
+def hold_still(config: RigConfig, bus: Bus, believed: Array, pace: float = 1.0) -> Held:
     """Clears the watchdogs, limits the speed, and has each joint hold where it stands or can come to rest.
 
-    Each servo keeps the part `pace` of its speed limit from now on. Returns the goals (J,), rad.
+    Each servo keeps the part `pace` of its speed limit from now on.
 
     Raises:
-        RigError: if a servo does not answer, or stands outside its limits.
+        RigError: if a servo does not answer, stands outside its limits, or in an unknown turn (see `find_zeros`).
     """
     scale = RigScale(config)
     try:
         write_each(config, bus, "bus_watchdog", [0] * len(config.joints))
         _limit_speed(config, bus, pace)
+        scale.zero[:] = find_zeros(config, bus, believed)
         positions, rests = places_of_rest(config, bus, scale)
         outside = [
             f"{joint.name} stands at {angle:.2f} rad, its limits are {joint.lower} to {joint.upper}"
@@ -89,10 +107,12 @@ def hold_still(config: RigConfig, bus: Bus, pace: float = 1.0) -> Array:
         write_each(config, bus, "goal_position", [int(pulses) for pulses in scale.pulses(goals)])
     except ServoError as error:
         raise RigError(str(error)) from error
-    return goals
+    return Held(goals, scale.zero)
 
 
-def resume(config: RigConfig, bus: Bus, pace: float, cancelled: Callable[[], bool] = lambda: False) -> Array:
+def resume(
+    config: RigConfig, bus: Bus, believed: Array, pace: float, cancelled: Callable[[], bool] = lambda: False
+) -> Held:
     """Brings a rig back that was switched on before: identities and settings verified, each joint where it stands.
 
     A servo that has kept torque and settings just holds; one that has lost them is switched on anew (see `switch_on`).
@@ -104,14 +124,13 @@ def resume(config: RigConfig, bus: Bus, pace: float, cancelled: Callable[[], boo
     try:
         refuse_shut_down(config, bus)
         ends = RigScale(config).ends.astype(np.int64).tolist()
-        lost = [
-            joint for joint, low, high in zip(config.joints, *ends, strict=True) if not _is_set(joint, bus, low, high)
-        ]
+        joints = enumerate(zip(config.joints, *ends, strict=True))
+        lost = [index for index, (joint, low, high) in joints if not _is_set(joint, bus, low, high)]
         if lost:
-            switch_on(msgspec.structs.replace(config, joints=tuple(lost)), bus, cancelled)
+            switch_on(config.only(lost), bus, believed[lost], cancelled)
     except ServoError as error:
         raise RigError(str(error)) from error
-    return hold_still(config, bus, pace)
+    return hold_still(config, bus, believed, pace)
 
 
 def switch_off(config: RigConfig, bus: Bus) -> list[str]:
@@ -135,19 +154,20 @@ def switch_off(config: RigConfig, bus: Bus) -> list[str]:
     return [joint.name for joint in unconfirmed]
 
 
-def hold_each(config: RigConfig, bus: Bus) -> list[str]:
+def hold_each(config: RigConfig, bus: Bus, believed: Array) -> list[str]:
     """Has each servo hold where it can come to rest, without a watchdog; returns the joints that did not confirm it."""
     unconfirmed: list[str] = []
     try:
         sync_write_all(config, bus, "bus_watchdog", 0)
-        for joint in config.joints:
-            one = msgspec.structs.replace(config, joints=(joint,))
+        for index, joint in enumerate(config.joints):
+            one = config.only([index])
             try:
                 write_each(one, bus, "bus_watchdog", [0])
                 scale = RigScale(one)
+                scale.zero[:] = find_zeros(one, bus, believed[[index]])
                 _, rest = places_of_rest(one, bus, scale)
                 write_each(one, bus, "goal_position", [int(pulses) for pulses in scale.pulses(scale.within(rest))])
-            except ServoError:
+            except (ServoError, RigError):
                 unconfirmed.append(joint.name)
     except SerialPortError:
         return list(config.names)
@@ -173,12 +193,9 @@ def _take_torque_on(config: RigConfig, bus: Bus) -> None:
 
 
 def _is_set(joint: RigJoint, bus: Bus, low: int, high: int) -> bool:
-    wanted = {
-        "torque_enable": 1,
-        "operating_mode": joint.mode,
-        "min_position_limit": low,
-        "max_position_limit": high,
-    }
+    wanted = {"torque_enable": 1, "operating_mode": joint.mode}
+    if joint.in_one_turn:
+        wanted |= {"min_position_limit": low, "max_position_limit": high}
     if joint.current:
         wanted["goal_current"] = current_counts(joint)
     return all(

@@ -113,10 +113,26 @@ def test_a_calibration_goes_on_where_it_was_kept(unknown, tmp_path, power_cycle)
         (1, 2000, 2000, 3000, 0, 1000, ""),  # its zero is one of its ends
     ],
 )
-def test_a_range_is_kept_within_the_servos_one_turn(rig_of_four, direction, zero, low, high, lower, upper, lost):
-    joint, notes = measured_joint(rig_of_four.joints[0], direction, zero, low, high, margin=0.0)
+def test_a_servo_that_counts_no_turns_keeps_what_lies_in_its_one_turn(direction, zero, low, high, lower, upper, lost):
+    mx = RigJoint("joint", 1, "MX-64(1.0)", 1, 2048, -1.0, 1.0, 1.0)
+    joint, notes = measured_joint(mx, direction, zero, low, high, margin=0.0)
     assert (joint.lower, joint.upper) == pytest.approx((lower * np.pi / 2048, upper * np.pi / 2048), abs=1.1e-3)
     assert [lost in note for note in notes] == ([True] if lost else [])
+
+
+@pytest.mark.parametrize("direction", [1, -1])
+@pytest.mark.parametrize(("zero", "low", "high"), [(300, -200, 900), (3900 + 4096, 3000 + 4096, 4500 + 4096)])
+def test_a_range_across_the_horns_own_zero_is_kept(rig_of_four, direction, zero, low, high):
+    joint, notes = measured_joint(rig_of_four.joints[0], direction, zero, low, high, margin=0.0)
+    assert (joint.zero, notes, joint.mode) == (zero % 4096, [], 4)
+    ends = sorted((np.array([low, high]) - zero) * direction * np.pi / 2048)
+    assert (joint.lower, joint.upper) == pytest.approx(ends, abs=1.1e-3)
+
+
+def test_of_a_whole_turn_a_little_is_given_up_so_that_one_turn_tells_the_place(rig_of_four):
+    joint, (note,) = measured_joint(rig_of_four.joints[0], 1, 3000, 1000, 5095, margin=0.0)
+    assert not joint.several_turns
+    assert note.startswith("joint_1: 3 degrees at each end are given up")
 
 
 def test_what_another_program_left_is_cleared_before_zeros_are_taken(rig_of_four, bus, port):
@@ -155,6 +171,7 @@ def test_a_calibration_of_lerobot_makes_a_rig_with_its_angles(tmp_path):
         device["operating_mode"] = 4  # where LeRobot leaves an arm
         device["drive_mode"], device["homing_offset"] = motor["drive_mode"], motor["homing_offset"]
         device.bank.settle()
+    modes = {"shoulder_pan": 3, "elbow_flex": 3, "wrist_roll": 4}
     shafts = {1: (1800.0, 3300.0), 2: (1100.0, 2700.0), 3: (100.0, 3700.0)}
     seen = {}
     for name, motor in MOTORS.items():
@@ -167,15 +184,15 @@ def test_a_calibration_of_lerobot_makes_a_rig_with_its_angles(tmp_path):
     found = scan(lambda baud: Bus(port, baud))
     config, notes = imported(read_calibration(file), [one for one in found if one.baud == found[0].baud], "p")
     assert [joint.direction for joint in config.joints] == [1, -1, 1]
-    assert config.names == tuple(MOTORS)
-    assert ["wrist_roll: 26 degrees at its lower end" in note for note in notes] == [True]
+    assert {joint.name: joint.mode for joint in config.joints} == modes
+    assert ["wrist_roll: 3 degrees at each end" in note for note in notes] == [True]
     save_rig(config, tmp_path / "arm.toml")
     assert load_rig(tmp_path / "arm.toml") == config
     for device in port.bus.devices:
         device.bank.shaft[device.row] = 2000.0
     port.elapse(0.01)
     with pytest.raises(RigError, match="homing_offset is -1000"):
-        switch_on(config, bus)
+        switch_on(config, bus, np.zeros(len(config.joints)))
     assert fix_settings(config, bus).refused == []
     for name, motor in MOTORS.items():
         (joint,) = (joint for joint in config.joints if joint.name == name)
