@@ -9,6 +9,7 @@ from __future__ import annotations
 import contextlib
 import io
 import json
+import os
 import select
 import signal
 import subprocess
@@ -27,7 +28,7 @@ class CommandRunner:
         self._start()
 
     def _start(self) -> None:
-        self._under_way = False
+        self._under_way, self._said = False, b""
         self._process = subprocess.Popen(
             [sys.executable, "-c", _COMMAND],
             env=self._environment,
@@ -35,12 +36,10 @@ class CommandRunner:
             stdin=subprocess.PIPE,
             stdout=subprocess.PIPE,
             stderr=subprocess.DEVNULL,
-            text=True,
-            bufsize=1,
+            bufsize=0,
             start_new_session=True,
         )
-        assert self._process.stdout is not None
-        self._process.stdout.readline()
+        self._line(None)
 
     def start(self, *words: str) -> float:
         """Starts a command line; when it began, s."""
@@ -48,24 +47,36 @@ class CommandRunner:
             self.close()
             self._start()
         assert self._process.stdin is not None
-        assert self._process.stdout is not None
-        self._process.stdin.write(json.dumps(words) + "\n")
+        self._process.stdin.write(json.dumps(words).encode() + b"\n")
         self._under_way = True
-        return float(self._process.stdout.readline())
+        return float(self._line(None) or "nan")
 
     def finish(self, seconds: float = 5.0) -> tuple[int, str] | None:
         """Exit code and last words of the command that was started last; None if it has not ended in some seconds."""
-        assert self._process.stdout is not None
-        if not select.select([self._process.stdout], [], [], seconds)[0]:
+        line = self._line(seconds)
+        if line is None:
             return None
         self._under_way = False
-        code, said = json.loads(self._process.stdout.readline() or '[-1, ""]')
+        code, said = json.loads(line or '[-1, ""]')
         return code, said
 
     def close(self) -> None:
         """Ends it."""
         self._process.kill()
         self._process.wait()
+
+    def _line(self, seconds: float | None) -> str | None:
+        """The next line of the process, "" if it has ended; None if none comes in some seconds."""
+        assert self._process.stdout is not None
+        while b"\n" not in self._said:
+            if not select.select([self._process.stdout], [], [], seconds)[0]:
+                return None
+            more = os.read(self._process.stdout.fileno(), 4096)
+            if not more:
+                return ""
+            self._said += more
+        line, _, self._said = self._said.partition(b"\n")
+        return line.decode()
 
 
 def main() -> None:
