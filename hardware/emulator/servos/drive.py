@@ -12,7 +12,7 @@ In steps of at most 2 ms, with e = path - shaft:
     settled  = u / full_pwm * no_load_speed * supply / nominal - load * no_load_speed
     speed   += (settled - speed) * (1 - exp(-dt / lag))
     shaft   += speed * dt
-    current  = u / full_pwm - speed / no_load_speed                   of the stall current
+    current  = u / full_pwm * supply / nominal - speed / no_load_speed    of the stall current
     temperature  += (warming * current^2 - (temperature - room) / cooling) * dt
 
 Velocity gains and the second feed-forward gain have no effect; lag, warming and cooling are estimates.
@@ -31,6 +31,7 @@ from hardware.families.models import TRAITS
 CURRENT, VELOCITY, PWM = 0, 1, 16
 POSITION_MODES = (3, 4, 5)
 _LONGEST_STEP = 0.002
+_LEAST_SUPPLY = 0.01  # of the nominal voltage: below, a servo is off
 _ROOM = 25.0
 _WARM = 32.0  # degC, a servo that has been on for a while
 
@@ -165,7 +166,8 @@ class MotorDrive:
 
     def _run(self, steps: int, dt: float) -> None:
         full, no_load = self.motor.full_pwm, self._no_load
-        speed_per_pwm = no_load / full * (self.supply / self.motor.voltage)
+        powered = np.maximum(self.supply / self.motor.voltage, _LEAST_SUPPLY)
+        speed_per_pwm = no_load / full * powered
         approach = -math.expm1(-dt / self.motor.lag)
         on, most = self.on, self.most_pwm * self.on
         self.path = np.where(on, self.path, self.shaft)
@@ -175,7 +177,7 @@ class MotorDrive:
         jammed = self.jammed if self.jammed.any() else None
         limited = self._current_based if self._current_based.any() else None
         free = np.where(self.jammed, 0.0, 0.0 if self.coupled else approach)  # how far speed follows voltage in a step
-        stiff = 1.0 - free * self.supply / self.motor.voltage
+        stiff = (1.0 - free) * powered
         most_current = np.abs(self.goal_current)
         change = self.acceleration * dt
         twice_slower = 2.0 / self.acceleration
@@ -198,7 +200,7 @@ class MotorDrive:
                 drive += self.i_gain * self._sum
                 drive += self.d_gain * (self.path_speed - self.speed) + self.ff_gain * self.path_speed
             if not self._all_positional:
-                drive = self._other_modes(drive)
+                drive = self._other_modes(drive, powered)
             if limited is not None:
                 back = np.where(self.jammed, 0.0, (1.0 - free) * self.speed / no_load) - free * self.load
                 low, high = ((back + top) / stiff * full for top in (-most_current, most_current))
@@ -214,17 +216,17 @@ class MotorDrive:
                 self.speed[jammed] = 0.0
             self.shaft += self.speed * dt
         self.pwm = drive
-        self.current = (drive / full - self.speed / no_load) * on
+        self.current = (drive / full * powered - self.speed / no_load) * on
         if not self._all_positional:
             # A motor without a target is always where it should be.
             elsewhere = ~self._positional
             self.path[elsewhere] = self.target[elsewhere] = self.shaft[elsewhere]
 
-    def _other_modes(self, drive: Array) -> Array:
+    def _other_modes(self, drive: Array, powered: Array) -> Array:
         """The drive with that of velocity, current and PWM mode in its place where a motor is in one."""
         full, no_load = self.motor.full_pwm, self._no_load
         velocity = (2.0 * self.path_speed - self.speed) * full / no_load
-        current = (self.goal_current + self.speed / no_load) * full
+        current = (self.goal_current + self.speed / no_load) * full / powered
         return np.select(
             [self.mode == VELOCITY, self.mode == CURRENT, self.mode == PWM], [velocity, current, self.goal_pwm], drive
         )

@@ -475,6 +475,21 @@ def test_a_wrong_voltage_is_an_alert_and_too_little_restarts_the_servo(servo, po
     assert (servo.get("hardware_error_status"), servo.get("torque_enable")) == (0, 0)
 
 
+@pytest.mark.parametrize("volts", [10.0, 12.0, 14.8])
+def test_current_follows_the_supply_as_torque_does(servo, port, volts):
+    """A load takes the same current at any voltage, a blocked horn as much as the voltage gives."""
+    drive = port.bus[1].bank.drive
+    drive.supply[0] = volts
+    servo.put("torque_enable", 1)
+    drive.load[0] = 0.1
+    port.elapse(1.0)
+    assert drive.current[0] == pytest.approx(0.1, abs=0.002)
+    drive.jammed[0] = True
+    servo.put("goal_position", 4000)
+    port.elapse(0.5)
+    assert drive.current[0] == pytest.approx(volts / 12.0)
+
+
 def test_a_load_sags_a_servo_and_an_integral_gain_lifts_it_again(servo, port):
     """[X] Position I Gain (82)."""
     servo.put("torque_enable", 1)
