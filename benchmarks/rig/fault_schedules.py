@@ -2,9 +2,9 @@
 
 Time is simulated; judged is what the shafts really do.
 
-Each schedule is a rig of three or four servos on one or two ports, each left somewhere with an old goal; targets that
-reach beyond the ends of range and speed; faults that overlap; recovery in the loop's thread or
-beside it; and one of several ends. See `schedule_judge`.
+Each schedule is a rig of three or four servos on one or two ports, each left somewhere with an old goal; weights,
+limits of current and gains (see `burdens`); targets that reach beyond the ends of range and speed, or stand still;
+faults that overlap; recovery in the loop's thread or beside it; and one of several ends. See `schedule_judge`.
 """
 
 from __future__ import annotations
@@ -21,6 +21,7 @@ import typer
 from numpy.typing import NDArray
 
 from benchmarks import command
+from benchmarks.rig.burdens import Burdens, burdened, leave_gains
 from benchmarks.rig.schedule_judge import JudgedBus, JudgedPort, ShaftJudge
 from benchmarks.rig.source_mutants import MUTANTS, mutated
 from benchmarks.rig.taking_turns import Turns
@@ -63,6 +64,7 @@ class Schedule:
         start, old_goal: where each joint stands and which goal it has when the rig is switched on, shape (J,), rad.
         targets: over time.
         beside: whether a rig is mended in a thread beside its loop, or in the loop's own.
+        burdens: of the joints.
     """
 
     config: RigConfig
@@ -72,6 +74,7 @@ class Schedule:
     old_goal: Array
     targets: Callable[[float], Array]
     beside: bool
+    burdens: Burdens
 
 
 @dataclass
@@ -98,10 +101,11 @@ def schedule(seed: int) -> Schedule:
     ports = rng.choice((1, 2))
     models = _MODELS + _OTHER_MODELS if rng.random() < _WITH_OTHERS else _MODELS
     joints = tuple(_joint(rng, id, models, f"emulated-{1 + id % ports}") for id in range(1, rng.choice((4, 5))))
+    joints, burdens, about_burdens = burdened(seed, joints, SECONDS - _QUIET)
     end = rng.choice(_ENDS)
     hold = "hold" if end == "hold" else "off"
     config = RigConfig("emulated-1", 1_000_000, 100.0, joints, reconnect_s=2.9, on_exit=hold)
-    faults = [_passing(rng, [joint.id for joint in joints]) for _ in range(rng.randint(2, 6))]
+    faults = [_passing(rng, [joint.id for joint in joints]) for _ in range(rng.randint(2, 6))] + about_burdens
     alone = {part.joints[0].id for part in config.parts if len(part.joints) == 1}
     faults = [fault for fault in faults if not (fault.kind == "duplicate" and fault.id in alone)]
     doubles = [fault for fault in faults if fault.kind == "duplicate"]
@@ -118,8 +122,8 @@ def schedule(seed: int) -> Schedule:
         faults.append(Fault(kind, None if kind == "unplug" else id, at, value=value))
     start = np.array([rng.uniform(joint.lower, joint.upper) for joint in joints])
     old_goal = np.array([rng.uniform(joint.lower, joint.upper) for joint in joints])
-    targets = _targets(rng, joints)
-    return Schedule(config, faults, end, start, old_goal, targets, rng.random() < 0.5)
+    targets = _targets(rng, joints, burdens.poses)
+    return Schedule(config, faults, end, start, old_goal, targets, rng.random() < 0.5, burdens)
 
 
 def _joint(rng: random.Random, id: int, models: tuple[str, ...], port: str) -> RigJoint:
@@ -132,8 +136,11 @@ def _joint(rng: random.Random, id: int, models: tuple[str, ...], port: str) -> R
     return RigJoint(f"joint_{id}", id, model, direction, zero, lower, upper, velocity, acceleration, port=port)
 
 
-def _targets(rng: random.Random, joints: tuple[RigJoint, ...]) -> Callable[[float], Array]:
-    """Sines to the ends of range and speed and beyond; some are squares at first: jumps from one end to the other."""
+def _targets(rng: random.Random, joints: tuple[RigJoint, ...], poses: NDArray[np.bool_]) -> Callable[[float], Array]:
+    """Sines to the ends of range and speed and beyond; some are squares at first: jumps from one end to the other.
+
+    Joints in `poses` stand still.
+    """
     lower, upper = np.array([joint.lower for joint in joints]), np.array([joint.upper for joint in joints])
     reach = 0.5 * (upper - lower) * rng.uniform(1.0, 1.3)
     speed = np.array([joint.velocity for joint in joints]) * rng.uniform(0.5, 0.95)
@@ -144,7 +151,7 @@ def _targets(rng: random.Random, joints: tuple[RigJoint, ...]) -> Callable[[floa
     square = np.array([rng.random() < 0.3 for _ in joints])
 
     def targets(now: float) -> Array:
-        sine = np.sin(now * speed / reach + phase)
+        sine = np.sin(now * speed / reach * ~poses + phase)
         return 0.5 * (lower + upper) + reach * np.where(square & (now < SECONDS - _QUIET), np.sign(sine), sine)
 
     return targets
@@ -180,9 +187,9 @@ def _play(seed: int, until_wrong: bool, turns: Turns) -> Outcome:
     ]
     places = [np.array([config.names.index(name) for name in part.names]) for part in parts]
     for part, bus, place in zip(parts, buses, places, strict=True):
-        _leave(part, bus, plan.start[place], plan.old_goal[place])
+        _leave(part, bus, plan.start[place], plan.old_goal[place], plan.burdens.gains_left[place])
     judges = [
-        ShaftJudge(part, port, bus, partial(_struck_at, plan, place))
+        ShaftJudge(part, port, bus, partial(_struck_at, plan, place), plan.burdens.of(place))
         for part, port, bus, place in zip(parts, ports, buses, places, strict=True)
     ]
 
@@ -230,7 +237,8 @@ def _play(seed: int, until_wrong: bool, turns: Turns) -> Outcome:
         turning = _of_all([judge.speeds for judge in judges], places)
         targets = np.clip(plan.targets(ports[0].now() - _TICK), *limits)
         pace = np.abs(plan.targets(ports[0].now()) - plan.targets(ports[0].now() - _TICK)) / _TICK
-        outcome.problems += forgotten(config.joints, angles, turning, targets, pace)
+        sag = _of_all([judge.sag for judge in judges], places)
+        outcome.problems += forgotten(config.joints, angles, turning, targets, pace, sag)
     closed = plan.end != "kill" or bool(outcome.stopped)
     if closed:
         turns.set_free()
@@ -243,9 +251,11 @@ def _play(seed: int, until_wrong: bool, turns: Turns) -> Outcome:
     return outcome
 
 
-def _leave(part: RigConfig, bus: JudgedBus, start: Array, old_goal: Array) -> None:
-    """Puts the servos where the rig finds them, with goals left from before."""
-    for joint, device, angle, goal in zip(part.joints, bus.devices, start, old_goal, strict=True):
+def _leave(part: RigConfig, bus: JudgedBus, start: Array, old_goal: Array, gains_left: NDArray[np.bool_]) -> None:
+    """Puts the servos where the rig finds them, with goals and gains left from before."""
+    for joint, device, angle, goal, left in zip(part.joints, bus.devices, start, old_goal, gains_left, strict=True):
+        if left:
+            leave_gains(joint, device)
         device.bank.shaft[device.row] = joint.pulses(angle)
         device["goal_position"] = round(joint.pulses(goal))
     bus.advance(0.001)
@@ -306,7 +316,9 @@ def _judge_stop(plan: Schedule, outcome: Outcome, at: float) -> None:
         outcome.problems.append(f"stopped without a reason: {outcome.stopped}")
 
 
-def forgotten(joints: tuple[RigJoint, ...], angles: Array, turning: Array, targets: Array, pace: Array) -> list[str]:
+def forgotten(
+    joints: tuple[RigJoint, ...], angles: Array, turning: Array, targets: Array, pace: Array, sag: Array | float = 0.0
+) -> list[str]:
     """Names each joint that neither follows its target nor turns towards it.
 
     A servo that could still brake before its goal is behind one that moves at v by v^2 / (2 a).
@@ -317,11 +329,12 @@ def forgotten(joints: tuple[RigJoint, ...], angles: Array, turning: Array, targe
         turning: how fast these turn, shape (J,), rad/s.
         targets: within the limits, shape (J,), rad.
         pace: how fast the targets move, shape (J,), rad/s.
+        sag: by how much their weights may hold them off, shape (J,), rad.
     """
     towards = turning * np.sign(targets - angles)
     least = _CATCHES_UP * np.array([joint.velocity for joint in joints])
     brakes = pace * pace / (2.0 * np.array([joint.acceleration or np.inf for joint in joints]))
-    behind = (np.abs(angles - targets) > _FOLLOWS + brakes) & (towards < least)
+    behind = (np.abs(angles - targets) > _FOLLOWS + brakes + sag) & (towards < least)
     return [
         f"{joints[index].name} is forgotten: {angles[index]:.2f} rad instead of {targets[index]:.2f}"
         for index in np.flatnonzero(behind).tolist()

@@ -170,7 +170,7 @@ def true_current(servo: Device) -> float:
     drive, motor = bank.drive, bank.drive.motor
     volts = drive.pwm[row] / motor.full_pwm * drive.supply[row]
     turning = drive.speed[row] / (motor.no_load_speed / 60.0 * bank.table.pulses_per_turn)
-    at_stall = servo["goal_current"] / abs(drive.goal_current[row])
+    at_stall = motor.stall_current / bank.table["goal_current"].scale
     return float(abs(volts / motor.voltage - turning) * at_stall) if drive.on[row] else 0.0
 
 

@@ -6,7 +6,9 @@ position   a shaft stays within its joint's limits, and so does every goal on th
 rest       a shaft that is held while it turns comes to rest at its goal, not behind it, from where it would hurry back
 torque     comes on only where the goal is the present position, and only on the model that the rig file names
 watchdog   is armed on every servo with torque that has been driven for more than a second
-end        2 s after it every shaft stands; after a close torque is off, or the joints hold, and the port is closed
+end        2 s after it every shaft with torque, or without a load, stands; after a close torque is off, or the joints
+           hold, and the port is closed
+burdens    see `burden_judge`
 """
 
 from __future__ import annotations
@@ -19,6 +21,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from benchmarks.rig.burden_judge import BurdenJudge
+from benchmarks.rig.burdens import Burdens
 from benchmarks.rig.taking_turns import Turns
 from hardware.emulator.bus import Answer, EmulatedBus
 from hardware.emulator.faults import FaultPlan
@@ -41,7 +45,10 @@ _LAG = 0.06  # s that a shaft is behind its servo's path
 _APART = 0.01  # s from one look at the shafts to the next, at most
 _OVER = 0.05  # s, over which an acceleration is measured
 _JERKED = 0.3  # s after its watchdog has stopped it, or torque has changed, in which a shaft may stop at once
+_FALLEN = 0.3  # s after a weight has turned a shaft without torque, in which it may be fast
 _PLAY = 0.05  # rad
+_AT, _AT_ONCE = 0.02, 0.1  # rad from a goal to the target; s after a joint is held
+_RETURNS = 3.0  # s, in which a joint that was misled comes back within its limits
 _ARMED_WITHIN = 1.2  # s
 _STANDS = 0.05  # rad/s
 
@@ -136,7 +143,8 @@ class ShaftJudge:
         fastest, hardest: the largest speed and acceleration as a part of the joint's limit, over all joints.
     """
 
-    def __init__(self, config: RigConfig, port: JudgedPort, bus: JudgedBus, struck: Struck) -> None:
+    def __init__(self, config: RigConfig, port: JudgedPort, bus: JudgedBus, struck: Struck, burdens: Burdens) -> None:
+        self._burdened, self._loaded = BurdenJudge(config, bus, burdens), burdens.weight > 0.0
         count = len(config.joints)
         self._config, self._port, self._bus, self._struck = config, port, bus, struck
         self._velocity = np.array([joint.velocity for joint in config.joints])
@@ -157,6 +165,9 @@ class ShaftJudge:
         self._coasting = np.zeros(count)
         self._held_at = np.zeros(count)
         self._coasts_until = np.full(count, -np.inf)
+        self._fell, self._misled_until = np.full(count, -np.inf), np.full(count, -np.inf)
+        # A servo ignores its position limits in this mode, also if it is misled by goals for another with its ID.
+        self._unbounded = np.array([joint.mode == 5 for joint in config.joints])
         self._problems: dict[tuple[str, str], str] = {}
         self.fastest = self.hardest = 0.0
         self._holds = {_single_goal(joint): index for index, joint in enumerate(config.joints)}
@@ -173,6 +184,11 @@ class ShaftJudge:
         """How fast the shafts really turn, shape (J,), rad/s."""
         speeds = np.array([device.bank.drive.speed[device.row] for device in self._bus.devices])
         return speeds / self._per_radian
+
+    @property
+    def sag(self) -> Array:
+        """How far off its goal each joint may be because of its weight, shape (J,), rad."""
+        return self._burdened.sag
 
     @property
     def now(self) -> float:
@@ -192,6 +208,7 @@ class ShaftJudge:
     def switched_on(self) -> None:
         """Notes that what comes now is no catching up: the rig has been switched on."""
         self._slow_from[:] = np.inf
+        self._burdened.switched_on()
 
     def look(self, targets: Array, unsent: NDArray[np.int64]) -> None:
         """Judges what only the loop knows, after a tick.
@@ -201,8 +218,11 @@ class ShaftJudge:
             unsent: how many targets each joint has not been sent so far, shape (J,).
         """
         now = self._port.now()
+        self._burdened.asked(targets, now)
         driven, self._unsent = unsent == self._unsent, unsent.copy()
         self._slow_from[np.abs(self.angles - targets) < self._behind(targets, now)] = np.inf
+        # A joint that is held where it was going to come to rest has nothing to catch up with.
+        self._slow_from[(np.abs(self._goals() - targets) < _AT) & (now - self._slow_from < _AT_ONCE)] = np.inf
         on = np.array([device.torque and not device.dead for device in self._bus.devices])
         armed = (self._watchdogs() != 0) | ~self._watched
         self._unarmed[armed | ~on | ~driven] = np.nan
@@ -217,19 +237,25 @@ class ShaftJudge:
             return
         angles, velocity = self.angles, self.speeds
         blocked, cut_off = self._struck(now)
-        speed, free = np.abs(velocity), ~blocked
+        powered = self._powered()
+        self._burdened.watch(now, now - self._at, blocked, cut_off, powered, self._note)
+        self._fell[self._loaded & ~powered] = now
+        speed, free = np.abs(velocity), ~blocked & (now - self._fell > _FALLEN)
         self.fastest = max(self.fastest, float((speed / self._velocity)[free].max(initial=0.0)))
         self._slow_from[cut_off] = np.inf
         self._coasting[(velocity * self._coasting <= 0.0) | (self._at > self._coasts_until) | ~free | cut_off] = 0.0
         self._held_at = np.maximum(self._held_at, self._coasting * self._goals())
         past = self._coasting * angles - self._held_at
-        self._note("ran past the goal at which it was held", (self._coasting != 0.0) & (past > _PAST), past)
+        far = past > _PAST + self._burdened.sag
+        self._note("ran past the goal at which it was held", (self._coasting != 0.0) & far, past)
         slow = (self._at >= self._slow_from) & (self._coasting == 0.0)
         most = np.maximum(self._velocity * SPEED_MARGIN + SPEED_PLAY, self._velocity * self._swings())
         self._note("was too fast", free & (speed > most), speed)
         self._note("caught up too fast", free & slow & (speed > self._velocity * _CATCH_UP + _CATCH_UP_PLAY), speed)
-        self._note("left its limits", (angles < self._lower - _PLAY) | (angles > self._upper + _PLAY), angles)
-        self._judge_acceleration(now, velocity, free)
+        outside = (angles < self._lower - _PLAY) | (angles > self._upper + _PLAY)
+        self._misled_until[cut_off & self._unbounded] = now + _RETURNS
+        self._note("left its limits", outside & (now > self._misled_until), angles)
+        self._judge_acceleration(now, velocity, free & powered)
         self._at, self._turning = now, velocity
 
     def _swings(self) -> Array:
@@ -259,13 +285,16 @@ class ShaftJudge:
         pace = np.abs(targets - self._targets) / max(now - self._looked, 1e-6)
         self._targets = targets
         pace = np.minimum(pace, self._velocity)
-        return 2.0 * _PLAY + pace * (_LAG + pace / (2.0 * self._acceleration))
+        return 2.0 * _PLAY + self._burdened.sag + pace * (_LAG + pace / (2.0 * self._acceleration))
 
-    def _judge_acceleration(self, at: float, velocity: Array, free: NDArray[np.bool_]) -> None:
-        """Judges how velocities (J,), rad/s, at the time `at`, s, have changed over the last looks."""
+    def _powered(self) -> NDArray[np.bool_]:
+        """Which servos have torque, voltage and a watchdog that has not stopped them, shape (J,)."""
         powered = np.array([device.torque and _has_voltage(device) for device in self._bus.devices])
-        powered &= self._watchdogs() != TRIPPED
-        self._jerked[~(powered & free)] = at
+        return powered & (self._watchdogs() != TRIPPED)
+
+    def _judge_acceleration(self, at: float, velocity: Array, steady: NDArray[np.bool_]) -> None:
+        """Judges how velocities (J,), rad/s, at the time `at`, s, have changed over the last looks."""
+        self._jerked[~steady] = at
         self._seen.append((at, velocity))
         while len(self._seen) > 1 and at - self._seen[1][0] >= _OVER:
             self._seen.popleft()
@@ -280,13 +309,14 @@ class ShaftJudge:
 
     def end(self, closed: bool, hold: bool) -> None:
         """Judges the two seconds after the end, of silence."""
+        self._burdened.end(self._note)
         self._port.elapse(2.0)
         before = self.angles
         self._port.elapse(0.5)
         speed = np.abs(self.angles - before) / 0.5
-        self._note("did not stand 2 s after the end", speed > _STANDS, speed)
         alive = np.array([not device.dead for device in self._bus.devices])
         on = np.array([device.torque for device in self._bus.devices])
+        self._note("did not stand 2 s after the end", (on | ~self._loaded) & (speed > _STANDS), speed)
         if closed and not self._port.was_out:
             down = np.array([device.shut_down for device in self._bus.devices])
             self._note("had the wrong torque after the close", alive & (on != hold) & ~(hold & down), on)

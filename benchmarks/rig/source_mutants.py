@@ -1,4 +1,4 @@
-"""Ten breakages of the rig's source, each of which a fault schedule must notice."""
+"""Thirteen breakages of the rig's source, each of which a fault schedule must notice."""
 
 from __future__ import annotations
 
@@ -10,7 +10,9 @@ from types import FunctionType
 from typing import NamedTuple, cast
 
 from hardware.rig.driving.servo_port import ServoPort
+from hardware.rig.rig_file import RigJoint
 from hardware.rig.supervision.pace import CatchingUp, JointPace
+from hardware.rig.switching.audit import _needs
 from hardware.rig.switching.identities import check_identities
 from hardware.rig.switching.torque import _limit_speed, hold_still, places_of_rest, speed_counts
 
@@ -21,6 +23,11 @@ class Mutant(NamedTuple):
     function: Callable[..., object]
     text: str
     instead: str
+
+
+def _getter(kind: type, name: str) -> Callable[..., object]:
+    """The function behind a property."""
+    return cast(Callable[..., object], cast(property, vars(kind)[name]).fget)
 
 
 _GOALS = 'write_each(config, bus, "goal_position", [int(pulses) for pulses in scale.pulses(goals)])'
@@ -36,13 +43,16 @@ MUTANTS = {
         speed_counts, 'in_counts(joint, "profile_velocity", joint.velocity * joint.gear * pace)', "0"
     ),
     "full-speed catch-up": Mutant(
-        cast(property, vars(CatchingUp)["pace"]).fget or CatchingUp.note,
+        _getter(CatchingUp, "pace"),
         "np.where(self.joints, SLOWER, 1.0)",
         "np.ones(len(self.joints))",
     ),
     "no watchdog": Mutant(ServoPort.write, '"bus_watchdog", self.part.watchdog_units)', '"bus_watchdog", 0)'),
     "no identity check": Mutant(check_identities, "identity.model != joint.model", "False"),
     "no switch-off": Mutant(ServoPort.close, "end(self.part, self.bus)", "[]"),
+    "mode without a limit of current": Mutant(_getter(RigJoint, "mode"), "limited[0]", "POSITION_MODE"),
+    "goal := present under load": Mutant(places_of_rest, "np.where(moves | stands,", "np.where(moves,"),
+    "gains overwritten": Mutant(_needs, 'yield name, default, "kept"', 'yield name, default, "switch-on"'),
     "no close": Mutant(ServoPort.close, "if self._closed:", "if True:"),
 }
 
