@@ -3,8 +3,7 @@
 import pytest
 
 from benchmarks.rig.jams import PAGES, jam, jam_each_way
-from hardware.control_table.models import MODELS
-from hardware.emulator.servos import servo_bank
+from hardware.families.models import MODELS, TRAITS
 from hardware.rig.rig_file import RigJoint
 from hardware.rig.switching import audit, torque
 
@@ -24,7 +23,7 @@ def test_every_model_keeps_its_limit(model):
 
 
 def test_every_model_that_takes_a_limit_is_jammed():
-    assert set(PAGES) == {model for model in servo_bank.TRAITS if "current_limit" in MODELS[model].registers}
+    assert set(PAGES) == {model for model in TRAITS if "current_limit" in MODELS[model].registers}
 
 
 def test_a_servo_in_a_mode_without_a_limit_is_noticed(monkeypatch):
