@@ -29,10 +29,7 @@ from hardware.emulator.faults import FaultPlan
 from hardware.emulator.port import EmulatedPort
 from hardware.emulator.servos.device import Device
 from hardware.emulator.servos.servo_bank import TRIPPED
-from hardware.families.dynamixel1 import instructions as wire1
-from hardware.families.dynamixel1.frames import Parser1
 from hardware.families.dynamixel2 import instructions as wire
-from hardware.families.dynamixel2.frames import Parser
 from hardware.rig.rig_file import RigConfig, RigJoint
 from hardware.rig.scale import Array
 
@@ -334,12 +331,16 @@ class ShaftJudge:
     def _goals_beyond(self) -> Sequence[str]:
         """Goals on the wire outside the limits."""
         sent, beyond = b"".join(self._port.sent), 0
-        for protocol, parser in ((1, Parser1), (2, Parser)):
-            joints = [joint for joint in self._config.joints if joint.table.protocol == protocol]
-            frames = [frame for frame in parser().feed(sent) if frame.instruction == wire.SYNC_WRITE] if joints else []
+        for family in {joint.table.family for joint in self._config.joints}:
+            joints = [joint for joint in self._config.joints if joint.table.family is family]
+            frames = (
+                [frame for frame in family.parser().feed(sent) if frame.instruction == wire.SYNC_WRITE]
+                if joints
+                else []
+            )
             for joint in joints:
                 goal = joint.table["goal_position"]
-                place = bytes((goal.address, goal.length)) if protocol == 1 else wire.words(goal.address, goal.length)
+                place = bytes((goal.address, goal.length)) if family.spoken else wire.words(goal.address, goal.length)
                 low, high = sorted((round(joint.pulses(joint.lower)), round(joint.pulses(joint.upper))))
                 for entries in (frame.params[len(place) :] for frame in frames if frame.params.startswith(place)):
                     at = entries[:: goal.length + 1].find(joint.id) * (goal.length + 1) + 1
@@ -374,6 +375,6 @@ def _has_voltage(device: Device) -> bool:
 
 def _single_goal(joint: RigJoint) -> bytes:
     """How the frame begins that gives this joint's servo alone a goal, as it is held: all but goal and checksum."""
-    goal, words = joint.table["goal_position"], wire1 if joint.table.protocol == 1 else wire
+    goal, words = joint.table["goal_position"], joint.table.family.instructions
     whole = words.write(joint.id, goal.address, bytes(goal.length))
-    return whole[: -goal.length - (1 if joint.table.protocol == 1 else 2)]
+    return whole[: -goal.length - len(joint.table.family.trailer(whole))]

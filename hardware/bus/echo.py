@@ -1,29 +1,27 @@
 """Adapters with an echo: what is sent comes back in front of the answers, and is dropped.
 
-Where driver and receiver of an adapter share one line, every byte that it sends is received too. An instruction of
-Protocol 2.0 differs from an answer; one of Protocol 1.0 does not, and every ping would look answered.
+Where driver and receiver of an adapter share one line, every byte that it sends is received too. In some families an
+instruction looks like an answer (`Family.mirrors`), and every ping would look answered.
 """
 
 from __future__ import annotations
 
 from hardware.bus.port import Port
-from hardware.families.dynamixel1 import instructions
-from hardware.families.dynamixel2.frames import BROADCAST
-
-# No servo answers a read that is addressed to all.
-_PROBE = instructions.read(BROADCAST, 0, 1)
+from hardware.families.family import Family
+from hardware.families.frames import BROADCAST
 
 
-def returns_what_is_sent(port: Port, patience: float) -> bool:
+def returns_what_is_sent(port: Port, family: Family, patience: float) -> bool:
     """Whether the port is such an adapter, found out by a frame that no servo answers; waits twice `patience`, s."""
+    probe = family.instructions.read(BROADCAST, 0, 1)  # nothing answers a read that is addressed to all
     while port.wait(patience):
         port.receive()
-    if not port.send(_PROBE):
+    if not port.send(probe):
         return False
     received, end = b"", port.now() + patience
-    while len(received) < len(_PROBE) and (left := end - port.now()) > 0.0 and port.wait(left):
+    while len(received) < len(probe) and (left := end - port.now()) > 0.0 and port.wait(left):
         received += port.receive()
-    return received.startswith(_PROBE)
+    return received.startswith(probe)
 
 
 class WithoutEcho:

@@ -1,4 +1,4 @@
-"""A bus of servos of Protocol 2.0, 1.0 or both.
+"""A bus of servos, of one family or several.
 
 Every call has a deadline from the wire time, and one dead servo costs one servo.
 """
@@ -10,18 +10,15 @@ from collections.abc import Mapping
 from typing import NamedTuple
 
 from hardware.bus.echo import WithoutEcho, returns_what_is_sent
-from hardware.bus.group_read import Blocks, GroupRead, group_read
 from hardware.bus.port import Port, SerialPort
-from hardware.bus.protocol import PROTOCOLS, Protocol
 from hardware.errors import NoReplyError, RefusedError
-from hardware.families.dynamixel2 import instructions
-from hardware.families.dynamixel2.frames import BROADCAST, StatusPacket
-from hardware.families.dynamixel2.group_reply import GroupReply, WholeReply, status_length
-from hardware.families.models import model_name
+from hardware.families.family import Family
+from hardware.families.frames import BROADCAST, ERRORS, StatusPacket
+from hardware.families.models import FAMILIES, USUAL, known_name, model_name
+from hardware.families.replies import Blocks, GroupRead, GroupReply, WholeReply
 
 UNKNOWN_MODEL = 0
-"""Instead of a model number: a servo of Protocol 1.0 that answers a ping, which tells no model, and no read."""
-_PROTOCOL1, _PROTOCOL2 = PROTOCOLS[1], PROTOCOLS[2]
+"""Instead of a model number: a servo that answers a ping, which tells no model, and no read."""
 _REQUESTS_KEPT = 256
 _SHORT_MARGIN = 0.02  # s for an adapter, where hundreds of IDs are silent
 _PATIENCE = 0.4  # s for an adapter or a program in between that was kept from running
@@ -34,17 +31,13 @@ class Identity(NamedTuple):
     model_number: int
     firmware: int
     alert: bool
-    protocol: int = 2
+    family: Family = USUAL
 
     @property
     def model(self) -> str:
         """The model's name, or its number where the model is not known."""
-        return model_name(self.model_number) if self.model_number != UNKNOWN_MODEL else "servo that answers only a ping"
-
-    @property
-    def spoken(self) -> str:
-        """The protocol as an addition to a sentence, "" for the usual one."""
-        return "" if self.protocol == 2 else f" in Protocol {self.protocol}.0"
+        mute = self.model_number == UNKNOWN_MODEL
+        return "servo that answers only a ping" if mute else model_name(self.model_number, self.family)
 
 
 class Bus:
@@ -59,13 +52,13 @@ class Bus:
     For a real-time loop there are calls that never wait: `sync_write`, `request` and `collect`. Any other call
     gives up a request under way. Every call raises SerialPortError when the port is gone.
 
-    Protocol 1.0 has no sync read, and only MX servos know a bulk read: there a group read that waits asks one servo
-    after the other, and a `request` is about one servo, or several MX.
+    A group read that waits asks together what the family allows whatever the models (`Family.lines`); a `request` is
+    about servos of one family, whose models are known to answer it.
 
     Attributes:
         port: carries the bytes.
         baud: bits/s, 10 of which carry a byte.
-        protocols: the protocol (1 or 2) of servos by ID; an ID that is not in it speaks 2.0.
+        families: of servos by ID; an ID that is not in it is of the usual family.
         echoes: whether the adapter returns what is sent, which is then dropped (see `echo`); None while nothing has
             looked like it.
         garbled: whether bytes have come instead of the last answer that was waited for, or between those of a ping to
@@ -76,7 +69,7 @@ class Bus:
         self.port = port
         self.baud = baud
         self._byte_time = 10.0 / baud
-        self.protocols: Mapping[int, int] = {}
+        self.families: Mapping[int, Family] = {}
         self.echoes: bool | None = None
         self.garbled = False
         self._retries = retries
@@ -101,16 +94,25 @@ class Bus:
 
     def ping(self, id: int) -> Identity | None:
         """The servo that answers at this ID; None if none does."""
-        protocol = self._protocol(id)
-        ping = protocol.instructions.ping(id)
-        if protocol is _PROTOCOL2:
-            status = self._ask_patiently(ping, id, 3)
-            return None if status is None or status.error else self._identity(status)
-        # The reply to a ping of Protocol 1.0 is empty; model number and firmware are the first registers.
-        if self._ask_patiently(ping, id, 0) is None:
-            return None
-        status = self._ask_patiently(protocol.instructions.read(id, 0, 3), id, 3)
-        return Identity(id, UNKNOWN_MODEL, 0, False, 1) if status is None or status.error else self._identity(status)
+        family = self._family(id)
+        identified, ping = family.identification, family.instructions.ping(id)
+        if not identified.by_ping:
+            return None if self._ask_patiently(ping, id, 0) is None else self._look_up(id, family)
+        status = self._ask_patiently(ping, id, identified.length)
+        return None if status is None or status.error else _identity(status, family)
+
+    def _look_up(self, id: int, family: Family) -> Identity:
+        """What a servo is that has answered a ping; of families whose pings look alike, the one that it fits."""
+        found: list[tuple[bool, bool, Identity]] = []
+        for one in sorted(_alike(family), key=lambda other: other is not family):
+            identified = one.identification
+            status = self._ask_patiently(one.instructions.read(id, 0, identified.length), id, identified.length)
+            if status is None or status.error:
+                continue
+            identity = _identity(status, one)
+            if identified.id is None or status.params[identified.id] == id:
+                found.append((known_name(identity.model_number, one) is None, one is not family, identity))
+        return min(found, key=lambda each: each[:2])[2] if found else Identity(id, UNKNOWN_MODEL, 0, False, family)
 
     def read(self, id: int, address: int, length: int) -> StatusPacket:
         """Reads `length` bytes of a servo's control table; they are the status' params.
@@ -119,24 +121,24 @@ class Bus:
             NoReplyError: if the servo stays silent.
             RefusedError: if it answers with an error number.
         """
-        frame = self._protocol(id).instructions.read(id, address, length)
+        frame = self._family(id).instructions.read(id, address, length)
         return self._insist(frame, id, length, f"read register {address}")
 
     def write(self, id: int, address: int, data: bytes) -> StatusPacket:
         """Writes bytes into a servo's control table and waits for its answer; errors as of `read`."""
-        frame = self._protocol(id).instructions.write(id, address, data)
+        frame = self._family(id).instructions.write(id, address, data)
         return self._insist(frame, id, 0, f"write register {address}")
 
     def restart(self, id: int) -> None:
         """Restarts a servo that can be; it is deaf and without torque for a while. Errors as of `read`."""
-        self._insist(self._protocol(id).instructions.reboot(id), id, 0, "restart")
+        self._insist(self._family(id).instructions.reboot(id), id, 0, "restart")
 
     def sync_write(self, address: int, length: int, entries: bytes) -> bool:
-        """Writes the same registers of many servos of one protocol, unanswered; False if the port takes no bytes.
+        """Writes the same registers of many servos of one family, unanswered; False if the port takes no bytes.
 
         The `entries` are ID and `length` bytes, servo after servo.
         """
-        words = self._protocol(entries[0]).instructions
+        words = self._family(entries[0]).instructions
         return self.port.send(words.sync_write(address, length, entries))
 
     def bulk_read(self, blocks: Blocks, fast: bool = False) -> dict[int, StatusPacket]:
@@ -145,14 +147,17 @@ class Bus:
         A servo waits for the one before it, so a silent one may silence all behind it: only the first in the line is
         known to be silent itself. It goes to the back, and after `retries` more chances it is given up.
         """
-        together = tuple(block for block in blocks if self._protocol(block[0]).group_reads)
-        if len(together) < len(blocks):
-            heard = self.bulk_read(together, fast)
-            for id, address, length in blocks:
-                if not (protocol := self._protocol(id)).group_reads:
-                    status = self._ask(protocol.instructions.read(id, address, length), id, length)
-                    heard |= {} if status is None else {id: status}
-            return heard
+        by_family: dict[Family, list[tuple[int, int, int]]] = {}
+        for block in blocks:
+            by_family.setdefault(self._family(block[0]), []).append(block)
+        heard: dict[int, StatusPacket] = {}
+        for family, own in by_family.items():
+            for line in family.lines(tuple(own)):
+                heard |= self._read_line(line, fast)
+        return heard
+
+    def _read_line(self, blocks: Blocks, fast: bool) -> dict[int, StatusPacket]:
+        """The same for blocks that may be asked for together."""
         heard = self._ask_group(blocks, fast)
         if len(heard) == len(blocks):
             return heard
@@ -173,8 +178,7 @@ class Bus:
         Nothing is sent then, neither the question nor what should go before it.
 
         Args:
-            blocks: (id, address, length) of each servo of one protocol; a sync read where all ask for the same, else
-                a bulk read; under Protocol 1.0 one servo, or MX servos.
+            blocks: (id, address, length) of each servo of one family.
             fast: whether all answer in one joint reply, which not every model can.
             before: frames without an answer, sent in one write with the question and in front of it.
         """
@@ -230,15 +234,16 @@ class Bus:
         return reply._replace(statuses={id: each for id, each in reply.statuses.items() if id not in self._given_early})
 
     def ping_all(self) -> list[Identity]:
-        """The servos of Protocol 2.0 that answer a broadcast ping, in order of ID; waits for the slowest of 253."""
+        """The servos of the usual family that answer a broadcast ping, in order of ID; waits for the slowest of 253."""
         self._pending = None
         self._discard()
-        if not self.port.send(instructions.ping(BROADCAST)):
+        if not self.port.send(USUAL.instructions.ping(BROADCAST)):
             return []
-        # Each waits for its turn, at most its return delay of 508 us and its own 14 bytes.
-        deadline = self.port.now() + 253 * (self.wire_time(status_length(3)) + 5.08e-4) + self._margin
+        # Each waits for its turn, at most its return delay of 508 us and its own answer.
+        length = USUAL.status_length(USUAL.identification.length)
+        deadline = self.port.now() + 253 * (self.wire_time(length) + 5.08e-4) + self._margin
         quiet = 0.1 + self._margin
-        parser, found, unread = _PROTOCOL2.parser(), {}, 0
+        parser, found, unread = USUAL.parser(), {}, 0
         last = self.port.now()
         while (now := self.port.now()) < min(deadline, last + quiet):
             self.port.wait(min(deadline, last + quiet) - now)
@@ -246,45 +251,48 @@ class Bus:
             unread += len(received)
             for frame in parser.feed(received):
                 last = self.port.now()
-                unread -= status_length(len(frame.params) - 1)
-                status = _PROTOCOL2.as_status(frame)
-                if status is not None and len(status.params) == 3:
-                    found[status.id] = self._identity(status)
+                unread -= USUAL.status_length(len(frame.params) - 1)
+                status = USUAL.as_status(frame)
+                if status is not None and len(status.params) == USUAL.identification.length:
+                    found[status.id] = _identity(status, USUAL)
         self.garbled = unread > 0
         return [found[id] for id in sorted(found)]
 
     def ping_each(self) -> list[Identity]:
-        """The servos of Protocol 1.0 that answer, in order of ID.
+        """The servos of the other families that answer, in order of ID.
 
-        They answer a broadcast ping all at once, so it tells only whether there are any; then each ID is asked.
+        A broadcast ping tells only whether there are any, since some families answer it all at once; then each ID is
+        asked.
         """
+        found: list[Identity] = []
+        for dialect in dict.fromkeys(family.dialect for family in FAMILIES if not family.identification.by_ping):
+            found += self._ping_each(next(family for family in FAMILIES if family.dialect == dialect))
+        return found
+
+    def _ping_each(self, family: Family) -> list[Identity]:
         self._pending = None
         self._discard()
-        ping = _PROTOCOL1.instructions.ping(BROADCAST)
+        ping = family.instructions.ping(BROADCAST)
         for _ in range(2):
             if not self.port.send(ping) or not self.port.wait(self.wire_time(2 * len(ping)) + self._margin):
                 return []
             self.port.wait(self._margin)
-            if not (self.port.receive().startswith(ping) and self._drops_echo()):
+            if not (self.port.receive().startswith(ping) and self._drops_echo(family)):
                 break
-        before = self.protocols, self._retries, self._margin
-        self.protocols = dict.fromkeys(range(BROADCAST), 1)
+        before = self.families, self._retries, self._margin
+        self.families = dict.fromkeys(range(BROADCAST), family)
         self._retries, self._margin = 0, min(self._margin, _SHORT_MARGIN)
         try:
             return [identity for id in range(BROADCAST) if (identity := self.ping(id)) is not None]
         finally:
-            self.protocols, self._retries, self._margin = before
+            self.families, self._retries, self._margin = before
 
     def close(self) -> None:
         """Closes the port; may be called twice."""
         self.port.close()
 
-    def _protocol(self, id: int) -> Protocol:
-        return PROTOCOLS[self.protocols.get(id, 2)]
-
-    def _identity(self, status: StatusPacket) -> Identity:
-        number, firmware = status.params[0] | status.params[1] << 8, status.params[2]
-        return Identity(status.id, number, firmware, status.alert, self.protocols.get(status.id, 2))
+    def _family(self, id: int) -> Family:
+        return self.families.get(id, USUAL)
 
     def _insist(self, frame: bytes, id: int, length: int, what: str) -> StatusPacket:
         """The status a servo answers with, or the reason why there is none."""
@@ -294,7 +302,7 @@ class Bus:
                 f"id {id} on {self.port.name} does not answer ({what}). Check its power, cable, id and baud rate."
             )
         if status.error:
-            meaning = instructions.ERRORS.get(status.error, "unknown error")
+            meaning = ERRORS.get(status.error, "unknown error")
             raise RefusedError(f"id {id} on {self.port.name} refused to {what}: error {status.error}, {meaning}.")
         return status
 
@@ -333,9 +341,9 @@ class Bus:
         self._discard()
         if not self.port.send(frame):
             return None
-        deadline = self.port.now() + self.wire_time(len(frame) + status_length(length)) + margin
-        protocol = self._protocol(id)
-        parser, read = protocol.parser(), protocol.as_status
+        family = self._family(id)
+        deadline = self.port.now() + self.wire_time(len(frame) + family.status_length(length)) + margin
+        parser, read = family.parser(), family.as_status
         unread, heard = 0, b""
         while (left := deadline - self.port.now()) > 0.0 and self.port.wait(left):
             received = self.port.receive()
@@ -345,17 +353,17 @@ class Bus:
                 unread = 0
                 status = read(answer)
                 if status is not None and status.id == id and (status.error or len(status.params) == length):
-                    if protocol is _PROTOCOL1 and heard.startswith(frame) and self._drops_echo():
+                    if family.mirrors and heard.startswith(frame) and self._drops_echo(family):
                         return self._exchange(frame, id, length, margin)
                     return status
         self.garbled = unread > 0
         return None
 
-    def _drops_echo(self) -> bool:
+    def _drops_echo(self, family: Family) -> bool:
         """Whether the port turns out to be one with an echo, which it drops from now on."""
         if self.echoes is not None:
             return False
-        self.echoes = returns_what_is_sent(self.port, self._margin)
+        self.echoes = returns_what_is_sent(self.port, family, self._margin)
         if self.echoes:
             self.port = WithoutEcho(self.port)
         return self.echoes
@@ -367,7 +375,7 @@ class Bus:
     def _plan(self, blocks: Blocks, fast: bool) -> GroupRead:
         request = self._requests.get((blocks, fast))
         if request is None:
-            request = group_read(blocks, fast, self._protocol(blocks[0][0]))
+            request = self._family(blocks[0][0]).group_read(blocks, fast)
             if len(self._requests) >= _REQUESTS_KEPT:
                 self._requests.clear()
             self._requests[blocks, fast] = request
@@ -382,3 +390,11 @@ class Bus:
             self.port.wait(self._margin)
             if (reply := self.collect()) is not None:
                 return reply.statuses if isinstance(reply, GroupReply) else reply.statuses(request.ids)
+
+
+def _identity(status: StatusPacket, family: Family) -> Identity:
+    return Identity(status.id, *family.identification.read(status.params), status.alert, family)
+
+
+def _alike(family: Family) -> list[Family]:
+    return [other for other in FAMILIES if other.dialect == family.dialect]

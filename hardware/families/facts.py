@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 
+from hardware.families.family import Family
 from hardware.families.table import ControlTable
 from hardware.families.traits import Traits
 
@@ -14,12 +15,14 @@ class FamilyFacts:
     """The facts of a family.
 
     Attributes:
+        family: what it is.
         traits: of the models that can be joints of a rig, by name.
         numbers: gives the number of each model whose control table is known.
         table: gives the control table of such a model.
         others: the names of its other devices, and why they cannot be joints of a rig, by model number.
     """
 
+    family: Family
     traits: Mapping[str, Traits]
     numbers: Callable[[], Mapping[str, int]]
     table: Callable[[str], ControlTable]

@@ -9,6 +9,7 @@ from pkgutil import iter_modules
 
 import hardware.families
 from hardware.families.facts import FamilyFacts
+from hardware.families.family import Family
 from hardware.families.table import ControlTable
 from motiondeck_base.near_names import near_names
 
@@ -19,7 +20,12 @@ def _facts() -> list[FamilyFacts]:
     return [import_module(f"hardware.families.{name}.facts").FACTS for name in names]
 
 
-_FACTS = _facts()
+# Those that tell a ping what they are come first.
+_FACTS = sorted(_facts(), key=lambda facts: not facts.family.identification.by_ping)
+
+FAMILIES = tuple(facts.family for facts in _FACTS)
+USUAL = FAMILIES[0]
+"""The family of a servo of which nothing is known."""
 
 TRAITS = {model: traits for facts in _FACTS for model, traits in facts.traits.items()}
 """By model name."""
@@ -49,10 +55,14 @@ class Models(Mapping[str, ControlTable]):
 MODELS = Models()
 
 
-def model_name(number: int) -> str:
-    """The name of the model with this number, or the number where it is not known."""
-    known = _names().get(number) or OTHER_DEVICES.get(number, (None,))[0]
-    return known or f"model number {number}"
+def known_name(number: int, family: Family = USUAL) -> str | None:
+    """The name of the model or device with this number in a family; None where it is not known."""
+    return _names(family).get(number)
+
+
+def model_name(number: int, family: Family = USUAL) -> str:
+    """The name of the model with this number in a family, or the number where it is not known."""
+    return known_name(number, family) or f"model number {number}"
 
 
 @cache
@@ -61,5 +71,8 @@ def _of_models() -> dict[str, FamilyFacts]:
 
 
 @cache
-def _names() -> dict[int, str]:
-    return {number: model for facts in _FACTS for model, number in facts.numbers().items()}
+def _names(family: Family) -> dict[int, str]:
+    (facts,) = (facts for facts in _FACTS if facts.family is family)
+    return {number: name for number, (name, _) in facts.others.items()} | {
+        number: model for model, number in facts.numbers().items()
+    }

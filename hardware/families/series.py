@@ -7,6 +7,8 @@ from dataclasses import dataclass, field
 from types import MappingProxyType
 from typing import Literal
 
+from hardware.families.family import Family
+
 BAUD_RATES = (9600, 57600, 115200, 1_000_000, 2_000_000, 3_000_000, 4_000_000, 4_500_000, 6_000_000, 10_500_000)
 """Bits/s, by the value of the baud rate register of a Protocol 2.0 servo."""
 VOLTAGE, HEAT, ENCODER, SHOCK, OVERLOAD = 1, 4, 8, 16, 32
@@ -19,7 +21,7 @@ class Series:
 
     Attributes:
         name: as in the rows of its family.
-        protocol: 1 or 2, that they speak.
+        family: what they have in common with other series.
         baud_rates: bits/s, by the value of the baud rate register.
         baud_base: bits/s; a value v that is not in `baud_rates` means baud_base / (v + 1). 0 for no such value.
         problems: the bits that they report of the usual problems (see `meanings`), in their own order.
@@ -35,8 +37,8 @@ class Series:
         gain_unit: the position P gain with which a pulse of error is one count of PWM.
     """
 
-    name: str = "X"
-    protocol: int = 2
+    name: str
+    family: Family
     baud_rates: Mapping[int, int] = field(default_factory=lambda: MappingProxyType(dict(enumerate(BAUD_RATES))))
     baud_base: float = 0.0
     problems: Mapping[int, int] = field(

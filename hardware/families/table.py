@@ -8,12 +8,12 @@ from typing import Any, Literal, cast
 import numpy as np
 
 from hardware.errors import MotiondeckError
+from hardware.families.family import Family
 from hardware.families.register import SI_UNITS, Register
 from hardware.families.series import Series
 from motiondeck_base.near_names import did_you_mean
 
 _SIGN_BIT = 10
-_USUAL = Series()
 
 
 class UnknownRegisterError(MotiondeckError):
@@ -35,7 +35,7 @@ class ControlTable:
     number: int
     pulses_per_turn: int
     registers: dict[str, Register]
-    series: Series = _USUAL
+    series: Series
 
     def __getitem__(self, name: str) -> Register:
         """The register of this name; an UnknownRegisterError has the nearest names."""
@@ -59,9 +59,9 @@ class ControlTable:
         return -(self.pulses_per_turn // 2), self.pulses_per_turn // 2
 
     @property
-    def protocol(self) -> int:
-        """The protocol that it speaks, 1 or 2."""
-        return self.series.protocol
+    def family(self) -> Family:
+        """The family that it belongs to."""
+        return self.series.family
 
     def baud_value(self, baud: int) -> int | None:
         """The value of its register for a baud rate; None if it cannot be so fast, or so slow."""
@@ -86,7 +86,7 @@ class ControlTable:
         )
 
 
-def parse_table(model: str, number: int, pulses_per_turn: int, text: str, series: Series = _USUAL) -> ControlTable:
+def parse_table(model: str, number: int, pulses_per_turn: int, text: str, series: Series) -> ControlTable:
     """Reads rows of  address, length, name, access, memory, range, default, unit;  # starts a comment.
 
     A length of `2s` is two bytes, signed; `2m` two bytes with a size and, in bit 10, its sign; `-` stands for no

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Sequence
 
 from hardware.bus.servo_bus import Bus
+from hardware.families.family import Family
 from hardware.rig.rig_file import RigConfig
 from hardware.rig.rig_joint import RigJoint
 
@@ -42,12 +43,12 @@ def sync_write_all(config: RigConfig, bus: Bus, name: str, value: int) -> bool:
     return sent
 
 
-def same_place(config: RigConfig, name: str) -> dict[tuple[int, int, int], list[int]]:
-    """The joints that have a register, by protocol, address and length of it, so that one sync write is for each."""
-    groups: dict[tuple[int, int, int], list[int]] = {}
+def same_place(config: RigConfig, name: str) -> dict[tuple[Family, int, int], list[int]]:
+    """The joints that have a register, by family, address and length of it, so that one sync write is for each."""
+    groups: dict[tuple[Family, int, int], list[int]] = {}
     for index, joint in enumerate(config.joints):
         if (place := joint.table.place(name)) is not None:
-            groups.setdefault((joint.table.protocol, *place), []).append(index)
+            groups.setdefault((joint.table.family, *place), []).append(index)
     return groups
 
 

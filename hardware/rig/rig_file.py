@@ -11,6 +11,7 @@ from typing import Annotated, Literal
 import msgspec
 
 from hardware.errors import RigError, RigFileError
+from hardware.families.family import Family
 from hardware.rig.rig_file_mistakes import explain
 from hardware.rig.rig_joint import RigJoint
 from motiondeck_base.errors import FileFormatError
@@ -110,9 +111,9 @@ class RigConfig(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
         return self.watchdog_ms * 1e-3 - _WATCHDOG_UNIT
 
     @property
-    def protocols(self) -> dict[int, int]:
-        """The protocol (1 or 2) of each ID, for the rig of one port."""
-        return {joint.id: joint.table.protocol for joint in self.joints}
+    def families(self) -> dict[int, Family]:
+        """The family of each ID, for the rig of one port."""
+        return {joint.id: joint.table.family for joint in self.joints}
 
     def only(self, joints: Sequence[int]) -> RigConfig:
         """The rig reduced to the joints with these indices."""

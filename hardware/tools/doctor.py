@@ -154,7 +154,7 @@ def _no_answer(bus: Bus) -> str:
 
 
 def _not_its_servo(joint: RigJoint, identity: Identity) -> str:
-    if identity.model_number == UNKNOWN_MODEL and identity.protocol == joint.table.protocol:
+    if identity.model_number == UNKNOWN_MODEL and identity.family is joint.table.family:
         return _SILENT
     if identity.model != joint.model:
         return f"answers as {identity.model}, not as {joint.model}: correct the rig file"
@@ -179,7 +179,7 @@ def look_elsewhere(config: RigConfig, report: Report, open_bus: Callable[[int], 
     known = {joint.id for joint in config.joints} - {*report.missing}
     bauds = list(dict.fromkeys((report.baud, *LIKELY_BAUDS))) if report.missing else []
     return [
-        f"{found.model} answers as id {found.id} at {baud} baud{found.spoken}: connect it "
+        f"{found.model} answers as id {found.id} at {baud} baud{found.family.spoken}: connect it "
         f"alone, then motiondeck rig setup {report.port} "
         f"--id {report.missing[0] if len(report.missing) == 1 else 'ID'} --baud {report.baud}"
         for baud, found in scan(open_bus, bauds)

@@ -1,4 +1,4 @@
-"""Scan of a bus for servos at every baud rate, in both protocols; and the set-up of a single one."""
+"""Scan of a bus for servos at every baud rate, of every family; and the set-up of a single one."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ def scan(
     bauds: Iterable[int] = LIKELY_BAUDS,
     on_garbled: Callable[[int], object] = lambda baud: None,
 ) -> list[Found]:
-    """The servos that answer at each baud rate, in both protocols; the likely rates first.
+    """The servos that answer at each baud rate, of every family; the likely rates first.
 
     Args:
         open_bus: opens the port at a baud rate.
@@ -69,7 +69,7 @@ def set_up(open_bus: Callable[[int], Bus], id: int, baud: int) -> tuple[Found, I
     before = found[0]
     bus = open_bus(before.baud)
     try:
-        bus.protocols = dict.fromkeys((before.identity.id, id), before.identity.protocol)
+        bus.families = dict.fromkeys((before.identity.id, id), before.identity.family)
         before = Found(before.baud, _who_answers(before.identity, bus))
         table = MODELS[before.identity.model]
         value = table.baud_value(baud)
@@ -77,9 +77,9 @@ def set_up(open_bus: Callable[[int], Bus], id: int, baud: int) -> tuple[Found, I
             raise RigError(f"a servo of model {table.model} cannot do {baud} baud.")
         _put(bus, before.identity.id, table, "torque_enable", 0)
         _put(bus, before.identity.id, table, "return_delay_time", 0)
-        if before.identity.protocol != table.protocol:
-            _put(bus, before.identity.id, table, "protocol_type", table.protocol)
-            bus.protocols = {}
+        if before.identity.family is not table.family and (choice := table.family.choice) is not None:
+            _put(bus, before.identity.id, table, *choice)
+            bus.families = dict.fromkeys((before.identity.id, id), table.family)
         if id != before.identity.id:
             _put(bus, before.identity.id, table, "id", id)
         if baud != before.baud:
@@ -88,7 +88,7 @@ def set_up(open_bus: Callable[[int], Bus], id: int, baud: int) -> tuple[Found, I
         bus.close()
     bus = open_bus(baud)
     try:
-        bus.protocols = {id: table.protocol}
+        bus.families = {id: table.family}
         after = bus.ping(id)
     finally:
         bus.close()
@@ -100,10 +100,10 @@ def set_up(open_bus: Callable[[int], Bus], id: int, baud: int) -> tuple[Found, I
 def _who_answers(identity: Identity, bus: Bus) -> Identity:
     """The identity of a servo that answers every instruction from now on, whatever its status return level was."""
     untold = identity.model_number == UNKNOWN_MODEL
-    table = MODELS["AX-12A" if untold else identity.model] if untold or identity.model in MODELS else None
+    table = MODELS.get(identity.family.mute_model if untold else identity.model)
     if table is None:
         raise RigError(f"the servo answers as {identity.model}, whose control table is not known.")
-    for name, value in (("torque_enable", 0), ("status_return_level", 2)):  # at the same place in all of Protocol 1.0
+    for name, value in (("torque_enable", 0), ("status_return_level", table.family.answers_all)):
         bus.sync_write(table[name].address, 1, bytes((identity.id, value)))
     return bus.ping(identity.id) or identity if untold else identity
 

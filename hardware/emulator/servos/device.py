@@ -10,18 +10,20 @@ from __future__ import annotations
 import math
 
 from hardware.emulator.servos.servo_bank import TRIPPED, ServoBank
-from hardware.families.dynamixel2.instructions import (
-    BACKUP_RESTORE,
-    BACKUP_STORE,
-    CLEAR_TURNS,
+from hardware.families.dynamixel2.instructions import BACKUP_RESTORE, BACKUP_STORE, CLEAR_TURNS
+from hardware.families.emulation import (
+    ACCESS,
+    INSTRUCTION,
+    LENGTH,
+    LIMIT,
+    RANGE,
     RESET_ALL,
     RESET_BUT_ID,
     RESET_BUT_ID_AND_BAUD,
+    RESULT_FAIL,
 )
-from hardware.families.models import TRAITS
+from hardware.families.models import FAMILIES, TRAITS
 from hardware.families.register import Register
-
-RESULT_FAIL, INSTRUCTION, RANGE, LENGTH, LIMIT, ACCESS = 1, 2, 4, 5, 6, 7
 
 _FOLLOWER, _ON_BY_GOAL = 2, 8
 _TORQUE_AT_START, _RESTORE_RAM = 1, 2
@@ -42,7 +44,7 @@ class Device:
     """A servo: row `row` of a bank.
 
     Attributes:
-        protocol: 1 or 2, that it speaks; see `choose_protocol`.
+        family: as which it speaks; see `choose_family`.
         asleep_until: the servo is deaf before this time, s, as after a reboot.
     """
 
@@ -64,7 +66,7 @@ class Device:
             for name, register in bank.table.registers.items()
         }
         self._by_address = {register.address: register for register in bank.public.registers.values()}
-        self.protocol = bank.table.protocol
+        self.family = bank.table.family
         self._cells = {
             register.address: bank.table[name.replace("data", "address")].address
             for name, register in bank.table.registers.items()
@@ -146,10 +148,15 @@ class Device:
         """Whether a hardware problem has taken the torque away until the next reboot."""
         return self._get("hardware_error_status") & self._get("shutdown") != 0
 
-    def choose_protocol(self) -> None:
-        """Speaks from now on what its register says, if it has one."""
-        if "protocol_type" in self._places:
-            self.protocol = 1 if self._get("protocol_type") == 1 else 2
+    def choose_family(self) -> None:
+        """Speaks from now on as the family that its register says, if it has one."""
+        for family in FAMILIES:
+            if family.choice is not None and family.choice[0] in self._places:
+                name, value = family.choice
+                if self._get(name) == value:
+                    self.family = family
+                    return
+        self.family = self._table.family
 
     def fail(self, bits: int) -> None:
         """Gives the servo a hardware problem: 1 voltage, 4 heat, 8 encoder, 16 shock, 32 overload."""

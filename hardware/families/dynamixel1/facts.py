@@ -1,7 +1,10 @@
 """The facts of the Dynamixel servos of Protocol 1.0."""
 
 from hardware.families.dynamixel1.ax_rx_mx import AX_RX_MX
+from hardware.families.dynamixel1.family import FAMILY
 from hardware.families.dynamixel1.traits import TRAITS
 from hardware.families.facts import FamilyFacts
 
-FACTS = FamilyFacts(TRAITS, lambda: {model: table.number for model, table in AX_RX_MX.items()}, AX_RX_MX.__getitem__)
+_NUMBERS = {model: table.number for model, table in AX_RX_MX.items()}
+
+FACTS = FamilyFacts(FAMILY, TRAITS, lambda: _NUMBERS, AX_RX_MX.__getitem__)

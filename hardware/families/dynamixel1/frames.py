@@ -9,7 +9,7 @@ itself, as in its hardware error status under Protocol 2.0, and four about the i
 
 from __future__ import annotations
 
-from hardware.families.dynamixel2.frames import BROADCAST, Frame, Parser, StatusPacket
+from hardware.families.frames import BROADCAST, Frame, FrameParser, StatusPacket
 
 HEADER = b"\xff\xff"
 LONGEST = 250  # what LENGTH may say; the maker's own SDK takes no more
@@ -53,8 +53,8 @@ def as_status(frame: Frame) -> StatusPacket | None:
     return StatusPacket(frame.id, error, bool(hardware), frame.params, hardware)
 
 
-class Parser1(Parser):
-    """Finds frames of Protocol 1.0 as `Parser` does those of 2.0: in linear time, and no input makes it raise."""
+class Parser1(FrameParser):
+    """Finds frames of Protocol 1.0."""
 
     _header = HEADER
     _overhead = _BEFORE

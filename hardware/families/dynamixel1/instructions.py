@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable
 
 from hardware.families.dynamixel1.frames import build
-from hardware.families.dynamixel2.frames import BROADCAST
+from hardware.families.frames import BROADCAST
 
 PING = 0x01
 READ = 0x02

@@ -5,13 +5,14 @@ from __future__ import annotations
 from dataclasses import replace
 from types import MappingProxyType
 
+from hardware.families.dynamixel1.family import FAMILY
 from hardware.families.series import HEAT, OVERLOAD, VOLTAGE, Series
 from hardware.families.traits import parse_traits
 
 _BAUD_RATES = {207: 9600, 34: 57600, 16: 115200, 1: 1_000_000, 0: 2_000_000}
 _AX = Series(
     "AX",
-    protocol=1,
+    FAMILY,
     baud_rates=MappingProxyType(_BAUD_RATES),
     baud_base=2e6,
     problems=MappingProxyType({bit: bit for bit in (VOLTAGE, HEAT, OVERLOAD)}),

@@ -1,75 +1,20 @@
-"""The replies to group reads: one frame that all servos write together (fast reads), or one status a servo.
-
-An undamaged reply in which every servo answered is taken in one pass, as rows of bytes of equal length (`WholeReply`);
-any other is read servo by servo (`GroupReply`).
-"""
+"""Group reads, and their replies: one frame that all servos write together (fast reads), or one status a servo."""
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
-from functools import lru_cache, partial
-from itertools import repeat
-from struct import Struct
-from typing import NamedTuple
+from collections.abc import Sequence
+from functools import partial
 
 import numpy as np
 
-from hardware.families.dynamixel2.frames import ALERT, BROADCAST, HEADER, STATUS, StatusPacket, checksum
+from hardware.families.dynamixel2 import instructions
+from hardware.families.dynamixel2.frames import ALERT, HEADER, STATUS, Parser, as_status, checksum
+from hardware.families.frames import BROADCAST, StatusPacket
+from hardware.families.replies import Blocks, GroupRead, GroupReply, WholeReply, in_order, whole_reply
 
-_JOINT = HEADER + bytes((BROADCAST,))  # how every joint reply begins
+_JOINT_HEAD = HEADER + bytes((BROADCAST,))  # how every joint reply begins
 _FAST_HEAD = 8  # header, BROADCAST, length, STATUS: what the first servo sends before its piece
 _STATUS_HEAD = 8  # header, ID, length, STATUS: what stands before the error byte of a single status
-
-
-class GroupReply(NamedTuple):
-    """The reply to a group read, servo by servo.
-
-    Attributes:
-        statuses: of the servos that were heard, by ID.
-        corrupt: IDs whose piece came with a bad checksum.
-        silent: IDs that sent nothing when it was their turn.
-        unheard: IDs behind the last silent one, which a servo that waits for its turn could not follow.
-    """
-
-    statuses: dict[int, StatusPacket]
-    corrupt: list[int]
-    silent: list[int]
-    unheard: list[int]
-
-
-class WholeReply(NamedTuple):
-    """A reply in which every servo answered, undamaged and in the order asked.
-
-    Attributes:
-        rows: one after another, `stride` bytes each.
-        stride: bytes a servo.
-        error: where the error byte (with its alert bit) stands in a row.
-        data: where the registers stand in a row.
-    """
-
-    rows: bytes
-    stride: int
-    error: int
-    data: int
-
-    def statuses(self, ids: Sequence[int] | bytes) -> dict[int, StatusPacket]:
-        """The same as statuses by ID, in the order asked."""
-        errors = self.rows[self.error :: self.stride]
-        data = _data_of(len(ids), self.data, self.stride).unpack(self.rows)
-        numbers, alerts = repeat(0), repeat(False)
-        if any(errors):
-            numbers, alerts = [error & ~ALERT for error in errors], [error >= ALERT for error in errors]
-        return dict(zip(ids, map(StatusPacket, ids, numbers, alerts, data), strict=True))
-
-
-# The base of the named tuple's constructor, in a third of its time.
-_whole = partial(tuple.__new__, WholeReply)
-
-
-@lru_cache(maxsize=64)
-def _data_of(count: int, data: int, stride: int) -> Struct:
-    """Unpacks the registers of `count` rows; the bytes around them are skipped."""
-    return Struct("<" + f"{data}x{stride - 2 - data}s2x" * count)
 
 
 def status_length(length: int) -> int:
@@ -84,9 +29,9 @@ def fast_reply_length(count: int, length: int) -> int:
 
 def fast_reply_start(received: bytes) -> int:
     """Where the joint reply begins in what was received; -1 if nowhere yet."""
-    start = received.find(_JOINT)
+    start = received.find(_JOINT_HEAD)
     while start >= 0 and received[start + 7 : start + 8] not in (b"", bytes((STATUS,))):
-        start = received.find(_JOINT, start + 1)
+        start = received.find(_JOINT_HEAD, start + 1)
     return start
 
 
@@ -100,7 +45,7 @@ class FastFormat:
         self._ids = ids
         self._stride = length + 4
         size = 1 + len(ids) * self._stride
-        self._head = _JOINT + bytes((size & 0xFF, size >> 8, STATUS))
+        self._head = _JOINT_HEAD + bytes((size & 0xFF, size >> 8, STATUS))
         self._crc = checksum(self._head)
         self._end = _FAST_HEAD + len(ids) * self._stride
 
@@ -114,7 +59,7 @@ class FastFormat:
             return None
         if checksum(rows[:-2], self._crc) != rows[-2] | rows[-1] << 8:
             return None
-        return _whole((rows, self._stride, 0, 2))
+        return whole_reply((rows, self._stride, 0, 2, ALERT))
 
 
 class SingleFormat:
@@ -143,7 +88,7 @@ class SingleFormat:
         swapped[:, -2:] = rows[:, :-3:-1]
         if checksum(swapped.tobytes()) != 0:
             return None
-        return _whole((received, self._stride, _STATUS_HEAD, _STATUS_HEAD + 1))
+        return whole_reply((received, self._stride, _STATUS_HEAD, _STATUS_HEAD + 1, ALERT))
 
 
 def fast_reply(received: bytes, ids: Sequence[int], lengths: Sequence[int]) -> GroupReply:
@@ -182,20 +127,26 @@ def fast_reply(received: bytes, ids: Sequence[int], lengths: Sequence[int]) -> G
     return GroupReply(statuses, corrupt, silent + list(ids[turn : turn + 1]), list(ids[turn + 1 :]))
 
 
-def single_replies(ids: Sequence[int], lengths: Sequence[int], statuses: Iterable[StatusPacket]) -> GroupReply:
-    """Sorts the single statuses that came from the servos `ids`, asked in this order for `lengths` bytes."""
-    expected = dict(zip(ids, lengths, strict=True))
-    heard = {
-        status.id: status
-        for status in statuses
-        if status.id in expected and (status.error or len(status.params) == expected[status.id])
-    }
-    missing = [index for index, id in enumerate(ids) if id not in heard]
-    last = max((index for index, id in enumerate(ids) if id in heard), default=-1)
-    # Silent are those with a servo behind them that was heard, and the first behind the last that was.
-    silent = [index for index in missing if index <= last + 1]
-    return GroupReply(heard, [], [ids[index] for index in silent], [ids[i] for i in missing if i > last + 1])
-
-
 def _word(data: bytes, at: int) -> int:
     return data[at] | data[at + 1] << 8
+
+
+def group_read(blocks: Blocks, fast: bool) -> GroupRead:
+    """A sync read where all are asked for the same, else a bulk read; answered in one joint reply if `fast`."""
+    lengths = tuple(length for _, _, length in blocks)
+    ids = bytes(id for id, _, _ in blocks)
+    _, address, length = blocks[0]
+    if all(block[1:] == (address, length) for block in blocks):
+        ask = instructions.fast_sync_read if fast else instructions.sync_read
+        frame = ask(address, length, ids)
+    else:
+        frame = (instructions.fast_bulk_read if fast else instructions.bulk_read)(blocks)
+    needed = (fast_reply_length(len(ids), 0) if fast else len(ids) * status_length(0)) + sum(lengths)
+    whole = (FastFormat if fast else SingleFormat)(ids, length).whole if len(set(lengths)) == 1 else None
+    parts = partial(_joint, ids, lengths, needed) if fast else partial(in_order, Parser, as_status, ids, lengths)
+    return GroupRead(frame, fast, ids, lengths, whole, needed, parts)
+
+
+def _joint(ids: bytes, lengths: Sequence[int], needed: int, received: bytes) -> tuple[GroupReply, bool]:
+    ended = len(received) - max(0, fast_reply_start(received)) >= needed
+    return fast_reply(received, ids, lengths), ended

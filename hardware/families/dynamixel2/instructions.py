@@ -4,7 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 
-from hardware.families.dynamixel2.frames import BROADCAST, build
+from hardware.families.dynamixel2.frames import build
+from hardware.families.frames import BROADCAST
 
 PING = 0x01
 READ = 0x02
@@ -22,20 +23,9 @@ BULK_READ = 0x92
 BULK_WRITE = 0x93
 FAST_BULK_READ = 0x9A
 
-RESET_ALL, RESET_BUT_ID, RESET_BUT_ID_AND_BAUD = 0xFF, 0x01, 0x02
 CLEAR_TURNS = b"\x01\x44\x58\x4c\x22"
 BACKUP_STORE = b"\x01\x43\x54\x52\x4c"
 BACKUP_RESTORE = b"\x02\x43\x54\x52\x4c"
-
-ERRORS = {
-    1: "result fail",
-    2: "instruction not possible",
-    3: "bad checksum",
-    4: "value out of range",
-    5: "wrong data length",
-    6: "value beyond a limit set in the servo",
-    7: "register not accessible (read-only, undefined, or EEPROM while torque is on)",
-}
 
 
 def words(*values: int) -> bytes:

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+from hardware.families.dynamixel2.traits import X
 from hardware.families.table import parse_table
 
 XM430_W350 = parse_table(
     "XM430-W350",
     number=1020,
     pulses_per_turn=4096,
+    series=X,
     text="""
     # address length name                   access memory  range              default  unit
       0       2      model_number           R      EEPROM  0..65535           1020     -

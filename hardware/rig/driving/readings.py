@@ -4,8 +4,8 @@ Every request reads the position of every servo that answers. Health (error, tem
 where a servo's indirect cells are arranged (see `state_block`). Of the others, each request reads the health of one in
 rotation, and at once of one whose alert bit reports a problem.
 
-Servos of Protocol 1.0 have no sync read. On a port with some, requests rotate: MX servos together in a bulk read, each
-AX and RX alone, and between any two of these the servos of Protocol 2.0 if there are any.
+A request is about one family, and only some models can be asked together. Where that is not all of a port, requests
+rotate: those of each family that can together, each other one alone, and between any two of these the largest group.
 
 While all registers of a servo are wanted, some requests read a few of those instead (see `register_reading`).
 """
@@ -19,10 +19,8 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from hardware.bus.group_read import Blocks
-from hardware.bus.protocol import PROTOCOLS
-from hardware.families.dynamixel2.frames import ALERT
-from hardware.families.dynamixel2.group_reply import GroupReply, WholeReply
+from hardware.families.family import Family
+from hardware.families.replies import Blocks, GroupReply, WholeReply
 from hardware.rig.counters import RigFaults
 from hardware.rig.driving.register_reading import EVERY, RegisterReading
 from hardware.rig.driving.state_block import StateBlock, everything, row_layout
@@ -192,10 +190,10 @@ class Readings:
         buffer, rows = request.rows[place]
         buffer[:] = reply.rows
         error = rows["error"]
-        if np.logical_or.reduce(error & ~np.uint8(ALERT)):
+        if np.logical_or.reduce(error & np.uint8(reply.alert ^ 0xFF)):
             return False
         self.measured.missed_in_a_row[request.places] = 0
-        self._note_alerts(request.joints, error >= ALERT)
+        self._note_alerts(request.joints, error != 0)
         self._keep(request.places, rows, now)
         return True
 
@@ -301,13 +299,13 @@ class Readings:
 def _turns(config: RigConfig, joints: Sequence[int]) -> list[NDArray[np.int64] | None]:
     """The joints of each request, which repeat in this order; None for all of the port at once."""
     tables = {index: config.joints[index].table for index in joints}
-    by_protocol = {
-        protocol: [index for index, table in tables.items() if table.protocol == protocol and table.series.bulk_reads]
-        for protocol in PROTOCOLS
-    }
-    together, bulk = by_protocol[2], by_protocol[1]
-    if len(together) == len(tables):
+    groups: dict[Family, list[int]] = {}
+    for index, table in tables.items():
+        if table.series.bulk_reads:
+            groups.setdefault(table.family, []).append(index)
+    largest, *others = sorted(groups.values(), key=len, reverse=True) or [[]]
+    if len(largest) == len(tables):
         return [None]
-    alone = [[index] for index in joints if index not in (*together, *bulk)]
-    turns = [line for other in [bulk, *alone] if other for line in (together, other) if line]
+    alone = [[index] for index, table in tables.items() if not table.series.bulk_reads]
+    turns = [line for other in [*others, *alone] for line in (largest, other) if line]
     return [np.array(line) for line in turns]

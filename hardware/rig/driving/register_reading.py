@@ -9,7 +9,6 @@ command. For all others there are the rig file, `rig doctor --fix` and `rig setu
 
 from __future__ import annotations
 
-from hardware.bus.protocol import PROTOCOLS
 from hardware.errors import RigError
 from hardware.families.register import Register, decode_block
 from hardware.families.table import ControlTable
@@ -100,4 +99,4 @@ def _frame(servo: RigJoint, name: str, count: int) -> bytes:
         entry = bytes((servo.id,)) + register.encode(count)
     except ValueError as error:
         raise RigError(f"{servo.name}: {error}") from error
-    return PROTOCOLS[table.protocol].instructions.sync_write(register.address, register.length, entry)
+    return table.family.instructions.sync_write(register.address, register.length, entry)

@@ -3,7 +3,7 @@
 A tick is  collect_state, write(counts):  one read and one write. The goals leave with a request for the state, whose
 reply travels while the loop does other things, and is collected a tick later.
 
-The AX, RX, MX (Protocol 1.0) and XL-320 servos have no watchdog: they go to their last goal, which is near, and hold.
+Some servos have no watchdog: they go to their last goal, which is near, and hold.
 Each other servo's bus watchdog is armed by the first write, since nothing moves before, and again once a second, with
 the speed that each keeps: a sync write is not answered, so a lost one would go unnoticed. When the loop falls silent
 for longer, the servos stop and hold, and get no more goals until `attach`: a rig never runs after targets that went on
@@ -23,7 +23,6 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from hardware.bus.protocol import PROTOCOLS
 from hardware.bus.servo_bus import Bus
 from hardware.bus.sync_write import SyncWrite
 from hardware.errors import MotiondeckError, with_torque
@@ -75,7 +74,7 @@ class ServoPort:
         self.joints = np.array([config.names.index(name) for name in part.names])
         self.places = slice(None) if len(self.joints) == len(config.joints) else self.joints
         self.bus = bus
-        bus.protocols = part.protocols
+        bus.families = part.families
         self._goals = list(_groups(part, "goal_position", self))
         self._speeds = list(_groups(part, "profile_velocity", self))
         count = len(config.joints)
@@ -230,15 +229,15 @@ class ServoPort:
 
 
 class _Group(NamedTuple):
-    """Joints, as an index of arrays, with a register at the same place and of the same protocol."""
+    """Joints, as an index of arrays, with a register at the same place and of the same family."""
 
     joints: NDArray[np.int64] | slice
     write: SyncWrite
 
 
 def _groups(part: RigConfig, name: str, port: ServoPort) -> Iterator[_Group]:
-    for (protocol, address, length), members in same_place(part, name).items():
-        write = SyncWrite([part.joints[index].id for index in members], address, length, PROTOCOLS[protocol])
+    for (family, address, length), members in same_place(part, name).items():
+        write = SyncWrite([part.joints[index].id for index in members], address, length, family)
         yield _Group(port.places if len(members) == len(part.joints) else port.joints[members], write)
 
 

@@ -4,7 +4,7 @@ arranged   the servo's indirect cells show force, velocity, position, and all th
 motion     force, velocity and position where they stand, for a servo whose cells cannot be arranged
 everything from torque to temperature where they stand; read of such a servo at intervals
 
-The AX, RX, MX (Protocol 1.0) and XL-320 servos have so few registers that they are always asked for everything.
+Servos without indirect cells have so few registers that they are always asked for everything.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ FIELDS = ("force", "present_velocity", "present_position", "hardware_error_statu
           "torque_enable", "present_input_voltage", "torque_limit")  # fmt: skip
 """Of a block with health, as far as a model has them; the first three alone without.
 
-`force` is current, or load where no current is measured. In Protocol 1.0 every reply has the error. A torque limit
+`force` is current, or load where no current is measured. In some families every reply has the error. A torque limit
 of 0 means no torque.
 """
 

@@ -10,8 +10,6 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from hardware.bus.group_read import group_read
-from hardware.bus.protocol import PROTOCOLS
 from hardware.bus.sync_write import SyncWrite
 from hardware.errors import RigError
 from hardware.rig.counters import RigFaults
@@ -31,20 +29,20 @@ def longest_tick(config: RigConfig, blocks: Sequence[StateBlock], fast: bool, re
     Args:
         config: of one port.
         blocks: what is read of each joint.
-        fast: whether the servos of Protocol 2.0 answer in one joint reply.
+        fast: whether servos that can answer in one joint reply.
         return_delays: of each joint's servo, s.
     """
     count = len(config.joints)
     readings = Readings(config, range(count), RigScale(config), Measurements(count), RigFaults.none(count))
     readings.start(range(count), np.zeros(count), blocks, 0.0)
     written = sum(
-        len(SyncWrite([config.joints[index].id for index in members], address, length, PROTOCOLS[protocol]).frame())
+        len(SyncWrite([config.joints[index].id for index in members], address, length, family).frame())
         for name in _WRITTEN
-        for (protocol, address, length), members in same_place(config, name).items()
+        for (family, address, length), members in same_place(config, name).items()
     )
     longest = 0.0
     for request in readings.every_request():
-        read = group_read(request.blocks, fast, PROTOCOLS[config.joints[request.joints[0]].table.protocol])
+        read = config.joints[request.joints[0]].table.family.group_read(request.blocks, fast)
         delays = [return_delays[index] for index in request.joints]
         answered_after = max(delays) if read.fast else sum(delays)
         longest = max(longest, 10.0 * (written + len(read.frame) + read.needed) / config.baud + answered_after)

@@ -96,7 +96,7 @@ class PortRecovery:
                     port.bus.close()
                     # Given to the port at once, so that `close` always switches off over the port that is open.
                     port.bus = bus = self._open_bus()
-                    bus.protocols = port.part.protocols
+                    bus.families = port.part.families
                 if to_do is not None:
                     do, to_do = to_do, None
                     do(bus)

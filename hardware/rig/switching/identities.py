@@ -78,8 +78,8 @@ def knows_fast_reads(config: RigConfig, bus: Bus) -> bool:
 
 
 def know_fast_reads(config: RigConfig, firmware: Sequence[int]) -> bool:
-    """Whether servos of Protocol 2.0 with these versions of firmware answer fast sync reads; the others have none."""
-    asked = [index for index, joint in enumerate(config.joints) if joint.table.protocol == 2]
+    """Whether servos with these versions of firmware answer fast sync reads, but for families without any."""
+    asked = [index for index, joint in enumerate(config.joints) if joint.table.family.fast_reads]
     since = [TRAITS[config.joints[index].model].fast_read for index in asked]
     return all(first is not None and firmware[index] >= first for index, first in zip(asked, since, strict=True))
 
@@ -97,7 +97,7 @@ def refuse_shut_down(config: RigConfig, bus: Bus) -> None:
 
 def hardware_errors(joint: RigJoint, bus: Bus) -> int:
     """The problems that a servo reports, in the bits of `describe_errors`."""
-    # In Protocol 1.0 every reply has the error.
+    # Without a register for it every reply has the error.
     error = joint.table.registers.get("hardware_error_status")
     register = error or joint.table["torque_enable"]
     status = bus.read(joint.id, register.address, register.length)
@@ -107,8 +107,8 @@ def hardware_errors(joint: RigJoint, bus: Bus) -> int:
 class PortScan:
     """The servos that answer on the ports of a rig that is switched on, and the joints that do not.
 
-    Every ID is asked at the rig's own baud rate: another would take the port away from the servos. Servos of Protocol
-    1.0 are looked for where the rig has some: 253 IDs one by one take five seconds.
+    Every ID is asked at the rig's own baud rate: another would take the port away from the servos. Families that have
+    to be asked ID by ID are looked for where the rig has some: that takes five seconds.
     """
 
     def __init__(self, config: RigConfig, ports: int) -> None:
@@ -117,9 +117,11 @@ class PortScan:
 
     def ask(self, part: RigConfig, bus: Bus) -> None:
         """Asks on one port; waits for the answers."""
-        identities = bus.ping_all() + (bus.ping_each() if 1 in part.protocols.values() else [])
-        names = {(joint.id, joint.table.protocol): joint.name for joint in part.joints}
-        self._found.append([(names.get((one.id, one.protocol), ""), one) for one in identities])
+        identities = bus.ping_all()
+        if not all(family.identification.by_ping for family in part.families.values()):
+            identities += bus.ping_each()
+        names = {(joint.id, joint.table.family): joint.name for joint in part.joints}
+        self._found.append([(names.get((one.id, one.family), ""), one) for one in identities])
 
     @property
     def found(self) -> list[tuple[str, Identity]] | None:

@@ -41,7 +41,7 @@ def open_buses(config: RigConfig, ports: list[str] | None) -> Iterator[list[tupl
         parts: list[tuple[RigConfig, Bus]] = []
         for part in config.on_ports(ports or ()):
             parts.append((part, bus := Bus.open(part.port, part.baud)))
-            bus.protocols = part.protocols
+            bus.families = part.families
             opening.callback(bus.close)
         yield parts
 

@@ -44,16 +44,16 @@ def scan(
     widest = max((len(one.identity.model) for one in found), default=0)
     if as_json:
         rows = [
-            {"baud": one.baud, "id": i.id, "model": i.model, "firmware": i.firmware, "alert": i.alert, "protocol": p}
-            for one in found
-            for i, p in ((one.identity, one.identity.protocol),)
+            {"baud": baud, "id": i.id, "model": i.model, "firmware": i.firmware, "alert": i.alert, "family": name}
+            for baud, i in found
+            for name in (i.family.name,)
         ]
         print(json.dumps({"port": port, "servos": rows}))
     for one in found if not as_json else []:
         servo = one.identity
         alert = "  reports a hardware problem" if servo.alert else ""
-        old = "  Protocol 1.0" if servo.protocol == 1 else ""
-        print(f"id {servo.id:>3}  {servo.model:<{widest}}  firmware {servo.firmware:<3} {one.baud} baud{old}{alert}")
+        spoken = servo.family.spoken
+        print(f"id {servo.id:>3}  {servo.model:<{widest}}  firmware {servo.firmware:<3} {one.baud} baud{spoken}{alert}")
     if not found and out is None:
         raise MotiondeckError(f"no servo answers on {port}. Check power, cable and adapter.")
     if out is not None:

@@ -50,7 +50,7 @@ def echoing(joints, rate=50.0):
 def open_bus(echo, baud, joints=()):
     echo.port.bus.baud = baud
     bus = Bus(echo, baud)
-    bus.protocols = {each.id: each.table.protocol for each in joints}
+    bus.families = {each.id: each.table.family for each in joints}
     return bus
 
 

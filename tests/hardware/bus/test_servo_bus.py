@@ -77,7 +77,7 @@ def test_a_servo_is_found_though_its_bytes_stand_still_for_a_while(old):
     joint = RigJoint("pan", 1, model, 1, MODELS[model].one_turn[1] // 2, -1.0, 1.0, 2.0)
     port = EmulatedPort(EmulatedBus(RigConfig("p", 1_000_000, 100.0, (joint,))))
     bus = Bus(port, 1_000_000)
-    bus.protocols = {1: 1} if old else {}
+    bus.families = {1: joint.table.family}
     port.wire.faults = FaultPlan([Fault("delay", value=300.0)])
     found = bus.ping(1)
     assert found is not None

@@ -5,9 +5,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from hardware.bus.protocol import PROTOCOLS
 from hardware.bus.sync_write import SyncWrite
 from hardware.families.dynamixel2 import instructions as wire
+from hardware.families.models import FAMILIES
 
 # -131073 is FF FF FD FF on the wire: a header, unless it is stuffed.
 GOALS = st.one_of(st.integers(-(2**31), 2**31 - 1), st.sampled_from([-131073, -3, 0, 2048]))
@@ -23,8 +23,8 @@ def test_its_frame_is_that_of_the_present_values(ticks):
         assert write.frame() == wire.sync_write(116, 4, data)
 
 
-@pytest.mark.parametrize("protocol", PROTOCOLS.values())
-def test_two_byte_registers_of_both_protocols(protocol):
-    write = SyncWrite([5, 7], 30, 2, protocol)
+@pytest.mark.parametrize("family", FAMILIES)
+def test_two_byte_registers_of_every_family(family):
+    write = SyncWrite([5, 7], 30, 2, family)
     write.values[:] = np.array([1000.0, 512.0])
-    assert write.frame() == protocol.instructions.sync_write(30, 2, bytes((5, 0xE8, 3, 7, 0, 2)))
+    assert write.frame() == family.instructions.sync_write(30, 2, bytes((5, 0xE8, 3, 7, 0, 2)))

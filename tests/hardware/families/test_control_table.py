@@ -77,4 +77,4 @@ def test_indirect_addresses_first_point_to_their_own_data():
 )
 def test_a_wrong_row_is_quoted(rows, reason):
     with pytest.raises(ValueError, match=reason):
-        parse_table("X", 1, 4096, rows)
+        parse_table("X", 1, 4096, rows, MODELS["XM430-W350"].series)

@@ -90,7 +90,7 @@ def test_models_with_other_places_and_another_protocol_may_too():
     arm = RigJoint("arm", 2, "PH54-200-S500", 1, 0, -1.0, 1.0, 1.0)
     leg = RigJoint("leg", 3, "AX-12A", 1, 512, -1.0, 1.0, 1.0)
     config = RigConfig("port", 1_000_000, 100.0, (joint(1, "XM430-W350"), arm, leg))
-    assert [id for id, protocol in config.protocols.items() if protocol == 1] == [3]
+    assert [id for id, family in config.families.items() if family.spoken] == [3]
 
 
 @pytest.mark.parametrize(("model", "baud"), [("AX-12A", 4_000_000), ("AX-12A", 3_000_000), ("XL-320", 2_000_000)])
@@ -107,7 +107,7 @@ def test_a_baud_rate_that_a_model_cannot_do_is_refused(model, baud):
 def test_ax_mx_and_xl_320_are_as_in_their_manuals(model, number, baud, ends):
     table = MODELS[model]
     assert (table.number, table["baud_rate"].default, table.one_turn) == (number, baud, ends)
-    assert model_name(number) == model
+    assert model_name(number, table.family) == model
     speed = table["present_velocity"]
     assert [speed.decode(count.to_bytes(2, "little")) for count in (0, 300, 1024, 1324)] == [0, 300, 0, -300]
 
@@ -119,9 +119,9 @@ def test_their_counts_are_the_degrees_of_its_manual():
 
 def test_the_bits_of_an_xl_320_mean_what_they_mean_elsewhere():
     """In its manual: 1 overload, 2 heat, 4 voltage."""
-    family = MODELS["XL-320"].series
-    assert [family.usual_problems(bits) for bits in (1, 2, 4, 7)] == [32, 4, 1, 37]
-    assert family.own_problems(4 | 32) == 3
+    series = MODELS["XL-320"].series
+    assert [series.usual_problems(bits) for bits in (1, 2, 4, 7)] == [32, 4, 1, 37]
+    assert series.own_problems(4 | 32) == 3
     assert MODELS["AX-12A"].series.usual_problems(36) == 36
 
 

@@ -9,6 +9,7 @@ import pytest
 
 from hardware.emulator.bus import EmulatedBus
 from hardware.emulator.port import EmulatedPort
+from hardware.families import emulation
 from hardware.families.dynamixel2 import instructions as wire
 from hardware.families.dynamixel2.frames import BROADCAST, Parser, as_status, build, checksum
 from hardware.families.dynamixel2.group_reply import fast_reply, fast_reply_length
@@ -105,7 +106,8 @@ def test_twin_servos_know_no_fast_reads(rig_of_four, model):
 
 
 @pytest.mark.parametrize(
-    ("keep", "id", "baud"), [(wire.RESET_ALL, 1, 1), (wire.RESET_BUT_ID, 2, 1), (wire.RESET_BUT_ID_AND_BAUD, 2, 3)]
+    ("keep", "id", "baud"),
+    [(emulation.RESET_ALL, 1, 1), (emulation.RESET_BUT_ID, 2, 1), (emulation.RESET_BUT_ID_AND_BAUD, 2, 3)],
 )
 def test_a_factory_reset_keeps_what_it_is_told_to(port, keep, id, baud):
     """[P2] Factory Reset: FF all, 01 all but ID, 02 all but ID and baud rate; the servo restarts."""
@@ -119,7 +121,7 @@ def test_a_factory_reset_keeps_what_it_is_told_to(port, keep, id, baud):
 def test_a_factory_reset_of_everything_is_not_taken_from_a_broadcast(servo):
     """[P2] Factory Reset: FF to the broadcast ID is ignored from firmware 42 on."""
     servo.put("max_position_limit", 3000)
-    assert servo.say(build(BROADCAST, wire.FACTORY_RESET, bytes((wire.RESET_ALL,)))) == []
+    assert servo.say(build(BROADCAST, wire.FACTORY_RESET, bytes((emulation.RESET_ALL,)))) == []
     assert servo.get("max_position_limit") == 3000
     assert servo.errors(build(1, wire.FACTORY_RESET, bytes((0x77,)))) == [4]
 

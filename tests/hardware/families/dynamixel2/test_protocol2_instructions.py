@@ -4,7 +4,6 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from hardware.bus.protocol import PROTOCOLS
 from hardware.families.dynamixel2 import instructions as wire
 from hardware.families.dynamixel2.frames import build, build_status, checksum
 from hardware.families.dynamixel2.group_reply import (
@@ -12,8 +11,14 @@ from hardware.families.dynamixel2.group_reply import (
     SingleFormat,
     fast_reply,
     fast_reply_length,
-    single_replies,
 )
+from hardware.families.models import USUAL
+from hardware.families.replies import single_replies
+
+
+def statuses_in(received):
+    return [status for frame in USUAL.parser().feed(received) if (status := USUAL.as_status(frame)) is not None]
+
 
 GOLDEN = {
     "ping": (wire.ping(1), "FFFFFD00 01 0300 01 194E"),
@@ -118,7 +123,7 @@ def test_undamaged_statuses_are_taken_in_one_pass(ids, data):
     received = whole(ids, values, alert)
     reply = SingleFormat(bytes(ids), 2).whole(received)
     assert reply is not None
-    assert reply.statuses(ids) == single_replies(ids, [2] * len(ids), PROTOCOLS[2].statuses(received)).statuses
+    assert reply.statuses(ids) == single_replies(ids, [2] * len(ids), statuses_in(received)).statuses
     joint = joint_reply(ids, values, 2)
     rows = FastFormat(bytes(ids), 2).whole(joint)
     assert rows is not None
@@ -142,5 +147,5 @@ def test_statuses_in_another_order_or_of_other_servos_are_not_taken_in_one_pass(
 
 
 def test_a_servo_silent_among_single_statuses_is_named():
-    reply = single_replies([1, 2, 3, 4, 5], [2] * 5, PROTOCOLS[2].statuses(whole([1, 3], [10, 30])))
+    reply = single_replies([1, 2, 3, 4, 5], [2] * 5, statuses_in(whole([1, 3], [10, 30])))
     assert (list(reply.statuses), reply.silent, reply.unheard) == ([1, 3], [2, 4], [5])

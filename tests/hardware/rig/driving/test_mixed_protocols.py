@@ -42,7 +42,7 @@ def port(config):
 @pytest.fixture
 def bus(config, port):
     bus = Bus(port, config.baud)
-    bus.protocols = config.protocols
+    bus.families = config.families
     return bus
 
 
@@ -253,10 +253,10 @@ def test_a_scan_finds_the_servos_of_both_protocols(config, port):
         return Bus(port, baud)
 
     found = scan(open_bus)
-    seen = {(one.identity.id, one.identity.model, one.identity.protocol, one.baud) for one in found}
-    old = {id: 1 if MODELS[model].protocol == 1 else 2 for id, model in enumerate(OLD_MODELS, 1)}
+    seen = {(one.identity.id, one.identity.model, one.identity.family, one.baud) for one in found}
+    family = {id: MODELS[model].family for id, model in enumerate(OLD_MODELS, 1)}
     bauds = dict.fromkeys(range(1, COUNT + 1), 1_000_000) | {1: 57600, 6: 57600}
-    assert seen == {(id, model, old[id], bauds[id]) for id, model in enumerate(OLD_MODELS, 1)}
+    assert seen == {(id, model, family[id], bauds[id]) for id, model in enumerate(OLD_MODELS, 1)}
 
 
 def test_an_ax_servo_from_the_box_gets_its_id_and_baud_rate():
@@ -268,6 +268,12 @@ def test_an_ax_servo_from_the_box_gets_its_id_and_baud_rate():
         return Bus(port, baud)
 
     before, after = set_up(open_bus, 9, 1_000_000)
-    assert (before.identity.id, before.baud, after.id, after.model, after.protocol) == (1, 57600, 9, "AX-12A", 1)
+    assert (before.identity.id, before.baud, after.id, after.model, after.family.name) == (
+        1,
+        57600,
+        9,
+        "AX-12A",
+        "dynamixel1",
+    )
     with pytest.raises(RigError, match="model AX-12A cannot do 4000000 baud"):
         set_up(open_bus, 9, 4_000_000)

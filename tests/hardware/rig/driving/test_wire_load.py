@@ -40,7 +40,7 @@ def collisions(config, delay=250, seconds=1.5):
     for joint in config.joints:
         device = servos[joint.id]
         device.bank.shaft[device.row] = joint.zero
-    bus.protocols = config.protocols
+    bus.families = config.families
     fix_settings(config, bus)
     for joint in config.joints:
         servos[joint.id]["return_delay_time"] = delay

@@ -122,7 +122,7 @@ def test_the_doctor_lists_the_status_return_level_that_it_has_set(model, level):
     config = RigConfig("emulated", 1_000_000, 100.0, (joint,))
     port = EmulatedPort(EmulatedBus(config), paced=True)
     bus = Bus(port, 1_000_000)
-    bus.protocols = config.protocols
+    bus.families = config.families
     assert not any("status_return_level" in line for line in fix_settings(config, bus).done)
     port.bus[1]["status_return_level"] = level
     report = examine(config, bus)
@@ -136,7 +136,7 @@ def test_a_locked_eeprom_is_named_with_the_remedy(model):
     config = RigConfig("emulated", 1_000_000, 100.0, (joint,))
     port = EmulatedPort(EmulatedBus(config), paced=True)
     bus = Bus(port, 1_000_000)
-    bus.protocols = config.protocols
+    bus.families = config.families
     port.bus[1]["lock"] = 1
     said = r"id 1 keeps its EEPROM locked, and its {} cannot be set: switch its power off and on"
     assert said.format("return_delay_time") in "".join(fix_settings(config, bus).refused)

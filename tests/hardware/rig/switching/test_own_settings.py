@@ -36,7 +36,7 @@ class Bench:
 
     def bus(self):
         bus = Bus(self.port, self.config.baud)
-        bus.protocols = self.config.protocols
+        bus.families = self.config.families
         return bus
 
     def rig(self):

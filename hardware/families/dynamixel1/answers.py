@@ -6,72 +6,47 @@ all answer at once, and nothing can be understood. A reboot is known to MX only,
 
 from __future__ import annotations
 
-from typing import NamedTuple, Protocol
-
-from hardware.emulator.servos.device import ACCESS, LENGTH, LIMIT, RANGE, Device
 from hardware.families.dynamixel1 import instructions as wire
-from hardware.families.dynamixel1.frames import ANGLE_LIMIT, BAD_INSTRUCTION, OUT_OF_RANGE, build
-from hardware.families.dynamixel2.frames import BROADCAST, Frame
-from hardware.families.dynamixel2.instructions import RESET_ALL
-
-BOOT_TIME = 0.1
-"""How long a servo is deaf after a reboot, s; the manual gives no figure."""
+from hardware.families.dynamixel1.family import FAMILY
+from hardware.families.dynamixel1.frames import ANGLE_LIMIT, BAD_CHECKSUM, BAD_INSTRUCTION, OUT_OF_RANGE, build
+from hardware.families.emulation import (
+    ACCESS,
+    BOOT_TIME,
+    LENGTH,
+    LIMIT,
+    RANGE,
+    RESET_ALL,
+    Answer,
+    EmulatedServo,
+    EmulatedServos,
+    alone_or_mixed,
+)
+from hardware.families.frames import BROADCAST, Frame
 
 _ERROR_BITS = {RANGE: OUT_OF_RANGE, LIMIT: ANGLE_LIMIT, ACCESS: OUT_OF_RANGE, LENGTH: BAD_INSTRUCTION}
 
 
-class Answer(NamedTuple):
-    """What the servos put on the wire in one go.
-
-    Attributes:
-        delay: how long they waited before, s.
-        id: the sender; BROADCAST where several write one frame.
-    """
-
-    delay: float
-    data: bytes
-    id: int
-
-
-class ServoBus(Protocol):
-    """What is needed of the bus."""
-
-    strict: bool
-    time: float
-
-    def hearing(self, id: int, protocol: int = 2) -> list[Device]:
-        """The servos with this ID that hear."""
-        ...
-
-    def everybody(self, protocol: int) -> list[Device]:
-        """All servos that hear."""
-        ...
-
-    def mixed(self, answers: list[Answer]) -> Answer:
-        """Answers given at the same time, as they mix on the wire."""
-        ...
-
-    def reindex(self) -> None:
-        """Updates which servo listens to which ID."""
-        ...
-
-
-def answer(bus: ServoBus, frame: Frame) -> list[Answer]:
+def answer(bus: EmulatedServos, frame: Frame) -> list[Answer]:
     """The servos' answers to one instruction."""
     everybody = frame.id == BROADCAST
     if frame.instruction == wire.SYNC_WRITE:
         return _sync_write(bus, frame.params) if everybody else []
     if frame.instruction == wire.BULK_READ:
         return _bulk_read(bus, frame.params) if everybody else []
-    devices = bus.everybody(1) if everybody else bus.hearing(frame.id, 1)
+    devices = bus.everybody(FAMILY) if everybody else bus.hearing(frame.id, FAMILY)
     answers = [one for device in devices for one in _alone(bus, device, frame)]
     bus.reindex()
     if everybody and frame.instruction != wire.PING:
         return []
-    return answers if len(answers) < 2 else [bus.mixed(answers)]
+    return alone_or_mixed(bus, answers)
 
 
-def status(device: Device, bits: int, params: bytes, level: int, id: int | None = None) -> list[Answer]:
+def damaged(bus: EmulatedServos, id: int) -> list[Answer]:
+    """Their answers to a frame whose checksum was wrong."""
+    return [one for device in bus.hearing(id, FAMILY) for one in _status(device, BAD_CHECKSUM, b"", 2)]
+
+
+def _status(device: EmulatedServo, bits: int, params: bytes, level: int, id: int | None = None) -> list[Answer]:
     """An answer as a servo sends it (by default under its own ID), nothing if its status return level is below."""
     if device["status_return_level"] < level:
         return []
@@ -79,10 +54,10 @@ def status(device: Device, bits: int, params: bytes, level: int, id: int | None 
     return [Answer(device.return_delay, build(id, bits | device["hardware_error_status"], params), id)]
 
 
-def _alone(bus: ServoBus, device: Device, frame: Frame) -> list[Answer]:
+def _alone(bus: EmulatedServos, device: EmulatedServo, frame: Frame) -> list[Answer]:
     """Carries out an instruction to one servo; it answers under the ID that it had before."""
     params, id, data, level = frame.params, device.id, b"", 2
-    done = status(device, 0, b"", 2)
+    done = _status(device, 0, b"", 2)
     match frame.instruction:
         case wire.PING:
             bits, level = 0, 0
@@ -103,33 +78,33 @@ def _alone(bus: ServoBus, device: Device, frame: Frame) -> list[Answer]:
             return done
         case _:
             bits = BAD_INSTRUCTION
-    return status(device, bits, data, level, id)
+    return _status(device, bits, data, level, id)
 
 
 def _bits(error: int) -> int:
     return _ERROR_BITS.get(error, BAD_INSTRUCTION) if error else 0
 
 
-def _sync_write(bus: ServoBus, params: bytes) -> list[Answer]:
+def _sync_write(bus: EmulatedServos, params: bytes) -> list[Answer]:
     if len(params) > 2 and params[1]:
         size = params[1] + 1
         for at in range(2, len(params) - size + 1, size):
-            for device in bus.hearing(params[at], 1):
+            for device in bus.hearing(params[at], FAMILY):
                 device.write(params[0], params[at + 1 : at + size])
         bus.reindex()
     return []
 
 
-def _bulk_read(bus: ServoBus, params: bytes) -> list[Answer]:
+def _bulk_read(bus: EmulatedServos, params: bytes) -> list[Answer]:
     answers: list[Answer] = []
     for at in range(1, len(params) - 2, 3):
         length, id, address = params[at : at + 3]
         own: list[Answer] = []
-        for device in bus.hearing(id, 1):
+        for device in bus.hearing(id, FAMILY):
             if device.series.bulk_reads:
                 data = device.read(address, length)
-                own += status(device, 0 if data else OUT_OF_RANGE, data or b"", 1)
+                own += _status(device, 0 if data else OUT_OF_RANGE, data or b"", 1)
         if not own and bus.strict:
             break
-        answers += own if len(own) < 2 else [bus.mixed(own)]
+        answers += alone_or_mixed(bus, own)
     return answers
