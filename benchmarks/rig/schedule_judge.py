@@ -301,6 +301,7 @@ class ShaftJudge:
         change = np.abs(velocity - before) / (at - since)
         smooth = self._jerked < since - _JERKED
         most = self._acceleration * _ACCELERATION_MARGIN + _ACCELERATION_PLAY
+        most += [_release(device) / _OVER for device in self._bus.devices]
         self.hardest = max(self.hardest, float((change / self._acceleration)[smooth].max(initial=0.0)))
         self._note("was accelerated too hard", smooth & (change > most), change)
 
@@ -365,6 +366,13 @@ def _loop(device: Device) -> float:
     drive, motor = device.bank.drive, device.bank.drive.motor
     fastest = motor.no_load_speed / 60.0 * device.bank.table.pulses_per_turn
     return float(drive.p_gain[device.row] * fastest / motor.full_pwm * motor.lag)
+
+
+def _release(device: Device) -> float:
+    """How much the speed of a shaft changes when friction lets go of it, rad/s."""
+    motor = device.bank.drive.motor
+    held = 0.0 if motor.friction is None else motor.friction.dead
+    return held * motor.no_load_speed / 60.0 * 2.0 * math.pi
 
 
 def _has_voltage(device: Device) -> bool:

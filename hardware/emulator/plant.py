@@ -11,6 +11,7 @@ from typing import Protocol
 import numpy as np
 
 from hardware.emulator.servos.device import Device
+from hardware.emulator.servos.drive import makers_motor
 from hardware.rig.rig_file import RigJoint
 from hardware.rig.scale import Array
 
@@ -35,7 +36,7 @@ class Coupling:
         self._ratio = np.array([joint.direction * joint.gear for joint in joints])  # turns of the horn per joint turn
         self._per_radian = np.array([joint.pulses_per_radian for joint in joints])
         for device in devices:
-            device.bank.drive.coupled = True
+            device.bank.drive.couple(makers_motor(device.model))
         self._angles, _ = plant.advance(np.zeros(len(joints)), 0.0)
         for device, pulses in zip(devices, self._per_radian * self._angles, strict=True):
             device.bank.shaft[device.row] += pulses

@@ -29,6 +29,8 @@ USUAL = FAMILIES[0]
 
 TRAITS = {model: traits for facts in _FACTS for model, traits in facts.traits.items()}
 """By model name."""
+IDENTIFIED = {model: motor for facts in _FACTS for model, motor in facts.motors.items()}
+"""Motors that were identified on real servos, by model name."""
 OTHER_DEVICES = {number: device for facts in _FACTS for number, device in facts.others.items()}
 """By model number: the names of devices without a control table here, and why they cannot be joints of a rig."""
 WHY_NO_JOINT: dict[str, str] = dict(OTHER_DEVICES.values())

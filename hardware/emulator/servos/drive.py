@@ -11,22 +11,26 @@ In steps of at most 2 ms, with e = path - shaft:
              and never beyond +- goal PWM
     settled  = u / full_pwm * no_load_speed * supply / nominal - load * no_load_speed
     speed   += (settled - speed) * (1 - exp(-dt / lag))
+    friction where the motor was identified (see `friction`): it brings the speed towards 0, never beyond
     shaft   += speed * dt
     current  = u / full_pwm * supply / nominal - speed / no_load_speed    of the stall current
     temperature  += (warming * current^2 - (temperature - room) / cooling) * dt
 
-Velocity gains and the second feed-forward gain have no effect; lag, warming and cooling are estimates.
+An identified motor also closes its loop over whole pulses. Velocity gains and the second feed-forward gain have no
+effect; warming and cooling are estimates, and lag where no motor was identified.
 """
 
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from collections.abc import Iterable
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
-from hardware.families.models import TRAITS
+from hardware.emulator.servos.friction import Friction, friction_of
+from hardware.families.models import IDENTIFIED, TRAITS
 
 CURRENT, VELOCITY, PWM = 0, 1, 16
 POSITION_MODES = (3, 4, 5)
@@ -57,6 +61,8 @@ class Motor:
         current_limited: the modes in which the goal current limits the current.
         warming: how fast the stall current heats it, K/s.
         cooling: time constant with which it cools, s.
+        duty: the most of its supply that the servo gives to the motor, as a part.
+        friction: as identified on a real servo; None for the maker's motor, which has none.
     """
 
     no_load_speed: float
@@ -68,6 +74,8 @@ class Motor:
     current_limited: tuple[int, ...] = (5,)
     warming: float = _WARMING
     cooling: float = _COOLING
+    duty: float = 1.0
+    friction: Friction | None = None
 
     @property
     def stall_torque(self) -> float:
@@ -76,12 +84,38 @@ class Motor:
         return self.specified_torque or _GEARS * power / (self.no_load_speed * 2.0 * math.pi / 60.0)
 
 
-def motor_of(model: str) -> Motor:
-    """The motor of a model that can be a joint of a rig; the motor is in no control table."""
+def makers_motor(model: str) -> Motor:
+    """The motor of a model that can be a joint of a rig, by the maker's figures; it is in no control table."""
     traits = TRAITS[model]
     stall, volts, full = traits.stall_current * 1e3, traits.voltage, traits.series.full_pwm
     limited = traits.series.current_limited
     return Motor(traits.no_load_speed, stall, volts, full, traits.stall_torque, current_limited=limited)
+
+
+def motor_of(model: str) -> Motor:
+    """The motor of a model as identified on a real servo, or as the maker describes it."""
+    motor, found = makers_motor(model), IDENTIFIED.get(model)
+    if found is None:
+        return motor
+    stall = motor.voltage / found.resistance  # A
+    return replace(
+        motor,
+        no_load_speed=motor.voltage / found.torque_constant * 60.0 / (2.0 * math.pi),
+        stall_current=stall * 1e3,
+        specified_torque=found.torque_constant * stall,
+        lag=found.armature * found.resistance / found.torque_constant**2,
+        duty=found.duty,
+        friction=friction_of(found, motor.voltage),
+    )
+
+
+def motors_said(models: Iterable[str]) -> str:
+    """Which of these models have motors that were identified on real servos, and which those of the maker's figures."""
+    known = dict.fromkeys(models)
+    found, makers = ([model for model in known if (model in IDENTIFIED) == one] for one in (True, False))
+    parts = [f"{', '.join(found)} as identified on real servos"] * bool(found)
+    parts += [f"{', '.join(makers)} by the maker's figures, without friction"] * bool(makers)
+    return f"motors: {'; '.join(parts)}"
 
 
 class MotorDrive:
@@ -98,13 +132,13 @@ class MotorDrive:
         supply: V.
         temperature: degC.
         pwm, current: at the end of the last step.
-        coupled: whether a plant moves the horns, by the torque that they give.
+        coupled: whether a plant moves the horns, by the torque that they give; see `couple`.
     """
 
     def __init__(self, motor: Motor, pulses_per_turn: int, shaft: Array) -> None:
         count = len(shaft)
-        self.motor = motor
-        self._no_load = motor.no_load_speed / 60.0 * pulses_per_turn
+        self._pulses_per_turn = pulses_per_turn
+        self.use(motor)
         self.shaft = shaft
         self.speed = np.zeros(count)
         self.forgotten = np.zeros(count)
@@ -128,6 +162,15 @@ class MotorDrive:
         self._sum = np.zeros(count)
         self.coupled = False
         self.plan()
+
+    def use(self, motor: Motor) -> None:
+        """Turns the horns with this motor from now on."""
+        self.motor, self._no_load = motor, motor.no_load_speed / 60.0 * self._pulses_per_turn
+
+    def couple(self, motor: Motor) -> None:
+        """Has a plant move the horns, whose joints have friction of their own, by the torque of this motor."""
+        self.use(motor)
+        self.coupled = True
 
     def plan(self) -> None:
         """Updates which terms of the law are needed, after a setting has changed."""
@@ -162,14 +205,27 @@ class MotorDrive:
     def _at_rest(self) -> bool:
         """Whether advancing would change nothing observable."""
         unsettled = (np.abs(self.target - self.shaft) > 0.05) | ~self._positional
-        return not ((unsettled & self.on) | (np.abs(self.speed) > 0.05) | (self.load != 0.0)).any()
+        moved = (unsettled & self.on) | (np.abs(self.speed) > 0.05) | (self.load != 0.0)
+        if self.motor.friction is not None and moved.any():
+            moved &= ~self._stuck(self.motor.friction)
+        return not moved.any()
+
+    def _stuck(self, friction: Friction) -> NDArray[np.bool_]:
+        """Which motors friction holds still for as long as nothing changes."""
+        most = np.minimum(self.most_pwm, self.motor.duty * self.motor.full_pwm) * self.on
+        drive = _within(self.p_gain * (self.path - np.rint(self.shaft)), -most, most)
+        torque = drive / self.motor.full_pwm * (self.supply / self.motor.voltage)
+        held = np.abs(torque - self.load) <= friction.most(torque, -self.load, self.speed)
+        arrived = (np.abs(self.target - self.path) <= 0.05) & self._positional & (self.i_gain == 0.0)
+        return held & (self.speed == 0.0) & (arrived | ~self.on)
 
     def _run(self, steps: int, dt: float) -> None:
         full, no_load = self.motor.full_pwm, self._no_load
         powered = np.maximum(self.supply / self.motor.voltage, _LEAST_SUPPLY)
         speed_per_pwm = no_load / full * powered
         approach = -math.expm1(-dt / self.motor.lag)
-        on, most = self.on, self.most_pwm * self.on
+        friction = self.motor.friction
+        on, most = self.on, np.minimum(self.most_pwm, self.motor.duty * full) * self.on
         self.path = np.where(on, self.path, self.shaft)
         self.path_speed = np.where(on, self.path_speed, 0.0)
         target = np.where(on, self.target, self.shaft)
@@ -193,7 +249,7 @@ class MotorDrive:
                 wanted = np.where(self._positional, wanted, self.goal_speed * on)
             self.path_speed += _within(wanted - self.path_speed, -change, change)
             self.path += self.path_speed * dt
-            error = self.path - self.shaft
+            error = self.path - (self.shaft if friction is None else np.rint(self.shaft))
             drive = self.p_gain * error
             if self._extra_gains:
                 self._sum = _within(self._sum + error * dt, -most_sum, most_sum) * on
@@ -211,9 +267,18 @@ class MotorDrive:
             settled = drive * speed_per_pwm
             if sag is not None:
                 settled = settled - sag
-            self.speed += (settled - self.speed) * approach
+            before = self.speed
+            self.speed = before + (settled - before) * approach
+            if friction is not None:
+                torque = drive * speed_per_pwm / no_load - before / no_load
+                braked = friction.most(torque, -self.load, before / no_load) * (no_load * approach)
+                self.speed -= np.copysign(np.minimum(braked, np.abs(self.speed)), self.speed)
             if jammed is not None:
                 self.speed[jammed] = 0.0
+            if limited is not None and friction is not None:
+                back = self.speed / no_load
+                low, high = ((back + top) / powered * full for top in (-most_current, most_current))
+                drive = np.where(limited, _within(drive, low, high), drive)
             self.shaft += self.speed * dt
         self.pwm = drive
         self.current = (drive / full * powered - self.speed / no_load) * on

@@ -2,9 +2,10 @@
 
 from hardware.families.dynamixel1.ax_rx_mx import AX_RX_MX
 from hardware.families.dynamixel1.family import FAMILY
+from hardware.families.dynamixel1.identified import MOTORS
 from hardware.families.dynamixel1.traits import TRAITS
 from hardware.families.facts import FamilyFacts
 
 _NUMBERS = {model: table.number for model, table in AX_RX_MX.items()}
 
-FACTS = FamilyFacts(FAMILY, TRAITS, lambda: _NUMBERS, AX_RX_MX.__getitem__)
+FACTS = FamilyFacts(FAMILY, TRAITS, lambda: _NUMBERS, AX_RX_MX.__getitem__, motors=MOTORS)

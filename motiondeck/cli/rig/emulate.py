@@ -63,6 +63,7 @@ def emulate(
     """
     from hardware.emulator.faults import KINDS, parse_fault
     from hardware.emulator.pty_server import serve
+    from hardware.emulator.servos.drive import motors_said
 
     if fault and "help" in fault:
         for kind, meaning in KINDS.items():
@@ -81,6 +82,7 @@ def emulate(
     faults = [parse_fault(text) for text in fault or []]
     servos = counted(len(config.joints), "servo")
     print(f"{servos} at {config.baud} baud; clients of another speed get no answer", file=sys.stderr, flush=True)
+    print(motors_said(joint.model for joint in config.joints), file=sys.stderr, flush=True)
     hands, recorded = _hands(config), None
     if record is not None:
         from hardware.emulator.shaft_record import ShaftRecord

@@ -516,7 +516,11 @@ def test_every_x_model_goes_to_its_goal(rig_of_four, model):
     servo.put("torque_enable", 1)
     assert servo.put("goal_position", 3000) == 0
     servo.port.elapse(3.0)
-    assert servo.get("present_position") == pytest.approx(3000, abs=1)
+    # Where a real servo was identified, friction holds it a little before its goal.
+    bank = servo.port.bus[1].bank
+    friction, gain = bank.drive.motor.friction, bank.drive.p_gain[0] / bank.drive.motor.full_pwm
+    short = 0.0 if friction is None else friction.dead / gain
+    assert servo.get("present_position") == pytest.approx(3000, abs=1 + short)
     assert servo.get("hardware_error_status") == 0
 
 

@@ -76,7 +76,7 @@ def test_a_blocked_servo_is_above_its_limit_for_20_ms_at_most_and_yields(model, 
 def test_a_load_above_the_limit_is_not_held_and_takes_no_more_current(model):
     gripper = Gripper(model)
     rig = gripper.rig()
-    gripper.drive.load[0] = 0.1
+    gripper.drive.load[0] = 0.05  # an identified motor has friction in it, too
     gripper.play(rig, lambda t: 0.5, 1.0)
     held = float(rig.positions[0])
     assert held > 0.3
@@ -152,7 +152,7 @@ def test_a_p_series_servo_without_a_limit_gets_the_whole_of_its_own_back():
 
 def test_a_weak_joint_that_pushes_below_its_limit_is_not_taken_for_idle():
     """It draws 0.22 of the 0.35 A allowed, too little to yield, and less than a fifth of the stall current."""
-    gripper = Gripper("XL330-M288", current=0.35, position_p_gain=43)
+    gripper = Gripper("XL330-M288", current=0.35, position_p_gain=34)
     rig = gripper.rig()
     gripper.drive.jammed[0] = True
     assert gripper.play(rig, lambda t: 0.6, 3.0)[-1] == pytest.approx(0.22, abs=0.01)
