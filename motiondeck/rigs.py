@@ -166,7 +166,7 @@ def open_rig(name: str | Path, servos: Servos = "real", ports: Sequence[str] = (
         if servos == "simulated":
             connected = SimulatedRig(config)
         elif servos == "emulated":
-            connected = ConnectedRig.connect(config, opened.enter_context(start_emulator(file)).ports)
+            connected = ConnectedRig.connect(config, opened.enter_context(start_emulator(file)).ports, emulated=True)
         else:
             connected = ConnectedRig.connect(config, ports)
         try:

@@ -41,8 +41,8 @@ from hardware.bus.sync_write import SyncWrite
 from hardware.emulator.bus import EmulatedBus
 from hardware.families.dynamixel2 import instructions as wire
 from hardware.families.dynamixel2.group_reply import GroupReply, WholeReply, fast_reply_length, status_length
-from hardware.rig.driving.state_block import row_layout
 from hardware.rig.rig_file import RigConfig, RigJoint
+from hardware.rig.state_block import row_layout
 from hardware.rig.supervision.rig import Rig
 
 IDS = list(range(1, 21))

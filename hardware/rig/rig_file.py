@@ -115,6 +115,11 @@ class RigConfig(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
         """The family of each ID, for the rig of one port."""
         return {joint.id: joint.table.family for joint in self.joints}
 
+    @property
+    def through_turns(self) -> list[int]:
+        """The indices of the joints that go through several turns of their horns."""
+        return [index for index, joint in enumerate(self.joints) if joint.several_turns]
+
     def only(self, joints: Sequence[int]) -> RigConfig:
         """The rig reduced to the joints with these indices."""
         return msgspec.structs.replace(self, joints=tuple(self.joints[index] for index in joints))

@@ -20,6 +20,7 @@ from hardware.families.register import Counts
 from hardware.rig.rig_file import RigConfig
 from hardware.rig.rig_joint import EXTENDED_MODE, NEAR, RigJoint
 from hardware.rig.switching.audit import audit, settle
+from hardware.rig.turn_file import Turn
 from motiondeck_base.files import write_file
 
 LEAST_RANGE = 0.2  # rad: a joint with less was not moved
@@ -118,6 +119,15 @@ class Sweep:
             joints.append(found)
             notes += given_up
         return msgspec.structs.replace(self.config, joints=tuple(joints)), notes
+
+    @property
+    def turns(self) -> dict[str, Turn]:
+        """Where the servos of measured joints stand as they count now, by name."""
+        return {
+            name: Turn(one.zero - self._shift[name], self._now[name] - self._shift[name], True)
+            for name, one in self.measured.items()
+            if one.zero is not None and name in self._now
+        }
 
     def _per_radian(self, name: str) -> float:
         return abs(self._joints[name].pulses_per_radian) * self.measured[name].direction

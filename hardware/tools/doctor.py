@@ -10,13 +10,13 @@ from typing import NamedTuple
 import msgspec
 
 from hardware.bus.servo_bus import UNKNOWN_MODEL, Bus, Identity
-from hardware.errors import NoReplyError, ServoError
+from hardware.errors import NoReplyError, RigError, ServoError
 from hardware.families.meanings import describe_errors
-from hardware.rig.driving.state_block import arranged, motion
 from hardware.rig.driving.wire_load import longest_tick
 from hardware.rig.registers import read_register, write_each
 from hardware.rig.rig_file import RigConfig
 from hardware.rig.rig_joint import NEAR, RigJoint
+from hardware.rig.state_block import arranged, motion
 from hardware.rig.switching.audit import ANSWER_EVERYTHING, Difference, audit, settle
 from hardware.rig.switching.identities import (
     hardware_errors,
@@ -24,6 +24,8 @@ from hardware.rig.switching.identities import (
     raise_answer_level,
     raise_answer_level_in_eeprom,
 )
+from hardware.rig.switching.turns import recall
+from hardware.rig.turn_file import TurnFile
 from hardware.tools.scan import LIKELY_BAUDS, scan
 
 _NEWEST = 255  # what a servo that does not answer may have as firmware
@@ -113,6 +115,8 @@ def examine(config: RigConfig, bus: Bus) -> Report:
         try:
             servo = _ask(joint, identity, bus)
             differences = audit(config.only([index]), bus)
+            servo, lost = _in_its_turn(servo, config.only([index]), bus)
+            problems += [lost] if lost else []
             servos.append(servo)
         except NoReplyError:
             problems.append(f"{name} {_SILENT}")
@@ -120,7 +124,7 @@ def examine(config: RigConfig, bus: Bus) -> Report:
         except ServoError as error:
             problems.append(str(error))
             continue
-        problems += _complaints(servo, joint, name, {one.register for one in differences})
+        problems += _complaints(servo, joint, name, not (lost or _FALSIFIES & {one.register for one in differences}))
         problems += [f"{one}: --fix sets it" for one in differences if one.when in ("refused", "advised")]
         if _turns_endlessly(joint, differences):
             notes.append(f"{name} is set to turn without an end, its position limits are equal: {_SET_ANYWAY}")
@@ -257,6 +261,17 @@ def _ask(joint: RigJoint, identity: Identity, bus: Bus) -> ServoReport:
     )
 
 
+def _in_its_turn(servo: ServoReport, config: RigConfig, bus: Bus) -> tuple[ServoReport, str]:
+    """The report of a servo with its position in the turn that was kept of it; and what is wrong with that."""
+    if not config.through_turns:
+        return servo, ""
+    try:
+        position = float(recall(config, bus, TurnFile.of_port(bus.port.name))[0])
+    except RigError as error:
+        return servo, str(error)
+    return msgspec.structs.replace(servo, position=position), ""
+
+
 def _turns_endlessly(joint: RigJoint, differences: Iterable[Difference]) -> bool:
     """Whether a servo without modes is a wheel (both position limits 0) or counts many turns (both at its end)."""
     limits = {one.register: one.found for one in differences}
@@ -266,13 +281,12 @@ def _turns_endlessly(joint: RigJoint, differences: Iterable[Difference]) -> bool
     return wheels and low is not None and low == limits.get("max_position_limit", end)
 
 
-def _complaints(servo: ServoReport, joint: RigJoint, name: str, differing: set[str]) -> list[str]:
+def _complaints(servo: ServoReport, joint: RigJoint, name: str, placed: bool) -> list[str]:
     found: list[str] = []
     if servo.errors:
         found.append(f"{name} reports {servo.errors}: mend the cause, then switch its power off and on")
     position = servo.position
-    known = not (joint.several_turns or differing & _FALSIFIES)
-    if known and not joint.lower - NEAR <= position <= joint.upper + NEAR:
+    if placed and not joint.lower - NEAR <= position <= joint.upper + NEAR:
         found.append(
             f"{name} stands at {position:.2f} rad, its limits are {joint.lower} to {joint.upper}: "
             "move it by hand, or motiondeck rig calibrate"

@@ -1,6 +1,7 @@
 """Teaching a rig by hand: joint angles recorded with the torque off, and prepared for playing.
 
-A joint is counted from the turn in which it was found, which is the one it keeps when torque comes on.
+A joint is counted from the turn in which it was found, which is the one it keeps when torque comes on; one that goes
+through several turns from the turn that was kept of it.
 """
 
 from __future__ import annotations
@@ -15,6 +16,8 @@ from hardware.bus.servo_bus import Bus
 from hardware.errors import RigError
 from hardware.rig.rig_file import RigConfig
 from hardware.rig.scale import Array
+from hardware.rig.switching.turns import find_zeros, recall
+from hardware.rig.turn_file import TurnFile
 from hardware.tools.loose_joints import positions
 
 _SILENT = 0.5  # s without an answer from one servo
@@ -41,10 +44,10 @@ def watch_hands(
         sleep: how to wait for the next look, s.
 
     Raises:
-        RigError: if a servo is silent for half a second; it is named.
+        RigError: if a servo is silent for half a second, or in which turn it stands is not known; it is named.
     """
     clock = parts[0][1].port
-    turns: dict[str, int] = {}
+    turns = {name: shift for part, bus in parts for name, shift in _several_turns(part, bus)}
     start = due = clock.now()
     heard = dict.fromkeys(config.names, start)
     while True:
@@ -62,6 +65,14 @@ def watch_hands(
         yield Moment(now - start, angles)
         due = max(due + 1.0 / config.rate_hz, clock.now())
         sleep(max(0.0, due - clock.now()))
+
+
+def _several_turns(part: RigConfig, bus: Bus) -> Iterator[tuple[str, int]]:
+    """The pulses that servos now count more than from their zero, of joints that go through several turns, by name."""
+    if part.through_turns:
+        zeros = find_zeros(part, bus, recall(part, bus, TurnFile.of_port(bus.port.name)))
+        for index in part.through_turns:
+            yield part.names[index], round(zeros[index]) - part.joints[index].zero
 
 
 class Taught(NamedTuple):

@@ -23,9 +23,9 @@ from hardware.families.family import Family
 from hardware.families.replies import Blocks, GroupReply, WholeReply
 from hardware.rig.counters import RigFaults
 from hardware.rig.driving.register_reading import EVERY, RegisterReading
-from hardware.rig.driving.state_block import StateBlock, everything, row_layout
 from hardware.rig.rig_file import RigConfig
 from hardware.rig.scale import Array, RigScale
+from hardware.rig.state_block import StateBlock, everything, row_layout
 
 _PATIENCE = 3  # replies in a row that a servo may miss before it is asked only at intervals
 _ASK_AGAIN = 0.3  # s from one such request to the next: several before a silent servo is lost

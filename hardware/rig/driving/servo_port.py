@@ -16,7 +16,7 @@ be silent right behind such a write, all get the slowest of the silent ones' spe
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from functools import partial
 from typing import NamedTuple
 
@@ -28,14 +28,16 @@ from hardware.bus.sync_write import SyncWrite
 from hardware.errors import MotiondeckError, with_torque
 from hardware.rig.counters import RigFaults
 from hardware.rig.driving.readings import Measurements, Readings
-from hardware.rig.driving.state_block import StateBlock, arrange_state
 from hardware.rig.driving.wire_load import refuse_slow_wire
 from hardware.rig.registers import return_delays, same_place, sync_write_all
 from hardware.rig.rig_file import RigConfig
 from hardware.rig.scale import Array, RigScale
+from hardware.rig.state_block import StateBlock, arrange_state
 from hardware.rig.switching.identities import knows_fast_reads
 from hardware.rig.switching.own_settings import OwnSettings, read_own_settings
 from hardware.rig.switching.torque import Held, hold_each, speed_counts, switch_off, switch_on
+from hardware.rig.switching.turns import keep_zeros
+from hardware.rig.turn_file import TurnFile
 
 _ARM_AGAIN = 1.0  # s
 
@@ -56,14 +58,24 @@ class ServoPort:
         pace: the part of its speed limit that each servo keeps on its own, shape (J,); see `keep_pace`.
         left_out: the joints that the rig goes on without, shape (J,): their silence is expected.
         goals: where the rig wants the joints, shape (J,), rad.
+        turns: where the turns of its joints are kept.
+        ended: called at the end with the bus, before it is closed.
     """
 
     def __init__(
-        self, config: RigConfig, part: RigConfig, bus: Bus, scale: RigScale, measured: Measurements, faults: RigFaults
+        self,
+        config: RigConfig,
+        part: RigConfig,
+        bus: Bus,
+        scale: RigScale,
+        measured: Measurements,
+        faults: RigFaults,
+        turns: TurnFile | None,
     ) -> None:
         """Switches the servos `part` of an open bus on, each where it stands.
 
         Readings are written into `measured`, faults counted in `faults`, and zeros kept in `scale`, of the whole rig.
+        In `turns` it is kept in which turn joints stand; without, each counts from its zero in the rig file.
 
         Raises:
             RigError: if servos are missing, of another model, or not fit to be switched on; it names them all. Or if
@@ -88,10 +100,13 @@ class ServoPort:
         self._arm_next = self._reads_next = 0.0
         self._switched_on = False
         self._scale = scale
-        self.goals = np.where([joint.several_turns for joint in config.joints], np.nan, 0.0)
+        self.turns = turns
+        self.goals = np.zeros(count)
+        self.ended: Callable[[Bus], None] = lambda bus: None
         try:
-            held = switch_on(part, bus, self.believed)
+            held = switch_on(part, bus, turns)
             self._fast = knows_fast_reads(part, bus)
+            keep_zeros(part, held.zeros, turns)
             blocks = arrange_state(part, bus)
             own = read_own_settings(part, bus)
             refuse_slow_wire(part, blocks, self._fast, return_delays(part, bus))
@@ -189,6 +204,8 @@ class ServoPort:
         end = partial(hold_each, believed=self.believed) if holds else switch_off
         try:
             unconfirmed = end(self.part, self.bus)
+            if self._switched_on:
+                self.ended(self.bus)
         finally:
             self.bus.close()
         self._closed = True

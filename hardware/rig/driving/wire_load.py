@@ -14,10 +14,10 @@ from hardware.bus.sync_write import SyncWrite
 from hardware.errors import RigError
 from hardware.rig.counters import RigFaults
 from hardware.rig.driving.readings import Measurements, Readings
-from hardware.rig.driving.state_block import StateBlock
 from hardware.rig.registers import same_place
 from hardware.rig.rig_file import RigConfig
 from hardware.rig.scale import RigScale
+from hardware.rig.state_block import StateBlock
 
 _WRITTEN = ("goal_position", "profile_velocity", "bus_watchdog")
 _SHORT_DELAY = 20e-6  # s; a servo's answer that starts so soon costs nothing that could be saved

@@ -15,11 +15,12 @@ import numpy as np
 from hardware.bus.servo_bus import Bus
 from hardware.errors import MotiondeckError, RigError, SerialPortError
 from hardware.rig.driving.servo_port import ServoPort
-from hardware.rig.driving.state_block import StateBlock, arrange_state
+from hardware.rig.state_block import StateBlock, arrange_state
 from hardware.rig.supervision.health import Health
 from hardware.rig.supervision.pace import SLOWER
 from hardware.rig.switching.own_settings import OwnSettings, read_own_settings
 from hardware.rig.switching.torque import Held, resume
+from hardware.rig.switching.turns import keep_zeros
 
 _PAUSE = 0.05  # s between two tries
 
@@ -104,6 +105,7 @@ class PortRecovery:
                 alive = port.part.only(places)
                 held = resume(alive, bus, port.believed[places], SLOWER, lambda: self._cancelled)
                 joints = port.joints[places].tolist()
+                keep_zeros(alive, held.zeros, port.turns)
                 self._recovered = Recovered(bus, joints, held, arrange_state(alive, bus), read_own_settings(alive, bus))
                 return
             except MotiondeckError as error:

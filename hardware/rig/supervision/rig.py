@@ -36,7 +36,9 @@ from hardware.rig.supervision.health import Health, Incident
 from hardware.rig.supervision.pace import JointPace
 from hardware.rig.supervision.recovery import PortRecovery
 from hardware.rig.supervision.servo_states import CONDITIONS, ServoStates
+from hardware.rig.supervision.turn_keeper import KeeperThread, TurnKeeper
 from hardware.rig.switching.identities import PortScan
+from hardware.rig.turn_file import TurnFile
 
 _RECOVERED_WITHIN = 2.0  # s, for all but a vanished port
 _MOST_READINGS = 8  # servos whose registers wait to be read
@@ -54,6 +56,7 @@ class Rig:
         positions, velocities, currents: last measured, shape (J,), rad, rad/s, A, in the joint's direction.
         temperatures, voltages: last measured, shape (J,), degC, V; NaN until first read.
         recoveries: how often something was recovered.
+        turn_keepers: keep in which turn joints stand.
         write_us, read_us: durations of `write`, and of collecting a state; never the time on the wire.
     """
 
@@ -65,6 +68,7 @@ class Rig:
         sleep: Callable[[float], None] = time.sleep,
         ports: Sequence[str] = (),
         spare: float = 0.0,
+        turns: Callable[[RigConfig], TurnFile | None] = lambda part: TurnFile.of_port(part.port),
     ) -> None:
         """Opens the buses and switches the servos on, each where it stands.
 
@@ -74,6 +78,7 @@ class Rig:
             sleep: how to wait where there is no port to wait on.
             ports: in place of the rig file's own.
             spare: ticks of time that joints keep; see `JointPace`.
+            turns: where the turns of the joints on a port are kept; see `ServoPort`.
 
         Raises:
             RigError, SerialPortError: as `ServoPort` and `RigConfig.on_ports`; torque is taken off again where it was
@@ -90,10 +95,13 @@ class Rig:
         self.write_us, self.read_us = Timings(), Timings()
         self._scale = RigScale(config)
         self._stopped = False
+        self.turn_keepers: list[TurnKeeper] = []
         opened: list[ServoPort] = []
         try:
             for part in config.on_ports(ports):
-                opened.append(ServoPort(config, part, open_bus(part), self._scale, self.measured, self.faults))
+                opened.append(
+                    ServoPort(config, part, open_bus(part), self._scale, self.measured, self.faults, turns(part))
+                )
         except MotiondeckError as error:
             raise with_torque(error, _close_all(opened)) from error
         except BaseException:
@@ -105,17 +113,24 @@ class Rig:
         self._recoveries: list[PortRecovery] = []
         for port in opened:
             port.left_out, port.goals = self._health.lost, self.goals
+            if port.part.through_turns and port.turns is not None:
+                report = partial(self._note_port, port)
+                self.turn_keepers.append(TurnKeeper(port, port.turns, self._scale, self.positions, report))
             self._recoveries.append(PortRecovery(port, self._health, partial(open_bus, port.part), beside, sleep))
+        self._keeping = KeeperThread(self.turn_keepers if beside else [])
 
     @classmethod
-    def connect(cls, config: RigConfig, ports: Sequence[str] = (), spare: float = 0.0) -> Rig:
+    def connect(cls, config: RigConfig, ports: Sequence[str] = (), spare: float = 0.0, emulated: bool = False) -> Rig:
         """Opens the ports of a rig (its file's own, unless others are given) and switches it on.
+
+        Emulated servos have come into being at their zeros, so nothing is kept of their turns.
 
         A loop that itself keeps the joints' limits in each tick gives them a tick of `spare` time; see `JointPace`.
         """
         # The adapter may come back as another tty; by this name it is found again.
         names = {part.port: lasting_name(part.port) for part in config.on_ports(ports)}
-        return cls(config, lambda part: Bus.open(names[part.port], part.baud), ports=ports, spare=spare)
+        turns = (lambda part: None) if emulated else (lambda part: TurnFile.of_port(names[part.port]))
+        return cls(config, lambda part: Bus.open(names[part.port], part.baud), ports=ports, spare=spare, turns=turns)
 
     def __enter__(self) -> Rig:
         return self
@@ -277,6 +292,7 @@ class Rig:
     def close(self, *, hold: bool = False) -> list[str]:
         """Switches off, or holds, as the rig file asks or as given; returns the joints that did not confirm it."""
         self._stopped = True
+        self._keeping.stop()
         for one in self._recoveries:
             one.cancel()
         try:

@@ -24,7 +24,8 @@ from hardware.rig.switching.identities import (
     raise_answer_level_in_eeprom,
     refuse_shut_down,
 )
-from hardware.rig.switching.turns import find_zeros
+from hardware.rig.switching.turns import find_zeros, recall
+from hardware.rig.turn_file import TurnFile
 
 _PATH = ("present_velocity", "present_position", "velocity_trajectory", "position_trajectory")
 _NO_PATH = ("present_velocity", "present_position", "goal_position")
@@ -46,7 +47,9 @@ class Held(NamedTuple):
     zeros: Array
 
 
-def switch_on(config: RigConfig, bus: Bus, believed: Array, cancelled: Callable[[], bool] = lambda: False) -> Held:
+def switch_on(
+    config: RigConfig, bus: Bus, believed: Array | TurnFile | None, cancelled: Callable[[], bool] = lambda: False
+) -> Held:
     """Checks identities, takes torque off, audits and sets registers, makes each position the goal, takes torque on.
 
     Torque does not come on if it is `cancelled` meanwhile.
@@ -54,7 +57,7 @@ def switch_on(config: RigConfig, bus: Bus, believed: Array, cancelled: Callable[
     Args:
         config: the rig.
         bus: of its servos.
-        believed: see `find_zeros`.
+        believed: see `find_zeros`; or the file for `recall`.
         cancelled: whether torque shall stay off.
 
     Raises:
@@ -65,6 +68,8 @@ def switch_on(config: RigConfig, bus: Bus, believed: Array, cancelled: Callable[
     check_identities(config, bus)
     raise_answer_level(config, bus)
     try:
+        if not isinstance(believed, np.ndarray):
+            believed = recall(config, bus, believed)
         write_each(config, bus, "torque_enable", [0] * len(config.joints))
         write_each(config, bus, "bus_watchdog", [0] * len(config.joints))  # one that has tripped locks the goals
         refuse_shut_down(config, bus)

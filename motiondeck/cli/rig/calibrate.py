@@ -40,8 +40,10 @@ def calibrate(
     Example:  motiondeck rig calibrate servo20 --out my-rig.toml
     """
     from hardware.errors import SerialPortError, ServoError
+    from hardware.rig.turn_file import TurnFile
     from hardware.tools.calibration import Sweep, load_progress
     from hardware.tools.rig_writing import save_rig
+    from hardware.tools.turn_setting import keep_turns
 
     config = load(rig)
     if not out.parent.is_dir():
@@ -55,12 +57,15 @@ def calibrate(
     try:
         with ended_by_sigterm(), open_buses(config, port) as parts:
             _measure(sweep, parts, part, typed)
+            found, notes = sweep.result()
+            for new, (own, bus) in zip(found.parts, parts, strict=True):
+                if new.through_turns:
+                    keep_turns(new, bus, TurnFile.of_port(own.port), sweep.turns)
     except KeyboardInterrupt:
         print(f"\nmotiondeck: {_continues(part)}", file=sys.stderr)
         raise typer.Exit(130) from None
     except (SerialPortError, ServoError) as error:
         raise type(error)(f"{error} {_continues(part)}") from error
-    found, notes = sweep.result()
     save_rig(found, out)
     part.unlink(missing_ok=True)
     for note in notes:

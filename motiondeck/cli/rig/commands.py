@@ -207,12 +207,42 @@ def restore(
     print("\n".join(written) if written else "nothing differs")
 
 
+def turns(rig: RigArgument, port: PortOption = None) -> None:
+    """Store in which turn joints stand that go through several turns of their horns.
+
+    A servo forgets its turn with its power; a rig keeps it on disk. Where that was lost, or a joint was moved
+    meanwhile, it is stored anew here: the torque goes off, and you put each such joint near its angle 0.
+
+    Example:  motiondeck rig turns my-rig.toml
+    """
+    from hardware.rig.turn_file import TurnFile
+    from hardware.tools.loose_joints import loosen
+    from hardware.tools.turn_setting import store_turns
+    from motiondeck.cli.rig.line_input import LineInput
+
+    config = load(rig)
+    names = [config.names[index] for index in config.through_turns]
+    if not names:
+        raise MotiondeckError(f"no joint of {rig} goes through several turns: there is nothing to store")
+    typed = LineInput()
+    with ended_by_sigterm(), open_buses(config, port) as parts:
+        typed.ask("The torque goes off: hold what would fall, then press Enter ")
+        for part, bus in parts:
+            loosen(part, bus)
+        within = min(180.0 / config.joints[index].gear for index in config.through_turns)
+        typed.ask(f"Put {', '.join(names)} at angle 0, by less than {within:.0f} degrees, then press Enter ")
+        for part, bus in parts:
+            for name, angle in store_turns(part, bus, TurnFile.of_port(part.port)).items():
+                print(f"{name} stands at {angle:+.2f} rad")
+
+
 _PANELS = {
     "Set up": {
         "scan": servos.scan,
         "setup": servos.setup,
         "import": servos.import_calibration,
         "calibrate": calibrate.calibrate,
+        "turns": turns,
         "doctor": doctor,
         "backup": backup,
         "restore": restore,

@@ -150,7 +150,7 @@ def guard(link: GuardLink[Request], begin: Begin) -> None:
             from hardware.emulator.process import start_emulator
 
             ports = opening.enter_context(start_emulator(begin.emulated)).ports
-        rig = Rig.connect(begin.config, ports, spare=1.0)
+        rig = Rig.connect(begin.config, ports, spare=1.0, emulated=begin.emulated is not None)
         running: GuardService | None = None
         try:
             # Emulated servos are an ordinary process, which a guard in real time would hold up.

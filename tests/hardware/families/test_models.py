@@ -5,8 +5,8 @@ import pytest
 
 from hardware.families.dynamixel2.sdk_models import ModelFileError, model_file, model_numbers
 from hardware.families.models import MODELS, TRAITS, model_name
-from hardware.rig.driving.state_block import arranged
 from hardware.rig.rig_file import RigConfig, RigJoint
+from hardware.rig.state_block import arranged
 
 
 def test_every_model_that_the_maker_numbers_has_a_table():
@@ -147,7 +147,7 @@ def test_every_model_that_can_be_a_joint_has_its_health_in_one_block():
         ("XC335-T332", {}, "cannot be a joint of a rig: of it the maker has published where its registers are"),
         ("XL430-W250", {"current": 1.0}, "measures no current"),
         ("XM430-W350", {"gear": float("inf")}, "finite"),
-        ("XM430-W350", {"gear": 3.5}, "outside the servo's one turn"),
+        ("MX-64(1.0)", {"gear": 3.5}, "outside the servo's one turn"),
     ],
 )
 def test_a_joint_that_cannot_be_is_refused(model, settings, said):

@@ -15,9 +15,9 @@ from hardware.errors import RigError
 from hardware.families.models import MODELS
 from hardware.rig.counters import RigFaults
 from hardware.rig.driving.readings import Measurements, Readings
-from hardware.rig.driving.state_block import motion
 from hardware.rig.rig_file import RigConfig, RigJoint
 from hardware.rig.scale import RigScale
+from hardware.rig.state_block import motion
 from hardware.rig.supervision.rig import Rig
 from hardware.rig.supervision.servo_states import CONDITIONS
 from hardware.rig.switching.audit import audit

@@ -13,7 +13,7 @@ from hardware.emulator.bus import BOOT_TIME, EmulatedBus
 from hardware.emulator.port import EmulatedPort
 from hardware.errors import RigError
 from hardware.families.dynamixel2.frames import Parser
-from hardware.rig.driving.state_block import arrange_state
+from hardware.rig.state_block import arrange_state
 from hardware.rig.supervision.rig import Rig
 
 TICK = 0.01

@@ -1,6 +1,5 @@
 """A servo that does not take torque on is named, and none keeps it."""
 
-import numpy as np
 import pytest
 
 from hardware.bus.servo_bus import Bus
@@ -22,7 +21,7 @@ def stubborn(servos, monkeypatch):
 
 def test_a_servo_that_takes_no_torque_is_named(stubborn, rig_of_four, bus):
     with pytest.raises(RigError, match=r"^joint_3 \(id 3\) did not take torque on\. Try again\.$"):
-        switch_on(rig_of_four, bus, np.zeros(4))
+        switch_on(rig_of_four, bus, None)
 
 
 def test_a_rig_of_which_one_servo_takes_no_torque_is_off(stubborn, rig_of_four, port, servos):
