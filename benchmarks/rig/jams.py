@@ -1,8 +1,8 @@
 """True currents of jammed servos, for every model with a limit of current.
 
-One joint after another moves and is blocked: in motion both ways, at rest under targets both ways, released and blocked
-again; at the lowest and the highest supply that the maker allows, with and without a load, with two limits. What a
-count of current means is transcribed here from each model's page; the current follows from voltage and speed alone:
+Eight joints of each model move and are blocked: in motion both ways, at rest under targets both ways, released and
+blocked again; at the lowest and the highest supply that the maker allows, with and without a load, with two limits.
+What a count of current means is transcribed here from each model's page; the current follows from voltage and speed:
 
     I = (U / U_nominal - speed / no_load_speed) * counts at stall * A per count
 
@@ -13,9 +13,8 @@ The exit code is 1 if one does.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from concurrent.futures import ProcessPoolExecutor
-from functools import partial
 from typing import Annotated, NamedTuple
 
 import numpy as np
@@ -42,6 +41,7 @@ _PAGES = """
 1.0   1.47  3.7  6.0   XL330-M077 XL330-M288
 1.0   1.8   3.7  6.0   XC330-M181 XC330-M288
 1.0   0.88  6.5  12.0  XC330-T181 XC330-T288
+1.0   0.80  6.5  12.0  XM335-T323
 3.36  4.1   10.0 14.8  MX-64
 3.36  5.2   10.0 14.8  MX-106
 1.0   22.74 24.0 24.0  PH54-200-S500 H54-200-S500-RA
@@ -55,8 +55,7 @@ STEP = 0.002  # s from one look at the current to the next
 ALLOWED = 0.02  # s above the limit from the beginning of a jam
 _TOLERANCE = 1.01  # of the limit: a register may hold so much
 _TICKS = 100  # a second
-_LIMITS = (0.15, 0.5)  # of the stall current
-_LOADS = (0.0, 0.1)  # of the stall torque
+_BAUD = 3_000_000
 
 
 class Page(NamedTuple):
@@ -92,15 +91,26 @@ PHASES = (
 )  # fmt: skip
 
 
+class Way(NamedTuple):
+    """One joint: its limit of current and its load, in parts of those at stall, and its supply, 0 for the lowest."""
+
+    limit: float
+    load: float
+    supply: float
+
+
+WAYS = tuple(Way(limit, load, supply) for limit in (0.15, 0.5) for load in (0.0, 0.1) for supply in (0.0, 1.0))
+
+
 class Found(NamedTuple):
-    """What the current of one joint did, in parts of its limit.
+    """What the currents of the joints of one model did, in parts of their limits.
 
     Attributes:
-        mode: in which its servo ran.
+        mode: in which the servos ran.
         at_first, later: the highest within the first 20 ms of a jam, and at any other time.
         above: the longest time above the limit in a jam, s.
         stopped: why the rig stopped; "" if it did not.
-        yielded: whether the rig said that the joint gives way.
+        yielded: whether the rig said of each joint that it gives way.
     """
 
     mode: int
@@ -112,56 +122,55 @@ class Found(NamedTuple):
 
     @property
     def wrong(self) -> bool:
-        """Whether the limit was not kept, or the joint never gave way."""
+        """Whether a limit was not kept, or a joint never gave way."""
         return bool(self.later > _TOLERANCE or self.above > ALLOWED or self.stopped or not self.yielded)
 
 
-def jam(model: str, limit: float, load: float = 0.0, supply: float = 1.0, direction: int = 1) -> Found:
-    """Plays all phases with one joint.
-
-    Args:
-        limit: of its current, in parts of the stall current; load: on its horn, in parts of the stall torque.
-        supply: 0 for the lowest, 1 for the highest that the maker allows.
-    """
+def jam(model: str, ways: Sequence[Way] = WAYS) -> Found:
+    """Plays all phases with a joint for each way, on one bus; every other one is turned round."""
     page = PAGES[model]
-    amperes = limit * page.stall
-    zero = 2048 if "-RA" not in model and not model.startswith("P") else 0
-    joint = RigJoint("joint", 1, model, direction, zero, -1.3, 1.3, 2.0, current=amperes)
-    config = RigConfig("emulated", 1_000_000, float(_TICKS), (joint,))
+    limits = np.array([way.limit * page.stall for way in ways])
+    zero = 0 if "-RA" in model or model.startswith("P") else 2048
+    joints = tuple(
+        RigJoint(f"joint_{id}", id, model, 1 - 2 * (id % 2), zero, -1.3, 1.3, 2.0, current=float(limit))
+        for id, limit in enumerate(limits, 1)
+    )
+    config = RigConfig("emulated", _BAUD, float(_TICKS), joints)
     port = EmulatedPort(EmulatedBus(config), True)
-    servo = port.bus.devices[0]
-    drive = servo.bank.drive
-    drive.supply[0] = page.volts[0] + supply * (page.volts[1] - page.volts[0])
+    servos = port.bus.devices
+    drive = servos[0].bank.drive  # all servos of a model are in one bank
+    drive.supply[:] = [page.volts[0] + way.supply * (page.volts[1] - page.volts[0]) for way in ways]
     fix_settings(config, Bus(port, config.baud))  # the P series comes without protection against heat
     rig = Rig(config, lambda part: Bus(port, config.baud), False, sleep=port.elapse)
-    drive.load[0] = load * direction
-    at_first = later = above = 0.0
-    since, over = 0.0, 0.0  # of the jam; how long the current has been above the limit in it
-    stopped, time = "", 0.0
+    drive.load[:] = [way.load * joint.direction for way, joint in zip(ways, joints, strict=True)]
+    at_first = later = above = since = time = 0.0
+    over = np.zeros(len(ways))  # s above the limit so far
+    stopped = ""
     for phase in PHASES:
         if phase.blocked and not drive.jammed[0]:
-            since, over = 0.0, 0.0
-        drive.jammed[0] = phase.blocked
+            since = 0.0
+        drive.jammed[:] = phase.blocked
         for _ in range(round(phase.seconds * _TICKS)):
             time += 1.0 / _TICKS
             angle = 0.8 * math.sin(3.0 * time) if isinstance(phase.target, str) else phase.target
             try:
                 rig.collect_state()
-                rig.write(np.array([angle]))
+                rig.write(np.full(len(ways), angle))
             except RigError as error:
                 stopped = stopped or str(error)
             for _ in range(round(1.0 / _TICKS / STEP)):
                 port.elapse(STEP)
-                share = true_current(servo) * page.count / amperes
+                shares = page.count * np.array([true_current(servo) for servo in servos]) / limits
                 since += STEP
+                highest = float(shares.max())
                 if phase.blocked and since <= ALLOWED + 0.5 * STEP:
-                    at_first = max(at_first, share)
+                    at_first = max(at_first, highest)
                 else:
-                    later = max(later, share)
-                over = over + STEP if phase.blocked and share > _TOLERANCE else 0.0
-                above = max(above, over)
-    yielded = any("gives way" in incident.what for incident in rig.incidents)
-    return Found(servo["operating_mode"], at_first, later, above, stopped, yielded)
+                    later = max(later, highest)
+                over = np.where(phase.blocked & (shares > _TOLERANCE), over + STEP, 0.0)
+                above = max(above, float(over.max()))
+    yielded = {incident.source for incident in rig.incidents if "gives way" in incident.what}
+    return Found(servos[0]["operating_mode"], at_first, later, above, stopped, len(yielded) == len(ways))
 
 
 def true_current(servo: Device) -> float:
@@ -174,30 +183,15 @@ def true_current(servo: Device) -> float:
     return float(abs(volts / motor.voltage - turning) * at_stall) if drive.on[row] else 0.0
 
 
-def jam_each_way(model: str, quick: bool = False) -> Found:
-    """The worst of all limits, loads, supplies and directions for one model; if `quick`, of two of them."""
-    ways = [(limit, load, supply) for limit in _LIMITS for load in _LOADS for supply in (0.0, 1.0)]
-    found = [jam(model, *way, direction=1 - 2 * (turn % 2)) for turn, way in enumerate(ways[::5] if quick else ways)]
-    return Found(
-        found[0].mode,
-        max(one.at_first for one in found),
-        max(one.later for one in found),
-        max(one.above for one in found),
-        next((one.stopped for one in found if one.stopped), ""),
-        all(one.yielded for one in found),
-    )
-
-
 def main(
     models: Annotated[list[str] | None, typer.Argument(help="Only these models.")] = None,
-    quick: Annotated[bool, typer.Option("--quick", help="Two of the eight ways for each model.")] = False,
 ) -> None:
     print("| model | mode | current / limit, first 20 ms of a jam | afterwards, and free | above the limit, ms |")
     print("|---|---|---|---|---|")
     wrong: list[str] = []
     chosen = models or list(PAGES)
     with ProcessPoolExecutor(2) as pool:
-        for model, found in zip(chosen, pool.map(partial(jam_each_way, quick=quick), chosen), strict=True):
+        for model, found in zip(chosen, pool.map(jam, chosen), strict=True):
             figures = f"{found.mode} | {found.at_first:.2f} | {found.later:.2f} | {found.above * 1e3:.0f}"
             print(f"| {model} | {figures} |", flush=True)
             if found.wrong:

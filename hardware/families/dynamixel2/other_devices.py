@@ -23,7 +23,8 @@ OTHER_DEVICES: dict[int, tuple[str, str]] = {
     602: ("FFW-G10-RCU", _NO_SERVO),
     **{620 + wheel: (f"FFW-SG2-STEER-{wheel + 1}", _DRIVE) for wheel in range(3)},
     **{623 + wheel: (f"FFW-SG2-DRIVE-{wheel + 1}", _DRIVE) for wheel in range(3)},
-    1700: ("XC335-T332", _UNPUBLISHED),
+    1700: ("XM335-T332", _UNPUBLISHED),  # named XC335-T332 at first
+    35075: ("HX2-D1-PNS", _UNPUBLISHED),
     **{6000 + part: (f"HX5-D20 part {part}", _HAND) for part in range(1, 26)},
 }
 """By model number."""

@@ -11,6 +11,7 @@ from typing import NamedTuple
 from hardware.errors import MotiondeckError
 
 _PACKAGE = "dynamixel_easy_sdk"
+_SAME_PLACES = {"XM335-T323": "XC330-T288"}  # a model that the maker's files lack, and one with the same registers
 
 
 class ModelFileError(MotiondeckError):
@@ -49,7 +50,7 @@ def model_numbers(folder: Path | None = None) -> dict[str, int]:
 
 def model_file(model: str, folder: Path | None = None) -> ModelFile:
     """The maker's table of a model; raises ModelFileError if there is none of the known form."""
-    name = f"{_stem(model)}.model"
+    name = f"{_stem(_SAME_PLACES.get(model, model))}.model"
     try:
         sections = dict(_sections(_read(name, folder)))
         kind = {row[0]: float(row[1]) for row in sections["type info"]}

@@ -61,7 +61,7 @@ def test_a_measurement_takes_no_write():
 def test_models_are_known_by_number():
     assert model_name(1060) == "XL430-W250"
     assert model_name(9) == "model number 9"
-    assert [model_name(number) for number in (1700, 622, 6025)] == ["XC335-T332", "FFW-SG2-STEER-3", "HX5-D20 part 25"]
+    assert [model_name(number) for number in (1700, 622, 6025)] == ["XM335-T332", "FFW-SG2-STEER-3", "HX5-D20 part 25"]
     assert "XM430-W350" in MODELS.near("xm430w350")
 
 
@@ -144,7 +144,7 @@ def test_every_model_that_can_be_a_joint_has_its_health_in_one_block():
     [
         ("AX-12A", {"acceleration": 5.0}, "has no limit of acceleration"),
         ("YM070-210-M001", {}, "cannot be a joint of a rig"),
-        ("XC335-T332", {}, "cannot be a joint of a rig: of it the maker has published where its registers are"),
+        ("XM335-T332", {}, "cannot be a joint of a rig: of it the maker has published where its registers are"),
         ("XL430-W250", {"current": 1.0}, "measures no current"),
         ("XM430-W350", {"gear": float("inf")}, "finite"),
         ("MX-64(1.0)", {"gear": 3.5}, "outside the servo's one turn"),

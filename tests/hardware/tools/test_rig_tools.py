@@ -213,5 +213,5 @@ def test_a_new_rig_leaves_out_what_cannot_be_a_joint_with_the_reason():
     found = [Found(1_000_000, Identity(id, number, 1, False)) for id, number in ((1, 1060), (2, 1700), (3, 9))]
     config, left_out = rig_of(found, "port")
     assert [joint.model for joint in config.joints] == ["XL430-W250"]
-    assert "id 2: model XC335-T332 cannot be a joint: of it the maker has published where" in left_out[0]
+    assert "id 2: model XM335-T332 cannot be a joint: of it the maker has published where" in left_out[0]
     assert left_out[1] == "id 3: Motiondeck does not know its model (model number 9)."
