@@ -7,7 +7,7 @@ gains      at the end a servo has the gains of the rig file, or else those that 
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 
 import numpy as np
 from numpy.typing import NDArray
@@ -85,8 +85,7 @@ class BurdenJudge:
         self._above = np.where(above, self._above + passed, 0.0)
         too_long = self._above > ALLOWED
         note("had a true current above the rig file's limit for more than 20 ms, A", too_long, amperes)
-        goals = np.array([device["goal_position"] for device in devices])
-        at_target = np.abs((goals - self._zero) / self._per_radian - self._target) < _AT
+        at_target = np.abs((true_goals(devices) - self._zero) / self._per_radian - self._target) < _AT
         kept = steady & ~blocked & ~cut_off & (now - self._target_since > _STANDS_FOR)
         moving = np.isnan(self._anchor) & (np.abs(speeds) > _STILL)
         self._anchor[~kept] = np.nan
@@ -109,6 +108,11 @@ class BurdenJudge:
                 right = (asked[name],) if name in asked else (before[name], delivered[name])
                 wrong[index] += value not in right
         note("has gains that nothing asked for", wrong > 0, wrong)
+
+
+def true_goals(devices: Sequence[Device]) -> Array:
+    """The goal registers of servos, pulses of their true horns, with the whole turns that they no longer count."""
+    return np.array([device["goal_position"] + device.bank.drive.forgotten[device.row] for device in devices])
 
 
 def _gains(device: Device) -> dict[str, int]:

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from benchmarks.rig.jams import PAGES
 from hardware.emulator.faults import Fault
 from hardware.emulator.servos.device import Device
-from hardware.rig.rig_file import RigJoint
+from hardware.rig.rig_joint import EXTENDED_MODE, RigJoint
 from hardware.rig.scale import Array
 
 _HEAVIEST = 0.2  # of the stall torque
@@ -92,6 +92,8 @@ def _with_settings(rng: random.Random, joint: RigJoint) -> RigJoint:
     if model in PAGES and rng.random() < 0.6:
         settings["current"] = rng.uniform(_LEAST_CURRENT, _MOST_CURRENT) * PAGES[model].stall
     like = msgspec.structs.replace(joint, model=model)
+    if rng.random() < 0.25 and EXTENDED_MODE in like.modes:
+        settings["zero"] = like.table.one_turn[rng.choice((0, 1))] + rng.randint(-300, 300)
     if rng.random() < 0.25 and (gain := like.table.registers.get("position_p_gain")) is not None and gain.default:
         settings["position_p_gain"] = round(rng.uniform(0.8, 1.1) * gain.default)
     return msgspec.structs.replace(joint, **settings)

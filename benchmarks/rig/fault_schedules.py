@@ -12,6 +12,7 @@ from __future__ import annotations
 import random
 from collections import Counter
 from collections.abc import Callable
+from concurrent.futures import ProcessPoolExecutor
 from dataclasses import dataclass, field
 from functools import partial
 from typing import Annotated
@@ -350,13 +351,15 @@ def _names(message: str, fault: Fault) -> bool:
 
 def main(
     count: Annotated[int, typer.Argument(help="How many schedules to run.")] = 500,
-    first: Annotated[int, typer.Argument(help="The seed of the first.")] = 0,
+    first: Annotated[int | None, typer.Argument(help="The seed of the first; drawn by chance unless given.")] = None,
     mutants: Annotated[
-        bool, typer.Option("--mutants", help="Run COUNT schedules against each of ten broken sources instead.")
+        bool, typer.Option("--mutants", help="Run COUNT schedules against each broken source instead.")
     ] = False,
 ) -> None:
     """Runs schedules, or mutants; exit code 1 if a schedule went wrong, or a mutant was not noticed."""
+    first = random.SystemRandom().randrange(10**5, 10**9) if first is None else first
     seeds = range(first, first + count)
+    print(f"seeds {seeds[0]} to {seeds[-1]}", flush=True)
     if (_run_mutants if mutants else _run_schedules)(seeds):
         raise typer.Exit(1)
 
@@ -376,8 +379,8 @@ def _run_schedules(seeds: range) -> int:
     """Prints what came of the schedules; how many went wrong."""
     kinds: Counter[str] = Counter()
     wrong, recoveries, stops, fastest, hardest = 0, 0, 0, 0.0, 0.0
-    for seed in seeds:
-        outcome = run(seed)
+    outcomes = ProcessPoolExecutor(2).map(run, seeds)
+    for seed, outcome in zip(seeds, outcomes, strict=True):
         kinds.update(fault.kind for fault in schedule(seed).faults)
         recoveries, stops = recoveries + outcome.recoveries, stops + bool(outcome.stopped)
         fastest, hardest = max(fastest, outcome.fastest), max(hardest, outcome.hardest)

@@ -21,7 +21,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from benchmarks.rig.burden_judge import BurdenJudge
+from benchmarks.rig.burden_judge import BurdenJudge, true_goals
 from benchmarks.rig.burdens import Burdens
 from benchmarks.rig.taking_turns import Turns
 from hardware.emulator.bus import Answer, EmulatedBus
@@ -261,8 +261,7 @@ class ShaftJudge:
 
     def _goals(self) -> Array:
         """The goal registers of the servos, shape (J,), rad."""
-        goals = np.array([device.bank.registers["goal_position"][device.row] for device in self._bus.devices])
-        return (goals - self._zero) / self._per_radian
+        return (true_goals(self._bus.devices) - self._zero) / self._per_radian
 
     def _watchdogs(self) -> NDArray[np.int64]:
         """The watchdog registers of the servos, shape (J,)."""
@@ -345,8 +344,14 @@ class ShaftJudge:
                 low, high = sorted((round(joint.pulses(joint.lower)), round(joint.pulses(joint.upper))))
                 for entries in (frame.params[len(place) :] for frame in frames if frame.params.startswith(place)):
                     at = entries[:: goal.length + 1].find(joint.id) * (goal.length + 1) + 1
-                    beyond += at > 0 and not low <= goal.decode(entries[at : at + goal.length]) <= high
+                    beyond += at > 0 and not inside(joint, goal.decode(entries[at : at + goal.length]), low, high)
         return [f"{beyond} goals were beyond the limits"] if beyond else []
+
+
+def inside(joint: RigJoint, goal: int, low: int, high: int) -> bool:
+    """Whether a goal is between two positions, pulses; where the joint's range leaves one turn, in any turn."""
+    turns = 0 if joint.in_one_turn else (goal - low) // joint.table.pulses_per_turn
+    return low <= goal - turns * joint.table.pulses_per_turn <= high
 
 
 def swings(loop: float) -> float:

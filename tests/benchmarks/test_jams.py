@@ -17,9 +17,10 @@ def test_a_jammed_joint_keeps_its_limit_of_current(model):
 
 
 @pytest.mark.thorough
+@pytest.mark.parametrize("across", [False, True])
 @pytest.mark.parametrize("model", PAGES)
-def test_every_model_keeps_its_limit(model):
-    assert not jam(model).wrong
+def test_every_model_keeps_its_limit_in_each_mode(model, across):
+    assert not jam(model, across).wrong
 
 
 def test_every_model_that_takes_a_limit_is_jammed():
@@ -28,7 +29,7 @@ def test_every_model_that_takes_a_limit_is_jammed():
 
 def test_a_servo_in_a_mode_without_a_limit_is_noticed(monkeypatch):
     monkeypatch.setattr(RigJoint, "mode", 3)
-    found = jam("XM430-W350", WAYS[:1])
+    found = jam("XM430-W350", ways=WAYS[:1])
     assert found.wrong
     assert found.above > 0.1
     assert found.later > 2.0
@@ -38,11 +39,11 @@ def test_a_wrong_unit_of_current_is_noticed(monkeypatch):
     """Both the driver and the emulator would have it from the same table."""
     page = PAGES["XH430-V350"]
     monkeypatch.setitem(PAGES, "XH430-V350", page._replace(count=2.69e-3))
-    assert jam("XH430-V350", WAYS[:1]).later == pytest.approx(2.69 / 1.34, rel=0.02)
+    assert jam("XH430-V350", ways=WAYS[:1]).later == pytest.approx(2.69 / 1.34, rel=0.02)
 
 
 def test_twice_the_limit_is_noticed(monkeypatch):
     for module in (audit, torque):
         counts = module.current_counts
         monkeypatch.setattr(module, "current_counts", lambda joint, counts=counts: 2 * counts(joint))
-    assert jam("XL330-M288", WAYS[:1]).later == pytest.approx(2.0, rel=0.02)
+    assert jam("XL330-M288", ways=WAYS[:1]).later == pytest.approx(2.0, rel=0.02)
