@@ -33,6 +33,7 @@ class RigJoint(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
         velocity: its limit, rad/s.
         acceleration: its limit, rad/s^2; 0 for none.
         current: its limit, A, that the servo itself keeps; 0 for none.
+        grip: whether it may be held up by what it grips: it then holds on with its limit of current.
         gear: turns of the horn for one turn of the joint.
         port: of the serial adapter that its servo is on; the rig's own if empty.
         position_p_gain, position_i_gain, position_d_gain: counts of these registers; what the servo has if None.
@@ -50,6 +51,7 @@ class RigJoint(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     velocity: Annotated[float, msgspec.Meta(gt=0)]
     acceleration: Annotated[float, msgspec.Meta(ge=0)] = 0.0
     current: Annotated[float, msgspec.Meta(ge=0)] = 0.0
+    grip: bool = False
     gear: Annotated[float, msgspec.Meta(gt=0)] = 1.0
     port: str = ""
     position_p_gain: Annotated[int, msgspec.Meta(ge=0)] | None = None
@@ -83,6 +85,8 @@ class RigJoint(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
             raise ValueError(f"model '{self.model}' measures no current, so it takes no limit of it")
         if self.current and self.current > (most := (limit := self.table["current_limit"]).maximum * limit.si):
             raise ValueError(f"current is {self.current:g} A; the most that model '{self.model}' takes is {most:.3g} A")
+        if self.grip and not self.current:
+            raise ValueError("grip needs current: the A with which it holds")
         self._refuse_too_small_limits()
         self._refuse_unknown_gains()
         self._refuse_far_limits()

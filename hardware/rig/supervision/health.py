@@ -97,6 +97,7 @@ class Health:
         self._patience = config.patience
         self._strongest = np.full(count, np.nan)
         self._idle_below = np.array([_idle_current(joint) for joint in config.joints])
+        self._grips = np.array([joint.grip for joint in config.joints])
         self._moved = np.array([min(_MOVED, 0.1 * joint.velocity) for joint in config.joints])
         self._heard = np.full(count, now)
         self._missing = np.zeros(count, dtype=np.bool_)
@@ -145,7 +146,7 @@ class Health:
         seen[_SILENT] = silence > _MISSED_AFTER
         seen[_LIMP] = limp
         seen[_BACK] = back
-        seen[_STILL] = still
+        seen[_STILL] = still & ~(self._grips & ~idle)
         seen[_YIELDS] = yielding
         seen[_WARM] = margin < EASED_FROM
         self._strongest = np.fmax(self._strongest, measured.voltages)

@@ -203,4 +203,5 @@ class Strain:
 
 
 def _allowed(joint: RigJoint) -> float:
-    return min(joint.current or math.inf, _MOST * TRAITS[joint.model].stall_current)
+    """The current that a joint may draw, A; a gripper is not strained by what it holds."""
+    return math.inf if joint.grip else min(joint.current or math.inf, _MOST * TRAITS[joint.model].stall_current)

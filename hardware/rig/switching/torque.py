@@ -5,6 +5,7 @@ These functions wait for each servo's answer; they are not for use inside a loop
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from typing import NamedTuple
 
@@ -229,7 +230,7 @@ def places_of_rest(config: RigConfig, bus: Bus, scale: RigScale) -> tuple[Array,
     With an acceleration limit a servo runs past any goal nearer than its braking distance v^2 / (2 a), and hurries back
     to it at up to its speed limit. It brakes along its own path (position and velocity trajectory). A load keeps a
     joint off its path, by at most its slack; holding where the path stands, it does not sink any further. A joint
-    without torque, or that is held off its path, rests where it is.
+    without torque, or that is held off its path, rests where it is; but a gripper holds on.
     """
     torque = np.array(read_each(config, bus, "torque_enable")) != 0
     rows = _read_path(config, bus)
@@ -244,7 +245,7 @@ def places_of_rest(config: RigConfig, bus: Bus, scale: RigScale) -> tuple[Array,
     rates = np.array([joint.acceleration for joint in config.joints])
     braking = np.divide(path_velocity * path_velocity, 2.0 * rates, out=np.zeros(len(rates)), where=rates > 0.0)
     ahead = scale.angles(path) - angles + np.sign(path_velocity) * braking + path_velocity * _UNTIL_TAKEN
-    slack = np.array([joint.slack(joint.position_p_gain) for joint in config.joints])
+    slack = np.array([math.inf if joint.grip else joint.slack(joint.position_p_gain) for joint in config.joints])
     # What the path is ahead of a joint that follows it, at most; farther ahead is one that is held up.
     most = np.abs(path_velocity) * (_LAG + _UNTIL_TAKEN) + braking + slack
     moves = torque & (velocity * path_velocity > 0.0)
