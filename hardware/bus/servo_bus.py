@@ -131,7 +131,9 @@ class Bus:
 
     def restart(self, id: int) -> None:
         """Restarts a servo that can be; it is deaf and without torque for a while. Errors as of `read`."""
-        self._insist(self._family(id).instructions.reboot(id), id, 0, "restart")
+        if (reboot := self._family(id).reboot) is None:
+            raise RefusedError(f"id {id} on {self.port.name} cannot be restarted. Switch its power off and on.")
+        self._insist(reboot(id), id, 0, "restart")
 
     def sync_write(self, address: int, length: int, entries: bytes) -> bool:
         """Writes the same registers of many servos of one family, unanswered; False if the port takes no bytes.

@@ -8,6 +8,7 @@ from __future__ import annotations
 import numpy as np
 
 from hardware.emulator.bus import EmulatedBus
+from hardware.emulator.servos.device import Device
 from hardware.rig.counters import RigFaults
 from hardware.rig.rig_file import RigConfig
 from hardware.rig.scale import Array, RigScale
@@ -101,7 +102,13 @@ class SimulatedRig:
                 continue
             self.faults.alert[index] += device.alert
             self.positions[index] = (device["present_position"] - self._scale.zero[index]) / joint.pulses_per_radian
-            speed = device["present_velocity"] * joint.table["present_velocity"].si
+            speed = _number(device, "present_velocity") * joint.table["present_velocity"].si
             self.velocities[index] = speed / (joint.direction * joint.gear)
             force = "present_current" if "present_current" in joint.table.registers else "present_load"
-            self.currents[index] = device[force] * self._scale.amperes[index]
+            self.currents[index] = _number(device, force) * self._scale.amperes[index]
+
+
+def _number(device: Device, name: str) -> int:
+    """What a register says, where a bit of it may be a sign."""
+    register = device.bank.table[name]
+    return register.decode(device[name].to_bytes(register.length, "little", signed=register.signed))

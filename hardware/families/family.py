@@ -25,10 +25,6 @@ class Instructions(Protocol):
         """Writes bytes into a servo's control table."""
         ...
 
-    def reboot(self, id: int) -> bytes:
-        """Restarts a servo of a series that can be."""
-        ...
-
     def sync_write(self, address: int, length: int, entries: bytes) -> bytes:
         """Writes the same registers of many servos at once, unanswered; entries are ID and `length` bytes, repeated."""
         ...
@@ -42,7 +38,7 @@ class Identification:
         number, firmware: where the model number (2 bytes) and the firmware version stand.
         length: bytes of an answer to a ping with these, or how many registers to read from address 0 on.
         by_ping: whether the answer to a ping has them.
-        id: where its own ID stands, by which families with the same frames are told apart; None without.
+        id: where its own ID stands, which distinguishes families with the same frames; None without.
     """
 
     number: int
@@ -72,11 +68,12 @@ class Family:
         group_read: reads (id, address, length) of each of several servos in one request, in one joint reply if asked.
         lines: blocks in the parts that one group read can be about, whatever their models.
         dialect: the same for families whose pings and answers look alike.
+        reboot: the instruction that restarts a servo of a series that can be, or None.
         stuffed: a pattern that a frame's body must not have as it is; b"" for none.
         fast_reads: whether some of its models answer group reads jointly.
         mirrors: whether an instruction looks like an answer, so that an adapter's echo does too.
         choice: register and value by which a servo that knows several families is set to this one, or None.
-        eeprom_lock: the register that is 0 while what is written into EEPROM is kept without power, or "".
+        eeprom_lock: the register that is 0 while EEPROM keeps what is written; "" where torque locks it.
         answers_all: the status return level at which every instruction is answered.
         mute_model: a model in which torque and status return level stand where they do in all that may be mute, or "".
     """
@@ -92,6 +89,7 @@ class Family:
     group_read: Callable[[Blocks, bool], GroupRead]
     lines: Callable[[Blocks], Iterable[Blocks]]
     dialect: str
+    reboot: Callable[[int], bytes] | None = None
     stuffed: bytes = b""
     fast_reads: bool = False
     mirrors: bool = False

@@ -26,6 +26,8 @@ _FACTS = sorted(_facts(), key=lambda facts: not facts.family.identification.by_p
 FAMILIES = tuple(facts.family for facts in _FACTS)
 USUAL = FAMILIES[0]
 """The family of a servo of which nothing is known."""
+MAPPED_TO = _FACTS[0].table(next(iter(_FACTS[0].numbers())))
+"""The table whose registers an emulator computes with, where a servo lacks them."""
 
 TRAITS = {model: traits for facts in _FACTS for model, traits in facts.traits.items()}
 """By model name."""

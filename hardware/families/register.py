@@ -76,8 +76,11 @@ class Register:
 
     def encode(self, value: int) -> bytes:
         """The bytes of a count; raises ValueError if it is outside the register's range."""
-        if not self.minimum <= value <= self.maximum:
-            raise ValueError(f"{self.name} takes {self.minimum} to {self.maximum}, not {value}")
+        least = -self.largest if self.sign_bit else self.minimum
+        if not least <= value <= self.maximum:
+            raise ValueError(f"{self.name} takes {least} to {self.maximum}, not {value}")
+        if value < 0 and self.sign_bit:
+            value = -value | 1 << self.sign_bit
         return value.to_bytes(self.length, "little", signed=self.signed)
 
 

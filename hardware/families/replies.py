@@ -43,6 +43,7 @@ class WholeReply(NamedTuple):
         error: where the error byte stands in a row.
         data: where the registers stand in a row.
         alert: the bits of the error byte that report a problem of the servo; the others are an error number.
+        tail: bytes of a row behind the registers.
     """
 
     rows: bytes
@@ -50,11 +51,12 @@ class WholeReply(NamedTuple):
     error: int
     data: int
     alert: int
+    tail: int
 
     def statuses(self, ids: Sequence[int] | bytes) -> dict[int, StatusPacket]:
         """The same as statuses by ID, in the order asked."""
         errors = self.rows[self.error :: self.stride]
-        data = _data_of(len(ids), self.data, self.stride).unpack(self.rows)
+        data = _data_of(len(ids), self.data, self.stride, self.tail).unpack(self.rows)
         numbers, alerts = repeat(0), repeat(False)
         if any(errors):
             alert = self.alert
@@ -67,9 +69,9 @@ whole_reply = partial(tuple.__new__, WholeReply)
 
 
 @lru_cache(maxsize=64)
-def _data_of(count: int, data: int, stride: int) -> Struct:
+def _data_of(count: int, data: int, stride: int, tail: int) -> Struct:
     """Unpacks the registers of `count` rows; the bytes around them are skipped."""
-    return Struct("<" + f"{data}x{stride - 2 - data}s2x" * count)
+    return Struct("<" + f"{data}x{stride - tail - data}s{tail}x" * count)
 
 
 def single_replies(ids: Sequence[int], lengths: Sequence[int], statuses: Iterable[StatusPacket]) -> GroupReply:

@@ -34,6 +34,9 @@ class Series:
         modes: the operating modes; () for those of a servo with, or without, a current measurement.
         current_limited: the modes in which the goal current limits the current.
         full_pwm: the count of PWM that means full voltage.
+        offset_subtracts: whether a homing offset is taken from a position, and not added to it.
+        wraps: whether a position begins anew after a turn also where torque is off.
+        bits_needed: bits that a register must have for its counts to mean what the table says: mask and value.
         gain_unit: the position P gain with which a pulse of error is one count of PWM.
     """
 
@@ -54,6 +57,9 @@ class Series:
     current_limited: tuple[int, ...] = (5,)
     full_pwm: float = 885.0
     gain_unit: float = 128.0
+    offset_subtracts: bool = False
+    wraps: bool = False
+    bits_needed: Mapping[str, tuple[int, int]] = field(default_factory=dict)
 
     def baud_of(self, value: int) -> int | None:
         """The baud rate that a value of the register means, bits/s."""

@@ -89,9 +89,9 @@ class ControlTable:
 def parse_table(model: str, number: int, pulses_per_turn: int, text: str, series: Series) -> ControlTable:
     """Reads rows of  address, length, name, access, memory, range, default, unit;  # starts a comment.
 
-    A length of `2s` is two bytes, signed; `2m` two bytes with a size and, in bit 10, its sign; `-` stands for no
-    default and for no unit; `*1:28` behind a name makes 28 registers name_1, name_2, ... one behind the other, and
-    a default of `224+` counts up along with them.
+    A length of `2s` is two bytes, signed; `2m` two bytes with a size and, in bit 10, its sign, `2m15` in bit 15; `-`
+    stands for no default and for no unit; `*1:28` behind a name makes 28 registers name_1, name_2, ... one behind the
+    other, and a default of `224+` counts up along with them.
 
     Raises:
         ValueError: if a row has other columns, overlaps its neighbour, or uses an unknown word; it quotes the row.
@@ -120,7 +120,7 @@ def _registers(row: list[str]) -> list[Register]:
     base, _, span = name.partition("*")
     first, _, last = span.partition(":")
     names = [f"{base}_{number}" for number in range(int(first), int(last) + 1)] if span else [base]
-    length = int(length_word.rstrip("sm"))
+    length = int(length_word.partition("m")[0].rstrip("s"))
     minimum, maximum = (int(word) for word in range_word.split(".."))
     default = None if default_word == "-" else int(default_word.rstrip("+"))
     scale, unit = _unit(unit_word)
@@ -137,7 +137,7 @@ def _registers(row: list[str]) -> list[Register]:
             default=default + index if default is not None and default_word.endswith("+") else default,
             unit=unit,
             scale=scale,
-            sign_bit=_SIGN_BIT if length_word.endswith("m") else 0,
+            sign_bit=int(length_word.partition("m")[2] or _SIGN_BIT) if "m" in length_word else 0,
         )
         for index, each in enumerate(names)
     ]

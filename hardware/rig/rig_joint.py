@@ -11,7 +11,6 @@ from hardware.errors import RigError
 from hardware.families.models import MODELS, TRAITS, WHY_NO_JOINT
 from hardware.families.table import ControlTable
 
-_DRIVEN = "the XL-320 and servos of the X, MX, AX, RX, P and PRO(A) series"
 _GAINS = ("position_p_gain", "position_i_gain", "position_d_gain")
 POSITION_MODE, EXTENDED_MODE = 3, 4
 """Operating modes without a limit of current: within one turn of the servo, and through many."""
@@ -38,6 +37,7 @@ class RigJoint(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
         port: of the serial adapter that its servo is on; the rig's own if empty.
         position_p_gain, position_i_gain, position_d_gain: counts of these registers; what the servo has if None.
         lag: how late its shaft is behind its targets while it plays, s; see `tools.identify`.
+        homing_offset: what the servo takes from its position, counts; only where its count begins anew after a turn.
         friction: the current that turns it slowly without a load, A; None where it is unknown.
     """
 
@@ -59,6 +59,7 @@ class RigJoint(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     position_d_gain: Annotated[int, msgspec.Meta(ge=0)] | None = None
     lag: Annotated[float, msgspec.Meta(ge=0, le=0.5)] = 0.0
     friction: Annotated[float, msgspec.Meta(ge=0)] | None = None
+    homing_offset: int = 0
 
     def __post_init__(self) -> None:
         if not (self.name.strip() and self.name.isprintable()):
@@ -69,14 +70,14 @@ class RigJoint(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
             near = MODELS.near(self.model)
             raise ValueError(
                 f"model '{self.model}' is unknown. "
-                + (f"Did you mean {' or '.join(near)}?" if near else "Only Dynamixel servos are driven")
+                + (f"Did you mean {' or '.join(near)}?" if near else "motiondeck rig scan names the servos on a port")
             )
         if not math.isfinite(self.velocity):
             raise ValueError(f"velocity is {self.velocity}; it must be a finite number")
         if not self.lower < self.upper:
             raise ValueError(f"lower is {self.lower} rad and upper {self.upper} rad; lower must be below upper")
         if self.model not in TRAITS:
-            raise ValueError(f"model '{self.model}' cannot be a joint of a rig; {_DRIVEN} can")
+            raise ValueError(f"model '{self.model}' cannot be a joint of a rig: its motor and its limits are not known")
         if not (math.isfinite(self.acceleration) and math.isfinite(self.current) and math.isfinite(self.gear)):
             raise ValueError("acceleration, current and gear must be finite numbers")
         if self.acceleration and "profile_acceleration" not in self.table.registers:
@@ -87,6 +88,11 @@ class RigJoint(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
             raise ValueError(f"current is {self.current:g} A; the most that model '{self.model}' takes is {most:.3g} A")
         if self.grip and not self.current:
             raise ValueError("grip needs current: the A with which it holds")
+        if self.homing_offset:
+            if not self.table.series.wraps:
+                raise ValueError(f"model '{self.model}' needs no homing_offset: leave it out")
+            if abs(self.homing_offset) > (most := self.table["homing_offset"].largest):
+                raise ValueError(f"homing_offset is {self.homing_offset}; model '{self.model}' takes -{most} to {most}")
         self._refuse_too_small_limits()
         self._refuse_unknown_gains()
         self._refuse_far_limits()

@@ -33,6 +33,7 @@ class RigScale:
         self.rad_per_s = np.array(
             [joint.table["present_velocity"].si / (joint.direction * joint.gear) for joint in joints]
         )
+        self._signs = np.array([_signs(joint) for joint in joints], dtype=np.int64).T
         self.amperes = np.array([joint.direction * _ampere(joint) for joint in joints])
 
     @property
@@ -53,11 +54,13 @@ class RigScale:
 
         Velocity and current are positive in the joint's own direction.
         """
-        velocity, force = counts["present_velocity"], counts["force"]
+        velocity, force, position = counts["present_velocity"], counts["force"], counts["present_position"]
         if velocity.dtype.kind == "u":
-            velocity, force = _with_sign(velocity), _with_sign(force)
+            signs = self._signs[:, joints]
+            velocity, force = _with_sign(velocity, signs[0]), _with_sign(force, signs[1])
+            position = _with_sign(position, signs[2])
         return (
-            (counts["present_position"] - self.zero[joints]) / self._per_radian[joints],
+            (position - self.zero[joints]) / self._per_radian[joints],
             velocity * self.rad_per_s[joints],
             force * self.amperes[joints],
         )
@@ -67,9 +70,18 @@ class RigScale:
         return (pulses - self.zero) / self._per_radian
 
 
-def _with_sign(counts: NDArray[Any]) -> Array:
-    size = (counts & 1023).astype(np.float64)
-    return np.where(counts & 1024, -size, size)
+def _with_sign(counts: NDArray[Any], sign: NDArray[np.int64]) -> Array:
+    """Counts whose sign is this bit (0 for none) as numbers."""
+    size = (counts & (sign - 1)).astype(np.float64)
+    return np.where(counts & sign, -size, size)
+
+
+def _signs(joint: RigJoint) -> list[int]:
+    """The bits that are the sign of velocity, force and position."""
+    registers = joint.table.registers
+    force = "present_current" if "present_current" in registers else "present_load"
+    bits = [registers[name].sign_bit for name in ("present_velocity", force, "present_position")]
+    return [1 << bit if bit else 0 for bit in bits]
 
 
 def _ampere(joint: RigJoint) -> float:

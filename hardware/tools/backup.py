@@ -9,8 +9,8 @@ import msgspec
 
 from hardware.bus.servo_bus import UNKNOWN_MODEL, Bus
 from hardware.errors import NoReplyError, RigError
-from hardware.families.register import Counts, decode_block
-from hardware.rig.registers import read_register
+from hardware.families.register import Counts, Register, decode_block
+from hardware.rig.registers import put, read_register
 from hardware.rig.rig_file import RigConfig
 from hardware.rig.rig_joint import RigJoint
 from motiondeck_base.files import write_file
@@ -81,7 +81,7 @@ def restore(config: RigConfig, backups: Iterable[ServoBackup], bus: Bus) -> list
     """
     kept = {backup.joint: backup for backup in backups}
     lines = [f"{joint.label}: not in the backup" for joint in config.joints if joint.name not in kept]
-    writes: list[tuple[int, int, bytes]] = []
+    writes: list[tuple[RigJoint, Register, int]] = []
     for joint in config.joints:
         if joint.name not in kept:
             continue
@@ -101,12 +101,13 @@ def restore(config: RigConfig, backups: Iterable[ServoBackup], bus: Bus) -> list
             if held == value:
                 continue
             try:
-                writes.append((joint.id, register.address, register.encode(value)))
+                register.encode(value)
+                writes.append((joint, register, value))
             except ValueError as error:
                 raise RigError(f"the backup of {servo} cannot be restored: {error}.") from error
             lines.append(f"{servo}: {name} was {held} and is {value}")
-    for write in writes:
-        bus.write(*write)
+    for joint, register, value in writes:
+        put(bus, joint.id, joint.table, register, value)
     return lines
 
 

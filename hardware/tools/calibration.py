@@ -66,8 +66,12 @@ class Sweep:
     def see(self, name: str, pulses: int) -> None:
         """Takes note of where a joint stands."""
         one = self.measured[name]
+        table = self._joints[name].table
         if name not in self._shift:
             self._shift[name] = self._turns_since(name, pulses)
+        elif table.series.wraps:
+            turn = table.pulses_per_turn
+            self._shift[name] = round((self._now[name] - pulses) / turn) * turn
         self._now[name] = place = pulses + self._shift[name]
         one.low = place if one.low is None else min(one.low, place)
         one.high = place if one.high is None else max(one.high, place)
@@ -157,13 +161,19 @@ def measured_joint(
     bottom, top = joint.table.one_turn
     turns = (zero - bottom) // joint.table.pulses_per_turn * joint.table.pulses_per_turn
     zero, low, high = zero - turns, low - turns, high - turns
+    notes: list[str] = []
+    if joint.table.series.wraps and not bottom <= low <= high <= top and high - low <= top - bottom:
+        joint, shift = _centred(joint, low, high)
+        zero, low, high = zero - shift, low - shift, high - shift
+        notes.append(
+            f"{joint.name}: its servo needs homing_offset {joint.homing_offset}: motiondeck rig doctor RIG --fix"
+        )
     if EXTENDED_MODE in joint.modes:
         bottom, top = min(bottom, low), max(top, high)
     kept_low, kept_high = max(low, bottom), min(high, top)
     per_radian = abs(joint.pulses_per_radian) * direction
     lower, upper = sorted(((kept_low - zero) / per_radian, (kept_high - zero) / per_radian))
     lower, upper = min(lower + margin, max(lower, 0.0)), max(upper - margin, min(upper, 0.0))
-    notes: list[str] = []
     for lost, end in ((bottom - low, "low"), (high - top, "high")):
         if lost > 0:
             which = "lower" if (end == "low") == (direction > 0) else "upper"
@@ -190,8 +200,18 @@ def measured_joint(
         raise RigError(f"{joint.name}: {error}.") from error
 
 
+def _centred(joint: RigJoint, low: int, high: int) -> tuple[RigJoint, int]:
+    """The joint with a homing offset that puts its range into the middle of one turn, and by how much."""
+    turn = joint.table.pulses_per_turn
+    shift = (low + high - turn) // 2
+    offset = (joint.homing_offset + shift + turn // 2) % turn - turn // 2
+    if offset == -(turn // 2):  # which a size and a sign cannot be
+        offset, shift = offset + 1, shift + 1
+    return msgspec.structs.replace(joint, homing_offset=offset), shift
+
+
 def clear_offsets(config: RigConfig, bus: Bus) -> list[str]:
-    """Sets homing offset and drive mode of every servo to 0, torque off; returns what was changed, a line each."""
+    """Sets homing offset (as in the rig file) and drive mode (0), torque off; returns the changes, a line each."""
     left = [one for one in audit(config, bus) if one.register in ("homing_offset", "drive_mode")]
     settle(left, config, bus)
     return [f"{one.joint} (id {one.id}): {one.register} was {one.found} and is {one.needed}" for one in left]

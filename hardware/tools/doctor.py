@@ -17,7 +17,7 @@ from hardware.rig.registers import read_register, write_each
 from hardware.rig.rig_file import RigConfig
 from hardware.rig.rig_joint import NEAR, RigJoint
 from hardware.rig.state_block import arranged, motion
-from hardware.rig.switching.audit import ANSWER_EVERYTHING, Difference, audit, settle
+from hardware.rig.switching.audit import Difference, audit, settle
 from hardware.rig.switching.identities import (
     hardware_errors,
     know_fast_reads,
@@ -201,8 +201,8 @@ def fix_settings(config: RigConfig, bus: Bus) -> Fixed:
             level = _answer_level(joint, bus)
             raise_answer_level_in_eeprom(one, bus)
             raise_answer_level(one, bus)
-            if level != _answer_level(joint, bus) == ANSWER_EVERYTHING:
-                done.append(f"{joint.label}: status_return_level was {level} and is {ANSWER_EVERYTHING}")
+            if level != _answer_level(joint, bus) == (all_of_them := joint.table.family.answers_all):
+                done.append(f"{joint.label}: status_return_level was {level} and is {all_of_them}")
             differences = _to_set(one, bus)
             if not differences:
                 continue

@@ -4,8 +4,9 @@
     range_min, range_max              its present position at both ends
 
 LeRobot sees present = sign * actual + homing_offset, where sign is -1 for an odd drive_mode, and its angles grow with
-it. A rig here wants homing offset and drive mode 0, so everything is carried back to the actual position. Angle 0 is in
-the middle of the range, as in LeRobot's degrees.
+it. A rig here wants homing offset and drive mode 0, so everything is carried back to the actual position. Servos whose
+count begins anew after a turn (Feetech: present = actual - homing_offset) keep their offset, which the rig file then
+has. Angle 0 is in the middle of the range, as in LeRobot's degrees.
 """
 
 from __future__ import annotations
@@ -62,10 +63,7 @@ def imported(motors: Mapping[str, MotorCalibration], found: Sequence[Found], por
     servos = {one.identity.id: one for one in found}
     missing = [f"{name} (id {motor.id})" for name, motor in motors.items() if motor.id not in servos]
     if missing:
-        raise RigError(
-            f"no answer on {port} from {', '.join(missing)}. Check power and cables; Feetech servos (SO-100, SO-101) "
-            "speak another protocol and cannot be used."
-        )
+        raise RigError(f"no answer on {port} from {', '.join(missing)}. Check power and cables.")
     bauds = sorted({servos[motor.id].baud for motor in motors.values()})
     if len(bauds) > 1:
         raise RigError(f"its servos answer at {' and '.join(map(str, bauds))} baud. Bring each to one: rig setup")
@@ -81,5 +79,9 @@ def imported(motors: Mapping[str, MotorCalibration], found: Sequence[Found], por
 
 def _joint(joint: RigJoint, motor: MotorCalibration) -> tuple[RigJoint, list[str]]:
     sign = -1 if motor.drive_mode & _REVERSED else 1
+    if joint.table.series.wraps:  # its offset is kept, and it has no drive mode
+        joint = msgspec.structs.replace(joint, homing_offset=motor.homing_offset)
+        middle = (motor.range_min + motor.range_max) // 2
+        return measured_joint(joint, sign, middle, motor.range_min, motor.range_max, margin=0.0)
     low, high = sorted(sign * (present - motor.homing_offset) for present in (motor.range_min, motor.range_max))
     return measured_joint(joint, sign, (low + high) // 2, low, high, margin=0.0)

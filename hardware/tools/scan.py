@@ -9,6 +9,7 @@ from hardware.bus.servo_bus import UNKNOWN_MODEL, Bus, Identity
 from hardware.errors import NoReplyError, RigError
 from hardware.families.models import MODELS
 from hardware.families.table import ControlTable
+from hardware.rig.registers import put
 
 LIKELY_BAUDS = (57600, 1_000_000, 4_000_000, 2_000_000, 3_000_000, 115_200, 9600)
 """Where a servo is looked for, the likely rates first."""
@@ -109,5 +110,4 @@ def _who_answers(identity: Identity, bus: Bus) -> Identity:
 
 
 def _put(bus: Bus, id: int, table: ControlTable, name: str, value: int) -> None:
-    register = table[name]
-    bus.write(id, register.address, register.encode(value))
+    put(bus, id, table, table[name], value)

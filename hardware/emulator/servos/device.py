@@ -75,6 +75,7 @@ class Device:
         self._end = bank.public.size
         self._first_cell = min(self._cells, default=size)
         self._registered: tuple[int, bytes] | None = None
+        self._unsaved: dict[Register, int] = {}  # what EEPROM has that was written while it was locked
 
     @property
     def dead(self) -> bool:
@@ -194,6 +195,7 @@ class Device:
             return ACCESS
         was_on, mode = self._get("torque_enable"), self._get("operating_mode")
         for register, value in plan:
+            self._remember(register)
             self._store(register, value)
         if self._get("operating_mode") != mode:
             self.bank.restore_control(self.row)
@@ -229,6 +231,9 @@ class Device:
         startup = self._get("startup_configuration") if self._newer else 0
         kept = {name: self._get(name) for name in _RESTORED if name in self._places} if startup & _RESTORE_RAM else {}
         kept["bus_watchdog"] = max(0, kept.get("bus_watchdog", 0))
+        for register, value in self._unsaved.items():
+            self._store(register, value)
+        self._unsaved.clear()
         self.bank.restart(self.row, kept)
         self._registered = None
         self.asleep_until = deaf_until
@@ -280,6 +285,22 @@ class Device:
     def _newer(self) -> bool:
         return "startup_configuration" in self._places and self._get("firmware_version") >= _NEWER_FIRMWARE
 
+    @property
+    def _locked(self) -> bool:
+        """Whether its EEPROM takes nothing now."""
+        if self.family.eeprom_lock:
+            return False
+        return self._get("torque_enable") != 0 or ("lock" in self._places and self["lock"] != 0)
+
+    def _remember(self, register: Register) -> None:
+        """Keeps what a restart brings back, if this register is written while what it gets is not kept."""
+        lock = self.family.eeprom_lock
+        if lock and register.memory == "EEPROM":
+            if self._get(lock):
+                self._unsaved.setdefault(register, self._get(register.name))
+            else:
+                self._unsaved.pop(register, None)
+
     def _get(self, name: str) -> int:
         place, signed = self._places[name]
         return int.from_bytes(self._memory[place], "little", signed=signed)
@@ -298,9 +319,7 @@ class Device:
             register = self._by_address.get(address + offset)
             if register is None or register.access == "R":
                 return ACCESS
-            if register.memory == "EEPROM" and (
-                self._get("torque_enable") or ("lock" in self._places and self["lock"])
-            ):
+            if register.memory == "EEPROM" and self._locked:
                 return ACCESS
             if offset + register.length > len(data):
                 return LENGTH
@@ -350,7 +369,7 @@ class Device:
             return RANGE if value & _FOLLOWER and not self.series.follows else 0
         if name == "baud_rate":
             return 0 if self.series.baud_of(value) else RANGE
-        if name == "lock":
+        if name == "lock" and name != self.family.eeprom_lock:
             return 0 if value or not self._get("lock") else RANGE  # only power-up unlocks
         if name == "torque_enable":
             return RESULT_FAIL if value and self.shut_down and self.series.shuts_down_by == name else 0

@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hardware.emulator.servos.drive import CURRENT, POSITION_MODES, PWM, VELOCITY, MotorDrive, motor_of
-from hardware.emulator.servos.register_mapping import follow, whole_table, with_sign
+from hardware.emulator.servos.register_mapping import follow, signed, whole_table, with_sign
 from hardware.families.models import TRAITS
 from hardware.families.register import Register
 from hardware.families.table import ControlTable
@@ -71,7 +71,9 @@ class ServoBank:
         self._time = 0.0
         self._shown = False
         self._measures_current = "present_current" in table.registers
+        self._limits_current = "goal_current" in table.registers
         self.mapped = table is not self.public
+        self._wraps = self._traits.series.wraps
         self._pulses_per_radian = table.pulses_per_turn / (2.0 * math.pi)
         for row in range(count):
             self.to_one_turn(row)
@@ -115,7 +117,7 @@ class ServoBank:
         for name in _CONTROL:
             self.registers[name][row] = self._at_first(self.table[name])
         self.registers["goal_pwm"][row] = self.registers["pwm_limit"][row]
-        if self._measures_current:
+        if self._limits_current:
             self.registers["goal_current"][row] = self.registers["current_limit"][row]
 
     def reset(self, row: int, keep: Sequence[str]) -> None:
@@ -127,9 +129,14 @@ class ServoBank:
 
     def to_one_turn(self, row: int) -> None:
         """Forgets whole turns: position mode starts from within one."""
-        start, turn = self.table.one_turn[0], self.table.pulses_per_turn
-        self.drive.forgotten[row] = turn * np.floor((self.drive.shaft[row] - start) / turn)
+        self._forget_turns(row)
         self.halt(row)
+
+    def _forget_turns(self, row: int) -> None:
+        start, turn, place = self.table.one_turn[0], self.table.pulses_per_turn, self.drive.shaft[row]
+        if self._wraps:
+            place += self.drive.offset[row]
+        self.drive.forgotten[row] = turn * np.floor((place - start) / turn)
 
     def cut_off(self, row: int, cut: bool) -> None:
         """Cuts a servo's watchdog off from the bus, or connects it again."""
@@ -148,10 +155,10 @@ class ServoBank:
         sign = np.where(registers["drive_mode"] & 1, -1.0, 1.0).astype(np.float64)
         drive.mode = registers["operating_mode"].astype(np.int64)
         drive.sign = sign
-        one_turn = (drive.mode == 3) & (
-            np.abs(registers["homing_offset"]) > _OFFSET_IN_ONE_TURN * self.table.pulses_per_turn
-        )
-        drive.offset = np.where(one_turn, 0.0, registers["homing_offset"].astype(np.float64))
+        offset = signed(registers["homing_offset"], self.table["homing_offset"])
+        farthest = _OFFSET_IN_ONE_TURN * self.table.pulses_per_turn
+        one_turn = (drive.mode == 3) & (np.abs(offset) > farthest) & (not self._wraps)
+        drive.offset = np.where(one_turn, 0.0, -offset if self._traits.series.offset_subtracts else offset)
         drive.on = registers["torque_enable"] != 0
         gain = self._traits.series.gain_unit
         if not self.mapped:
@@ -163,7 +170,7 @@ class ServoBank:
         drive.goal_pwm = sign * registers["goal_pwm"].astype(np.float64)
         unit = self.table["goal_velocity"].si * self._pulses_per_radian
         drive.goal_speed = sign * registers["goal_velocity"].astype(np.float64) * unit
-        if self._measures_current:
+        if self._limits_current:
             stall = drive.motor.stall_current / self.table["goal_current"].scale
             drive.goal_current = sign * registers["goal_current"].astype(np.float64) / stall
         drive.plan()
@@ -173,6 +180,8 @@ class ServoBank:
         registers, drive = self.registers, self.drive
         if drive.mode[row] not in POSITION_MODES:
             return
+        if self._wraps:
+            self._forget_turns(row)
         counted = drive.sign[row] * (float(registers["goal_position"][row]) - drive.offset[row])
         drive.target[row] = counted + drive.forgotten[row]
         speed, acceleration = self._profile(row, abs(float(drive.target[row] - drive.path[row])))
@@ -233,7 +242,7 @@ class ServoBank:
         if self.drive.mode[row] in (CURRENT, PWM):
             # These modes command a torque, and only zero torque stands still.
             self.registers["goal_pwm"][row] = 0
-            if self._measures_current:
+            if self._limits_current:
                 self.registers["goal_current"][row] = 0
         self.settle()
         self.halt(row)
@@ -277,18 +286,22 @@ class ServoBank:
         per_speed = 1.0 / (table["present_velocity"].si * self._pulses_per_radian)
         velocity = np.rint(drive.sign * drive.speed * per_speed)
         position = np.rint(drive.sign * (drive.shaft - drive.forgotten) + drive.offset)
+        if self._wraps:
+            position %= table.pulses_per_turn
         registers["present_position"] = np.clip(position, *table.one_turn) if self.mapped else position
-        registers["present_velocity"] = with_sign(velocity) if table["present_velocity"].sign_bit else velocity
+        registers["present_velocity"] = with_sign(velocity, table["present_velocity"])
         registers["position_trajectory"] = np.rint(drive.sign * (drive.path - drive.forgotten) + drive.offset)
         registers["velocity_trajectory"] = np.rint(drive.sign * drive.path_speed * per_speed)
         registers["present_pwm"] = np.rint(drive.sign * drive.pwm)
         if self._measures_current:
-            most = table["present_current"].maximum
+            row = table["present_current"]
+            most = row.largest
             stall = drive.motor.stall_current / table["present_current"].scale
-            registers["present_current"] = np.clip(np.rint(drive.sign * drive.current * stall), -most, most)
-        else:
+            current = np.clip(np.rint(drive.sign * drive.current * stall), -most, most)
+            registers["present_current"] = with_sign(current, row)
+        if "present_load" in table.registers:
             load = np.clip(np.rint(drive.sign * drive.current * 1e3), -1000, 1000)
-            registers["present_load"] = with_sign(load) if table["present_load"].sign_bit else load
+            registers["present_load"] = with_sign(load, table["present_load"])
         registers["moving"] = np.abs(velocity) > registers["moving_threshold"]
         arrived = np.abs(drive.target - drive.shaft) <= _IN_POSITION_WINDOW * table.pulses_per_turn
         ongoing = (np.abs(drive.target - drive.path) > 0.5) & drive.on

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from hardware.families.dynamixel1 import instructions as wire
 from hardware.families.dynamixel1.family import FAMILY
-from hardware.families.dynamixel1.frames import ANGLE_LIMIT, BAD_CHECKSUM, BAD_INSTRUCTION, OUT_OF_RANGE, build
+from hardware.families.dynamixel1.frames import ANGLE_LIMIT, BAD_CHECKSUM, BAD_INSTRUCTION, OUT_OF_RANGE
 from hardware.families.emulation import (
     ACCESS,
     BOOT_TIME,
@@ -22,6 +22,7 @@ from hardware.families.emulation import (
     alone_or_mixed,
 )
 from hardware.families.frames import BROADCAST, Frame
+from hardware.families.plain_frames import build
 
 _ERROR_BITS = {RANGE: OUT_OF_RANGE, LIMIT: ANGLE_LIMIT, ACCESS: OUT_OF_RANGE, LENGTH: BAD_INSTRUCTION}
 

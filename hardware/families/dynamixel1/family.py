@@ -4,6 +4,7 @@ from functools import partial
 
 from hardware.families.dynamixel1 import frames, instructions
 from hardware.families.family import Family, Identification
+from hardware.families.plain_frames import PlainParser, status_length, trailer
 from hardware.families.replies import Blocks, GroupRead, in_order
 
 
@@ -12,8 +13,8 @@ def _group_read(blocks: Blocks, fast: bool) -> GroupRead:
     lengths = tuple(length for _, _, length in blocks)
     ids = bytes(id for id, _, _ in blocks)
     frame = instructions.read(*blocks[0]) if len(blocks) == 1 else instructions.bulk_read(blocks)
-    needed = len(ids) * frames.status_length(0) + sum(lengths)
-    parts = partial(in_order, frames.Parser1, frames.as_status, ids, lengths)
+    needed = len(ids) * status_length(0) + sum(lengths)
+    parts = partial(in_order, PlainParser, frames.as_status, ids, lengths)
     return GroupRead(frame, False, ids, lengths, None, needed, parts)
 
 
@@ -21,14 +22,15 @@ FAMILY = Family(
     name="dynamixel1",
     spoken=" in Protocol 1.0",
     instructions=instructions,
-    parser=frames.Parser1,
+    parser=PlainParser,
     as_status=frames.as_status,
-    status_length=frames.status_length,
-    trailer=frames.trailer,
+    status_length=status_length,
+    trailer=trailer,
     identification=Identification(number=0, firmware=2, length=4, by_ping=False, id=3),
     group_read=_group_read,
     lines=lambda blocks: ((block,) for block in blocks),
     dialect="1.0",
+    reboot=instructions.reboot,
     mirrors=True,
     choice=("protocol_type", 1),
     mute_model="AX-12A",

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 
-from hardware.families.dynamixel1.frames import build
 from hardware.families.frames import BROADCAST
+from hardware.families.plain_frames import build
 
 PING = 0x01
 READ = 0x02

@@ -16,6 +16,7 @@ FAMILY = Family(
     group_read=group_read,
     lines=lambda blocks: (blocks,),
     dialect="2.0",
+    reboot=instructions.reboot,
     stuffed=frames.STUFFED_PATTERN,
     fast_reads=True,
     choice=("protocol_type", 2),

@@ -59,7 +59,7 @@ class FastFormat:
             return None
         if checksum(rows[:-2], self._crc) != rows[-2] | rows[-1] << 8:
             return None
-        return whole_reply((rows, self._stride, 0, 2, ALERT))
+        return whole_reply((rows, self._stride, 0, 2, ALERT, 2))
 
 
 class SingleFormat:
@@ -88,7 +88,7 @@ class SingleFormat:
         swapped[:, -2:] = rows[:, :-3:-1]
         if checksum(swapped.tobytes()) != 0:
             return None
-        return whole_reply((received, self._stride, _STATUS_HEAD, _STATUS_HEAD + 1, ALERT))
+        return whole_reply((received, self._stride, _STATUS_HEAD, _STATUS_HEAD + 1, ALERT, 2))
 
 
 def fast_reply(received: bytes, ids: Sequence[int], lengths: Sequence[int]) -> GroupReply:

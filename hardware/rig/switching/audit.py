@@ -10,16 +10,17 @@ puts its zero elsewhere, a second ID lets another servo's goals move it.
     gains, feed-forward, compliance: as delivered                              never: another one is kept, and named
     goal_pwm, torque_limit   what pwm_limit or max_torque allows               at switch-on
     goal_current             where it limits: the joint's current, or all      at switch-on
-    status_return_level      2: every instruction is answered                  at switch-on, before all else
+    status_return_level      that at which every instruction is answered       at switch-on, before all else
     drive_mode               0: not reversed, velocity-based profile           on request, refused until then
-    homing_offset, multi_turn_offset  0: the rig file has the zero             on request, refused until then
+    homing_offset            the rig file's                                    on request, refused until then
+    multi_turn_offset        0: the rig file has the zero                      on request, refused until then
     resolution_divider       1: a count means what the table says              on request, refused until then
     secondary_id             above 252: none                                   on request, refused until then
     startup_configuration    0: torque stays off at power-up                   on request, refused until then
     shutdown                 at least heat, shock and overload                 on request, refused until then
     temperature_limit        at most the model's own, at least 40 degC         on request, refused until then
-    velocity_limit           at least the joint's velocity                     on request, advised (P series: refused)
-    acceleration_limit       P series: at least the joint's acceleration       on request, refused until then
+    velocity_limit           at least the joint's velocity                     on request, advised (or refused)
+    acceleration_limit       at least the joint's, if it checks profiles       on request, refused until then
     pwm_limit, max_torque    the model's own                                   on request, advised (0: refused)
     return_delay_time        20 us at most                                     on request, advised
 
@@ -35,14 +36,12 @@ from typing import Literal, NamedTuple
 from hardware.bus.servo_bus import Bus
 from hardware.errors import RefusedError
 from hardware.families.register import decode_block
+from hardware.rig.registers import put
 from hardware.rig.rig_file import RigConfig
 from hardware.rig.rig_joint import RigJoint
 from hardware.rig.scale import RigScale
 
-ANSWER_EVERYTHING = 2
-"""The status return level at which a servo answers every instruction."""
 _PROTECTED = 4 | 16 | 32  # heat, shock, overload
-_JOINT_MODE = 2  # of an XL-320
 _GAINS = ("position_p_gain", "position_i_gain", "position_d_gain", "feedforward_1st_gain", "feedforward_2nd_gain",
           "cw_compliance_margin", "ccw_compliance_margin", "cw_compliance_slope", "ccw_compliance_slope")  # fmt: skip
 _LAST_ID, _NO_SECOND_ID = 252, 255
@@ -125,7 +124,7 @@ def settle(differences: Iterable[Difference], config: RigConfig, bus: Bus) -> No
         id, table = difference.id, tables[difference.id]
         register, lock = table[difference.register], table.registers.get("lock")
         try:
-            bus.write(id, register.address, register.encode(difference.needed))
+            put(bus, id, table, register, difference.needed)
         except RefusedError as error:
             if lock is None or register.memory != "EEPROM" or bus.read(id, lock.address, 1).params == b"\0":
                 raise
@@ -149,7 +148,8 @@ def current_counts(joint: RigJoint) -> int:
 
 
 def _read_settings(joint: RigJoint, bus: Bus) -> dict[str, int]:
-    rows = [register for name, register in joint.table.registers.items() if name in _COMPARED]
+    compared = _COMPARED | joint.table.series.bits_needed.keys()
+    rows = [register for name, register in joint.table.registers.items() if name in compared]
     held: dict[str, int] = {}
     for memory in ("EEPROM", "RAM"):
         block = [row for row in rows if row.memory == memory]
@@ -161,9 +161,11 @@ def _read_settings(joint: RigJoint, bus: Bus) -> dict[str, int]:
 def _needs(joint: RigJoint, low: int, high: int, held: dict[str, int]) -> Iterator[tuple[str, int, When]]:
     """Register, needed value, and when it is set, for the registers that this model has."""
     # First the mode: a change of it puts gains and goals back.
-    for name, mode in (("operating_mode", joint.mode), ("control_mode", _JOINT_MODE), ("torque_control_mode", 0)):
+    for name, mode in (("operating_mode", joint.mode), ("torque_control_mode", 0)):
         if name in held:
             yield name, mode, "switch-on"
+    if "control_mode" in held:
+        yield "control_mode", joint.table["control_mode"].default or 0, "switch-on"
     if joint.in_one_turn:
         yield "min_position_limit", low, "switch-on"
         yield "max_position_limit", high, "switch-on"
@@ -180,10 +182,14 @@ def _needs(joint: RigJoint, low: int, high: int, held: dict[str, int]) -> Iterat
             yield name, held[most], "switch-on"
     if "goal_current" in held and joint.mode in joint.table.series.current_limited:
         yield "goal_current", current_counts(joint) or held["current_limit"], "switch-on"
-    yield "status_return_level", ANSWER_EVERYTHING, "switch-on"
-    for name in ("drive_mode", "homing_offset", "startup_configuration", "multi_turn_offset"):
+    yield "status_return_level", joint.table.family.answers_all, "switch-on"
+    if "homing_offset" in held:
+        yield "homing_offset", joint.homing_offset, "refused"
+    for name in ("drive_mode", "startup_configuration", "multi_turn_offset"):
         if name in held:
             yield name, 0, "refused"
+    for name, (mask, value) in joint.table.series.bits_needed.items():
+        yield name, held[name] & ~mask | value, "refused"
     if "resolution_divider" in held:
         yield "resolution_divider", 1, "refused"
     if held.get("secondary_id", _NO_SECOND_ID) <= _LAST_ID:

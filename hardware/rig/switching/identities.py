@@ -11,7 +11,6 @@ from hardware.families.models import TRAITS
 from hardware.rig.registers import list_joints, read_each, read_register, sync_write_all
 from hardware.rig.rig_file import RigConfig
 from hardware.rig.rig_joint import RigJoint
-from hardware.rig.switching.audit import ANSWER_EVERYTHING
 
 
 def check_identities(config: RigConfig, bus: Bus) -> None:
@@ -44,7 +43,8 @@ def check_identities(config: RigConfig, bus: Bus) -> None:
 
 def raise_answer_level(config: RigConfig, bus: Bus) -> None:
     """Sets servos to answer every instruction: a mute one would look like one that is missing."""
-    sync_write_all(config.only(_answer_by_ram(config)), bus, "status_return_level", ANSWER_EVERYTHING)
+    for index in _answer_by_ram(config):
+        _answer_all(config.only([index]), bus)
 
 
 def raise_answer_level_in_eeprom(config: RigConfig, bus: Bus) -> None:
@@ -57,12 +57,16 @@ def raise_answer_level_in_eeprom(config: RigConfig, bus: Bus) -> None:
         if index in newer:
             continue
         try:
-            right = read_register(joint, bus, "status_return_level") == ANSWER_EVERYTHING
+            right = read_register(joint, bus, "status_return_level") == joint.table.family.answers_all
         except ServoError:
             right = False
         if not right:
             sync_write_all(config.only([index]), bus, "torque_enable", 0)
-            sync_write_all(config.only([index]), bus, "status_return_level", ANSWER_EVERYTHING)
+            _answer_all(config.only([index]), bus)
+
+
+def _answer_all(config: RigConfig, bus: Bus) -> None:
+    sync_write_all(config, bus, "status_return_level", config.joints[0].table.family.answers_all)
 
 
 def _answer_by_ram(config: RigConfig) -> list[int]:

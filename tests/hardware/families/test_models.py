@@ -133,7 +133,7 @@ def test_cells_that_move_with_the_firmware_are_found_where_they_are():
 
 def test_every_model_that_can_be_a_joint_has_its_health_in_one_block():
     for model, table in MODELS.items():
-        if "hardware_error_status" in table.registers and model != "XL-320":
+        if "hardware_error_status" in table.registers and "indirect_data_1" in table.registers:
             plan = arranged(table, 46)
             assert plan is not None, model
             assert plan.block.healthy

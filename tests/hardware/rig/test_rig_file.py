@@ -55,8 +55,11 @@ def test_an_angle_becomes_pulses(written):
         (("direction = 1", "direction = 2"), "joint 1.direction: 2 is not allowed; -1 and 1 are"),
         (("XM430-W350", "MX-28 1.0"), "joint 1: model 'MX-28 1.0' is unknown. Did you mean MX-28(1.0)"),
         (("-W350", "-X"), "joint 1: model 'XM430-X' is unknown"),
-        (("XM430-W350", "STS3215"), "joint 1: model 'STS3215' is unknown. Only Dynamixel servos are driven"),
-        (("XM430-W350", "RH-P12-RN"), "model 'RH-P12-RN' cannot be a joint of a rig; the XL-320 and servos of the X"),
+        (("XM430-W350", "QDD-100"), "joint 1: model 'QDD-100' is unknown. motiondeck rig scan names the servos on"),
+        (
+            ("XM430-W350", "RH-P12-RN"),
+            "model 'RH-P12-RN' cannot be a joint of a rig: its motor and",
+        ),
         (
             ("velocity = 4", "velocity = 0.02"),
             "velocity is 0.02 rad/s; the least that model 'XM430-W350' can keep is 0.024",

@@ -225,7 +225,7 @@ def test_other_files_are_no_calibration(tmp_path, text, said):
 
 def test_motors_that_do_not_answer_are_named(tmp_path):
     (tmp_path / "c.json").write_text(json.dumps(MOTORS))
-    with pytest.raises(RigError, match=r"shoulder_pan \(id 1\), elbow_flex \(id 2\).*Feetech"):
+    with pytest.raises(RigError, match=r"shoulder_pan \(id 1\), elbow_flex \(id 2\).*Check power"):
         imported(read_calibration(tmp_path / "c.json"), [], "/dev/ttyUSB0")
 
 
@@ -317,6 +317,6 @@ def test_a_servo_that_cannot_be_a_joint_is_left_out_with_its_reason(port):
     made, left_out = rig_of(found, "p")
     assert made.names == ("joint_1", "joint_4")
     assert left_out[0] == "id 2: Motiondeck does not know its model (model number 9999)."
-    assert left_out[1].startswith("id 3: model 'RH-P12-RN' cannot be a joint of a rig; ")
+    assert left_out[1].startswith("id 3: model 'RH-P12-RN' cannot be a joint of a rig: ")
     with pytest.raises(RigError, match=r"id 2: .*9999"):
         rig_of(found[1:2], "p")

@@ -8,8 +8,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from hardware.families.dynamixel1 import instructions as wire
-from hardware.families.dynamixel1.frames import LONGEST, Parser1, as_status, build, status_length
-from hardware.families.dynamixel2.frames import Frame
+from hardware.families.dynamixel1.frames import as_status
+from hardware.families.frames import Frame
+from hardware.families.plain_frames import LONGEST, PlainParser, build, status_length
 
 FRAMES = st.builds(
     Frame, st.integers(0, 253), st.integers(0, 255), st.binary(max_size=40).filter(lambda data: b"\xff" not in data)
@@ -60,7 +61,7 @@ def test_instructions_are_the_bytes_of_the_makers_sdk(call, ours):
 @given(st.lists(FRAMES, max_size=5), st.lists(st.integers(1, 30), min_size=1, max_size=20))
 def test_frames_are_found_however_the_bytes_are_cut(frames, sizes):
     data = b"".join(build(*frame) for frame in frames)
-    parser, found, at, turn = Parser1(), [], 0, 0
+    parser, found, at, turn = PlainParser(), [], 0, 0
     while at < len(data):
         size = sizes[turn % len(sizes)]
         found += parser.feed(data[at : at + size])
@@ -71,13 +72,13 @@ def test_frames_are_found_however_the_bytes_are_cut(frames, sizes):
 
 @given(st.binary(max_size=60), FRAMES)
 def test_noise_before_a_frame_costs_no_frame_and_nothing_raises(noise, frame):
-    parser = Parser1()
+    parser = PlainParser()
     parser.feed(noise)
     assert frame in parser.feed(build(*frame)) + parser.feed(build(*frame))
 
 
 def test_a_frame_with_a_bad_checksum_is_dropped_and_its_id_is_known():
-    parser = Parser1()
+    parser = PlainParser()
     broken = bytearray(wire.read(7, 36, 2))
     broken[-1] ^= 1
     assert parser.feed(bytes(broken) + wire.read(8, 36, 2)) == [Frame(8, wire.READ, b"\x24\x02")]
@@ -85,13 +86,13 @@ def test_a_frame_with_a_bad_checksum_is_dropped_and_its_id_is_known():
 
 
 def test_a_header_may_begin_with_a_byte_of_noise_that_looks_like_it():
-    assert Parser1().feed(b"\xff" + wire.ping(1)) == [Frame(1, wire.PING, b"")]
+    assert PlainParser().feed(b"\xff" + wire.ping(1)) == [Frame(1, wire.PING, b"")]
 
 
 @pytest.mark.parametrize("header", [b"\xff\xff\x01\xfa", b"\xff\xff\x01\x50", b"\xff"])
 def test_a_stream_of_hostile_headers_costs_linear_time(header):
     """Each promises a long frame; 16 kB of them, byte by byte, once took 4 s."""
-    parser, since = Parser1(), time.process_time()
+    parser, since = PlainParser(), time.process_time()
     for byte in header * (16_000 // len(header)):
         parser.feed(bytes((byte,)))
         assert len(parser._buffer) <= LONGEST + 4
@@ -99,10 +100,10 @@ def test_a_stream_of_hostile_headers_costs_linear_time(header):
 
 
 def test_an_answer_tells_problems_of_the_servo_from_those_of_the_instruction():
-    (hot,) = Parser1().feed(build(3, 4 | 32, b"\x01\x02"))
+    (hot,) = PlainParser().feed(build(3, 4 | 32, b"\x01\x02"))
     status = as_status(hot)
     assert (status.id, status.error, status.alert, status.params, status.hardware) == (3, 0, True, b"\x01\x02", 36)
-    (refused,) = Parser1().feed(build(3, 2))
+    (refused,) = PlainParser().feed(build(3, 2))
     assert (as_status(refused).error, as_status(refused).alert) == (6, False)
     assert len(build(3, 0, b"\0\0")) == status_length(2)
 

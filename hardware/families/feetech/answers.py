@@ -1,0 +1,97 @@
+"""The answers of emulated Feetech STS servos.
+
+An answer tells the servo's problems, never that an instruction was refused: what a servo cannot take, it ignores. A
+broadcast ping is answered in order of ID, as LeRobot expects it.
+"""
+
+from __future__ import annotations
+
+from hardware.families.emulation import (
+    BOOT_TIME,
+    RESET_BUT_ID,
+    Answer,
+    EmulatedServo,
+    EmulatedServos,
+    alone_or_mixed,
+)
+from hardware.families.feetech import instructions as wire
+from hardware.families.feetech.family import FAMILY
+from hardware.families.frames import BROADCAST, Frame
+from hardware.families.plain_frames import build
+
+
+def answer(bus: EmulatedServos, frame: Frame) -> list[Answer]:
+    """The servos' answers to one instruction."""
+    everybody = frame.id == BROADCAST
+    if frame.instruction == wire.SYNC_WRITE:
+        return _sync_write(bus, frame.params) if everybody else []
+    if frame.instruction == wire.SYNC_READ:
+        return _sync_read(bus, frame.params) if everybody else []
+    if everybody and frame.instruction == wire.PING:
+        return [one for id in bus.ids() for one in _together(bus, id, frame)]
+    if everybody:
+        for device in bus.everybody(FAMILY):
+            if frame.instruction != wire.READ:
+                _alone(bus, device, frame)
+        bus.reindex()
+        return []
+    answers = _together(bus, frame.id, frame)
+    bus.reindex()
+    return answers
+
+
+def damaged(bus: EmulatedServos, id: int) -> list[Answer]:
+    """Nothing: a frame whose checksum was wrong is ignored."""
+    return []
+
+
+def _together(bus: EmulatedServos, id: int, frame: Frame) -> list[Answer]:
+    return alone_or_mixed(bus, [one for device in bus.hearing(id, FAMILY) for one in _alone(bus, device, frame)])
+
+
+def _alone(bus: EmulatedServos, device: EmulatedServo, frame: Frame) -> list[Answer]:
+    """Carries out an instruction to one servo; it answers under the ID that it had before, if its level allows it."""
+    params, data = frame.params, b""
+    always = frame.instruction in (wire.PING, wire.READ)
+    answers = always or device["status_return_level"] != 0
+    id, delay, problems = device.id, device.return_delay, device["hardware_error_status"]
+    match frame.instruction:
+        case wire.PING:
+            pass
+        case wire.READ if len(params) == 2:
+            found = device.read(params[0], params[1])
+            answers, data = found is not None, found or b""
+        case wire.WRITE if len(params) > 1:
+            device.write(params[0], params[1:])
+        case wire.REG_WRITE if len(params) > 1:
+            device.register(params[0], params[1:])
+        case wire.ACTION:
+            device.act()
+        case wire.FACTORY_RESET:
+            device.factory_reset(RESET_BUT_ID, bus.time + BOOT_TIME)
+        case _:
+            answers = False
+    return [Answer(delay, build(id, problems, data), id)] if answers else []
+
+
+def _sync_write(bus: EmulatedServos, params: bytes) -> list[Answer]:
+    if len(params) > 2 and params[1]:
+        size = params[1] + 1
+        for at in range(2, len(params) - size + 1, size):
+            for device in bus.hearing(params[at], FAMILY):
+                device.write(params[0], params[at + 1 : at + size])
+        bus.reindex()
+    return []
+
+
+def _sync_read(bus: EmulatedServos, params: bytes) -> list[Answer]:
+    answers: list[Answer] = []
+    for id in params[2:]:
+        own: list[Answer] = []
+        for device in bus.hearing(id, FAMILY):
+            if (data := device.read(params[0], params[1])) is not None:
+                own.append(Answer(device.return_delay, build(id, device["hardware_error_status"], data), id))
+        if not own and bus.strict:
+            break
+        answers += alone_or_mixed(bus, own)
+    return answers
