@@ -67,6 +67,17 @@ class Register:
         """The largest size of what may be written, in counts: without the sign bit."""
         return self.maximum & ((1 << self.sign_bit) - 1) if self.sign_bit else self.maximum
 
+    @property
+    def least(self) -> int:
+        """The lowest number that may be written, in counts."""
+        return -self.largest if self.sign_bit else self.minimum
+
+    def raw(self, value: int) -> bytes:
+        """The bytes of a count, whatever the range."""
+        if value < 0 and self.sign_bit:
+            value = -value | 1 << self.sign_bit
+        return value.to_bytes(self.length, "little", signed=self.signed)
+
     def decode(self, data: bytes) -> int:
         """The count that these `length` bytes hold."""
         count = int.from_bytes(data, "little", signed=self.signed)
@@ -76,12 +87,9 @@ class Register:
 
     def encode(self, value: int) -> bytes:
         """The bytes of a count; raises ValueError if it is outside the register's range."""
-        least = -self.largest if self.sign_bit else self.minimum
-        if not least <= value <= self.maximum:
-            raise ValueError(f"{self.name} takes {least} to {self.maximum}, not {value}")
-        if value < 0 and self.sign_bit:
-            value = -value | 1 << self.sign_bit
-        return value.to_bytes(self.length, "little", signed=self.signed)
+        if not self.least <= value <= self.maximum:
+            raise ValueError(f"{self.name} takes {self.least} to {self.maximum}, not {value}")
+        return self.raw(value)
 
 
 def decode_block(registers: Iterable[Register], data: bytes, start: int) -> dict[str, int]:

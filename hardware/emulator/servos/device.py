@@ -306,8 +306,7 @@ class Device:
         return int.from_bytes(self._memory[place], "little", signed=signed)
 
     def _store(self, register: Register, value: int) -> None:
-        data = value.to_bytes(register.length, "little", signed=register.signed)
-        self._memory[register.address : register.address + register.length] = data
+        self._memory[register.address : register.address + register.length] = register.raw(value)
 
     def _plan(self, address: int, data: bytes) -> list[tuple[Register, int]] | int:
         """The registers these bytes fill and the values they get, or the error number for the first that refuses."""
@@ -353,7 +352,7 @@ class Device:
 
     def _refusal(self, register: Register, value: int) -> int:
         name = register.name
-        if not register.minimum <= value <= register.maximum:
+        if not register.least <= value <= register.maximum:
             return RANGE
         if name in _GOALS and self._get("bus_watchdog") == TRIPPED:
             return RANGE

@@ -150,6 +150,7 @@ class ServoBank:
     def settle(self) -> None:
         """Copies the registers that matter to the motors to them, after one was written."""
         registers, drive = self.registers, self.drive
+        self._shown = False
         if self.mapped:
             follow(registers, self.table, drive)
         sign = np.where(registers["drive_mode"] & 1, -1.0, 1.0).astype(np.float64)
