@@ -140,6 +140,15 @@ class Deck(Lockable):
         """The motions that are played after the present one."""
         return [switch.to for switch in self.plan.queued]
 
+    @property
+    def place(self) -> LoopPlace | None:
+        """The place in the motion, with its present tempo; None while motions are blended, or if that is not known."""
+        here, share = self.performance.motion, self.performance.tracks.leading.share
+        if share is None or self.blend:
+            return None
+        alone = self.settled and not self.paused
+        return LoopPlace(self.time, here.name, share, here.seconds, here.loop, self.tempo, alone)
+
     def switch(self, to: str, *, direct: bool = False) -> CommandedSwitch:
         """Starts a switch at the next update, or when the present one-shot has ended; the queue is cleared.
 

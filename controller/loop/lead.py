@@ -69,7 +69,8 @@ class Lead:
 
     Attributes:
         seconds: L, s.
-        before: delays the deck's targets on their way to the envelope.
+        delays: of the deck's targets on their way to the envelope, shape (J,), s.
+        before: delays them.
     """
 
     def __init__(self, channels: Sequence[Channel], joints: int, dt: float) -> None:
@@ -79,19 +80,28 @@ class Lead:
         largest = np.maximum.reduce(lags)
         ticks = math.ceil(largest.max(initial=0.0) / dt - 1e-6)
         self.seconds = ticks * dt
-        self.before = Delay(self.seconds - largest, dt)
+        self.delays = self.seconds - largest
+        self.before = Delay(self.delays, dt)
         # One stream for all outputs that lag alike; the first is the picture.
-        alike = [lag.tobytes() for lag in lags]
+        corrected = [False, *(channel.corrected for channel in channels)]
+        alike = [(lag.tobytes(), one) for lag, one in zip(lags, corrected, strict=True)]
         distinct = list(dict.fromkeys(alike))
         self._streams = [
-            (Delay(largest - lag, dt), DelayedPoses(ticks - round(lag.max(initial=0.0) / dt)))
-            for lag in (lags[alike.index(one)] for one in distinct)
+            (Delay(largest - lag, dt), DelayedPoses(ticks - round(lag.max(initial=0.0) / dt)), own)
+            for lag, own in ((lags[alike.index(one)], one[1]) for one in distinct)
         ]
         self._stream_of = [distinct.index(one) for one in alike[1:]]
 
-    def write(self, channels: Sequence[Channel], tick: int, targets: Array, pose: Pose) -> tuple[Array, Pose]:
-        """Writes the safe targets (J,), rad, and the deck's pose of a tick to the outputs; those of the picture."""
-        streamed = [(late(targets), poses(pose)) for late, poses in self._streams]
+    def write(
+        self, channels: Sequence[Channel], tick: int, targets: Array, pose: Pose, added: Array | None = None
+    ) -> tuple[Array, Pose]:
+        """Writes the safe targets (J,), rad, and the deck's pose of a tick to the outputs; returns the picture's.
+
+        Args:
+            added: what was added to the targets for outputs that are corrected; the others get them without it.
+        """
+        plain = targets if added is None else targets - added
+        streamed = [(late(targets if own else plain), poses(pose)) for late, poses, own in self._streams]
         for channel, stream in zip(channels, self._stream_of, strict=True):
             channel.write(tick, *streamed[stream])
         return streamed[0]

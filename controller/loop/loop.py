@@ -18,6 +18,7 @@ import msgspec
 from threadpoolctl import threadpool_limits
 
 from controller.loop.clock import Clock
+from controller.loop.correction import Correction
 from controller.loop.fault_counter import FaultCounter
 from controller.loop.histogram import DurationHistogram, Percentiles
 from controller.loop.lead import Lead
@@ -101,6 +102,7 @@ def run(
     publish: Callable[[LoopState], None] | None = None,
     publish_every: int = 4,
     stop: StopRequest | None = None,
+    correction: Correction | None = None,
 ) -> LoopReport:
     """Plays a deck on outputs until the time is over, or until a command, a signal or a failure ends it.
 
@@ -119,9 +121,10 @@ def run(
             keeps raising ends the loop, and the others go on until the joints are at rest.
         publish: called with the state every `publish_every` ticks; it must not wait.
         stop: ends the loop when set; if set before the first tick nothing moves. By default one that signals set.
+        correction: of the targets of outputs with the attribute `correction`; the picture is without it.
     """
     lead = Lead(channels, len(envelope.position), clock.period)
-    source = Source(deck, clock.period, lead.before if lead.seconds else None)
+    source = Source(deck, clock.period, lead.before if lead.seconds else None, correction)
     commanding, publishing = FaultCounter(most=_DEAF), FaultCounter()
     stopping = [FaultCounter(most=_DEAF) for _ in stops]
     with undisturbed(), nullcontext(stop) if stop is not None else stop_on_signals() as stop:
@@ -147,8 +150,11 @@ def run(
                     if targets is None:
                         break
                     state.targets, state.pose = targets, source.pose
-                    if lead.seconds:
-                        state.targets, state.pose = lead.write(channels, state.tick, targets, source.pose)
+                    if lead.seconds or correction is not None:
+                        added = correction.added() if correction is not None else None
+                        state.targets, state.pose = lead.write(channels, state.tick, targets, source.pose, added)
+                        if correction is not None:
+                            correction.end_tick(state.targets, envelope.changed)
                     else:
                         for channel in channels:
                             channel.write(state.tick, targets, source.pose)

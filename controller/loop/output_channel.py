@@ -39,6 +39,11 @@ class Channel:
         """How long after a write each joint is there, shape (J,), s; None for an output that says nothing of it."""
         return getattr(self.output, "lag", None)
 
+    @property
+    def corrected(self) -> bool:
+        """Whether the output gets corrected targets, since its joints teach a correction."""
+        return getattr(self.output, "correction", None) is not None
+
     def read(self, tick: int) -> None:
         """Reads the joint positions, if it is the output's turn."""
         if self.parked or tick % self.every:

@@ -9,6 +9,7 @@ from typing import Protocol
 
 import numpy as np
 
+from controller.loop.correction import Correction
 from controller.loop.fault_counter import FaultCounter
 from controller.loop.safety.approach import Approach
 from controller.loop.safety.safety_envelope import SafetyEnvelope
@@ -55,13 +56,20 @@ class Source:
         running: whether the deck's time passes; while the joints approach it, it waits.
     """
 
-    def __init__(self, deck: Player, dt: float, before: Callable[[Array], Array] | None = None) -> None:
+    def __init__(
+        self,
+        deck: Player,
+        dt: float,
+        before: Callable[[Array], Array] | None = None,
+        correction: Correction | None = None,
+    ) -> None:
         """Takes the first targets; an exception of the deck is raised here.
 
         Args:
             before: delays the targets (J,) of each update on their way to the envelope.
+            correction: is added to targets that are followed.
         """
-        self._deck, self._before = deck, before
+        self._deck, self._before, self.correction = deck, before, correction
         self.dt = dt
         self.counter = FaultCounter()
         self.updates = 0
@@ -77,6 +85,8 @@ class Source:
         self.counter.call(self._take)
         if self._before is not None:
             self.targets = self._before(self._latest)
+        if self.correction is not None:
+            self.correction.update()
 
     def catch_up(self) -> None:
         """Advances the deck by a tick whose targets are not written, unless it waits for an approach."""
@@ -146,6 +156,7 @@ def _follow(
     source: Source, channels: Sequence[Measuring], envelope: SafetyEnvelope, stop: StopRequest
 ) -> Iterator[Array]:
     """Approaches the deck's targets slowly and follows them, and again where an output has held its joints."""
+    correction = source.correction
     while True:
         source.running, stop.approaching = False, True
         yield from _rejoin(channels, envelope, source.dt)
@@ -156,7 +167,7 @@ def _follow(
         stop.approaching = False
         while _held(channels) is None:
             source.update()
-            yield envelope(source.targets)
+            yield envelope(source.targets if correction is None else correction.corrected(source.targets))
 
 
 def _go_home(

@@ -22,6 +22,16 @@ _WATCHDOG_UNIT = 0.02  # s, in which the servos count
 BAUD_RATES = (9600, 57600, 115200, 1_000_000, 2_000_000, 3_000_000, 4_000_000)
 
 
+class FollowConfig(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
+    """How joints follow their targets.
+
+    Attributes:
+        learn: whether what they are still off, in each motion and phase, is learned while they play.
+    """
+
+    learn: bool = False
+
+
 class RigConfig(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     """A rig file's contents.
 
@@ -35,6 +45,7 @@ class RigConfig(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
         on_exit: what the servos do in the end: "off", or "hold" where they are.
         on_loss: what happens when a joint is lost for good: "stop" the rig, or "go on" without it.
         reconnect_s: how long a vanished port may take to come back; 0 to stop at once.
+        follow: how joints follow their targets.
     """
 
     port: Annotated[str, msgspec.Meta(min_length=1)]
@@ -46,6 +57,7 @@ class RigConfig(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     on_exit: Literal["off", "hold"] = "off"
     on_loss: Literal["stop", "go on"] = "stop"
     reconnect_s: Annotated[float, msgspec.Meta(ge=0, le=3600)] = 10.0
+    follow: FollowConfig = FollowConfig()
 
     def __post_init__(self) -> None:
         if self.baud not in BAUD_RATES:

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from controller.deck.deck import Deck
 from controller.deck.interfaces import Retargeter
 from controller.deck.lockable import Lockable
 from controller.deck.recorded_deck import RecordedDeck
@@ -15,6 +16,7 @@ from controller.library.motion_library import MotionLibrary
 from controller.loop.clock import Clock, Ticker
 from controller.loop.commands.command_handler import CommandHandler
 from controller.loop.commands.commanded_run import CommandedRun
+from controller.loop.correction import Correction
 from controller.loop.ensemble import all_limits, together
 from controller.loop.lead import Lead
 from controller.loop.output_channel import Channel
@@ -33,7 +35,7 @@ from motiondeck.run.beside.child_process import Children, PageProcess, child_pro
 from motiondeck.run.report import RunNews
 from motiondeck.run.robots.robot_on_deck import RobotOnDeck, channels_of
 from motiondeck.run.session import Session, WiredStopWatch
-from motiondeck.run.spec.run_spec import RunSpec
+from motiondeck.run.spec.run_spec import EMULATED, RunSpec
 from motiondeck.run.spec.script import Timed
 from motiondeck_base.errors import MotiondeckError
 
@@ -158,15 +160,16 @@ def _assemble(opening: ExitStack, stop: StopRequest, spec: RunSpec, played: Play
         # The clock of its events is the deck's, as of all others; the approach comes before.
         pushable.attach(lambda: deck.time, lambda: stop.holds)
     measured = _measured_by(channels[0], len(first.own_joints))
-    lead = Lead(channels, len(joints), clock.period).seconds
+    lead = Lead(channels, len(joints), clock.period)
     if isinstance(deck, RecordedDeck):
-        deck.lead = lead
+        deck.lead = lead.seconds
     if isinstance(deck, Lockable):
         leader = member.leader(opening) if member is not None else _leader(opening, spec)
         due = ticker.due if ticker is not None else None
-        deck.attach(due=due, measured=measured, leader=leader, lead=lead)
+        deck.attach(due=due, measured=measured, leader=leader, lead=lead.seconds)
         if spec.lock_to is not None:
             deck.lock("beat" if spec.lock_to == "beat" else "body" if spec.lock_to == "body" else "deck")
+    correction = _correction(opening, spec, played, robots, deck, lead, clock.period)
     watch = _watch(spec, played, first, channels[0])
     guards = [robot.guard for robot in robots if robot.guard is not None]
     kept_apart = (lambda: sum(guard.kept_apart.total() for guard in guards)) if guards else None
@@ -207,6 +210,7 @@ def _assemble(opening: ExitStack, stop: StopRequest, spec: RunSpec, played: Play
         recorder=recorder,
         watch=watch,
         wired_stop=WiredStopWatch(wired, handler) if wired is not None else None,
+        correction=correction,
         timeline=list(played.timeline),
         progress=host.progress,
         prompt=host.terminal,
@@ -273,6 +277,26 @@ def _guarded(robots: Sequence[RobotOnDeck]) -> list[GuardedRig]:
     """The rigs of robots that are behind a guard."""
     servos = [_servos(robot) for robot in robots]
     return [output.guarded for output in servos if output is not None and output.guarded is not None]
+
+
+def _correction(
+    opening: ExitStack,
+    spec: RunSpec,
+    played: Played,
+    robots: Sequence[RobotOnDeck],
+    deck: PlayableDeck,
+    lead: Lead,
+    period: float,
+) -> Correction | None:
+    """What the rig of a single robot learns, if its file asks for it and a library is played."""
+    rig, source = _servos(robots[0]), played.source
+    if len(robots) > 1 or rig is None or not isinstance(deck, Deck) or not isinstance(source, MotionLibrary):
+        return None
+    from motiondeck.run.robots.learned_follow import open_correction
+
+    emulated, limits = str(spec.rig).startswith(EMULATED), robots[0].limits
+    about = {"robot": robots[0].name, "library": source.info, "emulated": emulated}
+    return open_correction(opening, rig, deck, lead, limits, period, **about)
 
 
 def _watch(spec: RunSpec, played: Played, first: RobotOnDeck, channel: Channel) -> Watch | None:

@@ -13,6 +13,7 @@ import numpy as np
 from controller.deck.recorded_deck import RecordedDeck
 from controller.loop.clock import Clock
 from controller.loop.commands.command_handler import CommandHandler
+from controller.loop.correction import Correction
 from controller.loop.loop import LoopState, run
 from controller.loop.output_channel import Channel
 from controller.loop.permissions import (
@@ -85,7 +86,7 @@ class Session:
         source: the name of what is played.
         measured: returns the measured joint positions of the first robot, rad, as far as they are known.
         page_port: where the page is; None for no page.
-        door, page, recorder, watch, wired_stop: None for what the run does not have.
+        door, page, recorder, watch, wired_stop, correction: None for what the run does not have.
         guarded: the rigs that are behind a guard; the first guard has the stop door and the wired stop.
         timeline: what is still to be commanded, in order.
         progress, prompt: whether a terminal shows how the run goes, and whether it has a prompt.
@@ -112,6 +113,7 @@ class Session:
     recorder: TickRecorder | None = None
     watch: Watch | None = None
     wired_stop: WiredStopWatch | None = None
+    correction: Correction | None = None
     timeline: list[Timed] = field(default_factory=list)
     progress: bool = False
     prompt: bool = False
@@ -142,6 +144,7 @@ class Session:
                 publish=self._publish,
                 publish_every=1 if self.recorder or self.watch else self._ticks_a_picture,
                 stop=self.stop,
+                correction=self.correction,
             )
         self.handler.notify("ended", report.reason)
         # The joints first: what else is closed may take its time.

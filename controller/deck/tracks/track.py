@@ -143,6 +143,13 @@ class Track:
         return self.player.phase if self._mixture is None else None
 
     @property
+    def share(self) -> float | None:
+        """How far a loop is, [0, 1), also of a network that keeps time without a phase; None if it keeps none."""
+        if self._mixture is None:
+            return self.phase
+        return self.at / self.motion.seconds % 1.0 if self.guard is None else None
+
+    @property
     def restarts(self) -> int:
         """How often the network lost its motion and was restarted."""
         return self.guard.recues if self.guard else 0

@@ -84,6 +84,7 @@ class RigGuard:
         self._shift, self._least, self._ticks = 0.0, 1.0, 0  # of the grid a tick; least waiting; ticks of the window
         self._latest = [rig.goals.copy() for _ in range(3)]  # the latest targets, the last first
         self._recoveries, self._collected = rig.recoveries, 0
+        self._asked = self._measured_at = now  # when servos were asked last, and for what was measured last
         self._set_up = False  # whether joints were set up again and the others still brake
         envelope.start(rig.goals)
 
@@ -124,7 +125,10 @@ class RigGuard:
         if self.failure:
             return
         try:
-            self._collected += self._rig.collect_state()
+            if self._rig.collect_state():
+                self._collected += 1
+                self._measured_at = self._asked
+            self._asked = now
             self._rig.write(self._next(fresh))
         except MotiondeckError as error:
             self.failure = str(error)
@@ -147,7 +151,8 @@ class RigGuard:
 
     def report(self, states: States) -> None:
         """Fills in the state of this tick, but for the servos."""
-        states.set(self.stop, self.wired.name if self.wired is not None else "", self._collected, self._rig.recoveries)
+        wire = self.wired.name if self.wired is not None else ""
+        states.set(self.stop, wire, self._collected, self._rig.recoveries, self._measured_at)
 
     def _make_up(self, lost: int) -> None:
         """Goes on by the ticks that were not run; a joint whose goal stood still for more of them begins at rest."""

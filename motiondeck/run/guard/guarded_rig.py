@@ -129,6 +129,11 @@ class GuardedRig:
         return self._state.servos[0] if self._state.phase in ("held", "latched") else None
 
     @property
+    def age(self) -> float:
+        """How old the measured positions are now, s."""
+        return time.monotonic() - self._state.measured_at
+
+    @property
     def recoveries(self) -> int:
         """How often something was recovered."""
         return self._state.recoveries

@@ -13,7 +13,7 @@ from hardware.rig.rig_file import RigConfig
 
 PHASES: tuple[Phase, ...] = get_args(Phase)
 SERVO_ROWS = 8  # of `ServoStates`
-_STATE_NUMBERS = 6
+_STATE_NUMBERS = 7
 
 
 class Begin(msgspec.Struct, frozen=True, tag="begin"):
@@ -179,7 +179,7 @@ class States:
     """The state of guard and servos in one tick; all numbers are views of one array, as it is sent.
 
     Attributes:
-        values: shape (6 + 8 J,).
+        values: shape (7 + 8 J,).
         servos: the rows of `ServoStates`, shape (8, J).
     """
 
@@ -188,16 +188,18 @@ class States:
         self.values[0] = PHASES.index("held")
         self.servos = self.values[_STATE_NUMBERS:].reshape(SERVO_ROWS, joints)
 
-    def set(self, state: StopState, wire: str, collected: int, recoveries: int) -> None:
+    def set(self, state: StopState, wire: str, collected: int, recoveries: int, measured_at: float) -> None:
         """Sets all but the servos.
 
         Args:
             wire: the name of the wired stop.
             collected: how often the rig has measured something new.
+            measured_at: when the latest was measured, by the machine's steady clock, s.
         """
         door, wired = state.presses.get(STOP_DOOR, 0), state.presses.get(wire, 0)
         phase = PHASES.index(state.phase)
-        self.values[:_STATE_NUMBERS] = phase, door, wired, wire in state.pulled, collected, recoveries
+        numbers = phase, door, wired, wire in state.pulled, collected, recoveries, measured_at
+        self.values[:_STATE_NUMBERS] = numbers
 
     @property
     def phase(self) -> Phase:
@@ -223,3 +225,8 @@ class States:
     def recoveries(self) -> int:
         """How often something was recovered."""
         return int(self.values[5])
+
+    @property
+    def measured_at(self) -> float:
+        """When the latest was measured, by the machine's steady clock, s."""
+        return float(self.values[6])

@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from controller.deck.interfaces import JointLimits
+from controller.loop.correction import Correction
 from controller.loop.lead import Delay
 from controller.loop.output_channel import Channel
 from controller.motion.posture import Pose
@@ -87,6 +88,7 @@ class RigOutput:
 
     Attributes:
         lag: of each joint, as its rig file says, shape (J,), s; 0 for joints that the rig lacks.
+        correction: learns from what the joints measure; None without one.
 
     Raises:
         MotiondeckError: if the rig has a joint that the robot has not.
@@ -106,6 +108,8 @@ class RigOutput:
         self._measured, self._held = np.full(len(joints), np.nan), np.full(len(joints), np.nan)
         self._measured[self._order] = rig.positions
         self._squares, self._samples = 0.0, 0
+        self.correction: Correction | None = None
+        self._free = np.zeros(len(joints), dtype=np.bool_)
         self._lost = ""
 
     def write(self, targets: Array, pose: Pose) -> None:
@@ -130,9 +134,17 @@ class RigOutput:
             self._squares += float(error @ error)
             self._samples += len(error)
             self._measured[self._order] = rig.positions
+            if self.correction is not None:
+                self._free[self._order] = rig.states.conditions == 0
+                self.correction.learn(self._measured, self._age, self._free)
         self._written[:] = targets[self._order]
         rig.write(self._written)
         self._meant[:] = self._followed(self._written if self.guarded is None else self.guarded.states.goals)
+
+    @property
+    def _age(self) -> float:
+        """How old the positions are that were collected just now, s: they were taken right after the goals before."""
+        return 1.0 / self._hz if self.guarded is None else self.guarded.age
 
     def measured(self) -> Array | None:
         """The latest measured positions (J,), rad; NaN for joints that the rig lacks."""
@@ -144,6 +156,11 @@ class RigOutput:
             return None
         self._held[self._order] = held
         return self._held
+
+    @property
+    def config(self) -> RigConfig:
+        """What its rig file says."""
+        return self._rig.config
 
     @property
     def positions(self) -> Array:

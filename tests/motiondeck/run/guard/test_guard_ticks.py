@@ -477,3 +477,5 @@ def test_the_state_that_the_deck_gets(bench):
     bench.guard.report(states)
     assert (states.phase, states.presses, states.pulled) == ("latched", (2, 3), True)
     assert (states.recoveries, states.collected) == (4, len(bench.rig.sent))
+    # What was collected in the last tick was measured in the one before.
+    assert states.measured_at == pytest.approx(bench.now - T, abs=0.5 * T)

@@ -76,6 +76,22 @@ def test_a_joint_that_lags_is_measured_against_its_targets_of_one_lag_ago():
     assert np.sqrt(output._squares / output._samples) == pytest.approx(np.sqrt((0.19**2 + 0.01**2) / 2.0), rel=0.02)
 
 
+def test_a_correction_learns_from_what_is_measured_of_joints_that_are_well():
+    rig, heard = FakeRig(), []
+    rig.states = SimpleNamespace(conditions=np.array([0, 4]))  # of c and a; 4 gives way
+    output = RigOutput(rig, JOINTS, 100.0)
+    output.correction = SimpleNamespace(
+        learn=lambda measured, age, free: heard.append((measured.copy(), age, free.tolist()))
+    )
+    output.write(np.array([1.0, 2.0, 3.0]), POSE)
+    assert not heard
+    output.write(np.array([1.0, 2.0, 3.0]), POSE)
+    measured, age, free = heard[0]
+    assert measured[[0, 2]] == pytest.approx([0.99, 2.99])
+    assert age == pytest.approx(0.01)
+    assert free == [False, False, True]
+
+
 def test_a_rig_that_is_lost_says_so_at_every_write():
     rig = FakeRig()
     output = RigOutput(rig, JOINTS, 100.0)

@@ -1,0 +1,107 @@
+"""The learned correction of a rig: opened with the run, kept in the user's own folder, forgotten when the rig changes.
+
+    XDG_STATE_HOME (else ~/.local/state)/motiondeck/follow/LIBRARY-NUMBER.safetensors
+
+NUMBER is that of the rig's joints. A table (knots, J) float32, rad, per motion and class of tempo; the metadata has the
+digest of all that they were learned with: rig file, robot, library, and whether the servos were emulated.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import os
+import sys
+import zlib
+from contextlib import ExitStack
+from pathlib import Path
+
+import msgspec
+import numpy as np
+
+from controller.deck.deck import Deck
+from controller.deck.interfaces import JointLimits
+from controller.library.library_header import LibraryInfo
+from controller.loop.correction import Correction, Key
+from controller.loop.lead import Lead
+from controller.motion.rotations import Array
+from hardware.rig.rig_file import RigConfig
+from motiondeck.run.robots.rig_output import RigOutput
+from motiondeck_base.errors import MotiondeckError
+from motiondeck_base.files import write_file
+
+_DIGEST = "learned with"
+
+
+def open_correction(
+    opening: ExitStack,
+    rig: RigOutput,
+    deck: Deck,
+    lead: Lead,
+    limits: JointLimits,
+    period: float,
+    *,
+    robot: str,
+    library: LibraryInfo,
+    emulated: bool,
+) -> Correction | None:
+    """The correction of a rig whose file asks for one, as it was learned so far; `opening` keeps what it learns."""
+    config = rig.config
+    if not config.follow.learn:
+        return None
+    file, digest = _file(config, library.name), _digest(config, robot, library, emulated=emulated)
+    shape = len(limits.lower)
+    tables = {key: table for key, table in load(file, digest).items() if table.shape[1] == shape}
+    correction = Correction(lambda: deck.place, lead.delays, lead.seconds, limits.velocity, period, tables)
+    rig.correction = correction
+    opening.callback(_keep, file, digest, tables)
+    return correction
+
+
+def load(file: Path, digest: str) -> dict[Key, Array]:
+    """The tables of a file; none if there is no such file, or they were learned with anything else."""
+    from safetensors import SafetensorError, safe_open
+
+    tables: dict[Key, Array] = {}
+    try:
+        with safe_open(file, "np") as kept:
+            if (kept.metadata() or {}).get(_DIGEST) != digest:
+                return {}
+            for name in kept.keys():  # noqa: SIM118 (it is no dictionary)
+                tempo, _, motion = name.partition(" ")
+                table = np.asarray(kept.get_tensor(name), dtype=np.float64)
+                if table.ndim == 2 and len(table) >= 8 and np.isfinite(table).all():
+                    tables[motion, int(tempo)] = table
+    except (OSError, SafetensorError, ValueError):
+        return {}
+    return tables
+
+
+def save(file: Path, digest: str, tables: dict[Key, Array]) -> None:
+    """Keeps the tables in which anything was learned; raises a MotiondeckError if the file cannot be written."""
+    from safetensors.numpy import save
+
+    learned = {
+        f"{tempo} {motion}": table.astype(np.float32) for (motion, tempo), table in tables.items() if table.any()
+    }
+    if learned:
+        file.parent.mkdir(parents=True, exist_ok=True)
+        write_file(file, save(learned, {_DIGEST: digest}))
+
+
+def _keep(file: Path, digest: str, tables: dict[Key, Array]) -> None:
+    try:
+        save(file, digest, tables)
+    except (OSError, MotiondeckError) as error:
+        print(f"motiondeck: what the rig has learned is not kept: {error}", file=sys.stderr)
+
+
+def _file(config: RigConfig, library: str) -> Path:
+    state = os.environ.get("XDG_STATE_HOME") or Path.home() / ".local" / "state"
+    number = zlib.crc32(" ".join(config.names).encode())
+    return Path(state) / "motiondeck" / "follow" / f"{library}-{number:08x}.safetensors"
+
+
+def _digest(config: RigConfig, robot: str, library: LibraryInfo, *, emulated: bool) -> str:
+    parts = [msgspec.to_builtins(config), robot, msgspec.to_builtins(library), emulated]
+    return hashlib.sha256(json.dumps(parts, sort_keys=True, default=str).encode()).hexdigest()
