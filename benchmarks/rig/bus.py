@@ -6,9 +6,9 @@ what no Python client can go below. A call that fails, because the machine was t
 On a busy machine the fastest tenth (p10) tells more than the median. Paced (1 and 4 Mbps) the responder takes the time
 that the bytes need on the wire; these figures are medians of five rounds in which every client has its turn.
 
-Ours is measured twice: as a rig uses it (`motiondeck`: goals and question leave in one write, and the answer of all
-servos becomes an array of numbers), and with a status a servo as the others have it (`motiondeck statuses`); `whole
-rig` has limits, units, health and counters too. Peers that are not installed are left out (pip install
+Ours is measured twice: as a rig uses it (`motiondeck`: the answer of all servos becomes an array of numbers), and with
+a status a servo as the others have it (`motiondeck statuses`); in a loop both send goals and question in one write.
+`whole rig` has limits, units, health and counters too. Peers that are not installed are left out (pip install
 motiondeck[benchmark]).
 """
 
@@ -273,8 +273,11 @@ def waiting(make: Callable[[str, int], Client], port: str, baud: int) -> Turn:
     return lambda: answered(write) and answered(read), close
 
 
-def in_turns(port: str, baud: int) -> Turn:
-    """One turn of a loop: the answer to the last question, then goals and the next question in one write."""
+def in_turns(with_statuses: bool, port: str, baud: int) -> Turn:
+    """One turn of a loop: the answer to the last question, then goals and the next question in one write.
+
+    While the wire is busy with these, the answer becomes an array of numbers, or a status a servo.
+    """
     servos = Rows(port, baud)
     bus, write, wanted, blocks = servos.bus, servos.goals, servos.wanted, servos.blocks
     servos.ask()
@@ -284,7 +287,9 @@ def in_turns(port: str, baud: int) -> Turn:
             bus.port.wait(0.5)
         write.values[:] = wanted
         bus.request(blocks, True, write.frame())
-        return servos.numbers(reply)  # while the wire is busy
+        if with_statuses and isinstance(reply, WholeReply):
+            return len(reply.statuses(IDS)) == len(IDS)
+        return servos.numbers(reply)
 
     return turn, bus.close
 
@@ -390,7 +395,8 @@ def main(
         if name in ("motiondeck", "motiondeck statuses", "floor") or _installed(name)
     }
     loops: dict[str, Loop] = {name: partial(waiting, make) for name, make in clients.items()}
-    loops |= {"motiondeck": in_turns, "whole rig": whole_rig}
+    loops |= {"motiondeck": partial(in_turns, False), "motiondeck statuses": partial(in_turns, True)}
+    loops |= {"whole rig": whole_rig}
     taken = unpaced(clients)
     medians, quiet = at_percentile(taken, 50.0), at_percentile(taken, 10.0)
     limit = rate_limit(len(IDS), 4_000_000, STATE[1])

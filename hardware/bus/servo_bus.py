@@ -77,6 +77,7 @@ class Bus:
         self._patient = True  # whether a last wait may be a long one
         self._requests: dict[tuple[Blocks, bool], GroupRead] = {}
         self._asked: tuple[Blocks, bool, GroupRead | None] = (), False, None  # last: a loop asks the same again
+        self._divided: tuple[Blocks, Mapping[int, Family], list[Blocks]] = (), self.families, []  # last, as `_lines`
         self._pending: GroupRead | None = None  # the one whose reply is awaited
         self._due = 0.0  # when all of it has arrived, if nothing holds it up
         self._received = b""
@@ -149,14 +150,22 @@ class Bus:
         A servo waits for the one before it, so a silent one may silence all behind it: only the first in the line is
         known to be silent itself. It goes to the back, and after `retries` more chances it is given up.
         """
-        by_family: dict[Family, list[tuple[int, int, int]]] = {}
-        for block in blocks:
-            by_family.setdefault(self._family(block[0]), []).append(block)
         heard: dict[int, StatusPacket] = {}
-        for family, own in by_family.items():
-            for line in family.lines(tuple(own)):
-                heard |= self._read_line(line, fast)
+        for line in self._lines(blocks):
+            heard = heard | self._read_line(line, fast) if heard else self._read_line(line, fast)
         return heard
+
+    def _lines(self, blocks: Blocks) -> list[Blocks]:
+        """The blocks that may be asked for together; the last are kept, since a loop asks for the same again."""
+        divided, families, lines = self._divided
+        if divided is not blocks or families is not self.families:
+            by_family: dict[Family, list[tuple[int, int, int]]] = {}
+            for block in blocks:
+                by_family.setdefault(self._family(block[0]), []).append(block)
+            lines = [line for family, own in by_family.items() for line in family.lines(tuple(own))]
+            lines = [blocks] if lines == [blocks] else lines
+            self._divided = blocks, self.families, lines
+        return lines
 
     def _read_line(self, blocks: Blocks, fast: bool) -> dict[int, StatusPacket]:
         """The same for blocks that may be asked for together."""

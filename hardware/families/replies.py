@@ -55,13 +55,14 @@ class WholeReply(NamedTuple):
 
     def statuses(self, ids: Sequence[int] | bytes) -> dict[int, StatusPacket]:
         """The same as statuses by ID, in the order asked."""
-        errors = self.rows[self.error :: self.stride]
-        data = _data_of(len(ids), self.data, self.stride, self.tail).unpack(self.rows)
-        numbers, alerts = repeat(0), repeat(False)
-        if any(errors):
+        unpack, errorless, empty = _form(bytes(ids), self.data, self.stride, self.tail)
+        errors, numbers, alerts = self.rows[self.error :: self.stride], repeat(0), repeat(False)
+        if errors != errorless:
             alert = self.alert
             numbers, alerts = [error & ~alert for error in errors], [error & alert != 0 for error in errors]
-        return dict(zip(ids, map(StatusPacket, ids, numbers, alerts, data), strict=True))
+        statuses = empty.copy()  # which is as large already as it gets
+        statuses.update(zip(ids, map(StatusPacket, ids, numbers, alerts, unpack(self.rows)), strict=True))
+        return statuses
 
 
 whole_reply = partial(tuple.__new__, WholeReply)
@@ -69,9 +70,12 @@ whole_reply = partial(tuple.__new__, WholeReply)
 
 
 @lru_cache(maxsize=64)
-def _data_of(count: int, data: int, stride: int, tail: int) -> Struct:
-    """Unpacks the registers of `count` rows; the bytes around them are skipped."""
-    return Struct("<" + f"{data}x{stride - tail - data}s{tail}x" * count)
+def _form(
+    ids: bytes, data: int, stride: int, tail: int
+) -> tuple[Callable[[bytes], tuple[bytes, ...]], bytes, dict[int, StatusPacket]]:
+    """What unpacks the registers of rows and skips the bytes around them; error bytes without an error; the IDs."""
+    rows = Struct("<" + f"{data}x{stride - tail - data}s{tail}x" * len(ids))
+    return rows.unpack, bytes(len(ids)), dict.fromkeys(ids, StatusPacket(0, 0, False, b""))
 
 
 def single_replies(ids: Sequence[int], lengths: Sequence[int], statuses: Iterable[StatusPacket]) -> GroupReply:
