@@ -1,1 +1,1 @@
-"""Servo rigs: the Dynamixel bus, control tables, rig files and an emulator; this package knows no motion."""
+"""Servo rigs: the servo families, the bus, rig files and an emulator; this package knows no motion."""

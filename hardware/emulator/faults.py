@@ -12,6 +12,7 @@ from typing import NamedTuple
 from hardware.emulator.bus import BOOT_TIME, Answer, EmulatedBus
 from hardware.emulator.servos.device import Device
 from hardware.errors import MotiondeckError
+from hardware.families.models import another_number
 
 ON_ANSWERS = ("drop", "corrupt", "truncate", "delay")
 ON_SERVOS = ("dead", "alert", "overheat", "brownout", "reboot", "jam", "duplicate", "swap", "cells")
@@ -28,12 +29,11 @@ KINDS = {
     "reboot": "a servo restarts",
     "jam": "a servo's horn is blocked",
     "duplicate": "a servo takes the ID `value` of another",
-    "swap": "a servo is replaced by one from the box, of model number `value` (1190)",
+    "swap": "a servo is replaced by one from the box, of model number `value` (another of its family)",
     "cells": "a servo's indirect cells are not where its table says, as with an unknown firmware",
     "unplug": "the adapter is pulled, and plugged in again when the time is over",
     "latency": "the USB adapter hands over every `value` ms only (16)",
 }
-_OTHER_MODELS = 1190, 1200  # XL330-M077 and -M288
 _KEYS = ("id", "at", "for", "chance", "value")
 
 
@@ -189,7 +189,7 @@ def _strike(fault: Fault, device: Device, bus: EmulatedBus, now: float) -> Calla
             return lambda: drive.jammed.__setitem__(row, False)
         case "swap":
             first = device["model_number"]
-            other = next(number for number in _OTHER_MODELS if number != first) if value is None else int(value)
+            other = another_number(first, device.family) if value is None else int(value)
             device.swap(other, fault.at + BOOT_TIME)
             return lambda: device.swap(first, fault.at + fault.lasts + BOOT_TIME)
         case "cells":

@@ -84,12 +84,12 @@ class EmulatedServo(Protocol):
         """Puts the EEPROM back to its defaults and restarts; whether `keep` is one of the known ways."""
         ...
 
-    def clear(self, params: bytes) -> int:
+    def clear(self) -> int:
         """Makes the present position one within a turn."""
         ...
 
-    def back_up(self, params: bytes, deaf_until: float) -> int:
-        """Stores the EEPROM, or restores it and restarts."""
+    def back_up(self, restore: bool | None, deaf_until: float) -> int:
+        """Stores the EEPROM, or restores it and restarts; None for neither, which is refused."""
         ...
 
 

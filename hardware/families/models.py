@@ -69,6 +69,12 @@ def model_name(number: int, family: Family = USUAL) -> str:
     return known_name(number, family) or f"model number {number}"
 
 
+def another_number(number: int, family: Family) -> int:
+    """The number of another model of a family; one more where it has none."""
+    (facts,) = (facts for facts in _FACTS if facts.family is family)
+    return next((other for other in facts.numbers().values() if other != number), number + 1)
+
+
 @cache
 def _of_models() -> dict[str, FamilyFacts]:
     return {model: facts for facts in _FACTS for model in facts.numbers()}

@@ -9,6 +9,7 @@ import msgspec
 
 from hardware.bus.servo_bus import UNKNOWN_MODEL, Bus
 from hardware.errors import NoReplyError, RigError
+from hardware.families.models import FAMILIES
 from hardware.families.register import Counts, Register, decode_block
 from hardware.rig.registers import put, read_register
 from hardware.rig.rig_file import RigConfig
@@ -16,7 +17,8 @@ from hardware.rig.rig_joint import RigJoint
 from motiondeck_base.files import write_file
 
 _CHUNK = 64  # bytes a read
-_NOT_RESTORED = ("id", "baud_rate", "protocol_type")  # the servo would be gone from its place on the bus
+# The servo would be gone from its place on the bus.
+_NOT_RESTORED = {"id", "baud_rate"} | {family.choice[0] for family in FAMILIES if family.choice}
 
 
 _MUTE = "{} answers a ping but no read: its status_return_level is 0. Set it with motiondeck rig doctor RIG --fix."

@@ -5,7 +5,7 @@
 
 LeRobot sees present = sign * actual + homing_offset, where sign is -1 for an odd drive_mode, and its angles grow with
 it. A rig here wants homing offset and drive mode 0, so everything is carried back to the actual position. Servos whose
-count begins anew after a turn (Feetech: present = actual - homing_offset) keep their offset, which the rig file then
+count begins anew after a turn (present = actual - homing_offset) keep their offset, which the rig file then
 has. Angle 0 is in the middle of the range, as in LeRobot's degrees.
 """
 

@@ -135,9 +135,9 @@ def _refuse(error: Any) -> None:
     problem = printable(error.format_message()).replace("Value error, ", "")
     if problem:  # else the help has been printed
         command = error.ctx.command_path if error.ctx is not None else "motiondeck"
-        for old, new in _RENAMED.items():
-            if problem.startswith(f"No such command '{old}'"):
-                problem = f"'{old}' is gone: use motiondeck {new}."
+        for before, new in _RENAMED.items():
+            if problem.startswith(f"No such command '{before}'"):
+                problem = f"'{before}' is gone: use motiondeck {new}."
         end = "" if problem.endswith(("?", ".")) else "."
         print(f"motiondeck: {problem}{end} `{command} --help` explains.", file=sys.stderr)
     sys.exit(error.exit_code)

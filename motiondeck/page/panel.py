@@ -59,7 +59,7 @@ class Notices:
         now = time.monotonic()
         if now - self._shown.get(text, -NOTICE_SECONDS) < NOTICE_SECONDS:
             return
-        self._shown = {old: at for old, at in self._shown.items() if now - at < NOTICE_SECONDS} | {text: now}
+        self._shown = {each: at for each, at in self._shown.items() if now - at < NOTICE_SECONDS} | {text: now}
         if title == FAULT and len(self._shown) > MOST_NOTICES:
             title, text = "More faults", MORE
             if text in self._shown:

@@ -2,7 +2,7 @@
 
 Where the e-Manual is silent: a goal beyond the user's limits is error 6 and one beyond the register's range error 4; a
 watchdog that has tripped takes nothing but 0; torque on a servo in shutdown is refused with error 1; a servo changes to
-its new baud rate after it has answered at the old one.
+its new baud rate after it has answered at the one before.
 """
 
 from __future__ import annotations
@@ -10,7 +10,6 @@ from __future__ import annotations
 import math
 
 from hardware.emulator.servos.servo_bank import TRIPPED, ServoBank
-from hardware.families.dynamixel2.instructions import BACKUP_RESTORE, BACKUP_STORE, CLEAR_TURNS
 from hardware.families.emulation import (
     ACCESS,
     INSTRUCTION,
@@ -254,25 +253,23 @@ class Device:
         self.factory_reset(RESET_BUT_ID_AND_BAUD, deaf_until)
         self["model_number"] = model_number
 
-    def clear(self, params: bytes) -> int:
+    def clear(self) -> int:
         """Makes the present position one within a turn; the error number, 0 for none."""
-        if params != CLEAR_TURNS:
-            return RANGE
         if self.moving:
             return RESULT_FAIL
         self.bank.to_one_turn(self.row)
         return 0
 
-    def back_up(self, params: bytes, deaf_until: float) -> int:
-        """Stores the EEPROM, or restores it and restarts; the error number, 0 for none."""
+    def back_up(self, restore: bool | None, deaf_until: float) -> int:
+        """Stores the EEPROM, or restores it and restarts; the error number, 0 for none. None for neither."""
         if not self._newer:
             return INSTRUCTION
-        if params not in (BACKUP_STORE, BACKUP_RESTORE):
+        if restore is None:
             return RANGE
         end = self._table["torque_enable"].address
-        if self._get("torque_enable") or (params == BACKUP_RESTORE and self._backup is None):
+        if self._get("torque_enable") or (restore and self._backup is None):
             return RESULT_FAIL
-        if params == BACKUP_STORE:
+        if not restore:
             self._backup = bytes(self._memory[:end])
             self["backup_ready"] = 1
         elif self._backup is not None:

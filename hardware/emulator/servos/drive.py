@@ -7,7 +7,7 @@ In steps of at most 2 ms, with e = path - shaft:
     u        position   P e + I sum(e) + D de/dt + FF path speed
              velocity   what holds the path's speed, and its error once more
              current    what the goal current needs at this speed     PWM (16): the goal itself
-             in mode 5 (P series: 1, 3 and 4) so that the current after the step is within +- goal current
+             in mode 5 (or `current_limited`) so that the current after the step is within +- goal current
              and never beyond +- goal PWM
     settled  = u / full_pwm * no_load_speed * supply / nominal - load * no_load_speed
     speed   += (settled - speed) * (1 - exp(-dt / lag))

@@ -27,6 +27,7 @@ from hardware.families.emulation import (
 from hardware.families.frames import BROADCAST, Frame
 
 _NEWER_FIRMWARE = 42  # a factory reset of everything is no longer taken from a broadcast
+_BACKUPS = {wire.BACKUP_STORE: False, wire.BACKUP_RESTORE: True}
 _LAST_ID_ADDRESS = 13  # of the ID, the baud rate, the second ID and the protocol
 
 
@@ -91,9 +92,9 @@ def _alone(bus: EmulatedServos, device: EmulatedServo, id: int, frame: Frame, sh
                 return done
             error = RANGE if len(params) == 1 else LENGTH
         case wire.CLEAR:
-            error = device.clear(params)
+            error = device.clear() if params == wire.CLEAR_TURNS else RANGE
         case wire.BACKUP if not shadow:
-            error = device.back_up(params, deaf_until)
+            error = device.back_up(_BACKUPS.get(params), deaf_until)
             bus.reindex()
         case _:
             error = INSTRUCTION

@@ -1,1 +1,1 @@
-"""Driving Dynamixel servos: goals out and states in each tick, in as few packets as possible."""
+"""Driving servos: goals out and states in each tick, in as few packets as possible."""

@@ -33,7 +33,7 @@ def calibrate(
 ) -> None:
     """Measure joint ranges by hand, and write a rig file.
 
-    Move the joints with torque off, and set their zeros and directions. The old rig file is not changed. Measurements
+    Move the joints with torque off, and set their zeros and directions. The file RIG is not changed. Measurements
     are kept in FILE.part; after an error or Ctrl-C the same command continues from there. A homing offset and drive
     mode of another program in the servos are set to 0.
 

@@ -20,7 +20,7 @@ Look = Callable[[DeckCommand], Registers | OnPorts | None]
 
 FIRST_WITHIN, LAST_WITHIN = 2.0, 20.0  # s
 SCAN = (
-    "All servos hold for less than a second (with servos of Protocol 1.0: five), and then come slowly to where they "
+    "All servos hold for less than a second (with some servos: five), and then come slowly to where they "
     "should be. Every servo that answers at the rig's baud rate is listed."
 )
 WRITES = "The rig does not rely on this register; whether the value is a good one, nothing checks. It was {before}."

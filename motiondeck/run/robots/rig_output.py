@@ -246,7 +246,7 @@ class RigOutput:
         """The rig's part of the report of the run."""
         rig, report = self._rig, self._rig.report
         return {
-            "kind": "dynamixel",
+            "kind": "servos",
             "joints": len(rig.names),
             "hz": self._hz,
             "write_us": report.write_us,
