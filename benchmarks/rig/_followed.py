@@ -169,6 +169,8 @@ class Stage:
             ]
             config = msgspec.structs.replace(self.config, joints=tuple(joints))
             port = clock.port = EmulatedPort(EmulatedBus(config))
+            for device in port.bus.devices:
+                device["return_delay_time"] = 0  # as `rig doctor --fix` would
             rig = Rig(config, lambda part: Bus(port, part.baud), beside=False, sleep=port.elapse, spare=1.0)
             channels.append(Channel(RigOutput(rig, robot.joints, config.rate_hz), round(RATE / config.rate_hz)))
             order = np.array([robot.joints.index(name) for name in config.names])

@@ -20,7 +20,7 @@ from controller.wire.messages.replies import Accepted
 from motiondeck.run.assembly import Host, Played, open_session
 from motiondeck.run.robots.robot_on_deck import open_robots
 from motiondeck.run.spec.run_spec import RunSpec
-from motiondeck_base.shipped import find_library
+from motiondeck_base.shipped import find_library, find_rig
 from waiting import until
 
 POSE = Pose(np.zeros(3), np.array(0.0), np.zeros((1, 4)))
@@ -100,6 +100,19 @@ def test_the_servos_of_a_robot_that_another_mirrors_take_commands():
             return output.incidents
 
         until(lambda: f"{joint} (id 1) was switched off on command" in incidents(), "the incident")
+
+
+def test_a_rig_whose_file_says_so_is_led_and_learns(tmp_path, monkeypatch):
+    monkeypatch.setenv("XDG_STATE_HOME", str(tmp_path))
+    shipped, file = load_library(find_library("thesis15")), tmp_path / "lagging.toml"
+    text = find_rig("servo20").read_text().replace("velocity = 4.7 }", "velocity = 4.7, lag = 0.052 }")
+    file.write_text(text + "\n[follow]\nlearn = true\n")
+    rig = {"robot": "servo20", "rig": f"emulated:{file}"}
+    with session(shipped, lambda retarget: Deck(shipped, retarget, "waltz"), **rig) as run:
+        assert run.deck.lead == pytest.approx(0.052, abs=run.clock.period)
+        assert run.channels[0].output.correction is run.correction
+        run.correction.tables["waltz", 0] = np.full((9, 20), 0.01)
+    assert len([*tmp_path.rglob("thesis15-*.safetensors")]) == 1
 
 
 @pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGINT])

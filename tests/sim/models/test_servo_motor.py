@@ -3,6 +3,10 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from controller.loop.clock import VirtualClock
+from controller.loop.loop import run
+from controller.loop.output_channel import Channel
+from controller.loop.safety.safety_envelope import SafetyEnvelope
 from motiondeck_base.errors import FileFormatError
 from sim.models.servo_motor import ROOM, ServoMotor
 from sim.physics.playback import PhysicsPlayback
@@ -66,6 +70,45 @@ def test_play_and_latency_show(tmp_path):
         way.append(output.measured()[elbow] - targets[elbow])
     assert abs(way[8]) < 0.06
     assert 0.2 < way[-1] < 0.3
+
+
+def test_a_deck_leads_servos_that_are_late(tmp_path):
+    """Their joints are where another output, which is not late, shows them."""
+    pose, robot = bent_pose(human()), servo20(tmp_path, "latency = 0.05")
+    elbow = robot.joints.index("r_elbow")
+
+    class Waving:
+        time = 0.0
+
+        def update(self, dt):
+            self.time += dt
+            return robot.rest + 0.3 * np.sin(6.0 * self.time) * (np.arange(20) == elbow), pose
+
+    class Picture:
+        name, last = "picture", robot.rest
+
+        def write(self, targets, pose):
+            self.last = targets.copy()
+
+        def measured(self):
+            return None
+
+        def report(self):
+            return {}
+
+    physics, picture, off = PhysicsPlayback(robot, 0.005), Picture(), []
+    assert physics.lag == pytest.approx(np.full(20, 0.05))
+    assert PhysicsPlayback(servo20(tmp_path, ""), 0.005).lag is None
+    run(
+        Waving(),
+        [Channel(physics), Channel(picture)],
+        VirtualClock(200.0),
+        SafetyEnvelope(robot.limits, 0.005),
+        seconds=2.5,
+        publish=lambda state: off.append(physics.measured()[elbow] - picture.last[elbow]),
+        publish_every=1,
+    )
+    assert np.abs(off[100:490]).max() < 0.02  # 0.09 without the lead
 
 
 @pytest.mark.parametrize(
