@@ -29,26 +29,17 @@ from motiondeck_base.jobs import ALONE, Jobs, spread
 
 @dataclass(frozen=True)
 class LearnedMotion:
-    """The result for one recording; `name` of the file, and empty fields, if it was not learned.
-
-    Attributes:
-        plays: "loop" or "once".
-        seconds: duration of a round of the loop, or of the one-shot without the hold at its end.
-        part: the learned part of the recording, and the errors at its best seam.
-        error_mm: of the free run.
-        passed: whether the motion may be played; if not, `remedy` says what helps.
-        doubts: warnings about the body.
-    """
+    """The result for one recording; `name` of the file, and empty fields, if it was not learned."""
 
     name: str
     file: Path
-    plays: str = ""
-    seconds: float = 0.0
-    part: LearnedPart | None = None
-    error_mm: float = np.nan
-    passed: bool = False
+    plays: str = ""  # "loop" or "once"
+    seconds: float = 0.0  # duration of a round of the loop, or of the one-shot without the hold at its end
+    part: LearnedPart | None = None  # the learned part of the recording, and the errors at its best seam
+    error_mm: float = np.nan  # of the free run
+    passed: bool = False  # whether the motion may be played; if not, `remedy` says what helps
     remedy: str = ""
-    doubts: list[str] = field(default_factory=list[str])
+    doubts: list[str] = field(default_factory=list[str])  # warnings about the body
 
 
 @dataclass(frozen=True)

@@ -40,40 +40,32 @@ Reader = Callable[[MotionRecipe], Clip]
 
 @dataclass(frozen=True)
 class LearnedPart:
-    """The part of a recording that is learned, from `first` to `end`, s, of `recorded` s.
-
-    Attributes:
-        seam_mm, seam_degrees: mean distance of joints, and largest angle of a bone, at the seam of a loop before the
-            mismatch is eased out; None for a one-shot.
-    """
+    """The part of a recording that is learned, from `first` to `end`, s, of `recorded` s."""
 
     first: float
     end: float
     recorded: float
+    # Mean distance of joints, and largest angle of a bone, at the seam of a loop before the mismatch is eased out; None
+    # for a one-shot.
     seam_mm: float | None = None
     seam_degrees: float | None = None
 
 
 @dataclass(frozen=True)
 class TrainingSet:
-    """The training frames of a recipe.
-
-    Attributes:
-        before: recorded frames before `frames`, if any.
-        parts: learned part of each recording; not for recordings learned as recorded.
-        variants: of motions with an input, the loop at each of its values, the first as in `frames`.
-        inputs: names of the inputs.
-    """
+    """The training frames of a recipe."""
 
     encoding: Encoding
     rate: float
     frames: dict[str, Array]  # of each motion, shape (T, channels), in the encoding's units
     loops: dict[str, bool]  # whether each motion is a loop
-    before: dict[str, Array] = field(default_factory=dict[str, Array])
+    before: dict[str, Array] = field(default_factory=dict[str, Array])  # recorded frames before `frames`, if any
+    # Learned part of each recording; not for recordings learned as recorded.
     parts: dict[str, LearnedPart] = field(default_factory=dict[str, LearnedPart])
     least_range: float = 0.0  # of a channel, for its normalisation, in its unit
+    # Of motions with an input, the loop at each of its values, the first as in `frames`.
     variants: dict[str, list[Variant]] = field(default_factory=dict[str, list[Variant]])
-    inputs: dict[str, str] = field(default_factory=dict[str, str])
+    inputs: dict[str, str] = field(default_factory=dict[str, str])  # names of the inputs
 
     def lessons(self) -> Lessons:
         """The normalised motions for a trainer."""

@@ -14,16 +14,11 @@ from controller.motion.rotations import Array
 
 @dataclass(frozen=True)
 class LedJoints:
-    """F joints that follow others.
+    """F joints that follow others."""
 
-    Attributes:
-        follower, leader: joints, shape (F,).
-        curve: the coefficients of the followers' positions as polynomials of their leaders', shape (F, 5).
-    """
-
-    follower: NDArray[np.int64]
-    leader: NDArray[np.int64]
-    curve: Array
+    follower: NDArray[np.int64]  # joints, shape (F,)
+    leader: NDArray[np.int64]  # the joint that each follows
+    curve: Array  # the coefficients of the followers' positions as polynomials of their leaders', shape (F, 5)
 
     @classmethod
     def of(cls, led: Mapping[int, tuple[int, Array]]) -> LedJoints:

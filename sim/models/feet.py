@@ -22,19 +22,12 @@ _BOX, _MESH = int(mujoco.mjtGeom.mjGEOM_BOX), int(mujoco.mjtGeom.mjGEOM_MESH)
 
 @dataclass(frozen=True)
 class Foot:
-    """One foot, in the frame of its body.
+    """One foot, in the frame of its body."""
 
-    Attributes:
-        body: its name.
-        axes: columns ahead, left and up of the flat sole, shape (3, 3).
-        corners: of the rectangle it stands on, shape (4, 3), m, in order.
-        round: whether it has rounded solids only, which touch a floor in a few points.
-    """
-
-    body: str
-    axes: Array
-    corners: Array
-    round: bool
+    body: str  # its name
+    axes: Array  # columns ahead, left and up of the flat sole, shape (3, 3)
+    corners: Array  # of the rectangle it stands on, shape (4, 3), m, in order
+    round: bool  # whether it has rounded solids only, which touch a floor in a few points
 
     @property
     def sole(self) -> Array:

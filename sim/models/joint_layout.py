@@ -22,26 +22,17 @@ _COORDINATES = {int(mujoco.mjtJoint.mjJNT_HINGE): 1, int(mujoco.mjtJoint.mjJNT_B
 
 @dataclass(frozen=True)
 class JointLayout:
-    """J coordinates in nq numbers, of which the first seven are the free root's position and quaternion.
+    """J coordinates in nq numbers, of which the first seven are the free root's position and quaternion."""
 
-    Attributes:
-        joints: the names of the coordinates, length J.
-        hinge, hinge_qpos: coordinates that are hinge angles, and their places in qpos, shape (H,).
-        ball, ball_qpos: coordinates that are rotation vectors, shape (N, 3), and their quaternions in qpos, (N, 4).
-        dof: places of the coordinates in qvel, shape (J,).
-        led: joints that follow others, in the order of placing.
-        followers, leaders: their places in qpos, by group.
-    """
-
-    joints: tuple[str, ...]
-    hinge: NDArray[np.int64]
-    hinge_qpos: NDArray[np.int64]
-    ball: NDArray[np.int64]
-    ball_qpos: NDArray[np.int64]
-    dof: NDArray[np.int64]
-    led: tuple[LedJoints, ...] = ()
-    followers: tuple[NDArray[np.int64], ...] = ()
-    leaders: tuple[NDArray[np.int64], ...] = ()
+    joints: tuple[str, ...]  # the names of the coordinates, length J
+    hinge: NDArray[np.int64]  # coordinates that are hinge angles, shape (H,)
+    hinge_qpos: NDArray[np.int64]  # their places in qpos
+    ball: NDArray[np.int64]  # coordinates that are rotation vectors, shape (N, 3)
+    ball_qpos: NDArray[np.int64]  # places of their quaternions in qpos, shape (N, 4)
+    dof: NDArray[np.int64]  # places of the coordinates in qvel, shape (J,)
+    led: tuple[LedJoints, ...] = ()  # joints that follow others, in the order of placing
+    followers: tuple[NDArray[np.int64], ...] = ()  # their places in qpos, by group
+    leaders: tuple[NDArray[np.int64], ...] = ()  # likewise
 
     @classmethod
     def of(cls, model: mujoco.MjModel) -> JointLayout:

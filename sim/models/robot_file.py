@@ -67,33 +67,21 @@ class Angle(msgspec.Struct, forbid_unknown_fields=True, frozen=True):
 
 
 class RobotFile(msgspec.Struct, forbid_unknown_fields=True, frozen=True):
-    """A robot.
-
-    Attributes:
-        kind: a mannequin is built from the skeleton, a humanoid is loaded from its model.
-        model: the humanoid's MJCF or URDF file, relative to this file's folder.
-        packages: the folder of each ROS package that its URDF names, relative to this file's folder.
-        solver: of the retargeting: angles of limbs, or inverse kinematics.
-        root_height: of the standing root, m; scales the human's path. Without it paths are not scaled.
-        root_rotation: quaternion of the root body that stands upright and faces x.
-        parts: body part to body of the model, for inverse kinematics and for the feet.
-        angles: the angle solver's joints to the model's; empty where they have the same names.
-        rest: joint positions of the rest pose, rad; other joints rest at zero.
-        servo: without it the model's own limits hold.
-    """
+    """A robot."""
 
     name: str
-    kind: Literal["mannequin", "humanoid"]
+    kind: Literal["mannequin", "humanoid"]  # built from the skeleton, or loaded from its model
     limits: LimitTable
-    model: str | None = None
-    packages: dict[str, str] = {}
-    solver: Solver = "angles"
+    model: str | None = None  # the humanoid's MJCF or URDF file, relative to this file's folder
+    packages: dict[str, str] = {}  # the folder of each ROS package that its URDF names, relative to this file's folder
+    solver: Solver = "angles"  # of the retargeting: angles of limbs, or inverse kinematics
+    # Of the standing root, m; scales the human's path. Without it paths are not scaled.
     root_height: float | None = None
-    root_rotation: tuple[float, float, float, float] = (1.0, 0.0, 0.0, 0.0)
-    parts: dict[str, str] = {}
-    angles: dict[str, Angle] = {}
-    rest: dict[str, float] = {}
-    servo: ServoMotor | None = None
+    root_rotation: tuple[float, float, float, float] = (1.0, 0.0, 0.0, 0.0)  # of the root upright and facing x
+    parts: dict[str, str] = {}  # body part to body of the model, for inverse kinematics and for the feet
+    angles: dict[str, Angle] = {}  # the angle solver's joints to the model's; empty where they have the same names
+    rest: dict[str, float] = {}  # joint positions of the rest pose, rad; other joints rest at zero
+    servo: ServoMotor | None = None  # without it the model's own limits hold
     walk: WalkSettings = WalkSettings()
     rise: RiseSettings = RiseSettings()
 

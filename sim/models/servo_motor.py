@@ -28,29 +28,17 @@ _NotNegative = Annotated[float, msgspec.Meta(ge=0.0)]
 
 
 class ServoMotor(msgspec.Struct, forbid_unknown_fields=True, frozen=True):
-    """Data of a robot's servos; the table [servo] of a robot file.
+    """Data of a robot's servos; the table [servo] of a robot file."""
 
-    Attributes:
-        torque: at stall, N m.
-        speed: without load, rad/s.
-        current: at stall, A.
-        current_limit: A; None for the stall current.
-        backlash: from end to end, rad.
-        latency: of targets, s.
-        warming: by stall current, K/s, an estimate for a servo of 80 g.
-        cooling: time constant towards the room's temperature, s, likewise.
-        hottest: temperature of the shutdown, degC.
-    """
-
-    torque: _Positive
-    speed: _Positive
-    current: _Positive
-    current_limit: _Positive | None = None
-    backlash: _NotNegative = 0.0
-    latency: _NotNegative = 0.0
-    warming: _Positive = 1.5
-    cooling: _Positive = 240.0
-    hottest: _Positive = 80.0
+    torque: _Positive  # at stall, N m
+    speed: _Positive  # without load, rad/s
+    current: _Positive  # at stall, A
+    current_limit: _Positive | None = None  # A; None for the stall current
+    backlash: _NotNegative = 0.0  # from end to end, rad
+    latency: _NotNegative = 0.0  # of targets, s
+    warming: _Positive = 1.5  # by stall current, K/s, an estimate for a servo of 80 g
+    cooling: _Positive = 240.0  # time constant towards the room's temperature, s, likewise
+    hottest: _Positive = 80.0  # temperature of the shutdown, degC
 
     @property
     def most(self) -> float:

@@ -22,17 +22,11 @@ _RING = np.array([(np.cos(a), np.sin(a)) for a in np.linspace(0.0, 2.0 * np.pi, 
 
 @dataclass(frozen=True)
 class Surface:
-    """N balls, each fixed to a body.
+    """N balls, each fixed to a body."""
 
-    Attributes:
-        body: shape (N,).
-        centre: in the frame of the body, shape (N, 3), m.
-        radius: shape (N,), m.
-    """
-
-    body: NDArray[np.int64]
-    centre: Array
-    radius: Array
+    body: NDArray[np.int64]  # shape (N,)
+    centre: Array  # in the frame of the body, shape (N, 3), m
+    radius: Array  # shape (N,), m
 
     @classmethod
     def of(cls, model: mujoco.MjModel) -> Surface:

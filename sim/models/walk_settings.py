@@ -8,44 +8,27 @@ import msgspec
 
 
 class WalkSettings(msgspec.Struct, forbid_unknown_fields=True, frozen=True):
-    """Settings of walking; heights and lengths in heights of the root, times in s.
+    """Settings of walking; heights and lengths in heights of the root, times in s."""
 
-    Attributes:
-        share: of the length of the motion's steps.
-        longest: step, from foot to foot.
-        fastest: mean speed of a swinging foot, heights a second: quicker steps become shorter.
-        slowest: duration of a swing, in sqrt(height / g): slower ones stand on both feet first.
-        width: least distance between the soles.
-        bend: lowering of the root.
-        lift: of a swinging sole.
-        double_support: least time on both feet between two steps.
-        roll: way of the centre of pressure along the sole during a step, in lengths of the sole.
-        ahead, aside: gains of a landing foot on the error of the capture point, forwards and sideways.
-        ankle: gain of the centre of mass on the remaining error.
-        lean: largest shift of the centre of mass to a side, in half lengths of the sole (ahead 0.8): beyond the half
-            width of the sole a stiff ankle lifts the foot onto its edge.
-        upright: share of the trunk's tilt that the swinging foot compensates.
-        feed_forward: share of gravity's torques that the servos of the legs get in advance.
-        toe, heel: pitch over the toes at leaving, and over the heel at landing, for the longest step, rad.
-    """
-
-    share: float = 0.7
-    longest: float = 0.6
-    fastest: float = 2.2
-    slowest: float = 3.3
-    width: float = 0.36
-    bend: float = 0.08
-    lift: float = 0.08
-    double_support: float = 0.04
-    roll: float = 0.3
-    ahead: float = 0.8
-    aside: float = 0.5
-    ankle: float = 0.9
+    share: float = 0.7  # of the length of the motion's steps
+    longest: float = 0.6  # step, from foot to foot
+    fastest: float = 2.2  # mean speed of a swinging foot, heights a second: quicker steps become shorter
+    slowest: float = 3.3  # duration of a swing, in sqrt(height / g): slower ones stand on both feet first
+    width: float = 0.36  # least distance between the soles
+    bend: float = 0.08  # lowering of the root
+    lift: float = 0.08  # of a swinging sole
+    double_support: float = 0.04  # least time on both feet between two steps
+    roll: float = 0.3  # way of the centre of pressure along the sole during a step, in lengths of the sole
+    ahead: float = 0.8  # gain of a landing foot on the error of the capture point, forwards
+    aside: float = 0.5  # the same sideways
+    ankle: float = 0.9  # gain of the centre of mass on the remaining error
+    # Largest shift of the centre of mass to a side, in half lengths of the sole (ahead 0.8): beyond the half width of
+    # the sole a stiff ankle lifts the foot onto its edge.
     lean: float = 0.28
-    upright: float = 0.6
-    feed_forward: float = 0.6
-    toe: float = 0.3
-    heel: float = 0.15
+    upright: float = 0.6  # share of the trunk's tilt that the swinging foot compensates
+    feed_forward: float = 0.6  # share of gravity's torques that the servos of the legs get in advance
+    toe: float = 0.3  # pitch over the toes at leaving, for the longest step, rad
+    heel: float = 0.15  # the same over the heel at landing
 
 
 def with_walk_table(text: str, settings: WalkSettings) -> str:

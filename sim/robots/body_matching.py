@@ -62,17 +62,12 @@ SHORT = 3  # letters of a word that may be part of another one
 
 @dataclass(frozen=True)
 class BodyMatch:
-    """The parts of a robot.
+    """The parts of a robot."""
 
-    Attributes:
-        parts: part, such as "l_shank", to the name of its body; always with "pelvis", "chest" and both legs.
-        root_rotation: the quaternion of the root body that stands upright and faces x, shape (4,).
-        doubts: uncertain decisions, a line each.
-    """
-
+    # Part, such as "l_shank", to the name of its body; always with "pelvis", "chest" and both legs.
     parts: dict[str, str]
-    root_rotation: Array
-    doubts: tuple[str, ...] = ()
+    root_rotation: Array  # the quaternion of the root body that stands upright and faces x, shape (4,)
+    doubts: tuple[str, ...] = ()  # uncertain decisions, a line each
 
 
 def match(path: Path, model: mujoco.MjModel) -> BodyMatch:

@@ -67,46 +67,26 @@ SEGMENTS = (("thigh", "shank"), ("upper_arm", "forearm"))
 
 @dataclass(frozen=True)
 class Calibration:
-    """The result of a calibration.
+    """The result of a calibration."""
 
-    Attributes:
-        name: of the model file.
-        parts: body part to body.
-        root_rotation: of the root body that faces x, shape (4,).
-        root_height: of the standing root, m.
-        joints: its J joints.
-        rest: their positions, standing with hanging arms, shape (J,), rad.
-        unlimited: joints without a range in the model.
-        speeds: speed limits in the model, rad/s, by joint.
-        unplayed: slides, and ball joints without actuators.
-        undriven: hinges without actuators, if others have them.
-        open_chains: number of constraints that close a chain of bodies; they hold in physics only.
-        angles: the angle solver's joints, if they fit.
-        missed: angles of its limbs to those of a standing human, rad, by limb.
-        packages: folders of the given packages.
-        mended: whether impossible masses or inertias were balanced.
-        segments: lengths of its limbs, beside a human's.
-        doubts: implausible findings.
-    """
-
-    name: str
+    name: str  # of the model file
     model: Path
-    parts: dict[str, str]
-    root_rotation: Array
-    root_height: float
-    joints: tuple[str, ...]
-    rest: Array
-    unlimited: tuple[str, ...]
-    speeds: dict[str, float]
-    unplayed: tuple[str, ...]
-    undriven: tuple[str, ...]
-    open_chains: int
-    angles: dict[str, Angle]
-    missed: dict[str, float]
-    packages: dict[str, Path]
-    mended: bool
-    segments: tuple[SegmentPair, ...]
-    doubts: tuple[Doubt, ...]
+    parts: dict[str, str]  # body part to body
+    root_rotation: Array  # of the root body that faces x, shape (4,)
+    root_height: float  # of the standing root, m
+    joints: tuple[str, ...]  # its J joints
+    rest: Array  # their positions, standing with hanging arms, shape (J,), rad
+    unlimited: tuple[str, ...]  # joints without a range in the model
+    speeds: dict[str, float]  # speed limits in the model, rad/s, by joint
+    unplayed: tuple[str, ...]  # slides, and ball joints without actuators
+    undriven: tuple[str, ...]  # hinges without actuators, if others have them
+    open_chains: int  # number of constraints that close a chain of bodies; they hold in physics only
+    angles: dict[str, Angle]  # the angle solver's joints, if they fit
+    missed: dict[str, float]  # angles of its limbs to those of a standing human, rad, by limb
+    packages: dict[str, Path]  # folders of the given packages
+    mended: bool  # whether impossible masses or inertias were balanced
+    segments: tuple[SegmentPair, ...]  # lengths of its limbs, beside a human's
+    doubts: tuple[Doubt, ...]  # implausible findings
 
     @property
     def sound(self) -> bool:

@@ -31,21 +31,13 @@ ROUNDING = 1e-9
 
 @dataclass(frozen=True)
 class Carried:
-    """A clip on a robot: T frames of J joints.
+    """A clip on a robot: T frames of J joints."""
 
-    Attributes:
-        wanted: retargeted joints, clipped to their ranges, shape (T, J), rad.
-        played: the same after the target limiter, shape (T, J), rad.
-        qpos: the robot that plays them, shape (T, nq).
-        limbs: directions of the human's limbs, shape (T, 14, 3).
-        altered: share of the joint targets that the limiter changed.
-    """
-
-    wanted: Array
-    played: Array
-    qpos: Array
-    limbs: Array
-    altered: float
+    wanted: Array  # retargeted joints, clipped to their ranges, shape (T, J), rad
+    played: Array  # the same after the target limiter, shape (T, J), rad
+    qpos: Array  # the robot that plays them, shape (T, nq)
+    limbs: Array  # directions of the human's limbs, shape (T, 14, 3)
+    altered: float  # share of the joint targets that the limiter changed
 
 
 def carry(clip: Clip, robot: Robot, limiter: Limiter) -> Carried:

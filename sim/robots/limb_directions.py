@@ -30,25 +30,15 @@ CLAVICLE = 0.03  # largest distance of its joint from the middle of the body, in
 
 @dataclass(frozen=True)
 class LimbSegment:
-    """One rigid part of a limb.
+    """One rigid part of a limb."""
 
-    Attributes:
-        name: such as "r_thigh".
-        joint: the name of the limb's knee (elbow).
-        axis: of that hinge, standing straight and facing x, shape (3,).
-        body: of the segment.
-        direction: unit vector from its beginning to its end in the frame of that body, shape (3,).
-        length: m.
-        trunk: the body from which it is seen.
-    """
-
-    name: str
-    joint: str
-    axis: Array
-    body: int
-    direction: Array
-    length: float
-    trunk: int
+    name: str  # such as "r_thigh"
+    joint: str  # the name of the limb's knee (elbow)
+    axis: Array  # of that hinge, standing straight and facing x, shape (3,)
+    body: int  # of the segment
+    direction: Array  # unit vector from its beginning to its end in the frame of that body, shape (3,)
+    length: float  # m
+    trunk: int  # the body from which it is seen
 
 
 class LimbDirections:

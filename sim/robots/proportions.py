@@ -33,36 +33,23 @@ ODD_FOREARM = 2.8
 
 @dataclass(frozen=True)
 class SegmentPair:
-    """One segment of both limbs.
+    """One segment of both limbs."""
 
-    Attributes:
-        part: such as "shank".
-        body, hinge: of the right and the left one, with the joints at their near ends.
-        axis: of these joints, standing straight and facing x, shape (2, 3).
-        length: shape (2,), m.
-        human: the length for a human of the robot's height, m.
-    """
-
-    part: str
-    body: tuple[str, str]
-    hinge: tuple[str, str]
-    axis: Array
-    length: Array
-    human: float
+    part: str  # such as "shank"
+    body: tuple[str, str]  # of the right and the left one
+    hinge: tuple[str, str]  # the joints at their near ends
+    axis: Array  # of these joints, standing straight and facing x, shape (2, 3)
+    length: Array  # shape (2,), m
+    human: float  # the length for a human of the robot's height, m
 
 
 @dataclass(frozen=True)
 class Doubt:
-    """An implausible finding.
+    """An implausible finding."""
 
-    Attributes:
-        part: its line in the robot file, such as "l_shank"; "" for the whole robot.
-        fatal: whether a limb is missing or impossible.
-    """
-
-    part: str
+    part: str  # its line in the robot file, such as "l_shank"; "" for the whole robot
     words: str
-    fatal: bool
+    fatal: bool  # whether a limb is missing or impossible
 
 
 def segments_of(model: mujoco.MjModel, parts: dict[str, str], limbs: RobotLimbs, height: float) -> list[SegmentPair]:

@@ -65,19 +65,16 @@ WAYS = [
 
 @dataclass(frozen=True)
 class Gap:
-    """A marker that is not seen from frame `first` to before frame `end`.
-
-    Attributes:
-        expected: mean absolute error of a coordinate on hidden intervals of the same length, in the unit of the
-            markers; None if there was none, or the gap was not filled.
-        by: the method with the larger weight: "network", or the marker's own path, as a "cubic" or a "line".
-    """
+    """A marker that is not seen from frame `first` to before frame `end`."""
 
     marker: int
     first: int
     end: int
+    # Mean absolute error of a coordinate on hidden intervals of the same length, in the unit of the markers; None if
+    # there was none, or the gap was not filled.
     expected: float | None = None
     filled: bool = False
+    # The method with the larger weight: "network", or the marker's own path, as a "cubic" or a "line".
     by: Literal["network", "cubic", "line"] | None = None
 
     @property

@@ -37,19 +37,14 @@ RECOVERED_SECONDS = 0.5  # at the end of a disturbed run, by which it is judged
 
 @dataclass(frozen=True)
 class MotionVerdict:
-    """The result of the self-test for one motion.
-
-    Attributes:
-        error_mm: median distance to the nearest window of the motion, over the last third of the run, mm; the mean
-            distance at the same phase where that is known.
-        right: share of those windows that are nearest to this motion and no other (1 for one-shots).
-        reason: why it failed, or "".
-    """
+    """The result of the self-test for one motion."""
 
     passed: bool
+    # Median distance to the nearest window of the motion, over the last third of the run, mm; the mean distance at the
+    # same phase where that is known.
     error_mm: float
-    right: float
-    reason: str
+    right: float  # share of those windows that are nearest to this motion and no other (1 for one-shots)
+    reason: str  # why it failed, or ""
 
 
 def run_free(network: FrameNetwork, motion: str, frames: int, anchor: int = 0) -> Array:

@@ -34,15 +34,10 @@ _PACES = np.linspace(0.6, 1.6, 21)  # of a take relative to the reference
 
 
 class JoinedTakes(NamedTuple):
-    """Takes as one motion.
+    """Takes as one motion."""
 
-    Attributes:
-        channels: shape (T, C); of a loop one period and a part of the next.
-        apart: mean distance of each take from the result (root mean square over channels).
-    """
-
-    channels: Array
-    apart: list[float]
+    channels: Array  # shape (T, C); of a loop one period and a part of the next
+    apart: list[float]  # mean distance of each take from the result (root mean square over channels)
 
 
 def motion_of(file: Path) -> str:

@@ -21,21 +21,14 @@ class Variant:
 
 @dataclass(frozen=True)
 class TrainingMotion:
-    """One motion to learn.
-
-    Attributes:
-        frames: normalised channels, shape (T, C): one period of a loop, or all of a one-shot.
-        before: recorded frames before these, shape (T', C), or None.
-        driving: its input besides the phase, if any; `frames` are those at the usual value.
-        variants: the motion at each value of the input, normalised too.
-    """
+    """One motion to learn."""
 
     name: str
-    frames: Array
+    frames: Array  # normalised channels, shape (T, C): one period of a loop, or all of a one-shot
     loop: bool
-    before: Array | None = None
-    driving: DrivingInput | None = None
-    variants: tuple[Variant, ...] = ()
+    before: Array | None = None  # recorded frames before these, shape (T', C), or None
+    driving: DrivingInput | None = None  # its input besides the phase, if any; `frames` are those at the usual value
+    variants: tuple[Variant, ...] = ()  # the motion at each value of the input, normalised too
 
     def lead_in(self, washout: int) -> Array:
         """The frames for the washout, shape (washout, C): as recorded, the end of a loop, or the first frame."""

@@ -41,29 +41,17 @@ WASHOUT_SHARE = 3  # the washout is at most a third of a clip
 
 
 class ExpertRecipe(msgspec.Struct, forbid_unknown_fields=True, frozen=True, kw_only=True):
-    """Parameters of experts.
+    """Parameters of experts."""
 
-    Attributes:
-        neurons: N.
-        spectral_radius: of W.
-        input_scale: of W_back for three channels; it shrinks with the square root of their number.
-        bias_scale: of b.
-        leak: a, in (0, 1].
-        ridge: relative to the mean diagonal of X'X.
-        washout: uncounted frames at the start, at most a third of a clip.
-        seed: of the reservoir.
-        groups: number of groups of neurons; neurons left over are not read.
-    """
-
-    neurons: int = 100
-    spectral_radius: float = 0.8
-    input_scale: float = 0.5
-    bias_scale: float = 0.2
-    leak: float = 0.3
-    ridge: float = 0.1
-    washout: int = 5
-    seed: int = 1
-    groups: int = 1
+    neurons: int = 100  # N
+    spectral_radius: float = 0.8  # of W
+    input_scale: float = 0.5  # of W_back for three channels; it shrinks with the square root of their number
+    bias_scale: float = 0.2  # of b
+    leak: float = 0.3  # a, in (0, 1]
+    ridge: float = 0.1  # relative to the mean diagonal of X'X
+    washout: int = 5  # uncounted frames at the start, at most a third of a clip
+    seed: int = 1  # of the reservoir
+    groups: int = 1  # number of groups of neurons; neurons left over are not read
 
     def together(self, channels: int) -> int:
         """Number of adjacent channels with a common error: all, or those of a joint for a committee."""

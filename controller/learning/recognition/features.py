@@ -36,23 +36,15 @@ ANGLE_UNIT = 0.5  # rad
 
 
 class FeatureRecipe(msgspec.Struct, forbid_unknown_fields=True, frozen=True, kw_only=True):
-    """Parameters of features.
+    """Parameters of features."""
 
-    Attributes:
-        kind: "positions" of joints, or "rotations" of bones relative to their parents (rotation vectors).
-        joints: names of the bones that end there; by default JOINTS if the skeleton has them, else all.
-        heading: whether positions are in the heading frame.
-        height: whether the height of the root is a channel.
-        velocity: whether the velocity of each channel is one too.
-        rate: frames per second, Hz.
-    """
-
-    kind: Literal["positions", "rotations"] = "positions"
+    kind: Literal["positions", "rotations"] = "positions"  # of joints, or of bones relative to parents (vectors)
+    # Names of the bones that end there; by default JOINTS if the skeleton has them, else all.
     joints: tuple[str, ...] = ()
-    heading: bool = True
-    height: bool = False
-    velocity: bool = True
-    rate: float = 30.0
+    heading: bool = True  # whether positions are in the heading frame
+    height: bool = False  # whether the height of the root is a channel
+    velocity: bool = True  # whether the velocity of each channel is one too
+    rate: float = 30.0  # frames per second, Hz
 
     def __post_init__(self) -> None:
         if not (np.isfinite(self.rate) and 1.0 <= self.rate <= 1000.0):

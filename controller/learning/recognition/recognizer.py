@@ -48,20 +48,13 @@ class RecognitionVerdict:
 
 @dataclass(frozen=True, eq=False)
 class Recognizer:
-    """A trained recognizer.
+    """A trained recognizer."""
 
-    Attributes:
-        recipe: of its features, with explicit joints.
-        threshold: the confidence (`ExpertBank.confidences`) below which a motion is called unknown.
-        clips: number of training clips.
-        sources: names of their files.
-    """
-
-    recipe: FeatureRecipe
+    recipe: FeatureRecipe  # of its features, with explicit joints
     bank: ExpertBank
-    threshold: float
-    clips: int
-    sources: tuple[str, ...] = ()
+    threshold: float  # the confidence (`ExpertBank.confidences`) below which a motion is called unknown
+    clips: int  # number of training clips
+    sources: tuple[str, ...] = ()  # names of their files
 
     def recognize(self, clip: Clip) -> RecognitionVerdict:
         """The verdict on a clip.

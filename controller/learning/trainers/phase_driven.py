@@ -40,28 +40,17 @@ Motion = TypeVar("Motion", bound=PhaseMotion)
 
 
 class PhaseDrivenRecipe(msgspec.Struct, forbid_unknown_fields=True, frozen=True, kw_only=True):
-    """The parameters that both phase-driven networks have.
+    """The parameters that both phase-driven networks have."""
 
-    Attributes:
-        neurons: N.
-        harmonics: H of the phase.
-        spectral_radius: of W.
-        phase_scale, bias_scale: of W_phi and b.
-        piece_seconds: approximate duration of the pieces of a motion, s.
-        ridge: gamma of all regressions.
-        drive_scale: of W_u, if a motion has an input besides the phase.
-        tolerance_mm: selects the smallest size with which no motion has a larger error, mm.
-    """
-
-    neurons: int
-    harmonics: int
-    spectral_radius: float
-    phase_scale: float = 3.0
-    bias_scale: float = 0.8
-    piece_seconds: float = 1.5
-    ridge: float = 1e-3
-    drive_scale: float = 1.0
-    tolerance_mm: float | None = None
+    neurons: int  # N
+    harmonics: int  # H of the phase
+    spectral_radius: float  # of W
+    phase_scale: float = 3.0  # of W_phi
+    bias_scale: float = 0.8  # of b
+    piece_seconds: float = 1.5  # approximate duration of the pieces of a motion, s
+    ridge: float = 1e-3  # gamma of all regressions
+    drive_scale: float = 1.0  # of W_u, if a motion has an input besides the phase
+    tolerance_mm: float | None = None  # selects the smallest size with which no motion has a larger error, mm
 
     @property
     def anchor_every(self) -> int:

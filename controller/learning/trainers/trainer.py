@@ -87,18 +87,13 @@ class NewMotion:
 
 @dataclass(frozen=True)
 class TrainingError:
-    """The result of one seed.
-
-    Attributes:
-        mabs_readout, nrmse_readout: of W_out; means over the motions where their readouts differ.
-        mabs_weights, nrmse_weights: of W, where it was learned in full.
-    """
+    """The result of one seed."""
 
     seed: int
-    mabs_readout: float
-    nrmse_readout: float
-    mabs_weights: float | None
-    nrmse_weights: float | None
+    mabs_readout: float  # of W_out; means over the motions where their readouts differ
+    nrmse_readout: float  # likewise
+    mabs_weights: float | None  # of W, where it was learned in full
+    nrmse_weights: float | None  # likewise
     network: AnyNetwork
 
 

@@ -16,17 +16,11 @@ from motiondeck_base.errors import FileFormatError
 
 @dataclass(frozen=True)
 class TriangleMesh:
-    """The triangles of a mesh file.
+    """The triangles of a mesh file."""
 
-    Attributes:
-        points: shape (V, 3), in the file's axes.
-        faces: three points a triangle, counter-clockwise, shape (F, 3).
-        y_up: whether the file's y axis is up.
-    """
-
-    points: Array
-    faces: NDArray[np.int64]
-    y_up: bool = False
+    points: Array  # shape (V, 3), in the file's axes
+    faces: NDArray[np.int64]  # three points a triangle, counter-clockwise, shape (F, 3)
+    y_up: bool = False  # whether the file's y axis is up
 
 
 _DEEPEST = 50  # nodes inside each other

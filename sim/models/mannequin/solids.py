@@ -53,18 +53,12 @@ Tone = Literal["body", "limb", "dark"]
 
 @dataclass(frozen=True)
 class Solid:
-    """An ellipsoid, or a capsule whose length runs along the frame's third axis.
-
-    Attributes:
-        centre: shape (3,), in the frame of the bone's body, m.
-        axes: columns are the solid's own axes, shape (3, 3).
-        size: half axes of the ellipsoid; radius, radius and half length of the capsule's straight part, m.
-    """
+    """An ellipsoid, or a capsule whose length runs along the frame's third axis."""
 
     shape: Literal["ellipsoid", "capsule"]
-    centre: Array
-    axes: Array
-    size: Array
+    centre: Array  # shape (3,), in the frame of the bone's body, m
+    axes: Array  # columns are the solid's own axes, shape (3, 3)
+    size: Array  # half axes of the ellipsoid; radius, radius and half length of the capsule's straight part, m
     tone: Tone
 
     @property
