@@ -27,15 +27,9 @@ from motiondeck_base.errors import FileFormatError
 
 
 def fit(recipe: LibraryRecipe, data: Path, progress: Progress = lambda _: None) -> MotionLibrary:
-    """Trains the library of a recipe from the recordings in a folder.
+    """Trains the library of a recipe from the recordings in a folder; MotiondeckError if one is missing or damaged.
 
-    Args:
-        recipe: that is trained.
-        data: the folder that the recipe's files lie in.
-        progress: called with each step; there are `steps(recipe)` of them without retries.
-
-    Raises:
-        MotiondeckError: if a recording is missing or damaged.
+    `progress` is called with each step; there are `steps(recipe)` of them without retries.
     """
     return fit_prepared(recipe, prepare(recipe, data, progress), progress)
 
@@ -45,8 +39,7 @@ def fit_prepared(
 ) -> MotionLibrary:
     """Trains the library of a recipe whose recordings have been read, with `first_to_pass` of its seeds.
 
-    Raises:
-        FileFormatError: if the recipe's anchors are too far apart for a motion.
+    FileFormatError if the recipe's anchors are too far apart for a motion.
     """
     for name, frames in training_set.frames.items():
         if len(frames[:: recipe.network.anchor_every]) < FEWEST_ANCHORS:

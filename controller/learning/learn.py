@@ -59,8 +59,7 @@ class LearnedLibrary:
 def recordings_in(paths: Iterable[Path]) -> list[Path]:
     """Files, and the recordings in folders and below, without repetitions; those that must be converted last.
 
-    Raises:
-        MotiondeckError: if a path does not exist, or there is no recording.
+    MotiondeckError if a path does not exist, or there is no recording.
     """
     paths = list(paths)
     found: list[Path] = []
@@ -92,8 +91,6 @@ def learn(
     """Learns every recording of some files and folders as one library; unusable ones are listed with the reason.
 
     Args:
-        paths: recordings, and folders of recordings.
-        name: of the library.
         options: override all files.
         within: part of each to use, from and to, s; by default all.
         network: its kind and sizes; None is the default of a recipe.

@@ -34,76 +34,59 @@ _SPELLED = str.maketrans({"ß": "ss", "æ": "ae", "ø": "o", "œ": "oe", "ł": "
 
 
 class MotionRecipe(msgspec.Struct, forbid_unknown_fields=True, frozen=True, kw_only=True):
-    """One motion.
+    """One motion."""
 
-    Attributes:
-        file: the recording, relative to the data folder.
-        name: of the motion; by default its file's.
-        plays: "loop" is closed and goes on for ever, "once" ends in a pose and holds it.
-        frames: first frame and the one after the last, or the whole recording.
-        skeleton: for an .amc, its .asf, relative to the data folder; without it the one nearby is taken.
-        unit, up, rename: override the file, as in `ReadingOptions`.
-        mirrored: whether left and right are exchanged.
-        takes: further recordings of the same motion. Clips taught to a rig are joined with the first; with an input,
-            they are other values of it.
-        input: the name of an input besides the phase, in which the recordings differ, such as "speed".
-        values: of the input in the recording and in each take; without them, those of "speed" are measured, m/s.
-        people: the person in the recording and in each take; the motion is then learned in the manner of the first,
-            and the others show the effect of the input. Without it all recordings count as one person's.
-    """
-
-    file: str
-    name: str = ""
+    file: str  # the recording, relative to the data folder
+    name: str = ""  # of the motion; by default its file's
+    # "loop" is closed and goes on for ever, "once" ends in a pose and holds it.
     plays: Literal["loop", "once"] = "loop"
-    frames: tuple[int, int] | None = None
+    frames: tuple[int, int] | None = None  # first frame and the one after the last, or the whole recording
+    # For an .amc, its .asf, relative to the data folder; without it the one nearby is taken.
     skeleton: str | None = None
-    unit: float | None = None
+    unit: float | None = None  # this and the next two override the file, as in `ReadingOptions`
     up: Up | None = None
     rename: dict[str, str] = msgspec.field(default_factory=dict[str, str])
-    mirrored: bool = False
+    mirrored: bool = False  # whether left and right are exchanged
+    # Further recordings of the same motion. Clips taught to a rig are joined with the first; with an input, they are
+    # other values of it.
     takes: tuple[str, ...] = ()
-    input: str = ""
+    input: str = ""  # the name of an input besides the phase, in which the recordings differ, such as "speed"
+    # Of the input in the recording and in each take; without them, those of "speed" are measured, m/s.
     values: tuple[float, ...] = ()
+    # The person in the recording and in each take; the motion is then learned in the manner of the first, and the
+    # others show the effect of the input. Without it all recordings count as one person's.
     people: tuple[str, ...] = ()
 
 
 class LibraryRecipe(msgspec.Struct, forbid_unknown_fields=True, frozen=True, kw_only=True):
-    """A motion library to be trained.
-
-    Attributes:
-        motions: that it learns.
-        name: of the library; without it, as the recipe's file.
-        network: its kind and parameters; by default phase-driven conceptors, which learn motions without tuning.
-        body: the recording whose own skeleton all motions are carried to; without it, the canonical body with the
-            proportions of the first recording.
-        rate: frames per second that recordings are brought to, Hz; without it that of the recordings, or 120 Hz where
-            they differ.
-        encoding: of the channels; joint rotations keep the twist of bones.
-        as_recorded: learn the recordings as they are, each on its own body, no loop closed and no end held; the first
-            frames, as many as the washout, only lead in. This is what the thesis does.
-        loop_keeps: the least share of a recording that its loop keeps.
-        seeds: tried in turn until every motion passes the self-test.
-        licence, acknowledgement: of the recordings; they go into the library.
-    """
+    """A motion library to be trained."""
 
     motions: list[MotionRecipe]
-    name: str = ""
+    name: str = ""  # of the library; without it, as the recipe's file
+    # Its kind and parameters; by default phase-driven conceptors, which learn motions without tuning.
     network: NetworkRecipe = msgspec.field(default_factory=PhaseRecipe)
+    # The recording whose own skeleton all motions are carried to; without it, the canonical body with the proportions
+    # of the first recording.
     body: str = ""
+    # Frames per second that recordings are brought to, Hz; without it that of the recordings, or 120 Hz where they
+    # differ.
     rate: float | None = None
+    # Of the channels; joint rotations keep the twist of bones.
     encoding: Literal["bone directions", "joint rotations"] = "bone directions"
+    # Learn the recordings as they are, each on its own body, no loop closed and no end held; the first frames, as many
+    # as the washout, only lead in. This is what the thesis does.
     as_recorded: bool = False
-    loop_keeps: float = 0.6
+    loop_keeps: float = 0.6  # the least share of a recording that its loop keeps
+    # Tried in turn until every motion passes the self-test.
     seeds: list[int] = msgspec.field(default_factory=lambda: [0, 1, 2, 3, 4])
-    licence: str = "unknown"
+    licence: str = "unknown"  # of the recordings, as the next; both go into the library
     acknowledgement: str = ""
 
 
 def read_recipe(path: Path, data: Path | None = None) -> LibraryRecipe:
     """The recipe in a TOML file, whose recordings have to be in the folder `data`, if it is given.
 
-    Raises:
-        FileFormatError: one line for each problem that names the file, the key and what is allowed.
+    FileFormatError has a line for each problem that names the file, the key and what is allowed.
     """
     recipe = read_toml(path, LibraryRecipe)
     motions = [
@@ -166,20 +149,12 @@ def gesture_recipe(name: str, clips: Sequence[Path]) -> LibraryRecipe:
 
 
 def recipe_of(tree: object, path: Path) -> LibraryRecipe:
-    """The recipe that a library was trained from, out of its header.
-
-    Raises:
-        FileFormatError: if there is none in it.
-    """
+    """The recipe that a library was trained from, out of its header; FileFormatError if there is none in it."""
     return check_recipe(shaped(tree, LibraryRecipe, f"{path} (its recipe)"), path)
 
 
 def check_name(name: str, path: Path) -> None:
-    """Refuses a name that cannot be typed at a prompt or in a script.
-
-    Raises:
-        FileFormatError: it names the file.
-    """
+    """Refuses, by FileFormatError, a name that cannot be typed at a prompt or in a script."""
     if not NAME.fullmatch(name):
         raise FileFormatError(f"{path}: motion '{name}' cannot be typed; use letters, digits, - and _ (at most 40)")
 
@@ -187,8 +162,7 @@ def check_name(name: str, path: Path) -> None:
 def check_recipe(recipe: LibraryRecipe, path: Path, data: Path | None = None) -> LibraryRecipe:
     """The recipe itself, if its names and numbers make sense, and its files are in the data folder, if one is given.
 
-    Raises:
-        FileFormatError: if they do not; one line for each problem, with the path and what is allowed.
+    Else FileFormatError has a line for each problem, with the path and what is allowed.
     """
     problems = [*_motion_problems(recipe), *_network_problems(recipe)]
     problems += [] if data is None else _missing_files(recipe, data)
@@ -198,11 +172,7 @@ def check_recipe(recipe: LibraryRecipe, path: Path, data: Path | None = None) ->
 
 
 def require_sizes(network: NetworkRecipe) -> None:
-    """Refuses sizes and scales that no network can have.
-
-    Raises:
-        MotiondeckError: it names the first.
-    """
+    """Refuses, by MotiondeckError, sizes and scales that no network can have."""
     if type(network) not in network_recipes():  # what pyright sees, a user's script does not
         raise MotiondeckError(f"a recipe such as ConceptorRecipe() is needed, not {network!r}")
     for problem in _size_problems(network):
@@ -210,11 +180,7 @@ def require_sizes(network: NetworkRecipe) -> None:
 
 
 def find_recording(data: Path, file: str) -> Path:
-    """A recording below the data folder, or directly in it.
-
-    Raises:
-        FileFormatError: if it is in neither.
-    """
+    """A recording below the data folder, or directly in it; FileFormatError if it is in neither."""
     for path in (data / file, data / Path(file).name):
         if path.exists():
             return path

@@ -54,7 +54,6 @@ def analyse_recording(
     """Reads a recording and determines its frames to learn and whether they are a loop.
 
     Args:
-        name: of the motion.
         options: override the file.
         within: part to use, from and to, s; by default all.
         takes: further takes of a motion taught to a rig.

@@ -105,14 +105,8 @@ def prepare(
 ) -> TrainingSet:
     """Reads a recipe's recordings, carries them to one body and rate, and closes loops or holds ends.
 
-    Args:
-        recipe: of the library; `as_recorded` leaves the frames unchanged.
-        data: folder of its files.
-        progress: called with each step.
-        read: returns the clip of a motion; None reads its file.
-
-    Raises:
-        FileFormatError: one line for each recording that is missing, damaged or lacks frames of the recipe.
+    `progress` is called with each step, and `read`, if it is given, in place of reading the files. FileFormatError has
+    a line for each recording that is missing, damaged or lacks frames of the recipe.
     """
     clips: dict[str, Clip] = {}
     problems: list[str] = []
@@ -195,10 +189,8 @@ def to_learn(
 ) -> tuple[Array, LearnedPart]:
     """The training frames (T, C) of a recording, a closed loop or a motion with a hold, and their part of it.
 
-    Args:
-        encoding: of the channels; the clip, already mirrored if wanted, is carried to its body.
-        rate: of the training frames, Hz.
-        loop_keeps: the least share of the frames that a loop keeps.
+    The clip, already mirrored if wanted, is carried to the encoding's body and the rate, Hz; a loop keeps at least the
+    share `loop_keeps` of its frames.
     """
     channels = encoding.encode(carried(resampled(cut(clip, motion), rate), encoding.skeleton))
     begin, recorded = (motion.frames or (0, 0))[0] / clip.rate, len(clip) / clip.rate
@@ -226,11 +218,7 @@ def seam_error(encoding: Encoding, channels: Array, features: Array, seam: Seam)
 
 
 def cut(clip: Clip, motion: MotionRecipe) -> Clip:
-    """The frames of a clip in a recipe.
-
-    Raises:
-        FileFormatError: if they are not in the clip, are too few, or have a jump or a spike.
-    """
+    """The frames of a clip in a recipe; FileFormatError if they are not in it, too few, or with a jump or a spike."""
     first, end = motion.frames or (0, len(clip))
     if not 0 <= first < end <= len(clip):
         raise FileFormatError(f"motion '{motion.name}': frames {first} to {end} are not in a clip of {len(clip)}")

@@ -45,11 +45,7 @@ def time_series(value: ArrayLike, what: str, channels: int | None = None) -> Arr
 
 
 def points(value: ArrayLike, what: str, least: float = -np.inf, most: float = np.inf) -> Array:
-    """A number or a row of numbers as a row of float64.
-
-    Raises:
-        MotiondeckError: if it is anything else, or a number is not from `least` to `most`.
-    """
+    """A number or a row of numbers as a row of float64; MotiondeckError if one is not from `least` to `most`."""
     try:
         found = np.atleast_1d(np.asarray(value, dtype=np.float64))
     except (TypeError, ValueError):
@@ -64,11 +60,7 @@ def points(value: ArrayLike, what: str, least: float = -np.inf, most: float = np
 
 
 def square(value: ArrayLike, what: str, size: int | None = None) -> Array:
-    """A matrix (N, N) of float64, with N = `size` if that is known.
-
-    Raises:
-        MotiondeckError: if it has another shape; it calls it `what`.
-    """
+    """A matrix (N, N) of float64, with N = `size` if that is known; else MotiondeckError, which calls it `what`."""
     matrix = np.asarray(value, dtype=np.float64)
     expected = "(N, N)" if size is None else f"({size}, {size})"
     if matrix.ndim != 2 or matrix.shape[0] != matrix.shape[1] or (size is not None and len(matrix) != size):

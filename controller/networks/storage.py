@@ -59,14 +59,10 @@ class StoredNetwork:
     channels: int
 
     def read(self, at: str, sizes: dict[str, int], dtype: type = np.float32, **shapes: str) -> dict[str, NDArray[Any]]:
-        """Arrays by name, each with its axes as letters; `at` begins all names.
+        """Arrays by name, each with its axes as letters, such as recurrent="nk"; `at` begins all names.
 
-        Args:
-            sizes: of the letters. A letter that is not among them takes the size of the first axis that has it.
-            shapes: such as recurrent="nk".
-
-        Raises:
-            FileFormatError: if an array is missing, or has another shape or type.
+        A letter that is not among the sizes takes the size of the first axis that has it. FileFormatError if an array
+        is missing, or has another shape or type.
         """
         for name, letters in shapes.items():
             for axis, letter in enumerate(letters):

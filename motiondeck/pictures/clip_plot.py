@@ -21,11 +21,7 @@ COLOUR = {"left": "#e0803c", "right": "#3f7fb5", "middle": "#39414d"}
 
 
 def plot_clip(recording: FittedClip, out: Path) -> None:
-    """Draws a recording into a picture.
-
-    Raises:
-        MotiondeckError: if matplotlib is missing or the picture cannot be written.
-    """
+    """Draws a recording into a picture; MotiondeckError if matplotlib is missing or the picture cannot be written."""
     clip = recording.clip
     figure = new_figure(12.0, 8.0)
     heights = [2.2, 1.0, 1.0] + ([0.8] if recording.fit is not None else [])

@@ -26,14 +26,9 @@ GHOST = 0.45  # opacity of the human where a robot or its bones are to be seen
 
 
 def act_of(clip: Clip, robot: Path | None, ghost: bool = True) -> Act:
-    """The scene of a clip.
+    """The scene of a clip, of the human alone or beside a robot of a file; `ghost` makes the human translucent.
 
-    Args:
-        robot: the file of a robot beside the human; None for the human alone.
-        ghost: whether the human is translucent.
-
-    Raises:
-        MotiondeckError: if the robot cannot be loaded, or cannot be fitted to this body.
+    MotiondeckError if the robot cannot be loaded, or cannot be fitted to this body.
     """
     from motiondeck.page.body.footprints import footprints, soles, standing
     from motiondeck.page.clip_page import Act
@@ -56,8 +51,7 @@ def act_of(clip: Clip, robot: Path | None, ghost: bool = True) -> Act:
 def act_of_recording(recording: RunRecording, robot: Robot) -> Act:
     """The scene of a recorded run: the robot at its targets, with footprints if they are known.
 
-    Raises:
-        MotiondeckError: if nothing was recorded, or it was another robot's.
+    MotiondeckError if nothing was recorded, or it was another robot's.
     """
     from motiondeck.page.body.footprints import footprints, soles, standing
     from motiondeck.page.clip_page import Act

@@ -16,11 +16,7 @@ ENDINGS = (".png", ".svg", ".pdf")
 
 
 def need_matplotlib() -> None:
-    """Checks that matplotlib is installed.
-
-    Raises:
-        MotiondeckError: if it is not; the message says how to install it.
-    """
+    """Checks that matplotlib is installed; MotiondeckError says how to install it."""
     try:
         import matplotlib  # noqa: F401
     except ImportError:
@@ -28,10 +24,9 @@ def need_matplotlib() -> None:
 
 
 def check_picture(path: Path) -> None:
-    """Checks that a picture can be drawn, before anything is computed.
+    """Checks, before anything is computed, that a picture can be drawn.
 
-    Raises:
-        MotiondeckError: if matplotlib is not installed, the file ends otherwise, or its folder does not exist.
+    MotiondeckError if matplotlib is not installed, the file ends otherwise, or its folder does not exist.
     """
     need_matplotlib()
     if path.suffix.lower() not in ENDINGS:
@@ -40,11 +35,7 @@ def check_picture(path: Path) -> None:
 
 
 def new_figure(width: float, height: float) -> Figure:
-    """An empty figure, inches; drawn off screen.
-
-    Raises:
-        MotiondeckError: if matplotlib is not installed.
-    """
+    """An empty figure, inches; drawn off screen. MotiondeckError if matplotlib is not installed."""
     need_matplotlib()
     from matplotlib.figure import Figure
 
@@ -52,11 +43,7 @@ def new_figure(width: float, height: float) -> Figure:
 
 
 def save(figure: Figure, path: Path) -> None:
-    """Writes a figure; the ending of the file chooses the format.
-
-    Raises:
-        MotiondeckError: if it cannot be written.
-    """
+    """Writes a figure in the format of the file's ending; MotiondeckError if it cannot be written."""
     drawn = io.BytesIO()
     try:
         figure.savefig(drawn, dpi=120, format=path.suffix[1:].lower())

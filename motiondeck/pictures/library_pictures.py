@@ -45,10 +45,8 @@ SHEET_SECONDS = {"loop": 1.0, "once": 0.6}
 def draw_sheet(library: str, robot: str, out: Path, blends: Sequence[Blend] = ()) -> None:
     """One row a motion, MOMENTS pictures each, spread over one period of a loop or the moving part of a single act.
 
-    With blends, one row each of them instead, over one period of the longest of its motions.
-
-    Raises:
-        MotiondeckError: if there is no such motion, or some cannot be blended.
+    With blends, one row each of them instead, over one period of the longest of its motions. MotiondeckError if there
+    is no such motion, or some cannot be blended.
     """
     from motiondeck.pictures.video import contact_sheet
     from sim.physics.kinematic_playback import KinematicPlayback
@@ -131,8 +129,7 @@ def film_look(
 def film_run(spec: RunSpec, program: Program, video: Path, look: FilmLook) -> tuple[dict[str, Any], str]:
     """Films a run, by default as long as its timeline; its report, and a line for the terminal.
 
-    Raises:
-        MotiondeckError: if a command of the timeline is not for a film.
+    MotiondeckError if a command of the timeline is not for a film.
     """
     for timed in program.timeline:
         try:
@@ -157,11 +154,7 @@ def film(
     out: Path,
     look: FilmLook,
 ) -> dict[str, object]:
-    """Films a run; its report, as `play --video --json` prints it.
-
-    Raises:
-        MotiondeckError: if a command is refused; it says when.
-    """
+    """Films a run; its report, as `play --video --json` prints it. MotiondeckError says when a command is refused."""
     from sim.models.robot_file import solver_named
     from sim.robots.robot import load_robot
 

@@ -30,18 +30,13 @@ _LABELS = {
 def draw_bars(table: Table, path: Path) -> None:
     """One group of bars a row; percentages share a panel, whiskers where the table has low and high of them.
 
-    Raises:
-        MotiondeckError: if the file cannot be written.
+    MotiondeckError if the file cannot be written, as for the pictures below.
     """
     _write(_bars(table), table, path)
 
 
 def draw_spread(table: Table, path: Path) -> None:
-    """A panel for each measure: median, quarters and the range from 5 to 95 % of the details, by method.
-
-    Raises:
-        MotiondeckError: if the file cannot be written.
-    """
+    """A panel for each measure: median, quarters and the range from 5 to 95 % of the details, by method."""
     _write(_spread(table), table, path)
 
 
@@ -98,11 +93,7 @@ def _spread(table: Table) -> Figure:
 
 
 def draw(verdicts: Sequence[PreflightVerdict], path: Path) -> None:
-    """Draws the checks that have a limit, as shares of it, and the tempo at which each motion passes.
-
-    Raises:
-        MotiondeckError: if the file cannot be written.
-    """
+    """Draws the checks that have a limit, as shares of it, and the tempo at which each motion passes."""
     limited = [f for f in verdicts[0].findings if f.limit is not None]
     checks = [finding.check for finding in limited]
     share = np.zeros((len(verdicts), len(checks)))

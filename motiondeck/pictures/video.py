@@ -92,13 +92,11 @@ def render(
     """Films a robot and returns the number of frames; nothing is left behind if it does not come to its end.
 
     Args:
-        model: the robot on its stage.
         frames: one qpos (nq,), or more to be drawn, a picture.
         path: the file, .mp4 or .gif.
         size: width and height, pixels; even numbers for mp4.
         shadows: prettier and about twice as slow.
         progress: called with the number of frames done.
-        camera: one of CAMERAS.
 
     Raises:
         PictureError: for another ending, for no frames, and where OpenGL or ffmpeg is missing.
@@ -126,15 +124,10 @@ def render(
 def contact_sheet(
     rows: Sequence[tuple[str, mujoco.MjModel, Sequence[Array]]], path: Path, tile: tuple[int, int] = (200, 220)
 ) -> None:
-    """Draws one row a motion, its label on the left, into one picture.
+    """Draws one row a motion into one picture of a type that pillow writes: a label, and a model at up to 8 qpos (nq,).
 
-    Args:
-        rows: a label, a model, and up to 8 qpos (nq,) each.
-        path: the file, of a type that pillow writes, such as .png.
-        tile: width and height of one picture, pixels.
-
-    Raises:
-        PictureError: for no rows, for another file type, and where OpenGL is missing.
+    `tile` is width and height of one picture, pixels. PictureError for no rows, for another file type, and where OpenGL
+    is missing.
     """
     if not rows:
         raise PictureError(f"{path}: there are no motions to show")

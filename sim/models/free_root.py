@@ -20,8 +20,7 @@ _OF_ROBOTS = (*_CLOSING, mujoco.mjtEq.mjEQ_JOINT, mujoco.mjtEq.mjEQ_TENDON)  # t
 def free_root(path: Path, spec: mujoco.MjSpec) -> None:
     """Frees the root, with its origin in the pelvis, and removes all other bodies and ties to them or to the world.
 
-    Raises:
-        FileFormatError: if there is no body, or its root turns against the world on a joint.
+    FileFormatError if there is no body, or its root turns against the world on a joint.
     """
     bodies = [body for body in spec.worldbody.bodies if not body.mocap]
     if not bodies:

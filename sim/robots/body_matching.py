@@ -73,8 +73,7 @@ class BodyMatch:
 def match(path: Path, model: mujoco.MjModel) -> BodyMatch:
     """Matches the bodies of a model with a free root; `path` is for errors.
 
-    Raises:
-        FileFormatError: without two legs, on wheels, or if ahead and behind are unclear; it lists the limbs found.
+    FileFormatError, which lists the limbs found, without two legs, on wheels, or if ahead and behind are unclear.
     """
     refusal: FileFormatError | None = None
     found: dict[float, BodyMatch] = {}

@@ -119,8 +119,7 @@ def shortfall(robot: Robot) -> dict[str, float]:
 def limb_errors(limbs: RobotLimbs, carried: Carried) -> dict[str, float]:
     """Errors of `knee`, `ankle`, `elbow` and `wrist` against limbs in the human's directions, from hip and shoulder on.
 
-    Returns:
-        root mean square over frames and both sides of the retargeted joints, m.
+    Root mean square over frames and both sides of the retargeted joints, m.
     """
     names = limbs.vectors.names
     square: dict[str, list[Array]] = {"knee": [], "ankle": [], "elbow": [], "wrist": []}

@@ -41,15 +41,12 @@ GRID = 121
 
 @dataclass(frozen=True)
 class LimbCause:
-    """One limb beyond the limits.
+    """One limb beyond the limits."""
 
-    Attributes:
-        cause: "out of reach": of the joints' ranges; "held back": by limits of speed and acceleration; "carried
-            wrongly": by the retargeter.
-        best: mean and worst angle of its segments at the best joint angles, by name, degrees.
-    """
-
+    # "out of reach": of the joints' ranges; "held back": by limits of speed and acceleration; "carried wrongly": by the
+    # retargeter.
     cause: Cause
+    # Mean and worst angle of its segments at the best joint angles, by name, degrees.
     best: dict[str, tuple[float, float]]
 
 

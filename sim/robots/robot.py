@@ -116,11 +116,9 @@ class Robot:
 
 
 def load_robot(path: Path, skeleton: Skeleton, solver: Solver | None = None, dt: float = DT) -> Robot:
-    """Loads a robot file and fits the robot to a skeleton.
+    """Loads a robot file and fits the robot to a skeleton, for poses dt seconds apart.
 
-    Args:
-        solver: of the retargeting, in place of the file's.
-        dt: seconds from pose to pose.
+    `solver` is that of the retargeting, in place of the file's.
 
     Raises:
         FileFormatError: if the robot file or its model cannot be used, or the skeleton lacks what the robot needs.

@@ -45,8 +45,7 @@ def ending(format: Format) -> str:
 def write_training_file(path: Path, model: mujoco.MjModel, qpos: Array, rate: float, format: Format) -> None:
     """Writes, or replaces, the motion qpos (T, nq), T >= 1, of a robot with a free root; rate in Hz.
 
-    Raises:
-        FileFormatError: if a joint is a ball and the format has one number a joint, or the file cannot be written.
+    FileFormatError if a joint is a ball and the format has one number a joint, or the file cannot be written.
     """
     if format == "qpos":
         write_file(path, _npz(fps=rate, qpos=qpos, qvel=velocities(model, qpos, rate)))

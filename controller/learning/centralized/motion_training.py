@@ -129,10 +129,7 @@ def score_models(
 ) -> list[Scored]:
     """Every choice of sizes with enough frames for a motion (K, D), the best first by Akaike's criterion.
 
-    As fig. 13 of Vakulenko et al. 2017.
-
-    Raises:
-        MotiondeckError: if there is none.
+    As fig. 13 of Vakulenko et al. 2017; MotiondeckError if there is none.
     """
     stride = max(1, round(rate / RATE))
     seen = channels[::stride]

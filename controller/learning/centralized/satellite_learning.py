@@ -59,11 +59,7 @@ class LearnedSatellites:
 
 
 def choose_satellites(states: Array, target: Array, count: int) -> tuple[GaussianSatellites, float]:
-    """The `count` best satellites of `rank_satellites`, and their relative squared error.
-
-    Raises:
-        MotiondeckError: if there are fewer frames than satellites.
-    """
+    """The `count` best satellites of `rank_satellites` with its errors, and their relative squared error."""
     size = float(np.square(target).sum())
     satellites, explained = rank_satellites(states, target, count)
     left = size - float(explained.sum())

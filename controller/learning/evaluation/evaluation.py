@@ -65,11 +65,7 @@ class Evaluation:
     def training_errors(
         self, seeds: Iterable[int], tick: Callable[[], None], readout_targets: Sequence[Array] | None = None
     ) -> tuple[list[TrainingError], list[dict[str, MotionVerdict]]]:
-        """Training errors and self-tests of one network per seed; `readout_targets` as in `training_error`.
-
-        Raises:
-            MotiondeckError: for a library, whose training is over.
-        """
+        """Errors and self-tests of a network per seed, as of `training_error`; MotiondeckError for a library."""
         if self.library is not None:
             raise MotiondeckError(f"{self.library}: accuracy is measured in training; give the recipe (.toml) instead")
         errors, verdicts = [], []
@@ -92,11 +88,7 @@ def training_error(
 
 
 def read_evaluation(subject: str, data: Path) -> Evaluation:
-    """Reads a recipe (.toml) or a library (by name or file), and its recordings from a folder.
-
-    Raises:
-        MotiondeckError: if the folder, the recipe, the library or a recording is missing or cannot be read.
-    """
+    """Reads a recipe (.toml) or a library (by name or file), and its recordings; MotiondeckError if one is missing."""
     if not data.is_dir():
         raise MotiondeckError(f"{data}: there is no such folder; --data is the folder that holds the recordings")
     if subject.endswith(".toml"):

@@ -75,14 +75,12 @@ def sweep(
     """Disturbs every motion of every network, without a guard and with one where the deck plays it with one.
 
     Args:
-        kind: of disturbance.
-        subjects: the networks.
-        syllabus: the frames that they learned, to judge by.
+        syllabus: the frames that the networks learned, to judge by.
         runs: of each motion of each network.
         motions: by default all.
         holds: whether one-shots were taught to hold their end.
         guarded: whether to play all runs once more with a guard.
-        jobs: that do the work; `tick` is called after each motion of each network.
+        tick: called after each motion of each network.
 
     Returns:
         One count for each, by seed and in the order of the motions.

@@ -68,10 +68,9 @@ def all_crossings(
     """All ordered pairs with all methods; one switch per pair, at a random moment of the source.
 
     Args:
-        library: whose network plays.
-        syllabus: the frames that it learned, to judge by.
+        syllabus: the frames that the library's network learned, to judge by.
         holds: whether one-shots were taught to hold their end.
-        jobs: that do the work; `tick` is called after each source.
+        tick: called after each source.
 
     Raises:
         MotiondeckError: if the motions were taught on a rig: they have no bones to be judged by.

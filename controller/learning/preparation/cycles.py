@@ -24,11 +24,7 @@ AS_WELL = 2.0  # a cycle is the shortest period with a mismatch up to this facto
 
 
 def one_cycle(features: Array, rate: float, name: str) -> Seam:
-    """The seam of one cycle of a recording with joint positions (T, F) at a rate in Hz.
-
-    Raises:
-        FileFormatError: if the recording is too short; it gives the name.
-    """
+    """The seam of one cycle of joint positions (T, F) at a rate in Hz; FileFormatError if they are too few."""
     seen = with_velocities(features, rate)
     shortest, longest = round(SHORTEST_SECONDS * rate), len(seen) - 1
     if longest <= shortest:
@@ -62,12 +58,8 @@ def phase_lag(loop: Array, reference: Array) -> int:
 def aligned_cycles(encoding: Encoding, clips: Sequence[Clip], values: Sequence[float], rate: float) -> list[Variant]:
     """One cycle of each recording of a loop, with the phase and number of frames of the first.
 
-    Args:
-        encoding: of the channels; the clips have its body and the rate, Hz.
-        values: of the input in each recording; if empty, the speed, m/s.
-
-    Raises:
-        FileFormatError: if a recording is too short.
+    The clips have the encoding's body and the rate, Hz; without `values` of the input it is the speed, m/s.
+    FileFormatError if a recording is too short.
     """
     found: list[Variant] = []
     reference: Array | None = None

@@ -31,12 +31,9 @@ MANNER, NOISE = 1.0, 0.1  # of the variance of f
 def person_variants(
     person: str, variants: Sequence[Variant], people: Sequence[str], values: Sequence[float]
 ) -> list[Variant]:
-    """The predicted motion of a person at some values of the input; an unknown name gives the average person.
+    """The predicted motion of a person at `values` of the input; an unknown name gives the average person.
 
-    Args:
-        variants: aligned recordings, at two different values at least.
-        people: name of each recording's person.
-        values: of the input for the prediction.
+    `variants` are aligned recordings, at two different values at least, and `people` the name of each one's person.
     """
     known = np.array([variant.value for variant in variants])
     least, most = known.min(), known.max()

@@ -56,8 +56,7 @@ def by_motion(files: Iterable[Path]) -> list[list[Path]]:
 def read_takes(files: Sequence[Path]) -> tuple[Clip, Plays]:
     """The motion of some takes, and whether it loops.
 
-    Raises:
-        FileFormatError: if one cannot be read, or joints, rates, motions or modes differ.
+    FileFormatError if one cannot be read, or joints, rates, motions or modes differ.
     """
     clips = [read_clip(file) for file in files]
     plays: list[Plays] = [taught_mode(file) for file in files]
@@ -81,11 +80,7 @@ def is_periodic(channels: Array, rate: float, at_least: float) -> bool:
 
 
 def join_takes(takes: Sequence[Array], names: Sequence[str], rate: float, *, loop: bool) -> JoinedTakes:
-    """One motion from several takes (T_i, C) of it at a rate in Hz.
-
-    Raises:
-        FileFormatError: if a take differs too much from the others; it names it.
-    """
+    """One motion from several takes (T_i, C) at a rate in Hz; FileFormatError names one that differs too much."""
     periods = [_period(take, rate) for take in takes] if loop else list(takes)
     reference = sorted(range(len(takes)), key=lambda number: len(periods[number]))[len(takes) // 2]
     within = _LARGEST_DIFFERENCE * spread_of(periods[reference])

@@ -53,11 +53,7 @@ def unwind(joints: Array, balls: NDArray[np.int64]) -> None:
 
 
 def teach_joints(motions: dict[str, Array]) -> ExpertBank:
-    """Experts on joint positions (T, J), rad, with ball joints unwound.
-
-    Raises:
-        MotiondeckError: if there are fewer than two motions.
-    """
+    """Experts on joint positions (T, J), rad, ball joints unwound; MotiondeckError for fewer than two motions."""
     if len(motions) < 2:
         raise MotiondeckError("a library of one motion leaves nothing to recognize")
     signals = [joints / ANGLE_UNIT for joints in motions.values()]
@@ -65,11 +61,7 @@ def teach_joints(motions: dict[str, Array]) -> ExpertBank:
 
 
 class JointWatcher:
-    """Passes joints measured at any rate to an online recognizer at RATE.
-
-    Attributes:
-        recognizer: with the verdict, by experts on joint positions (`teach_joints`).
-    """
+    """Passes joints measured at any rate to `recognizer`, online at RATE, by experts of `teach_joints`."""
 
     def __init__(self, bank: ExpertBank) -> None:
         self.recognizer = OnlineRecognizer(bank, THRESHOLD, RATE, MEMORY)

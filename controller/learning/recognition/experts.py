@@ -103,8 +103,7 @@ class Forced:
 def force(reservoir: Reservoir, signals: list[Array], washout: int) -> list[Forced]:
     """Drives the reservoir with signals (T_j, C); the washout of a short one is a third of it.
 
-    Raises:
-        MotiondeckError: if a signal has fewer than two frames or a number that is not finite.
+    MotiondeckError if a signal has fewer than two frames or a number that is not finite.
     """
     for number, signal in enumerate(signals):
         if len(signal) < 2:

@@ -65,13 +65,10 @@ def common_joints(clips: Sequence[Clip]) -> tuple[str, ...]:
 
 
 def features(clip: Clip, recipe: FeatureRecipe, stretch: float = 1.0) -> Array:
-    """The features of a clip, shape (frames at the recipe's rate, channels).
+    """The features of a clip, shape (frames at the recipe's rate, channels); MotiondeckError if it lacks a joint.
 
     A clip that lacks the recipe's joints is converted to the canonical body, which has the same ones. `stretch` is a
     factor on the duration of the motion.
-
-    Raises:
-        MotiondeckError: if the skeleton lacks a joint of the recipe.
     """
     base = resampled(still_features(clip, recipe), clip.rate / stretch, recipe.rate)
     return with_velocity(base, recipe.rate) if recipe.velocity else base

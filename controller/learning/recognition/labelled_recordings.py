@@ -61,10 +61,8 @@ class Dataset:
 def read_dataset(folder: Path, progress: Callable[[int, int], None] = lambda done, total: None) -> Dataset:
     """Reads a folder of recordings, one folder a class; `progress` gets the number of files done and of all.
 
-    Files that cannot be read, or are shorter than SHORTEST frames, are listed in `skipped`.
-
-    Raises:
-        MotiondeckError: if there is no such folder, or no usable recording in it.
+    Files that cannot be read, or are shorter than SHORTEST frames, are listed in `skipped`. MotiondeckError if there is
+    no such folder, or no usable recording in it.
     """
     if not folder.is_dir():
         raise MotiondeckError(f"{folder}: there is no such folder. Check the name.")

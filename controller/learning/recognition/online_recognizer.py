@@ -166,12 +166,9 @@ class OnlineRecognizer:
 
 
 class MismatchWatch:
-    """Detects that another motion than the commanded one is recognized for a set time.
+    """Detects that another motion than the commanded one is recognized for longer than the patience, s.
 
-    Time does not count during a switch and for GRACE after it.
-
-    Attributes:
-        mismatch: duration of the mismatch so far, s; detected when it exceeds the patience, s.
+    `mismatch` is its duration so far, s. Time does not count during a switch and for GRACE after it.
     """
 
     def __init__(self, recognizer: OnlineRecognizer, patience: float) -> None:

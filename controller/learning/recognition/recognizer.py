@@ -57,11 +57,7 @@ class Recognizer:
     sources: tuple[str, ...] = ()  # names of their files
 
     def recognize(self, clip: Clip) -> RecognitionVerdict:
-        """The verdict on a clip.
-
-        Raises:
-            MotiondeckError: if its skeleton lacks a joint the features need, or it is too short to predict anything.
-        """
+        """The verdict on a clip; MotiondeckError if it lacks a joint, or is too short to predict anything."""
         return self.verdict(self.bank.costs([self.features(clip)])[0])
 
     def features(self, clip: Clip) -> Array:
@@ -157,11 +153,7 @@ class RecognizerInfo(msgspec.Struct, forbid_unknown_fields=True, frozen=True, kw
 
 
 def save_recognizer(recognizer: Recognizer, path: Path, licence: str = "") -> None:
-    """Writes a recognizer atomically.
-
-    Raises:
-        FileFormatError: if the folder cannot be written.
-    """
+    """Writes a recognizer atomically; FileFormatError if the folder cannot be written."""
     bank = recognizer.bank
     info = RecognizerInfo(
         version=VERSION,
@@ -186,11 +178,7 @@ def save_recognizer(recognizer: Recognizer, path: Path, licence: str = "") -> No
 
 
 def load_recognizer(path: Path) -> Recognizer:
-    """Reads and checks a recognizer.
-
-    Raises:
-        FileFormatError: one line that names the file and the error.
-    """
+    """Reads and checks a recognizer; FileFormatError is one line that names the file and the error."""
     header, stored = read_arrays(path, KIND)
     info = _read_info(path, header)
     classes, neurons, channels = len(info.classes), info.experts.neurons, stored.size("input_weights", axis=1)

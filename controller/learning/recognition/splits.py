@@ -25,8 +25,7 @@ HALVES = 3
 def folds(protocol: Protocol, labels: Indices, actors: Indices, seed: int = 0) -> list[Fold]:
     """The splits of examples with labels and actors (n,); classes that are not in the training set are not tested.
 
-    Raises:
-        MotiondeckError: if there is only one actor and two are needed, or no test example is left.
+    MotiondeckError if there is only one actor and two are needed, or no test example is left.
     """
     names = np.unique(actors)
     if protocol != "half" and len(names) < 2:

@@ -86,11 +86,7 @@ def quota(network: ConceptorNetwork, lengths: dict[str, int], recipe: ConceptorR
 
 
 def memory_of(network: ConceptorNetwork) -> Memory:
-    """The memory of a network, for adding a motion.
-
-    Raises:
-        MotiondeckError: if it was not stored.
-    """
+    """The memory of a network, for adding a motion; MotiondeckError if it was not stored."""
     if network.memory is None:
         raise MotiondeckError("this network was stored without what adding a motion needs; train it again with learn")
     return network.memory

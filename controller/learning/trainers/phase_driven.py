@@ -100,12 +100,9 @@ def with_readouts(unread: Motion, motion: TrainingMotion, normalisation: Normali
 
 
 def learn_readouts(states: Float32, piece: NDArray[np.int64], frames: Array, regulariser: float) -> Float32:
-    """A readout (R, r) for each piece of a motion, shape (P, C, k + 1).
+    """A readout (R, r) for each piece of a motion, shape (P, C, k + 1), of settled states (T, k) and frames (T, C).
 
-    Args:
-        states: settled state at each frame, shape (T, k).
-        piece: of each frame, shape (T,).
-        frames: targets, shape (T, C).
+    `piece` is that of each frame, shape (T,).
     """
     pieces = [np.flatnonzero(piece == one) for one in range(int(piece.max()) + 1)]
     weight = np.ones(len(frames))

@@ -99,10 +99,7 @@ def conception_weights(
 ) -> tuple[Float32, Float32]:
     """The conception weights and means of a looped signal W_in p + b (T, N), shape (k,) each.
 
-    `features` and `feedback` are those of the motion, shape (k, N).
-
-    Raises:
-        MotiondeckError: if the weights diverge.
+    `features` and `feedback` are those of the motion, shape (k, N). MotiondeckError if the weights diverge.
     """
     rate, leak = recipe.learning_rate, recipe.aperture**-2
     z, mean = (np.zeros(len(features), dtype=np.float32) for _ in range(2))

@@ -70,11 +70,7 @@ class NewMotion:
     loop: bool
 
     def scaled(self, normalisation: Normalisation) -> TrainingMotion:
-        """The motion, normalised as the stored ones are.
-
-        Raises:
-            MotiondeckError: if it moves what stands still in all stored ones, and so has no scale.
-        """
+        """The motion, normalised as the stored ones are; MotiondeckError if it moves what stands still in them all."""
         scaled = normalisation.apply(self.frames)
         unscaled = np.abs(self.frames + normalisation.shift)[:, normalisation.scaling == 0.0]
         if np.abs(scaled).max() > FARTHEST or (unscaled > STILL).any():
@@ -141,11 +137,7 @@ class Trainer(ABC, Generic[Recipe]):
         return None
 
     def add(self, recipe: Recipe, network: Any, motion: NewMotion) -> AnyNetwork:
-        """The network with one more motion.
-
-        Raises:
-            MotiondeckError: if the network cannot be added to.
-        """
+        """The network with one more motion; MotiondeckError if it cannot be added to."""
         raise MotiondeckError(
             f"library '{motion.library}' holds a {network.kind} network, which learns all motions at once; "
             "name the clip in its recipe and train it again"

@@ -49,11 +49,7 @@ class BoneDirections:
 
     @classmethod
     def of(cls, skeleton: Skeleton) -> Self:
-        """The encoding for a skeleton, whose hips are found by name or by shape.
-
-        Raises:
-            FileFormatError: if no bones lead from its root to two hips.
-        """
+        """The encoding for a skeleton, by its hips; FileFormatError if no bones lead from its root to two."""
         for right, left in HIPS:
             if right in skeleton.bones and left in skeleton.bones:
                 return cls(skeleton, right, left)
@@ -73,11 +69,7 @@ class BoneDirections:
 
     @classmethod
     def restore(cls, info: SkeletonInfo) -> Self:
-        """The encoding of a library with this skeleton.
-
-        Raises:
-            FileFormatError: if the skeleton is damaged, too large for a body, or lacks its hips.
-        """
+        """The encoding of a library; FileFormatError if its skeleton is damaged, too large, or lacks its hips."""
         skeleton = Skeleton.restore(info)
         if skeleton.length.max() > LONGEST_BONE:
             longest = skeleton.bones[int(skeleton.length.argmax())]

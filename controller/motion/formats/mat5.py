@@ -42,8 +42,7 @@ class Variable:
 def read_mat(path: str | Path) -> dict[str, Variable]:
     """The variables of a MAT file by name.
 
-    Raises:
-        FileFormatError: if it cannot be read, is of another format, is damaged, or unpacks beyond LARGEST_UNPACKED.
+    FileFormatError if it cannot be read, is of another format, damaged, or unpacks beyond LARGEST_UNPACKED.
     """
     content = read_bytes(path, LARGEST)
     if content.startswith(b"MATLAB 7.3"):

@@ -64,8 +64,7 @@ class FittedClip:
 def read_clip(path: str | Path, options: ReadingOptions = AS_FOUND) -> Clip:
     """The clip in a recording of one of FORMATS; capitals in the suffix do not matter.
 
-    Raises:
-        FileFormatError: if the format is another, the skeleton is ambiguous, or reading fails.
+    FileFormatError if the format is another, the skeleton is ambiguous, or reading fails.
     """
     return read_fitted(path, options).clip
 

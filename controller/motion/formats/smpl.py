@@ -166,11 +166,7 @@ class NpzArrays:
         self.names = list(self._sizes)
 
     def first(self, *names: str) -> Array | None:
-        """The first of these arrays that exists, as float64; None if there is none.
-
-        Raises:
-            FileFormatError: if it is not an array of numbers, or too large.
-        """
+        """The first of these arrays that exists, as float64, or None; FileFormatError if it is none or too large."""
         name = next((name for name in names if name in self._sizes), None)
         if name is None:
             return None

@@ -35,11 +35,7 @@ class FrequencyError(MotiondeckError):
 
 
 def require_frequencies(frequency: Array) -> None:
-    """Refuses frequencies that are not finite and positive.
-
-    Raises:
-        FrequencyError: it names the center.
-    """
+    """Refuses, by a FrequencyError that names the center, frequencies that are not finite and positive."""
     if frequency.ndim != 1:
         raise FrequencyError(f"frequencies of shape {frequency.shape}; one number a center is needed, (n,), rad/s")
     for center, omega in enumerate(frequency):

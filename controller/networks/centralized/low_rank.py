@@ -82,11 +82,7 @@ class PackedWeights:
         )
 
     def unpack(self, channels: int, satellites: int) -> LowRankWeights:
-        """The weights for some channels and satellites.
-
-        Raises:
-            MotiondeckError: if there are more or fewer numbers than flags and counts ask for.
-        """
+        """The weights; MotiondeckError if there are more or fewer numbers than flags and counts ask for."""
         rank = len(self.used)
         if len(self.nonzero) != -(-channels * rank // 8):
             raise MotiondeckError(f"{len(self.nonzero)} bytes of flags for {channels} channels and {rank} curves")

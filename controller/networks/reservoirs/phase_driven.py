@@ -180,8 +180,7 @@ class PhaseDrivenNetwork(ReservoirNetwork[Motion]):
     def set_input(self, name: str, value: float) -> None:
         """Sets an input, from the next step on; a value beyond what a motion was learned at counts as its end.
 
-        Raises:
-            UnknownNameError: if no motion has such an input.
+        UnknownNameError if no motion has such an input.
         """
         if name not in self.inputs:
             raise UnknownNameError.among("input", name, tuple(self.inputs))

@@ -110,11 +110,7 @@ class DirectionReservoir(AutonomousReservoir[States]):
 
 
 class DirectionMorph(Generic[States]):
-    """What morphs of such reservoirs share: the states of source and target.
-
-    Raises:
-        MotiondeckError: if the network does not play the source.
-    """
+    """The states of source and target of a morph; MotiondeckError if the network does not play the source."""
 
     def __init__(self, network: DirectionReservoir[States], source: str, target: str) -> None:
         self._reservoir, self._to = network, target

@@ -28,8 +28,7 @@ _CORNERS = np.array([[x, y, z] for x in (-0.5, 0.5) for y in (-0.5, 0.5) for z i
 def read_solids(spec: mujoco.MjSpec, folder: Path) -> None:
     """Replaces meshes that MuJoCo cannot read by the convex hulls of their files in a folder: enough for contacts.
 
-    Raises:
-        FileFormatError: if a mesh is of an unknown kind, or broken.
+    FileFormatError if a mesh is of an unknown kind, or broken.
     """
     for name, read in read_meshes(spec, {mesh.name: folder / mesh.file for mesh in spec.meshes if mesh.file}).items():
         fill(spec.mesh(name), _hull(read.points))

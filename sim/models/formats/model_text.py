@@ -52,8 +52,7 @@ def xml_text(path: Path) -> str:
 def model_kind(path: Path) -> str:
     """The kind of a model file: "mujoco" for an MJCF, "robot" for a URDF, whatever its name.
 
-    Raises:
-        FileFormatError: if it is missing or of another kind; it names what was expected.
+    FileFormatError, which names what was expected, if it is missing or of another kind.
     """
     if path.is_dir():
         inside = sorted(file.name for file in path.iterdir() if file.suffix.lower() in (".xml", ".urdf"))
@@ -89,8 +88,7 @@ def _tags_of(path: Path) -> list[str]:
 def urdf_speeds(path: Path) -> dict[str, float]:
     """The plausible speed limits of a URDF's joints, rad/s; empty for another file.
 
-    Raises:
-        FileFormatError: if the file declares a document type, whose entities could grow without bound.
+    FileFormatError if the file declares a document type, whose entities could grow without bound.
     """
     speeds: dict[str, float] = {}
     joint = ""

@@ -162,8 +162,7 @@ def masses(skeleton: Skeleton, parts: Anatomy) -> Array:
 def limb_inertia(skeleton: Skeleton, parts: Anatomy, bone: int, mass: float) -> tuple[Array, Array, Array] | None:
     """Inertia of a limb's bone; None for others, whose solids have it.
 
-    Returns:
-        centre of mass from the start of the bone (3,), m; quaternion of the principal axes; moments (3,), kg m^2.
+    Centre of mass from the start of the bone (3,), m; quaternion of the principal axes; moments (3,), kg m^2.
     """
     length = float(skeleton.length[bone])
     share = LIMB_INERTIA.get(parts.part[bone])
