@@ -1,9 +1,10 @@
-"""Writing rig files: from the servos that answer on a port, whole or not at all, and the port alone in place."""
+"""Writing rig files: from the servos that answer on a port, whole or not at all, and single values in place."""
 
 from __future__ import annotations
 
 import re
-from collections.abc import Iterable, Sequence
+import tomllib
+from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 
 import msgspec
@@ -17,6 +18,8 @@ from motiondeck_base.files import write_file
 FIRST_VELOCITY = 2.0  # rad/s: what a joint may do until somebody knows better; every model can
 _RATE = 100.0  # Hz
 _PORT_LINE = re.compile(r"^port\s*=.*$", re.MULTILINE)
+_NO_SYNTAX = re.compile(r'"(?:\\.|[^"\\\n])*"|\'[^\'\n]*\'|#[^\n]*')  # text in which no key stands
+_JOINT = re.compile(r"\{[^{}]*\}|^[ \t]*\[\[\s*joints\s*\]\].*?(?=^[ \t]*\[|\Z)", re.MULTILINE | re.DOTALL)
 
 
 def new_joint(name: str, id: int, model: str) -> RigJoint:
@@ -95,6 +98,50 @@ def set_port(path: Path, port: str) -> str:
     line = f"port = {_toml(port)}"
     write_file(path, _PORT_LINE.sub(lambda _: line, path.read_text(encoding="utf-8"), count=1).encode())
     return config.port
+
+
+def set_in_joints(path: Path, values: Mapping[str, Mapping[str, float]], out: Path) -> Path | None:
+    """Writes a rig file with these values of joints, by name and key, and leaves all else as it is, comments too.
+
+    Returns where the file is kept that stood at `out` before, if any.
+
+    Raises:
+        RigError: if the file is written so unusually that the values cannot be put into it; nothing is written then.
+    """
+    config, text = load_rig(path), path.read_text(encoding="utf-8")
+    joints = [msgspec.structs.replace(joint, **values.get(joint.name, {})) for joint in config.joints]
+    wanted = msgspec.structs.replace(config, joints=tuple(joints))
+    for number, joint in enumerate(config.joints):
+        for key, value in values.get(joint.name, {}).items():
+            text = _with_value(text, number, key, value)
+    try:
+        same = msgspec.convert(tomllib.loads(text), RigConfig) == wanted
+    except (tomllib.TOMLDecodeError, msgspec.ValidationError):
+        same = False
+    if not same:
+        raise RigError(f"{path} is written in a way that values cannot be put into. Put them in by hand.")
+    kept = out.with_name(f"{out.name}.bak") if out.exists() else None
+    if kept is not None:
+        write_file(kept, out.read_bytes())
+    write_file(out, text.encode())
+    return kept
+
+
+def _with_value(text: str, joint: int, key: str, value: float) -> str:
+    """The text of a rig file with this value in the row of its joint with this number, from 0."""
+    rows = list(_JOINT.finditer(_NO_SYNTAX.sub(lambda found: "_" * len(found[0]), text)))
+    if joint >= len(rows):
+        return text
+    start, row = rows[joint].start(), rows[joint][0]
+    if given := re.search(rf"(?<![\w-]){key}\s*=\s*([-+.\w]+)", row):
+        before, after, put = start + given.start(1), start + given.end(1), f"{value:g}"
+    elif row.startswith("{"):
+        before = after = start + len(row.rstrip("} \t\n"))
+        put = f", {key} = {value:g}"
+    else:
+        before = after = start + row.index("\n")
+        put = f"\n{key} = {value:g}"
+    return text[:before] + put + text[after:]
 
 
 def _toml(value: object) -> str:

@@ -11,12 +11,12 @@ from typing import Annotated
 import typer
 
 from motiondeck.cli.common.options import JsonOption
-from motiondeck.cli.rig import calibrate, emulate, play, servos, teach
+from motiondeck.cli.rig import calibrate, emulate, identify, play, servos, teach
 from motiondeck.cli.rig.rig_port import PortOption, RigArgument, ended_by_sigterm, load, open_buses
 from motiondeck_base.counted import counted
 from motiondeck_base.errors import MotiondeckError
 
-app = typer.Typer(help="Set up, check, teach and play a rig of servos, or emulate one.", no_args_is_help=True)
+app = typer.Typer(help="Set up, check, identify, teach and play a rig of servos, or emulate one.", no_args_is_help=True)
 
 
 def doctor(
@@ -244,6 +244,7 @@ _PANELS = {
         "calibrate": calibrate.calibrate,
         "turns": turns,
         "doctor": doctor,
+        "identify": identify.identify,
         "backup": backup,
         "restore": restore,
     },
