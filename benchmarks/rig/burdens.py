@@ -15,6 +15,7 @@ from hardware.emulator.servos.device import Device
 from hardware.rig.rig_joint import EXTENDED_MODE, RigJoint
 from hardware.rig.scale import Array
 
+_WITH_FEETECH = 0.2  # part of the schedules that have a port with Feetech servos alone
 _HEAVIEST = 0.2  # of the stall torque
 _LEAST_CURRENT, _MOST_CURRENT = 0.35, 0.7  # of the stall current
 _LIKE = {
@@ -63,7 +64,8 @@ def burdened(
     jammed, and another servo restarts while a joint holds its weight.
     """
     rng = random.Random(f"burdens of {seed}")
-    joints = tuple(_with_settings(rng, joint) for joint in joints)
+    port = rng.choice(joints).port if rng.random() < _WITH_FEETECH else None
+    joints = tuple(_feetech(joint) if joint.port == port else _with_settings(rng, joint) for joint in joints)
     weight = np.array([rng.choice((0.0, rng.uniform(0.05, _HEAVIEST))) for _ in joints])
     hanging = np.array([rng.uniform(0.6 * joint.lower, 0.6 * joint.upper) for joint in joints])
     poses = np.array([rng.random() < 0.35 for _ in joints])
@@ -78,6 +80,11 @@ def burdened(
         if others:
             faults.append(Fault("reboot", rng.choice(others), rng.uniform(3.0, until - 1.0), 0.1))
     return joints, Burdens(weight, hanging, poses, left), faults
+
+
+def _feetech(joint: RigJoint) -> RigJoint:
+    """The same joint with a servo of this family, around the middle of its turn."""
+    return msgspec.structs.replace(joint, model="STS3215", zero=2048)
 
 
 def leave_gains(joint: RigJoint, device: Device) -> None:

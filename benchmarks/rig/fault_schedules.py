@@ -48,7 +48,7 @@ _QUIET = 4.0  # s without faults before the end, in which every joint must come 
 _FOLLOWS = 0.15  # rad
 _ACCELERATES = 0.5  # part of its acceleration limit that a joint's sine needs
 _CATCHES_UP = 0.1  # part of its speed limit at which a joint that is still far off must turn towards its target
-_BLAME = 4.0  # s after a fault in which it may stop the rig
+_BLAME = 5.0  # s after a fault in which it may stop the rig
 _RELEASED = 1.5  # s after a jam in which a shaft may snap back to its path
 _MISLED = 0.5  # s after a servo was cut off, or took another's ID, until it is set up again
 _ALERT = 32.0
@@ -345,7 +345,7 @@ def forgotten(
 def _names(message: str, fault: Fault) -> bool:
     """Whether a message names the servo of a fault; the port, or anybody, where the fault is about no single one."""
     if fault.id is None or fault.kind == "duplicate":
-        return "emulated" in message or "(id " in message
+        return "emulated" in message or "(id " in message or " stands at " in message
     return f"(id {fault.id})" in message or f"(id {fault.id}:" in message or f"id {fault.id} on" in message
 
 

@@ -30,7 +30,8 @@ from hardware.emulator.port import EmulatedPort
 from hardware.emulator.servos.device import Device
 from hardware.emulator.servos.servo_bank import TRIPPED
 from hardware.families.dynamixel2 import instructions as wire
-from hardware.rig.rig_file import RigConfig, RigJoint
+from hardware.rig.rig_file import RigConfig
+from hardware.rig.rig_joint import POSITION_MODE, RigJoint
 from hardware.rig.scale import Array
 
 SPEED_MARGIN, SPEED_PLAY = 1.1, 0.2  # of the limit; rad/s, because a shaft swings about its path
@@ -45,7 +46,6 @@ _JERKED = 0.3  # s after its watchdog has stopped it, or torque has changed, in 
 _FALLEN = 0.3  # s after a weight has turned a shaft without torque, in which it may be fast
 _PLAY = 0.05  # rad
 _AT, _AT_ONCE = 0.02, 0.1  # rad from a goal to the target; s after a joint is held
-_RETURNS = 3.0  # s, in which a joint that was misled comes back within its limits
 _ARMED_WITHIN = 1.2  # s
 _STANDS = 0.05  # rad/s
 
@@ -162,9 +162,10 @@ class ShaftJudge:
         self._coasting = np.zeros(count)
         self._held_at = np.zeros(count)
         self._coasts_until = np.full(count, -np.inf)
-        self._fell, self._misled_until = np.full(count, -np.inf), np.full(count, -np.inf)
-        # A servo ignores its position limits in this mode, also if it is misled by goals for another with its ID.
-        self._unbounded = np.array([joint.mode == 5 for joint in config.joints])
+        self._fell = np.full(count, -np.inf)
+        # A servo ignores its position limits in other modes, also if it is misled by goals for another with its ID.
+        self._unbounded = np.array([joint.mode != POSITION_MODE for joint in config.joints])
+        self._misled = np.zeros(count, dtype=bool)
         self._problems: dict[tuple[str, str], str] = {}
         self.fastest = self.hardest = 0.0
         self._holds = {_single_goal(joint): index for index, joint in enumerate(config.joints)}
@@ -250,9 +251,9 @@ class ShaftJudge:
         self._note("was too fast", free & (speed > most), speed)
         self._note("caught up too fast", free & slow & (speed > self._velocity * _CATCH_UP + _CATCH_UP_PLAY), speed)
         outside = (angles < self._lower - _PLAY) | (angles > self._upper + _PLAY)
-        self._misled_until[cut_off & self._unbounded] = now + _RETURNS
-        self._note("left its limits", outside & (now > self._misled_until), angles)
-        self._judge_acceleration(now, velocity, free & powered)
+        self._misled = (self._misled & outside) | (cut_off & self._unbounded)
+        self._note("left its limits", outside & ~blocked & ~self._misled, angles)
+        self._judge_acceleration(now, velocity, free & powered & ~self._sticks(velocity))
         self._at, self._turning = now, velocity
 
     def _swings(self) -> Array:
@@ -282,6 +283,11 @@ class ShaftJudge:
         self._targets = targets
         pace = np.minimum(pace, self._velocity)
         return 2.0 * _PLAY + self._burdened.sag + pace * (_LAG + pace / (2.0 * self._acceleration))
+
+    def _sticks(self, velocity: Array) -> NDArray[np.bool_]:
+        """Which shafts are held by the friction of an identified motor, from which they break loose, shape (J,)."""
+        frictions = [device.bank.drive.motor.friction is not None for device in self._bus.devices]
+        return np.array(frictions) & (velocity == 0.0)
 
     def _powered(self) -> NDArray[np.bool_]:
         """Which servos have torque, voltage and a watchdog that has not stopped them, shape (J,)."""
