@@ -13,21 +13,12 @@ from motiondeck_base.files import listed
 
 @dataclass(frozen=True)
 class ReadingOptions:
-    """How to read a recording; None detects a value from the file.
+    """How to read a recording; None detects a value from the file. FileFormatError if unit or axis is not possible."""
 
-    Attributes:
-        skeleton: the .asf file of an .amc recording, or the body model (.npz) of an .npz.
-        unit: unit of length of the file, m, such as 0.01 for a file in cm.
-        up: vertical axis of the file.
-        rename: new names of joints, bones or markers, by the names in the file.
-
-    Raises:
-        FileFormatError: if the unit or the axis is not possible.
-    """
-
-    skeleton: Path | None = None
-    unit: float | None = None
-    up: Up | None = None
+    skeleton: Path | None = None  # the .asf file of an .amc recording, or the body model (.npz) of an .npz
+    unit: float | None = None  # unit of length of the file, m, such as 0.01 for a file in cm
+    up: Up | None = None  # vertical axis of the file
+    # New names of joints, bones or markers, by the names in the file.
     rename: Mapping[str, str] = field(default_factory=dict[str, str])
 
     def __post_init__(self) -> None:

@@ -49,11 +49,9 @@ class Beat:
 
 
 class LossWatch:
-    """Watches R runs of one motion; a single player is a watch of one.
+    """Watches R runs of one motion from `frames` (R, C) on; a single player is a watch of one.
 
-    Args:
-        scale: the spread of each channel, shape (C,).
-        frames: at which the runs start, shape (R, C).
+    `scale` is the spread of each channel, shape (C,).
     """
 
     def __init__(self, beat: Beat, scale: Channels, frames: Channels) -> None:
@@ -117,14 +115,8 @@ class LossWatch:
 class Guard:
     """Plays a network and restarts it where it is lost; fits `base.FrameNetwork`.
 
-    Args:
-        lengths: of each motion, frames.
-        loops: whether each motion is a loop.
-        rate: frames per second, Hz.
-
-    Attributes:
-        recues: restarts so far.
-        anchor: of the last restart.
+    The lengths of motions are in frames, the rate in Hz. `recues` counts the restarts, `anchor` is that of the last
+    one.
     """
 
     def __init__(

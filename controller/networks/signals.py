@@ -12,16 +12,10 @@ from motiondeck_base.errors import MotiondeckError
 
 
 def time_series(value: ArrayLike, what: str, channels: int | None = None) -> Array:
-    """A time series as an array (T, D) of float64 in C order.
+    """A time series, frames by channels of any real numbers, as an array (T, D) of float64 in C order.
 
-    Args:
-        value: frames by channels, an array or lists of any real numbers.
-        what: its name in errors.
-        channels: D, if it is known.
-
-    Raises:
-        MotiondeckError: if it has another shape, is empty, or holds anything but finite real numbers; it names the
-            first such frame and channel.
+    MotiondeckError, which calls it `what`, if it has another shape, another D than `channels`, is empty, or holds
+    anything but finite real numbers; it names the first such frame and channel.
     """
     try:
         found = np.asarray(value)

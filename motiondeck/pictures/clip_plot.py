@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from controller.motion.anatomy import Side, anatomy
-from controller.motion.rotations import Array
+from controller.motion.rotations import Array, rotate
 from motiondeck.pictures.figures import new_figure, save
 
 if TYPE_CHECKING:
@@ -69,8 +69,6 @@ def _figures(axes: Any, clip: Clip) -> None:
 
 def _projected(joints: Array, pelvis: Array) -> tuple[Array, Array]:
     """Joints (N, 3) projected along a view 50 degrees to the side of the pelvis: across and up, m."""
-    from controller.motion.rotations import rotate
-
     ahead = rotate(pelvis, np.array([1.0, 0.0, 0.0]))
     angle = np.arctan2(ahead[1], ahead[0]) + np.radians(50.0)
     return joints[:, 0] * -np.sin(angle) + joints[:, 1] * np.cos(angle), joints[:, 2]

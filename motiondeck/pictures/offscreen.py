@@ -187,9 +187,8 @@ class OffScreen:
 
 def camera_named(name: str) -> Camera:
     """The camera of a name; UnknownNameError if there is none."""
-    for known in CAMERAS:
-        if name == known:
-            return known
+    if name in CAMERAS:
+        return name
     raise UnknownNameError.among("camera", name, CAMERAS)
 
 

@@ -66,10 +66,8 @@ def read_model(path: Path, packages: Mapping[str, Path] | None = None, feet: Seq
     `spec.compiler.balanceinertia` is set.
 
     `packages` are folders of the packages that a URDF names; others are searched beside and above the file. `feet` are
-    known bodies that it stands on: missing servos then carry its weight.
-
-    Raises:
-        FileFormatError: if MuJoCo refuses the file, it has no body or no solid, or its base turns on a joint.
+    known bodies that it stands on: missing servos then carry its weight. FileFormatError if MuJoCo refuses the file, it
+    has no body or no solid, or its base turns on a joint.
     """
     is_urdf = model_kind(path) == "robot"
     try:

@@ -79,16 +79,11 @@ def rank_satellites(
 ) -> tuple[GaussianSatellites, Array]:
     """At most `count` satellites, each with the largest gain after those before it; fewer if all is explained.
 
-    Args:
-        states: of the centers, shape (K, d); more than `count`.
-        target: the motion, shape (K, D).
-        widths: candidates of the sharpness.
+    For states of the centers (K, d), a motion (K, D) and candidate `widths` of the sharpness; MotiondeckError unless K
+    is above `count`.
 
     Returns:
         The satellites in their order, and the sum of squares of each column that each explains, shape (m, D).
-
-    Raises:
-        MotiondeckError: if there are fewer frames than satellites.
     """
     if count >= len(states):
         raise MotiondeckError(f"{count} satellites cannot be chosen from {len(states)} frames")

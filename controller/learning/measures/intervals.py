@@ -27,9 +27,6 @@ def grouped(failures: Sequence[int], runs: Sequence[int]) -> tuple[float, float]
     Wilson's, with as many runs as would be worth so much if they were independent: their number over the design effect,
     the variance between groups relative to that of independent runs (Kish 1965; Korn and Graubard 1998). Where all runs
     end alike the groups cannot tell it, and each counts as one run.
-
-    Args:
-        failures, runs: of each group.
     """
     groups, total = len(runs), sum(runs)
     if total == 0:

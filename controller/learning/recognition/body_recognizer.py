@@ -17,12 +17,8 @@ STEADY = 0.06  # s for which a verdict must be constant before it is reported
 class BodyRecognizer:
     """Recognizes the motion of a body of B bones with a recognizer trained on recordings of any bodies.
 
-    Attributes:
-        seen: the motion that has been the verdict for STEADY seconds, or None.
-        online: the verdict of the last frame.
-
-    Raises:
-        MotiondeckError: if the skeleton lacks a joint of the recognizer's features.
+    `online` has the verdict of the last frame, and `seen` the motion that has been the verdict for STEADY seconds, or
+    None. MotiondeckError if the skeleton lacks a joint of the recognizer's features.
     """
 
     def __init__(self, recognizer: Recognizer, skeleton: Skeleton) -> None:

@@ -83,9 +83,8 @@ def train_recognizer(
 ) -> Recognizer:
     """A recognizer of the classes of a dataset, with a copy of each clip for each factor `stretches` on its duration.
 
-    Raises:
-        MotiondeckError: if there are fewer than two classes, a clip lacks a joint the features need, or a stretch is
-            not between SHORTEST_STRETCH and LONGEST_STRETCH.
+    MotiondeckError if there are fewer than two classes, a clip lacks a joint the features need, or a stretch is not
+    between SHORTEST_STRETCH and LONGEST_STRETCH.
     """
     for stretch in stretches:
         if not SHORTEST_STRETCH <= stretch <= LONGEST_STRETCH:

@@ -39,10 +39,8 @@ def load_one_more(
 ) -> ConceptorNetwork:
     """The network, trained with a recipe and seed, with one more motion, normalised by its memory.
 
-    `lengths` are the frames of each stored motion.
-
-    Raises:
-        MotiondeckError: if the network has no memory, all of W was learned, or its reservoir cannot be drawn again.
+    `lengths` are the frames of each stored motion. MotiondeckError if the network has no memory, all of W was learned,
+    or its reservoir cannot be drawn again.
     """
     memory = memory_of(network)
     if recipe.learns != "input":

@@ -94,25 +94,18 @@ class TrainingError:
 
 
 class Trainer(ABC, Generic[Recipe]):
-    """Trains one kind of network.
+    """Trains one kind of network."""
 
-    Attributes:
-        recipe: the parameters, a struct whose tag is the kind's.
-        center_driven: whether centers drive the network, so that it needs closed loops and ends that hold.
-        takes_inputs: whether a motion may have an input besides the phase.
-        least_range: of a channel in its normalisation (of a direction, m, m/s, rad): a motion that is added later may
-            move what stands still in all others.
-        stress_tested: whether the self-test disturbs the network.
-        noise_note, stored_noise_note: on disturbances of a trained network, and of one from a library, for reports.
-    """
-
-    recipe: type[Recipe]
+    recipe: type[Recipe]  # the parameters, a struct whose tag is the kind's
+    # Whether centers drive the network, so that it needs closed loops and ends that hold.
     center_driven: ClassVar[bool] = False
-    takes_inputs: ClassVar[bool] = False
+    takes_inputs: ClassVar[bool] = False  # whether a motion may have an input besides the phase
+    # Of a channel in its normalisation (of a direction, m, m/s, rad): a motion that is added later may move what stands
+    # still in all others.
     least_range: ClassVar[float] = 0.0
-    stress_tested: ClassVar[bool] = True
-    noise_note: ClassVar[str] = ""
-    stored_noise_note: ClassVar[str] = ""
+    stress_tested: ClassVar[bool] = True  # whether the self-test disturbs the network
+    noise_note: ClassVar[str] = ""  # on disturbances of a trained network, for reports
+    stored_noise_note: ClassVar[str] = ""  # of one from a library
 
     def problems(self, recipe: Recipe, motions: Sequence[str]) -> Iterator[str]:
         """The problems of a recipe for these motions, besides sizes and scales out of range."""

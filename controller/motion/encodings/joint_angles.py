@@ -102,10 +102,8 @@ class JointAngles:
 class JointRetargeter:
     """Carries poses of a joint body to the joints of the same names; a `deck.interfaces.Retargeter`.
 
-    Joints of the robot that the body lacks keep their targets in `rest`, shape (J,), rad.
-
-    Raises:
-        UnknownNameError: if the body has a joint that the robot lacks.
+    Joints of the robot that the body lacks keep their targets in `rest`, shape (J,), rad. UnknownNameError if the body
+    has a joint that the robot lacks.
     """
 
     def __init__(self, body: Skeleton, joints: Sequence[str], rest: Array) -> None:

@@ -23,16 +23,11 @@ _FLOAT32 = np.finfo(np.float32)
 class Normalisation:
     """The map of C channels to [-1, 1] and back.
 
-    Attributes:
-        shift: shape (C,), in the channels' units.
-        scaling: shape (C,); 0 for a channel that is constant, which maps to 0 and back to its constant.
-
-    Raises:
-        MotiondeckError: if the shapes disagree, a number is not finite or a scaling is negative.
+    MotiondeckError if the shapes disagree, a number is not finite or a scaling is negative.
     """
 
-    shift: Array
-    scaling: Array
+    shift: Array  # shape (C,), in the channels' units
+    scaling: Array  # shape (C,); 0 for a channel that is constant, which maps to 0 and back to its constant
 
     def __post_init__(self) -> None:
         if self.shift.ndim != 1 or self.shift.shape != self.scaling.shape:
@@ -46,10 +41,8 @@ class Normalisation:
         """The joint normalisation of patterns (T, C).
 
         A channel whose range float32 cannot resolve counts as constant: scaled up, it would be rounding noise. One with
-        less than `least_range` is scaled by this, since a motion that is added later may move it.
-
-        Raises:
-            MotiondeckError: if there is no frame, the patterns differ in their channels, or a number is not finite.
+        less than `least_range` is scaled by this, since a motion that is added later may move it. MotiondeckError if
+        there is no frame, the patterns differ in their channels, or a number is not finite.
         """
         if not patterns or any(p.ndim != 2 or p.shape[1] != patterns[0].shape[1] or len(p) == 0 for p in patterns):
             raise MotiondeckError(

@@ -134,10 +134,8 @@ def readable_urdf(path: Path, packages: Mapping[str, Path], visuals: bool = Fals
     """The text of a URDF for MuJoCo, with absolute paths of meshes.
 
     A package is a folder of its name, in `packages` or beside or above the file. <visual> shapes are kept with
-    `visuals`, or if there are no others.
-
-    Raises:
-        FileFormatError: if a package of <collision> shapes is missing, or the file cannot be read as text.
+    `visuals`, or if there are no others. FileFormatError if a package of <collision> shapes is missing, or the file
+    cannot be read as text.
     """
     text = xml_text(path)
 

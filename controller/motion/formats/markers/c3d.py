@@ -222,10 +222,8 @@ def with_points(path: Path, position: Array) -> bytes:
     """The content of a C3D file with positions for its unseen points; all other bytes stay.
 
     They get the residual 0, the format's mark for points that were not measured. Positions have the shape (T, M, 3),
-    m, and the axes of the file; NaN for points that stay open.
-
-    Raises:
-        FileFormatError: if the file cannot be read, or a position is out of range of the numbers of the file.
+    m, and the axes of the file; NaN for points that stay open. FileFormatError if the file cannot be read, or a
+    position is out of range of the numbers of the file.
     """
     content = bytearray(read_bytes(path))
     form = read_layout(path, bytes(content))

@@ -69,10 +69,7 @@ def joints_under_skin(markers: Markers) -> dict[str, Array]:
     """The centres (T, 3) of the joints, by canonical joint, in the file's axes; gaps are interpolated linearly.
 
     "pelvis" is a point straight above the middle between the hips. Empty without known markers on the front and back
-    of the pelvis.
-
-    Raises:
-        FileFormatError: if the pelvis has markers and a knee or an ankle has none; it names them.
+    of the pelvis. FileFormatError if the pelvis has markers and a knee or an ankle has none; it names them.
     """
     seen = _landmarks(markers)
     back = _pelvis_back(seen)
