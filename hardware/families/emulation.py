@@ -144,3 +144,14 @@ def answers_of(family: Family) -> Answers:
 def alone_or_mixed(bus: EmulatedServos, answers: list[Answer]) -> list[Answer]:
     """Answers of servos with the same ID, mixed into one where there are several."""
     return answers if len(answers) < 2 else [bus.mixed(answers)]
+
+
+def sync_write(bus: EmulatedServos, family: Family, params: bytes) -> list[Answer]:
+    """Carries out a sync write of `plain_frames`, which is unanswered."""
+    if len(params) > 2 and params[1]:
+        size = params[1] + 1
+        for at in range(2, len(params) - size + 1, size):
+            for device in bus.hearing(params[at], family):
+                device.write(params[0], params[at + 1 : at + size])
+        bus.reindex()
+    return []

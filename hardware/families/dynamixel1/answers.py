@@ -20,6 +20,7 @@ from hardware.families.emulation import (
     EmulatedServo,
     EmulatedServos,
     alone_or_mixed,
+    sync_write,
 )
 from hardware.families.frames import BROADCAST, Frame
 from hardware.families.plain_frames import build
@@ -31,7 +32,7 @@ def answer(bus: EmulatedServos, frame: Frame) -> list[Answer]:
     """The servos' answers to one instruction."""
     everybody = frame.id == BROADCAST
     if frame.instruction == wire.SYNC_WRITE:
-        return _sync_write(bus, frame.params) if everybody else []
+        return sync_write(bus, FAMILY, frame.params) if everybody else []
     if frame.instruction == wire.BULK_READ:
         return _bulk_read(bus, frame.params) if everybody else []
     devices = bus.everybody(FAMILY) if everybody else bus.hearing(frame.id, FAMILY)
@@ -84,16 +85,6 @@ def _alone(bus: EmulatedServos, device: EmulatedServo, frame: Frame) -> list[Ans
 
 def _bits(error: int) -> int:
     return _ERROR_BITS.get(error, BAD_INSTRUCTION) if error else 0
-
-
-def _sync_write(bus: EmulatedServos, params: bytes) -> list[Answer]:
-    if len(params) > 2 and params[1]:
-        size = params[1] + 1
-        for at in range(2, len(params) - size + 1, size):
-            for device in bus.hearing(params[at], FAMILY):
-                device.write(params[0], params[at + 1 : at + size])
-        bus.reindex()
-    return []
 
 
 def _bulk_read(bus: EmulatedServos, params: bytes) -> list[Answer]:

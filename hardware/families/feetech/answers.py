@@ -13,6 +13,7 @@ from hardware.families.emulation import (
     EmulatedServo,
     EmulatedServos,
     alone_or_mixed,
+    sync_write,
 )
 from hardware.families.feetech import instructions as wire
 from hardware.families.feetech.family import FAMILY
@@ -24,7 +25,7 @@ def answer(bus: EmulatedServos, frame: Frame) -> list[Answer]:
     """The servos' answers to one instruction."""
     everybody = frame.id == BROADCAST
     if frame.instruction == wire.SYNC_WRITE:
-        return _sync_write(bus, frame.params) if everybody else []
+        return sync_write(bus, FAMILY, frame.params) if everybody else []
     if frame.instruction == wire.SYNC_READ:
         return _sync_read(bus, frame.params) if everybody else []
     if everybody and frame.instruction == wire.PING:
@@ -72,16 +73,6 @@ def _alone(bus: EmulatedServos, device: EmulatedServo, frame: Frame) -> list[Ans
         case _:
             answers = False
     return [Answer(delay, build(id, problems, data), id)] if answers else []
-
-
-def _sync_write(bus: EmulatedServos, params: bytes) -> list[Answer]:
-    if len(params) > 2 and params[1]:
-        size = params[1] + 1
-        for at in range(2, len(params) - size + 1, size):
-            for device in bus.hearing(params[at], FAMILY):
-                device.write(params[0], params[at + 1 : at + size])
-        bus.reindex()
-    return []
 
 
 def _sync_read(bus: EmulatedServos, params: bytes) -> list[Answer]:

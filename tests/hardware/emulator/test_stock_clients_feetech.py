@@ -6,6 +6,7 @@ import sys
 import pytest
 
 from hardware.emulator.process import start_emulator
+from hardware.families.models import MODELS
 from motiondeck_base.shipped import shipped_configs
 from tests.hardware.emulator.test_stock_clients import insist, patient
 
@@ -27,6 +28,18 @@ pytestmark = pytest.mark.skipif(sys.version_info >= (3, 14), reason="rustypot ha
 def test_it_finds_them_with_their_model(arm):
     assert all(patient(lambda id=id: arm.ping(id)) for id in IDS)
     assert patient(lambda: arm.sync_read_model(IDS)) == [777] * 6
+
+
+def test_its_table_of_the_model_is_ours(arm):
+    """An independent transcription: places, sizes and which registers can be written."""
+    ours = {(row.address, row.length): row.access for row in MODELS["STS3215"].registers.values()}
+    theirs = {(row.addr, row.size): str(row.access) for row in arm.registers()}
+    assert theirs.keys() <= ours.keys()
+    assert {place for place, access in theirs.items() if "Write" not in access} == {
+        place for place in theirs if ours[place] == "R"
+    }
+    assert ours.keys() - theirs.keys() == {(2, 1), (64, 1)}  # byte order, registered instruction
+    assert arm.models()["STS3215"] == MODELS["STS3215"].number
 
 
 def test_it_moves_them_and_reads_where_they_are(arm):
