@@ -31,7 +31,7 @@ SPACING = 0.03
 LARGEST = 0.15
 """A correction is never larger, rad."""
 
-GAIN, LEAK = 0.35, 0.005
+GAIN, LEAK = 0.5, 0.005
 """g and r: the share of an error that a round corrects, and of a correction that it forgets."""
 
 FADES = 0.3

@@ -179,6 +179,14 @@ def test_a_joint_in_a_hand_winds_up_nothing(learned, play):
     assert np.abs(after[:, 2] - before[:, 2]).max() < 1e-3
 
 
+def test_a_joint_that_is_far_off_learns_nothing_though_it_moves(learned):
+    def push(stage, now, tick, stop):
+        stage.joints.at[0] += 0.25 * now * DT / LAG  # a quarter of a radian beside its path
+
+    before, after, _ = disturbed(learned, push)
+    assert np.abs(after[:, 0] - before[:, 0]).max() < 3e-3
+
+
 def test_a_joint_that_is_not_free_learns_nothing(learned):
     def take_away(stage, now, tick, stop):
         stage.joints.free[1] = False
@@ -248,6 +256,7 @@ def test_corrections_fade(learned, what):
     stage, added = Stage({("walk", 0): np.full((40, JOINTS), 0.1), ("jog", 0): np.full((40, JOINTS), -0.1)}), []
     for table in stage.correction.tables.values():
         table[::2] -= 0.02
+    stage.joints.free[:] = False  # nothing is learned meanwhile
 
     def commands(stage, tick, stop):
         added.append(stage.correction._present.copy())
