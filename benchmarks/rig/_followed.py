@@ -30,6 +30,7 @@ from hardware.emulator.bus import EmulatedBus
 from hardware.emulator.port import EmulatedPort
 from hardware.rig.rig_file import RigConfig
 from hardware.rig.supervision.rig import Rig
+from hardware.tools.identify import JointTrials
 from motiondeck.run.robots.rig_output import RigOutput, narrowed
 from motiondeck_base.shipped import find_library, find_rig, find_robot
 from sim.robots.robot import Robot
@@ -139,6 +140,19 @@ class Stage:
         info = next(one for one in self.library.info.motions if one.name == motion)
         return info.frames / self.library.info.rate
 
+    def identify(self) -> Array:
+        """The lag of each joint, s, as `rig identify` finds it for one: all have the same servo and no load."""
+        port, rig = self._rig(self.config)
+        found = JointTrials(rig, port.now, port.elapse, lambda: False).joint(self.config.names.index("r_elbow"))
+        rig.close()
+        return np.full(len(self.config.joints), found.lag)
+
+    def _rig(self, config: RigConfig) -> tuple[EmulatedPort, Rig]:
+        port = EmulatedPort(EmulatedBus(config))
+        for device in port.bus.devices:
+            device["return_delay_time"] = 0  # as `rig doctor --fix` would
+        return port, Rig(config, lambda part: Bus(port, part.baud), beside=False, sleep=port.elapse, spare=1.0)
+
     def play(
         self,
         motion: str,
@@ -168,10 +182,8 @@ class Stage:
                 for joint, lag in zip(self.config.joints, given, strict=True)
             ]
             config = msgspec.structs.replace(self.config, joints=tuple(joints))
-            port = clock.port = EmulatedPort(EmulatedBus(config))
-            for device in port.bus.devices:
-                device["return_delay_time"] = 0  # as `rig doctor --fix` would
-            rig = Rig(config, lambda part: Bus(port, part.baud), beside=False, sleep=port.elapse, spare=1.0)
+            port, rig = self._rig(config)
+            clock.port = port
             channels.append(Channel(RigOutput(rig, robot.joints, config.rate_hz), round(RATE / config.rate_hz)))
             order = np.array([robot.joints.index(name) for name in config.names])
         channels.append(Channel(picture))
@@ -221,24 +233,3 @@ def shown(reference: Course, deck: Array) -> Array:
 def lead_of(lags: Array) -> float:
     """How far a deck has to run ahead of joints that lag, s: whole ticks."""
     return math.ceil(float(lags.max(initial=0.0)) * RATE - 1e-6) / RATE
-
-
-def lags_of(stage: Stage, course: Course, motion: Array) -> Array:
-    """The lag of each joint of the rig, s: the delay of the motion that its shaft is nearest to.
-
-    Joints that hardly move get the median of the others.
-    """
-    tries = np.arange(0.0, 0.2, 0.001)
-    ticks = np.arange(len(course.deck)) / RATE
-    found = np.full(len(stage.config.joints), np.nan)
-    good = np.isfinite(motion).all(axis=1) & (course.deck > 1.0)
-    for place, name in enumerate(stage.config.names):
-        joint = stage.robot.joints.index(name)
-        if np.ptp(motion[good, joint]) < 0.1:
-            continue
-        errors = [
-            np.square(np.interp(ticks[good] - lag, ticks, motion[:, joint]) - course.shafts[good, joint]).mean()
-            for lag in tries
-        ]
-        found[place] = tries[int(np.argmin(errors))]
-    return np.where(np.isfinite(found), found, np.nanmedian(found))

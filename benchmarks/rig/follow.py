@@ -1,6 +1,6 @@
 """How far true shafts of servo20 are from the motion: open, led, learned.
 
-Plays every loop of the shipped libraries on the emulated rig in simulated time, and 60 s with a switch every 2 s;
+Plays every loop of the shipped libraries on the emulated rig in simulated time, and 40 s with a switch every 2 s;
 lets one joint jam and holds another by hand; and locks a loop to beats. Errors are those of the emulated servos' own
 shafts against the targets of an output without servos, which shows them as the page does; `picture` says how far these
 are from a run without a rig. Goals are judged by their differences from tick to tick. Exits with 1 if a bar is missed.
@@ -21,7 +21,7 @@ from dataclasses import asdict, dataclass, field
 
 import numpy as np
 
-from benchmarks.rig._followed import RATE, Array, Course, Stage, Timeline, lags_of, lead_of, shown
+from benchmarks.rig._followed import RATE, Array, Course, Stage, Timeline, lead_of, shown
 from controller.deck.deck import Deck
 from hardware.emulator.port import EmulatedPort
 
@@ -36,7 +36,7 @@ UNWOUND = 0.004
 ON_BEAT = 0.01
 """s: a beat is met at the shaft."""
 
-SETTLES = 3.0
+SETTLES = 2.0
 """s after a switch from which loops are judged."""
 
 MODELS = ("XL330-M288", "MX-64", "MX-106")
@@ -112,7 +112,7 @@ class Result:
 
     library: str
     motor: str
-    lags_ms: list[int]
+    lag_ms: int
     errors: dict[str, dict[str, dict[str, float]]] = field(default_factory=dict)
     by_loop: dict[str, dict[str, dict[str, float]]] = field(default_factory=dict)
     beyond: dict[str, float] = field(default_factory=dict)
@@ -124,14 +124,13 @@ def play(library: str, motor: str, seconds: float) -> Result:
     """All that is played of one library with servos of one model."""
     stage = Stage.of(library, motor)
     first = stage.loops[0]
-    measured = stage.play(first, [], 8.0)
-    lags = lags_of(stage, measured, shown(stage.play(first, [], 8.0, rigged=False), measured.deck))
-    result, judge, tables = Result(library, motor, [round(1e3 * lag) for lag in lags.tolist()]), Judge(stage), {}
+    lags, judge, tables = stage.identify(), Judge(stage), {}
+    result = Result(library, motor, round(1e3 * lags[0]))
     for mode in MODES:
         led = None if mode == "open" else lags
         lead = 0.0 if led is None else lead_of(led)
         learned = tables if mode == "learned" else None
-        timeline, length, parts = tour(stage, 7 if learned is not None else 2)
+        timeline, length, parts = tour(stage, 6 if learned is not None else 2)
         course = stage.play(first, timeline, length, lags=led, learned=learned)
         off = judge.off(course, stage.play(first, timeline, length, rigged=False), lead)
         errors, late, all_of, picture = judge.errors(course), course.deck - lead, [], []
@@ -249,7 +248,7 @@ def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--libraries", nargs="*", default=LIBRARIES)
     parser.add_argument("--motors", nargs="*", default=MODELS, help="models of the 20 servos")
-    parser.add_argument("--seconds", type=float, default=60.0, help="of switches")
+    parser.add_argument("--seconds", type=float, default=40.0, help="of switches")
     parser.add_argument("--jobs", type=int, default=2)
     arguments = parser.parse_args()
     jobs = [(library, motor, arguments.seconds) for motor in arguments.motors for library in arguments.libraries]
