@@ -11,6 +11,7 @@ puts its zero elsewhere, a second ID lets another servo's goals move it.
     goal_pwm, torque_limit   what pwm_limit or max_torque allows               at switch-on
     goal_current             where it limits: the joint's current, or all      at switch-on
     status_return_level      that at which every instruction is answered       at switch-on, before all else
+    goal_time                0: the speed counts, not a time                   at switch-on
     drive_mode               0: not reversed, velocity-based profile           on request, refused until then
     homing_offset            the rig file's                                    on request, refused until then
     multi_turn_offset        0: the rig file has the zero                      on request, refused until then
@@ -52,7 +53,8 @@ _COMPARED = {
     "drive_mode", "homing_offset", "secondary_id", "startup_configuration", "shutdown", "temperature_limit",
     "velocity_limit", "acceleration_limit", "pwm_limit", "current_limit", "operating_mode", "min_position_limit",
     "max_position_limit", "return_delay_time", "goal_pwm", "goal_current", "control_mode", "multi_turn_offset",
-    "resolution_divider", "torque_control_mode", "torque_limit", "max_torque", "status_return_level", *_GAINS,
+    "resolution_divider", "torque_control_mode", "torque_limit", "max_torque", "status_return_level", "goal_time",
+    *_GAINS,
 }  # fmt: skip
 _WHY = {
     "drive_mode": "reversed, or with a profile in time instead of speed, or with torque that a goal takes on",
@@ -183,6 +185,8 @@ def _needs(joint: RigJoint, low: int, high: int, held: dict[str, int]) -> Iterat
     if "goal_current" in held and joint.mode in joint.table.series.current_limited:
         yield "goal_current", current_counts(joint) or held["current_limit"], "switch-on"
     yield "status_return_level", joint.table.family.answers_all, "switch-on"
+    if "goal_time" in held:
+        yield "goal_time", 0, "switch-on"
     if "homing_offset" in held:
         yield "homing_offset", joint.homing_offset, "refused"
     for name in ("drive_mode", "startup_configuration", "multi_turn_offset"):

@@ -114,6 +114,7 @@ def test_doctor_monitor_and_backup_know_it(so101, port, bus):
 LEFT_BEHIND = {
     "homing_offset": (300 | 1 << 11, "homing_offset is -300, the rig needs 0"),
     "phase": (8, "phase is 8, the rig needs 12"),
+    "goal_time": (500, "goal_time is 500, the rig needs 0"),
     "control_mode": (1, "control_mode is 1, the rig needs 0"),
     "shutdown": (0, "shutdown is 0, the rig needs 44"),
     "temperature_limit": (90, "temperature_limit is 90, the rig needs 70"),
