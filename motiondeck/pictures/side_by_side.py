@@ -29,16 +29,13 @@ _SIZES = ("memory", "nconmax", "njmax", "nstack", "nkey", "nuserdata", *(f"nuser
 class SideBySide:
     """A mannequin of the robot's size on the left, the robot on the right, on one floor.
 
-    Attributes:
-        model: both of them.
-        human, robot: both separately; in `model` the robot's names begin with PREFIX.
-        scale: the size of the human shown over that of the skeleton.
+    `model` has both; the robot's names begin with PREFIX there.
     """
 
     def __init__(self, skeleton: Skeleton, human: Path, robot: Path, dt: float) -> None:
         """Loads both from their robot files, for poses of a skeleton dt seconds apart."""
         self.robot = load_robot(robot, skeleton, dt=dt)
-        self.scale = self.robot.path_scale
+        self.scale = self.robot.path_scale  # the size of the human shown over that of the skeleton
         self.human = load_robot(human, replace(skeleton, length=skeleton.length * self.scale))
         spec, other = self.human.spec.copy(), spec_with_visuals(self.robot.spec).copy()
         for thing in [*other.worldbody.geoms, *other.worldbody.lights, *other.equalities]:

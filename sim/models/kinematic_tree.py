@@ -58,9 +58,7 @@ def joints_above(model: mujoco.MjModel, body: int) -> list[int]:
 class UprightPelvis:
     """Turns the root of a robot so that its pelvis has a rotation.
 
-    Attributes:
-        below_a_waist: whether hinges turn the pelvis against the root.
-        above_root: height of the standing pelvis above the root, m; 0 if it is not below a waist.
+    The pelvis is `below_a_waist` if hinges turn it against the root, and then stands `above_root`, m, else at 0.
     """
 
     def __init__(self, model: mujoco.MjModel, pelvis: int, root_rotation: Array) -> None:

@@ -42,13 +42,7 @@ class LimbSegment:
 
 
 class LimbDirections:
-    """Directions of one robot's limbs.
-
-    Attributes:
-        segments: of all its limbs, length K.
-        limbs: the same by limb.
-        standing: the robot with joints at zero, facing x.
-    """
+    """Directions of one robot's limbs; `standing` is the robot with joints at zero, facing x."""
 
     def __init__(self, model: mujoco.MjModel, parts: Mapping[str, str], root_rotation: Array) -> None:
         """Finds the landmarks; `root_rotation` is that of the root body that stands upright and faces x, shape (4,)."""
@@ -65,7 +59,7 @@ class LimbDirections:
                 upper = parts.get(f"{side}_{names[0]}")
                 found = self._found(side, names, model.body(upper).id, trunks[limb]) if upper is not None else []
                 self.limbs += [found] if found else []
-        self.segments = [segment for limb in self.limbs for segment in limb]
+        self.segments = [segment for limb in self.limbs for segment in limb]  # length K
 
     def __call__(self, qpos: Array) -> Array:
         """The directions of the K segments seen from the trunk, shape (K, 3), for a robot at qpos (nq,)."""

@@ -39,15 +39,7 @@ class RobotLimb:
 
 
 class StandingBody:
-    """A robot whose joints are all at zero.
-
-    Attributes:
-        data: its state.
-        root: its root body.
-        surface, points, heights: its skin, with positions (P, 3), m, and lowest heights (P,), m.
-        floor, tall: the lowest height, and the robot's height, m.
-        ends: the bodies with hinges above no other such body.
-    """
+    """A robot whose joints are all at zero."""
 
     def __init__(self, model: mujoco.MjModel, turn: Array) -> None:
         """Turns the root by a quaternion (4,) from how the file has it."""
@@ -57,13 +49,13 @@ class StandingBody:
         mujoco.mj_kinematics(model, self.data)
         self.root = int(model.jnt_bodyid[0])
         self.surface = Surface.of(model)
-        self.points = self.surface.positions(self.data)
-        self.heights = self.points[:, 2] - self.surface.radius
+        self.points = self.surface.positions(self.data)  # shape (P, 3), m
+        self.heights = self.points[:, 2] - self.surface.radius  # the lowest of each point's ball, shape (P,), m
         self.floor = float(self.heights.min())
-        self.tall = float(np.ptp(self.points[:, 2]))
+        self.tall = float(np.ptp(self.points[:, 2]))  # m
         self.movers = [b for b in range(1, model.nbody) if hinges_at(model, b)]
         above = {b for mover in self.movers for b in path_to(model, mover)[:-1]}
-        self.ends = [b for b in self.movers if b not in above]
+        self.ends = [b for b in self.movers if b not in above]  # bodies with hinges above no other such body
 
     def is_wheel(self, body: int) -> bool:
         """Whether a body is round about a level axis without limits, and touches the floor."""

@@ -86,14 +86,10 @@ class Judge:
     """Judges whether a run is the intended motion, by comparing it with all motions.
 
     Args:
-        encoding: of the channels.
         references: the frames that each motion was learned from, shape (T_j, channels); loops as one period.
         loops: whether each motion is a loop.
         rate: frames per second, Hz.
         holds: whether a one-shot was taught to hold its end.
-
-    Attributes:
-        features: of each motion, shape (T_j, F).
     """
 
     def __init__(
@@ -106,6 +102,7 @@ class Judge:
         holds: bool = True,
     ) -> None:
         self.encoding, self.loops, self.rate, self.holds = encoding, loops, rate, holds
+        # Of each motion, shape (T_j, F).
         self.features = {name: joint_features(encoding, frames) for name, frames in references.items()}
         self._names = list(references)
         self._matcher = Matcher(list(self.features.values()), [loops[name] for name in references], rate)

@@ -47,10 +47,6 @@ class FollowingWatch:
     seconds. Its error is the distance from that range: a delay adds nothing, a jam shows as soon as the target has
     moved away. The experts cannot detect it: they see the past of the stuck joint and soon expect it to stay
     (docs/recognition.md).
-
-    Attributes:
-        off: error of each joint, shape (J,), rad.
-        moved: range of each joint's targets of the last LAG seconds, shape (J,), rad.
     """
 
     def __init__(self, joints: int, rate: float) -> None:
@@ -62,8 +58,8 @@ class FollowingWatch:
         self._late = np.zeros(joints)
         self._lowest, self._highest = np.zeros(joints), np.zeros(joints)
         self._bad = np.zeros(joints, dtype=np.bool_)
-        self.off = np.zeros(joints)
-        self.moved = np.zeros(joints)
+        self.off = np.zeros(joints)  # error of each joint, rad
+        self.moved = np.zeros(joints)  # range of each joint's targets of the last LAG seconds, rad
 
     def update(self, targets: Array, measured: Array) -> NDArray[np.bool_]:
         """Processes targets and measured positions of a tick, shape (J,), rad; NaN counts as not following.
@@ -98,12 +94,6 @@ class DeckWatch:
         joints: names, length J.
         rate: of ticks, Hz.
         patience: duration of another motion until an alarm, s.
-
-    Attributes:
-        seen: the recognized motion, or None at rest or before the first verdict.
-        confidence: how sure that is, in [0, 1); 0 at rest (`OnlineRecognizer.confidence`).
-        alarms: the latest MOST_ALARMS; `raised` counts all.
-        seen_after: recognition time of each switch, from the first tick of the new motion, s.
     """
 
     def __init__(self, bank: ExpertBank, joints: Sequence[str], rate: float, patience: float = PATIENCE) -> None:
@@ -119,11 +109,11 @@ class DeckWatch:
         self._commanded: str | None = None
         self._since_command: float | None = None
         self._right = self._asked = 0
-        self.seen: str | None = None
-        self.confidence = 0.0
-        self.alarms: deque[Alarm] = deque(maxlen=MOST_ALARMS)
+        self.seen: str | None = None  # the recognized motion, or None at rest or before the first verdict
+        self.confidence = 0.0  # how sure that is, in [0, 1); 0 at rest
+        self.alarms: deque[Alarm] = deque(maxlen=MOST_ALARMS)  # the latest; `raised` counts all
         self.raised = 0
-        self.seen_after: deque[float] = deque(maxlen=10_000)
+        self.seen_after: deque[float] = deque(maxlen=10_000)  # s from the first tick of a motion to its recognition
 
     @property
     def mismatch(self) -> float:

@@ -47,11 +47,6 @@ class OnlineRecognizer:
         threshold: the confidence (`ExpertBank.confidences`) below which a motion is unknown.
         rate: frames per second of the training, Hz.
         memory: averaging time, s.
-
-    Attributes:
-        costs: the centred log error of each expert, shape (M,); NaN until the first frame is predicted.
-        frames: number of frames processed.
-        skipped: number of frames with NaN or infinite values.
     """
 
     def __init__(self, bank: ExpertBank, threshold: float, rate: float, memory: float = MEMORY) -> None:
@@ -87,9 +82,9 @@ class OnlineRecognizer:
         self._square = np.zeros(joints.shape[:-1], dtype=np.float32)
         self._log = np.zeros(joints.shape[:-1])
         self._weight = 0.0
-        self.costs = np.full(experts, np.nan)
-        self.frames = 0
-        self.skipped = 0
+        self.costs = np.full(experts, np.nan)  # centred log error of each expert; NaN until a frame is predicted
+        self.frames = 0  # processed
+        self.skipped = 0  # with NaN or infinite values
 
     def reset(self) -> None:
         """Returns to the initial state."""

@@ -125,16 +125,12 @@ Recipe = TypeVar("Recipe", bound=PhaseDrivenRecipe)
 
 
 class PhaseDrivenTrainer(Trainer[Recipe]):
-    """Learns the readouts of each motion from the settled states of the network.
-
-    Attributes:
-        plays: type of the network.
-        sizes: parameters of networks of rising size, whose stored size grows by about 1.4 from one to the next.
-    """
+    """Learns the readouts of each motion from the settled states of the network."""
 
     center_driven = takes_inputs = True
     least_range = 1.0
     plays: ClassVar[type[PhaseDrivenNetwork[Any]]]
+    # Parameters of networks of rising size, whose stored size grows by about 1.4 from one to the next.
     sizes: ClassVar[tuple[dict[str, int], ...]]
 
     @abstractmethod

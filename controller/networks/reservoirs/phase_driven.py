@@ -32,18 +32,12 @@ from motiondeck_base.errors import UnknownNameError
 
 
 class PhaseMotion(ABC):
-    """One motion of T frames in P pieces, ready to be played.
+    """One motion of T frames in P pieces, ready to be played."""
 
-    Attributes:
-        readout: of each piece, in the units of the encoding, what is added in the last column, shape (P, C, k + 1).
-        usual: the level of its input while none is given.
-        states: at each frame once the network has settled, shape (T, k).
-        by_level: the same at each of LEVELS, shape (L, T, k), of a motion with an input.
-    """
-
+    # Of each piece, in the units of the encoding, what is added in the last column, shape (P, C, k + 1).
     readout: Float32
-    states: Float32
-    by_level: Float32
+    states: Float32  # at each frame once the network has settled, shape (T, k)
+    by_level: Float32  # the same at each of LEVELS, shape (L, T, k), of a motion with an input
 
     def __init__(
         self, stored: Any, course: PhaseCourse, reservoir: PhaseReservoir, driving: DrivingInput | None = None
@@ -51,6 +45,7 @@ class PhaseMotion(ABC):
         self.stored, self.readout = stored, stored.readout
         self.readers = [piece.T for piece in self.readout]  # views, made once and not in a step
         self.course, self.reservoir, self.driving = course, reservoir, driving
+        # The level of its input while none is given.
         self.usual = driving.level(driving.usual) if driving is not None else 0.0
 
     def __len__(self) -> int:
@@ -101,17 +96,13 @@ Motion = TypeVar("Motion", bound=PhaseMotion)
 
 
 class PhasePlayer(ABC, Generic[Motion]):
-    """A motion while it plays, its input at a level; all runs are at one frame.
-
-    Attributes:
-        state: shape (*runs, k).
-        activation: of the neurons in the last step, shape (*runs, N).
-    """
+    """A motion while it plays, its input at a level; all runs are at one frame."""
 
     def __init__(self, motion: Motion, frame: int, state: Float32, level: float, runs: tuple[int, ...] = ()) -> None:
         # The state and a 1 side by side, for the readout.
         self._extended = np.ones((*runs, state.shape[-1] + 1), dtype=np.float32)
-        self.state = self._extended[..., :-1]
+        self.state = self._extended[..., :-1]  # shape (*runs, k)
+        # Of the neurons in the last step.
         self.activation = np.zeros((*runs, len(motion.reservoir.bias)), dtype=np.float32)
         self.level = level
         self.place(motion, frame, state)
