@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
 
+from controller.motion.clip import Clip
 from controller.motion.rotations import Array, multiply, yaw
 
 
@@ -30,6 +32,12 @@ class Pose:
     root_position: Array  # (..., 3), m, z up
     heading: Array  # about z from x, (...), rad
     rotation: Array  # of the root and of each bone in the world, (..., 1 + B, 4)
+
+
+def poses_of(clip: Clip) -> Iterator[Pose]:
+    """The frames of a clip; the heading is in the rotation of the root."""
+    heading = np.zeros(())
+    return (Pose(place, heading, turn) for place, turn in zip(clip.root_position, clip.rotation, strict=True))
 
 
 def walk_path(posture: Posture, dt: float, speed: float = 1.0) -> Pose:

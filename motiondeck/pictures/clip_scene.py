@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from controller.motion.clip import Clip
-from controller.motion.posture import Pose
+from controller.motion.posture import Pose, poses_of
 from controller.motion.rotations import Array
 from controller.wire.run_recording import RunRecording
 from motiondeck_base.errors import MotiondeckError
@@ -81,12 +81,6 @@ def act_of_recording(recording: RunRecording, robot: Robot) -> Act:
     return Act(title, model, qpos, rate / thin, no_bones, footprints(model, corners, stands), stands, corners)
 
 
-def _poses(clip: Clip) -> list[Pose]:
-    """The frames of a clip as poses; the heading is in the rotation of the root."""
-    heading = np.zeros(())
-    return [Pose(place, heading, turn) for place, turn in zip(clip.root_position, clip.rotation, strict=True)]
-
-
 def _alone(clip: Clip) -> tuple[mujoco.MjModel, Array, Array, list[Foot]]:
     """The mannequin of a clip, its qpos (T, nq), the human's joints and the feet."""
     from sim.models.feet import find_feet
@@ -97,7 +91,7 @@ def _alone(clip: Clip) -> tuple[mujoco.MjModel, Array, Array, list[Foot]]:
     model = build_mannequin(clip.skeleton).compile()
     layout, retarget = JointLayout.of(model), MannequinRetargeter(clip.skeleton)
     qpos = np.empty((len(clip), model.nq))
-    for frame, pose in enumerate(_poses(clip)):
+    for frame, pose in enumerate(poses_of(clip)):
         qpos[frame, :3], qpos[frame, 3:7] = pose.root_position, pose.rotation[0]
         layout.place(retarget(pose), qpos[frame])
     return model, qpos, clip.joints(), list(find_feet(model, model.qpos0))
@@ -111,7 +105,7 @@ def _beside(clip: Clip, robot: Path) -> tuple[mujoco.MjModel, Array, Array, list
     from sim.physics.physics_model import feet_of
 
     both = SideBySide(clip.skeleton, find_robot("mannequin"), robot, 1.0 / clip.rate)
-    qpos = np.array([both.qpos(pose, own_path=True).copy() for pose in _poses(clip)])
+    qpos = np.array([both.qpos(pose, own_path=True).copy() for pose in poses_of(clip)])
     feet = list(find_feet(both.human.model, both.human.model.qpos0))
     feet += [replace(foot, body=PREFIX + foot.body) for foot in feet_of(both.robot)]
     return both.model, qpos, clip.joints() * both.scale, feet

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from controller.motion.anatomy import Side, anatomy
 from controller.motion.clip import Clip
-from controller.motion.posture import Pose
+from controller.motion.posture import poses_of
 from controller.motion.rotations import Array
 from sim.models.kinematic_tree import below
 from sim.models.surface import LowestPoint, Surface
@@ -49,8 +49,7 @@ def carry(clip: Clip, robot: Robot, limiter: Limiter) -> Carried:
     state = np.zeros(robot.model.nq)
     if robot.footing is not None:
         robot.footing.flat.learn(clip)
-    for frame in range(len(clip)):
-        pose = Pose(clip.root_position[frame], np.zeros(()), clip.rotation[frame])
+    for frame, pose in enumerate(poses_of(clip)):
         targets = np.clip(robot.retarget(pose), limits.lower, limits.upper)
         if frame == 0:
             limited.start(targets)
@@ -67,9 +66,7 @@ def carry(clip: Clip, robot: Robot, limiter: Limiter) -> Carried:
 def followed(clip: Clip, angles: Array, qpos: Array) -> Carried:
     """A clip that was retargeted without a limiter: joints (T, J), rad, and robot (T, nq)."""
     view = LimbView(clip.skeleton)
-    poses = zip(clip.root_position, clip.rotation, strict=True)
-    limbs = [view(Pose(place, np.zeros(()), turn)) for place, turn in poses]
-    return Carried(angles, angles, qpos, np.array(limbs), 0.0)
+    return Carried(angles, angles, qpos, np.array([view(pose) for pose in poses_of(clip)]), 0.0)
 
 
 def joint_measures(clip: Clip, robot: Robot, carried: Carried) -> dict[str, float]:

@@ -9,7 +9,7 @@ import numpy as np
 
 from controller.motion.clip import Clip
 from controller.motion.formats.taught_clip import Plays, save_taught_clip, taught_clip
-from controller.motion.posture import Pose
+from controller.motion.posture import poses_of
 from controller.motion.rotations import Array
 from motiondeck_base.errors import FileFormatError
 from motiondeck_base.files import write_file
@@ -77,8 +77,7 @@ def retargeted(robot: Robot, clip: Clip) -> JointMotion:
     if robot.footing is not None:
         robot.footing.flat.learn(clip)
     angles, qpos = np.empty((len(clip), len(robot.joints))), np.empty((len(clip), robot.model.nq))
-    for frame, (place, rotation) in enumerate(zip(clip.root_position, clip.rotation, strict=True)):
-        pose = Pose(place, np.zeros(()), rotation)
+    for frame, pose in enumerate(poses_of(clip)):
         np.clip(robot.retarget(pose), robot.limits.lower, robot.limits.upper, out=angles[frame])
         robot.place(angles[frame], pose, state)
         qpos[frame] = state
