@@ -75,10 +75,10 @@ def test_a_joint_that_is_no_gripper_yields_there():
 
 
 def test_it_holds_on_while_another_servo_is_set_up_again_and_in_the_end():
-    jaw = Jaw(4.0)
+    jaw = Jaw(4.0, model="XM430-W350")
     jaw.play(-0.8, 3.5)
-    held = jaw.play(-0.8, 3.0)
-    assert jaw.rig.recoveries == 1
+    held = jaw.play(-0.8, 0.8)
+    assert (jaw.rig.recoveries, jaw.rig.goals[0]) == (1, -0.8)
     assert held == pytest.approx(-0.3, rel=0.03)
     assert jaw.rig.close(hold=True) == []
     jaw.port.elapse(1.0)
