@@ -49,7 +49,7 @@ MUTANTS = {
     ),
     "no watchdog": Mutant(ServoPort.write, '"bus_watchdog", self.part.watchdog_units)', '"bus_watchdog", 0)'),
     "no identity check": Mutant(check_identities, "identity.model != joint.model", "False"),
-    "no switch-off": Mutant(ServoPort.close, "end(self.part, self.bus)", "[]"),
+    "no switch-off": Mutant(ServoPort.close, "end(self.servos, self.bus)", "[]"),
     "mode without a limit of current": Mutant(_getter(RigJoint, "mode"), "limited[0]", "POSITION_MODE"),
     "goal := present under load": Mutant(places_of_rest, "np.where(moves | stands,", "np.where(moves,"),
     "gains overwritten": Mutant(_needs, 'yield name, default, "kept"', 'yield name, default, "switch-on"'),

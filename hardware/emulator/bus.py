@@ -8,6 +8,8 @@ from __future__ import annotations
 
 from collections import defaultdict
 
+import numpy as np
+
 from hardware.emulator.plant import STEP, Coupling, JointPlant
 from hardware.emulator.servos.device import Device
 from hardware.emulator.servos.servo_bank import ServoBank
@@ -50,18 +52,25 @@ class EmulatedBus:
         self._fed = 0.0
         self._heard_by = _listeners()
         by_model: defaultdict[str, list[int]] = defaultdict(list)
-        for index, joint in enumerate(config.joints):
+        joint_of, servos = config.joint_of, config.servos
+        for index, joint in enumerate(servos.joints):
             by_model[joint.model].append(index)
         self._banks: list[ServoBank] = []
         placed: dict[int, Device] = {}
         for members in by_model.values():
-            joints = [config.joints[index] for index in members]
+            joints = [servos.joints[index] for index in members]
             bank = ServoBank(joints[0].table, [joint.id for joint in joints], [float(joint.zero) for joint in joints])
             bank.registers["baud_rate"] = bank.table.baud_value(config.baud)
             self._banks.append(bank)
+            pairs = [
+                (row, row + 1, joints[row].direction * joints[row + 1].direction)
+                for row in range(len(members) - 1)
+                if joint_of[members[row]] == joint_of[members[row + 1]]
+            ]
+            bank.drive.joined = np.array(pairs, dtype=np.int64).reshape(-1, 3).T
             placed |= {index: Device(bank, row) for row, index in enumerate(members)}
-        self.devices = [placed[index] for index in range(len(config.joints))]
-        self._coupling = Coupling(plant, config.joints, self.devices) if plant is not None else None
+        self.devices = [placed[index] for index in range(len(servos.joints))]
+        self._coupling = Coupling(plant, config, self.devices) if plant is not None else None
         self._turned = 0.0  # time of the plant, s
         self.reindex()
 

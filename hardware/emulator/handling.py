@@ -114,10 +114,15 @@ class Handling:
             if grip is None:
                 start = float(shaft[row])
                 # Angles are counted on from the turn in which the joint was first grasped.
-                turns = self._turns.setdefault(name, float(joint.whole_turns(start)))
+                found = 0.0 if joint.several_turns else float(joint.whole_turns(start))
+                turns = self._turns.setdefault(name, found)
                 way = angle * joint.pulses_per_radian if swings else joint.pulses(angle) + turns - start
                 grip = self._grips[name] = _Grip(now, start, way, seconds, swings)
-            shaft[row] = grip.place(now)
+            moved = grip.place(now) - shaft[row]
+            shaft[row] += moved
+            for other in joint.servos[1:]:
+                second = buses[self._bus[name]][other.id]
+                second.bank.shaft[second.row] += moved * joint.direction * other.direction
 
 
 def _number(text: str, words: str) -> float:

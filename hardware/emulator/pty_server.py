@@ -153,11 +153,11 @@ def serve(
     """
     if plant is not None and len(config.ports) > 1:
         raise RigError(f"a rig on several ports ({', '.join(config.ports)}) cannot be coupled to one body")
-    FaultPlan(faults, seed).check([joint.id for joint in config.joints])
+    FaultPlan(faults, seed).check([joint.id for joint in config.servos.joints])
     servers: list[PtyServer] = []
     try:
         for number, part in enumerate(config.parts, 1):
-            ids = [joint.id for joint in part.joints]
+            ids = [joint.id for joint in part.servos.joints]
             plan = FaultPlan([fault for fault in faults if fault.id is None or fault.id in ids], seed)
             name = link.with_name(f"{link.name}-{number}") if link is not None and len(config.ports) > 1 else link
             servers.append(PtyServer(EmulatedBus(part, strict, plant=plant), plan, paced, name))

@@ -23,7 +23,7 @@ class ShaftRecord:
 
     def __init__(self, path: Path, config: RigConfig) -> None:
         """Creates the file; raises RigError if it cannot be written."""
-        joints = [joint for part in config.parts for joint in part.joints]
+        joints = [joint for part in config.parts for joint in part.servos.joints]
         self._zero = np.array([joint.zero for joint in joints], dtype=np.float64)
         self._per_radian = np.array([joint.pulses_per_radian for joint in joints])
         self._row = np.empty(2 + len(joints))

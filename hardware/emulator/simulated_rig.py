@@ -29,14 +29,17 @@ class SimulatedRig:
         self.names = config.names
         self.servos = EmulatedBus(config)
         self.faults = RigFaults.none(len(config.joints))
-        self._scale = RigScale(config)
+        servos = config.servos
+        self._scale = RigScale(servos)
+        self._joint_of = np.array(config.joint_of)
+        self._rows = servos.joints
         self._now = 0.0
         self._fed = 0.0
         self._asked = False
         self._goals = np.zeros(len(config.joints))
         self.positions, self.velocities, self.currents = (np.zeros(len(config.joints)) for _ in range(3))
         ends = self._scale.ends.astype(int).tolist()
-        for index, (joint, low, high) in enumerate(zip(config.joints, *ends, strict=True)):
+        for index, (joint, low, high) in enumerate(zip(servos.joints, *ends, strict=True)):
             device = self.servos.devices[index]
             self._scale.zero[index] -= device.bank.drive.forgotten[device.row]
             speed = joint.velocity * joint.gear / joint.table["profile_velocity"].si
@@ -57,13 +60,13 @@ class SimulatedRig:
         """Sets the servos' targets (J,), rad, clipped to the limits, and asks for the state; NaN changes nothing."""
         finite = np.isfinite(targets)
         wanted = np.where(finite, targets, self._goals)
-        self._goals = self._scale.within(wanted)
+        self._goals = RigScale(self.config).within(wanted)
         self.faults.clipped[:] += wanted != self._goals
         self.faults.refused[:] += ~finite
         self._asked, self._fed = True, self._now
-        for index, pulses in enumerate(self._scale.pulses(self._goals).tolist()):
+        for index, pulses in enumerate(self._scale.pulses(self._goals[self._joint_of]).tolist()):
             if self.servos.devices[index].dead or self._write(index, "goal_position", int(pulses)):
-                self.faults.unsent[index] += 1
+                self.faults.unsent[self._joint_of[index]] += 1
 
     def request_state(self) -> None:
         """Asks for the state without giving targets."""
@@ -88,24 +91,25 @@ class SimulatedRig:
         for index, device in enumerate(self.servos.devices):
             for name in off if not device.dead else ():
                 self._write(index, name, 0)
-        return [name for name, device in zip(self.names, self.servos.devices, strict=True) if device.dead]
+        names = self.config.servos.names
+        return [name for name, device in zip(names, self.servos.devices, strict=True) if device.dead]
 
     def _write(self, index: int, name: str, count: int) -> int:
         """Writes a register of a servo that has it; the error number, 0 for none."""
-        register = self.config.joints[index].table.registers.get(name)
+        register = self._rows[index].table.registers.get(name)
         return 0 if register is None else self.servos.devices[index].write(register.address, register.encode(count))
 
     def _measure(self) -> None:
-        for index, (joint, device) in enumerate(zip(self.config.joints, self.servos.devices, strict=True)):
+        for row, (index, joint, device) in enumerate(zip(self._joint_of, self._rows, self.servos.devices, strict=True)):
             if device.dead:
                 self.faults.missed[index] += 1
                 continue
             self.faults.alert[index] += device.alert
-            self.positions[index] = (device["present_position"] - self._scale.zero[index]) / joint.pulses_per_radian
+            self.positions[index] = (device["present_position"] - self._scale.zero[row]) / joint.pulses_per_radian
             speed = _number(device, "present_velocity") * joint.table["present_velocity"].si
             self.velocities[index] = speed / (joint.direction * joint.gear)
             force = "present_current" if "present_current" in joint.table.registers else "present_load"
-            self.currents[index] = _number(device, force) * self._scale.amperes[index]
+            self.currents[index] = _number(device, force) * self._scale.amperes[row]
 
 
 def _number(device: Device, name: str) -> int:

@@ -13,7 +13,7 @@ import msgspec
 from hardware.errors import RigError, RigFileError
 from hardware.families.family import Family
 from hardware.rig.rig_file_mistakes import explain
-from hardware.rig.rig_joint import RigJoint
+from hardware.rig.rig_joint import RigJoint, SecondServo
 from motiondeck_base.errors import FileFormatError
 from motiondeck_base.file_numbers import SMALLEST, impossible_numbers
 from motiondeck_base.toml_file import parse_toml
@@ -73,8 +73,10 @@ class RigConfig(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
             if joint.table.baud_value(self.baud) is None:
                 raise ValueError(f"joint {number} ({joint.name}): model '{joint.model}' cannot do {self.baud} baud")
         for port in self.ports:
-            self._refuse_doubles("id", [joint.id if self._port_of(joint) == port else None for joint in self.joints])
-        self._refuse_doubles("name", [joint.name for joint in self.joints])
+            self._refuse_doubles(
+                "id", [self._ids(joint) if self._port_of(joint) == port else () for joint in self.joints]
+            )
+        self._refuse_doubles("name", [(joint.name,) for joint in self.joints])
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -125,7 +127,21 @@ class RigConfig(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     @property
     def families(self) -> dict[int, Family]:
         """The family of each ID, for the rig of one port."""
-        return {joint.id: joint.table.family for joint in self.joints}
+        return {joint.id: joint.table.family for joint in self.servos.joints}
+
+    @property
+    def servos(self) -> RigConfig:
+        """The rig with each servo as a joint, those of one joint one after the other."""
+        if all(joint.second is None for joint in self.joints):
+            return self
+        return msgspec.structs.replace(self, joints=tuple(servo for joint in self.joints for servo in joint.servos))
+
+    @property
+    def joint_of(self) -> list[int]:
+        """The index of the joint of each servo in `servos`."""
+        names = [servo.joint_name for servo in self.servos.joints]
+        order = list(dict.fromkeys(names))
+        return [order.index(name) for name in names]
 
     @property
     def through_turns(self) -> list[int]:
@@ -139,13 +155,17 @@ class RigConfig(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     def _port_of(self, joint: RigJoint) -> str:
         return joint.port or self.port
 
-    def _refuse_doubles(self, key: str, values: Sequence[object]) -> None:
-        twice = [value for value, count in Counter(values).items() if count > 1 and value is not None]
+    @staticmethod
+    def _ids(joint: RigJoint) -> tuple[int, ...]:
+        return (joint.id,) if joint.second is None else (joint.id, joint.second.id)
+
+    def _refuse_doubles(self, key: str, values: Sequence[tuple[object, ...]]) -> None:
+        twice = [value for value, count in Counter(one for own in values for one in own).items() if count > 1]
         if twice:
             where = ", ".join(
                 f"joint {number} ({joint.name}, id {joint.id})"
-                for number, (joint, value) in enumerate(zip(self.joints, values, strict=True), 1)
-                if value in twice
+                for number, (joint, own) in enumerate(zip(self.joints, values, strict=True), 1)
+                if set(own) & set(twice)
             )
             raise ValueError(f"{key} {', '.join(map(str, twice))} is used more than once: {where}")
 
@@ -170,4 +190,6 @@ def load_rig(path: str | Path) -> RigConfig:
 
 
 def _explained(path: str | Path, text: str, message: str) -> str:
-    return explain(path, text, message, RigConfig.__struct_fields__, RigJoint.__struct_fields__)
+    where = message.partition(" - at `$")[2]
+    kind = SecondServo if where.endswith(".second`") else RigJoint if where.startswith(".joints[") else RigConfig
+    return explain(path, text, message, kind.__struct_fields__)

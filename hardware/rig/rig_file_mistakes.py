@@ -12,14 +12,13 @@ from motiondeck_base.near_names import did_you_mean
 _QUOTED = re.compile(r'"(?:\\.|[^"\\\n])*"|\'[^\'\n]*\'')
 
 
-def explain(path: str | Path, text: str, message: str, rig_keys: Sequence[str], joint_keys: Sequence[str]) -> str:
+def explain(path: str | Path, text: str, message: str, keys: Sequence[str]) -> str:
     """msgspec's message with the line and place in the file, and the allowed keys where one is unknown."""
     what, _, where = message.partition(" - at `$")
     place = re.sub(r"\[(\d+)\]", lambda found: f" {int(found[1]) + 1}", where.rstrip("`").lstrip("."))
     place = place.replace("joints ", "joint ", 1)
     unknown = re.search(r"unknown field `(.*)`", what)
     if unknown:
-        keys = joint_keys if where.startswith(".joints[") else rig_keys
         hint = did_you_mean(unknown[1], keys, 1)
         what = f"unknown key '{unknown[1]}'.{hint} The keys here are {', '.join(keys)}"
     elif what.startswith("Invalid enum value"):
@@ -67,7 +66,14 @@ def _joint_starts(lines: list[str]) -> list[tuple[int, int]]:
     if headed:
         return headed
     first = next((row for row, line in enumerate(lines) if re.match(r"\s*joints\s*=", line)), len(lines))
-    return [(row, brace.start()) for row in range(first, len(lines)) for brace in re.finditer("{", lines[row])]
+    found: list[tuple[int, int]] = []
+    depth = 0
+    for row in range(first, len(lines)):
+        for brace in re.finditer("[{}]", lines[row]):
+            if brace[0] == "{" and depth == 0:
+                found.append((row, brace.start()))
+            depth += 1 if brace[0] == "{" else -1
+    return found
 
 
 def _find(lines: list[str], key: str, start: int, end: int) -> int | None:

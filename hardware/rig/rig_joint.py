@@ -16,7 +16,20 @@ POSITION_MODE, EXTENDED_MODE = 3, 4
 """Operating modes without a limit of current: within one turn of the servo, and through many."""
 NEAR = 0.05
 """rad that a joint may stand outside its limits when switched on: play, and the rounding of pulses."""
+_SECOND = "'s second servo"
 _FARTHEST = 4.0 * math.pi  # rad; farther are limits in degrees
+
+
+class SecondServo(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
+    """The other servo of a joint that two turn; all else is as of the first.
+
+    Attributes:
+        id, direction, zero: as of a `RigJoint`.
+    """
+
+    id: Annotated[int, msgspec.Meta(ge=0, le=252)]
+    direction: Literal[-1, 1]
+    zero: int
 
 
 class RigJoint(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
@@ -35,6 +48,7 @@ class RigJoint(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
         grip: whether it may be held up by what it grips: it then holds on with its limit of current.
         gear: turns of the horn for one turn of the joint.
         port: of the serial adapter that its servo is on; the rig's own if empty.
+        second: a servo of the same model on the same port that turns the joint too; None without.
         position_p_gain, position_i_gain, position_d_gain: counts of these registers; what the servo has if None.
         lag: how late its shaft is behind its targets while it plays, s; see `tools.identify`.
         homing_offset: what the servo takes from its position, counts; only where its count begins anew after a turn.
@@ -54,6 +68,7 @@ class RigJoint(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     grip: bool = False
     gear: Annotated[float, msgspec.Meta(gt=0)] = 1.0
     port: str = ""
+    second: SecondServo | None = None
     position_p_gain: Annotated[int, msgspec.Meta(ge=0)] | None = None
     position_i_gain: Annotated[int, msgspec.Meta(ge=0)] | None = None
     position_d_gain: Annotated[int, msgspec.Meta(ge=0)] | None = None
@@ -96,6 +111,8 @@ class RigJoint(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
         self._refuse_too_small_limits()
         self._refuse_unknown_gains()
         self._refuse_far_limits()
+        if self.second is not None:
+            _ = self.servos
 
     def _refuse_too_small_limits(self) -> None:
         """Raises ValueError for a limit below one count of its register, in which 0 means no limit."""
@@ -140,6 +157,22 @@ class RigJoint(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
         """Checks that the servo can be restarted; raises a RigError if its model cannot."""
         if not self.table.series.reboots:
             raise RigError(f"{self.name} ({self.model}) cannot be restarted. Switch its power off and on.")
+
+    @property
+    def servos(self) -> tuple[RigJoint, ...]:
+        """Each of its servos as a joint with that one alone."""
+        if (second := self.second) is None:
+            return (self,)
+        first = msgspec.structs.replace(self, second=None)
+        name = self.name + _SECOND
+        return first, msgspec.structs.replace(
+            first, name=name, id=second.id, direction=second.direction, zero=second.zero
+        )
+
+    @property
+    def joint_name(self) -> str:
+        """Of the joint, for one of its servos as `servos` has it too."""
+        return self.name.removesuffix(_SECOND)
 
     @property
     def label(self) -> str:

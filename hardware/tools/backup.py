@@ -36,7 +36,7 @@ class ServoBackup(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
 def back_up(config: RigConfig, bus: Bus) -> list[ServoBackup]:
     """Reads the whole table of every servo; raises RigError if one is missing or of another model."""
     backups: list[ServoBackup] = []
-    for joint in config.joints:
+    for joint in config.servos.joints:
         _check_model(joint, bus)
         try:
             held = _read_all(joint, bus)
@@ -81,7 +81,7 @@ def restore(config: RigConfig, backups: Iterable[ServoBackup], bus: Bus) -> list
         RigError: if a servo is missing or of another model, or has its torque on, or the backup has what it cannot
             take; nothing is written then.
     """
-    kept = {backup.joint: backup for backup in backups}
+    config, kept = config.servos, {backup.joint: backup for backup in backups}
     lines = [f"{joint.label}: not in the backup" for joint in config.joints if joint.name not in kept]
     writes: list[tuple[RigJoint, Register, int]] = []
     for joint in config.joints:

@@ -18,7 +18,7 @@ from hardware.bus.servo_bus import Bus
 from hardware.errors import RigError
 from hardware.families.register import Counts
 from hardware.rig.rig_file import RigConfig
-from hardware.rig.rig_joint import EXTENDED_MODE, NEAR, RigJoint
+from hardware.rig.rig_joint import EXTENDED_MODE, NEAR, RigJoint, SecondServo
 from hardware.rig.switching.audit import audit, settle
 from hardware.rig.turn_file import Turn
 from motiondeck_base.files import write_file
@@ -49,6 +49,25 @@ class Range(NamedTuple):
     lowest: float
     now: float
     highest: float
+
+
+def rejoined(config: RigConfig, found: RigConfig) -> RigConfig:
+    """A rig as it was found servo by servo (see `RigConfig.servos`), with its joints as in `config`.
+
+    Two servos of a joint keep what both can do.
+    """
+    joints: list[RigJoint] = []
+    for joint in config.joints:
+        first, *others = (servo for servo in found.joints if servo.joint_name == joint.name)
+        for other in others:
+            first = msgspec.structs.replace(
+                first,
+                lower=max(first.lower, other.lower),
+                upper=min(first.upper, other.upper),
+                second=SecondServo(other.id, other.direction, other.zero),
+            )
+        joints.append(first)
+    return msgspec.structs.replace(config, joints=tuple(joints))
 
 
 class Sweep:
@@ -86,6 +105,9 @@ class Sweep:
         """The joint's angle grows the other way."""
         one = self.measured[name]
         one.direction = 1 if one.direction == -1 else -1
+        for other in self.config.joints:
+            if other.joint_name == name != other.name:  # the second servo of the joint
+                self.reverse(other.name)
 
     def forget(self, name: str) -> None:
         """Forgets a joint's range, and begins anew where it stands."""
@@ -212,6 +234,7 @@ def _centred(joint: RigJoint, low: int, high: int) -> tuple[RigJoint, int]:
 
 def clear_offsets(config: RigConfig, bus: Bus) -> list[str]:
     """Sets homing offset (as in the rig file) and drive mode (0), torque off; returns the changes, a line each."""
+    config = config.servos
     left = [one for one in audit(config, bus) if one.register in ("homing_offset", "drive_mode")]
     settle(left, config, bus)
     return [f"{one.joint} (id {one.id}): {one.register} was {one.found} and is {one.needed}" for one in left]

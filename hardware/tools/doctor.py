@@ -103,6 +103,7 @@ def examine(config: RigConfig, bus: Bus) -> Report:
     notes: list[str] = []
     missing: list[int] = []
     servos: list[ServoReport] = []
+    config = config.servos
     for index, joint in enumerate(config.joints):
         identity, name = bus.ping(joint.id), joint.label
         if identity is None:
@@ -180,7 +181,7 @@ def _longest_tick(config: RigConfig, servos: Sequence[ServoReport]) -> float:
 
 def look_elsewhere(config: RigConfig, report: Report, open_bus: Callable[[int], Bus]) -> list[str]:
     """Servos that answer at another ID, baud rate or protocol, one line each; not looked for if none is missing."""
-    known = {joint.id for joint in config.joints} - {*report.missing}
+    known = {joint.id for joint in config.servos.joints} - {*report.missing}
     bauds = list(dict.fromkeys((report.baud, *LIKELY_BAUDS))) if report.missing else []
     return [
         f"{found.model} answers as id {found.id} at {baud} baud{found.family.spoken}: connect it "
@@ -195,6 +196,7 @@ def fix_settings(config: RigConfig, bus: Bus) -> Fixed:
     """Sets every register in which a servo differs from what the rig needs (see `audit`); torque must be off there."""
     done: list[str] = []
     refused: list[str] = []
+    config = config.servos
     for index, joint in enumerate(config.joints):
         one = config.only([index])
         try:

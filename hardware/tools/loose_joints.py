@@ -17,8 +17,8 @@ from hardware.rig.switching.torque import switch_off
 
 def loosen(config: RigConfig, bus: Bus) -> None:
     """Takes the torque off every servo; raises RigError naming those that are missing or do not confirm it."""
-    check_identities(config, bus)
-    unconfirmed = switch_off(config, bus)
+    check_identities(config.servos, bus)
+    unconfirmed = switch_off(config.servos, bus)
     if unconfirmed:
         raise RigError(f"torque may still be on: {', '.join(unconfirmed)}. Check their cables.")
 

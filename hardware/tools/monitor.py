@@ -25,6 +25,7 @@ def observe(config: RigConfig, bus: Bus, share: float = 1.0) -> Iterator[tuple[l
     Args:
         share: of each second that is spent on this port, where several are watched one after another.
     """
+    config = config.servos
     scale = RigScale(config)
     lasting = share * _SHOWN_EVERY
     blocks = {joint.id: _measured(joint.table) for joint in config.joints}

@@ -11,7 +11,8 @@ import msgspec
 
 from hardware.errors import RigError
 from hardware.families.models import MODELS, WHY_NO_JOINT
-from hardware.rig.rig_file import RigConfig, RigJoint, load_rig
+from hardware.rig.rig_file import RigConfig, load_rig
+from hardware.rig.rig_joint import RigJoint
 from hardware.tools.scan import Found
 from motiondeck_base.files import write_file
 
@@ -145,4 +146,8 @@ def _with_value(text: str, joint: int, key: str, value: float) -> str:
 
 
 def _toml(value: object) -> str:
+    if isinstance(value, msgspec.Struct):
+        return f"{{ {', '.join(f'{key} = {_toml(one)}' for key, one in msgspec.structs.asdict(value).items())} }}"
+    if isinstance(value, bool):
+        return str(value).lower()
     return msgspec.json.encode(value).decode() if isinstance(value, str) else str(value)

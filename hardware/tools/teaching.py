@@ -70,6 +70,7 @@ def watch_hands(
 def _several_turns(part: RigConfig, bus: Bus) -> Iterator[tuple[str, int]]:
     """The pulses that servos now count more than from their zero, of joints that go through several turns, by name."""
     if part.through_turns:
+        part = part.servos
         zeros = find_zeros(part, bus, recall(part, bus, TurnFile.of_port(bus.port.name)))
         for index in part.through_turns:
             yield part.names[index], round(zeros[index]) - part.joints[index].zero

@@ -16,6 +16,7 @@ def store_turns(config: RigConfig, bus: Bus, file: TurnFile) -> dict[str, float]
 
     Returns the angle at which each of them stands now, rad, by name.
     """
+    config = config.servos
     found: dict[str, Turn] = {}
     angles: dict[str, float] = {}
     for joint in (config.joints[index] for index in config.through_turns):
@@ -29,6 +30,7 @@ def store_turns(config: RigConfig, bus: Bus, file: TurnFile) -> dict[str, float]
 
 def keep_turns(config: RigConfig, bus: Bus, file: TurnFile, found: Mapping[str, Turn]) -> None:
     """Keeps where the joints of a port that go through several turns stand, by name, as far as it is known."""
+    config = config.servos
     own = config.only([index for index in config.through_turns if config.names[index] in found])
     file.keep({joint.id: found[joint.name] for joint in own.joints})
     arrange_state(own, bus)  # by which a servo is known to have counted on

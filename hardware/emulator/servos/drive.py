@@ -126,6 +126,7 @@ class MotorDrive:
 
     Attributes:
         shaft, speed: of each horn.
+        joined: pairs of motors on one shaft, and whether they turn the same way (1) or not (-1), shape (3, pairs).
         forgotten: the whole turns of each that its servo no longer counts.
         path, path_speed: where the profile has led so far.
         load: torque against the horn's positive direction, as a part of the stall torque.
@@ -142,6 +143,7 @@ class MotorDrive:
         self.shaft = shaft
         self.speed = np.zeros(count)
         self.forgotten = np.zeros(count)
+        self.joined = np.zeros((3, 0), dtype=np.int64)
         self.path = shaft.copy()
         self.path_speed = np.zeros(count)
         self.target = shaft.copy()
@@ -232,7 +234,10 @@ class MotorDrive:
         sag = self.load * no_load if self.load.any() else None
         jammed = self.jammed if self.jammed.any() else None
         limited = self._current_based if self._current_based.any() else None
-        free = np.where(self.jammed, 0.0, 0.0 if self.coupled else approach)  # how far speed follows voltage in a step
+        one, other, same = self.joined
+        stiff_shaft = self.jammed.copy()
+        stiff_shaft[self.joined[:2]] = True
+        free = np.where(stiff_shaft, 0.0, 0.0 if self.coupled else approach)  # how far speed follows voltage in a step
         stiff = (1.0 - free) * powered
         most_current = np.abs(self.goal_current)
         change = self.acceleration * dt
@@ -275,6 +280,9 @@ class MotorDrive:
                 self.speed -= np.copysign(np.minimum(braked, np.abs(self.speed)), self.speed)
             if jammed is not None:
                 self.speed[jammed] = 0.0
+            if len(one):
+                self.speed[one] = 0.5 * (self.speed[one] + same * self.speed[other])
+                self.speed[other] = same * self.speed[one]
             if limited is not None and friction is not None:
                 back = self.speed / no_load
                 low, high = ((back + top) / powered * full for top in (-most_current, most_current))

@@ -62,6 +62,7 @@ class Measurements:
         torque: whether torque is on, shape (J,).
         read_at: when each joint's position was last read, shape (J,), s.
         missed_in_a_row: replies that each joint has missed since its last one, shape (J,).
+        against, apart: the current, A, and the angle, rad, by which two servos of a joint disagree, shape (J,).
         hottest, slack: each servo's own, from when it was switched on (see `OwnSettings`), shape (J,), degC, rad.
     """
 
@@ -71,6 +72,7 @@ class Measurements:
         self.errors = np.zeros(count, dtype=np.int64)
         self.torque = np.ones(count, dtype=np.bool_)
         self.read_at = np.zeros(count)
+        self.against, self.apart = np.zeros(count), np.zeros(count)
         self.hottest, self.slack = np.full(count, np.nan), np.full(count, np.nan)
         self.missed_in_a_row = np.zeros(count, dtype=np.int64)
 
@@ -86,8 +88,12 @@ class Readings:
     def __init__(
         self, config: RigConfig, joints: Sequence[int], scale: RigScale, measured: Measurements, faults: RigFaults
     ) -> None:
-        """Reads nothing before `start`; `joints` are those of the port, as indices in the rig."""
-        self.measured = measured
+        """Reads nothing before `start`; `joints` are those of the port, as indices in the rig.
+
+        In a rig with joints that two servos turn everything here is by servo, but `faults` are the joints'.
+        """
+        self.measured, self._joint_of = measured, np.array(config.joint_of)
+        config = config.servos
         self._scale = scale
         self._faults = faults
         self._ids = [joint.id for joint in config.joints]
@@ -203,9 +209,9 @@ class Readings:
         for id in reply.silent:
             measured.missed_in_a_row[self._index[id]] += 1
         for id in (*reply.silent, *reply.unheard):
-            self._faults.missed[self._index[id]] += 1
+            self._faults.missed[self._joint_of[self._index[id]]] += 1
         for id in reply.corrupt:
-            self._faults.corrupt[self._index[id]] += 1
+            self._faults.corrupt[self._joint_of[self._index[id]]] += 1
         block_of = dict(zip(request.joints.tolist(), request.states, strict=True))
         groups: dict[np.dtype[Any], tuple[list[int], list[bytes]]] = {}
         alerts = np.zeros(len(self._ids), dtype=np.bool_)
@@ -227,7 +233,7 @@ class Readings:
     def _note_alerts(self, joints: NDArray[np.int64], alert: NDArray[np.bool_]) -> None:
         """Counts alert bits; a joint whose block lacks the reason is asked for it next."""
         if np.logical_or.reduce(alert):
-            self._faults.alert[joints] += alert
+            self._faults.alert[self._joint_of[joints]] += alert
             self._alerted.update(index for index in joints[alert].tolist() if index in self._in_turns)
 
     def _keep(self, joints: NDArray[np.int64] | slice, rows: NDArray[Any], now: float) -> None:

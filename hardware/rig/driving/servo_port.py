@@ -52,6 +52,8 @@ class ServoPort:
         part: the joints of this port, as a rig of one port.
         joints: their indices in the rig, shape (n,).
         places: the same as an index of arrays.
+        servos: the servos of these joints (see `RigConfig.servos`), which are more where two turn one joint.
+        rows: their indices in the rig, shape (s,).
         readings: their measurements.
         bus: of this port.
         gone: whether the rig has found the port gone, or it is closed.
@@ -85,16 +87,19 @@ class ServoPort:
         self.part = part
         self.joints = np.array([config.names.index(name) for name in part.names])
         self.places = slice(None) if len(self.joints) == len(config.joints) else self.joints
+        self.servos, names = part.servos, config.servos.names
+        self.rows = np.array([names.index(name) for name in self.servos.names])
+        self._joint_of = np.array(config.joint_of)
         self.bus = bus
         bus.families = part.families
-        self._goals = list(_groups(part, "goal_position", self))
-        self._speeds = list(_groups(part, "profile_velocity", self))
+        self._goals = list(_groups(self.servos, "goal_position", self.rows, len(names)))
+        self._speeds = list(_groups(self.servos, "profile_velocity", self.rows, len(names)))
         count = len(config.joints)
         self.pace, self._paced = np.ones(count), True
         self._unproven = False  # whether not all have answered since speeds were sent
         self.left_out = np.zeros(count, dtype=np.bool_)
-        self._own = np.zeros(count, dtype=np.bool_)
-        self._own[self.joints] = True
+        self._own = np.zeros(len(names), dtype=np.bool_)
+        self._own[self.rows] = True
         self._last_sent, self._patience = 0.0, part.patience
         self._armed = self._stopped = self.gone = self._closed = False
         self._arm_next = self._reads_next = 0.0
@@ -104,25 +109,26 @@ class ServoPort:
         self.goals = np.zeros(count)
         self.ended: Callable[[Bus], None] = lambda bus: None
         try:
-            held = switch_on(part, bus, turns)
-            self._fast = knows_fast_reads(part, bus)
-            keep_zeros(part, held.zeros, turns)
-            blocks = arrange_state(part, bus)
-            own = read_own_settings(part, bus)
-            refuse_slow_wire(part, blocks, self._fast, return_delays(part, bus))
+            servos = self.servos
+            held = switch_on(servos, bus, turns)
+            self._fast = knows_fast_reads(servos, bus)
+            keep_zeros(servos, held.zeros, turns)
+            blocks = arrange_state(servos, bus)
+            own = read_own_settings(servos, bus)
+            refuse_slow_wire(servos, blocks, self._fast, return_delays(servos, bus))
         except MotiondeckError as error:
             raise with_torque(error, self.close()) from error
         except BaseException:
             self.close()
             raise
         self._switched_on = True
-        self.readings = Readings(config, self.joints.tolist(), scale, measured, faults)
-        self.attach(bus, self.joints.tolist(), held, blocks, own, bus.port.now())
+        self.readings = Readings(config, self.rows.tolist(), scale, measured, faults)
+        self.attach(bus, self.rows.tolist(), held, blocks, own, bus.port.now())
 
     @property
     def believed(self) -> Array:
-        """Where the joints of this port should stand, shape (n,), rad: a restarted servo reports another turn."""
-        return self.goals[self.joints]
+        """Where the servos of this port should stand, shape (s,), rad: a restarted one reports another turn."""
+        return self.goals[self._joint_of[self.rows]]
 
     @property
     def stopped(self) -> bool:
@@ -130,7 +136,7 @@ class ServoPort:
         return self._stopped or (self._armed and self.bus.port.now() - self._last_sent > self._patience)
 
     def write(self, counts: Array) -> bool:
-        """Sends goal positions, shape (J,), pulses, and requests the state in the same write; False if not sent.
+        """Sends goals of the rig's servos, shape (S,), pulses, and requests the state with them; False if not sent.
 
         Now and then watchdogs and speeds go before them. Nothing is requested while a reply is under way, or before it
         is due by the rig file's `read_hz`.
@@ -140,12 +146,12 @@ class ServoPort:
             return False
         now = self.bus.port.now()
         if not self._armed or now >= self._arm_next:
-            self._armed = sync_write_all(self.part, self.bus, "bus_watchdog", self.part.watchdog_units) or self._armed
+            self._armed = sync_write_all(self.servos, self.bus, "bus_watchdog", self.part.watchdog_units) or self._armed
             self._arm_next = now + _ARM_AGAIN
             self._paced = False
         data = _frames(self._goals, counts)
         missed = self.readings.measured.missed_in_a_row
-        if np.logical_or.reduce(missed) and np.logical_or.reduce(silent := (missed > 0) & ~self.left_out & self._own):
+        if np.logical_or.reduce(missed) and np.logical_or.reduce(silent := self._silent(missed)):
             if self._unproven:
                 data = self._speed_frames(silent) + data
             self._paced = self._unproven = False
@@ -157,6 +163,10 @@ class ServoPort:
             return True
         self._last_sent = now
         return self.bus.port.send(data)
+
+    def _silent(self, missed: NDArray[np.int64]) -> NDArray[np.bool_]:
+        """The servos of this port that should answer and do not, shape (S,)."""
+        return (missed > 0) & ~self.left_out[self._joint_of] & self._own
 
     def request_state(self) -> None:
         """Requests the state without sending goals; nothing happens while a reply is under way."""
@@ -171,17 +181,17 @@ class ServoPort:
     def attach(
         self,
         bus: Bus,
-        joints: Sequence[int],
+        rows: Sequence[int],
         held: Held,
         blocks: Sequence[StateBlock],
         own: OwnSettings,
         now: float,
     ) -> None:
-        """Goes on over this bus, where these joints hold; see `Readings.start`."""
+        """Goes on over this bus, where these servos hold; see `Readings.start`."""
         self.bus = bus
-        self._scale.zero[joints] = held.zeros
-        self.readings.measured.hottest[joints], self.readings.measured.slack[joints] = own
-        self.readings.start(joints, held.angles, blocks, now)
+        self._scale.zero[rows] = held.zeros
+        self.readings.measured.hottest[rows], self.readings.measured.slack[rows] = own
+        self.readings.start(rows, held.angles, blocks, now)
         self._stopped = self._armed = self.gone = False
 
     def keep_pace(self, pace: Array) -> None:
@@ -191,9 +201,9 @@ class ServoPort:
 
     def loosen(self, joints: NDArray[np.bool_]) -> None:
         """Takes the torque off the servos of these joints, shape (J,), unanswered and without waiting."""
-        own = np.flatnonzero(joints[self.joints]).tolist()
+        own = np.flatnonzero(joints[self._joint_of[self.rows]]).tolist()
         if own:
-            sync_write_all(self.part.only(own), self.bus, "torque_enable", 0)
+            sync_write_all(self.servos.only(own), self.bus, "torque_enable", 0)
 
     def close(self, *, hold: bool = False) -> list[str]:
         """Switches off, or holds, as the rig file asks or as given; returns the joints that did not confirm it."""
@@ -203,7 +213,7 @@ class ServoPort:
         holds = self._switched_on and (hold or self.part.on_exit == "hold")
         end = partial(hold_each, believed=self.believed) if holds else switch_off
         try:
-            unconfirmed = end(self.part, self.bus)
+            unconfirmed = end(self.servos, self.bus)
             if self._switched_on:
                 self.ended(self.bus)
         finally:
@@ -213,13 +223,13 @@ class ServoPort:
 
     def _speed_frames(self, silent: NDArray[np.bool_] | None = None) -> bytes:
         """The frames that give each servo its part of the speed limit, none more than a silent one keeps."""
-        paces = zip(self.part.joints, self.pace[self.joints].tolist(), strict=True)
-        counts = np.zeros(len(self.pace))
-        counts[self.joints] = [speed_counts(joint, pace) for joint, pace in paces]
+        paces = zip(self.servos.joints, self.pace[self._joint_of[self.rows]].tolist(), strict=True)
+        counts = np.zeros(len(self._own))
+        counts[self.rows] = [speed_counts(joint, pace) for joint, pace in paces]
         if silent is not None:
             for group in self._speeds:
-                own = counts[group.joints]
-                counts[group.joints] = np.minimum(own, own[silent[group.joints]].min(initial=own.max()))
+                own = counts[group.rows]
+                counts[group.rows] = np.minimum(own, own[silent[group.rows]].min(initial=own.max()))
         return _frames(self._speeds, counts)
 
     def _request(self, before: bytes = b"") -> bool:
@@ -246,21 +256,21 @@ class ServoPort:
 
 
 class _Group(NamedTuple):
-    """Joints, as an index of arrays, with a register at the same place and of the same family."""
+    """Servos, as an index of arrays, with a register at the same place and of the same family."""
 
-    joints: NDArray[np.int64] | slice
+    rows: NDArray[np.int64] | slice
     write: SyncWrite
 
 
-def _groups(part: RigConfig, name: str, port: ServoPort) -> Iterator[_Group]:
-    for (family, address, length), members in same_place(part, name).items():
-        write = SyncWrite([part.joints[index].id for index in members], address, length, family)
-        yield _Group(port.places if len(members) == len(part.joints) else port.joints[members], write)
+def _groups(servos: RigConfig, name: str, rows: NDArray[np.int64], count: int) -> Iterator[_Group]:
+    for (family, address, length), members in same_place(servos, name).items():
+        write = SyncWrite([servos.joints[index].id for index in members], address, length, family)
+        yield _Group(slice(None) if len(members) == count else rows[members], write)
 
 
 def _frames(groups: list[_Group], counts: Array) -> bytes:
     frames = []
     for group in groups:
-        group.write.values[:] = counts[group.joints]
+        group.write.values[:] = counts[group.rows]
         frames.append(group.write.frame())
     return b"".join(frames)

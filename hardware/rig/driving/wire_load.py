@@ -32,6 +32,7 @@ def longest_tick(config: RigConfig, blocks: Sequence[StateBlock], fast: bool, re
         fast: whether servos that can answer in one joint reply.
         return_delays: of each joint's servo, s.
     """
+    config = config.servos
     count = len(config.joints)
     readings = Readings(config, range(count), RigScale(config), Measurements(count), RigFaults.none(count))
     readings.start(range(count), np.zeros(count), blocks, 0.0)
@@ -63,7 +64,7 @@ def refuse_slow_wire(
     slow = max(return_delays)
     quicker = "motiondeck rig doctor --fix shortens their return delay; or lower" if slow > _SHORT_DELAY else "Lower"
     raise RigError(
-        f"the wire is too slow for rate_hz {config.rate_hz:g}: goals and answers of {len(config.joints)} servos take "
+        f"the wire is too slow for rate_hz {config.rate_hz:g}: goals and answers of {len(blocks)} servos take "
         f"{longest * 1e3:.1f} ms at {config.baud} baud, a tick is {1e3 / config.rate_hz:.1f} ms. "
         f"{quicker} rate_hz to {int(1.0 / longest)}, or raise baud."
     )

@@ -2,6 +2,7 @@
 
     limp       torque is off without a reason: the servo has restarted, or something switched it off      set up again
     back       it was cut off for longer than its own watchdog waits, which has stopped it                set up again
+    apart      its two servos disagree about its angle                                                     lost
     idle       far from its goal, still, and drawing no current to get there                  set up again, then lost
     down       it reports heat, encoder, shock or overload; or torque is off and it has a reason           lost
     hot        at its temperature limit, though it has not shut down                                       lost
@@ -28,6 +29,7 @@ from hardware.rig.rig_file import RigConfig
 from hardware.rig.rig_joint import RigJoint
 from hardware.rig.scale import Array
 from hardware.rig.supervision.servo_states import CONDITIONS
+from hardware.rig.switching.torque import APART
 
 Mask = NDArray[np.bool_]
 
@@ -41,6 +43,7 @@ _MOVED = 0.02  # rad
 _FAR = 0.5  # of the slack: a servo so far from its goal drives with half of its voltage
 _NEAREST_FAR, _FARTHEST_FAR = 0.05, 0.5  # rad
 _IDLE_CURRENT = 0.2  # of what it may draw: a motor that drives towards a goal so far off draws more
+_OPPOSED, _OPPOSED_FOR = 0.08, 0.5  # of the stall current of both servos of a joint, s
 _SERIOUS = 4 | 8 | 16 | 32  # heat, encoder, shock, overload
 _LOW_VOLTAGE = 0.8  # of the highest seen; each servo reports a voltage beyond its own limits
 _RESTLESS, _RESTLESS_WITHIN = 5, 10.0  # times, s
@@ -53,12 +56,13 @@ _KINDS = {
     "was cut off for longer than watchdog_ms": "was cut off",
     "does not follow its target": "does not follow",
     "pushes against something and gives way": "gives way",
+    "has servos that pull against each other": "pulls against itself",
     "is getting hot": "is getting hot",
     "has a low supply voltage": "has a low supply voltage",
     "has shut down": "has shut down",
 }
 _INCIDENTS = tuple(_KINDS)
-_SILENT, _LIMP, _BACK, _STILL, _YIELDS, _WARM, _STARVED, _DOWN = range(len(_KINDS))
+_SILENT, _LIMP, _BACK, _STILL, _YIELDS, _AGAINST, _WARM, _STARVED, _DOWN = range(len(_KINDS))
 _SEVERITY = np.array([CONDITIONS.index(condition) for condition in _KINDS.values()])
 _OFF, _LOST = CONDITIONS.index("is off on command"), CONDITIONS.index("is lost")
 
@@ -97,6 +101,8 @@ class Health:
         self._patience = config.patience
         self._strongest = np.full(count, np.nan)
         self._idle_below = np.array([_idle_current(joint) for joint in config.joints])
+        self._opposed = np.array([_OPPOSED * TRAITS[joint.model].stall_current for joint in config.joints])
+        self._agreed = np.full(count, now)
         self._grips = np.array([joint.grip for joint in config.joints])
         self._moved = np.array([min(_MOVED, 0.1 * joint.velocity) for joint in config.joints])
         self._heard = np.full(count, now)
@@ -140,7 +146,8 @@ class Health:
         for joints in recovering:
             alive[joints] = False
         mend, self.mend = self.mend, alive & (back | limp | idle)
-        self.fatal = alive & (down | hot | silent | restless | (idle & self._was_idle))
+        apart = measured.apart > APART
+        self.fatal = alive & (down | hot | silent | restless | apart | (idle & self._was_idle))
         margin = measured.hottest - measured.temperatures
         known, seen = self._known, self._seen
         seen[_SILENT] = silence > _MISSED_AFTER
@@ -148,6 +155,7 @@ class Health:
         seen[_BACK] = back
         seen[_STILL] = still & ~(self._grips & ~idle)
         seen[_YIELDS] = yielding
+        seen[_AGAINST] = self._lasting(measured.against > self._opposed, now)
         seen[_WARM] = margin < EASED_FROM
         self._strongest = np.fmax(self._strongest, measured.voltages)
         seen[_STARVED] = (measured.voltages < _LOW_VOLTAGE * self._strongest) | (measured.errors & 1 != 0)
@@ -160,7 +168,7 @@ class Health:
             self._report(new, measured, now)
         self._known, self._seen = seen, known
         if np.logical_or.reduce(self.fatal):
-            self._explain(measured, down, hot, silent, restless)
+            self._explain(measured, down, hot, silent, restless, apart)
 
     def recovered(self, joints: NDArray[np.int64], now: float) -> None:
         """Notes that the joints in `mend` among these indices were set up again."""
@@ -205,6 +213,11 @@ class Health:
         """Why the joints in `fatal` are lost, each named."""
         return "; ".join(f"{self._names[index]} {self._reason[index]}" for index in np.flatnonzero(self.fatal).tolist())
 
+    def _lasting(self, opposed: Mask, now: float) -> Mask:
+        """Which joints have two servos that have opposed each other for a while."""
+        self._agreed[~opposed] = now
+        return now - self._agreed > _OPPOSED_FOR
+
     def _often_mended(self, now: float) -> Mask:
         return np.array([len(times) == _RESTLESS and now - times[0] < _RESTLESS_WITHIN for times in self._mended])
 
@@ -236,7 +249,9 @@ class Health:
                 detail = f": {measured.voltages[index]:.1f} V"
             self.incidents.append(Incident(now, self._names[index], _INCIDENTS[kind] + detail))
 
-    def _explain(self, measured: Measurements, down: Mask, hot: Mask, silent: Mask, restless: Mask) -> None:
+    def _explain(
+        self, measured: Measurements, down: Mask, hot: Mask, silent: Mask, restless: Mask, apart: Mask
+    ) -> None:
         for index in np.flatnonzero(self.fatal).tolist():
             if down[index]:
                 reason = f"has shut down: {describe_errors(int(measured.errors[index]))}"
@@ -246,6 +261,8 @@ class Health:
                 reason = "does not answer"
             elif restless[index]:
                 reason = "keeps restarting"
+            elif apart[index]:
+                reason = f"has two servos that are {measured.apart[index]:.2f} rad apart"
             else:
                 reason = "does not follow its target, although it was set up anew"
             self._reason[index] = reason

@@ -18,6 +18,7 @@ SLOWER = 0.25
 """The part of its speed limit at which a joint catches up."""
 _LONGEST_STEP = 2.0  # ticks of motion for an eased joint after a stall: the servo would take it at full speed
 _ARRIVED = 0.02  # rad between goal and target
+_TOGETHER = 0.8
 _LAG, _PLAY, _PATIENCE = 0.15, 0.05, 2.0  # s, rad, s
 _EASED_TO = 2.0  # degC below the servo's limit
 _LEAST = 0.25
@@ -55,7 +56,7 @@ class JointPace:
     @property
     def part(self) -> Array:
         """The part of its speed limit that each joint may use now, shape (J,)."""
-        return np.minimum(self.ease.part, self.catching_up.pace)
+        return np.minimum(self.ease.part, self.catching_up.pace_of_goals)
 
     @property
     def of_servos(self) -> Array:
@@ -114,6 +115,7 @@ class CatchingUp:
     def __init__(self, config: RigConfig) -> None:
         count = len(config.joints)
         self.joints = np.zeros(count, dtype=np.bool_)
+        self._slower = np.array([1.0 if joint.second is None else _TOGETHER for joint in config.joints])
         self._speed = SLOWER * np.array([joint.velocity for joint in config.joints])
         self._since = np.full(count, np.inf)  # when the goal of a joint has arrived at its target, s
         self._targets = np.full(count, np.nan)  # the last ones, within the limits, rad
@@ -122,6 +124,11 @@ class CatchingUp:
     def pace(self) -> Array:
         """The part of its speed limit that each joint may use, shape (J,)."""
         return np.where(self.joints, SLOWER, 1.0)
+
+    @property
+    def pace_of_goals(self) -> Array:
+        """The same of goals: slower of a joint with two servos, whose paths come together meanwhile, shape (J,)."""
+        return np.where(self.joints, self.pace * self._slower, 1.0)
 
     def note(
         self, targets: Array, goals: Array, positions: Array, kept: NDArray[np.bool_], passed: float, now: float

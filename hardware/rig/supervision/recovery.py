@@ -26,10 +26,18 @@ _PAUSE = 0.05  # s between two tries
 
 
 class Recovered(NamedTuple):
-    """Joints, by index, that are set up again: where they hold, the block to read of each, and what it keeps."""
+    """Servos that are set up again: where they hold, the block to read of each, and what it keeps.
+
+    Attributes:
+        joints: the indices of their joints.
+        rows: their own indices in the rig; see `RigConfig.servos`.
+        firsts: the places in `rows` of the first servo of each joint.
+    """
 
     bus: Bus
     joints: list[int]
+    rows: list[int]
+    firsts: list[int]
     held: Held
     blocks: list[StateBlock]
     own: OwnSettings
@@ -102,11 +110,15 @@ class PortRecovery:
                     do, to_do = to_do, None
                     do(bus)
                 places = np.flatnonzero(~self._health.lost[port.joints]).tolist()
-                alive = port.part.only(places)
-                held = resume(alive, bus, port.believed[places], SLOWER, lambda: self._cancelled)
-                joints = port.joints[places].tolist()
+                alive = port.part.only(places).servos
+                own = [port.servos.names.index(name) for name in alive.names]
+                held = resume(alive, bus, port.believed[own], SLOWER, lambda: self._cancelled)
+                joints, rows = port.joints[places].tolist(), port.rows[own].tolist()
+                firsts = [index for index, servo in enumerate(alive.joints) if servo.name == servo.joint_name]
                 keep_zeros(alive, held.zeros, port.turns)
-                self._recovered = Recovered(bus, joints, held, arrange_state(alive, bus), read_own_settings(alive, bus))
+                self._recovered = Recovered(
+                    bus, joints, rows, firsts, held, arrange_state(alive, bus), read_own_settings(alive, bus)
+                )
                 return
             except MotiondeckError as error:
                 self.failure = error

@@ -27,6 +27,7 @@ from hardware.bus.port import lasting_name
 from hardware.bus.servo_bus import Bus
 from hardware.errors import MotiondeckError, RigError, SerialPortError, with_torque
 from hardware.rig.counters import RigFaults, RigReport, Timings
+from hardware.rig.driving.joined import JoinedMeasurements
 from hardware.rig.driving.readings import Measurements
 from hardware.rig.driving.register_reading import RegisterReading
 from hardware.rig.driving.servo_port import ServoPort
@@ -89,33 +90,36 @@ class Rig:
         self.names = config.names
         self.recoveries = 0
         self.faults, self.measured = RigFaults.none(count), Measurements(count)
+        servos, of = len(config.servos.joints), np.array(config.joint_of)
+        by_servo = self.measured if servos == count else Measurements(servos)
+        self._joined = None if servos == count else JoinedMeasurements(config, by_servo, self.measured)
+        self._joint_of = slice(None) if servos == count else of
         self.positions, self.velocities = self.measured.positions, self.measured.velocities
         self.currents, self.temperatures = self.measured.currents, self.measured.temperatures
         self.voltages = self.measured.voltages
         self.write_us, self.read_us = Timings(), Timings()
-        self._scale = RigScale(config)
+        self._scale = RigScale(config.servos)
         self._stopped = False
         self.turn_keepers: list[TurnKeeper] = []
         opened: list[ServoPort] = []
         try:
             for part in config.on_ports(ports):
-                opened.append(
-                    ServoPort(config, part, open_bus(part), self._scale, self.measured, self.faults, turns(part))
-                )
+                opened.append(ServoPort(config, part, open_bus(part), self._scale, by_servo, self.faults, turns(part)))
         except MotiondeckError as error:
             raise with_torque(error, _close_all(opened)) from error
         except BaseException:
             _close_all(opened)
             raise
+        self._join()
         self.goals = self.positions.copy()
         now = opened[0].bus.port.now()
-        self._pace, self._health = JointPace(config, self._scale, self.measured, now, spare), Health(config, now)
+        self._pace, self._health = JointPace(config, RigScale(config), self.measured, now, spare), Health(config, now)
         self._recoveries: list[PortRecovery] = []
         for port in opened:
             port.left_out, port.goals = self._health.lost, self.goals
             if port.part.through_turns and port.turns is not None:
                 report = partial(self._note_port, port)
-                self.turn_keepers.append(TurnKeeper(port, port.turns, self._scale, self.positions, report))
+                self.turn_keepers.append(TurnKeeper(port, port.turns, self._scale, by_servo.positions, of, report))
             self._recoveries.append(PortRecovery(port, self._health, partial(open_bus, port.part), beside, sleep))
         self._keeping = KeeperThread(self.turn_keepers if beside else [])
 
@@ -192,10 +196,13 @@ class Rig:
             if not np.logical_and.reduce(finite):
                 self.faults.refused[:] += ~finite
                 targets = np.where(finite, targets, self.goals)
+            if self._joined is not None:
+                stay = np.where(np.isnan(self._joined.places), self.goals, self._joined.places)
+                targets = np.where(self._joined.waits, stay, targets)
             goals, beyond = pace.bound(targets, self.goals, self.positions, self._now())
             if np.logical_or.reduce(beyond):
                 self.faults.clipped[:] += beyond
-            counts = self._scale.pulses(goals)
+            counts = self._scale.pulses(goals[self._joint_of])
             for one in ready:
                 port = one.port
                 try:
@@ -234,6 +241,7 @@ class Rig:
                     fresh |= one.port.collect_state(now)
                 except SerialPortError as error:
                     self._recover_port(one, error)
+            self._join()
         self._look_after()
         return fresh
 
@@ -254,7 +262,7 @@ class Rig:
         servo = self.config.joints[joint]
         servo.check_restartable()
         self._health.take_back(joint, self._now())
-        self._recovery_of(joint).to_do = lambda bus: bus.restart(servo.id)
+        self._recovery_of(joint).to_do = lambda bus: [bus.restart(one.id) for one in servo.servos]
 
     def registers(self, joint: int, write: tuple[str, int] | None = None) -> RegisterReading:
         """Reads all registers of a servo in the loop's next ticks; before that, writes a count into one of them.
@@ -284,9 +292,9 @@ class Rig:
             raise RigError("the rig is busy with its servos. Try again.")
         if np.logical_or.reduce((self.measured.missed_in_a_row > 0) & ~self._health.lost):
             raise RigError("a servo does not answer just now. Try again when the rig has recovered or given up on it.")
-        scan = PortScan(self.config, len(self._recoveries))
+        scan = PortScan(self.config.servos, len(self._recoveries))
         for one in self._recoveries:
-            one.to_do = partial(scan.ask, one.port.part)
+            one.to_do = partial(scan.ask, one.port.servos)
         return scan
 
     def close(self, *, hold: bool = False) -> list[str]:
@@ -301,6 +309,10 @@ class Rig:
         finally:
             unconfirmed = _close_all(self._all_ports(), hold=hold)
         return unconfirmed
+
+    def _join(self) -> None:
+        if self._joined is not None:
+            self._joined.update()
 
     def _now(self) -> float:
         return self._recoveries[0].port.bus.port.now()
@@ -330,8 +342,9 @@ class Rig:
             raise RigError(f"the rig has stopped: {one.failure}") from one.failure
         if port.gone:
             self._note_port(port, "is back", fault=False)
-        port.attach(*recovered, now)
-        self.goals[recovered.joints] = recovered.held.angles
+        port.attach(recovered.bus, recovered.rows, recovered.held, recovered.blocks, recovered.own, now)
+        self._join()
+        self.goals[recovered.joints] = recovered.held.angles[recovered.firsts]
         self.recoveries += 1
         self._health.recovered(port.joints, now)
         self._pace.start_again(port.joints, now)

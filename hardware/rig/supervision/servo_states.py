@@ -16,6 +16,7 @@ CONDITIONS = (
     "has a low supply voltage",
     "is getting hot",
     "gives way",
+    "pulls against itself",
     "does not follow",
     "is off on command",
     "is limp",

@@ -36,21 +36,28 @@ class TurnKeeper:
     """The kept turns of one port's servos."""
 
     def __init__(
-        self, port: ServoPort, file: TurnFile, scale: RigScale, positions: Array, report: Callable[[str], None]
+        self,
+        port: ServoPort,
+        file: TurnFile,
+        scale: RigScale,
+        positions: Array,
+        joint_of: NDArray[np.int64],
+        report: Callable[[str], None],
     ) -> None:
         """Looks at the joints of a port from now on, and at its end.
 
         Args:
             port: with joints that go through several turns.
             file: where their turns are kept.
-            scale: of the whole rig.
-            positions: last measured, of the whole rig, shape (J,), rad.
+            scale: of the servos of the whole rig.
+            positions: of them, last measured, shape (S,), rad.
+            joint_of: the joint of each.
             report: takes what has failed.
         """
-        several = port.part.through_turns
+        several = port.servos.through_turns
         self._port, self._file, self._report = port, file, report
-        self._own, self._rows = port.part.only(several), port.joints[several]
-        self._scale, self._positions = scale, positions
+        self._own, self._rows = port.servos.only(several), port.rows[several]
+        self._scale, self._positions, self._joint_of = scale, positions, joint_of
         self._turn = np.array([joint.table.pulses_per_turn for joint in self._own.joints], dtype=np.float64)
         self._last, self._still = self._places, np.zeros(len(several))
         kept = file.read()
@@ -62,7 +69,7 @@ class TurnKeeper:
     def look(self) -> None:
         """Keeps what has changed since the last look."""
         places, zeros = self._places, self._scale.zero[self._rows]
-        goals = self._scale.pulses(self._port.goals)[self._rows]
+        goals = self._scale.pulses(self._port.goals[self._joint_of])[self._rows]
         rests = (np.abs(places - self._last) < _PLAY * self._turn) & (np.abs(places - goals) < _SURE * self._turn)
         self._last = np.where(rests, self._last, places)
         self._still = np.where(rests, self._still + 1, 0)

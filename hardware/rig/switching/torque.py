@@ -10,6 +10,7 @@ from collections.abc import Callable
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from hardware.bus.servo_bus import Bus
 from hardware.errors import NoReplyError, RigError, SerialPortError, ServoError
@@ -30,6 +31,8 @@ from hardware.rig.turn_file import TurnFile
 
 _PATH = ("present_velocity", "present_position", "velocity_trajectory", "position_trajectory")
 _NO_PATH = ("present_velocity", "present_position", "goal_position")
+APART = 0.1
+"""rad by which two servos of one joint may disagree: play between them, and zeros that a hand has set."""
 _LAG = 0.15  # s that a joint may be behind its path and still follows it
 _STANDS = 0.05  # rad/s of a path, up to which it stands
 _UNTIL_TAKEN = 0.02  # s from reading a joint's position to its taking the new goal
@@ -101,7 +104,7 @@ def hold_still(config: RigConfig, bus: Bus, believed: Array, pace: float = 1.0) 
         write_each(config, bus, "bus_watchdog", [0] * len(config.joints))
         _limit_speed(config, bus, pace)
         scale.zero[:] = find_zeros(config, bus, believed)
-        positions, rests = places_of_rest(config, bus, scale)
+        positions, rests, torque = places_of_rest(config, bus, scale)
         outside = [
             f"{joint.name} stands at {angle:.2f} rad, its limits are {joint.lower} to {joint.upper}"
             for joint, angle in zip(config.joints, positions, strict=True)
@@ -109,7 +112,8 @@ def hold_still(config: RigConfig, bus: Bus, believed: Array, pace: float = 1.0) 
         ]
         if outside:
             raise RigError(f"{'; '.join(outside)}. Move it by hand, or correct its zero and limits in the rig file.")
-        goals = scale.within(rests)
+        _refuse_disagreement(config, positions)
+        goals = scale.within(_together(config, rests, torque))
         write_each(config, bus, "goal_position", [int(pulses) for pulses in scale.pulses(goals)])
     except ServoError as error:
         raise RigError(str(error)) from error
@@ -165,16 +169,19 @@ def hold_each(config: RigConfig, bus: Bus, believed: Array) -> list[str]:
     unconfirmed: list[str] = []
     try:
         sync_write_all(config, bus, "bus_watchdog", 0)
-        for index, joint in enumerate(config.joints):
-            one = config.only([index])
+        joints = config.joint_of
+        for joint in dict.fromkeys(joints):
+            own = [index for index, of in enumerate(joints) if of == joint]
+            one = config.only(own)
             try:
-                write_each(one, bus, "bus_watchdog", [0])
+                write_each(one, bus, "bus_watchdog", [0] * len(own))
                 scale = RigScale(one)
-                scale.zero[:] = find_zeros(one, bus, believed[[index]])
-                _, rest = places_of_rest(one, bus, scale)
+                scale.zero[:] = find_zeros(one, bus, believed[own])
+                _, rest, torque = places_of_rest(one, bus, scale)
+                rest = _together(one, rest, torque)
                 write_each(one, bus, "goal_position", [int(pulses) for pulses in scale.pulses(scale.within(rest))])
             except (ServoError, RigError):
-                unconfirmed.append(joint.name)
+                unconfirmed += one.names
     except SerialPortError:
         return list(config.names)
     return unconfirmed
@@ -224,8 +231,26 @@ def _limit_speed(config: RigConfig, bus: Bus, pace: float) -> None:
     write_each(config, bus, "profile_acceleration", rates)
 
 
-def places_of_rest(config: RigConfig, bus: Bus, scale: RigScale) -> tuple[Array, Array]:
-    """Present positions, and where each joint would come to rest if it braked now; both (J,), rad.
+def _together(config: RigConfig, rests: Array, torque: NDArray[np.bool_]) -> Array:
+    """The places of rest (J,), rad, where two servos of one joint get the same: the mean of those with torque."""
+    joints = np.array(config.joint_of)
+    weights = np.where(torque | ~np.bincount(joints, torque).astype(np.bool_)[joints], 1.0, 0.0)
+    return (np.bincount(joints, rests * weights) / np.bincount(joints, weights))[joints]
+
+
+def _refuse_disagreement(config: RigConfig, positions: Array) -> None:
+    """Raises a RigError if two servos of a joint stand at different angles."""
+    joints = config.joint_of
+    for index in np.flatnonzero((np.diff(joints) == 0) & (np.abs(np.diff(positions)) > APART)).tolist():
+        one, other = config.joints[index : index + 2]
+        raise RigError(
+            f"{one.label} stands at {positions[index]:.2f} rad and {other.label} at {positions[index + 1]:.2f}. "
+            "Correct direction and zero of the second in the rig file, or tighten the horns."
+        )
+
+
+def places_of_rest(config: RigConfig, bus: Bus, scale: RigScale) -> tuple[Array, Array, NDArray[np.bool_]]:
+    """Present positions, where each joint would come to rest if it braked now, (J,), rad, and whether it has torque.
 
     With an acceleration limit a servo runs past any goal nearer than its braking distance v^2 / (2 a), and hurries back
     to it at up to its speed limit. It brakes along its own path (position and velocity trajectory). A load keeps a
@@ -250,7 +275,7 @@ def places_of_rest(config: RigConfig, bus: Bus, scale: RigScale) -> tuple[Array,
     most = np.abs(path_velocity) * (_LAG + _UNTIL_TAKEN) + braking + slack
     moves = torque & (velocity * path_velocity > 0.0)
     stands = torque & (np.abs(path_velocity) < _STANDS) & (np.abs(ahead) < slack)
-    return angles, angles + np.where(moves | stands, np.clip(ahead, -most, most), 0.0)
+    return angles, angles + np.where(moves | stands, np.clip(ahead, -most, most), 0.0), torque
 
 
 def _read_path(config: RigConfig, bus: Bus) -> list[dict[str, int]]:

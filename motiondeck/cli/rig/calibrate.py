@@ -41,7 +41,7 @@ def calibrate(
     """
     from hardware.errors import SerialPortError, ServoError
     from hardware.rig.turn_file import TurnFile
-    from hardware.tools.calibration import Sweep, load_progress
+    from hardware.tools.calibration import Sweep, load_progress, rejoined
     from hardware.tools.rig_writing import save_rig
     from hardware.tools.turn_setting import keep_turns
 
@@ -50,14 +50,16 @@ def calibrate(
         raise MotiondeckError(f"{out.parent}: there is no such folder to write the rig file to")
     part = out.with_name(f"{out.name}.part")
     typed = LineInput()
-    sweep = load_progress(config, part) if part.exists() else Sweep(config)
+    servos = config.servos
+    sweep = load_progress(servos, part) if part.exists() else Sweep(servos)
     if part.exists():
-        done = sum(not sweep.lacking(name) for name in config.names)
-        print(f"continuing from {part}: {done} of {len(config.joints)} joints are measured. Remove it to start again.")
+        done = sum(not sweep.lacking(name) for name in servos.names)
+        print(f"continuing from {part}: {done} of {len(servos.joints)} joints are measured. Remove it to start again.")
     try:
         with ended_by_sigterm(), open_buses(config, port) as parts:
             _measure(sweep, parts, part, typed)
             found, notes = sweep.result()
+            found = rejoined(config, found)
             for new, (own, bus) in zip(found.parts, parts, strict=True):
                 if new.through_turns:
                     keep_turns(new, bus, TurnFile.of_port(own.port), sweep.turns)
@@ -134,7 +136,7 @@ def _read(sweep: Sweep, parts: list[tuple[RigConfig, Bus]]) -> set[str]:
 
     silent = set(sweep.config.names)
     for own, bus in parts:
-        for joint, pulses in positions(own, bus):
+        for joint, pulses in positions(own.servos, bus):
             sweep.see(joint.name, pulses)
             silent.discard(joint.name)
     return silent

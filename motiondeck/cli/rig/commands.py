@@ -131,20 +131,19 @@ def stop(rig: RigArgument, port: PortOption = None, as_json: JsonOption = False)
         # The servos on other ports are switched off even if one port is gone.
         try:
             with open_buses(part, None) as buses:
-                unconfirmed += [name for own, bus in buses for name in switch_off(own, bus)]
+                unconfirmed += [name for own, bus in buses for name in switch_off(own.servos, bus)]
         except SerialPortError as error:
             print(f"motiondeck: {error}", file=sys.stderr)
-            unconfirmed += part.names
+            unconfirmed += part.servos.names
             if "another program" in str(error):
                 remedy = (
                     "If a rig is playing there: Ctrl-C, `motiondeck send estop` or `send stop`; else cut the power."
                 )
+    names = config.servos.names
     if as_json:
-        print(
-            json.dumps({"off": [name for name in config.names if name not in unconfirmed], "unconfirmed": unconfirmed})
-        )
+        print(json.dumps({"off": [name for name in names if name not in unconfirmed], "unconfirmed": unconfirmed}))
     else:
-        print(f"torque off: {len(config.names) - len(unconfirmed)} of {len(config.names)} servos")
+        print(f"torque off: {len(names) - len(unconfirmed)} of {len(names)} servos")
     if unconfirmed:
         print(f"motiondeck: not confirmed by {', '.join(unconfirmed)}. {remedy}", file=sys.stderr)
         raise typer.Exit(1)

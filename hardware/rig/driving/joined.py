@@ -1,0 +1,62 @@
+"""Measurements of joints from those of their servos, where two servos turn one joint.
+
+position, velocity    the mean, without a servo that is silent
+current               the larger one
+temperature, voltage  of the servo that is worse off; so are errors, torque and missed answers
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from hardware.rig.driving.readings import Measurements
+from hardware.rig.rig_file import RigConfig
+
+_SETTLED = 0.5  # s: more than a watchdog waits, usually, and a joint needs to stand
+
+
+class JoinedMeasurements:
+    """Joins the measurements of S servos into those of J joints.
+
+    Attributes:
+        firsts: the first servo of each joint.
+        waits: whether one of two servos of a joint is limp or silent, shape (J,); the other stays at its goal.
+        places: where it stays when both have come to rest, shape (J,), rad; NaN before.
+    """
+
+    def __init__(self, config: RigConfig, servos: Measurements, joints: Measurements) -> None:
+        """Writes into `joints` in each `update`."""
+        of = np.array(config.joint_of)
+        self.firsts = np.flatnonzero(np.diff(of, prepend=-1))
+        self._count = np.bincount(of)
+        self._servos, self._joints = servos, joints
+        self.waits, self.places = np.zeros(len(self.firsts), dtype=np.bool_), np.full(len(self.firsts), np.nan)
+        self._since = np.zeros(len(self.firsts))
+
+    def update(self) -> None:
+        """Takes over what the servos have measured."""
+        one, all, firsts = self._joints, self._servos, self.firsts
+        highest, lowest = np.maximum.reduceat, np.minimum.reduceat
+        weights, count, missed = 1.0, self._count, all.missed_in_a_row
+        if np.logical_or.reduce(missed):
+            weights = (missed == np.repeat(lowest(missed, firsts), self._count)).astype(np.float64)
+            count = np.add.reduceat(weights, firsts)
+        for mean, values in ((one.positions, all.positions), (one.velocities, all.velocities)):
+            mean[:] = np.add.reduceat(values * weights, firsts) / count
+        most, least = highest(all.currents, firsts), lowest(all.currents, firsts)
+        one.currents[:] = np.where(most > -least, most, least)
+        one.against[:] = np.minimum(np.maximum(most, 0.0), np.maximum(-least, 0.0))
+        one.apart[:] = (highest(all.positions, firsts) - lowest(all.positions, firsts)) * (count == self._count)
+        one.temperatures[:] = np.fmax.reduceat(all.temperatures, firsts)
+        one.voltages[:] = np.fmin.reduceat(all.voltages, firsts)
+        one.errors[:] = np.bitwise_or.reduceat(all.errors, firsts)
+        one.torque[:] = np.logical_and.reduceat(all.torque, firsts)
+        one.read_at[:] = lowest(all.read_at, firsts)
+        one.missed_in_a_row[:] = highest(all.missed_in_a_row, firsts)
+        one.hottest[:], one.slack[:] = lowest(all.hottest, firsts), lowest(all.slack, firsts)
+        waits = (self._count > 1) & ((one.missed_in_a_row > 0) | ~one.torque)
+        now = np.maximum.reduce(all.read_at)
+        self._since = np.where(waits, self._since, now)
+        new = waits & np.isnan(self.places) & (now - self._since > _SETTLED)
+        self.places = np.where(new, one.positions, np.where(waits, self.places, np.nan))
+        self.waits = waits

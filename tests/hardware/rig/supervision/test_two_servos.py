@@ -1,0 +1,299 @@
+"""Two servos turn one joint, the second mirrored: driven as one, and never one against the other."""
+
+import re
+
+import numpy as np
+import pytest
+
+from hardware.bus.servo_bus import Bus
+from hardware.emulator.bus import EmulatedBus
+from hardware.emulator.faults import FaultPlan, parse_fault
+from hardware.emulator.handling import Handling
+from hardware.emulator.port import EmulatedPort
+from hardware.emulator.simulated_rig import SimulatedRig
+from hardware.errors import RigError, RigFileError
+from hardware.rig.rig_file import RigConfig, load_rig
+from hardware.rig.rig_joint import RigJoint, SecondServo
+from hardware.rig.supervision.rig import Rig
+from hardware.tools.backup import back_up
+from hardware.tools.calibration import Sweep, rejoined
+from hardware.tools.doctor import examine, fix_settings
+from hardware.tools.rig_writing import save_rig
+
+STALL = 4.4  # A, of an XM540-W270
+
+
+class Arm:
+    """A shoulder with two XM540, mounted against each other, and an elbow with one servo."""
+
+    def __init__(self, *faults, beside=None, zero=2048, on_exit="off", on_loss="stop", mirrored=-1, **keys):
+        limits = {"lower": -1.8, "upper": 1.8, "velocity": 2.0} | keys
+        second = SecondServo(3, mirrored, 1900)
+        shoulder = RigJoint("shoulder", 2, "XM540-W270", 1, 2048, **limits, second=second)
+        elbow = RigJoint("elbow", 4, "XM540-W270", 1, 2048, -1.8, 1.8, 2.0)
+        self.config = RigConfig("emulated", 1_000_000, 100.0, (elbow, shoulder), on_exit=on_exit, on_loss=on_loss)
+        self.port = EmulatedPort(EmulatedBus(self.config), True, FaultPlan([parse_fault(fault) for fault in faults]))
+        self.elbow, self.first, self.second = self.port.bus.devices
+        self.drive = self.first.bank.drive
+        self.drive.shaft[self.second.row] += zero - 2048
+        self.rig = None
+
+    def open(self):
+        self.rig = Rig(self.config, lambda part: Bus(self.port, 1_000_000), False, sleep=self.port.elapse)
+        return self
+
+    @property
+    def angles(self):
+        """Of the shoulder, rad, as each of its horns stands."""
+        first, second = self.config.joints[1].servos
+        return np.array(
+            [
+                first.angle(float(self.drive.shaft[self.first.row])),
+                second.angle(float(self.drive.shaft[self.second.row])),
+            ]
+        )
+
+    @property
+    def currents(self):
+        """What both motors draw, A, in the shoulder's direction."""
+        directions = np.array([servo.direction for servo in self.config.joints[1].servos])
+        return directions * self.drive.current[[self.first.row, self.second.row]] * STALL
+
+    def play(self, target, seconds):
+        """The shoulder's angles and currents, tick by tick."""
+        seen = []
+        for _ in range(round(100 * seconds)):
+            self.rig.collect_state()
+            self.rig.write(np.array([0.4, target]))
+            self.port.elapse(0.01)
+            seen.append((*self.angles, *self.currents))
+        return np.array(seen)
+
+    @property
+    def torques(self):
+        return [device["torque_enable"] for device in (self.first, self.second)]
+
+
+def test_both_carry_the_joint(monkeypatch):
+    arm = Arm().open()
+    arm.drive.load[[arm.first.row, arm.second.row]] = 0.3, -0.3
+    seen = arm.play(1.2, 3.0)
+    assert len(arm.rig.positions) == len(arm.rig.states.positions) == 2
+    assert arm.rig.positions == pytest.approx([0.4, arm.angles.mean()], abs=0.01)
+    assert np.abs(seen[:, 0] - seen[:, 1]).max() < 0.003
+    assert seen[-1, 2:] == pytest.approx([0.3 * STALL] * 2, rel=0.1)
+    assert arm.rig.currents[1] == pytest.approx(0.3 * STALL, rel=0.1)
+    assert list(arm.rig.incidents) == []
+    assert arm.rig.close() == []
+    assert arm.torques == [0, 0]
+
+
+def test_a_weight_that_hangs_on_one_horn_is_carried_by_both():
+    arm = Arm().open()
+    arm.drive.load[arm.first.row] = 0.4
+    assert arm.play(0.8, 3.0)[-1, 2:] == pytest.approx([0.2 * STALL] * 2, rel=0.1)
+
+
+def test_zeros_a_little_off_show_as_currents_against_each_other():
+    arm = Arm(zero=2048 + 50).open()
+    arm.play(0.5, 2.0)
+    assert arm.currents[0] * arm.currents[1] < 0.0
+    assert np.abs(arm.currents).min() > 0.05
+    assert any("pull against each other" in incident.what for incident in arm.rig.incidents)
+
+
+def test_zeros_far_off_are_refused_before_torque_comes():
+    arm = Arm(zero=2048 + 100)
+    with pytest.raises(
+        RigError, match=r"shoulder \(id 2\) stands at 0\.00 rad and shoulder's second servo \(id 3\) at -0\."
+    ):
+        arm.open()
+    assert arm.torques == [0, 0]
+
+
+@pytest.mark.parametrize("id", [2, 3])
+def test_one_that_restarts_is_set_up_again_while_the_other_carries(id):
+    arm = Arm(f"reboot:id={id},at=3.0").open()
+    arm.drive.load[[arm.first.row, arm.second.row]] = 0.15, -0.15
+    held = arm.play(0.9, 2.9)[-1]
+    seen = arm.play(0.9, 3.0)
+    assert arm.rig.recoveries == 1
+    assert np.abs(seen[:, :2] - held[:2]).max() < 0.06
+    assert arm.torques == [1, 1]
+    assert np.abs(seen[:, 2] - seen[:, 3])[-50:].max() < 0.1
+    arm.play(-0.5, 4.0)
+    assert arm.angles == pytest.approx([-0.5, -0.5], abs=0.05)
+
+
+@pytest.mark.parametrize("id", [2, 3])
+@pytest.mark.parametrize("cause", ["dead:id={},at=2.0,for=1.0", "overheat:id={},at=2.0"])
+@pytest.mark.parametrize("on_loss", ["stop", "go on"])
+def test_one_that_fails_does_not_leave_the_other_pulling(id, cause, on_loss):
+    arm = Arm(cause.format(id), on_loss=on_loss).open()
+    most = 0.0
+    try:
+        for tick in range(500):
+            arm.play(1.2 * np.sin(0.02 * tick), 0.01)
+            opposed = arm.currents[0] * arm.currents[1] < 0.0
+            most = max(most, float(np.abs(arm.currents).min()) * opposed)
+    except RigError:
+        arm.rig.close()
+    assert most < 0.3 * STALL
+    if "overheat" in cause:
+        assert arm.torques == [0, 0]
+
+
+def test_the_other_waits_while_one_is_silent():
+    arm = Arm("dead:id=3,at=2.0,for=1.0").open()
+    arm.play(0.0, 1.9)
+    arm.play(1.5, 0.8)
+    at = arm.angles
+    still = arm.play(1.5, 0.2)
+    assert np.abs(still[:, :2] - at).max() < 0.01
+    assert np.abs(still[:, 2:]).max() < 0.1 * STALL
+    arm.play(1.5, 5.0)
+    assert arm.angles == pytest.approx([1.5, 1.5], abs=0.05)
+
+
+def test_a_horn_that_comes_loose_stops_the_rig():
+    arm = Arm().open()
+    arm.play(0.5, 1.5)
+    arm.drive.joined = arm.drive.joined[:, :0]
+    arm.drive.jammed[arm.second.row] = True
+    with pytest.raises(RigError, match=r"shoulder \(id 2\) has two servos that are 0\.1\d rad apart"):
+        arm.play(-1.0, 3.0)
+    assert arm.rig.close() == []
+    assert arm.torques == [0, 0]
+
+
+@pytest.mark.parametrize("hold", [True, False])
+def test_both_hold_in_the_end_or_neither(hold):
+    arm = Arm().open()
+    arm.drive.load[[arm.first.row, arm.second.row]] = 0.1, -0.1
+    arm.play(0.7, 2.0)
+    at = arm.angles
+    assert arm.rig.close(hold=hold) == []
+    assert arm.torques == [hold, hold]
+    arm.port.elapse(1.0)
+    if hold:
+        assert arm.angles == pytest.approx(at, abs=0.005)
+        assert arm.currents[0] == pytest.approx(arm.currents[1], abs=0.05)
+
+
+def test_a_limit_of_current_holds_for_each():
+    arm = Arm(current=0.6).open()
+    arm.drive.jammed[[arm.first.row, arm.second.row]] = True
+    seen = arm.play(1.5, 3.0)
+    assert np.abs(seen[:, 2:]).max() <= 0.6 * 1.01
+    assert arm.rig.yielding[1]
+
+
+def test_a_range_across_the_zero_of_one_horn_alone():
+    """The first servo stays in position mode, the second counts turns."""
+    arm = Arm(lower=-1.8, upper=3.0)
+    assert [servo.mode for servo in arm.config.joints[1].servos] == [3, 4]
+    arm.open().play(2.8, 3.0)
+    assert arm.angles == pytest.approx([2.8, 2.8], abs=0.03)
+
+
+def test_commands_of_the_page_take_both():
+    arm = Arm().open()
+    arm.play(0.3, 1.0)
+    arm.rig.switch_off(1)
+    arm.play(0.3, 0.3)
+    assert arm.torques == [0, 0]
+    arm.rig.set_up_again(1)
+    arm.play(0.3, 1.0)
+    arm.rig.restart(1)
+    arm.play(0.3, 2.0)
+    assert arm.torques == [1, 1]
+    scan = arm.rig.scan()
+    arm.play(0.3, 3.0)
+    assert scan.missing == []
+
+
+def test_the_tools_know_both(tmp_path):
+    arm = Arm()
+    bus = Bus(arm.port, 1_000_000)
+    report = examine(arm.config, bus)
+    assert [servo.id for servo in report.servos] == [4, 2, 3]
+    arm.second["drive_mode"], arm.second["secondary_id"] = 1, 2  # as the maker of the arm leaves it
+    assert [name in "".join(examine(arm.config, bus).problems) for name in ("drive_mode", "secondary_id")] == [True] * 2
+    assert fix_settings(arm.config, bus).refused == []
+    assert (arm.second["drive_mode"], arm.second["secondary_id"]) == (0, 255)
+    assert [backup.id for backup in back_up(arm.config, bus)] == [4, 2, 3]
+    save_rig(arm.config, tmp_path / "arm.toml")
+    assert load_rig(tmp_path / "arm.toml") == arm.config
+
+
+def test_a_calibration_by_hand_measures_both():
+    arm = Arm()
+    sweep = Sweep(arm.config.servos)
+    rows = {servo.name: servo for servo in arm.config.servos.joints}
+    for angle in (0.1, 1.4, -1.2):
+        for name, servo in rows.items():
+            sweep.see(name, round(servo.pulses(angle)) + 40)
+            if angle == 0.1:
+                sweep.zero_here(name)
+    found, notes = sweep.result()
+    (_, shoulder), second = rejoined(arm.config, found).joints, arm.config.joints[1].servos[1]
+    assert notes == []
+    assert (shoulder.lower, shoulder.upper) == (pytest.approx(-1.28, abs=0.01), pytest.approx(1.28, abs=0.01))
+    assert shoulder.second == SecondServo(3, -1, round(second.pulses(0.1)) + 40)
+    sweep.reverse("shoulder")
+    assert [sweep.measured[name].direction for name in rows] == [1, -1, 1]
+
+
+def test_hands_move_both_horns_of_an_emulated_joint():
+    arm = Arm()
+    handling = Handling(arm.config)
+    handling.command("move shoulder 0.7 in 0.1")
+    for tick in range(20):
+        handling.move([arm.port.bus], 0.01 * tick)
+    assert arm.angles == pytest.approx([0.7, 0.7], abs=0.001)
+
+
+def test_a_rig_in_this_process_drives_both():
+    arm = Arm()
+    rig = SimulatedRig(arm.config)
+    for _ in range(200):
+        rig.write(np.array([0.2, 0.9]))
+        rig.elapse(0.01)
+        rig.collect_state()
+    assert rig.positions == pytest.approx([0.2, 0.9], abs=0.02)
+    shafts = [float(device.bank.shaft[device.row]) for device in rig.servos.devices[1:]]
+    assert [servo.angle(shaft) for servo, shaft in zip(arm.config.joints[1].servos, shafts, strict=True)] == (
+        pytest.approx([0.9, 0.9], abs=0.02)
+    )
+
+
+ROW = 'id = 2, model = "XM540-W270", direction = 1, zero = 2048, lower = -1, upper = 1, velocity = 2'
+FILE = f"""port = "p"
+baud = 1_000_000
+rate_hz = 100
+joints = [
+  {{ name = "shoulder", {ROW}, second = {{ id = 3, direction = -1, zero = 2048 }} }},
+  {{ name = "elbow", {ROW.replace("id = 2", "id = 4")} }},
+]
+"""
+
+
+@pytest.mark.parametrize(
+    ("change", "said"),
+    [
+        (("id = 3", "id = 4"), "line 6: id 4 is used more than once: joint 1 (shoulder, id 2), joint 2 (elbow, id 4)."),
+        (
+            ("id = 3", "ide = 3"),
+            "joint 1.second: unknown key 'ide'. Did you mean id? The keys here are id, direction, zero",
+        ),
+        (("direction = -1", "direction = 0"), "0 is not allowed; -1 and 1 are"),
+        ((", zero = 2048 }", " }"), "joint 1.second: missing key 'zero'"),
+    ],
+)
+def test_a_mistake_in_it_is_one_clear_line(tmp_path, change, said):
+    path = tmp_path / "rig.toml"
+    path.write_text(FILE)
+    assert [servo.id for servo in load_rig(path).servos.joints] == [2, 3, 4]
+    path.write_text(FILE.replace(*change))
+    with pytest.raises(RigFileError, match=re.escape(said)):
+        load_rig(path)
