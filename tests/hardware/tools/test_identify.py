@@ -78,6 +78,7 @@ def nod(t):
     [
         ("XL330-M288", 0.0, 100.0, 1_000_000),
         ("XL330-M288", 0.03, 50.0, 57600),
+        ("XM430-W350", 0.0, 50.0, 57600),
         ("MX-64", 0.0, 100.0, 1_000_000),
         ("MX-64", -0.04, 200.0, 3_000_000),
         ("MX-106", 0.05, 100.0, 1_000_000),
@@ -153,6 +154,18 @@ def test_a_jammed_joint_stops_it(at):
     )
     assert bench.port.now() < at + 2.0
     assert bench.rig.goals[0] == pytest.approx(bench.shaft(), abs=0.01)
+
+
+def test_a_jammed_joint_with_little_current_stops_it():
+    bench = Bench("XM430-W350", position_p_gain=100)
+    bench.at(3.0, lambda: bench.drive.jammed.__setitem__(0, True))
+    stopped(bench, r"j1 \(id 1\) does not follow: it moved 0.0. rad of 0..")
+
+
+def test_a_joint_that_is_pushed_away_stops_it():
+    bench = Bench("XM430-W350", position_p_gain=300)
+    bench.at(1.5, lambda: bench.drive.load.__setitem__(0, 0.35))
+    stopped(bench, r"j1 \(id 1\) is 0.[12]. rad from its target")
 
 
 def test_a_joint_that_warms_up_stops_it():
