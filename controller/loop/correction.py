@@ -14,7 +14,7 @@ Corrections fade in and out as motions change, and pass the envelope with the ta
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass, field
 from typing import NamedTuple
 
@@ -44,7 +44,7 @@ TOO_FAR = 0.2
 """A joint that is farther off is not free, rad."""
 
 _STILL, _MOVES, _OVER = 0.25, 0.1, 0.15  # a shaft slower than a share of its target's speed; rad/s; averaged over s
-_AROUND = 0.1  # s; around a target that the envelope has changed nothing is learned for its joint
+_CHANGED, _AROUND = 0.005, 0.1  # rad, s; around a target that the envelope has changed by more nothing is learned
 _OLDEST = 0.2  # s; older measurements are left out
 _FASTEST = 0.95  # of its speed limit, at which a joint has nothing in reserve
 _SLOWEST = 0.2  # tempo
@@ -104,12 +104,13 @@ class Correction:
         self._present, self._wanted = np.zeros(joints), np.zeros(joints)
         self._delay = Delay(self.delays, self.dt)
         self._voices: list[_Voice] = []
-        self._gain, self._followed = 0.0, False
+        self._gain = 0.0
+        self._asked: Array | None = None  # targets that are followed in this tick, rad
         self._ticks = 0
         # The picture of the last ticks, where the deck was then, and the errors that still wait to count.
         rows = math.ceil((self.lead + _OLDEST + _AROUND) / self.dt) + 2
         self._shown, self._places = np.zeros((rows, joints)), [_NOWHERE] * rows
-        self._held_back, self._changed = np.zeros((rows, joints), dtype=np.bool_), np.zeros(joints, dtype=np.int64)
+        self._held_back = np.zeros((rows, joints), dtype=np.bool_)
         self._place = _NOWHERE
         self._samples: list[_Sample] = []
         self._doubted = np.zeros(joints)  # when each joint was last not free, s
@@ -130,28 +131,24 @@ class Correction:
 
     def corrected(self, targets: Array) -> Array:
         """The targets (J,), rad, of a tick in which the joints follow."""
-        self._followed = True
-        return targets + self._fade(1.0)
+        self._asked = targets + self._fade(1.0)
+        return self._asked
 
-    def added(self) -> Array:
-        """What is in the targets of this tick, shape (J,), rad; joints that do not follow now do not learn."""
-        if not self._followed:
+    def added(self, safe: Array) -> Array:
+        """What is in the safe targets (J,), rad, of this tick; joints that do not follow now do not learn."""
+        if self._asked is None:
             self._doubted[:] = self._now
             self._fade(-1.0)
-        self._followed = False
+        else:
+            self._held_back[(self._ticks + 1) % len(self._places)] = np.abs(safe - self._asked) > _CHANGED
+        self._asked = None
         return self._present
 
-    def end_tick(self, shown: Array, changed: Sequence[int]) -> None:
-        """Ends a tick.
-
-        Args:
-            shown: by the picture, shape (J,), rad.
-            changed: how many targets of each joint the envelope has changed so far, length J.
-        """
+    def end_tick(self, shown: Array) -> None:
+        """Ends a tick in which the picture shows `shown`, shape (J,), rad."""
         self._ticks += 1
-        row, counts = self._ticks % len(self._places), np.array(changed)
-        self._shown[row], self._places[row], self._held_back[row] = shown, self._place, counts != self._changed
-        self._place, self._changed = _NOWHERE, counts
+        row = self._ticks % len(self._places)
+        self._shown[row], self._places[row], self._place = shown, self._place, _NOWHERE
 
     def learn(self, measured: Array, age: float, free: NDArray[np.bool_]) -> None:
         """Takes measured positions (J,), rad, that are `age` s old, of joints that are free to follow or not."""
