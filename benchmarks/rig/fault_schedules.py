@@ -37,7 +37,7 @@ from hardware.rig.supervision.rig import Rig
 _TICK = 0.01
 SECONDS = 12.0
 _MODELS = ("XM430-W350", "XL330-M288", "XL430-W250", "XC330-T288", "MX-64", "XW540-T260")
-_OTHER_MODELS = ("MX-28(1.0)", "AX-12A", "XL-320", "PH54-200-S500")
+_OTHER_MODELS = ("MX-28(1.0)", "AX-12A", "XL-320", "PH54-200-S500", "STS3215")
 _WITH_OTHERS = 0.4  # part of the schedules whose rigs may have old servos and a P servo too
 _PASSING = ("drop", "corrupt", "truncate", "delay", "dead", "reboot", "brownout", "jam", "duplicate", "duplicate",
             "swap", "swap", "unplug", "latency", "silence")  # fmt: skip
