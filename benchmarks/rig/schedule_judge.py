@@ -244,7 +244,7 @@ class ShaftJudge:
         self._coasting[(velocity * self._coasting <= 0.0) | (self._at > self._coasts_until) | ~free | cut_off] = 0.0
         self._held_at = np.maximum(self._held_at, self._coasting * self._goals())
         past = self._coasting * angles - self._held_at
-        far = past > _PAST + self._burdened.sag
+        far = (past > _PAST + self._burdened.sag) & ~self._misled
         self._note("ran past the goal at which it was held", (self._coasting != 0.0) & far, past)
         slow = (self._at >= self._slow_from) & (self._coasting == 0.0)
         most = np.maximum(self._velocity * SPEED_MARGIN + SPEED_PLAY, self._velocity * self._swings())
@@ -322,7 +322,8 @@ class ShaftJudge:
         self._note("did not stand 2 s after the end", (on | ~self._loaded) & (speed > _STANDS), speed)
         if closed and not self._port.was_out:
             down = np.array([device.shut_down for device in self._bus.devices])
-            self._note("had the wrong torque after the close", alive & (on != hold) & ~(hold & down), on)
+            alive &= ~(hold & (down | self._misled))
+            self._note("had the wrong torque after the close", alive & (on != hold), on)
         if closed and not self._port.closed:
             self._problems["", "closed"] = f"the port {self._port.name} was not closed"
 

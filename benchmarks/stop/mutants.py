@@ -49,6 +49,15 @@ CONDUCTOR, STANDING = "motiondeck/shows/conductor.py", "tests/motiondeck/shows/t
 RIG, RIGS = "hardware/rig/supervision/pace.py", "tests/hardware/rig"
 GUARD, GUARDS = "motiondeck/run/guard/guard.py", "tests/motiondeck/run/guard/test_guard_ticks.py"
 PORT = "hardware/rig/driving/servo_port.py"
+SWITCHING, SWITCHED = "hardware/rig/switching/", "tests/hardware/rig/switching/"
+TORQUE, AUDIT, DRIVE = SWITCHING + "torque.py", SWITCHING + "audit.py", "hardware/emulator/servos/drive.py"
+SCALE, SCALES = "hardware/rig/scale.py", "tests/hardware/rig/test_rig_scale.py"
+TURNS, FEETECH = (
+    "tests/hardware/rig/supervision/test_several_turns.py",
+    "tests/hardware/rig/driving/test_feetech_rig.py",
+)
+LIMITED = "tests/hardware/rig/supervision/test_current_limit.py"
+OWN, LOADED = SWITCHED + "test_own_settings.py", "tests/hardware/rig/supervision/test_loaded_joints.py"
 
 MUTANTS = (
     Mutant(
@@ -400,6 +409,82 @@ MUTANTS = (
         "guard: a stop at the deck does not reach it", GUARD, GUARDS,
         "stop.pull(DECK, targets.stopped)",
         "pass",
+    ),
+    Mutant(
+        "actuator: a current has no direction", SCALE, SCALES,
+        "[joint.direction * _ampere(joint) for joint in joints]",
+        "[_ampere(joint) for joint in joints]",
+    ),
+    Mutant(
+        "actuator: torque that is not taken is swallowed", TORQUE, SWITCHED + "test_torque_is_taken.py",
+        'raise RigError(f"{list_joints(config.only(off).joints)} did not take torque on. Try again.")',
+        "pass",
+    ),
+    Mutant(
+        "actuator: goal := present of a servo that kept its torque", TORQUE, LOADED,
+        "np.where(moves | stands,",
+        "np.where(moves,",
+    ),
+    Mutant(
+        "actuator: gains are overwritten", AUDIT, OWN,
+        'yield name, default, "kept"',
+        'yield name, default, "switch-on"',
+    ),
+    Mutant(
+        "actuator: the temperature limit is the table's", SWITCHING + "own_settings.py", OWN,
+        '[read_register(joint, bus, "temperature_limit") for joint in config.joints]',
+        "[joint.hottest for joint in config.joints]",
+    ),
+    Mutant(
+        "actuator: the limit of current is written in mode 3", "hardware/rig/rig_joint.py", LIMITED,
+        "return plain if not self.current or plain in limited else limited[0]",
+        "return plain",
+    ),
+    Mutant(
+        "actuator: a change of mode takes the limit of current away", AUDIT, LIMITED,
+        '(*joint.gains, "goal_current")',
+        "joint.gains",
+    ),
+    Mutant(
+        "actuator: the stored turn is ignored", SWITCHING + "turns.py", TURNS,
+        "return turn.zero + moved",
+        "return turn.zero",
+    ),
+    Mutant(
+        "actuator: an echo is not skipped", "hardware/bus/echo.py", "tests/hardware/bus/test_echo.py",
+        "return received[echo:]",
+        "return received",
+    ),
+    Mutant(
+        "actuator: the sign bit of a speed is not read", SCALE, SCALES,
+        "return np.where(counts & sign, -size, size)",
+        "return size",
+    ),
+    Mutant(
+        "actuator: an EEPROM lock is not opened", "hardware/rig/registers.py", FEETECH,
+        "bus.write(id, lock.address, lock.encode(0))",
+        "pass",
+    ),
+    Mutant(
+        "actuator: the lag is applied twice", "controller/loop/lead.py", "tests/controller/loop/test_lead.py",
+        "(Delay(largest - lag, dt),",
+        "(Delay(largest - 2.0 * lag, dt),",
+    ),
+    Mutant(
+        "actuator: a correction is learned while a joint yields", "controller/loop/correction.py",
+        "tests/controller/loop/test_correction.py",
+        "doubted = ~(free & (np.abs(error) < TOO_FAR))",
+        "doubted = ~(np.abs(error) < TOO_FAR)",
+    ),
+    Mutant(
+        "actuator: a supply does not drive a current", DRIVE, "tests/hardware/emulator/servos",
+        "self.current = (drive / full * powered -",
+        "self.current = (drive / full -",
+    ),
+    Mutant(
+        "actuator: a register is written that nothing asked for", AUDIT, "tests/hardware/rig/test_many_models.py",
+        'yield "min_position_limit", low, "switch-on"',
+        'yield "min_position_limit", low, "switch-on"\n        yield "return_delay_time", 0, "switch-on"',
     ),
 )  # fmt: skip
 

@@ -190,7 +190,8 @@ def test_a_joint_that_is_far_off_learns_nothing_though_it_moves(learned):
 def test_a_joint_that_is_not_free_learns_nothing(learned):
     def take_away(stage, now, tick, stop):
         stage.joints.free[1] = False
-        stage.correction.tables["walk", 0][:, 1] = 0.03
+        if tick == 0:  # later ones would hide what is learned
+            stage.correction.tables["walk", 0][:, 1] = 0.03
 
     _, after, _ = disturbed(learned, take_away)
     assert np.array_equal(after[:, 1], np.full(len(after), 0.03))
