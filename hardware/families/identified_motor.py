@@ -13,36 +13,23 @@ from dataclasses import dataclass
 
 @dataclass(frozen=True, slots=True)
 class IdentifiedMotor:
-    """A geared direct-current motor, seen from the horn.
+    """A geared direct-current motor, seen from the horn."""
 
-    Attributes:
-        torque_constant: N·m/A, or V/(rad/s).
-        resistance: ohm.
-        armature: inertia of rotor and gears, kg m^2.
-        duty: the most of its supply that the servo gives to the motor, as a part.
-        base, stribeck: friction in motion, and more of it at rest, N·m.
-        motor, external: more friction for each N·m of the motor, and of the load.
-        motor_stribeck, external_stribeck: the same at rest.
-        motor_quad, external_quad: the same for the square of the torque, 1/(N·m).
-        slow, alpha: at which speed (rad/s), and how abruptly, the part at rest ends.
-        viscous: N·m/(rad/s).
-    """
-
-    torque_constant: float
-    resistance: float
-    armature: float
-    duty: float
-    base: float
-    stribeck: float
-    motor: float
-    external: float
-    motor_stribeck: float
+    torque_constant: float  # N·m/A, or V/(rad/s)
+    resistance: float  # ohm
+    armature: float  # inertia of rotor and gears, kg m^2
+    duty: float  # the most of its supply that the servo gives to the motor, as a part
+    base: float  # friction in motion, N·m
+    stribeck: float  # more of it at rest, N·m
+    motor: float  # more for each N·m of the motor
+    external: float  # more for each N·m of the load
+    motor_stribeck: float  # both again at rest
     external_stribeck: float
-    motor_quad: float
+    motor_quad: float  # at rest, for the square of the torque, 1/(N·m)
     external_quad: float
-    slow: float
-    alpha: float
-    viscous: float
+    slow: float  # speed at which the part at rest ends, rad/s
+    alpha: float  # how abruptly
+    viscous: float  # N·m/(rad/s)
 
 
 def parse_motors(rows: str) -> Mapping[str, IdentifiedMotor]:

@@ -74,35 +74,23 @@ def chirp_of(joint: RigJoint, position: float) -> Chirp:
 
 
 class ChirpAnswers(NamedTuple):
-    """What was sent to a joint and measured of it, in order of time.
+    """What was sent to a joint and measured of it, in order of time; the first two (N,), the others (M,)."""
 
-    Attributes:
-        sent_at, targets: shape (N,), s, rad.
-        read_at, positions, currents: when it was asked and what it answered, shape (M,), s, rad, A.
-    """
-
-    sent_at: Array
-    targets: Array
-    read_at: Array
-    positions: Array
-    currents: Array
+    sent_at: Array  # s
+    targets: Array  # rad
+    read_at: Array  # when it was asked for what follows, s
+    positions: Array  # rad
+    currents: Array  # A
 
 
 class Response(NamedTuple):
-    """How a joint answers.
+    """How a joint answers."""
 
-    Attributes:
-        lag: of the shaft behind its targets, s.
-        gain: of the shaft's swing to that of its targets.
-        friction: the current that turns it slowly, A.
-        before, after: of the shaft from its targets, and from them one lag ago, without the constant part, rad RMS.
-    """
-
-    lag: float
-    gain: float
-    friction: float
-    before: float
-    after: float
+    lag: float  # of the shaft behind its targets, s
+    gain: float  # of the shaft's swing to that of its targets
+    friction: float  # the current that turns it slowly, A
+    before: float  # of the shaft from its targets, without the constant part, rad RMS
+    after: float  # the same from its targets one lag ago
 
 
 def response(answers: ChirpAnswers) -> Response:

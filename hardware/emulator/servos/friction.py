@@ -13,7 +13,7 @@ Torques are parts of the stall torque and speeds of the no-load speed. Friction 
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import astuple, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -23,21 +23,8 @@ from hardware.families.identified_motor import IdentifiedMotor
 Array = NDArray[np.float64]
 
 
-@dataclass(frozen=True, slots=True)
-class Friction:
-    """The coefficients of f, see above."""
-
-    base: float
-    stribeck: float
-    motor: float
-    external: float
-    motor_stribeck: float
-    external_stribeck: float
-    motor_quad: float
-    external_quad: float
-    slow: float
-    alpha: float
-    viscous: float
+class Friction(IdentifiedMotor):
+    """The friction of a motor, torques in parts of its stall torque and speeds in parts of its no-load speed."""
 
     @property
     def dead(self) -> float:
@@ -55,18 +42,15 @@ class Friction:
 
 
 def friction_of(motor: IdentifiedMotor, voltage: float) -> Friction:
-    """The friction of an identified motor whose stall torque and no-load speed hold at this voltage."""
+    """The friction of a motor whose stall torque and no-load speed hold at this voltage."""
     torque, speed = motor.torque_constant * voltage / motor.resistance, voltage / motor.torque_constant
-    return Friction(
-        motor.base / torque,
-        motor.stribeck / torque,
-        motor.motor,
-        motor.external,
-        motor.motor_stribeck,
-        motor.external_stribeck,
-        motor.motor_quad * torque,
-        motor.external_quad * torque,
-        motor.slow / speed,
-        motor.alpha,
-        motor.viscous * speed / torque,
+    scaled = replace(
+        motor,
+        base=motor.base / torque,
+        stribeck=motor.stribeck / torque,
+        motor_quad=motor.motor_quad * torque,
+        external_quad=motor.external_quad * torque,
+        slow=motor.slow / speed,
+        viscous=motor.viscous * speed / torque,
     )
+    return Friction(*astuple(scaled))
