@@ -26,6 +26,7 @@ from hardware.rig.switching.identities import (
 )
 from hardware.rig.switching.turns import recall
 from hardware.rig.turn_file import TurnFile
+from hardware.tools.actuators import describe_actuator
 from hardware.tools.scan import LIKELY_BAUDS, scan
 
 _NEWEST = 255  # what a servo that does not answer may have as firmware
@@ -74,6 +75,7 @@ class Report(msgspec.Struct, frozen=True):
         rate_hz: asked for by the rig file.
         possible_hz: that the wire allows as it is now.
         servos: those that answered.
+        actuators: what turns each joint, and why so, a line each.
         problems: each with its remedy.
         notes: what differs from what the rig needs, and is set whenever it is switched on.
         missing: IDs that did not answer.
@@ -85,6 +87,7 @@ class Report(msgspec.Struct, frozen=True):
     rate_hz: float
     possible_hz: float
     servos: list[ServoReport]
+    actuators: list[str]
     problems: list[str]
     notes: list[str]
     missing: list[int]
@@ -103,7 +106,8 @@ def examine(config: RigConfig, bus: Bus) -> Report:
     notes: list[str] = []
     missing: list[int] = []
     servos: list[ServoReport] = []
-    config = config.servos
+    heard: set[int] = set()
+    joints, config = config.joints, config.servos
     for index, joint in enumerate(config.joints):
         identity, name = bus.ping(joint.id), joint.label
         if identity is None:
@@ -119,6 +123,7 @@ def examine(config: RigConfig, bus: Bus) -> Report:
             servo, lost = _in_its_turn(servo, config.only([index]), bus)
             problems += [lost] if lost else []
             servos.append(servo)
+            heard.add(joint.id)
         except NoReplyError:
             problems.append(f"{name} {_SILENT}")
             continue
@@ -132,6 +137,7 @@ def examine(config: RigConfig, bus: Bus) -> Report:
         at_switch_on = [one for one in differences if one.when == "switch-on" and one.register not in _THE_RIGS_OWN]
         notes += [f"{one}: {_SET_ANYWAY}" for one in at_switch_on]
         notes += [f"{one}: {_KEPT}" for one in differences if one.when == "kept"]
+    actuators = [describe_actuator(joint, _gains(joint, bus) if joint.id in heard else {}) for joint in joints]
     if bus.echoes:
         notes.append("the adapter returns what is sent to it, which is dropped")
     latency = latency_timer(bus.port.name)
@@ -146,7 +152,17 @@ def examine(config: RigConfig, bus: Bus) -> Report:
         problems.append(
             f"the wire allows {possible:.0f} Hz, the rig file wants {wanted:g}: raise baud, or lower rate_hz"
         )
-    return Report(bus.port.name, bus.baud, latency, config.rate_hz, possible, servos, problems, notes, missing)
+    return Report(
+        bus.port.name, bus.baud, latency, config.rate_hz, possible, servos, actuators, problems, notes, missing
+    )
+
+
+def _gains(joint: RigJoint, bus: Bus) -> dict[str, int]:
+    names = ("position_p_gain", "position_i_gain", "position_d_gain")
+    try:
+        return {name: read_register(joint, bus, name) for name in names if name in joint.table.registers}
+    except ServoError:
+        return {}
 
 
 def _no_answer(bus: Bus) -> str:

@@ -6,7 +6,9 @@
 LeRobot sees present = sign * actual + homing_offset, where sign is -1 for an odd drive_mode, and its angles grow with
 it. A rig here wants homing offset and drive mode 0, so everything is carried back to the actual position. Servos whose
 count begins anew after a turn (present = actual - homing_offset) keep their offset, which the rig file then
-has. Angle 0 is in the middle of the range, as in LeRobot's degrees.
+has. Angle 0 is in the middle of the range, as in LeRobot's degrees. As
+there, a range may lie anywhere (extended position), a gripper holds with a limit of current, and a motor NAME_shadow
+turns the joint NAME too.
 """
 
 from __future__ import annotations
@@ -17,14 +19,17 @@ from pathlib import Path
 import msgspec
 
 from hardware.errors import RigError
+from hardware.families.models import TRAITS
 from hardware.families.register import Counts
 from hardware.rig.rig_file import RigConfig
-from hardware.rig.rig_joint import RigJoint
+from hardware.rig.rig_joint import RigJoint, SecondServo
 from hardware.tools.calibration import measured_joint
 from hardware.tools.rig_writing import assembled, new_joint
 from hardware.tools.scan import Found
 
 _REVERSED = 1
+_SHADOW, _GRIPPER = "_shadow", "gripper"  # how LeRobot names the second motor of a joint, and the jaw
+_HOLDS = 0.5  # of the stall current
 
 
 class MotorCalibration(msgspec.Struct, frozen=True):
@@ -70,8 +75,19 @@ def imported(motors: Mapping[str, MotorCalibration], found: Sequence[Found], por
     joints: list[RigJoint] = []
     notes: list[str] = []
     for name, motor in motors.items():
+        if name.endswith(_SHADOW) and name.removesuffix(_SHADOW) in motors:
+            continue
         plain = new_joint(name, motor.id, servos[motor.id].identity.model)
         joint, given_up = _joint(plain, motor)
+        if (shadow := motors.get(name + _SHADOW)) is not None:
+            other, _ = _joint(new_joint(name, shadow.id, servos[shadow.id].identity.model), shadow)
+            joint = msgspec.structs.replace(joint, second=SecondServo(other.id, other.direction, other.zero))
+        if name == _GRIPPER and "current_limit" in joint.table.registers:
+            current = round(_HOLDS * TRAITS[joint.model].stall_current, 2)
+            joint = msgspec.structs.replace(joint, current=current, grip=True)
+            given_up.append(
+                f"{name} grips with {current:g} A, half of what its motor takes: change current as you need"
+            )
         joints.append(joint)
         notes += given_up
     return assembled(joints, port, bauds[0]), notes

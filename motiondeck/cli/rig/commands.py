@@ -63,6 +63,8 @@ def doctor(
                 f"id {servo.id:>3}  {servo.name:<18} {servo.model:<12} fw {servo.firmware}  {servo.position:+.2f} rad  "
                 f"{servo.temperature:.0f} degC  {servo.voltage:.1f} V  torque {'on' if servo.torque else 'off'}"
             )
+        for line in report.actuators:
+            print(line)
         print(f"the wire allows {report.possible_hz:.0f} Hz; the rig file wants {report.rate_hz:g} Hz")
         for problem in report.problems:
             print(f"problem: {problem}")

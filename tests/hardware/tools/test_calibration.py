@@ -13,7 +13,8 @@ from hardware.emulator.handling import Handling, HandlingError
 from hardware.emulator.port import EmulatedPort
 from hardware.errors import RigError
 from hardware.families.models import MODELS
-from hardware.rig.rig_file import RigConfig, RigJoint, load_rig
+from hardware.rig.rig_file import RigConfig, load_rig
+from hardware.rig.rig_joint import RigJoint, SecondServo
 from hardware.rig.switching.torque import switch_on
 from hardware.tools.calibration import Sweep, clear_offsets, load_progress, measured_joint, save_progress
 from hardware.tools.doctor import fix_settings
@@ -203,6 +204,24 @@ def test_a_calibration_of_lerobot_makes_a_rig_with_its_angles(tmp_path):
             angle = (device["present_position"] - joint.zero) / joint.pulses_per_radian
             assert angle == pytest.approx(seen[name, shaft], abs=2e-3)
             assert joint.lower < angle < joint.upper
+
+
+def test_a_calibration_of_lerobot_knows_its_gripper_and_second_motors(tmp_path):
+    motor = {"drive_mode": 0, "homing_offset": 0, "range_min": 1000, "range_max": 3000}
+    shadow = motor | {"id": 2, "drive_mode": 1, "homing_offset": 4200}
+    motors = {"shoulder": motor | {"id": 1}, "shoulder_shadow": shadow, "gripper": motor | {"id": 3}}
+    file = tmp_path / "arm.json"
+    file.write_text(json.dumps(motors))
+    left = tuple(RigJoint(f"j{id}", id, "XM430-W350", 1, 2048, -1.0, 1.0, 1.0) for id in (1, 2, 3))
+    port = EmulatedPort(EmulatedBus(RigConfig("p", 57_600, 100.0, left)))
+    found = scan(lambda baud: Bus(port, baud))
+    config, notes = imported(read_calibration(file), [one for one in found if one.baud == found[0].baud], "p")
+    shoulder, gripper = config.joints
+    assert shoulder.second == SecondServo(2, -1, 2200)
+    assert (gripper.grip, gripper.current, gripper.mode) == (True, 1.15, 5)
+    assert any("gripper grips with 1.15 A" in note for note in notes)
+    save_rig(config, tmp_path / "arm.toml")
+    assert load_rig(tmp_path / "arm.toml") == config
 
 
 @pytest.mark.parametrize(
