@@ -15,6 +15,7 @@ from hardware.errors import RigError, RigFileError
 from hardware.rig.rig_file import RigConfig, load_rig
 from hardware.rig.rig_joint import RigJoint, SecondServo
 from hardware.rig.supervision.rig import Rig
+from hardware.rig.switching.torque import hold_still
 from hardware.tools.backup import back_up
 from hardware.tools.calibration import Sweep, rejoined
 from hardware.tools.doctor import examine, fix_settings
@@ -153,6 +154,28 @@ def test_the_other_waits_while_one_is_silent():
     assert np.abs(still[:, 2:]).max() < 0.1 * STALL
     arm.play(1.5, 5.0)
     assert arm.angles == pytest.approx([1.5, 1.5], abs=0.05)
+
+
+def test_their_paths_come_together_while_the_joint_catches_up():
+    arm = Arm("dead:id=3,at=2.0,for=0.3").open()
+    arm.play(0.0, 1.7)
+    while not arm.rig.recoveries:
+        arm.play(1.7, 0.01)
+    arm.play(1.7, 1.0)
+    assert arm.rig.pace[1] < 1.0
+    assert abs(arm.currents[0] - arm.currents[1]) < 0.02 * STALL
+
+
+def test_one_without_torque_is_held_at_the_place_of_the_other():
+    arm = Arm().open()
+    arm.drive.load[[arm.first.row, arm.second.row]] = 0.2, -0.2
+    arm.play(0.9, 2.0)
+    arm.second["torque_enable"] = 0
+    arm.port.elapse(0.15)
+    servos = arm.config.servos
+    held = hold_still(servos, Bus(arm.port, 1_000_000), np.zeros(3)).angles
+    assert held[1:] == pytest.approx([0.9, 0.9], abs=0.005)
+    assert arm.angles[0] < 0.88
 
 
 def test_a_horn_that_comes_loose_stops_the_rig():
