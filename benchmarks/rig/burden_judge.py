@@ -2,7 +2,8 @@
 
 current    the true current of a joint is above the rig file's limit for at most 20 ms, whatever happens to it
 rest       a joint that stands at its target, with torque that it has kept, stays there when others are set up again
-gains      at the end a servo has the gains of the rig file, or else those that it had
+gains      at switch-on and in the end a servo has the gains of the rig file, or else those that it had; a restart and a
+           change of the mode bring those back with which it was delivered
 """
 
 from __future__ import annotations
@@ -17,6 +18,7 @@ from benchmarks.rig.jams import ALLOWED, PAGES, true_current
 from hardware.emulator.bus import EmulatedBus
 from hardware.emulator.servos.device import Device
 from hardware.rig.rig_file import RigConfig
+from hardware.rig.rig_joint import POSITION_MODE
 from hardware.rig.scale import Array
 
 Mask = NDArray[np.bool_]
@@ -54,9 +56,13 @@ class BurdenJudge:
         stiffness = np.array([drive.p_gain[row] / drive.motor.full_pwm for drive, row in drives])
         return self._burdens.weight / np.abs(stiffness * self._per_radian)
 
-    def switched_on(self) -> None:
-        """Notes what the servos keep."""
-        self._gains = [_gains(device) for device in self._bus.devices]
+    def switched_on(self, note: Note) -> None:
+        """Judges the gains with which servos are switched on; a change of the mode puts them back."""
+        settings = zip(self._config.joints, self._bus.devices, self._gains, strict=True)
+        changed = [
+            joint.mode == POSITION_MODE and _gains(device) != before | joint.gains for joint, device, before in settings
+        ]
+        note("lost its gains at switch-on", np.array(changed), np.array(changed, dtype=np.float64))
 
     def asked(self, targets: Array, now: float) -> None:
         """Takes the targets (J,), rad, within the limits."""

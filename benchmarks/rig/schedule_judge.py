@@ -206,7 +206,7 @@ class ShaftJudge:
     def switched_on(self) -> None:
         """Notes that what comes now is no catching up: the rig has been switched on."""
         self._slow_from[:] = np.inf
-        self._burdened.switched_on()
+        self._burdened.switched_on(self._note)
 
     def look(self, targets: Array, unsent: NDArray[np.int64]) -> None:
         """Judges what only the loop knows, after a tick.
