@@ -35,7 +35,7 @@ def test_a_path_finds_that_file(tmp_path, monkeypatch, kind):
     ("find", "name", "message"),
     [
         (find_robot, "servo2", "unknown robot 'servo2'. Did you mean servo20?"),
-        (find_rig, "arm", "unknown rig 'arm'. There are: pan-tilt, servo20."),
+        (find_rig, "arm", "unknown rig 'arm'. There are: pan-tilt, servo20, so101."),
         (find_library, Path("thesis16"), "unknown library 'thesis16'. Did you mean thesis15?"),
         (find_library, "", "unknown library ''. There are: cmu86, thesis15."),
     ],

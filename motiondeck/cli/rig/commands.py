@@ -209,10 +209,11 @@ def restore(
 
 
 def turns(rig: RigArgument, port: PortOption = None) -> None:
-    """Store in which turn joints stand that go through several turns of their horns.
+    """Store in which turn of its horn each joint stands.
 
-    A servo forgets its turn with its power; a rig keeps it on disk. Where that was lost, or a joint was moved
-    meanwhile, it is stored anew here: the torque goes off, and you put each such joint near its angle 0.
+    That is for joints that go through several. A servo forgets its turn with its power; a rig keeps it on disk. Where
+    that was lost, or a joint was moved meanwhile, it is stored anew here: the torque goes off, and you put each such
+    joint near its angle 0.
 
     Example:  motiondeck rig turns my-rig.toml
     """
