@@ -85,8 +85,6 @@ class Source:
         self.counter.call(self._take)
         if self._before is not None:
             self.targets = self._before(self._latest)
-        if self.correction is not None:
-            self.correction.update()
 
     def catch_up(self) -> None:
         """Advances the deck by a tick whose targets are not written, unless it waits for an approach."""
@@ -98,6 +96,8 @@ class Source:
         if targets.shape != self._latest.shape:
             raise ValueError(f"targets of shape {targets.shape} instead of {self._latest.shape}")
         self._latest[:], self.pose = targets, pose
+        if self.correction is not None:
+            self.correction.update()
 
 
 def safe_targets(
