@@ -153,13 +153,11 @@ class Deck(Lockable):
         """Starts a switch at the next update, or when the present one-shot has ended; the queue is cleared.
 
         A switch to the loop that is playing settles at once; a repeated command leaves the switch under way as it is.
-        Where the motion is too far away, the switch goes by way of others.
+        Where the motion is too far away, the switch goes by way of others. UnknownNameError if there is no such motion;
+        it names the nearest.
 
         Args:
             direct: whether to go straight there at the next update, whatever is played.
-
-        Raises:
-            UnknownNameError: if there is no such motion; it names the nearest.
         """
         self._check(to)
         direct = direct or self.direct

@@ -15,20 +15,13 @@ __all__ = ["JointLimits", "Output", "PlacedPose", "Retargeter", "Side"]
 
 @dataclass(frozen=True)
 class JointLimits:
-    """The limits of J joints.
+    """The limits of J joints."""
 
-    Attributes:
-        lower, upper: position, shape (J,), rad.
-        velocity: shape (J,), rad/s, > 0.
-        acceleration: shape (J,), rad/s^2, > 0.
-        jerk: shape (J,), rad/s^3, > 0.
-    """
-
-    lower: Array
-    upper: Array
-    velocity: Array
-    acceleration: Array
-    jerk: Array
+    lower: Array  # position, shape (J,), rad
+    upper: Array  # position, shape (J,), rad
+    velocity: Array  # shape (J,), rad/s, > 0
+    acceleration: Array  # shape (J,), rad/s^2, > 0
+    jerk: Array  # shape (J,), rad/s^3, > 0
 
 
 @dataclass(slots=True)

@@ -17,24 +17,16 @@ from motiondeck_base.errors import MotiondeckError
 
 
 class Lockable(Paced, ABC):
-    """The locks of a deck.
+    """The locks of a deck."""
 
-    Attributes:
-        time: s since the start, summed over updates.
-        due: returns the due time of the present tick by the machine's steady clock, s; locks follow it, since beats and
-            other decks go on while ticks are missed. Without it they follow the time of the deck.
-        lead: how far the deck runs ahead of its joints, s; locks are kept where the joints are.
-        phase_at: when the joints are due at the present phase, by that clock, s; None without one.
-        leader: observes the deck that this one can be locked to, or None.
-        measured: returns the measured joint positions, or None where there are none.
-    """
-
-    time: float
+    time: float  # s since the start, summed over updates
+    # Returns the due time of the present tick by the machine's steady clock, s; locks follow it, since beats and other
+    # decks go on while ticks are missed. Without it they follow the time of the deck.
     due: Callable[[], float] | None = None
-    lead: float = 0.0
-    phase_at: float | None = None
-    leader: Leader | None = None
-    measured: Measured | None = None
+    lead: float = 0.0  # how far the deck runs ahead of its joints, s; locks are kept where the joints are
+    phase_at: float | None = None  # when the joints are due at the present phase, by that clock, s; None without one
+    leader: Leader | None = None  # observes the deck that this one can be locked to, or None
+    measured: Measured | None = None  # returns the measured joint positions, or None where there are none
 
     def __init__(self) -> None:
         super().__init__()

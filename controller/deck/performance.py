@@ -48,10 +48,6 @@ class Performance:
     """Plays one motion of a library, or a blend of up to MOST_BLENDED.
 
     A tick is one `step`, perhaps a `switch_to` or `blend_in`, and in the end `finish_tick`.
-
-    Attributes:
-        tracks: the tracks that play; `tracks.leading` has the phase and the inputs.
-        blend_problem: the problem of the blend in the last step, or "".
     """
 
     def __init__(self, library: MotionLibrary, motion: str, joining: Joining | None, phase: float = 0.0) -> None:
@@ -60,9 +56,10 @@ class Performance:
         self._by_module = library.network.as_crossing is not None
         self._morphs_inside = library.network.as_autonomous is not None
         self._joining: Joining = joining or ("morph" if self._by_module else "inertialise")
+        # The tracks that play; `tracks.leading` has the phase and the inputs.
         self.tracks = PlayingTracks(library, self.motions)
         self._weight_pace = 1.0  # of blend weights, which change more slowly where joints become too fast
-        self.blend_problem = ""
+        self.blend_problem = ""  # the problem of the blend in the last step, or ""
         self._switching = False  # whether a switch is under way that is no fade
         self._fade: Fading | None = None
         self._limits: JoinLimits | None = None

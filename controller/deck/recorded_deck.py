@@ -19,7 +19,7 @@ from motiondeck_base.errors import MotiondeckError
 class RecordedDeck(Paced):
     """Plays the targets of a recording; fits `run_phases.Player` and `loop.commands.commanded_run.Playback`.
 
-    No network plays: what a deck has of one is empty or None here.
+    No network plays: what a deck has of one is empty or None here. MotiondeckError if the recording is empty.
 
     Args:
         recording: with at least one tick.
@@ -27,9 +27,6 @@ class RecordedDeck(Paced):
 
     Attributes:
         lead: how far it runs ahead of its joints, s.
-
-    Raises:
-        MotiondeckError: if the recording is empty.
     """
 
     activation = phase = phase_rate = lock_state = None

@@ -100,19 +100,16 @@ class MeasuredDeck:
     Args:
         library, motion, joining, direct: as for the deck.
         phase: where it begins, [0, 1].
-
-    Attributes:
-        deck: the deck, which has played a few ticks.
-        places: of the joints, a row (joints, 3) a tick, m.
     """
 
     def __init__(
         self, library: MotionLibrary, motion: str, phase: float = 0.0, joining: Joining | None = None, *, direct: bool
     ) -> None:
+        # The deck, which has played a few ticks.
         self.deck = Deck(
             library, lambda pose: pose.root_position, motion, direct=direct, joining=joining, phase=min(phase, 0.999)
         )
-        self.places: list[Array] = []
+        self.places: list[Array] = []  # of the joints, a row (joints, 3) a tick, m
         self._skeleton, self._motions = library.skeleton, read_motions(library)
         self.play(_BEFORE)
 

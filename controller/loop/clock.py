@@ -66,14 +66,11 @@ def period_ns(rate: float) -> int:
 class Ticker:
     """Ticks on the monotonic clock: sleeps until shortly before the deadline, then spins.
 
-    Attributes:
-        policy: what an overrun does: `skip` drops the missed ticks, `catch_up` runs them without waiting.
-
-    Raises:
-        RateError: if the rate is out of range.
+    RateError if the rate is out of range.
     """
 
     rate: float
+    # What an overrun does: `skip` drops the missed ticks, `catch_up` runs them without waiting.
     policy: Literal["skip", "catch_up"] = "skip"
     overruns: int = field(default=0, init=False)
     skipped: int = field(default=0, init=False)
@@ -140,8 +137,7 @@ class Ticker:
 class VirtualClock:
     """Ticks without waiting, each exactly on time: for tests and for rendering.
 
-    Raises:
-        RateError: if the rate is out of range.
+    RateError if the rate is out of range.
     """
 
     rate: float

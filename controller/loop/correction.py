@@ -79,25 +79,15 @@ class _Sample(NamedTuple):
 
 @dataclass
 class Correction:
-    """Corrects targets of J joints.
+    """Corrects targets of J joints."""
 
-    Args:
-        place: where the deck is, with its present tempo; None where nothing is to be corrected.
-        delays: from the deck to the envelope, shape (J,), s.
-        lead: from the deck to the shafts, s.
-        velocity: speed limits, shape (J,), rad/s.
-        dt: s from tick to tick.
-
-    Attributes:
-        tables: the spline of each motion and tempo, shape (knots, J), rad.
-    """
-
+    # Where the deck is, with its present tempo; None where nothing is to be corrected.
     place: Callable[[], LoopPlace | None]
-    delays: Array
-    lead: float
-    velocity: Array
-    dt: float
-    tables: dict[Key, Array] = field(default_factory=dict)
+    delays: Array  # from the deck to the envelope, shape (J,), s
+    lead: float  # from the deck to the shafts, s
+    velocity: Array  # speed limits, shape (J,), rad/s
+    dt: float  # s from tick to tick
+    tables: dict[Key, Array] = field(default_factory=dict)  # the spline of each motion and tempo, shape (knots, J), rad
 
     def __post_init__(self) -> None:
         joints = len(self.delays)

@@ -43,9 +43,6 @@ class RobotOutput:
         first: index of the robot's first joint among all.
         joints: the number of its joints.
         of: the number of joints of all robots.
-
-    Attributes:
-        lag: of this robot's joints, 0 for all others, shape (of,), s; None if the output has none.
     """
 
     def __init__(self, output: Output, first: int, joints: int, of: int, called: str = "") -> None:
@@ -53,6 +50,7 @@ class RobotOutput:
         self._output = output
         self._mine = slice(first, first + joints)
         self._measured, self._held = np.full(of, np.nan), np.full(of, np.nan)
+        # Of this robot's joints, 0 for all others, shape (of,), s; None if the output has none.
         self.lag: Array | None = None
         if (own := getattr(output, "lag", None)) is not None:
             self.lag = np.zeros(of)

@@ -65,13 +65,7 @@ class DelayedPoses:
 
 
 class Lead:
-    """How far a deck runs ahead of the picture, and how late each output gets what it plays.
-
-    Attributes:
-        seconds: L, s.
-        delays: of the deck's targets on their way to the envelope, shape (J,), s.
-        before: delays them.
-    """
+    """How far a deck runs ahead of the picture, and how late each output gets what it plays."""
 
     def __init__(self, channels: Sequence[Channel], joints: int, dt: float) -> None:
         """Takes the lags of the outputs, for J joints and ticks of dt s."""
@@ -79,9 +73,9 @@ class Lead:
         lags = [none, *(channel.lag if channel.lag is not None else none for channel in channels)]
         largest = np.maximum.reduce(lags)
         ticks = math.ceil(largest.max(initial=0.0) / dt - 1e-6)
-        self.seconds = ticks * dt
-        self.delays = self.seconds - largest
-        self.before = Delay(self.delays, dt)
+        self.seconds = ticks * dt  # L, s
+        self.delays = self.seconds - largest  # of the deck's targets on their way to the envelope, shape (J,), s
+        self.before = Delay(self.delays, dt)  # delays the targets so
         # One stream for all outputs that lag alike; the first is the picture.
         corrected = [False, *(channel.corrected for channel in channels)]
         alike = [(lag.tobytes(), one) for lag, one in zip(lags, corrected, strict=True)]

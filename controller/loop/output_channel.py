@@ -15,22 +15,17 @@ FAULTS_TO_PARK = 3
 
 @dataclass
 class Channel:
-    """Serves an output at each `every`-th tick; its exceptions are counted and not passed on.
-
-    Attributes:
-        every: 1 for each tick, 2 for each second tick, and so on.
-        measured: the joint positions read last, shape (J,), rad, or None; NaN for a joint that is not measured.
-        held: where the output holds joints on its own, shape (J,), rad, NaN for others; None while it follows.
-        parked: whether the output is no longer served.
-    """
+    """Serves an output at each `every`-th tick; its exceptions are counted and not passed on."""
 
     output: Output
-    every: int = 1
+    every: int = 1  # 1 for each tick, 2 for each second tick, and so on
+    # The joint positions read last, shape (J,), rad, or None; NaN for a joint that is not measured.
     measured: Array | None = field(default=None, init=False)
+    # Where the output holds joints on its own, shape (J,), rad, NaN for others; None while it follows.
     held: Array | None = field(default=None, init=False)
     faults: int = field(default=0, init=False)
     fault: str = field(default="", init=False)
-    parked: bool = field(default=False, init=False)
+    parked: bool = field(default=False, init=False)  # whether the output is no longer served
     _failed: bool = field(default=False, init=False)
     _failed_turns: int = field(default=0, init=False)
 

@@ -15,20 +15,14 @@ from motiondeck_base.early_end import end_if_asked
 
 @dataclass
 class StopRequest:
-    """Whether the run is to end and why, and what the joints do until then.
-
-    Attributes:
-        state: the emergency stop.
-        home: whether the joints stand at home instead of following the deck.
-        approaching: whether the joints are on their slow way to the motion, whose time waits; set by the loop.
-        then: the library file and the motion to start again with, if that was asked for.
-    """
+    """Whether the run is to end and why, and what the joints do until then."""
 
     reason: str = ""
-    state: StopState = field(default_factory=StopState)
-    home: bool = False
+    state: StopState = field(default_factory=StopState)  # the emergency stop
+    home: bool = False  # whether the joints stand at home instead of following the deck
+    # Whether the joints are on their slow way to the motion, whose time waits; set by the loop.
     approaching: bool = False
-    then: tuple[str, str] | None = None
+    then: tuple[str, str] | None = None  # the library file and the motion to start again with, if that was asked for
 
     @property
     def mode(self) -> Mode:
@@ -50,8 +44,7 @@ class StopRequest:
     def play(self) -> None:
         """Lets the joints follow the deck, after a slow approach if they do not follow it already.
 
-        Raises:
-            EmergencyStopError: if the emergency stop is on.
+        EmergencyStopError if the emergency stop is on.
         """
         self.state.go_on()
         self.home = False
@@ -81,10 +74,8 @@ SIGNALS = {
 def stop_on_signals() -> Iterator[StopRequest]:
     """A request that SIGINT, SIGTERM and SIGHUP set; the next signal raises KeyboardInterrupt.
 
-    Outside the main thread Python handles no signals, and the request is set by the caller alone.
-
-    Raises:
-        SystemExit: if a signal has come before.
+    Outside the main thread Python handles no signals, and the request is set by the caller alone. SystemExit if a
+    signal has come before.
     """
     end_if_asked()
     request = StopRequest()

@@ -41,20 +41,13 @@ class EmergencyStopError(MotiondeckError):
 
 
 class StopState:
-    """The stop state of joints; each source is a name.
-
-    Attributes:
-        phase: see above.
-        presses: the presses of each source since the start.
-        released: how many of them resets have released.
-        pulled: sources that are pulled now: no reset releases them.
-    """
+    """The stop state of joints; each source is a name."""
 
     def __init__(self, phase: Phase = "running") -> None:
         self.phase: Phase = phase
-        self.presses: dict[str, int] = {}
-        self.released: dict[str, int] = {}
-        self.pulled: set[str] = set()
+        self.presses: dict[str, int] = {}  # the presses of each source since the start
+        self.released: dict[str, int] = {}  # how many of them resets have released
+        self.pulled: set[str] = set()  # sources that are pulled now: no reset releases them
 
     @property
     def demanded(self) -> bool:
@@ -113,8 +106,7 @@ class StopState:
     def reset(self) -> None:
         """Releases all presses so far; the joints stay where they are.
 
-        Raises:
-            EmergencyStopError: if the stop is not on, the joints have not come to rest, or a wire is still pulled.
+        EmergencyStopError if the stop is not on, the joints have not come to rest, or a wire is still pulled.
         """
         if not self.stopped:
             raise EmergencyStopError("the emergency stop is not on, so there is nothing to reset")
@@ -134,11 +126,7 @@ class StopState:
             self.phase = "held"
 
     def go_on(self) -> None:
-        """Lets held joints move again.
-
-        Raises:
-            EmergencyStopError: if the emergency stop is on.
-        """
+        """Lets held joints move again; EmergencyStopError if the emergency stop is on."""
         self.check_released()
         if self.phase == "held":
             self.phase = "running"

@@ -26,8 +26,7 @@ class TokenError(MotiondeckError):
 def read_token(path: Path) -> bytes:
     """The token in a file that only its owner may read; white space around it is ignored.
 
-    Raises:
-        TokenError: if there is no such file, others may read or write it, or the token is too short.
+    TokenError if there is no such file, others may read or write it, or the token is too short.
     """
     how = f"Make one with: (umask 077; openssl rand -hex 32 > {path})"
     try:

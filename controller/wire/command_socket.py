@@ -61,8 +61,7 @@ class CommandServer:
     def __init__(self, port: int = DEFAULT_PORT, host: str | None = None, token: bytes | None = None) -> None:
         """Listens to programs of this user, or with a token at an address of this machine; port 0 takes a free one.
 
-        Raises:
-            SocketError: if the port is in use or out of range, or an address is given without a token.
+        SocketError if the port is in use or out of range, or an address is given without a token.
         """
         if host is None:
             self._listener = LocalListener(port)
@@ -179,13 +178,10 @@ class CommandClient:
     def __init__(
         self, port: int = DEFAULT_PORT, host: str | None = None, token: bytes | None = None, patience: float = 1.0
     ) -> None:
-        """Prepares to talk to a deck; nothing is sent yet.
+        """Prepares to talk to a deck; nothing is sent yet. SocketError if the address or port cannot exist.
 
         Args:
             patience: how long a command waits for a deck of this user that takes none at the moment, s.
-
-        Raises:
-            SocketError: if the address or port cannot exist.
         """
         self._connection = (
             LocalConnection(port, patience) if host is None or token is None else NetworkConnection(port, host, token)
@@ -200,10 +196,8 @@ class CommandClient:
     def post(self, message: DeckCommand) -> int:
         """Sends a command without waiting for a reply; returns the number that its replies will carry.
 
-        An emergency stop of a deck of this user goes to its stop door.
-
-        Raises:
-            SocketError: if no deck is running there, or it is full or takes no commands.
+        An emergency stop of a deck of this user goes to its stop door. SocketError if no deck is running there, or it
+        is full or takes no commands.
         """
         self._send(message, number := next(self._numbers))
         return number
@@ -222,8 +216,7 @@ class CommandClient:
     def request(self, message: DeckCommand, timeout_s: float = 1.0) -> Reply:
         """Sends a command and waits for its first reply, to an emergency stop of a deck of this user for 0.5 s at most.
 
-        Raises:
-            SocketError: if no deck replies in time.
+        SocketError if no deck replies in time.
         """
         stops = isinstance(message, EmergencyStop)
         if stops and isinstance(self._connection, LocalConnection):
@@ -244,8 +237,7 @@ class CommandClient:
     def wait_settled(self, number: int, timeout_s: float = 10.0) -> SecondReply | None:
         """Waits for the second reply to the command with this number; None if there is none in time.
 
-        Raises:
-            SocketError: if the deck is gone.
+        SocketError if the deck is gone.
         """
         return self._wait_for(lambda: self._settled.get(number), time.monotonic() + timeout_s)
 
@@ -291,9 +283,7 @@ class CommandClient:
         """The next reply, to any command, or None if none arrives in time.
 
         An emergency stop over a network is sent again meanwhile, with its number, until it is answered or 5 s old.
-
-        Raises:
-            SocketError: if no deck is running there, or it is full.
+        SocketError if no deck is running there, or it is full.
         """
         data = self._receive_answer(timeout_s) if self._stop is not None else self._connection.receive(timeout_s)
         if data is None:
@@ -321,8 +311,7 @@ class CommandClient:
     def fileno(self) -> int:
         """Readable when a reply has arrived, for `select`; a command must have been sent before.
 
-        Raises:
-            SocketError: if no deck is running there.
+        SocketError if no deck is running there.
         """
         return self._connection.fileno()
 

@@ -41,8 +41,7 @@ class LeaderLink:
     def to(cls, port: str) -> LeaderLink:
         """A link to a deck of this user by its command port; a request to another machine could block the loop.
 
-        Raises:
-            CommandError: if it is not a port number.
+        CommandError if it is not a port number.
         """
         if not port.isdecimal() or not 0 < int(port) < 65536:
             raise CommandError(f"'{port}' is nothing to lock to: give beat, body, or the command port of another deck")

@@ -129,8 +129,7 @@ class LocalConnection:
     def __init__(self, port: int, patience: float) -> None:
         """Prepares to talk to the deck of a number, which may keep a sender waiting for `patience` seconds.
 
-        Raises:
-            SocketError: if it is out of range.
+        SocketError if the number is out of range.
         """
         check_port(port)
         self._patience = patience

@@ -53,10 +53,8 @@ class DeckFullError(SocketError):
 def command_folder() -> Path:
     """The folder of the user's own (0700) in which decks have their sockets; it is made where it is missing.
 
-    It is `motiondeck` in XDG_RUNTIME_DIR, else in /run/user/UID, else /tmp/motiondeck-commands-UID.
-
-    Raises:
-        SocketError: if it cannot be made, or is not this user's alone.
+    It is `motiondeck` in XDG_RUNTIME_DIR, else in /run/user/UID, else /tmp/motiondeck-commands-UID. SocketError if it
+    cannot be made, or is not this user's alone.
     """
     user = os.geteuid()
     session = Path(os.environ.get("XDG_RUNTIME_DIR") or f"/run/user/{user}")
@@ -82,8 +80,7 @@ class LocalSocket:
     def __init__(self, port: int, ending: str, backlog: int) -> None:
         """Takes a number, 0 for any free one.
 
-        Raises:
-            SocketError: if another deck has it, it is out of range, or the folder cannot be used.
+        SocketError if another deck has it, it is out of range, or the folder cannot be used.
         """
         check_port(port)
         self._socket = socket.socket(socket.AF_UNIX, socket.SOCK_SEQPACKET)
@@ -220,8 +217,7 @@ class LocalListener:
 def refuse_second_deck(port: int) -> None:
     """Refuses a command port that another deck has; nothing is taken.
 
-    Raises:
-        SocketError: if a deck answers there; it says how to reach that one and how to start another beside it.
+    SocketError if a deck answers there; it says how to reach that one and how to start another beside it.
     """
     if port and _answers(command_folder() / str(port)):
         raise _another_deck(port)

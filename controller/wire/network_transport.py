@@ -60,8 +60,7 @@ class NetworkListener:
     def __init__(self, port: int, host: str, token: bytes) -> None:
         """Listens at an address, IPv4 or IPv6, or at all of one kind: 0.0.0.0 or ::. Port 0 takes a free one.
 
-        Raises:
-            SocketError: if the address is not this machine's, or the port is in use or out of range.
+        SocketError if the address is not this machine's, or the port is in use or out of range.
         """
         family, address = _resolve(host, port, "cannot be used")
         self._socket = socket.socket(family, socket.SOCK_DGRAM)

@@ -24,8 +24,7 @@ _LOCK = "in-use"
 def run_folder() -> Iterator[Path]:
     """A folder of the user's own (0700) in TMPDIR, gone after the block.
 
-    Raises:
-        MotiondeckError: if it cannot be made; it says what to do.
+    MotiondeckError if it cannot be made; it says what to do.
     """
     try:
         root = Path(tempfile.gettempdir())
@@ -57,8 +56,7 @@ def _locked_folder(root: Path) -> tuple[Path, int]:
 def allocate(file: int, size: int, path: Path) -> None:
     """Allocates an open file on the disk; writing to a sparse map on a full disk would kill the process.
 
-    Raises:
-        MotiondeckError: if there is no such room.
+    MotiondeckError if there is no such room.
     """
     try:
         os.posix_fallocate(file, 0, size)

@@ -71,8 +71,7 @@ class RecordingWriter:
     def append(self, rows: Array) -> None:
         """Adds ticks, shape (ticks, V), in chunks; an empty array is the mark of the end.
 
-        Raises:
-            FileFormatError: if they cannot be written; earlier ticks stay readable.
+        FileFormatError if they cannot be written; earlier ticks stay readable.
         """
         try:
             for start in range(0, max(len(rows), 1), _MOST_ROWS):
@@ -94,8 +93,7 @@ class RecordingWriter:
 def check_replaceable(path: Path) -> None:
     """Refuses to record over a file that is no recording of a run, such as one of motion capture.
 
-    Raises:
-        FileFormatError: if it is one, or cannot be read.
+    FileFormatError if it is one, or cannot be read.
     """
     try:
         with path.open("rb") as file:

@@ -32,9 +32,6 @@ class SnapshotNumbers:
 
     A name is its place in a list of names, -1 for none; None is NaN; a struct has a field for each of its fields, such
     as `lock_error_ms`.
-
-    Attributes:
-        sizes: the name of each field, and how many numbers it has.
     """
 
     def __init__(self, motions: Sequence[str], *, recognizable: Sequence[str] = (), joints: Sequence[str] = ()) -> None:
@@ -46,6 +43,7 @@ class SnapshotNumbers:
         self._columns = plain | others
         self._plain = attrgetter(*plain)
         self._others = [(attrgetter(name), column.numbers) for name, column in others.items()]
+        # The name of each field, and how many numbers it has.
         self.sizes = {field: size for column in self._columns.values() for field, size in column.sizes.items()}
         self.count = sum(self.sizes.values())
 

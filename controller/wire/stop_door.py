@@ -43,8 +43,7 @@ class StopDoor:
     def __init__(self, port: int) -> None:
         """Opens the door of the deck with that command port.
 
-        Raises:
-            SocketError: if another deck has it, or the folder of the sockets is not this user's alone.
+        SocketError if another deck has it, or the folder of the sockets is not this user's alone.
         """
         self._socket = LocalSocket(port, STOP_DOOR, _BACKLOG)
         self._holders: dict[int, _Holder] = {}  # the longest idle first

@@ -65,11 +65,7 @@ def named(values: Array, fields: Mapping[str, int]) -> dict[str, Array]:
 
 
 class StateWriter:
-    """The loop's side: fill `fields` in place, then `publish`.
-
-    Attributes:
-        fields: the values of the next `publish`, each a float64 array to write into; NaN until it is written.
-    """
+    """The loop's side: fill `fields` in place, then `publish`."""
 
     def __init__(self, memory: mmap.mmap, layout: _Layout, fields: Mapping[str, int]) -> None:
         self._control = layout.control_of(memory)
@@ -77,6 +73,7 @@ class StateWriter:
         self.values = np.full(layout.values, np.nan)
         self._words = self.values.view(np.uint64)
         self._number = 0
+        # The values of the next `publish`, each a float64 array to write into; NaN until it is written.
         self.fields = named(self.values, fields)
 
     @classmethod
@@ -139,11 +136,7 @@ class StateReader:
 
     @classmethod
     def open(cls, path: Path) -> StateReader:
-        """Opens what a StateWriter has made.
-
-        Raises:
-            FileFormatError: if the file cannot be opened or is not a state file.
-        """
+        """Opens what a StateWriter has made; FileFormatError if the file cannot be opened or is not a state file."""
         try:
             with path.open("rb") as file:
                 start = file.read(16)

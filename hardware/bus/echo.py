@@ -25,14 +25,10 @@ def returns_what_is_sent(port: Port, family: Family, patience: float) -> bool:
 
 
 class WithoutEcho:
-    """A port as it would be without its echo.
-
-    Attributes:
-        name: of the port behind it.
-    """
+    """A port as it would be without its echo."""
 
     def __init__(self, port: Port) -> None:
-        self.name = port.name
+        self.name = port.name  # of the port behind it
         self.now = port.now
         self._port = port
         self._sent = bytearray()  # and not come back yet

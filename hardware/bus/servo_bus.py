@@ -54,23 +54,18 @@ class Bus:
 
     A group read that waits asks together what the family allows whatever the models (`Family.lines`); a `request` is
     about servos of one family, whose models are known to answer it.
-
-    Attributes:
-        port: carries the bytes.
-        baud: bits/s, 10 of which carry a byte.
-        families: of servos by ID; an ID that is not in it is of the usual family.
-        echoes: whether the adapter returns what is sent, which is then dropped (see `echo`); None while nothing has
-            looked like it.
-        garbled: whether bytes have come instead of the last answer that was waited for, or between those of a ping to
-            all: two servos may have answered at the same time.
     """
 
     def __init__(self, port: Port, baud: int, retries: int = 2, margin: float = 0.05) -> None:
-        self.port = port
-        self.baud = baud
+        self.port = port  # carries the bytes
+        self.baud = baud  # bits/s, 10 of which carry a byte
         self._byte_time = 10.0 / baud
-        self.families: Mapping[int, Family] = {}
+        self.families: Mapping[int, Family] = {}  # of servos by ID; an ID that is not in it is of the usual family
+        # Whether the adapter returns what is sent, which is then dropped (see `echo`); None while nothing has looked
+        # like it.
         self.echoes: bool | None = None
+        # Whether bytes have come instead of the last answer that was waited for, or between those of a ping to all: two
+        # servos may have answered at the same time.
         self.garbled = False
         self._retries = retries
         self._margin = margin

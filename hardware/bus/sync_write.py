@@ -15,11 +15,7 @@ _BEHIND_HEADER = 4  # bytes: the header itself may have a pattern that is stuffe
 
 
 class SyncWrite:
-    """The same register of n servos of one family.
-
-    Attributes:
-        values: what each gets, shape (n,), in counts; written into before `frame`.
-    """
+    """The same register of n servos of one family."""
 
     def __init__(self, ids: Sequence[int], address: int, length: int, family: Family = USUAL) -> None:
         """All values are 0 at first.
@@ -34,6 +30,7 @@ class SyncWrite:
         self._body = bytearray(whole[: -len(family.trailer(whole))])
         self._head = len(self._body) - len(empty)
         entries = np.frombuffer(self._body, dtype=[("id", "u1"), ("value", f"<i{length}")], offset=self._head)
+        # What each gets, shape (n,), in counts; written into before `frame`.
         self.values: NDArray[Any] = entries["value"]
 
     def frame(self) -> bytes:

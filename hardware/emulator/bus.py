@@ -24,14 +24,7 @@ LONGEST_GAP = 1.5e-3
 
 
 class EmulatedBus:
-    """Servos on a wire.
-
-    Attributes:
-        strict: whether a servo keeps silent when the one before it in a sync read does.
-        baud: the host's, bits/s; a servo set to another hears nothing.
-        longest_gap: the silence inside an instruction that the servos forgive, s; None for any.
-        time: up to which the servos are computed, s.
-    """
+    """Servos on a wire."""
 
     def __init__(
         self,
@@ -44,10 +37,10 @@ class EmulatedBus:
 
         With a plant the horns are where its joints are, and feel what they turn.
         """
-        self.strict = strict
-        self.baud = config.baud
-        self.longest_gap = longest_gap
-        self.time = 0.0
+        self.strict = strict  # whether a servo keeps silent when the one before it in a sync read does
+        self.baud = config.baud  # the host's, bits/s; a servo set to another hears nothing
+        self.longest_gap = longest_gap  # the silence inside an instruction that the servos forgive, s; None for any
+        self.time = 0.0  # up to which the servos are computed, s
         self._heard = 0.0
         self._fed = 0.0
         self._heard_by = _listeners()

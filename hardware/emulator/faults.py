@@ -42,22 +42,14 @@ class FaultError(MotiondeckError):
 
 
 class Fault(NamedTuple):
-    """One fault.
-
-    Attributes:
-        id: of the servo; None for any.
-        at: when it begins, s since the rig was switched on.
-        lasts: for how long, s.
-        chance: for a fault on answers, the part of them that it meets.
-        value: as in the kind's description; None for its default.
-    """
+    """One fault."""
 
     kind: str
-    id: int | None = None
-    at: float = 0.0
-    lasts: float = float("inf")
-    chance: float = 1.0
-    value: float | None = None
+    id: int | None = None  # of the servo; None for any
+    at: float = 0.0  # when it begins, s since the rig was switched on
+    lasts: float = float("inf")  # for how long, s
+    chance: float = 1.0  # for a fault on answers, the part of them that it meets
+    value: float | None = None  # as in the kind's description; None for its default
 
 
 def parse_fault(text: str) -> Fault:
@@ -84,12 +76,7 @@ def parse_fault(text: str) -> Fault:
 
 
 class FaultPlan:
-    """Faults, and what they do to a bus while they last.
-
-    Attributes:
-        unplugged: whether the adapter is out.
-        latency: of the adapter, s.
-    """
+    """Faults, and what they do to a bus while they last."""
 
     def __init__(self, faults: Sequence[Fault] = (), seed: int = 0) -> None:
         self._faults = sorted(faults, key=lambda fault: fault.at)
@@ -98,8 +85,8 @@ class FaultPlan:
         self._active: list[Fault] = []
         self._ids: Sequence[int] = ()
         self._undo: dict[tuple[str, int], Callable[[], None]] = {}  # by kind and servo
-        self.unplugged = False
-        self.latency = 0.0
+        self.unplugged = False  # whether the adapter is out
+        self.latency = 0.0  # of the adapter, s
 
     def check(self, ids: Sequence[int]) -> None:
         """Takes the servos' first IDs, which the faults go by; raises FaultError if a fault is about none of them."""

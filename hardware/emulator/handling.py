@@ -58,8 +58,7 @@ class Handling:
     def command(self, words: str) -> None:
         """Replaces the movement under way, or does something to a servo.
 
-        Raises:
-            HandlingError: if the command is unknown; it names those that are.
+        HandlingError if the command is unknown; it names those that are.
         """
         verb, *rest = words.split() or [""]
         if verb == "rest" and not rest:

@@ -9,20 +9,14 @@ from hardware.errors import SerialPortError
 
 
 class EmulatedPort:
-    """Fits `hardware.bus.port.Port`; time passes only in `wait` and `elapse`.
-
-    Attributes:
-        bus: what is behind the port.
-        wire: what is between.
-        sent: every byte string that was sent, in order.
-    """
+    """Fits `hardware.bus.port.Port`; time passes only in `wait` and `elapse`."""
 
     name = "emulated"
 
     def __init__(self, bus: EmulatedBus, paced: bool = False, faults: FaultPlan | None = None) -> None:
-        self.bus = bus
-        self.wire = Wire(bus, faults, paced)
-        self.sent: list[bytes] = []
+        self.bus = bus  # what is behind the port
+        self.wire = Wire(bus, faults, paced)  # what is between
+        self.sent: list[bytes] = []  # every byte string that was sent, in order
         self._now = 0.0
         self._plugged = True
 

@@ -12,15 +12,11 @@ from hardware.rig.rig_file import load_rig
 
 
 class EmulatorProcess:
-    """A running emulator; it ends with `stop`, with the `with` block, or with the process that started it.
-
-    Attributes:
-        ports: what a client opens, in the order of the rig's ports.
-    """
+    """A running emulator; it ends with `stop`, with the `with` block, or with the process that started it."""
 
     def __init__(self, process: subprocess.Popen[str], ports: list[str]) -> None:
         self._process = process
-        self.ports = ports
+        self.ports = ports  # what a client opens, in the order of the rig's ports
 
     @property
     def port(self) -> str:

@@ -32,9 +32,6 @@ class PtyServer:
     The servos' time is the real one, except that it stands still while this process is not given the processor: else a
     busy machine would look like a silent bus, and trip their watchdogs. For the same reason the host's word waits for
     the end of an answer under way (a client may be late without knowing), and gaps within an instruction are forgiven.
-
-    Attributes:
-        wire: between the pseudo-terminal and the servos.
     """
 
     def __init__(
@@ -46,7 +43,7 @@ class PtyServer:
         """
         bus.longest_gap = None
         self._bus = bus
-        self.wire = Wire(bus, faults, paced, half_duplex=False)
+        self.wire = Wire(bus, faults, paced, half_duplex=False)  # between the pseudo-terminal and the servos
         self._link = link
         self._master = self._slave = -1
         self._woken = time.monotonic()

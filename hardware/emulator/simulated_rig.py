@@ -16,18 +16,13 @@ from hardware.rig.switching.audit import current_counts
 
 
 class SimulatedRig:
-    """Servos that are switched on where they stand; with the loop's side of `hardware.rig.supervision.rig.Rig`.
-
-    Attributes:
-        servos: the emulated servos, to look at and to harm.
-        positions, velocities, currents: last measured, shape (J,), rad, rad/s, A.
-    """
+    """Servos that are switched on where they stand; with the loop's side of `hardware.rig.supervision.rig.Rig`."""
 
     def __init__(self, config: RigConfig) -> None:
         """Switches the servos on; raises RigError if a model cannot be emulated."""
         self.config = config
         self.names = config.names
-        self.servos = EmulatedBus(config)
+        self.servos = EmulatedBus(config)  # the emulated servos, to look at and to harm
         self.faults = RigFaults.none(len(config.joints))
         servos = config.servos
         self._scale = RigScale(servos)
@@ -37,6 +32,7 @@ class SimulatedRig:
         self._fed = 0.0
         self._asked = False
         self._goals = np.zeros(len(config.joints))
+        # Last measured, shape (J,), rad, rad/s, A.
         self.positions, self.velocities, self.currents = (np.zeros(len(config.joints)) for _ in range(3))
         ends = self._scale.ends.astype(int).tolist()
         for index, (joint, low, high) in enumerate(zip(servos.joints, *ends, strict=True)):

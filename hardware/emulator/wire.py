@@ -14,14 +14,7 @@ from hardware.emulator.faults import FaultPlan
 
 
 class Wire:
-    """One adapter and a bus behind it.
-
-    Attributes:
-        paced: whether bytes take their time; otherwise all happens at once.
-        half_duplex: whether a frame that the host sends during an answer destroys both, as on a real wire. Otherwise
-            it waits for the answer's end, and is only counted.
-        collisions: how often the host spoke into an answer.
-    """
+    """One adapter and a bus behind it."""
 
     def __init__(
         self, bus: EmulatedBus, faults: FaultPlan | None = None, paced: bool = True, half_duplex: bool = True
@@ -29,9 +22,11 @@ class Wire:
         self.bus = bus
         self.faults = faults or FaultPlan()
         self.faults.check([device.id for device in bus.devices])
-        self.paced = paced
+        self.paced = paced  # whether bytes take their time; otherwise all happens at once
+        # Whether a frame that the host sends during an answer destroys both, as on a real wire. Otherwise it waits for
+        # the answer's end, and is only counted.
         self.half_duplex = half_duplex
-        self.collisions = 0
+        self.collisions = 0  # how often the host spoke into an answer
         self._free = 0.0  # when the wire becomes silent
         self._arriving: deque[tuple[float, bytes]] = deque()  # at the adapter, by time
 

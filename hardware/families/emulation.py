@@ -21,16 +21,11 @@ BOOT_TIME = 0.1
 
 
 class Answer(NamedTuple):
-    """What the servos put on the wire in one go.
+    """What the servos put on the wire in one go."""
 
-    Attributes:
-        delay: how long they waited before, s.
-        id: the sender; BROADCAST where several write one frame.
-    """
-
-    delay: float
+    delay: float  # how long they waited before, s
     data: bytes
-    id: int
+    id: int  # the sender; BROADCAST where several write one frame
 
 
 class EmulatedServo(Protocol):

@@ -13,20 +13,13 @@ from hardware.families.traits import Traits
 
 @dataclass(frozen=True, slots=True)
 class FamilyFacts:
-    """The facts of a family.
-
-    Attributes:
-        family: what it is.
-        traits: of the models that can be joints of a rig, by name.
-        numbers: gives the number of each model whose control table is known.
-        table: gives the control table of such a model.
-        others: the names of its other devices, and why they cannot be joints of a rig, by model number.
-        motors: of the models that were identified on real servos, by name.
-    """
+    """The facts of a family."""
 
     family: Family
-    traits: Mapping[str, Traits]
-    numbers: Callable[[], Mapping[str, int]]
-    table: Callable[[str], ControlTable]
+    traits: Mapping[str, Traits]  # of the models that can be joints of a rig, by name
+    numbers: Callable[[], Mapping[str, int]]  # gives the number of each model whose control table is known
+    table: Callable[[str], ControlTable]  # gives the control table of such a model
+    # The names of its other devices, and why they cannot be joints of a rig, by model number.
     others: Mapping[int, tuple[str, str]] = field(default_factory=dict)
+    # Of the models that were identified on real servos, by name.
     motors: Mapping[str, IdentifiedMotor] = field(default_factory=dict)

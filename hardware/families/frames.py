@@ -31,21 +31,13 @@ class Frame(NamedTuple):
 
 
 class StatusPacket(msgspec.Struct, frozen=True, gc=False):
-    """A servo's answer; a hot servo sets `alert`, which is no failure of the call.
+    """A servo's answer; a hot servo sets `alert`, which is no failure of the call."""
 
-    Attributes:
-        id: of the servo, 0 to 252.
-        error: error number, 0 for none (see ERRORS).
-        alert: whether the servo reports a hardware problem (register 70 holds which).
-        params: what was asked for.
-        hardware: which problems the servo has, where the answer itself tells (Protocol 1.0): 1 voltage, 4 heat, 32
-            overload.
-    """
-
-    id: int
-    error: int
-    alert: bool
-    params: bytes
+    id: int  # of the servo, 0 to 252
+    error: int  # error number, 0 for none (see ERRORS)
+    alert: bool  # whether the servo reports a hardware problem (register 70 holds which)
+    params: bytes  # what was asked for
+    # Which problems the servo has, where the answer itself tells (Protocol 1.0): 1 voltage, 4 heat, 32 overload.
     hardware: int = 0
 
 
@@ -55,10 +47,6 @@ class FrameParser:
     A frame with a bad checksum is dropped, and the next good one is found. How the bytes were cut into pieces makes no
     difference. The time is linear in their number: each header is looked at when it has arrived, and again when its
     frame must have ended. What is kept between calls never exceeds one frame.
-
-    Attributes:
-        corrupt: how many frames were dropped because of their checksum or length, so far.
-        damaged: the IDs of those that the last `feed` dropped, as far as an ID can be trusted in a damaged frame.
     """
 
     _header: bytes
@@ -74,7 +62,8 @@ class FrameParser:
         self._used = 0  # the last good frame ended here: what began before was noise that looked like a header
         self._by_end: list[tuple[int, int]] = []  # a heap of (end, start) of the frames that have begun
         self._by_start: deque[tuple[int, int]] = deque()  # the same frames as (start, end)
-        self.corrupt = 0
+        self.corrupt = 0  # how many frames were dropped because of their checksum or length, so far
+        # The IDs of those that the last `feed` dropped, as far as an ID can be trusted in a damaged frame.
         self.damaged: list[int] = []
 
     @property

@@ -30,32 +30,20 @@ SI_UNITS = {
 
 @dataclass(frozen=True, slots=True)
 class Register:
-    """One register of a servo.
-
-    Attributes:
-        address: of its first byte.
-        length: 1, 2 or 4 bytes, little-endian.
-        signed: whether it holds negative numbers (two's complement).
-        access: "R", or "RW".
-        memory: "EEPROM" (kept without power, locked while torque is on) or "RAM".
-        minimum, maximum: the range of what may be written, in counts.
-        default: in counts; None where the servo measures or decides it.
-        sign_bit: which bit is the sign of a number kept as size and sign; 0 for none.
-        unit, scale: one count is `scale` units, as in the maker's manual.
-    """
+    """One register of a servo."""
 
     name: str
-    address: int
-    length: int
-    signed: bool
+    address: int  # of its first byte
+    length: int  # 1, 2 or 4 bytes, little-endian
+    signed: bool  # whether it holds negative numbers (two's complement)
     access: Literal["R", "RW"]
-    memory: Literal["EEPROM", "RAM"]
-    minimum: int
-    maximum: int
-    default: int | None
-    unit: str
-    scale: float
-    sign_bit: int = 0
+    memory: Literal["EEPROM", "RAM"]  # EEPROM is kept without power, and locked while torque is on
+    minimum: int  # the least that may be written, in counts
+    maximum: int  # the most that may be written, in counts
+    default: int | None  # in counts; None where the servo measures or decides it
+    unit: str  # as in the maker's manual
+    scale: float  # one count, in this unit
+    sign_bit: int = 0  # which bit is the sign of a number kept as size and sign; 0 for none
 
     @property
     def si(self) -> float:

@@ -19,39 +19,23 @@ Blocks = tuple[tuple[int, int, int], ...]
 
 
 class GroupReply(NamedTuple):
-    """The reply to a group read, servo by servo.
+    """The reply to a group read, servo by servo."""
 
-    Attributes:
-        statuses: of the servos that were heard, by ID.
-        corrupt: IDs whose piece came with a bad checksum.
-        silent: IDs that sent nothing when it was their turn.
-        unheard: IDs behind the last silent one, which a servo that waits for its turn could not follow.
-    """
-
-    statuses: dict[int, StatusPacket]
-    corrupt: list[int]
-    silent: list[int]
-    unheard: list[int]
+    statuses: dict[int, StatusPacket]  # of the servos that were heard, by ID
+    corrupt: list[int]  # IDs whose piece came with a bad checksum
+    silent: list[int]  # IDs that sent nothing when it was their turn
+    unheard: list[int]  # IDs behind the last silent one, which a servo that waits for its turn could not follow
 
 
 class WholeReply(NamedTuple):
-    """A reply in which every servo answered, undamaged and in the order asked.
+    """A reply in which every servo answered, undamaged and in the order asked."""
 
-    Attributes:
-        rows: one after another, `stride` bytes each.
-        stride: bytes a servo.
-        error: where the error byte stands in a row.
-        data: where the registers stand in a row.
-        alert: the bits of the error byte that report a problem of the servo; the others are an error number.
-        tail: bytes of a row behind the registers.
-    """
-
-    rows: bytes
-    stride: int
-    error: int
-    data: int
-    alert: int
-    tail: int
+    rows: bytes  # one after another, `stride` bytes each
+    stride: int  # bytes a servo
+    error: int  # where the error byte stands in a row
+    data: int  # where the registers stand in a row
+    alert: int  # the bits of the error byte that report a problem of the servo; the others are an error number
+    tail: int  # bytes of a row behind the registers
 
     def statuses(self, ids: Sequence[int] | bytes) -> dict[int, StatusPacket]:
         """The same as statuses by ID, in the order asked."""
@@ -106,23 +90,16 @@ def in_order(
 
 
 class GroupRead(NamedTuple):
-    """A group read of servos of one family.
-
-    Attributes:
-        fast: whether it asks for a joint reply.
-        ids: of the servos, in the order asked.
-        lengths: of what each sends, bytes.
-        whole: takes a reply that is complete and undamaged, else gives None; None where the lengths differ.
-        needed: bytes of the complete reply.
-        parts: takes any reply servo by servo, and tells whether its end has passed.
-    """
+    """A group read of servos of one family."""
 
     frame: bytes
-    fast: bool
-    ids: bytes
-    lengths: tuple[int, ...]
+    fast: bool  # whether it asks for a joint reply
+    ids: bytes  # of the servos, in the order asked
+    lengths: tuple[int, ...]  # of what each sends, bytes
+    # Takes a reply that is complete and undamaged, else gives None; None where the lengths differ.
     whole: Callable[[bytes], WholeReply | None] | None
-    needed: int
+    needed: int  # bytes of the complete reply
+    # Takes any reply servo by servo, and tells whether its end has passed.
     parts: Callable[[bytes], tuple[GroupReply, bool]]
 
     def understand(self, received: bytes, late: bool) -> GroupReply | None:

@@ -17,48 +17,32 @@ VOLTAGE, HEAT, ENCODER, SHOCK, OVERLOAD = 1, 4, 8, 16, 32
 
 @dataclass(frozen=True, slots=True)
 class Series:
-    """The servos of one series.
+    """The servos of one series."""
 
-    Attributes:
-        name: as in the rows of its family.
-        family: what they have in common with other series.
-        baud_rates: bits/s, by the value of the baud rate register.
-        baud_base: bits/s; a value v that is not in `baud_rates` means baud_base / (v + 1). 0 for no such value.
-        problems: the bits that they report of the usual problems (see `meanings`), in their own order.
-        bulk_reads: whether one request may read several of them.
-        reboots: whether an instruction restarts them.
-        shuts_down_by: the register that a shutdown sets to 0.
-        checks_profiles: whether a profile beyond the velocity or acceleration limit is refused.
-        cells_moved: the firmware from which the indirect data cells are some bytes earlier, and how many; or None.
-        follows: whether drive mode bit 1 makes one the follower of another.
-        modes: the operating modes; () for those of a servo with, or without, a current measurement.
-        current_limited: the modes in which the goal current limits the current.
-        full_pwm: the count of PWM that means full voltage.
-        offset_subtracts: whether a homing offset is taken from a position, and not added to it.
-        wraps: whether a position begins anew after a turn also where torque is off.
-        bits_needed: bits that a register must have for its counts to mean what the table says: mask and value.
-        gain_unit: the position P gain with which a pulse of error is one count of PWM.
-    """
-
-    name: str
-    family: Family
+    name: str  # as in the rows of its family
+    family: Family  # what they have in common with other series
+    # In bits/s, by the value of the baud rate register.
     baud_rates: Mapping[int, int] = field(default_factory=lambda: MappingProxyType(dict(enumerate(BAUD_RATES))))
+    # In bits/s; a value v that is not in `baud_rates` means baud_base / (v + 1). 0 for no such value.
     baud_base: float = 0.0
+    # The bits that they report of the usual problems (see `meanings`), in their own order.
     problems: Mapping[int, int] = field(
         default_factory=lambda: MappingProxyType({bit: bit for bit in (VOLTAGE, HEAT, ENCODER, SHOCK, OVERLOAD)})
     )
-    bulk_reads: bool = True
-    reboots: bool = True
-    shuts_down_by: Literal["torque_enable", "torque_limit"] = "torque_enable"
-    checks_profiles: bool = False
+    bulk_reads: bool = True  # whether one request may read several of them
+    reboots: bool = True  # whether an instruction restarts them
+    shuts_down_by: Literal["torque_enable", "torque_limit"] = "torque_enable"  # the register that a shutdown sets to 0
+    checks_profiles: bool = False  # whether a profile beyond the velocity or acceleration limit is refused
+    # The firmware from which the indirect data cells are some bytes earlier, and how many; or None.
     cells_moved: tuple[int, int] | None = None
-    follows: bool = False
-    modes: tuple[int, ...] = ()
-    current_limited: tuple[int, ...] = (5,)
-    full_pwm: float = 885.0
-    gain_unit: float = 128.0
-    offset_subtracts: bool = False
-    wraps: bool = False
+    follows: bool = False  # whether drive mode bit 1 makes one the follower of another
+    modes: tuple[int, ...] = ()  # the operating modes; () for those of a servo with, or without, a current measurement
+    current_limited: tuple[int, ...] = (5,)  # the modes in which the goal current limits the current
+    full_pwm: float = 885.0  # the count of PWM that means full voltage
+    gain_unit: float = 128.0  # the position P gain with which a pulse of error is one count of PWM
+    offset_subtracts: bool = False  # whether a homing offset is taken from a position, and not added to it
+    wraps: bool = False  # whether a position begins anew after a turn also where torque is off
+    # Bits that a register must have for its counts to mean what the table says: mask and value.
     bits_needed: Mapping[str, tuple[int, int]] = field(default_factory=dict)
 
     def baud_of(self, value: int) -> int | None:

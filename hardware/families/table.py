@@ -22,20 +22,13 @@ class UnknownRegisterError(MotiondeckError):
 
 @dataclass(frozen=True)
 class ControlTable:
-    """The registers of a model, by name and by address.
+    """The registers of a model, by name and by address."""
 
-    Attributes:
-        model: the maker's name, "XM430-W350".
-        number: the model number a ping answers with.
-        pulses_per_turn: position counts in one turn of the horn.
-        series: what it shares with other models.
-    """
-
-    model: str
-    number: int
-    pulses_per_turn: int
+    model: str  # the maker's name, "XM430-W350"
+    number: int  # the model number a ping answers with
+    pulses_per_turn: int  # position counts in one turn of the horn
     registers: dict[str, Register]
-    series: Series
+    series: Series  # what it shares with other models
 
     def __getitem__(self, name: str) -> Register:
         """The register of this name; an UnknownRegisterError has the nearest names."""
@@ -91,10 +84,8 @@ def parse_table(model: str, number: int, pulses_per_turn: int, text: str, series
 
     A length of `2s` is two bytes, signed; `2m` two bytes with a size and, in bit 10, its sign, `2m15` in bit 15; `-`
     stands for no default and for no unit; `*1:28` behind a name makes 28 registers name_1, name_2, ... one behind the
-    other, and a default of `224+` counts up along with them.
-
-    Raises:
-        ValueError: if a row has other columns, overlaps its neighbour, or uses an unknown word; it quotes the row.
+    other, and a default of `224+` counts up along with them. ValueError if a row has other columns, overlaps its
+    neighbour, or uses an unknown word; it quotes the row.
     """
     registers: dict[str, Register] = {}
     end = 0

@@ -17,29 +17,18 @@ _VOLTAGE_MODES = (1, 3, 4, 16)
 
 @dataclass(frozen=True, slots=True)
 class Traits:
-    """A servo model.
+    """A servo model."""
 
-    Attributes:
-        series: what it shares with others.
-        no_load_speed: of the horn at `voltage`, rev/min.
-        stall_current: A.
-        stall_torque: of the horn, N·m; 0 where the maker specifies none.
-        voltage: V.
-        current_unit: mA that one count of current means; 0 where the model measures load, in 0.1 %.
-        stiffness: its position gain in the unit of the X series; 0 where that is the default of its P gain.
-        fast_read: the firmware from which it answers fast sync and fast bulk reads; None for never.
-        figures: the model number where the maker's files lack it, then what the tables of its series need besides.
-    """
-
-    series: Series
-    no_load_speed: float
-    stall_current: float
-    stall_torque: float
-    voltage: float
-    current_unit: float
-    stiffness: int
-    fast_read: int | None
+    series: Series  # what it shares with others
+    no_load_speed: float  # of the horn at `voltage`, rev/min
+    stall_current: float  # A
+    stall_torque: float  # of the horn, N·m; 0 where the maker specifies none
+    voltage: float  # V
+    current_unit: float  # mA that one count of current means; 0 where the model measures load, in 0.1 %
+    stiffness: int  # its position gain in the unit of the X series; 0 where that is the default of its P gain
+    fast_read: int | None  # the firmware from which it answers fast sync and fast bulk reads; None for never
     modes: tuple[int, ...]
+    # The model number where the maker's files lack it, then what the tables of its series need besides.
     figures: tuple[int, ...]
 
 

@@ -15,23 +15,14 @@ Counts = NDArray[np.int64]
 
 @dataclass(frozen=True, slots=True)
 class RigFaults:
-    """Counts since the rig was switched on, each of shape (J,).
+    """Counts since the rig was switched on, each of shape (J,)."""
 
-    Attributes:
-        missed: replies that did not come.
-        corrupt: replies with a bad checksum.
-        alert: replies in which the servo reported a hardware problem.
-        clipped: targets beyond a limit of the rig file; the goal stays at the limit.
-        refused: targets that were NaN or infinite; the joint kept its last goal.
-        unsent: targets that the port did not take, or that came while the rig was stopped or recovering.
-    """
-
-    missed: Counts
-    corrupt: Counts
-    alert: Counts
-    clipped: Counts
-    refused: Counts
-    unsent: Counts
+    missed: Counts  # replies that did not come
+    corrupt: Counts  # replies with a bad checksum
+    alert: Counts  # replies in which the servo reported a hardware problem
+    clipped: Counts  # targets beyond a limit of the rig file; the goal stays at the limit
+    refused: Counts  # targets that were NaN or infinite; the joint kept its last goal
+    unsent: Counts  # targets that the port did not take, or that came while the rig was stopped or recovering
 
     @classmethod
     def none(cls, joints: int) -> RigFaults:
@@ -88,16 +79,10 @@ class Timings:
 
 
 class RigReport(msgspec.Struct, frozen=True):
-    """The counts and durations of a rig since it was switched on.
+    """The counts and durations of a rig since it was switched on."""
 
-    Attributes:
-        write_us, read_us: `Timings.percentiles` of sending goals and of collecting states.
-        recoveries: how often something was recovered.
-        faults, by_joint: `RigFaults.total` and `RigFaults.by_joint`.
-    """
-
-    write_us: dict[str, float] | None
-    read_us: dict[str, float] | None
-    recoveries: int
-    faults: int
-    by_joint: dict[str, dict[str, int]]
+    write_us: dict[str, float] | None  # `Timings.percentiles` of sending goals
+    read_us: dict[str, float] | None  # `Timings.percentiles` of collecting states
+    recoveries: int  # how often something was recovered
+    faults: int  # `RigFaults.total`
+    by_joint: dict[str, dict[str, int]]  # `RigFaults.by_joint`

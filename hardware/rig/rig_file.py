@@ -23,41 +23,29 @@ BAUD_RATES = (9600, 57600, 115200, 1_000_000, 2_000_000, 3_000_000, 4_000_000)
 
 
 class FollowConfig(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
-    """How joints follow their targets.
+    """How joints follow their targets."""
 
-    Attributes:
-        learn: whether what they are still off, in each motion and phase, is learned while they play.
-    """
-
-    learn: bool = False
+    learn: bool = False  # whether what they are still off, in each motion and phase, is learned while they play
 
 
 class RigConfig(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
-    """A rig file's contents.
+    """A rig file's contents."""
 
-    Attributes:
-        port: of the serial adapter, such as /dev/ttyUSB0, for joints that name no other.
-        baud: of the bus, bits/s.
-        rate_hz: how often targets are sent.
-        joints: in the order of every array about this rig.
-        watchdog_ms: silence on the bus after which the servos' own watchdogs stop them; at least 1.5 ticks and 20 ms.
-        read_hz: how often the state is read; 0 for as often as targets are sent.
-        on_exit: what the servos do in the end: "off", or "hold" where they are.
-        on_loss: what happens when a joint is lost for good: "stop" the rig, or "go on" without it.
-        reconnect_s: how long a vanished port may take to come back; 0 to stop at once.
-        follow: how joints follow their targets.
-    """
-
+    # Of the serial adapter, such as /dev/ttyUSB0, for joints that name no other.
     port: Annotated[str, msgspec.Meta(min_length=1)]
-    baud: int
-    rate_hz: Annotated[float, msgspec.Meta(gt=0, le=1000)]
-    joints: Annotated[tuple[RigJoint, ...], msgspec.Meta(min_length=1)]
+    baud: int  # of the bus, bits/s
+    rate_hz: Annotated[float, msgspec.Meta(gt=0, le=1000)]  # how often targets are sent
+    joints: Annotated[tuple[RigJoint, ...], msgspec.Meta(min_length=1)]  # in the order of every array about this rig
+    # Silence on the bus after which the servos' own watchdogs stop them; at least 1.5 ticks and 20 ms.
     watchdog_ms: Annotated[int, msgspec.Meta(ge=20, le=2540)] = 200
+    # How often the state is read; 0 for as often as targets are sent.
     read_hz: Annotated[float, msgspec.Meta(ge=0)] = 0.0
-    on_exit: Literal["off", "hold"] = "off"
+    on_exit: Literal["off", "hold"] = "off"  # what the servos do in the end: "off", or "hold" where they are
+    # What happens when a joint is lost for good: "stop" the rig, or "go on" without it.
     on_loss: Literal["stop", "go on"] = "stop"
+    # How long a vanished port may take to come back; 0 to stop at once.
     reconnect_s: Annotated[float, msgspec.Meta(ge=0, le=3600)] = 10.0
-    follow: FollowConfig = FollowConfig()
+    follow: FollowConfig = FollowConfig()  # how joints follow their targets
 
     def __post_init__(self) -> None:
         if self.baud not in BAUD_RATES:
@@ -102,8 +90,7 @@ class RigConfig(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     def on_ports(self, ports: Sequence[str] = ()) -> tuple[RigConfig, ...]:
         """The same as `parts`, on these ports in place of the rig file's own if there are any.
 
-        Raises:
-            RigError: if their number is not that of the rig's ports.
+        RigError if their number is not that of the rig's ports.
         """
         if ports and len(ports) != len(self.ports):
             raise RigError(f"the rig has {len(self.ports)} ports ({', '.join(self.ports)}), {len(ports)} were given.")
@@ -173,8 +160,7 @@ class RigConfig(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
 def load_rig(path: str | Path) -> RigConfig:
     """Reads a rig file.
 
-    Raises:
-        RigFileError: if it cannot be read, is not TOML, or has an unknown key or an impossible value.
+    RigFileError if it cannot be read, is not TOML, or has an unknown key or an impossible value.
     """
     try:
         text, tree = parse_toml(Path(path))

@@ -21,59 +21,41 @@ _FARTHEST = 4.0 * math.pi  # rad; farther are limits in degrees
 
 
 class SecondServo(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
-    """The other servo of a joint that two turn; all else is as of the first.
+    """The other servo of a joint that two turn; all else is as of the first."""
 
-    Attributes:
-        id, direction, zero: as of a `RigJoint`.
-    """
-
-    id: Annotated[int, msgspec.Meta(ge=0, le=252)]
+    id: Annotated[int, msgspec.Meta(ge=0, le=252)]  # this and the next two are as of a `RigJoint`
     direction: Literal[-1, 1]
     zero: int
 
 
 class RigJoint(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
-    """One servo as a joint: angle = direction * (pulses - zero) * 2 pi / (pulses_per_turn * gear).
+    """One servo as a joint: angle = direction * (pulses - zero) * 2 pi / (pulses_per_turn * gear)."""
 
-    Attributes:
-        name: the robot's joint.
-        id: on the bus, 0 to 252.
-        model: the maker's name, as in `MODELS`.
-        direction: +1 or -1, which way the servo turns when the joint's angle grows.
-        zero: the servo's position at angle 0, pulses; of a servo that counts turns, in any of them.
-        lower, upper: position limits, rad; beyond the servo's own one turn it is driven in a mode that counts turns.
-        velocity: its limit, rad/s.
-        acceleration: its limit, rad/s^2; 0 for none.
-        current: its limit, A, that the servo itself keeps; 0 for none.
-        grip: whether it may be held up by what it grips: it then holds on with its limit of current.
-        gear: turns of the horn for one turn of the joint.
-        port: of the serial adapter that its servo is on; the rig's own if empty.
-        second: a servo of the same model on the same port that turns the joint too; None without.
-        position_p_gain, position_i_gain, position_d_gain: counts of these registers; what the servo has if None.
-        lag: how late its shaft is behind its targets while it plays, s; see `tools.identify`.
-        homing_offset: what the servo takes from its position, counts; only where its count begins anew after a turn.
-        friction: the current that turns it slowly without a load, A; None where it is unknown.
-    """
-
-    name: str
-    id: Annotated[int, msgspec.Meta(ge=0, le=252)]
-    model: str
-    direction: Literal[-1, 1]
-    zero: int
+    name: str  # the robot's joint
+    id: Annotated[int, msgspec.Meta(ge=0, le=252)]  # on the bus, 0 to 252
+    model: str  # the maker's name, as in `MODELS`
+    direction: Literal[-1, 1]  # +1 or -1, which way the servo turns when the joint's angle grows
+    zero: int  # the servo's position at angle 0, pulses; of a servo that counts turns, in any of them
+    # Position limits, rad; beyond the servo's own one turn it is driven in a mode that counts turns.
     lower: float
     upper: float
-    velocity: Annotated[float, msgspec.Meta(gt=0)]
-    acceleration: Annotated[float, msgspec.Meta(ge=0)] = 0.0
-    current: Annotated[float, msgspec.Meta(ge=0)] = 0.0
-    grip: bool = False
-    gear: Annotated[float, msgspec.Meta(gt=0)] = 1.0
-    port: str = ""
+    velocity: Annotated[float, msgspec.Meta(gt=0)]  # its limit, rad/s
+    acceleration: Annotated[float, msgspec.Meta(ge=0)] = 0.0  # its limit, rad/s^2; 0 for none
+    current: Annotated[float, msgspec.Meta(ge=0)] = 0.0  # its limit, A, that the servo itself keeps; 0 for none
+    grip: bool = False  # whether it may be held up by what it grips: it then holds on with its limit of current
+    gear: Annotated[float, msgspec.Meta(gt=0)] = 1.0  # turns of the horn for one turn of the joint
+    port: str = ""  # of the serial adapter that its servo is on; the rig's own if empty
+    # A servo of the same model on the same port that turns the joint too; None without.
     second: SecondServo | None = None
+    # Count of this register, as the next two; None for what the servo has.
     position_p_gain: Annotated[int, msgspec.Meta(ge=0)] | None = None
     position_i_gain: Annotated[int, msgspec.Meta(ge=0)] | None = None
     position_d_gain: Annotated[int, msgspec.Meta(ge=0)] | None = None
+    # How late its shaft is behind its targets while it plays, s; see `tools.identify`.
     lag: Annotated[float, msgspec.Meta(ge=0, le=0.5)] = 0.0
+    # The current that turns it slowly without a load, A; None where it is unknown.
     friction: Annotated[float, msgspec.Meta(ge=0)] | None = None
+    # What the servo takes from its position, counts; only where its count begins anew after a turn.
     homing_offset: int = 0
 
     def __post_init__(self) -> None:

@@ -15,25 +15,21 @@ Array = NDArray[np.float64]
 
 
 class RigScale:
-    """The scales of a rig's J joints.
-
-    Attributes:
-        lower, upper: limits, shape (J,), rad.
-        zero: each servo's position at angle 0 as it counts now, shape (J,), pulses; see `whole_turns`.
-        rad_per_s: one count of velocity, shape (J,), rad/s; its sign is as that of `amperes`.
-        amperes: one count of current or load, shape (J,), A, negative where the servo turns the other way.
-    """
+    """The scales of a rig's J joints."""
 
     def __init__(self, config: RigConfig) -> None:
         joints = config.joints
-        self.lower = np.array([joint.lower for joint in joints])
-        self.upper = np.array([joint.upper for joint in joints])
+        self.lower = np.array([joint.lower for joint in joints])  # limits, shape (J,), rad
+        self.upper = np.array([joint.upper for joint in joints])  # limits, shape (J,), rad
+        # Each servo's position at angle 0 as it counts now, shape (J,), pulses; see `whole_turns`.
         self.zero = np.array([joint.zero for joint in joints], dtype=np.float64)
         self._per_radian = np.array([joint.pulses_per_radian for joint in joints])
+        # One count of velocity, shape (J,), rad/s; its sign is as that of `amperes`.
         self.rad_per_s = np.array(
             [joint.table["present_velocity"].si / (joint.direction * joint.gear) for joint in joints]
         )
         self._signs = np.array([_signs(joint) for joint in joints], dtype=np.int64).T
+        # One count of current or load, shape (J,), A, negative where the servo turns the other way.
         self.amperes = np.array([joint.direction * _ampere(joint) for joint in joints])
 
     @property

@@ -37,18 +37,12 @@ _ALIKE = {"hardware_error_status": 0, "torque_enable": 0, "present_temperature":
 
 @dataclass(frozen=True, slots=True)
 class StateBlock:
-    """A block of registers.
+    """A block of registers."""
 
-    Attributes:
-        address, length: what to read.
-        layout: of the bytes read, with the names in FIELDS.
-        healthy: whether health is in it.
-    """
-
-    address: int
-    length: int
-    layout: np.dtype[Any]
-    healthy: bool
+    address: int  # of the first byte that is read
+    length: int  # bytes
+    layout: np.dtype[Any]  # of the bytes read, with the names in FIELDS
+    healthy: bool  # whether health is in it
 
 
 @dataclass(frozen=True, slots=True)

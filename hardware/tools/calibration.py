@@ -28,19 +28,13 @@ _MARGIN = 0.02  # rad kept away from an end that a hand has found
 
 
 class MeasuredJoint(msgspec.Struct, forbid_unknown_fields=True):
-    """The calibration of one joint so far, pulses.
-
-    Attributes:
-        direction: 1 or -1, which way the servo turns when the joint's angle grows.
-        zero: where it stands at angle 0; None until that is known.
-        low, high: the lowest and the highest position seen; None before the first.
-    """
+    """The calibration of one joint so far, pulses."""
 
     id: int
-    direction: Literal[-1, 1]
-    zero: Counts | None = None
-    low: Counts | None = None
-    high: Counts | None = None
+    direction: Literal[-1, 1]  # 1 or -1, which way the servo turns when the joint's angle grows
+    zero: Counts | None = None  # where it stands at angle 0; None until that is known
+    low: Counts | None = None  # the lowest position seen; None before the first
+    high: Counts | None = None  # the highest position seen; None before the first
 
 
 class Range(NamedTuple):

@@ -44,53 +44,33 @@ _THE_RIGS_OWN = ("min_position_limit", "max_position_limit", "current_limit")  #
 
 
 class ServoReport(msgspec.Struct, frozen=True):
-    """What a servo of the rig reports.
-
-    Attributes:
-        errors: hardware errors in words, with the limits that it keeps; "" for none.
-        position: rad.
-        temperature: degC.
-        voltage: V.
-        return_delay_us: how long it waits before it answers.
-    """
+    """What a servo of the rig reports."""
 
     name: str
     id: int
     model: str
     firmware: int
     torque: bool
-    errors: str
-    position: float
-    temperature: float
-    voltage: float
-    return_delay_us: int
+    errors: str  # hardware errors in words, with the limits that it keeps; "" for none
+    position: float  # rad
+    temperature: float  # degC
+    voltage: float  # V
+    return_delay_us: int  # how long it waits before it answers
 
 
 class Report(msgspec.Struct, frozen=True):
-    """What an examination found.
-
-    Attributes:
-        baud: bits/s.
-        latency_ms: of the USB adapter's timer; None where there is none to read.
-        rate_hz: asked for by the rig file.
-        possible_hz: that the wire allows as it is now.
-        servos: those that answered.
-        actuators: what turns each joint, and why so, a line each.
-        problems: each with its remedy.
-        notes: what differs from what the rig needs, and is set whenever it is switched on.
-        missing: IDs that did not answer.
-    """
+    """What an examination found."""
 
     port: str
-    baud: int
-    latency_ms: int | None
-    rate_hz: float
-    possible_hz: float
-    servos: list[ServoReport]
-    actuators: list[str]
-    problems: list[str]
-    notes: list[str]
-    missing: list[int]
+    baud: int  # bits/s
+    latency_ms: int | None  # of the USB adapter's timer; None where there is none to read
+    rate_hz: float  # asked for by the rig file
+    possible_hz: float  # that the wire allows as it is now
+    servos: list[ServoReport]  # those that answered
+    actuators: list[str]  # what turns each joint, and why so, a line each
+    problems: list[str]  # each with its remedy
+    notes: list[str]  # what differs from what the rig needs, and is set whenever it is switched on
+    missing: list[int]  # IDs that did not answer
 
 
 class Fixed(NamedTuple):

@@ -58,8 +58,7 @@ class Chirp:
 def chirp_of(joint: RigJoint, position: float) -> Chirp:
     """The chirp of a joint around where it stands, or as near to there as its limits (rad) allow.
 
-    Raises:
-        RigError: if its range is too small for any.
+    RigError if its range is too small for any.
     """
     low, high = joint.lower + _MARGIN, joint.upper - _MARGIN
     swing = min(_SWING, 0.5 * (high - low))
@@ -96,8 +95,7 @@ class Response(NamedTuple):
 def response(answers: ChirpAnswers) -> Response:
     """Lag, gain and friction of a joint.
 
-    Raises:
-        RigError: if there are too few answers, or the shaft did not move with its targets.
+    RigError if there are too few answers, or the shaft did not move with its targets.
     """
     start = answers.sent_at[0] + LATEST
     known = answers.read_at >= start

@@ -62,8 +62,7 @@ def read_calibration(path: Path) -> dict[str, MotorCalibration]:
 def imported(motors: Mapping[str, MotorCalibration], found: Sequence[Found], port: str) -> tuple[RigConfig, list[str]]:
     """The rig of the servos that answered a scan, as a calibration says; and what to know about it.
 
-    Raises:
-        RigError: if a motor of the calibration does not answer, or is not fit for a rig; it names them.
+    RigError if a motor of the calibration does not answer, or is not fit for a rig; it names them.
     """
     servos = {one.identity.id: one for one in found}
     missing = [f"{name} (id {motor.id})" for name, motor in motors.items() if motor.id not in servos]

@@ -42,8 +42,7 @@ def new_joint(name: str, id: int, model: str) -> RigJoint:
 def rig_of(found: Sequence[Found], port: str) -> tuple[RigConfig, list[str]]:
     """A rig of the servos that answered a scan, named joint_ID; and those that cannot be joints of it, and why.
 
-    Raises:
-        RigError: if no servo can, or they cannot share one port as they are; it says what to do.
+    RigError if no servo can, or they cannot share one port as they are; it says what to do.
     """
     if not found:
         raise RigError(f"no servo answers on {port}. Check power, cable and adapter.")
@@ -104,10 +103,8 @@ def set_port(path: Path, port: str) -> str:
 def set_in_joints(path: Path, values: Mapping[str, Mapping[str, float]], out: Path) -> Path | None:
     """Writes a rig file with these values of joints, by name and key, and leaves all else as it is, comments too.
 
-    Returns where the file is kept that stood at `out` before, if any.
-
-    Raises:
-        RigError: if the file is written so unusually that the values cannot be put into it; nothing is written then.
+    Returns where the file is kept that stood at `out` before, if any. RigError if the file is written so unusually that
+    the values cannot be put into it; nothing is written then.
     """
     config, text = load_rig(path), path.read_text(encoding="utf-8")
     joints = [msgspec.structs.replace(joint, **values.get(joint.name, {})) for joint in config.joints]

@@ -68,10 +68,8 @@ class StopInput:
 def open_stop_input(device: Path) -> StopInput:
     """A wired stop: /dev/input/eventN stops with any of its keys; every other device is a serial adapter.
 
-    On the adapter a contact that opens when the stop is pulled connects DTR with CTS.
-
-    Raises:
-        MotiondeckError: if it cannot be opened, or is pulled already.
+    On the adapter a contact that opens when the stop is pulled connects DTR with CTS. MotiondeckError if it cannot be
+    opened, or is pulled already.
     """
     try:
         found = _key(device) if device.parent == Path("/dev/input") else _contact(device)

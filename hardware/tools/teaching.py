@@ -77,16 +77,11 @@ def _several_turns(part: RigConfig, bus: Bus) -> Iterator[tuple[str, int]]:
 
 
 class Taught(NamedTuple):
-    """A motion as it was taught.
+    """A motion as it was taught."""
 
-    Attributes:
-        whole: all that was recorded, gaps closed and smoothed, at a steady rate, shape (T, J), rad.
-        first, end: the frames that are left without the time before the first movement and after the last one.
-    """
-
-    whole: Array
-    first: int
-    end: int
+    whole: Array  # all that was recorded, gaps closed and smoothed, at a steady rate, shape (T, J), rad
+    first: int  # the first frame that is left without the time before the first movement
+    end: int  # the frame after the last that is left without the time after the last movement
 
     @property
     def moving(self) -> Array:
@@ -97,8 +92,7 @@ class Taught(NamedTuple):
 def taught(moments: Sequence[Moment], rate: float) -> Taught:
     """What was written down, at a steady rate (Hz).
 
-    Raises:
-        RigError: if there are too few moments, a joint was never heard, or nothing moved.
+    RigError if there are too few moments, a joint was never heard, or nothing moved.
     """
     times = np.array([moment.time for moment in moments])
     seen = np.array([moment.angles for moment in moments])

@@ -73,8 +73,7 @@ def by_planes(clip: Clip, count: int | None) -> list[dict[str, Any]]:
 def by_recognizer(clip: Clip, file: Path) -> list[dict[str, Any]]:
     """Segments of one recognized motion each, by the most likely sequence (Viterbi).
 
-    Raises:
-        MotiondeckError: if the recognizer cannot be read, or the recording is too short.
+    MotiondeckError if the recognizer cannot be read, or the recording is too short.
     """
     from controller.learning.recognition.features import features
     from controller.learning.recognition.recognizer import load_recognizer

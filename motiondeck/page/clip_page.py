@@ -22,19 +22,12 @@ from motiondeck.page.web.private_page import PrivatePage
 
 @dataclass
 class Playhead:
-    """A place among T frames at a rate.
+    """A place among T frames at a rate."""
 
-    Attributes:
-        frames: T, at least 1.
-        rate: frames per second, Hz.
-        place: in frames, 0 to T - 1, between two of them while it plays.
-        tempo: 1 is as recorded.
-    """
-
-    frames: int
-    rate: float
-    place: float = 0.0
-    tempo: float = 1.0
+    frames: int  # T, at least 1
+    rate: float  # frames per second, Hz
+    place: float = 0.0  # in frames, 0 to T - 1, between two of them while it plays
+    tempo: float = 1.0  # 1 is as recorded
     playing: bool = True
 
     @property
@@ -71,33 +64,22 @@ SLOWEST, FASTEST = 0.05, 3.0
 
 @dataclass(frozen=True)
 class Act:
-    """What is shown.
-
-    Attributes:
-        qpos: a frame of them each, shape (T, nq).
-        rate: frames per second, Hz.
-        bones: start and end of the human's bones, shape (T, B, 2, 3), m; B may be 0.
-        prints: what the feet leave on the floor.
-        stands: which feet stand, shape (T, F).
-        soles: where their corners are, shape (T, F, 4, 3), m.
-    """
+    """What is shown."""
 
     title: str
     model: mujoco.MjModel
-    qpos: Array
-    rate: float
-    bones: Array
-    prints: Sequence[Print] = ()
+    qpos: Array  # a frame of them each, shape (T, nq)
+    rate: float  # frames per second, Hz
+    bones: Array  # start and end of the human's bones, shape (T, B, 2, 3), m; B may be 0
+    prints: Sequence[Print] = ()  # what the feet leave on the floor
+    # Which feet stand, shape (T, F).
     stands: NDArray[np.bool_] = field(default_factory=lambda: np.zeros((0, 0), dtype=bool))
+    # Where their corners are, shape (T, F, 4, 3), m.
     soles: Array = field(default_factory=lambda: np.zeros((0, 0, 4, 3)))
 
 
 def show(act: Act, port: int, ends: Callable[[], bool] = lambda: False) -> None:
-    """Shows a clip on a page of this machine until it is ended.
-
-    Raises:
-        PortError: if the port is taken.
-    """
+    """Shows a clip on a page of this machine until it is ended; PortError if the port is taken."""
     # viser announces itself on standard output, which is kept for results.
     with Path(os.devnull).open("w") as nowhere, contextlib.redirect_stdout(nowhere):
         page = PrivatePage(port, label=act.title)

@@ -36,13 +36,10 @@ SIDE_WIDTH = 340  # pixels
 
 
 class DeckView:
-    """All that is on the page of a deck.
+    """All that is on the page of a deck; FileFormatError if MuJoCo refuses a model file of the deck.
 
     Args:
         dropped: the folder where dropped recordings are kept.
-
-    Raises:
-        FileFormatError: if MuJoCo refuses a model file of the deck.
     """
 
     def __init__(self, page: PrivatePage, about: PageDescription, commands: CommandClient, dropped: Path) -> None:

@@ -39,10 +39,7 @@ def view(state: Path, command_port: int | None, port: int) -> None:
     """Shows a deck until it ends or the process that started this one is gone; waits for its state file to appear.
 
     Prints the address of the page on standard error as soon as that answers. Without a command port, the state file
-    says it.
-
-    Raises:
-        MotiondeckError: if there is no such deck, or the port is taken.
+    says it. MotiondeckError if there is no such deck, or the port is taken.
     """
     parent = os.getppid()
     # The deck starts this process first and loads its robot meanwhile, so that the page is there sooner.

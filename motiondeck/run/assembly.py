@@ -49,16 +49,12 @@ if TYPE_CHECKING:  # a run imports what it has: page, show, recorder, recognitio
 
 @dataclass(frozen=True)
 class Host:
-    """The process that a run is in.
-
-    Attributes:
-        restarts: whether the run is started again when another library is asked for.
-    """
+    """The process that a run is in."""
 
     page: PageProcess | None = None
     terminal: bool = False
     progress: bool = False
-    restarts: bool = False
+    restarts: bool = False  # whether the run is started again when another library is asked for
     clock: Clock | None = None
 
 
@@ -67,21 +63,14 @@ ALONE = Host()
 
 @dataclass(frozen=True)
 class Played:
-    """What a run plays.
+    """What a run plays."""
 
-    Attributes:
-        source: a session needs its name and its skeleton, recognition its motions.
-        open_robots: opens the robots, at least one; the stack that it gets closes them.
-        make_deck: makes the deck for the robots' retargeting.
-        timeline: what is commanded when, in order.
-        file: of the source, if it is a library.
-    """
-
-    source: MotionLibrary | Clip
+    source: MotionLibrary | Clip  # a session needs its name and its skeleton, recognition its motions
+    # Opens the robots, at least one; the stack that it gets closes them.
     open_robots: Callable[[ExitStack], list[RobotOnDeck]]
-    make_deck: Callable[[Retargeter], PlayableDeck]
-    timeline: Sequence[Timed] = ()
-    file: Path | None = None
+    make_deck: Callable[[Retargeter], PlayableDeck]  # makes the deck for the robots' retargeting
+    timeline: Sequence[Timed] = ()  # what is commanded when, in order
+    file: Path | None = None  # of the source, if it is a library
 
     @property
     def name(self) -> str:
@@ -99,11 +88,7 @@ class Played:
 
 @contextmanager
 def open_session(spec: RunSpec, played: Played, host: Host = ALONE) -> Iterator[Session]:
-    """A run while the block runs.
-
-    Raises:
-        MotiondeckError: if a file, a port or a rig cannot be used.
-    """
+    """A run while the block runs; MotiondeckError if a file, a port or a rig cannot be used."""
     with ExitStack() as opening:
         # From here on a signal asks for a stop: what has been opened is closed in order.
         stop = opening.enter_context(stop_on_signals())
@@ -235,8 +220,7 @@ def _wired_stop(opening: ExitStack, spec: RunSpec) -> WiredStop | None:
 def _servers(opening: ExitStack, spec: RunSpec) -> list[CommandServer]:
     """The sockets where commands are taken, the local one last.
 
-    Raises:
-        SocketError: if the port or the address cannot be used.
+    SocketError if the port or the address cannot be used.
     """
     servers, port = list[CommandServer](), spec.command_port
     # A network knows which ports are free; the local socket then has the same number.
@@ -320,8 +304,7 @@ def _recorder(
 ) -> TickRecorder | None:
     """Starts the recording, if there is one.
 
-    Raises:
-        MotiondeckError: if the robot is not simulated, or the file cannot be written.
+    MotiondeckError if the robot is not simulated, or the file cannot be written.
     """
     if spec.record is None:
         return None

@@ -19,8 +19,7 @@ from motiondeck.run.spec.run_spec import RunSpec
 def library_run(spec: RunSpec, program: Program, host: Host = ALONE) -> Iterator[Session]:
     """An open run of a program while the block runs.
 
-    Raises:
-        MotiondeckError: if the network is too large for the rate, or a file, a port or a rig cannot be used.
+    MotiondeckError if the network is too large for the rate, or a file, a port or a rig cannot be used.
     """
     library, first = program.library, program.first
     rate = checked_rate(library, first, spec.rate, lower=spec.lower_rate)

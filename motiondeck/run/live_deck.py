@@ -31,8 +31,7 @@ T = TypeVar("T", bound="msgspec.Struct | RunSpec")
 def with_right_types(given: T) -> T:
     """A spec or a message as it was given, if its values are of their types; a number may be of any type.
 
-    Raises:
-        CommandError: if one is not, in one line: "rate: expected float, got str".
+    CommandError if one is not, in one line: "rate: expected float, got str".
     """
     if isinstance(given, msgspec.Struct):
         names = dict(zip(given.__struct_encode_fields__, given.__struct_fields__, strict=True))
@@ -82,11 +81,7 @@ LiveMessage = Ready | Failed | Ended
 
 
 def play_live(spec: RunSpec) -> None:
-    """Plays until the run is stopped.
-
-    Raises:
-        MotiondeckError: if it cannot begin.
-    """
+    """Plays until the run is stopped; MotiondeckError if it cannot begin."""
     os.environ.setdefault("MUJOCO_GL", "disable")  # nothing is drawn here, and MuJoCo starts sooner without OpenGL
     from motiondeck.run.library_run import library_run
     from motiondeck.run.spec.program import Program

@@ -73,11 +73,7 @@ class PluggedOutput:
             raise MotiondeckError(f"output {name}: its lag must be {joints} numbers from 0 to {_LONGEST_LAG} s")
 
     def write(self, targets: Array, pose: Pose) -> None:
-        """Writes the targets.
-
-        Raises:
-            LateOutputError: if that took more than a share LATEST of a tick.
-        """
+        """Writes the targets; LateOutputError if that took more than a share LATEST of a tick."""
         began = self._now()
         self._plugin.write(targets, pose)
         took = self._now() - began
@@ -87,8 +83,7 @@ class PluggedOutput:
     def measured(self) -> Array | None:
         """The measured joint positions, shape (J,), rad, if the output has any.
 
-        Raises:
-            MotiondeckError: if they have another shape.
+        MotiondeckError if they have another shape.
         """
         measured = self._measured()
         if measured is None:

@@ -80,20 +80,10 @@ class WiredStopWatch:
 
 @dataclass
 class Session:
-    """The open parts of a run; `assembly.open_session` makes it.
-
-    Attributes:
-        source: the name of what is played.
-        measured: returns the measured joint positions of the first robot, rad, as far as they are known.
-        page_port: where the page is; None for no page.
-        door, page, recorder, watch, wired_stop, correction: None for what the run does not have.
-        guarded: the rigs that are behind a guard; the first guard has the stop door and the wired stop.
-        timeline: what is still to be commanded, in order.
-        progress, prompt: whether a terminal shows how the run goes, and whether it has a prompt.
-    """
+    """The open parts of a run; `assembly.open_session` makes it."""
 
     spec: RunSpec
-    source: str
+    source: str  # the name of what is played
     stop: StopRequest
     robots: list[RobotOnDeck]
     deck: PlayableDeck
@@ -103,20 +93,22 @@ class Session:
     snapshots: SnapshotSource
     handler: CommandHandler
     news: RunNews
+    # Returns the measured joint positions of the first robot, rad, as far as they are known.
     measured: Callable[[], Array | None]
     children: Children
     command_port: int
-    page_port: int | None = None
-    door: StopDoor | None = None
+    page_port: int | None = None  # where the page is; None for no page
+    door: StopDoor | None = None  # None, as of the next ones, where the run has none
+    # The rigs that are behind a guard; the first guard has the stop door and the wired stop.
     guarded: Sequence[GuardedRig] = ()
     page: Page | None = None
     recorder: TickRecorder | None = None
     watch: Watch | None = None
     wired_stop: WiredStopWatch | None = None
     correction: Correction | None = None
-    timeline: list[Timed] = field(default_factory=list)
-    progress: bool = False
-    prompt: bool = False
+    timeline: list[Timed] = field(default_factory=list)  # what is still to be commanded, in order
+    progress: bool = False  # whether a terminal shows how the run goes
+    prompt: bool = False  # whether the terminal has a prompt
 
     def __post_init__(self) -> None:
         self._first = self.robots[0]

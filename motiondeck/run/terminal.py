@@ -57,8 +57,7 @@ docs/deck.md has more about each."""
 def help_on(words: Sequence[str]) -> str:
     """What `motiondeck send help` teaches: all commands, or the one that is named.
 
-    Raises:
-        CommandError: if there is no such command.
+    CommandError if there is no such command.
     """
     if not words:
         return _SEND_HELP
@@ -125,11 +124,7 @@ class _Interrupted(Exception):
 
 
 async def converse(client: CommandClient) -> None:
-    """Takes typed commands, with completion, until Ctrl-D or the end of the deck.
-
-    Raises:
-        SocketError: if no deck is running.
-    """
+    """Takes typed commands, with completion, until Ctrl-D or the end of the deck; SocketError if no deck is running."""
     import asyncio  # here, since `send` takes its words from this module
 
     from prompt_toolkit import PromptSession
@@ -194,8 +189,7 @@ def listen_to(client: CommandClient, enough: Callable[[], bool]) -> None:
 def follow(client: CommandClient, lines: Iterable[str]) -> None:
     """Sends commands from lines, one after the other, and waits for each switch to settle.
 
-    Raises:
-        SocketError: if no deck is running.
+    SocketError if no deck is running.
     """
     for line in lines:
         message = _message_in(line)

@@ -46,16 +46,11 @@ _CONTRADICTIONS = 3  # such samples in a row begin the estimate anew
 
 @dataclass(frozen=True, slots=True)
 class RoundTrip:
-    """One question and its answer.
+    """One question and its answer."""
 
-    Attributes:
-        sent, received: local times, s.
-        remote: the remote time in the answer, s.
-    """
-
-    sent: float
-    remote: float
-    received: float
+    sent: float  # local time, s
+    remote: float  # the remote time in the answer, s
+    received: float  # local time, s
 
     @property
     def seconds(self) -> float:

@@ -51,9 +51,6 @@ class Conductor:
 
     Args:
         first: the number of the first cue, from 0.
-
-    Attributes:
-        given: the time of each cue that was sent, s, by its number from 0.
     """
 
     def __init__(
@@ -74,7 +71,7 @@ class Conductor:
         self._stopped_at, self._reported_stop = 0.0, ""
         self._seen = SeenDecks(show, self._run, notify, now)
         self.decks = self._seen.by_name
-        self.given: dict[int, float] = {}
+        self.given: dict[int, float] = {}  # the time of each cue that was sent, s, by its number from 0
         link.answer("clock", self._time)
         link.subscribe("health/*", self._receive)
         link.subscribe("stop", self._receive)

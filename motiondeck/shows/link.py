@@ -40,8 +40,7 @@ class Link:
     def __init__(self, member: Membership) -> None:
         """Opens it; others that are not there yet are dialled until they are.
 
-        Raises:
-            MotiondeckError: if zenoh is not installed, the address cannot be had, or the certificates are no good.
+        MotiondeckError if zenoh is not installed, the address cannot be had, or the certificates are no good.
         """
         # Zenoh blocks a thread that receives for up to 10 s while it closes a lost link; with its usual two, one cut
         # link can keep all others from being heard.

@@ -118,8 +118,7 @@ class Member:
     def step(self, longest: float) -> bool:
         """Waits at most `longest` seconds for messages and handles them; False when the deck has ended.
 
-        Raises:
-            SocketError: if the deck is gone without a word.
+        SocketError if the deck is gone without a word.
         """
         due = [self._ask_at, *(self._due(cue) for cue in self._cues), self._stop_repeater.due]
         wait = min(max(min(due) - self._now(), 0.0), longest)

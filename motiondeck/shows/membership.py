@@ -44,18 +44,14 @@ class MemberFile(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
 
 @dataclass(frozen=True)
 class Membership:
-    """A member of a show.
-
-    Attributes:
-        listen: where others reach it, as zenoh writes it; none for a member that only connects.
-        certificates: the folder with its certificate, on several machines.
-    """
+    """A member of a show."""
 
     show: str
     name: str
+    # Where others reach it, as zenoh writes it; none for a member that only connects.
     listen: list[str] = field(default_factory=list)
     connect: list[str] = field(default_factory=list)
-    certificates: Path | None = None
+    certificates: Path | None = None  # the folder with its certificate, on several machines
 
     @property
     def memory(self) -> Path:
@@ -78,8 +74,7 @@ def check_name(name: str, what: str) -> str:
 def deck_in(text: str) -> Membership:
     """The membership of a deck: SHOW/DECK on this machine, or a folder with certificates.
 
-    Raises:
-        MotiondeckError: if it is neither.
+    MotiondeckError if it is neither.
     """
     folder = Path(text)
     if folder.is_dir():
@@ -96,11 +91,7 @@ def deck_in(text: str) -> Membership:
 
 
 def on_this_machine(show: str, name: str, *, listens: bool = True) -> Membership:
-    """A member that meets the others over sockets in the user's own folder.
-
-    Raises:
-        MotiondeckError: if a name cannot be one.
-    """
+    """A member that meets the others over sockets in the user's own folder; MotiondeckError if a name cannot be one."""
     check_name(show, "show")
     check_name(name, "member of a show")
     folder = _show_folder(show)

@@ -90,27 +90,20 @@ class ClockHealth(msgspec.Struct, frozen=True):
 
 
 class DeckHealth(msgspec.Struct, frozen=True):
-    """The state of a deck.
+    """The state of a deck."""
 
-    Attributes:
-        run, cue: the conductor and the number of the last cue that was carried out; "" and 0 for none.
-        motion, mode, phase, paused, switching, lock: as in `State`; lock is "" without one.
-        clock: how well the conductor's time is known; None if not at all.
-        stops: the latest emergency stops that the deck has carried out; it was reset since unless `mode` says so.
-        problem: the latest refusal or cue that came too late, or "".
-    """
-
-    run: str
-    cue: int
-    motion: str
+    run: str  # the conductor of the last cue that was carried out; "" for none
+    cue: int  # its number; 0 for none
+    motion: str  # this and the next ones as in `State`
     mode: Mode
     phase: float | None
     paused: bool
     switching: bool
-    lock: str
-    clock: ClockHealth | None
-    problem: str = ""
+    lock: str  # "" without one
+    clock: ClockHealth | None  # how well the conductor's time is known; None if not at all
+    problem: str = ""  # the latest refusal or cue that came too late, or ""
     problems: int = 0
+    # The latest emergency stops that the deck has carried out; it was reset since unless `mode` says so.
     stops: list[EmergencyStopAll] = []
 
 

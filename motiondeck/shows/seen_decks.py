@@ -46,22 +46,15 @@ class CueSum:
 
 @dataclass
 class SeenDeck:
-    """A deck as the conductor knows it.
-
-    Attributes:
-        about, health: its latest messages; None before the first.
-        heard: time of its health, s.
-        cues: the sum of the cues sent to it.
-        joined: when that was last sent, s.
-    """
+    """A deck as the conductor knows it."""
 
     name: str
     here: bool = False
-    about: About | None = None
-    health: DeckHealth | None = None
-    heard: float = 0.0
-    cues: CueSum = field(default_factory=CueSum)
-    joined: float = 0.0
+    about: About | None = None  # its latest message about itself; None before the first
+    health: DeckHealth | None = None  # its latest state; None before the first
+    heard: float = 0.0  # time of its health, s
+    cues: CueSum = field(default_factory=CueSum)  # the sum of the cues sent to it
+    joined: float = 0.0  # when that was last sent, s
     problems: int = 0
     losses: int = 0
 
@@ -116,11 +109,7 @@ class SeenDecks:
         return decks
 
     def check_plays(self, name: str, motion: str) -> None:
-        """Checks that a deck has a motion, as far as that is known.
-
-        Raises:
-            UnknownNameError: if not; it names the nearest.
-        """
+        """Checks that a deck has a motion, as far as that is known; UnknownNameError if not; it names the nearest."""
         about = self[name].about
         if about is not None and motion not in about.rounds:
             raise UnknownNameError(f"{name}: {UnknownNameError.among('motion', motion, about.rounds)}")

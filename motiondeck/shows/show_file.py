@@ -45,22 +45,16 @@ Seconds = Annotated[float, msgspec.Meta(ge=0, le=86400)]
 
 
 class ShowCue(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
-    """A cue as written.
-
-    Attributes:
-        at: s since the show began, or since the latest hold point or condition.
-        when: waits until this holds.
-        within: s after which a condition that does not hold becomes a hold point.
-        in_step: keeps loops in step from then on, at the recorded length of the motion, or at this many s a round.
-    """
+    """A cue as written."""
 
     say: str | list[str]
     name: str = ""
-    at: Seconds | None = None
+    at: Seconds | None = None  # s since the show began, or since the latest hold point or condition
     hold: bool = False
-    when: Condition | None = None
-    within: Seconds | None = None
+    when: Condition | None = None  # waits until this holds
+    within: Seconds | None = None  # s after which a condition that does not hold becomes a hold point
     to: str | list[str] = ALL
+    # Keeps loops in step from then on, at the recorded length of the motion, or at this many s a round.
     in_step: bool | Annotated[float, msgspec.Meta(ge=0.2, le=60)] = False
 
     @property

@@ -15,22 +15,16 @@ if TYPE_CHECKING:
 
 
 class DeckRow(msgspec.Struct, frozen=True):
-    """A deck.
-
-    Attributes:
-        name, robot, library, host: what it is; all but the name are "" until it has said so.
-        heard_ago: how long ago it has said how it is, s.
-        health: what it said; None without a connection, and before that.
-    """
+    """A deck."""
 
     name: str
-    robot: str
+    robot: str  # this and the next two are "" until it has said what it is
     library: str
     host: str
     here: bool
     losses: int
-    heard_ago: float
-    health: DeckHealth | None
+    heard_ago: float  # how long ago it has said how it is, s
+    health: DeckHealth | None  # what it said; None without a connection, and before that
     stop: StopAt = ""
 
 

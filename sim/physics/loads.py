@@ -41,32 +41,21 @@ _EVENLY = 1e-3
 
 @dataclass(frozen=True)
 class Loads:
-    """Loads of T samples of a motion on J joints at tempo 1.
+    """Loads of T samples of a motion on J joints at tempo 1."""
 
-    Attributes:
-        velocity: of the joints, shape (T, J), rad/s.
-        gravity, damping, inertia, friction: joint torques, shape (T, J), N m.
-        collision, colliding: depth of overlaps, shape (T,), m, and the bodies that overlap most.
-        lowest: height of the lowest point, shape (T,), m.
-        slide: speed of touching soles along the ground, shape (T,), m/s.
-        support: support polygons, length T.
-        lies: whether other bodies than the feet touch the ground, shape (T,).
-        com, com_velocity: of the centre of mass, shapes (T, 3), m, and (T, 2) along the ground, m/s.
-    """
-
-    velocity: Array
-    gravity: Array
-    damping: Array
-    inertia: Array
-    friction: Array
-    collision: Array
-    colliding: str
-    lowest: Array
-    slide: Array
-    support: tuple[Array, ...]
-    lies: NDArray[np.bool_]
-    com: Array
-    com_velocity: Array
+    velocity: Array  # of the joints, shape (T, J), rad/s
+    gravity: Array  # joint torques, shape (T, J), N m
+    damping: Array  # joint torques, shape (T, J), N m
+    inertia: Array  # joint torques, shape (T, J), N m
+    friction: Array  # joint torques, shape (T, J), N m
+    collision: Array  # depth of overlaps, shape (T,), m
+    colliding: str  # the bodies that overlap most
+    lowest: Array  # height of the lowest point, shape (T,), m
+    slide: Array  # speed of touching soles along the ground, shape (T,), m/s
+    support: tuple[Array, ...]  # support polygons, length T
+    lies: NDArray[np.bool_]  # whether other bodies than the feet touch the ground, shape (T,)
+    com: Array  # the centre of mass, shape (T, 3), m
+    com_velocity: Array  # its velocity along the ground, shape (T, 2), m/s
 
     def torque(self, tempo: float = 1.0) -> Array:
         """The joint torques at a tempo, shape (T, J), N m."""

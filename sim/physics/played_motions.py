@@ -19,19 +19,12 @@ DT = 0.01  # s from sample to sample
 
 @dataclass(frozen=True)
 class PlayedMotion:
-    """A motion or a switch as it was played, T samples DT apart.
+    """A motion or a switch as it was played, T samples DT apart."""
 
-    Attributes:
-        name: "walk", or "walk > jog".
-        loop: whether its end continues in its beginning.
-        targets: retargeted joints, shape (T, J), rad.
-        poses: of the human, length T.
-    """
-
-    name: str
-    loop: bool
-    targets: Array
-    poses: tuple[Pose, ...]
+    name: str  # "walk", or "walk > jog"
+    loop: bool  # whether its end continues in its beginning
+    targets: Array  # retargeted joints, shape (T, J), rad
+    poses: tuple[Pose, ...]  # of the human, length T
 
     @property
     def seconds(self) -> float:

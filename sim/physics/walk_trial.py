@@ -27,17 +27,11 @@ SIDES = 4  # one after another: behind, right, front, left
 
 @dataclass(frozen=True)
 class Course:
-    """The commands of a motion, K ticks of DT.
+    """The commands of a motion, K ticks of DT."""
 
-    Attributes:
-        targets: after the safety envelope, shape (K, J), rad.
-        roots: position and quaternion of the root, shape (K, 7), m.
-        headings: of the motion, shape (K,), rad.
-    """
-
-    targets: Array
-    roots: Array
-    headings: Array
+    targets: Array  # after the safety envelope, shape (K, J), rad
+    roots: Array  # position and quaternion of the root, shape (K, 7), m
+    headings: Array  # of the motion, shape (K,), rad
 
     @property
     def seconds(self) -> float:
@@ -47,21 +41,14 @@ class Course:
 
 @dataclass(frozen=True)
 class Trial:
-    """Result of one trial.
+    """Result of one trial."""
 
-    Attributes:
-        stood_s: time until the fall, or of the whole course.
-        asked_m, walked_m: distance of the motion and of the robot.
-        upper_deg, legs_deg: joint error, root mean square over joints and time, of the upper body and the legs.
-        tick_us: median time of a tick, simulation included.
-    """
-
-    stood_s: float
-    asked_m: float
-    walked_m: float
-    upper_deg: float
-    legs_deg: float
-    tick_us: float
+    stood_s: float  # time until the fall, or of the whole course
+    asked_m: float  # distance of the motion
+    walked_m: float  # distance of the robot
+    upper_deg: float  # joint error of the upper body, root mean square over joints and time
+    legs_deg: float  # the same of the legs
+    tick_us: float  # median time of a tick, simulation included
 
 
 def play_course(robot: Robot, play: Callable[[float], tuple[Array, Pose]], seconds: float, limiter: Limiter) -> Course:

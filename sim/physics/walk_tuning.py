@@ -48,19 +48,14 @@ FRESH = 1000
 
 @dataclass(frozen=True)
 class Tuned:
-    """Result of a tuning.
-
-    Attributes:
-        edge: the quickest pace at which it stood in every trial, relative to the search's; 0 if it fell at every
-            pace, and then the settings are not slowed down.
-        walked: distance on each course, under pushes of seeds from FRESH on, m.
-        stood: whether it stood on all of them.
-    """
+    """Result of a tuning."""
 
     settings: WalkSettings
+    # The quickest pace at which it stood in every trial, relative to the search's; 0 if it fell at every pace, and then
+    # the settings are not slowed down.
     edge: float
-    walked: tuple[float, ...]
-    stood: bool
+    walked: tuple[float, ...]  # distance on each course, under pushes of seeds from FRESH on, m
+    stood: bool  # whether it stood on all of them
 
 
 def paced(settings: WalkSettings, pace: float) -> WalkSettings:

@@ -215,13 +215,7 @@ class LimbSolver:
 
 
 class Goals:
-    """Goals of a robot's vectors for the limbs of a human.
-
-    Attributes:
-        with_chest: whether they turn with the chest, shape (K,).
-        planes: the indices of normals to the plane of an arm.
-        bent: sine of the human's bend of these arms at the last call.
-    """
+    """Goals of a robot's vectors for the limbs of a human."""
 
     def __init__(self, limbs: RobotLimbs) -> None:
         vectors, names = limbs.vectors, limbs.vectors.names
@@ -234,14 +228,16 @@ class Goals:
                     self._mix[k, LIMBS.index(segment)] = limbs.segments[segment].length
             elif name in LIMBS:
                 self._mix[k, LIMBS.index(name)] = vectors.length[k]
+        # Whether they turn with the chest, shape (K,).
         self.with_chest = np.array(["arm" in name or name.startswith("head") for name in names])
         self._feet = [
             (names.index(f"{side}_foot_ahead"), *(LIMBS.index(f"{side}_{part}") for part in ("thigh", "shank", "foot")))
             for side in SIDES
             if f"{side}_foot_ahead" in names
         ]
+        # The indices of normals to the plane of an arm.
         self.planes = [k for k, name in enumerate(names) if name.endswith(PLANE)]
-        self.bent = np.zeros(len(self.planes))
+        self.bent = np.zeros(len(self.planes))  # sine of the human's bend of these arms at the last call
         self._arms = [[LIMBS.index(f"{names[k][0]}_{part}") for part in ("upper_arm", "forearm")] for k in self.planes]
         self._length = vectors.length
         starts = np.array([name.endswith("_start") for name in names])

@@ -56,20 +56,15 @@ class Measured:
 
 
 class LimbFinder:
-    """Finds the limbs of a robot that stands straight, its pelvis facing x.
-
-    Attributes:
-        reach: length of the stretched legs and arms, by name ("r_leg"), m.
-        segments: thighs, shanks, upper arms and forearms by name ("r_thigh").
-        sole_ends: heel and ball of each foot in its own frame, shape (2, 2, 3), m; empty without two feet.
-    """
+    """Finds the limbs of a robot that stands straight, its pelvis facing x."""
 
     def __init__(
         self, path: Path, model: mujoco.MjModel, data: mujoco.MjData, parts: Mapping[str, int], surface: Surface
     ) -> None:
         self._path, self._model, self._data, self._parts, self._surface = path, model, data, parts, surface
-        self.reach: dict[str, float] = {}
-        self.segments: dict[str, Measured] = {}
+        self.reach: dict[str, float] = {}  # length of the stretched legs and arms, by name ("r_leg"), m
+        self.segments: dict[str, Measured] = {}  # thighs, shanks, upper arms and forearms by name ("r_thigh")
+        # Heel and ball of each foot in its own frame, shape (2, 2, 3), m; empty without two feet.
         self.sole_ends = np.empty((0, 2, 3))
         self._names: list[str] = []
         self._ends: list[tuple[int, int]] = []

@@ -20,14 +20,7 @@ from sim.retargeting.robot_parts import SIDES, bodies_of_parts
 
 
 class RobotLimbs:
-    """The limbs of one robot.
-
-    Attributes:
-        data: MuJoCo's state at the last `place`.
-        vectors, reach, segments, sole_ends: as of `LimbFinder`.
-        surface: the robot's skin.
-        turns_chest: whether the N joints move the chest, shape (N,).
-    """
+    """The limbs of one robot."""
 
     def __init__(
         self, path: Path, model: mujoco.MjModel, parts: Mapping[str, str], root_rotation: Array, joints: tuple[str, ...]
@@ -39,7 +32,7 @@ class RobotLimbs:
             FileFormatError: if a limb has no joint where it needs one.
         """
         self.model = model
-        self.data = Scratch(model)
+        self.data = Scratch(model)  # MuJoCo's state at the last `place`
         self._parts = bodies_of_parts(path, model, parts)
         self.data.qpos[:] = model.qpos0
         self.data.qpos[:3] = 0.0
@@ -48,10 +41,10 @@ class RobotLimbs:
                 self.data.qpos[model.jnt_qposadr[joint]] = curve[0]
         self._pelvis = UprightPelvis(model, self._parts["pelvis"], root_rotation)
         self._pelvis.place(self.data)
-        self.surface = Surface.of(model)
+        self.surface = Surface.of(model)  # the robot's skin
         finder = LimbFinder(path, model, self.data, self._parts, self.surface)
-        self.vectors, self.sole_ends = finder.find(), finder.sole_ends
-        self.reach, self.segments = finder.reach, finder.segments
+        self.vectors, self.sole_ends = finder.find(), finder.sole_ends  # as of `LimbFinder`
+        self.reach, self.segments = finder.reach, finder.segments  # as of `LimbFinder`
         self._chest_at_rest = self.data.xmat[self._parts["chest"]].reshape(3, 3).copy()
 
         index = [model.joint(name).id for name in joints]
@@ -64,7 +57,7 @@ class RobotLimbs:
         self._placed = LedJoints.of(led)
         self._placed_leader = np.array([index.index(leader) for leader in self._placed.leader], np.int64)
         self._placed_qpos = model.jnt_qposadr[self._placed.follower]
-        self.turns_chest = moves[self._parts["chest"]] != 0.0
+        self.turns_chest = moves[self._parts["chest"]] != 0.0  # whether the N joints move the chest, shape (N,)
         self._moves = moves[self.vectors.body][:, :, None, :]
         self._difference = self._moves[1] - self._moves[0]
         self._cross = np.zeros((3, len(index), 3))

@@ -37,17 +37,13 @@ class CrossingSearch:
     Args:
         ahead: both motions at times (S,) from the present trial on, s; the first is 0.
         bounds: what no joint may exceed, in all.
-
-    Attributes:
-        seconds: the duration once found; None where none is within bounds.
-        found: whether it has been found, or found to be None.
-        sides: the quaternions of both motions at its beginning, of each bone on the side from which it is mixed, shape
-            (2, 1 + B, 4), from the first trial on.
     """
 
     def __init__(self, ahead: Callable[[Array], tuple[Posture, Posture]], skeleton: Skeleton, bounds: Bounds) -> None:
-        self.seconds: float | None = None
-        self.found = False
+        self.seconds: float | None = None  # the duration once found; None where none is within bounds
+        self.found = False  # whether `seconds` has been found, or found to be None
+        # The quaternions of both motions at its beginning, of each bone on the side from which it is mixed, from the
+        # first trial on, shape (2, 1 + B, 4).
         self.sides: Array = np.empty(0)
         self._ahead, self._skeleton, self._bounds = ahead, skeleton, bounds
         self._candidate, self._trials, self._elapsed = SHORTEST, 0, 0.0

@@ -20,13 +20,10 @@ from controller.networks.base import AnyNetwork, Channels
 
 @dataclass(frozen=True)
 class BodyCourse:
-    """A body at S moments in its own heading frame, in one array, for fast interpolation.
+    """A body at S moments in its own heading frame, in one array, for fast interpolation."""
 
-    Attributes:
-        rows: of each moment the vector along each bone, m, the height, m, the velocity, m/s, and the turn rate, rad/s,
-            shape (S, 3 B + 4).
-    """
-
+    # Of each moment the vector along each bone, m, the height, m, the velocity, m/s, and the turn rate, rad/s, shape
+    # (S, 3 B + 4).
     rows: Array
 
     @classmethod

@@ -51,10 +51,6 @@ class FadeSearch:
         ahead: the target's course at times (S,) from now on, s; the first is 0.
         chain: which bones lead to each joint, shape (B, B), as of a skeleton.
         bounds: what no joint may exceed; its acceleration is that beyond the target's own.
-
-    Attributes:
-        fade: the one that was found; until then the longest that has been considered after a better one than any
-            before; None before the first step.
     """
 
     def __init__(
@@ -64,6 +60,8 @@ class FadeSearch:
         chain: Array,
         bounds: Bounds,
     ) -> None:
+        # The one that was found; until then the longest that has been considered after a better one than any before;
+        # None before the first step.
         self.fade: Fade | None = None
         self.found = False
         self.trials = 0

@@ -42,18 +42,12 @@ _SLACK = 0.02
 
 
 class BeatClock:
-    """Follows a beat; all times are those of one clock, s.
-
-    Attributes:
-        period: the estimated period, s, or None before the second beat.
-        last: the estimated time of the latest beat.
-        counted: how many beats were where they could be expected, from the first one on.
-    """
+    """Follows a beat; all times are those of one clock, s."""
 
     def __init__(self) -> None:
-        self.period: float | None = None
-        self.last = 0.0
-        self.counted = 0
+        self.period: float | None = None  # the estimated period, s, or None before the second beat
+        self.last = 0.0  # the estimated time of the latest beat
+        self.counted = 0  # how many beats were where they could be expected, from the first one on
         self._before = 0.0  # the time of the latest beat, a stray or not
         self._strays = 0  # strays that were as far from the beat before as beats can be
         self._was_stray = False

@@ -24,15 +24,12 @@ class FramePlayer:
     Args:
         rate: the frames per second of its training.
         beside: another player of the same library, whose anchors it shares.
-
-    Attributes:
-        pace: rate factor implied by the input.
     """
 
     def __init__(self, network: FrameNetwork, rate: float, beside: FramePlayer | None = None) -> None:
         self.network = network
         self.rate = rate
-        self.pace = 1.0
+        self.pace = 1.0  # rate factor implied by the input
         self.motions = network.motions
         # Found once, before the loop: some networks compute all of a motion's anchors at every question.
         self._anchors = beside._anchors if beside else {one: network.anchors(one) for one in network.motions}
@@ -75,8 +72,7 @@ class FramePlayer:
     def phase(self) -> float:
         """How far the motion is: [0, 1) in a loop, 0 to 1 in a one-shot.
 
-        Raises:
-            MotiondeckError: if the network runs by itself and does not know.
+        MotiondeckError if the network runs by itself and does not know.
         """
         self.require_phase()
         before, after = self._phases[1], self._phases[2]
@@ -89,8 +85,7 @@ class FramePlayer:
     def step(self, dt: float) -> Channels:
         """Advances by dt seconds; the channels there, shape (channels,), overwritten by the next step.
 
-        Raises:
-            MotiondeckError: if dt is negative and the network runs by itself, which cannot be played backwards.
+        MotiondeckError if dt is negative and the network runs by itself, which cannot be played backwards.
         """
         if dt < 0.0 or not self._forwards:
             self.require_phase()
@@ -138,11 +133,7 @@ class FramePlayer:
         return self._driven.inputs if self._driven is not None else {}
 
     def set_input(self, name: str, value: float) -> None:
-        """Changes an input; the next frames follow it.
-
-        Raises:
-            UnknownNameError: if the network has no such input.
-        """
+        """Changes an input; the next frames follow it. UnknownNameError if the network has no such input."""
         if self._driven is None:
             raise UnknownNameError(f"there is no input '{name}': no motion of this library was learned with one")
         self._driven.set_input(name, value)

@@ -54,8 +54,7 @@ class Mixture:
     def morph_to(self, other: str, frames: int) -> None:
         """Morphs inside the network to another motion, within a number of frames.
 
-        Raises:
-            UnknownNameError: if there is no such motion.
+        UnknownNameError if there is no such motion.
         """
         assert self._core is not None, "only a network that runs by itself is morphed"
         self._morph, self._other = self._core.morph(self.motion, other), other
@@ -101,26 +100,22 @@ class Track:
     Args:
         motions: those of the library, as the deck sees them.
         beside: another track of the library, whose anchors it shares.
-
-    Attributes:
-        at: time into the motion, s; in a loop it goes on rising, round after round.
-        guard: restarts the network where it loses its motion; None where it cannot.
-        posture_before, posture: of the last two steps.
     """
 
     def __init__(self, library: MotionLibrary, motions: Mapping[str, Motion], beside: Track | None = None) -> None:
         self._encoding, self._motions = library.encoding, motions
         core = library.network.twin()
         self._core, autonomous = core, core.as_autonomous
+        # Restarts the network where it loses its motion; None where it cannot.
         self.guard = _guard(autonomous, library) if autonomous is not None else None
         self._mixture = None if core.as_phase_network is not None else Mixture(self.guard or core, autonomous)
         others = beside.player if beside is not None else None
         self.player = FramePlayer(self._mixture or core, library.info.rate, others)
         self._faded_restarts = 0
-        self.at = 0.0
+        self.at = 0.0  # time into the motion, s; in a loop it goes on rising, round after round
         self._round = (0.0, 0.0)  # where it has ended or gone round, backwards and forwards, s
         self._backwards = False
-        self.posture_before = self.posture = self._decode(self.player.step(0.0), 1.0)
+        self.posture_before = self.posture = self._decode(self.player.step(0.0), 1.0)  # of the last two steps
 
     @property
     def motion(self) -> Motion:

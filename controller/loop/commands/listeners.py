@@ -86,16 +86,13 @@ _MOST_AWAITED = 256  # switches, or looks, whose second reply is still to come
 
 
 class SecondReplies:
-    """Second replies that are pending.
-
-    Attributes:
-        switches: those under way, with client, number, motions and progress.
-        looks: requests to servos, with client, number and start, s.
-    """
+    """Second replies that are pending."""
 
     def __init__(self, now: Callable[[], float]) -> None:
         self._now = now
+        # Those under way, with client, number, motions and progress.
         self.switches: deque[tuple[Client, int, str, Progress]] = deque(maxlen=_MOST_AWAITED)
+        # Requests to servos, with client, number and start, s.
         self.looks: deque[tuple[Client, int, Look, float]] = deque(maxlen=_MOST_AWAITED)
 
     def await_switch(self, client: Client, message: DeckCommand, progress: Progress) -> None:

@@ -18,16 +18,11 @@ _VELOCITY, _ACCELERATION, _JERK = 15.0 / 8.0, 10.0 / np.sqrt(3.0), 60.0
 
 @dataclass(frozen=True)
 class Approach:
-    """A move of J joints from rest to rest; all arrive together.
+    """A move of J joints from rest to rest; all arrive together."""
 
-    Attributes:
-        start, goal: joint positions, shape (J,), rad.
-        duration: s; zero where start and goal are the same.
-    """
-
-    start: Array
-    goal: Array
-    duration: float
+    start: Array  # joint positions, shape (J,), rad
+    goal: Array  # joint positions, shape (J,), rad
+    duration: float  # s; zero where start and goal are the same
 
     @classmethod
     def within(cls, limits: JointLimits, start: Array, goal: Array, slowness: float = 4.0) -> Approach:

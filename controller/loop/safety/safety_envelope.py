@@ -37,17 +37,12 @@ class LimitError(MotiondeckError):
 
 
 class SafetyEnvelope:
-    """Turns targets into safe targets for J joints, one call a tick.
-
-    Attributes:
-        changed: how many targets of each joint were changed since the start, length J.
-    """
+    """Turns targets into safe targets for J joints, one call a tick."""
 
     def __init__(self, limits: JointLimits, dt: float) -> None:
         """An envelope for ticks of dt seconds; the joints rest in the middle of their range until `start`.
 
-        Raises:
-            LimitError: if a limit is not finite, a range is empty, or a rate is not positive.
+        LimitError if a limit is not finite, a range is empty, or a rate is not positive.
         """
         check_limits(limits)
         self.limits = limits
@@ -66,7 +61,7 @@ class SafetyEnvelope:
         ]
         joints = len(self._bounds)
         self._states = [[0.0] * 5 for _ in range(joints)]
-        self.changed = [0] * joints
+        self.changed = [0] * joints  # how many targets of each joint were changed since the start, length J
         self._safe = np.empty(joints)
         self._shown = self._safe.view()
         self._shown.flags.writeable = False  # no output can change what the next one is given
@@ -75,10 +70,8 @@ class SafetyEnvelope:
     def start(self, position: Array) -> None:
         """Begins anew with the joints at rest at `position` (J,), rad.
 
-        A joint found outside its position limits may stay there, and moves inside only.
-
-        Raises:
-            LimitError: if a position is not finite; it names the joint.
+        A joint found outside its position limits may stay there, and moves inside only. LimitError if a position is not
+        finite; it names the joint.
         """
         for joint in np.flatnonzero(~np.isfinite(position)):
             raise LimitError(f"joint {joint}: the position to start from is {position[joint]}, not a number")
@@ -246,8 +239,7 @@ def _catching_up(
 def check_limits(limits: JointLimits) -> None:
     """Checks that a joint can obey the limits.
 
-    Raises:
-        LimitError: if lengths differ, a limit is not finite, a range is empty or a rate is not positive.
+    LimitError if lengths differ, a limit is not finite, a range is empty or a rate is not positive.
     """
     rates = {"velocity": limits.velocity, "acceleration": limits.acceleration, "jerk": limits.jerk}
     joints = len(limits.lower)

@@ -13,8 +13,7 @@ MOST_BLENDED = 4
 def blend_weights(first: str, second: str, weight: float, also: Sequence[tuple[str, float]] = ()) -> dict[str, float]:
     """The weights of the motions of a blend, the first with what the others leave.
 
-    Raises:
-        CommandError: if a motion is named twice, there are too many, or a weight is not allowed; it says what is.
+    CommandError if a motion is named twice, there are too many, or a weight is not allowed; it says what is.
     """
     parts = [(second, weight), *also]
     names = [first, *(name for name, _ in parts)]

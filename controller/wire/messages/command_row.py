@@ -43,16 +43,13 @@ class CommandRow:
 
     The tag of the message is the word that is typed, its annotated fields are the arguments in the order in which they
     are typed, and the first line of its docstring is the help.
-
-    Attributes:
-        record: its number in recordings, from 1, never reused; 0 if it is not recorded.
-        second_reply: the reply that follows the one to the command: a motion has settled, or servos have replied.
     """
 
     uses: tuple[Use, ...]
     modes: frozenset[Mode] = RELEASED
     aliases: tuple[str, ...] = ()
-    record: int = 0
+    record: int = 0  # its number in recordings, from 1, never reused; 0 if it is not recorded
+    # The reply that follows the one to the command: a motion has settled, or servos have replied.
     second_reply: Literal["", "settled", "servos"] = ""
     message: type[CommandMessage] = field(init=False)
 

@@ -26,11 +26,7 @@ _decoder: msgspec.json.Decoder[DeckCommand] = msgspec.json.Decoder(DeckCommand)
 
 
 def checked(message: DeckCommand) -> DeckCommand:
-    """The message itself.
-
-    Raises:
-        CommandError: if an argument is not in its range; it names the argument and the range.
-    """
+    """The message itself; CommandError if an argument is not in its range; it names the argument and the range."""
     message.check()
     return message
 
@@ -44,8 +40,7 @@ def usages() -> str:
 def read_command(data: bytes) -> DeckCommand:
     """The command in a datagram.
 
-    Raises:
-        CommandError: if it is no command, or an argument is out of range; it names what is allowed.
+    CommandError if it is no command, or an argument is out of range; it names what is allowed.
     """
     if len(data) > MOST_BYTES:
         raise CommandError(f"this message is too long; {MOST_BYTES} bytes are the most")
@@ -73,10 +68,8 @@ def number_in(data: bytes) -> int:
 def parse_command(words: Sequence[str]) -> DeckCommand:
     """The message of typed words: a command and its arguments, or a motion's name alone, which switches to it.
 
-    A single word may be a whole command, such as "switch jog".
-
-    Raises:
-        CommandError: if they are no command; it names the commands.
+    A single word may be a whole command, such as "switch jog". CommandError if they are no command; it names the
+    commands.
     """
     if len(words) == 1 and words[0].split()[:1] and words[0].split()[0] in BY_WORD:
         words = words[0].split()

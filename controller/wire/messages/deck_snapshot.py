@@ -65,56 +65,37 @@ _NO_HEALTH = TickHealth()
 
 
 class DeckSnapshot(msgspec.Struct, frozen=True, kw_only=True):
-    """A run at one tick. Numbers, names and tuples of both go to page and recorder; `inputs` and texts do not.
+    """A run at one tick. Numbers, names and tuples of both go to page and recorder; `inputs` and texts do not."""
 
-    Attributes:
-        motion: the motion that is played or being switched to.
-        playing: the motion that is played now, perhaps on the way to `motion`.
-        way: the motions that the present switch has still to begin.
-        phase: how far the motion is, from 0 to 1; None if the network runs by itself.
-        inputs: the present values of the inputs that motions have besides the phase.
-        lock: what the phase is locked to, if it is.
-        restarts: how often the network lost its motion and was restarted.
-        at: s of the deck, the clock of its events; it waits while the joints approach the motion.
-        mode: whether the joints follow the motion, stand at home, are held, or are held by the emergency stop.
-        approaching: whether the joints are on their slow way to the motion.
-        fallen: whether the simulated robot has fallen and not stood again.
-        seen: the recognized motion, if motions are recognized and one is.
-        mismatch_s: for how long the joints have shown another motion than the commanded one, s.
-        stuck: a joint that does not follow its targets, or "".
-        kept_apart: ticks in which limbs of the robot were kept from colliding.
-        run_s: s since the loop started.
-        clock_s: when the tick began, by the loop's clock, s.
-        late_us, work_us: lateness of the tick, and work of the tick before, us.
-    """
-
-    motion: Motion
-    playing: Motion = ""
+    motion: Motion  # the motion that is played or being switched to
+    playing: Motion = ""  # the motion that is played now, perhaps on the way to `motion`
+    # The motions that the present switch has still to begin.
     way: Annotated[tuple[Motion, ...], Most(_MOST_LISTED)] = ()
     queue: Annotated[list[Motion], Most(_MOST_LISTED)] = []
     blend: Annotated[tuple[BlendPart, ...], Most(MOST_BLENDED - 1)] = ()
     fell_back: str = ""
     tempo: float = 1.0
     commanded_tempo: float = 1.0
-    phase: float | None = None
-    inputs: dict[str, float] = {}
-    lock: LockState | None = None
+    phase: float | None = None  # how far the motion is, from 0 to 1; None if the network runs by itself
+    inputs: dict[str, float] = {}  # the present values of the inputs that motions have besides the phase
+    lock: LockState | None = None  # what the phase is locked to, if it is
     paused: bool = False
     switching: bool = False
-    restarts: int = 0
-    at: float = 0.0
+    restarts: int = 0  # how often the network lost its motion and was restarted
+    at: float = 0.0  # s of the deck, the clock of its events; it waits while the joints approach the motion
+    # Whether the joints follow the motion, stand at home, are held, or are held by the emergency stop.
     mode: Mode = "playing"
-    approaching: bool = False
-    fallen: bool = False
-    seen: Recognized | None = None
-    mismatch_s: float = 0.0
-    stuck: Joint = ""
-    kept_apart: int = 0
+    approaching: bool = False  # whether the joints are on their slow way to the motion
+    fallen: bool = False  # whether the simulated robot has fallen and not stood again
+    seen: Recognized | None = None  # the recognized motion, if motions are recognized and one is
+    mismatch_s: float = 0.0  # for how long the joints have shown another motion than the commanded one, s
+    stuck: Joint = ""  # a joint that does not follow its targets, or ""
+    kept_apart: int = 0  # ticks in which limbs of the robot were kept from colliding
     tick: int = 0
-    run_s: float = 0.0
-    clock_s: float = 0.0
-    late_us: float = 0.0
-    work_us: float = 0.0
+    run_s: float = 0.0  # s since the loop started
+    clock_s: float = 0.0  # when the tick began, by the loop's clock, s
+    late_us: float = 0.0  # lateness of the tick, us
+    work_us: float = 0.0  # work of the tick before, us
     overruns: int = 0
     rate_hz: float = 0.0
     health: TickHealth = _NO_HEALTH

@@ -17,16 +17,11 @@ from controller.wire.messages.events import Event
 
 
 class Accepted(msgspec.Struct, frozen=True, tag="accepted"):
-    """The command is being carried out.
-
-    Attributes:
-        after: the one-shot that is finished first, or "".
-        via: the motions on the way.
-    """
+    """The command is being carried out."""
 
     id: Natural
-    after: str = ""
-    via: list[str] = []  # msgspec copies an empty default
+    after: str = ""  # the one-shot that is finished first, or ""
+    via: list[str] = []  # the motions on the way; msgspec copies an empty default
 
 
 class Refused(msgspec.Struct, frozen=True, tag="refused"):
@@ -81,18 +76,13 @@ class OnPorts(msgspec.Struct, frozen=True, tag="ports"):
 
 
 class PhaseNow(msgspec.Struct, frozen=True, tag="phase"):
-    """The phase of the motion and its rate.
-
-    Attributes:
-        phase: from 0 to 1; None if the network runs by itself.
-        rate: rounds a second, negative backwards; None for a one-shot, or without a phase.
-        at: when the phase was this, by the machine's steady clock, s; None if the deck does not play in real time.
-    """
+    """The phase of the motion and its rate."""
 
     motion: str
-    phase: float | None
-    rate: float | None
+    phase: float | None  # from 0 to 1; None if the network runs by itself
+    rate: float | None  # rounds a second, negative backwards; None for a one-shot, or without a phase
     id: Natural
+    # When the phase was this, by the machine's steady clock, s; None if the deck does not play in real time.
     at: float | None = None
 
 

@@ -40,18 +40,13 @@ _PROFILE_LIMITED_BY = {"profile_velocity": "velocity_limit", "profile_accelerati
 
 
 class Device:
-    """A servo: row `row` of a bank.
-
-    Attributes:
-        family: as which it speaks; see `choose_family`.
-        asleep_until: the servo is deaf before this time, s, as after a reboot.
-    """
+    """A servo: row `row` of a bank."""
 
     def __init__(self, bank: ServoBank, row: int) -> None:
         self.bank = bank
         self.row = row
         self._dead = False
-        self.asleep_until = 0.0
+        self.asleep_until = 0.0  # the servo is deaf before this time, s, as after a reboot
         self.model = bank.table.model
         self._table = bank.table
         self._modes = TRAITS[self.model].modes
@@ -65,7 +60,7 @@ class Device:
             for name, register in bank.table.registers.items()
         }
         self._by_address = {register.address: register for register in bank.public.registers.values()}
-        self.family = bank.table.family
+        self.family = bank.table.family  # as which it speaks; see `choose_family`
         self._cells = {
             register.address: bank.table[name.replace("data", "address")].address
             for name, register in bank.table.registers.items()

@@ -49,33 +49,19 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True, slots=True)
 class Motor:
-    """A geared direct-current motor.
+    """A geared direct-current motor."""
 
-    Attributes:
-        no_load_speed: of the horn at full voltage, rev/min.
-        stall_current: mA.
-        voltage: at which these hold, V.
-        full_pwm: the PWM count that means full voltage.
-        specified_torque: the stall torque that the maker specifies, N·m; 0 for none.
-        lag: time constant with which the speed follows the voltage, s.
-        current_limited: the modes in which the goal current limits the current.
-        warming: how fast the stall current heats it, K/s.
-        cooling: time constant with which it cools, s.
-        duty: the most of its supply that the servo gives to the motor, as a part.
-        friction: as identified on a real servo; None for the maker's motor, which has none.
-    """
-
-    no_load_speed: float
-    stall_current: float
-    voltage: float = 12.0
-    full_pwm: float = 885.0
-    specified_torque: float = 0.0
-    lag: float = _LAG
-    current_limited: tuple[int, ...] = (5,)
-    warming: float = _WARMING
-    cooling: float = _COOLING
-    duty: float = 1.0
-    friction: Friction | None = None
+    no_load_speed: float  # of the horn at full voltage, rev/min
+    stall_current: float  # mA
+    voltage: float = 12.0  # at which these hold, V
+    full_pwm: float = 885.0  # the PWM count that means full voltage
+    specified_torque: float = 0.0  # the stall torque that the maker specifies, N·m; 0 for none
+    lag: float = _LAG  # time constant with which the speed follows the voltage, s
+    current_limited: tuple[int, ...] = (5,)  # the modes in which the goal current limits the current
+    warming: float = _WARMING  # how fast the stall current heats it, K/s
+    cooling: float = _COOLING  # time constant with which it cools, s
+    duty: float = 1.0  # the most of its supply that the servo gives to the motor, as a part
+    friction: Friction | None = None  # as identified on a real servo; None for the maker's motor, which has none
 
     @property
     def stall_torque(self) -> float:
@@ -123,38 +109,28 @@ class MotorDrive:
 
     Settings, which `ServoBank.settle` copies from the registers: mode, sign, offset, on, p_gain, i_gain,
     d_gain, ff_gain, most_pwm, goal_pwm, goal_speed, goal_current; and by `pursue`: target, top_speed, acceleration.
-
-    Attributes:
-        shaft, speed: of each horn.
-        joined: pairs of motors on one shaft, and whether they turn the same way (1) or not (-1), shape (3, pairs).
-        forgotten: the whole turns of each that its servo no longer counts.
-        path, path_speed: where the profile has led so far.
-        load: torque against the horn's positive direction, as a part of the stall torque.
-        supply: V.
-        temperature: degC.
-        pwm, current: at the end of the last step.
-        coupled: whether a plant moves the horns, by the torque that they give; see `couple`.
     """
 
     def __init__(self, motor: Motor, pulses_per_turn: int, shaft: Array) -> None:
         count = len(shaft)
         self._pulses_per_turn = pulses_per_turn
         self.use(motor)
-        self.shaft = shaft
-        self.speed = np.zeros(count)
-        self.forgotten = np.zeros(count)
+        self.shaft = shaft  # of each horn
+        self.speed = np.zeros(count)  # of each horn
+        self.forgotten = np.zeros(count)  # the whole turns of each that its servo no longer counts
+        # Pairs of motors on one shaft, and whether they turn the same way (1) or not (-1), shape (3, pairs).
         self.joined = np.zeros((3, 0), dtype=np.int64)
-        self.path = shaft.copy()
+        self.path = shaft.copy()  # where the profile has led so far, and how fast it leads there
         self.path_speed = np.zeros(count)
         self.target = shaft.copy()
         self.top_speed = np.full(count, math.inf)
         self.acceleration = np.full(count, math.inf)
-        self.load = np.zeros(count)
+        self.load = np.zeros(count)  # torque against the horn's positive direction, as a part of the stall torque
         self.jammed = np.zeros(count, dtype=bool)
-        self.supply = np.full(count, motor.voltage)
-        self.temperature = np.full(count, _WARM)
-        self.pwm = np.zeros(count)
-        self.current = np.zeros(count)
+        self.supply = np.full(count, motor.voltage)  # V
+        self.temperature = np.full(count, _WARM)  # degC
+        self.pwm = np.zeros(count)  # at the end of the last step
+        self.current = np.zeros(count)  # at the end of the last step
         self.mode = np.full(count, 3)
         self.sign = np.ones(count)
         self.offset = np.zeros(count)
@@ -162,7 +138,7 @@ class MotorDrive:
         self.p_gain, self.i_gain, self.d_gain, self.ff_gain = (np.zeros(count) for _ in range(4))
         self.most_pwm, self.goal_pwm, self.goal_speed, self.goal_current = (np.zeros(count) for _ in range(4))
         self._sum = np.zeros(count)
-        self.coupled = False
+        self.coupled = False  # whether a plant moves the horns, by the torque that they give; see `couple`
         self.plan()
 
     def use(self, motor: Motor) -> None:

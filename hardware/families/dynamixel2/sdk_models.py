@@ -27,17 +27,11 @@ class Row(NamedTuple):
 
 
 class ModelFile(NamedTuple):
-    """One `.model` file.
+    """One `.model` file."""
 
-    Attributes:
-        pulses_per_turn: position counts in one turn.
-        rad_per_s: one count of velocity; 0 where the file lacks it.
-        rows: in order of address, without the file's second names for a place.
-    """
-
-    pulses_per_turn: int
-    rad_per_s: float
-    rows: tuple[Row, ...]
+    pulses_per_turn: int  # position counts in one turn
+    rad_per_s: float  # one count of velocity; 0 where the file lacks it
+    rows: tuple[Row, ...]  # in order of address, without the file's second names for a place
 
 
 def model_numbers(folder: Path | None = None) -> dict[str, int]:

@@ -31,11 +31,7 @@ def lines(blocks: Blocks) -> Iterator[Blocks]:
 
 
 def group_read(blocks: Blocks, fast: bool) -> GroupRead:
-    """A read of one servo, or a sync read of several.
-
-    Raises:
-        ValueError: if they are asked for different registers.
-    """
+    """A read of one servo, or a sync read of several; ValueError if they are asked for different registers."""
     ids = bytes(id for id, _, _ in blocks)
     _, address, length = blocks[0]
     if any(block[1:] != (address, length) for block in blocks):

@@ -33,47 +33,33 @@ _VOLT = 0.1  # V, one count
 
 
 class Request(NamedTuple):
-    """One group read.
+    """One group read."""
 
-    Attributes:
-        joints: their indices, in the order asked.
-        states: the block of each.
-        blocks: (id, address, length) of each, for the bus.
-        layout: of every block, None where they differ.
-        places: the joints as an index of arrays of the whole rig.
-        rows: a buffer for the rows of whole replies and its view as records, by how the rows are laid out.
-    """
-
-    joints: NDArray[np.int64]
-    states: tuple[StateBlock, ...]
-    blocks: Blocks
-    layout: np.dtype[Any] | None
-    places: NDArray[np.int64] | slice
+    joints: NDArray[np.int64]  # their indices, in the order asked
+    states: tuple[StateBlock, ...]  # the block of each
+    blocks: Blocks  # (id, address, length) of each, for the bus
+    layout: np.dtype[Any] | None  # of every block, None where they differ
+    places: NDArray[np.int64] | slice  # the joints as an index of arrays of the whole rig
+    # A buffer for the rows of whole replies and its view as records, by how the rows are laid out.
     rows: dict[tuple[int, int, int], tuple[bytearray, NDArray[Any]]]
 
 
 class Measurements:
-    """The latest measurements of J joints.
-
-    Attributes:
-        positions, velocities, currents: shape (J,), rad, rad/s, A, positive in the joint's direction.
-        temperatures, voltages: shape (J,), degC, V; NaN until first read.
-        errors: hardware error bits, shape (J,).
-        torque: whether torque is on, shape (J,).
-        read_at: when each joint's position was last read, shape (J,), s.
-        missed_in_a_row: replies that each joint has missed since its last one, shape (J,).
-        against, apart: the current, A, and the angle, rad, by which two servos of a joint disagree, shape (J,).
-        hottest, slack: each servo's own, from when it was switched on (see `OwnSettings`), shape (J,), degC, rad.
-    """
+    """The latest measurements of J joints."""
 
     def __init__(self, count: int) -> None:
+        # Shape (J,), rad, rad/s, A, positive in the joint's direction.
         self.positions, self.velocities, self.currents = np.zeros(count), np.zeros(count), np.zeros(count)
+        # Shape (J,), degC, V; NaN until first read.
         self.temperatures, self.voltages = np.full(count, np.nan), np.full(count, np.nan)
-        self.errors = np.zeros(count, dtype=np.int64)
-        self.torque = np.ones(count, dtype=np.bool_)
-        self.read_at = np.zeros(count)
+        self.errors = np.zeros(count, dtype=np.int64)  # hardware error bits, shape (J,)
+        self.torque = np.ones(count, dtype=np.bool_)  # whether torque is on, shape (J,)
+        self.read_at = np.zeros(count)  # when each joint's position was last read, shape (J,), s
+        # The current, A, and the angle, rad, by which two servos of a joint disagree, shape (J,).
         self.against, self.apart = np.zeros(count), np.zeros(count)
+        # Each servo's own, from when it was switched on (see `OwnSettings`), shape (J,), degC, rad.
         self.hottest, self.slack = np.full(count, np.nan), np.full(count, np.nan)
+        # Replies that each joint has missed since its last one, shape (J,).
         self.missed_in_a_row = np.zeros(count, dtype=np.int64)
 
 

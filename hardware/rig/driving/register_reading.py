@@ -22,27 +22,20 @@ _TRIES = 4  # of each part
 
 
 class RegisterReading:
-    """The registers of one servo, read part by part by `Readings`.
-
-    Attributes:
-        joint: its index in the rig file.
-        counts: read so far, by the register's name.
-        failure: why it ended early, or "".
-        write: the frame to send in front of the next request, once.
-    """
+    """The registers of one servo, read part by part by `Readings`."""
 
     def __init__(self, joint: int, servo: RigJoint, write: tuple[str, int] | None = None) -> None:
         """Prepares to read, and before that to write a count into a register.
 
-        Raises:
-            RigError: if that register cannot be written, or takes no such count; the message says what can be.
+        RigError if that register cannot be written, or takes no such count; the message says what can be.
         """
-        self.joint = joint
-        self.counts: dict[str, int] = {}
-        self.failure = ""
+        self.joint = joint  # its index in the rig file
+        self.counts: dict[str, int] = {}  # read so far, by the register's name
+        self.failure = ""  # why it ended early, or ""
         self._servo, self._wanted = servo, write
         self._parts = _parts(servo.table)
         self._tries = _TRIES
+        # The frame to send in front of the next request, once.
         self.write = b"" if write is None else _frame(servo, *write)
 
     @property

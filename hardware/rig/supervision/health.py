@@ -68,18 +68,12 @@ _OFF, _LOST = CONDITIONS.index("is off on command"), CONDITIONS.index("is lost")
 
 
 class Incident(NamedTuple):
-    """Something that happened to a joint or a port.
+    """Something that happened to a joint or a port."""
 
-    Attributes:
-        time: on the port's clock, s.
-        source: the joint with its id, or the port.
-        fault: whether something is wrong; not where it was commanded, or is well again.
-    """
-
-    time: float
-    source: str
+    time: float  # on the port's clock, s
+    source: str  # the joint with its id, or the port
     what: str
-    fault: bool = True
+    fault: bool = True  # whether something is wrong; not where it was commanded, or is well again
 
 
 class Health:

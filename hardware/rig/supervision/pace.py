@@ -156,14 +156,11 @@ class Easing:
     Supply: speed and loop gain of a servo are proportional to its voltage. At V of its V0, a shaft that turns as fast
     as before is V0 / V times as far behind its path, and when the voltage is back it hurries after it that much too
     fast. At V / V0 of the speed it is no farther behind than before.
-
-    Attributes:
-        part: of its speed limit that each joint may use now, shape (J,).
     """
 
     def __init__(self, hottest: Array) -> None:
         """Eases below these temperatures (J,), degC."""
-        self.part = np.ones(len(hottest))
+        self.part = np.ones(len(hottest))  # of its speed limit that each joint may use now, shape (J,)
         self._hottest = hottest
         self._strongest = np.full(len(hottest), np.nan)
 
@@ -181,9 +178,6 @@ class Strain:
     The current of each joint, as a part of the allowed one, is smoothed over a quarter of a second. Above 75 % the
     joint yields: its goal stays so near its position that it keeps pushing with half the current. Below 60 % it
     follows its target again.
-
-    Attributes:
-        yielding: joints that yield now, shape (J,).
     """
 
     def __init__(self, config: RigConfig, slack: Array) -> None:
@@ -192,7 +186,7 @@ class Strain:
         self._slack = slack
         stall = np.array([TRAITS[joint.model].stall_current for joint in config.joints])
         self._gentle = _GENTLE * self._allowed / stall
-        self.yielding = np.zeros(len(config.joints), dtype=np.bool_)
+        self.yielding = np.zeros(len(config.joints), dtype=np.bool_)  # joints that yield now, shape (J,)
         self._smoothed = np.zeros(len(config.joints))
         self._noted = -math.inf
 

@@ -26,18 +26,12 @@ _PAUSE = 0.05  # s between two tries
 
 
 class Recovered(NamedTuple):
-    """Servos that are set up again: where they hold, the block to read of each, and what it keeps.
-
-    Attributes:
-        joints: the indices of their joints.
-        rows: their own indices in the rig; see `RigConfig.servos`.
-        firsts: the places in `rows` of the first servo of each joint.
-    """
+    """Servos that are set up again: where they hold, the block to read of each, and what it keeps."""
 
     bus: Bus
-    joints: list[int]
-    rows: list[int]
-    firsts: list[int]
+    joints: list[int]  # the indices of their joints
+    rows: list[int]  # their own indices in the rig; see `RigConfig.servos`
+    firsts: list[int]  # the places in `rows` of the first servo of each joint
     held: Held
     blocks: list[StateBlock]
     own: OwnSettings

@@ -256,8 +256,7 @@ class Rig:
     def restart(self, joint: int) -> None:
         """Restarts a joint's servo beside the loop; it is then set up again, and the others of its port hold meanwhile.
 
-        Raises:
-            RigError: if its model cannot be restarted.
+        RigError if its model cannot be restarted.
         """
         servo = self.config.joints[joint]
         servo.check_restartable()
@@ -267,8 +266,7 @@ class Rig:
     def registers(self, joint: int, write: tuple[str, int] | None = None) -> RegisterReading:
         """Reads all registers of a servo in the loop's next ticks; before that, writes a count into one of them.
 
-        Raises:
-            RigError: if that is not allowed: see `register_reading`, and the joint must have been switched off.
+        RigError if that is not allowed: see `register_reading`, and the joint must have been switched off.
         """
         servo, measured = self.config.joints[joint], self.measured
         queue = self._recovery_of(joint).port.readings.register_readings
@@ -285,8 +283,7 @@ class Rig:
     def scan(self) -> PortScan:
         """Pings every ID on the ports, beside the loop; all servos hold meanwhile, as when one is restarted.
 
-        Raises:
-            RigError: if a servo is silent just now, or something else is being done: holding could then end the run.
+        RigError if a servo is silent just now, or something else is being done: holding could then end the run.
         """
         if self._stopped or any(one.under_way or one.to_do is not None for one in self._recoveries):
             raise RigError("the rig is busy with its servos. Try again.")

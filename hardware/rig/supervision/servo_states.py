@@ -28,22 +28,13 @@ CONDITIONS = (
 
 
 class ServoStates(NamedTuple):
-    """The servos of J joints, in the order of the rig file.
+    """The servos of J joints, in the order of the rig file."""
 
-    Attributes:
-        goals: last sent, shape (J,), rad.
-        positions, currents: last measured, shape (J,), rad, A.
-        temperatures, voltages: last measured, shape (J,), degC, V; NaN until first read.
-        errors: hardware error bits, shape (J,).
-        torque: whether torque is on, shape (J,).
-        conditions: places in CONDITIONS, shape (J,).
-    """
-
-    goals: Array
-    positions: Array
-    currents: Array
-    temperatures: Array
-    voltages: Array
-    errors: NDArray[np.int64]
-    torque: NDArray[np.bool_]
-    conditions: NDArray[np.int64]
+    goals: Array  # last sent, shape (J,), rad
+    positions: Array  # last measured, shape (J,), rad
+    currents: Array  # last measured, shape (J,), A
+    temperatures: Array  # last measured, shape (J,), degC; NaN until first read
+    voltages: Array  # last measured, shape (J,), V; NaN until first read
+    errors: NDArray[np.int64]  # hardware error bits, shape (J,)
+    torque: NDArray[np.bool_]  # whether torque is on, shape (J,)
+    conditions: NDArray[np.int64]  # places in CONDITIONS, shape (J,)

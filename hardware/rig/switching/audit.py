@@ -78,19 +78,15 @@ When = Literal["switch-on", "refused", "advised", "kept"]
 
 
 class Difference(NamedTuple):
-    """A register that differs from what the rig needs.
-
-    Attributes:
-        found, needed: in counts.
-        when: "switch-on" if it is set then; "kept" if it is never set, because the rig file does not ask for it; else
-            it is set on request, and "refused" until then or only "advised".
-    """
+    """A register that differs from what the rig needs."""
 
     joint: str
     id: int
     register: str
-    found: int
-    needed: int
+    found: int  # in counts
+    needed: int  # in counts
+    # "switch-on" if it is set then; "kept" if it is never set, because the rig file does not ask for it; else it is set
+    # on request, and "refused" until then or only "advised".
     when: When
 
     def __str__(self) -> str:
@@ -116,8 +112,7 @@ def audit(config: RigConfig, bus: Bus) -> list[Difference]:
 def settle(differences: Iterable[Difference], config: RigConfig, bus: Bus) -> None:
     """Writes what the rig needs where it differs, but nothing "kept". EEPROM registers are locked while torque is on.
 
-    Raises:
-        ServoError: if a servo refuses; a locked EEPROM stays so until its power is off.
+    ServoError if a servo refuses; a locked EEPROM stays so until its power is off.
     """
     tables = {joint.id: joint.table for joint in config.joints}
     for difference in differences:

@@ -14,15 +14,10 @@ from hardware.rig.scale import Array
 
 
 class OwnSettings(NamedTuple):
-    """The own settings of J servos.
+    """The own settings of J servos."""
 
-    Attributes:
-        hottest: the temperature at which each shuts down, shape (J,), degC.
-        slack: how far from its goal each drives with its full voltage, shape (J,), rad.
-    """
-
-    hottest: Array
-    slack: Array
+    hottest: Array  # the temperature at which each shuts down, shape (J,), degC
+    slack: Array  # how far from its goal each drives with its full voltage, shape (J,), rad
 
 
 def read_own_settings(config: RigConfig, bus: Bus) -> OwnSettings:

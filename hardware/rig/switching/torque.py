@@ -40,15 +40,10 @@ _ROUNDS = 2  # of asking for torque or its end: a servo that has just restarted 
 
 
 class Held(NamedTuple):
-    """J joints that hold.
+    """J joints that hold."""
 
-    Attributes:
-        angles: where, shape (J,), rad.
-        zeros: each servo's position at angle 0 as it counts now, shape (J,), pulses.
-    """
-
-    angles: Array
-    zeros: Array
+    angles: Array  # where, shape (J,), rad
+    zeros: Array  # each servo's position at angle 0 as it counts now, shape (J,), pulses
 
 
 def switch_on(
@@ -94,10 +89,8 @@ def switch_on(
 def hold_still(config: RigConfig, bus: Bus, believed: Array, pace: float = 1.0) -> Held:
     """Clears the watchdogs, limits the speed, and has each joint hold where it stands or can come to rest.
 
-    Each servo keeps the part `pace` of its speed limit from now on.
-
-    Raises:
-        RigError: if a servo does not answer, stands outside its limits, or in an unknown turn (see `find_zeros`).
+    Each servo keeps the part `pace` of its speed limit from now on. RigError if a servo does not answer, stands outside
+    its limits, or in an unknown turn (see `find_zeros`).
     """
     scale = RigScale(config)
     try:

@@ -93,8 +93,7 @@ class Reading:
     def options(self) -> ReadingOptions:
         """The same for the readers.
 
-        Raises:
-            MotiondeckError: if a new name is not given as OLD=NEW, or the unit is impossible.
+        MotiondeckError if a new name is not given as OLD=NEW, or the unit is impossible.
         """
         from controller.motion.reading_options import ReadingOptions
 
@@ -107,8 +106,7 @@ class Reading:
 def check_new(*files: Path, force: bool, hint: str = "") -> None:
     """Checks that files do not exist or may be replaced; a hint ends the message.
 
-    Raises:
-        MotiondeckError: if a file exists, without `force`.
+    MotiondeckError if a file exists, without `force`.
     """
     for file in files:
         if file.exists() and not force:
@@ -118,8 +116,7 @@ def check_new(*files: Path, force: bool, hint: str = "") -> None:
 def check_ending(file: Path, what: str, ending: str = ".safetensors") -> None:
     """Checks the ending of a file to write, so that a mistake cannot replace a recording.
 
-    Raises:
-        MotiondeckError: if the name has another ending.
+    MotiondeckError if the name has another ending.
     """
     if file.suffix.lower() != ending:
         raise MotiondeckError(f"{file}: {what} ends in {ending}. Name the file so.")
@@ -134,11 +131,7 @@ def check_plot(plot: Path | None) -> None:
 
 
 def check_other(recording: Path, out: Path) -> None:
-    """Checks that a command does not write over the recording it reads.
-
-    Raises:
-        MotiondeckError: if both are one file.
-    """
+    """Checks that a command does not write over the recording it reads; MotiondeckError if both are one file."""
     linked = recording.exists() and out.exists() and recording.samefile(out)
     if linked or recording.resolve() == out.resolve():
         raise MotiondeckError(f"{out}: this is the recording itself. Give another name to write to.")

@@ -70,8 +70,7 @@ def deliver(
 ) -> None:
     """Prints measurements as a table or as JSON; writes them as CSV and draws them where a file is given.
 
-    Raises:
-        MotiondeckError: if a file cannot be written.
+    MotiondeckError if a file cannot be written.
     """
     if csv_file is not None:
         write_csv(table, csv_file)
@@ -84,11 +83,7 @@ def deliver(
 
 
 def write_csv(table: Table, path: Path) -> None:
-    """Writes the details of a table, or its rows where it has none.
-
-    Raises:
-        MotiondeckError: if the file cannot be written.
-    """
+    """Writes the details of a table, or its rows where it has none; MotiondeckError if the file cannot be written."""
     rows = table.details or table.rows
     text = io.StringIO(newline="")
     writer = csv.DictWriter(text, list(rows[0]))

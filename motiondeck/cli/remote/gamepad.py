@@ -82,11 +82,7 @@ def tempo_of(value: float) -> float:
 
 
 def drive(device: EventDevice, client: CommandClient) -> None:
-    """Commands the deck until the gamepad is unplugged; then the deck is paused.
-
-    Raises:
-        SocketError: if no deck is running.
-    """
+    """Commands the deck until the gamepad is unplugged; then the deck is paused. SocketError if no deck is running."""
     from motiondeck.run.terminal import describe
 
     state = client.request(commands.GetStatus())

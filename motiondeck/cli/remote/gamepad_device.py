@@ -113,8 +113,7 @@ def deflection(value: int, lowest: int, highest: int) -> float:
 def open_gamepad(path: Path | None) -> EventDevice:
     """The gamepad at a path (/dev/input/event7), or the first one that is plugged in.
 
-    Raises:
-        MotiondeckError: if evdev is not installed, there is no gamepad, or it may not be read.
+    MotiondeckError if evdev is not installed, there is no gamepad, or it may not be read.
     """
     try:
         import evdev

@@ -23,8 +23,7 @@ class LineInput:
     def ask(self, prompt: str) -> str:
         """Prompts and waits for a line, which is returned without surrounding spaces.
 
-        Raises:
-            MotiondeckError: if the input has ended.
+        MotiondeckError if the input has ended.
         """
         print(prompt, end="", file=sys.stderr, flush=True)
         while (line := self.take(None)) is None:
@@ -34,8 +33,7 @@ class LineInput:
     def take(self, seconds: float | None = 0.0) -> str | None:
         """The next line, or None if there is none within `seconds` (None waits for ever).
 
-        Raises:
-            MotiondeckError: if the input has ended.
+        MotiondeckError if the input has ended.
         """
         if self._fd is None:
             return self._ended_or(sys.stdin.readline())

@@ -186,11 +186,7 @@ def _text(file: Path, line: int) -> str:
 
 
 def packages(pairs: list[str]) -> dict[str, Path]:
-    """The folders of packages given as NAME=DIR.
-
-    Raises:
-        MotiondeckError: if a pair has no name, or no folder that exists.
-    """
+    """The folders of packages given as NAME=DIR; MotiondeckError if a pair has no name, or no folder that exists."""
     found: dict[str, Path] = {}
     for pair in pairs:
         name, _, folder = pair.partition("=")
@@ -203,8 +199,7 @@ def packages(pairs: list[str]) -> dict[str, Path]:
 def model_file(model: str) -> Path:
     """The file of a model: a path, or a name of the catalogue, which is downloaded.
 
-    Raises:
-        MotiondeckError: if there is neither, or the download fails.
+    MotiondeckError if there is neither, or the download fails.
     """
     if Path(model).exists() or "/" in model or Path(model).suffix:
         return Path(model)

@@ -28,8 +28,7 @@ from sim.robots.robot import Robot, load_robot
 def tune(file: Path, library: str, motions: list[str], seconds: float, rounds: int, jobs: Jobs) -> dict[str, Any]:
     """Tunes the robot of a file on motions of a library, and writes the settings into the file.
 
-    Raises:
-        MotiondeckError: if a file or a motion does not exist, the robot has no two feet, or the file cannot be written.
+    MotiondeckError if a file or a motion does not exist, the robot has no two feet, or the file cannot be written.
     """
     loaded = load_library(find_library(library))
     for motion in motions:

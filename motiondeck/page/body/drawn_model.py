@@ -16,11 +16,7 @@ BRIGHTEST = 215  # of 255: pure white has no shading in the light of the scene
 
 
 class DrawnModel:
-    """One robot or one human on a page.
-
-    Attributes:
-        data: MuJoCo's state of what was shown last.
-    """
+    """One robot or one human on a page."""
 
     def __init__(self, page: PrivatePage, model: mujoco.MjModel, height: float, name: str = "") -> None:
         """Puts it on the page in its initial pose.
@@ -30,7 +26,7 @@ class DrawnModel:
             name: tells it from others.
         """
         self._page, self._model, self._visible = page, model, True
-        self.data = mujoco.MjData(model)
+        self.data = mujoco.MjData(model)  # MuJoCo's state of what was shown last
         found = batches(model)
         # Where all copies are is found at once; of each shape it is a part of that.
         self._geom = np.array([geom for batch in found.values() for geom in batch.geom], dtype=np.int64)

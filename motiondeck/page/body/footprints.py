@@ -25,18 +25,12 @@ LIFTED = 0.004  # heights: prints are drawn so far above the floor, or they woul
 
 @dataclass(frozen=True)
 class Print:
-    """Where a foot stood.
+    """Where a foot stood."""
 
-    Attributes:
-        foot: which one.
-        first, last: the frames between which it stood.
-        corners: of its sole on the floor, shape (4, 3), m.
-    """
-
-    foot: int
-    first: int
+    foot: int  # which one
+    first: int  # the first and the last frame in which it stood
     last: int
-    corners: Array
+    corners: Array  # of its sole on the floor, shape (4, 3), m
 
 
 def soles(model: mujoco.MjModel, frames: Array, feet: Sequence[Foot]) -> Array:
@@ -86,19 +80,14 @@ def footprints(model: mujoco.MjModel, corners: Array, stands: NDArray[np.bool_])
 
 
 class StepWatch:
-    """Sees, picture by picture, which feet of a running robot stand and which have left a print.
-
-    Attributes:
-        corners: of the soles at the last picture, shape (F, 4, 3), m.
-        stands: which feet stand, shape (F,).
-    """
+    """Sees, picture by picture, which feet of a running robot stand and which have left a print."""
 
     def __init__(self, model: mujoco.MjModel, feet: Sequence[Foot], height: float) -> None:
         """Args: the robot, its feet, and how high it is, m."""
         self._feet, self._height = feet, height
         self._bodies = [model.body(foot.body).id for foot in feet]
-        self.corners = np.zeros((len(feet), 4, 3))
-        self.stands = np.zeros(len(feet), dtype=bool)
+        self.corners = np.zeros((len(feet), 4, 3))  # of the soles at the last picture, shape (F, 4, 3), m
+        self.stands = np.zeros(len(feet), dtype=bool)  # which feet stand, shape (F,)
         self._started, self._ground = False, np.inf
         self._stood = np.zeros(len(feet))  # s
 

@@ -90,27 +90,16 @@ MOST_TRIANGLES, MOST_IN_SHADOW = 2500, 200
 
 @dataclass(frozen=True)
 class SolidBatch:
-    """N copies of one mesh.
+    """N copies of one mesh."""
 
-    Attributes:
-        mesh: vertices (V, 3) and triangles (F, 3).
-        shadow: the same solid with fewer triangles.
-        smooth: whether its surface is shaded across edges, where triangles share corners.
-        geom: the geom each copy belongs to, shape (N,).
-        offset: where each copy is in the frame of its geom, shape (N, 3), m.
-        scale: the size of each copy along the axes of its geom, shape (N, 3).
-        colour: red, green, blue of each copy, shape (N, 3), 0 to 255.
-        opacity: of all copies, 0 to 1.
-    """
-
-    mesh: Triangles
-    shadow: Triangles
-    smooth: bool
-    geom: NDArray[np.int64]
-    offset: Array
-    scale: Array
-    colour: NDArray[np.uint8]
-    opacity: float
+    mesh: Triangles  # vertices (V, 3) and triangles (F, 3)
+    shadow: Triangles  # the same solid with fewer triangles
+    smooth: bool  # whether its surface is shaded across edges, where triangles share corners
+    geom: NDArray[np.int64]  # the geom each copy belongs to, shape (N,)
+    offset: Array  # where each copy is in the frame of its geom, shape (N, 3), m
+    scale: Array  # the size of each copy along the axes of its geom, shape (N, 3)
+    colour: NDArray[np.uint8]  # red, green, blue of each copy, shape (N, 3), 0 to 255
+    opacity: float  # of all copies, 0 to 1
 
 
 def batches(model: mujoco.MjModel) -> dict[str, SolidBatch]:

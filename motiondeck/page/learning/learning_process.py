@@ -12,34 +12,21 @@ import msgspec
 
 
 class LearnRequest(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
-    """What is to be done.
+    """What is to be done."""
 
-    Attributes:
-        file: the recording; what belongs to it, such as a skeleton, lies beside it.
-        name: of the motion; "" to look at the recording only.
-        within: the part to take, from and to, s.
-        library: the file to add the motion to.
-    """
-
-    file: str
-    name: str = ""
-    within: tuple[float, float] | None = None
-    library: str = ""
+    file: str  # the recording; what belongs to it, such as a skeleton, lies beside it
+    name: str = ""  # of the motion; "" to look at the recording only
+    within: tuple[float, float] | None = None  # the part to take, from and to, s
+    library: str = ""  # the file to add the motion to
 
 
 class HandRecording(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
-    """The joints of a rig while hands moved them: what the page has seen, as a file with the ending HAND.
-
-    Attributes:
-        rate: of the rig, Hz; what is made of it has it too.
-        times: s, shape (T,).
-        angles: rad, shape (T, J).
-    """
+    """The joints of a rig while hands moved them: what the page has seen, as a file with the ending HAND."""
 
     joints: list[str]
-    rate: float
-    times: list[float]
-    angles: list[list[float]]
+    rate: float  # of the rig, Hz; what is made of it has it too
+    times: list[float]  # s, shape (T,)
+    angles: list[list[float]]  # rad, shape (T, J)
 
 
 HAND = ".hand"
@@ -52,21 +39,15 @@ class LearningStep(msgspec.Struct, frozen=True, tag="step"):
 
 
 class Seen(msgspec.Struct, frozen=True, tag="seen"):
-    """A recording: how long it is, which part moves, s, and what it looks like: some poses, or how joints turned.
-
-    Attributes:
-        file: what to learn it from.
-        figures: positions of the joints, shape (poses, 1 + B, 3), m, each about its own root.
-        parents: of the bones, -1 for the root.
-        angles: of the joints of a rig, shape (J, T), rad.
-    """
+    """A recording: how long it is, which part moves, s, and what it looks like: some poses, or how joints turned."""
 
     seconds: float
     moving: tuple[float, float]
-    file: str
+    file: str  # what to learn it from
+    # Positions of the joints, shape (poses, 1 + B, 3), m, each about its own root.
     figures: list[list[list[float]]] = []
-    parents: list[int] = []
-    angles: list[list[float]] = []
+    parents: list[int] = []  # of the bones, -1 for the root
+    angles: list[list[float]] = []  # of the joints of a rig, shape (J, T), rad
 
 
 class Learned(msgspec.Struct, frozen=True, tag="learned"):

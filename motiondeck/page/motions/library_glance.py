@@ -24,19 +24,13 @@ MOST = 9  # motions around the middle of the pad
 
 
 class Partners(msgspec.Struct, frozen=True):
-    """What a motion can be blended with, and why not with the others.
+    """What a motion can be blended with, and why not with the others."""
 
-    Attributes:
-        others: on the pad, at most MOST, those that resemble each other side by side.
-        apart: for each of them, why it and the next one around the pad cannot be blended at once; "" if they can be.
-        refused: the other loops, with the reasons.
-        never: why it cannot be blended at all; "" if it can be.
-    """
-
-    others: list[str] = []
+    others: list[str] = []  # on the pad, at most MOST, those that resemble each other side by side
+    # For each of them, why it and the next one around the pad cannot be blended at once; "" if they can be.
     apart: list[str] = []
-    refused: dict[str, str] = {}
-    never: str = ""
+    refused: dict[str, str] = {}  # the other loops, with the reasons
+    never: str = ""  # why it cannot be blended at all; "" if it can be
 
 
 class LibraryGlance:
@@ -44,15 +38,11 @@ class LibraryGlance:
 
     Args:
         direct: whether the deck plays no motions in between.
-
-    Attributes:
-        pictures: SVG by motion; none for joints that were taught to a rig.
-        blends: by motion, what it can be blended with.
     """
 
     def __init__(self, file: Path, *, direct: bool = False) -> None:
-        self.pictures: dict[str, str] = {}
-        self.blends: dict[str, Partners] = {}
+        self.pictures: dict[str, str] = {}  # SVG by motion; none for joints that were taught to a rig
+        self.blends: dict[str, Partners] = {}  # by motion, what it can be blended with
         self._file, self._direct = file, direct
         Thread(target=self._compute, daemon=True).start()
 

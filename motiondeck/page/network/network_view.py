@@ -26,23 +26,15 @@ TURN = 2.0 * np.pi
 
 @dataclass(frozen=True)
 class InnerLife:
-    """Orbits and phase courses of a network.
+    """Orbits and phase courses of a network."""
 
-    Attributes:
-        orbits: of its neurons; None if it has none.
-        courses: of each motion with centers, their phases at its beginning and its end, shape (2, n), rad.
-    """
-
-    orbits: Orbits | None
+    orbits: Orbits | None  # of its neurons; None if it has none
+    # Of each motion with centers, their phases at its beginning and its end, shape (2, n), rad.
     courses: dict[str, Array]
 
     @classmethod
     def of(cls, library: Path) -> InnerLife:
-        """Plays each motion of a library's file once to find it.
-
-        Raises:
-            MotiondeckError: if the file is no library any more.
-        """
+        """Plays each motion of a library's file once to find it; MotiondeckError if the file is no library any more."""
         loaded = load_library(library)
         network = loaded.network
         frames = {motion.name: motion.frames for motion in loaded.info.motions}

@@ -26,13 +26,9 @@ COLOURS = {"ok": (43, 138, 62), "warn": (247, 103, 7), "bad": (224, 49, 49), "of
 
 @dataclass(frozen=True)
 class ServoLook:
-    """The status of one servo.
+    """The status of one servo."""
 
-    Attributes:
-        level: ok, warn, bad or off.
-    """
-
-    level: str
+    level: str  # ok, warn, bad or off
     words: str
 
 

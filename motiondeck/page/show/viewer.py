@@ -31,8 +31,7 @@ _news = msgspec.json.Decoder(ShowState | ShowNotice)
 def view(conductor: socket.socket, port: int) -> None:
     """Shows a show until its conductor is gone; prints the page's address on standard error when that answers.
 
-    Raises:
-        MotiondeckError: if the port is taken.
+    MotiondeckError if the port is taken.
     """
     page = PrivatePage(port, label="Motiondeck · show")
     print(f"page: {page.address}", file=sys.stderr, flush=True)

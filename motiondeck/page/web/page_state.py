@@ -44,67 +44,42 @@ class GhostDescription(msgspec.Struct, frozen=True):
 
 
 class PageDescription(msgspec.Struct, frozen=True, kw_only=True):
-    """A run as its page shows it; it does not change.
+    """A run as its page shows it; it does not change."""
 
-    Attributes:
-        model_file, follower_file: of the robot, and of the one that mirrors it.
-        rest: its qpos at rest; empty for the model's own.
-        joints, motions, recognizable: the names that a snapshot counts along.
-        unrecognized: what is shown while no motion is recognized.
-        direct: whether the deck switches and blends without motions in between.
-        has_phase: whether motions can be played backwards and sent to a phase.
-        has_network: whether the network can be looked into.
-        learn: the command line of the process that learns a recording, if the page offers that.
-        human: beside the robot, if its motion is known.
-        weight: of a robot that stands on the floor alone, N.
-        push_ns: a push that forces a step, N s; 0 if the body cannot be pushed.
-        shapes: of the arrays of each picture, by the names of `PictureArrays`.
-    """
-
-    model_file: str
+    model_file: str  # of the robot
     robot: str
-    motions: list[str]
-    follower_file: str | None = None
-    rest: list[float] = []
+    motions: list[str]  # with `joints` and `recognizable` the names that a snapshot counts along
+    follower_file: str | None = None  # of the robot that mirrors it
+    rest: list[float] = []  # its qpos at rest; empty for the model's own
     joints: list[str] = []
     recognizable: list[str] = []
-    unrecognized: str = STANDS_STILL
+    unrecognized: str = STANDS_STILL  # what is shown while no motion is recognized
     command_port: int = 0
-    direct: bool = False
-    has_phase: bool = False
-    has_network: bool = False
+    direct: bool = False  # whether the deck switches and blends without motions in between
+    has_phase: bool = False  # whether motions can be played backwards and sent to a phase
+    has_network: bool = False  # whether the network can be looked into
     library_file: str | None = None
-    learn: list[str] = []
-    human: GhostDescription | None = None
-    weight: float | None = None
-    push_ns: float = 0.0
+    learn: list[str] = []  # the command line of the process that learns a recording, if the page offers that
+    human: GhostDescription | None = None  # beside the robot, if its motion is known
+    weight: float | None = None  # of a robot that stands on the floor alone, N
+    push_ns: float = 0.0  # a push that forces a step, N s; 0 if the body cannot be pushed
     rig: RigDescription | None = None
-    shapes: dict[str, list[int]] = {}
+    shapes: dict[str, list[int]] = {}  # of the arrays of each picture, by the names of `PictureArrays`
 
 
 @dataclass(frozen=True)
 class PictureArrays:
-    """The arrays of a picture; None for what a run does not have.
+    """The arrays of a picture; None for what a run does not have."""
 
-    Attributes:
-        qpos: MuJoCo's generalised positions of the robot, shape (nq,).
-        follower: those of the robot that mirrors it.
-        human_root: of the played human, shape (3,), m.
-        human_rotation: of its root and bones in the world, shape (1 + B, 4).
-        target: the qpos that simulated servos are to reach.
-        contacts: points where the floor holds the body, m, and the forces there, N, shape (N, 6); NaN for none.
-        activation: of the network's neurons, shape (N,).
-        servos: the rows of `ServoStates`, shape (8, S).
-    """
-
-    qpos: Array
-    follower: Array | None = None
-    human_root: Array | None = None
-    human_rotation: Array | None = None
-    target: Array | None = None
+    qpos: Array  # MuJoCo's generalised positions of the robot, shape (nq,)
+    follower: Array | None = None  # those of the robot that mirrors it
+    human_root: Array | None = None  # of the played human, shape (3,), m
+    human_rotation: Array | None = None  # of its root and bones in the world, shape (1 + B, 4)
+    target: Array | None = None  # the qpos that simulated servos are to reach
+    # Points where the floor holds the body, m, and the forces there, N, shape (N, 6); NaN for none.
     contacts: Array | None = None
-    activation: Array | None = None
-    servos: Array | None = None
+    activation: Array | None = None  # of the network's neurons, shape (N,)
+    servos: Array | None = None  # the rows of `ServoStates`, shape (8, S)
 
     @property
     def shapes(self) -> dict[str, list[int]]:

@@ -45,13 +45,9 @@ def child_process(
 
 @dataclass(frozen=True)
 class PageProcess:
-    """The browser view, in its own process.
+    """The browser view, in its own process."""
 
-    Attributes:
-        state: the file that it waits for.
-    """
-
-    state: Path
+    state: Path  # the file that it waits for
     process: subprocess.Popen[bytes]
     port: int
 
@@ -60,13 +56,11 @@ class PageProcess:
 def page_process(port: int, command_port: int) -> Iterator[PageProcess]:
     """The browser view while the block runs; it prints the address of its page when that answers.
 
-    It takes longest of all to start, so it is started before anything else is imported or loaded.
+    It takes longest of all to start, so it is started before anything else is imported or loaded. MotiondeckError if
+    either port is taken, or there can be no temporary folder.
 
     Args:
         command_port: of the deck that it will show, to say at once where another deck has it.
-
-    Raises:
-        MotiondeckError: if either port is taken, or there can be no temporary folder.
     """
     refuse_second_deck(command_port)
     port = free_port(port)
@@ -95,13 +89,10 @@ def free_port(port: int) -> int:
 
 
 class Children:
-    """The processes that a run has started: the page, the prompt, the recorder, a part in a show.
-
-    Attributes:
-        restore_tty: restores the terminal, which a killed prompt may have changed.
-    """
+    """The processes that a run has started: the page, the prompt, the recorder, a part in a show."""
 
     def __init__(self) -> None:
+        # Restores the terminal, which a killed prompt may have changed.
         self.restore_tty: Callable[[], None] = lambda: None
         self._running: list[tuple[subprocess.Popen[bytes], str, str]] = []
 

@@ -52,13 +52,7 @@ class DrivenRig(Protocol):
 
 
 class RigGuard:
-    """The joints of a rig between a deck and the bus, tick by tick.
-
-    Attributes:
-        stop: the state of the emergency stop.
-        wired: the wired stop, if there is one.
-        failure: why the rig has stopped for good, or "".
-    """
+    """The joints of a rig between a deck and the bus, tick by tick."""
 
     def __init__(
         self,
@@ -75,9 +69,9 @@ class RigGuard:
             period: s from tick to tick.
             now: the machine's steady clock, s.
         """
-        self.stop = StopState("held")
-        self.wired: WiredStop | None = None
-        self.failure = ""
+        self.stop = StopState("held")  # the state of the emergency stop
+        self.wired: WiredStop | None = None  # the wired stop, if there is one
+        self.failure = ""  # why the rig has stopped for good, or ""
         self._rig, self._envelope, self._targets = rig, envelope, targets
         self._period, self._grid = period, now + period
         self._come, self._ticked, self._fresh, self._missed = now, now, False, MISSED

@@ -70,8 +70,7 @@ class AwaitedScan:
     def found(self) -> list[tuple[str, FoundServo]] | None:
         """Name of the joint ("" for a servo that is not in the rig file) and servo; None until all are asked.
 
-        Raises:
-            RigError: if the ports could not be scanned.
+        RigError if the ports could not be scanned.
         """
         if self.failure:
             raise RigError(self.failure)
@@ -88,15 +87,7 @@ class GuardedWire:
 
 
 class GuardedRig:
-    """A rig that is switched on, behind its guard; arrays follow the order of the rig file's joints.
-
-    Attributes:
-        positions: last measured, shape (J,), rad.
-        states: of the servos.
-        incidents: the latest, in order of time.
-        wire: the wired stop, if the guard watches one.
-        door_presses: how often an emergency stop came to the stop door.
-    """
+    """A rig that is switched on, behind its guard; arrays follow the order of the rig file's joints."""
 
     def __init__(
         self, link: GuardLink[Note], process: subprocess.Popen[bytes], begin: Begin, ready: messages.Connected
@@ -109,11 +100,11 @@ class GuardedRig:
         link.expect(self._state.values)
         rows = self._state.servos
         rows[:2] = ready.positions
-        self.positions: Array = rows[1]
+        self.positions: Array = rows[1]  # last measured, shape (J,), rad
         self.states = ServoStates(*rows)  # pyright: ignore[reportArgumentType] (rows of numbers, as the page has them)
-        self.incidents: deque[Incident] = deque(maxlen=_INCIDENTS)
-        self.wire: GuardedWire | None = None
-        self.door_presses = 0
+        self.incidents: deque[Incident] = deque(maxlen=_INCIDENTS)  # the latest, in order of time
+        self.wire: GuardedWire | None = None  # the wired stop, if the guard watches one
+        self.door_presses = 0  # how often an emergency stop came to the stop door
         self.stop = StopState()
         self._failure, self._watching = "", False
         self._heard, self._collected = time.monotonic(), 0
@@ -141,8 +132,7 @@ class GuardedRig:
     def watch_stops(self, door: int, wired: str | None) -> None:
         """Has the guard take emergency stops at the stop door of a command port, and of a wired stop; waits for it.
 
-        Raises:
-            RigError: if one cannot be opened.
+        RigError if one cannot be opened.
         """
         self._link.send(messages.WatchStops(door, wired))
         self._await(lambda: self._watching or bool(self._failure), _WATCHES_WITHIN)
@@ -168,8 +158,7 @@ class GuardedRig:
     def write(self, targets: Array) -> None:
         """Sends the targets of this tick, shape (J,), rad.
 
-        Raises:
-            RigError: if the rig has stopped for good, or its guard is gone.
+        RigError if the rig has stopped for good, or its guard is gone.
         """
         now, stop, sent = time.monotonic(), self.stop, self._targets
         if self._failure:
@@ -295,11 +284,7 @@ def guard_process() -> Iterator[GuardProcess]:
 
 
 def connect(link: GuardLink[Note], process: subprocess.Popen[bytes], begin: Begin) -> GuardedRig:
-    """Has the guard connect a rig, and waits for it.
-
-    Raises:
-        RigError: if it cannot be connected.
-    """
+    """Has the guard connect a rig, and waits for it; RigError if it cannot be connected."""
     link.send(begin)
     while not link.lost:
         select.select([link.fileno()], (), ())

@@ -22,9 +22,6 @@ class GuardLink(Generic[M]):
 
     Numbers are sent as they lie in memory, in a multiple of 8 bytes; JSON is padded to any other length. Numbers that
     a full buffer does not take are dropped, as newer ones follow; messages wait.
-
-    Attributes:
-        lost: whether the other end is gone.
     """
 
     def __init__(self, end: socket.socket, decoder: msgspec.json.Decoder[M]) -> None:
@@ -32,7 +29,7 @@ class GuardLink(Generic[M]):
         self._socket, self._decoder = end, decoder
         self._numbers, self._buffer = memoryview(b""), memoryview(bytearray(_MOST_BYTES))
         self._pending: deque[bytes] = deque(maxlen=_MOST_PENDING)
-        self.lost = False
+        self.lost = False  # whether the other end is gone
 
     def expect(self, numbers: NDArray[np.float64]) -> None:
         """The latest numbers of the other end are put into this array."""

@@ -17,22 +17,16 @@ _STATE_NUMBERS = 7
 
 
 class Begin(msgspec.Struct, frozen=True, tag="begin"):
-    """Connects the rig; the deck's first message.
-
-    Attributes:
-        ports: in place of the rig file's own.
-        emulated: the rig file whose servos are to be emulated, or None.
-        lower, upper, velocity, acceleration, jerk: the limits of each joint, rad, rad/s, rad/s^2, rad/s^3.
-    """
+    """Connects the rig; the deck's first message."""
 
     config: RigConfig
-    ports: list[str]
-    emulated: str | None
-    lower: list[float]
-    upper: list[float]
-    velocity: list[float]
-    acceleration: list[float]
-    jerk: list[float]
+    ports: list[str]  # in place of the rig file's own
+    emulated: str | None  # the rig file whose servos are to be emulated, or None
+    lower: list[float]  # limit of each joint, rad
+    upper: list[float]  # limit of each joint, rad
+    velocity: list[float]  # limit of each joint, rad/s
+    acceleration: list[float]  # limit of each joint, rad/s^2
+    jerk: list[float]  # limit of each joint, rad/s^3
 
 
 class WatchStops(msgspec.Struct, frozen=True, tag="watch"):
@@ -138,16 +132,11 @@ Note = Connected | Watching | RigFailed | IncidentNote | RegistersRead | Scanned
 
 
 class Targets:
-    """The targets of one tick, from the deck; all numbers are views of one array, as it is sent.
-
-    Attributes:
-        values: shape (4 + J,).
-        joints: shape (J,), rad.
-    """
+    """The targets of one tick, from the deck; all numbers are views of one array, as it is sent."""
 
     def __init__(self, joints: int) -> None:
-        self.values = np.zeros(4 + joints)
-        self.joints = self.values[4:]
+        self.values = np.zeros(4 + joints)  # shape (4 + J,)
+        self.joints = self.values[4:]  # shape (J,), rad
 
     def set(self, now: float, stopped: bool, door: int, wire: int) -> None:
         """Sets all but the joints.
@@ -176,16 +165,12 @@ class Targets:
 
 
 class States:
-    """The state of guard and servos in one tick; all numbers are views of one array, as it is sent.
-
-    Attributes:
-        values: shape (7 + 8 J,).
-        servos: the rows of `ServoStates`, shape (8, J).
-    """
+    """The state of guard and servos in one tick; all numbers are views of one array, as it is sent."""
 
     def __init__(self, joints: int) -> None:
-        self.values = np.zeros(_STATE_NUMBERS + SERVO_ROWS * joints)
+        self.values = np.zeros(_STATE_NUMBERS + SERVO_ROWS * joints)  # shape (7 + 8 J,)
         self.values[0] = PHASES.index("held")
+        # The rows of `ServoStates`, shape (8, J).
         self.servos = self.values[_STATE_NUMBERS:].reshape(SERVO_ROWS, joints)
 
     def set(self, state: StopState, wire: str, collected: int, recoveries: int, measured_at: float) -> None:

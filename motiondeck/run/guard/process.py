@@ -141,8 +141,7 @@ class GuardService:
 def guard(link: GuardLink[Request], begin: Begin) -> None:
     """Connects the rig and guards it until the deck is gone or has closed it.
 
-    Raises:
-        MotiondeckError: if the rig, the stop door or the wired stop cannot be opened.
+    MotiondeckError if the rig, the stop door or the wired stop cannot be opened.
     """
     with ExitStack() as opening:
         ports = begin.ports

@@ -61,23 +61,16 @@ def on_floor(robot: RobotOnDeck) -> OnFloor | None:
 
 @dataclass(frozen=True)
 class PageContents:
-    """The parts of a run that its page shows.
-
-    Attributes:
-        robots: those that are drawn, at least one with a simulation.
-        human: the skeleton whose motion is shown beside the robot, if that is known.
-        library: the file of what plays, if it is a library; the view finds the network there.
-        learns: whether recordings can be learned on the page, in a process beside it.
-    """
+    """The parts of a run that its page shows."""
 
     deck: ShownDeck
-    robots: Sequence[RobotOnDeck]
-    human: Skeleton | None
+    robots: Sequence[RobotOnDeck]  # those that are drawn, at least one with a simulation
+    human: Skeleton | None  # the skeleton whose motion is shown beside the robot, if that is known
     watch: Watch | None
     command_port: int
-    library: Path | None
+    library: Path | None  # the file of what plays, if it is a library; the view finds the network there
     servos: RigOutput | None
-    learns: bool
+    learns: bool  # whether recordings can be learned on the page, in a process beside it
 
     @property
     def simulations(self) -> list[Simulation]:

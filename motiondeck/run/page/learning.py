@@ -33,11 +33,7 @@ _OFTEN = "Give a part without pauses or whole cycles of it, and learn it again."
 
 
 def inspect(request: LearnRequest) -> Seen:
-    """Reads a recording.
-
-    Raises:
-        MotiondeckError: if it cannot be read.
-    """
+    """Reads a recording; MotiondeckError if it cannot be read."""
     from controller.learning.recording_analysis import analyse_recording
     from controller.motion.encodings.joint_angles import angles_of
     from controller.motion.formats.writing import bvh_text
@@ -87,8 +83,7 @@ def _curves(angles: NDArray[np.float64]) -> list[list[float]]:
 def learn(request: LearnRequest) -> Learned | NotLearned:
     """Learns a recording as one more motion of a library, or as a new library if it cannot be added.
 
-    Raises:
-        MotiondeckError: if it cannot be learned.
+    MotiondeckError if it cannot be learned.
     """
     from controller.learning.adding import add_motion
     from controller.learning.learn import learn as learn_library

@@ -48,8 +48,7 @@ MOST_KEPT = 1000  # times at which another motion was seen, the latest
 class BodyWatch:
     """Feeds a `BodyRecognizer` with the poses from which the joints' targets are made.
 
-    Raises:
-        MotiondeckError: if the skeleton lacks a joint that the recognizer looks at.
+    MotiondeckError if the skeleton lacks a joint that the recognizer looks at.
     """
 
     def __init__(self, recognizer: Recognizer, skeleton: Skeleton) -> None:
@@ -99,13 +98,9 @@ MOST_PRINTED = 20  # alarms on the terminal; the report has more
 
 @dataclass(frozen=True)
 class MismatchPolicy:
-    """What happens when the joints do something else than was commanded.
+    """What happens when the joints do something else than was commanded."""
 
-    Attributes:
-        patience: how long the joints may look like another motion before there is an alarm, s.
-    """
-
-    patience: float
+    patience: float  # how long the joints may look like another motion before there is an alarm, s
     stop: bool
 
 

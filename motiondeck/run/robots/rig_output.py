@@ -86,10 +86,6 @@ class RigOutput:
         joints: the robot's joints in the order of the targets.
         hz: how often it is written to.
 
-    Attributes:
-        lag: of each joint, as its rig file says, shape (J,), s; 0 for joints that the rig lacks.
-        correction: learns from what the joints measure; None without one.
-
     Raises:
         MotiondeckError: if the rig has a joint that the robot has not.
     """
@@ -101,6 +97,7 @@ class RigOutput:
         self.guarded = rig if isinstance(rig, GuardedRig) else None
         self._hz = hz
         self._order = np.array([joints.index(name) for name in rig.names])
+        # Of each joint, as its rig file says, shape (J,), s; 0 for joints that the rig lacks.
         self.lag = np.zeros(len(joints))
         self.lag[self._order] = lags = np.array([joint.lag for joint in rig.config.joints])
         self._followed = Delay(lags, 1.0 / hz)
@@ -108,15 +105,14 @@ class RigOutput:
         self._measured, self._held = np.full(len(joints), np.nan), np.full(len(joints), np.nan)
         self._measured[self._order] = rig.positions
         self._squares, self._samples = 0.0, 0
-        self.correction: Correction | None = None
+        self.correction: Correction | None = None  # learns from what the joints measure; None without one
         self._free = np.zeros(len(joints), dtype=np.bool_)
         self._lost = ""
 
     def write(self, targets: Array, pose: Pose) -> None:
         """Takes the state asked for a tick ago, sends the targets, and asks for the next; never waits for the wire.
 
-        Raises:
-            MotiondeckError: if the rig has stopped for good, at this and every later write.
+        MotiondeckError if the rig has stopped for good, at this and every later write.
         """
         if self._lost:
             raise MotiondeckError(self._lost)
@@ -192,8 +188,7 @@ class RigOutput:
     def switch(self, joint: str, *, on: bool) -> None:
         """Takes the torque off a joint, or has it set up again and switched on where it stands.
 
-        Raises:
-            UnknownNameError: if the rig has no such joint; it names the nearest.
+        UnknownNameError if the rig has no such joint; it names the nearest.
         """
         place = self._place(joint)
         if on:
@@ -204,26 +199,20 @@ class RigOutput:
     def restart(self, joint: str) -> None:
         """Has the servo of a joint restarted, and set up again.
 
-        Raises:
-            MotiondeckError: if the rig has no such joint, or its servo cannot be restarted.
+        MotiondeckError if the rig has no such joint, or its servo cannot be restarted.
         """
         self._rig.restart(self._place(joint))
 
     def registers(self, joint: str, write: tuple[str, int] | None = None) -> RegisterQuery:
         """Has all registers of a joint's servo read, and before that a count written into one of them.
 
-        Raises:
-            MotiondeckError: if the rig has no such joint, or the register cannot be written.
+        MotiondeckError if the rig has no such joint, or the register cannot be written.
         """
         place = self._place(joint)
         return RegisterQuery(self._rig.config.joints[place], self._rig.registers(place, write))
 
     def scan(self) -> PortQuery:
-        """Scans the rig's ports for servos.
-
-        Raises:
-            MotiondeckError: if that would end the run now.
-        """
+        """Scans the rig's ports for servos; MotiondeckError if that would end the run now."""
         return PortQuery(self._rig.scan())
 
     def _place(self, joint: str) -> int:
@@ -309,8 +298,7 @@ def open_rig(
 ) -> tuple[Channel, JointLimits]:
     """Connects a rig for a loop of some rate (Hz); it as an output, and the robot's limits narrowed to the rig's.
 
-    Raises:
-        MotiondeckError: if the rig does not fit the robot or the rate, or cannot be connected.
+    MotiondeckError if the rig does not fit the robot or the rate, or cannot be connected.
     """
     from hardware.rig.rig_file import load_rig
 

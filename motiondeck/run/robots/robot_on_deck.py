@@ -47,42 +47,28 @@ class Stage(Output, Protocol):
 
 @dataclass(frozen=True)
 class Simulation:
-    """How a robot is simulated.
-
-    Attributes:
-        root, balance, walk: as in the `RunSpec`.
-    """
+    """How a robot is simulated."""
 
     robot: Robot
     stage: Stage
-    root: str
+    root: str  # this and the next two are as in the `RunSpec`
     balance: bool
     walk: bool
 
 
 @dataclass(frozen=True)
 class RobotOnDeck:
-    """Joints that a run drives.
-
-    Attributes:
-        own_joints: the names of its joints.
-        limits: of a robot, narrowed to those of its rig.
-        rest: where the joints end, shape (J,), rad, or None for where they stop.
-        retarget: carries poses to its joints.
-        simulation: None for a rig alone.
-        prefix: goes before the names of its joints and outputs.
-        guard: keeps its limbs apart, if that is wanted.
-    """
+    """Joints that a run drives."""
 
     name: str
-    own_joints: tuple[str, ...]
-    limits: JointLimits
-    rest: Array | None
-    retarget: Retargeter
+    own_joints: tuple[str, ...]  # the names of its joints
+    limits: JointLimits  # of a robot, narrowed to those of its rig
+    rest: Array | None  # where the joints end, shape (J,), rad, or None for where they stop
+    retarget: Retargeter  # carries poses to its joints
     rig: Channel | None
-    simulation: Simulation | None = None
-    prefix: str = ""
-    guard: CollisionGuard | None = None
+    simulation: Simulation | None = None  # None for a rig alone
+    prefix: str = ""  # goes before the names of its joints and outputs
+    guard: CollisionGuard | None = None  # keeps its limbs apart, if that is wanted
 
     @property
     def joints(self) -> list[str]:
@@ -129,8 +115,7 @@ def open_robots(opening: ExitStack, spec: RunSpec, library: MotionLibrary) -> li
 def open_robot(opening: ExitStack, spec: RunSpec, library: MotionLibrary, prefix: str = "") -> RobotOnDeck:
     """Opens the robot of a run, its simulation and its rig; `opening` closes them.
 
-    Raises:
-        MotiondeckError: if there is no such robot or rig, a file is wrong, or the rig cannot be connected.
+    MotiondeckError if there is no such robot or rig, a file is wrong, or the rig cannot be connected.
     """
     from sim.models.robot_file import solver_named
     from sim.physics.kinematic_playback import KinematicPlayback
@@ -165,8 +150,7 @@ def open_robot(opening: ExitStack, spec: RunSpec, library: MotionLibrary, prefix
 def robot_files(spec: RunSpec) -> tuple[Path, Path | None]:
     """The files of the robot and of its rig; for emulated servos the rig with the robot's name, or the one named.
 
-    Raises:
-        MotiondeckError: if there is no such robot or rig; it names the nearest.
+    MotiondeckError if there is no such robot or rig; it names the nearest.
     """
     robot, rig = str(spec.robot), str(spec.rig) if spec.rig is not None else None
     file = find_robot(robot)

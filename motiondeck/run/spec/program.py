@@ -24,27 +24,17 @@ _TIMED_AT_ONCE = 20  # the quickest of these batches counts: others were disturb
 
 @dataclass(frozen=True)
 class Program:
-    """What a run plays.
-
-    Attributes:
-        library, file: the library and its file.
-        first: the motion to begin with.
-        timeline: what is commanded when.
-    """
+    """What a run plays."""
 
     library: MotionLibrary
-    file: Path
-    first: str
-    timeline: list[Timed]
+    file: Path  # of the library
+    first: str  # the motion to begin with
+    timeline: list[Timed]  # what is commanded when
     seconds: float | None
 
     @classmethod
     def of(cls, spec: RunSpec) -> Program:
-        """Loads what a spec names.
-
-        Raises:
-            MotiondeckError: if that is impossible; it says what to do.
-        """
+        """Loads what a spec names; MotiondeckError if that is impossible; it says what to do."""
         spec.check()
         file = find_library(str(spec.library))
         library = load_library(file)
@@ -109,8 +99,7 @@ def checked_rate(
 def first_motion(library: MotionLibrary, motion: str | None) -> str:
     """What a library plays first: the given motion, else `walk`, else its first one.
 
-    Raises:
-        UnknownNameError: if the library has no such motion; it names the nearest.
+    UnknownNameError if the library has no such motion; it names the nearest.
     """
     names = library.network.motions
     if motion is not None and motion not in names and Path(motion).is_file():

@@ -11,39 +11,26 @@ from controller.motion.rotations import Array
 
 @dataclass(frozen=True)
 class Finding:
-    """One number of a preflight.
-
-    Attributes:
-        value, limit, unit: the number and the largest one that passes; no limit if it only informs.
-        where: the joint or the bodies concerned, or "".
-        ok: whether it is within its limit.
-        cause: of a failure even at the slowest tempo, or "".
-    """
+    """One number of a preflight."""
 
     check: str
     value: float
-    limit: float | None
+    limit: float | None  # the largest value that passes; None if the number only informs
     unit: str
-    where: str = ""
-    ok: bool = True
-    cause: str = ""
+    where: str = ""  # the joint or the bodies concerned, or ""
+    ok: bool = True  # whether it is within its limit
+    cause: str = ""  # of a failure even at the slowest tempo, or ""
 
 
 @dataclass(frozen=True)
 class PreflightVerdict:
-    """The findings about one motion or switch.
-
-    Attributes:
-        passes_at: the largest passing tempo, up to the judged one; None if no tempo passes.
-        way: the intermediate motions of a switch that is judged by its parts.
-        obstacles: if no tempo passes, the findings that fail even at the slowest.
-    """
+    """The findings about one motion or switch."""
 
     name: str
     findings: tuple[Finding, ...]
-    passes_at: float | None
-    way: tuple[str, ...] = ()
-    obstacles: tuple[Finding, ...] = ()
+    passes_at: float | None  # the largest passing tempo, up to the judged one; None if no tempo passes
+    way: tuple[str, ...] = ()  # the intermediate motions of a switch that is judged by its parts
+    obstacles: tuple[Finding, ...] = ()  # if no tempo passes, the findings that fail even at the slowest
 
     @property
     def ok(self) -> bool:

@@ -36,20 +36,14 @@ FALL_SECONDS = 10.0  # simulated on a free root, s
 
 @dataclass
 class Preflight:
-    """Judges played motions on one robot.
-
-    Attributes:
-        limits: of its joints, narrowed to those of a rig.
-        limiter: of the joint targets.
-        balance, walk: the controller of a free robot, if any.
-    """
+    """Judges played motions on one robot."""
 
     robot: Robot
-    limits: JointLimits
-    limiter: Limiter
+    limits: JointLimits  # of its joints, narrowed to those of a rig
+    limiter: Limiter  # of the joint targets
     root: str = "gantry"
-    balance: bool = False
-    walk: bool = False
+    balance: bool = False  # whether a free robot keeps its balance
+    walk: bool = False  # whether a free robot walks
 
     def __post_init__(self) -> None:
         # A separate footing: earlier motions must not change later verdicts, nor how motions are sampled.

@@ -124,17 +124,11 @@ def _triangle(half: int) -> Array:
 
 
 class LegSwing(NamedTuple):
-    """The effect of swinging legs.
+    """The effect of swinging legs."""
 
-    Attributes:
-        shift: of the planned capture point, shape (2,), m.
-        along: change of the shift by the present step's length.
-        arm: s, shape (2,), m.
-    """
-
-    shift: Array
-    along: float
-    arm: Array
+    shift: Array  # of the planned capture point, shape (2,), m
+    along: float  # change of the shift by the present step's length
+    arm: Array  # s, shape (2,), m
 
 
 def legs_carry(

@@ -50,12 +50,7 @@ class Travel:
 
 
 class Preview:
-    """The motion from the tick of the body to the latest one.
-
-    Attributes:
-        footfalls: the present and coming swings.
-        travel: distance of the motion up to the body's tick.
-    """
+    """The motion from the tick of the body to the latest one."""
 
     def __init__(self, height: float, dt: float) -> None:
         """Args: height of the root, m; the tick, s."""
@@ -63,8 +58,8 @@ class Preview:
         self._ring: deque[tuple[Array, float]] = deque(maxlen=round(AHEAD / dt) + 1)
         self._near = round(EVEN / dt)
         self._heights: deque[float] = deque([height] * (2 * self._near), maxlen=2 * self._near)
-        self.footfalls = Footfalls(height, dt)
-        self.travel = Travel(dt)
+        self.footfalls = Footfalls(height, dt)  # the present and coming swings
+        self.travel = Travel(dt)  # distance of the motion up to the body's tick
 
     def add(self, goal: Array, heading: float, soles: Array, yaws: Array, pitches: Array) -> None:
         """Adds the next tick, a posture (nq,) with heading, rad, soles (2, 3), m, their yaws and pitches (2,), rad.
@@ -96,24 +91,16 @@ class Preview:
 
 @dataclass(eq=False)
 class Swing:
-    """One swing of a foot, in the lengths of the played motion; until it ends, its place is the present one.
+    """One swing of a foot, in the lengths of the played motion; until it ends, its place is the present one."""
 
-    Attributes:
-        foot: 0 or 1.
-        start, end: times of leaving the floor and landing, s; the end is None until it is known.
-        from_other: place from the other foot, ahead and left of the heading, shape (2,), m.
-        yaw, heading: of the foot and of the body there, rad.
-        leaves, lands: pitch of the sole, toes down, as it leaves the floor and lands, rad.
-    """
-
-    foot: int
-    start: float
-    end: float | None
-    from_other: Array
-    yaw: float
-    heading: float
-    leaves: float = 0.0
-    lands: float = 0.0
+    foot: int  # 0 or 1
+    start: float  # time of leaving the floor, s
+    end: float | None  # time of landing, s; None until it is known
+    from_other: Array  # place from the other foot, ahead and left of the heading, shape (2,), m
+    yaw: float  # of the foot there, rad
+    heading: float  # of the body there, rad
+    leaves: float = 0.0  # pitch of the sole, toes down, as it leaves the floor, rad
+    lands: float = 0.0  # pitch of the sole, toes down, as it lands, rad
 
 
 class Footfalls:

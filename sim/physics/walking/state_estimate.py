@@ -32,31 +32,18 @@ UP = np.array([0.0, 0.0, 1.0])
 
 @dataclass(frozen=True)
 class Sensors:
-    """Errors of a robot's sensors: standard deviations of noise, and constant errors.
+    """Errors of a robot's sensors: standard deviations of noise, and constant errors."""
 
-    Attributes:
-        angle: of a joint, rad.
-        speed: of a joint, rad/s.
-        tilt: of the trunk, rad.
-        level: constant error of the trunk's tilt, forwards and to the left, rad.
-        turn: of the trunk's angular velocity, rad/s.
-        drift: constant error of the trunk's angular velocity, on each axis, rad/s.
-        shake: of the trunk's acceleration, m/s^2.
-        pull: constant error of the trunk's acceleration, on each axis, m/s^2.
-        delay: age of a measurement when it arrives, s.
-        seed: of the noise.
-    """
-
-    angle: float = 0.0015
-    speed: float = 0.05
-    tilt: float = 0.003
-    level: float = 0.005
-    turn: float = 0.02
-    drift: float = 0.01
-    shake: float = 0.1
-    pull: float = 0.05
-    delay: float = 0.01
-    seed: int = 0
+    angle: float = 0.0015  # of a joint, rad
+    speed: float = 0.05  # of a joint, rad/s
+    tilt: float = 0.003  # of the trunk, rad
+    level: float = 0.005  # constant error of the trunk's tilt, forwards and to the left, rad
+    turn: float = 0.02  # of the trunk's angular velocity, rad/s
+    drift: float = 0.01  # constant error of the trunk's angular velocity, on each axis, rad/s
+    shake: float = 0.1  # of the trunk's acceleration, m/s^2
+    pull: float = 0.05  # constant error of the trunk's acceleration, on each axis, m/s^2
+    delay: float = 0.01  # age of a measurement when it arrives, s
+    seed: int = 0  # of the noise
 
 
 class ExactState:

@@ -22,27 +22,18 @@ Knot = tuple[float, float, float]
 
 @dataclass(slots=True)
 class Step:
-    """One step of the robot.
+    """One step of the robot."""
 
-    Attributes:
-        foot: 0 or 1.
-        start, end: times of leaving the floor and landing, s.
-        place, yaw: of the landed sole, shape (2,), m, and rad.
-        heading, astray: of the robot then, and relative to the motion's, rad.
-        direction: of the step's length: midway from the heading before the step, rad.
-        leaves, lands: pitch of the motion's sole over its toes at leaving, and over its heel at landing, rad.
-    """
-
-    foot: int
-    start: float
-    end: float
-    place: Array
-    yaw: float
-    heading: float
-    astray: float
-    direction: float
-    leaves: float
-    lands: float
+    foot: int  # 0 or 1
+    start: float  # time of leaving the floor, s
+    end: float  # time of landing, s
+    place: Array  # of the landed sole, shape (2,), m
+    yaw: float  # of the landed sole, rad
+    heading: float  # of the robot then, rad
+    astray: float  # that heading relative to the motion's, rad
+    direction: float  # of the step's length: midway from the heading before the step, rad
+    leaves: float  # pitch of the motion's sole over its toes at leaving, rad
+    lands: float  # pitch of the motion's sole over its heel at landing, rad
 
 
 def pressure_course(

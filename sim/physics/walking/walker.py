@@ -62,19 +62,12 @@ RIGHTS = 0.15  # decay of that compensation after landing, s: at once, the foot 
 
 
 class Walker:
-    """Adjusts the played motion so that a free robot walks.
+    """Adjusts the played motion so that a free robot walks."""
 
-    Attributes:
-        preview: the motion to come.
-        travel: distance of the robot.
-        falling: whether the error of the capture point is beyond LOST.
-        worst: its largest error, as a share of LOST.
-    """
-
-    preview: Preview
-    travel: Travel
-    falling: bool = False
-    worst: float = 0.0
+    preview: Preview  # the motion to come
+    travel: Travel  # distance of the robot
+    falling: bool = False  # whether the error of the capture point is beyond LOST
+    worst: float = 0.0  # its largest error, as a share of LOST
 
     def __init__(
         self,

@@ -75,31 +75,25 @@ def bent_knees(model: mujoco.MjModel, bodies: Sequence[int]) -> tuple[NDArray[np
 
 
 class WholeBody:
-    """Solves for the posture of a robot on two feet.
-
-    Attributes:
-        plan: MuJoCo's state of the last solution.
-        bodies: of the feet.
-        legs: which degrees of freedom belong to legs, shape (nv,).
-        jacobian: of the last step: soles and their turns, then the centre of mass, shape (15, nv).
-    """
+    """Solves for the posture of a robot on two feet."""
 
     def __init__(
         self, robot: Robot, model: mujoco.MjModel, feet: Sequence[Foot], dt: float, height_weight: float
     ) -> None:
         """Args: the robot; its model with a free root; two feet; the tick, s; the weight of the root's height, 1/m."""
         self._robot, self._model = robot, model
-        self.plan = mujoco.MjData(model)
-        self.bodies = [int(model.body(foot.body).id) for foot in feet]
+        self.plan = mujoco.MjData(model)  # MuJoCo's state of the last solution
+        self.bodies = [int(model.body(foot.body).id) for foot in feet]  # of the feet
         self._soles, self._axes = [foot.sole for foot in feet], [foot.axes for foot in feet]
         hinges = [int(model.body_dofnum[path_to(model, body)[1:]].sum()) for body in self.bodies]
         self._cannot_roll = [k for k, count in enumerate(hinges) if count < LEG_HINGES]
         self._weight = self._weights(height_weight)
-        self.legs = self._weight == LEG
+        self.legs = self._weight == LEG  # which degrees of freedom belong to legs, shape (nv,)
         self._most = self._fastest() * dt
         knees, *self._ends = bent_knees(model, self.bodies)
         self._knees = model.jnt_dofadr[knees], model.jnt_qposadr[knees]
         self._error = np.empty(model.nv)
+        # Of the last step: soles and their turns, then the centre of mass, shape (15, nv).
         self.jacobian = np.empty((15, model.nv))
 
     def settle(self, goal: Array, places: Sequence[Array], turns: Sequence[Array], centre: Array) -> None:
