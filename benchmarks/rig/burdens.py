@@ -17,7 +17,7 @@ from hardware.rig.scale import Array
 
 _WITH_FEETECH = 0.2  # part of the schedules that have a port with Feetech servos alone
 _HEAVIEST = 0.2  # of the stall torque
-_LEAST_CURRENT, _MOST_CURRENT = 0.35, 0.7  # of the stall current
+_LEAST_CURRENT, _MOST_CURRENT = 0.6, 0.8  # of the stall current; friction needs some besides the weight
 _LIKE = {
     "XM430-W350": ("XM540-W270", "XH430-V350", "MX-106", "XD430-T210", "XW430-T333"),
     "XL330-M288": ("XC330-M288", "XL330-M077"),

@@ -214,6 +214,8 @@ def _play(seed: int, until_wrong: bool, turns: Turns) -> Outcome:
         judge.switched_on()
     while (now := ports[0].now()) < SECONDS:
         targets = plan.targets(now)
+        for judge, place in zip(judges, places, strict=True):
+            judge.ask(np.clip(targets, *limits)[place])
         try:
             rig.collect_state()
             rig.write(targets)

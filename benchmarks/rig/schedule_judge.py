@@ -208,6 +208,10 @@ class ShaftJudge:
         self._slow_from[:] = np.inf
         self._burdened.switched_on(self._note)
 
+    def ask(self, targets: Array) -> None:
+        """Takes the targets of a tick (J,), rad, within the limits, before the rig does."""
+        self._burdened.asked(targets, self._port.now())
+
     def look(self, targets: Array, unsent: NDArray[np.int64]) -> None:
         """Judges what only the loop knows, after a tick.
 
@@ -216,7 +220,6 @@ class ShaftJudge:
             unsent: how many targets each joint has not been sent so far, shape (J,).
         """
         now = self._port.now()
-        self._burdened.asked(targets, now)
         driven, self._unsent = unsent == self._unsent, unsent.copy()
         self._slow_from[np.abs(self.angles - targets) < self._behind(targets, now)] = np.inf
         # A joint that is held where it was going to come to rest has nothing to catch up with.
