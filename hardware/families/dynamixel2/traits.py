@@ -30,6 +30,7 @@ _SERIES = (
 
 # Estimates: the stall torque of the P and PRO(A) series is unknown, their stall current is the current limit, and the
 # stiffness is explained above. XW430-T200: the motor of the T333. XW540-H260: speed and current are estimates.
+# XM335-T323: the motor is a dealer's figures, as the maker's page has none.
 _ROWS = """
 # model         series rpm  stall_A N·m  V    mA   stiffness fast  number/figures of the series' tables
 XM430-W350      X      46   2.3   4.1    12   2.69 -    45
