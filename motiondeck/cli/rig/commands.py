@@ -16,7 +16,7 @@ from motiondeck.cli.rig.rig_port import PortOption, RigArgument, ended_by_sigter
 from motiondeck_base.counted import counted
 from motiondeck_base.errors import MotiondeckError
 
-app = typer.Typer(help="Set up, check, identify, teach and play a rig of servos, or emulate one.", no_args_is_help=True)
+app = typer.Typer(help="Set up, check, identify, teach, play or emulate a rig of servos.", no_args_is_help=True)
 
 
 def doctor(
