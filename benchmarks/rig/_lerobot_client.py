@@ -45,7 +45,3 @@ def main(port: str) -> None:
     found["velocity"] = bus.sync_read("Present_Velocity", normalize=False, num_retry=_RETRIES)
     bus.disconnect()  # takes the torque off
     print(json.dumps(found))
-
-
-if __name__ == "__main__":
-    main(sys.argv[1])

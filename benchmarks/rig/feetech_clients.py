@@ -1,8 +1,8 @@
-"""LeRobot's own Feetech bus (over the maker's SDK) on an emulated SO-101 arm: whether every step does what it should.
+"""LeRobot's own Feetech bus on an emulated SO-101 arm, step by step.
 
-PYTHON is an interpreter with lerobot (0.4 or newer; PyTorch is not needed: pip install --no-deps lerobot) and, for it,
-feetech-servo-sdk, pyserial, deepdiff and tqdm. The exit code is 1 if a step gives something else. The tests of the
-emulator have rustypot's controller.
+It goes over the maker's SDK. PYTHON is an interpreter with lerobot (0.4 or newer; PyTorch is not needed: pip install
+--no-deps lerobot) and, for it, feetech-servo-sdk, pyserial, deepdiff and tqdm. The exit code is 1 if a step gives
+something else than it should. The tests of the emulator have rustypot's controller.
 """
 
 from __future__ import annotations
@@ -22,6 +22,7 @@ from motiondeck_base.errors import MotiondeckError
 from motiondeck_base.files import write_file
 from motiondeck_base.shipped import shipped_configs
 
+_CLIENT = "import sys; sys.path.insert(0, sys.argv[1]); import _lerobot_client; _lerobot_client.main(sys.argv[2])"
 _NUMBER, _PRESENT = 777, 3000  # of the model; where each horn is at first, so that homing has something to do
 
 
@@ -33,7 +34,7 @@ def run(python: Path) -> dict[str, object]:
     with tempfile.TemporaryDirectory() as folder:
         write_file(rig := Path(folder) / "arm.toml", text.encode())
         with start_emulator(rig) as emulator:
-            program = [str(python), str(Path(_lerobot_client.__file__)), emulator.port]
+            program = [str(python), "-c", _CLIENT, str(Path(_lerobot_client.__file__).parent), emulator.port]
             done = subprocess.run(program, capture_output=True, text=True, timeout=120, check=False)
     if done.returncode:
         raise MotiondeckError(f"LeRobot's client has failed:\n{done.stderr[-2000:]}")

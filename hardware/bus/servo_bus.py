@@ -99,16 +99,19 @@ class Bus:
 
     def _look_up(self, id: int, family: Family) -> Identity:
         """What a servo is that has answered a ping; of families whose pings look alike, the one that it fits."""
-        found: list[tuple[bool, bool, Identity]] = []
+        found: list[tuple[bool, bool, bool, Identity]] = []
         for one in sorted(_alike(family), key=lambda other: other is not family):
             identified = one.identification
             status = self._ask_patiently(one.instructions.read(id, 0, identified.length), id, identified.length)
             if status is None or status.error:
                 continue
             identity = _identity(status, one)
-            if identified.id is None or status.params[identified.id] == id:
-                found.append((known_name(identity.model_number, one) is None, one is not family, identity))
-        return min(found, key=lambda each: each[:2])[2] if found else Identity(id, UNKNOWN_MODEL, 0, False, family)
+            unknown = known_name(identity.model_number, one) is None
+            # A servo of the usual family that was set to this one has its ID where it always is.
+            elsewhere = identified.id is not None and status.params[identified.id] != id
+            if not elsewhere or (one.choice is not None and not unknown):
+                found.append((elsewhere, unknown, one is not family, identity))
+        return min(found, key=lambda each: each[:3])[3] if found else Identity(id, UNKNOWN_MODEL, 0, False, family)
 
     def read(self, id: int, address: int, length: int) -> StatusPacket:
         """Reads `length` bytes of a servo's control table; they are the status' params.

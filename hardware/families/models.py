@@ -60,7 +60,7 @@ MODELS = Models()
 
 
 def known_name(number: int, family: Family = USUAL) -> str | None:
-    """The name of the model or device with this number in a family; None where it is not known."""
+    """The name of the model or device with this number in a family, or set to it; None where it is not known."""
     return _names(family).get(number)
 
 
@@ -83,6 +83,6 @@ def _of_models() -> dict[str, FamilyFacts]:
 @cache
 def _names(family: Family) -> dict[int, str]:
     (facts,) = (facts for facts in _FACTS if facts.family is family)
-    return {number: name for number, (name, _) in facts.others.items()} | {
-        number: model for model, number in facts.numbers().items()
-    }
+    set_to_it = _names(USUAL) if family.choice is not None and family is not USUAL else {}
+    others = {number: name for number, (name, _) in facts.others.items()}
+    return set_to_it | others | {number: model for model, number in facts.numbers().items()}
