@@ -35,7 +35,7 @@ from motiondeck.run.beside.child_process import Children, PageProcess, child_pro
 from motiondeck.run.report import RunNews
 from motiondeck.run.robots.robot_on_deck import RobotOnDeck, channels_of
 from motiondeck.run.session import Session, WiredStopWatch
-from motiondeck.run.spec.run_spec import EMULATED, RunSpec
+from motiondeck.run.spec.run_spec import RunSpec, is_emulated
 from motiondeck.run.spec.script import Timed
 from motiondeck_base.errors import MotiondeckError
 
@@ -276,11 +276,13 @@ def _correction(
     rig, source = _servos(robots[0]), played.source
     if len(robots) > 1 or rig is None or not isinstance(deck, Deck) or not isinstance(source, MotionLibrary):
         return None
+    emulated = spec.rig is not None and is_emulated(spec.rig)
     from motiondeck.run.robots.learned_follow import open_correction
 
-    emulated, limits = str(spec.rig).startswith(EMULATED), robots[0].limits
-    about = {"robot": robots[0].name, "library": source.info, "emulated": emulated}
-    return open_correction(opening, rig, deck, lead, limits, period, **about)
+    robot = robots[0]
+    return open_correction(
+        opening, rig, deck, lead, robot.limits, period, robot=robot.name, library=source.info, emulated=emulated
+    )
 
 
 def _watch(spec: RunSpec, played: Played, first: RobotOnDeck, channel: Channel) -> Watch | None:

@@ -14,7 +14,7 @@ from controller.loop.commands.interfaces import Pushable
 from controller.loop.ensemble import RobotOutput
 from controller.loop.output_channel import Channel
 from controller.motion.rotations import Array
-from motiondeck.run.spec.run_spec import EMULATED, RunSpec
+from motiondeck.run.spec.run_spec import EMULATED, RunSpec, is_emulated
 from motiondeck_base.errors import MotiondeckError
 from motiondeck_base.shipped import find_rig, find_robot
 
@@ -139,7 +139,7 @@ def open_robot(opening: ExitStack, spec: RunSpec, library: MotionLibrary, prefix
     if rig_file is not None and guard is not None:
         from motiondeck.run.robots.rig_output import open_rig
 
-        emulated = str(spec.rig).startswith(EMULATED)
+        emulated = spec.rig is not None and is_emulated(spec.rig)
         rig, limits = open_rig(opening, guard, rig_file, robot, spec.rate, emulated=emulated)
     apart = CollisionGuard(replace(robot, limits=limits), dt) if spec.check_collisions else None
     retarget = apart or robot.retarget

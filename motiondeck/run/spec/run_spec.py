@@ -89,6 +89,11 @@ def _check_mismatch_after(seconds: float) -> None:
     check_seconds(seconds, "--mismatch-after")
 
 
+def is_emulated(rig: File) -> bool:
+    """Whether the servos of a rig are emulated ones: `emulated`, or `emulated:RIG`."""
+    return str(rig).partition(":")[0] == EMULATED
+
+
 def check_seconds(seconds: float | None, option: str = "--seconds") -> None:
     """Refuses a length of time that is not above 0 and below 1e8 s; None is no limit.
 
@@ -235,8 +240,7 @@ class RunSpec:
     @property
     def drives_servos(self) -> bool:
         """Whether it has a rig that is not emulated; emulated servos are an ordinary process of the same machine."""
-        rigs = (str(rig) for rig in (self.rig, self.follow_rig) if rig is not None)
-        return any(rig.partition(":")[0] != EMULATED for rig in rigs)
+        return any(rig is not None and not is_emulated(rig) for rig in (self.rig, self.follow_rig))
 
     def check(self) -> None:
         """Refuses, before anything is loaded, impossible values and options that contradict or lack each other.

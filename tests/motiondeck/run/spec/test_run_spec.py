@@ -1,6 +1,7 @@
 """Every option of a run stands once: what the command line and Python make of it."""
 
 import inspect
+from pathlib import Path
 
 import msgspec
 import pytest
@@ -9,7 +10,7 @@ from typer.testing import CliRunner
 
 import motiondeck
 from motiondeck.cli.run_options import with_run_options
-from motiondeck.run.spec.run_spec import RunSpec, options
+from motiondeck.run.spec.run_spec import RunSpec, is_emulated, options
 from motiondeck_base.errors import MotiondeckError
 
 
@@ -70,3 +71,11 @@ def test_it_travels_to_another_process_as_json():
 def test_what_cannot_be_is_refused_before_anything_is_loaded(wanted, says):
     with pytest.raises(MotiondeckError, match=says):
         RunSpec(**wanted).check()
+
+
+@pytest.mark.parametrize(
+    ("rig", "emulated"),
+    [("emulated", True), ("emulated:pan-tilt", True), ("emulated-arm.toml", False), (Path("emulated/arm.toml"), False)],
+)
+def test_a_rig_file_whose_name_begins_like_emulated_servos_is_none_of_them(rig, emulated):
+    assert is_emulated(rig) == emulated
