@@ -10,6 +10,8 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 
+from hardware.families.rows import rows_of
+
 
 @dataclass(frozen=True, slots=True)
 class IdentifiedMotor:
@@ -32,7 +34,6 @@ class IdentifiedMotor:
     viscous: float  # N·m/(rad/s)
 
 
-def parse_motors(rows: str) -> Mapping[str, IdentifiedMotor]:
+def parse_motors(text: str) -> Mapping[str, IdentifiedMotor]:
     """The motors of a table by model name: a row each, with the attributes in their order; # begins a comment."""
-    lines = [row for line in rows.splitlines() if (row := line.partition("#")[0].split())]
-    return {model: IdentifiedMotor(*map(float, figures)) for model, *figures in lines}
+    return {model: IdentifiedMotor(*map(float, figures)) for model, *figures in rows_of(text)}

@@ -9,6 +9,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
+from hardware.families.rows import rows_of
 from hardware.families.series import Series
 
 _CURRENT_MODES = (0, 1, 3, 4, 5, 16)
@@ -34,8 +35,7 @@ class Traits:
 
 def parse_traits(text: str, series: Mapping[str, Series]) -> dict[str, Traits]:
     """Reads rows of  model, series, rpm, stall A, N·m, V, mA, stiffness, fast read, number/figures;  by model name."""
-    rows = (line.partition("#")[0].split() for line in text.splitlines())
-    return {row[0]: _traits(row[1:], series) for row in rows if row}
+    return {model: _traits(row, series) for model, *row in rows_of(text)}
 
 
 def _traits(row: Sequence[str], known: Mapping[str, Series]) -> Traits:

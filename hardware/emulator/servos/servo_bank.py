@@ -17,6 +17,7 @@ from hardware.emulator.servos.drive import CURRENT, POSITION_MODES, PWM, VELOCIT
 from hardware.emulator.servos.register_mapping import follow, signed, whole_table, with_sign
 from hardware.families.models import TRAITS
 from hardware.families.register import Register
+from hardware.families.series import HEAT, OVERLOAD, VOLTAGE
 from hardware.families.table import ControlTable
 
 TRIPPED = -1
@@ -25,7 +26,6 @@ TRIPPED = -1
 _CONTROL = ("position_p_gain", "position_i_gain", "position_d_gain", "velocity_p_gain", "velocity_i_gain",
             "feedforward_1st_gain", "feedforward_2nd_gain", "profile_velocity", "profile_acceleration")  # fmt: skip
 _SHORTEST_STEP = 0.001
-_VOLTAGE, _HEAT, _OVERLOAD = 1, 4, 32  # problems
 _IN_POSITION = 0x01
 _PROFILE_ONGOING = 0x02
 _NOT_FOLLOWING = 0x08
@@ -261,7 +261,7 @@ class ServoBank:
         registers, drive = self.registers, self.drive
         self._overload = np.where(np.abs(drive.current) > _OVERLOADED, self._overload + seconds, 0.0)
         tenths = drive.supply * 10.0
-        voltage, heat, overload = (self.table.series.own_problems(bit) for bit in (_VOLTAGE, _HEAT, _OVERLOAD))
+        voltage, heat, overload = (self.table.series.own_problems(bit) for bit in (VOLTAGE, HEAT, OVERLOAD))
         found = heat * (drive.temperature > registers["temperature_limit"])
         found |= overload * (self._overload > _OVERLOAD_TIME)
         found |= voltage * ((tenths > registers["max_voltage_limit"]) | (tenths < registers["min_voltage_limit"]))

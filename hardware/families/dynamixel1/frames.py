@@ -7,8 +7,8 @@ four about the instruction.
 from __future__ import annotations
 
 from hardware.families.frames import BROADCAST, Frame, StatusPacket
+from hardware.families.series import HEAT, OVERLOAD, VOLTAGE
 
-VOLTAGE, HEAT, OVERLOAD = 1, 4, 32
 _HARDWARE = VOLTAGE | HEAT | OVERLOAD
 ANGLE_LIMIT, OUT_OF_RANGE, BAD_CHECKSUM, BAD_INSTRUCTION = 2, 8, 16, 64
 ERROR_NUMBERS = {BAD_INSTRUCTION: 2, BAD_CHECKSUM: 3, OUT_OF_RANGE: 4, ANGLE_LIMIT: 6}

@@ -6,41 +6,45 @@ from collections.abc import Iterable
 
 from hardware.families.frames import BROADCAST
 from hardware.families.plain_frames import build
+from hardware.families.plain_instructions import (
+    ACTION,
+    FACTORY_RESET,
+    PING,
+    READ,
+    REG_WRITE,
+    SYNC_WRITE,
+    WRITE,
+    ping,
+    read,
+    sync_write,
+    write,
+)
 
-PING = 0x01
-READ = 0x02
-WRITE = 0x03
-REG_WRITE = 0x04
-ACTION = 0x05
-FACTORY_RESET = 0x06
+__all__ = (
+    "ACTION",
+    "BULK_READ",
+    "FACTORY_RESET",
+    "PING",
+    "READ",
+    "REBOOT",
+    "REG_WRITE",
+    "SYNC_WRITE",
+    "WRITE",
+    "bulk_read",
+    "ping",
+    "read",
+    "reboot",
+    "sync_write",
+    "write",
+)
+
 REBOOT = 0x08
-SYNC_WRITE = 0x83
 BULK_READ = 0x92
-
-
-def ping(id: int) -> bytes:
-    """Answered without parameters: model and firmware are in the control table."""
-    return build(id, PING)
-
-
-def read(id: int, address: int, length: int) -> bytes:
-    """Asks one servo for `length` bytes of its control table."""
-    return build(id, READ, bytes((address, length)))
-
-
-def write(id: int, address: int, data: bytes) -> bytes:
-    """Writes bytes into a servo's control table."""
-    return build(id, WRITE, bytes((address,)) + data)
 
 
 def reboot(id: int) -> bytes:
     """Restarts a servo; only MX know it."""
     return build(id, REBOOT)
-
-
-def sync_write(address: int, length: int, entries: bytes) -> bytes:
-    """Writes the same registers of many servos at once, unanswered; entries are ID and `length` bytes, repeated."""
-    return build(BROADCAST, SYNC_WRITE, bytes((address, length)) + entries)
 
 
 def bulk_read(blocks: Iterable[tuple[int, int, int]]) -> bytes:

@@ -13,6 +13,7 @@ from dataclasses import replace
 
 from hardware.families.dynamixel2.traits import TRAITS
 from hardware.families.register import Register
+from hardware.families.rows import rows_of
 from hardware.families.traits import Traits
 
 _ROWS = """
@@ -90,9 +91,7 @@ def _facts(row: Sequence[str], traits: Traits) -> _Facts:
     return facts
 
 
-_FACTS: Mapping[str, _Facts] = {
-    row[0]: _facts(row[1:], TRAITS[row[0]]) for line in _ROWS.splitlines() if (row := line.partition("#")[0].split())
-}
+_FACTS: Mapping[str, _Facts] = {model: _facts(row, TRAITS[model]) for model, *row in rows_of(_ROWS)}
 
 
 def as_in_manual(model: str, register: Register) -> Register:

@@ -11,8 +11,9 @@ from hardware.families.feetech import instructions
 from hardware.families.frames import BROADCAST, Frame, StatusPacket
 from hardware.families.plain_frames import BEFORE, HEADER, PlainParser, status_length
 from hardware.families.replies import Blocks, GroupRead, WholeReply, in_order, whole_reply
+from hardware.families.series import HEAT, OVERLOAD, VOLTAGE
 
-_HARDWARE = 1 | 4 | 32  # voltage, heat, overload: what the same bits mean elsewhere
+_HARDWARE = VOLTAGE | HEAT | OVERLOAD  # what the same bits mean elsewhere
 _PROBLEMS = 0xFF  # all bits of the error byte are about the servo itself
 
 
