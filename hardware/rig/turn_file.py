@@ -9,7 +9,6 @@ A file for each serial adapter, in motiondeck in XDG_STATE_HOME (else ~/.local/s
 
 from __future__ import annotations
 
-import os
 import re
 from collections.abc import Mapping
 from pathlib import Path
@@ -19,6 +18,7 @@ import msgspec
 from hardware.bus.port import lasting_name
 from hardware.families.register import Counts
 from motiondeck_base.files import write_file
+from motiondeck_base.state_folder import state_folder
 
 
 class Turn(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
@@ -38,9 +38,8 @@ class TurnFile:
     @classmethod
     def of_port(cls, port: str) -> TurnFile:
         """The file of a serial adapter, found again under its lasting name."""
-        folder = Path(os.environ.get("XDG_STATE_HOME") or Path.home() / ".local" / "state") / "motiondeck"
         name = re.sub(r"[^\w.-]+", "-", str(Path(lasting_name(port)).absolute()))
-        return cls(folder / f"turns{name}.json")
+        return cls(state_folder() / f"turns{name}.json")
 
     def read(self) -> dict[int, Turn]:
         """What is kept; nothing where there is no file, or a damaged one."""

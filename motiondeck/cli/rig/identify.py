@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from motiondeck.cli.common.options import JsonOption
-from motiondeck.cli.rig.rig_port import PortOption, RigArgument, load
+from motiondeck.cli.rig.rig_port import PortOption, RigArgument, handled, load
 from motiondeck_base.errors import MotiondeckError, UnknownNameError
 
 if TYPE_CHECKING:
@@ -116,13 +116,8 @@ def open_rig(config: RigConfig, ports: list[str]) -> Rig:
 def _signals() -> Iterator[list[int]]:
     """The signals to end that arrive in the block (Ctrl-C, SIGTERM, a closed terminal), in place of their effects."""
     received: list[int] = []
-    wanted = [one for one in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP) if signal.getsignal(one) != signal.SIG_IGN]
-    before = [(one, signal.signal(one, lambda number, frame: received.append(number))) for one in wanted]
-    try:
+    with handled(lambda number, frame: received.append(number), signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
         yield received
-    finally:
-        for number, handler in before:
-            signal.signal(number, handler)
 
 
 def _say(line: str) -> None:

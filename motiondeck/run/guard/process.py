@@ -84,7 +84,10 @@ class GuardService:
                 guard.tick(now)
                 self._report()
             if until is None and (link.lost or self.closing or self.stopped):
-                (guard.end if self.closing else guard.lose_deck)()
+                if self.closing:
+                    guard.end()
+                else:
+                    guard.lose_deck()
                 until = now + _REST_WITHIN
 
     def _answer(self, request: Request) -> None:

@@ -10,7 +10,6 @@ from __future__ import annotations
 
 import hashlib
 import json
-import os
 import sys
 import zlib
 from contextlib import ExitStack
@@ -29,6 +28,7 @@ from hardware.rig.rig_file import RigConfig
 from motiondeck.run.robots.rig_output import RigOutput
 from motiondeck_base.errors import MotiondeckError
 from motiondeck_base.files import write_file
+from motiondeck_base.state_folder import state_folder
 
 _DIGEST = "learned with"
 
@@ -97,9 +97,8 @@ def _keep(file: Path, digest: str, tables: dict[Key, Array]) -> None:
 
 
 def _file(config: RigConfig, library: str) -> Path:
-    state = os.environ.get("XDG_STATE_HOME") or Path.home() / ".local" / "state"
     number = zlib.crc32(" ".join(config.names).encode())
-    return Path(state) / "motiondeck" / "follow" / f"{library}-{number:08x}.safetensors"
+    return state_folder() / "follow" / f"{library}-{number:08x}.safetensors"
 
 
 def _digest(config: RigConfig, robot: str, library: LibraryInfo, *, emulated: bool) -> str:
