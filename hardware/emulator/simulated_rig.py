@@ -12,7 +12,7 @@ from hardware.emulator.servos.device import Device
 from hardware.rig.counters import RigFaults
 from hardware.rig.rig_file import RigConfig
 from hardware.rig.scale import Array, RigScale
-from hardware.rig.switching.audit import current_counts
+from hardware.rig.switching.audit import driving_settings
 
 
 class SimulatedRig:
@@ -40,10 +40,8 @@ class SimulatedRig:
             self._scale.zero[index] -= device.bank.drive.forgotten[device.row]
             speed = joint.velocity * joint.gear / joint.table["profile_velocity"].si
             for name, value in (
-                ("operating_mode", joint.mode),
-                *([("min_position_limit", low), ("max_position_limit", high)] if joint.in_one_turn else []),
+                *driving_settings(joint, low, high).items(),
                 ("profile_velocity", max(1, round(speed))),
-                *([("goal_current", current_counts(joint))] if joint.current else []),
                 ("goal_position", device["present_position"]),
                 ("torque_enable", 1),
                 ("bus_watchdog", config.watchdog_units),

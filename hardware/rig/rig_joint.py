@@ -11,7 +11,8 @@ from hardware.errors import RigError
 from hardware.families.models import MODELS, TRAITS, WHY_NO_JOINT
 from hardware.families.table import ControlTable
 
-_GAINS = ("position_p_gain", "position_i_gain", "position_d_gain")
+GAINS = ("position_p_gain", "position_i_gain", "position_d_gain")
+"""The gains that a rig file may ask for, by register."""
 POSITION_MODE, EXTENDED_MODE = 3, 4
 """Operating modes without a limit of current: within one turn of the servo, and through many."""
 NEAR = 0.05
@@ -132,7 +133,7 @@ class RigJoint(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     @property
     def gains(self) -> dict[str, int]:
         """The gains that the rig file asks for, by register."""
-        asked = {name: getattr(self, name) for name in _GAINS}
+        asked = {name: getattr(self, name) for name in GAINS}
         return {name: gain for name, gain in asked.items() if gain is not None}
 
     def check_restartable(self) -> None:

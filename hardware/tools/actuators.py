@@ -5,9 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 
 from hardware.families.meanings import meaning
-from hardware.rig.rig_joint import POSITION_MODE, RigJoint
-
-_GAINS = {"position_p_gain": "P", "position_i_gain": "I", "position_d_gain": "D"}
+from hardware.rig.rig_joint import GAINS, POSITION_MODE, RigJoint
 
 
 def describe_actuator(joint: RigJoint, gains: Mapping[str, int]) -> str:
@@ -21,7 +19,7 @@ def describe_actuator(joint: RigJoint, gains: Mapping[str, int]) -> str:
         parts.append(f"{'grips with' if joint.grip else 'at most'} {joint.current:g} A")
     if joint.gear != 1.0:
         parts.append(f"gear {joint.gear:g}")
-    known = [f"{letter} {gains[name]}" for name, letter in _GAINS.items() if name in gains]
+    known = [f"{letter} {gains[name]}" for name, letter in zip(GAINS, "PID", strict=True) if name in gains]
     if known:
         parts.append(f"gains {' '.join(known)} {'of the rig file' if joint.gains else 'as the servo has them'}")
     return ", ".join(parts)

@@ -12,10 +12,11 @@ import msgspec
 from hardware.bus.servo_bus import UNKNOWN_MODEL, Bus, Identity
 from hardware.errors import NoReplyError, RigError, ServoError
 from hardware.families.meanings import describe_errors
+from hardware.families.series import HEAT, VOLTAGE
 from hardware.rig.driving.wire_load import longest_tick
 from hardware.rig.registers import read_register, write_each
 from hardware.rig.rig_file import RigConfig
-from hardware.rig.rig_joint import NEAR, RigJoint
+from hardware.rig.rig_joint import GAINS, NEAR, RigJoint
 from hardware.rig.state_block import arranged, motion
 from hardware.rig.switching.audit import Difference, audit, settle
 from hardware.rig.switching.identities import (
@@ -31,7 +32,6 @@ from hardware.tools.scan import LIKELY_BAUDS, scan
 
 _NEWEST = 255  # what a servo that does not answer may have as firmware
 _CLOSE_TO_HOT = 12.0  # degC
-_VOLTAGE, _HEAT = 1, 4  # bits of a hardware error
 _USB_SERIAL = Path("/sys/bus/usb-serial/devices")
 _SILENT = (
     "answers a ping but no read, as if its status_return_level is 0, the rig needs 2: --fix sets it, and so does every "
@@ -138,9 +138,8 @@ def examine(config: RigConfig, bus: Bus) -> Report:
 
 
 def _gains(joint: RigJoint, bus: Bus) -> dict[str, int]:
-    names = ("position_p_gain", "position_i_gain", "position_d_gain")
     try:
-        return {name: read_register(joint, bus, name) for name in names if name in joint.table.registers}
+        return {name: read_register(joint, bus, name) for name in GAINS if name in joint.table.registers}
     except ServoError:
         return {}
 
@@ -240,10 +239,10 @@ def _ask(joint: RigJoint, identity: Identity, bus: Bus) -> ServoReport:
     bits, place = hardware_errors(joint, bus), value("present_position")
     temperature, voltage = float(value("present_temperature")), value("present_input_voltage") / 10.0
     why: list[str] = []
-    if bits & _VOLTAGE:
+    if bits & VOLTAGE:
         low, high = value("min_voltage_limit") / 10.0, value("max_voltage_limit") / 10.0
         why.append(f" ({voltage:.1f} V; its own limits are {low:.1f} and {high:.1f} V)")
-    if bits & _HEAT:
+    if bits & HEAT:
         why.append(f" ({temperature:.0f} degC; its own limit is {value('temperature_limit')} degC)")
     return ServoReport(
         name=joint.name,

@@ -14,12 +14,12 @@ from collections.abc import Callable, Iterable, Iterator
 import numpy as np
 
 from hardware.errors import RigError
-from hardware.families.models import TRAITS
+from hardware.rig.supervision.pace import allowed_current
 from hardware.rig.supervision.rig import Rig
 from hardware.tools.joint_response import SECONDS, Chirp, ChirpAnswers, Response, chirp_of, response
 
 _SETTLING = 0.5  # s of holding, before the joint moves and before and after its chirp
-_MOST_CURRENT, _OF_STALL = 0.5, 0.8  # of what the rig file allows, or of this part of the stall current
+_MOST_CURRENT = 0.5  # of the allowed one
 _READINGS = 3  # in a row with more current are a surprise
 _WATCHED, _MOVED, _FOLLOWED = 0.6, 0.12, 0.25  # s in which the shaft goes by this part with targets that go so far, rad
 _LATE, _AWAY = 0.25, 0.05  # s, rad: how far behind its targets a shaft may be
@@ -109,8 +109,7 @@ class _Watch:
 
     def __init__(self, rig: Rig, index: int, chirp: Chirp) -> None:
         self._rig, self._index, self._joint = rig, index, rig.config.joints[index]
-        joint = self._joint
-        self._most = _MOST_CURRENT * min(joint.current or math.inf, _OF_STALL * TRAITS[joint.model].stall_current)
+        self._most = _MOST_CURRENT * allowed_current(self._joint)
         self._moved = min(_MOVED, 1.5 * chirp.swing)
         self._above = 0
         self._seen: deque[tuple[float, float]] = deque(maxlen=round(_WATCHED * rig.config.rate_hz))

@@ -182,7 +182,8 @@ class Strain:
 
     def __init__(self, config: RigConfig, slack: Array) -> None:
         """Knows each servo's slack (J,), rad, as in `own_settings`."""
-        self._allowed = np.array([_allowed(joint) for joint in config.joints])
+        # A gripper is not strained by what it holds.
+        self._allowed = np.array([math.inf if joint.grip else allowed_current(joint) for joint in config.joints])
         self._slack = slack
         stall = np.array([TRAITS[joint.model].stall_current for joint in config.joints])
         self._gentle = _GENTLE * self._allowed / stall
@@ -203,6 +204,6 @@ class Strain:
         self.yielding = self._smoothed > np.where(self.yielding, _RELIEVED, _STRAINED)
 
 
-def _allowed(joint: RigJoint) -> float:
-    """The current that a joint may draw, A; a gripper is not strained by what it holds."""
-    return math.inf if joint.grip else min(joint.current or math.inf, _MOST * TRAITS[joint.model].stall_current)
+def allowed_current(joint: RigJoint) -> float:
+    """The current that a joint may draw, A."""
+    return min(joint.current or math.inf, _MOST * TRAITS[joint.model].stall_current)

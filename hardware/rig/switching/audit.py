@@ -139,6 +139,16 @@ def in_counts(joint: RigJoint, name: str, limit: float) -> int:
     return max(1 if limit else 0, min(counts, register.largest))
 
 
+def driving_settings(joint: RigJoint, low: int, high: int) -> dict[str, int]:
+    """What a joint is driven with, by register, in the order of writing: mode, range `low` to `high`, current."""
+    settings = {"operating_mode": joint.mode}
+    if joint.in_one_turn:
+        settings |= {"min_position_limit": low, "max_position_limit": high}
+    if joint.current:
+        settings["goal_current"] = current_counts(joint)
+    return settings
+
+
 def current_counts(joint: RigJoint) -> int:
     """The goal current with which a servo keeps its joint's limit of current; 0 for no limit."""
     return in_counts(joint, "current_limit", joint.current) if joint.current else 0

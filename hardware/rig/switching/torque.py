@@ -19,7 +19,7 @@ from hardware.rig.registers import list_joints, read_each, read_register, sync_w
 from hardware.rig.rig_file import RigConfig
 from hardware.rig.rig_joint import NEAR, RigJoint
 from hardware.rig.scale import Array, RigScale
-from hardware.rig.switching.audit import audit, current_counts, in_counts, settle
+from hardware.rig.switching.audit import audit, driving_settings, in_counts, settle
 from hardware.rig.switching.identities import (
     check_identities,
     raise_answer_level,
@@ -199,11 +199,7 @@ def _take_torque_on(config: RigConfig, bus: Bus) -> None:
 
 
 def _is_set(joint: RigJoint, bus: Bus, low: int, high: int) -> bool:
-    wanted = {"torque_enable": 1, "operating_mode": joint.mode}
-    if joint.in_one_turn:
-        wanted |= {"min_position_limit": low, "max_position_limit": high}
-    if joint.current:
-        wanted["goal_current"] = current_counts(joint)
+    wanted = {"torque_enable": 1} | driving_settings(joint, low, high)
     return all(
         read_register(joint, bus, name) == value for name, value in wanted.items() if name in joint.table.registers
     )
