@@ -372,8 +372,23 @@ MUTANTS = (
     ),
     Mutant(
         "guard: targets are followed however late they are", GUARD, GUARDS,
-        "if self._missed > MISSED:",
-        "if False:",
+        "(self._missed > MISSED and not self._is_on_its_way)",
+        "False",
+    ),
+    Mutant(
+        "guard: joints that were held up stay behind the last targets", GUARD, GUARDS,
+        "(self._missed > MISSED and not self._is_on_its_way)",
+        "self._missed > MISSED",
+    ),
+    Mutant(
+        "guard: targets after a gap count as a tick apart", GUARD, GUARDS,
+        "if self._missed:\n",
+        "if False:\n",
+    ),
+    Mutant(
+        "guard: ticks that it has lost are lost for the joints", GUARD, GUARDS,
+        "self._make_up(lost)",
+        "pass",
     ),
     Mutant(
         "guard: targets sent long ago are fresh", GUARD, GUARDS,
