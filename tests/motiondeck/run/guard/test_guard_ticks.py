@@ -16,6 +16,7 @@ from motiondeck_base.errors import MotiondeckError
 JOINTS, T = 2, 0.01
 VELOCITY, ACCELERATION, JERK = 4.7, 80.0, 4000.0
 LIMITS = JointLimits(*(np.full(JOINTS, x) for x in (-2.0, 2.0, VELOCITY, ACCELERATION, JERK)))
+SLOW = JointLimits(*(np.full(JOINTS, x) for x in (-2.0, 2.0, 1.5, 6.0, 300.0)))
 
 
 class FakeRig:
@@ -40,10 +41,10 @@ class FakeRig:
 class Bench:
     """A guard, and a deck whose targets wave as fast as the limits let them."""
 
-    def __init__(self):
+    def __init__(self, limits=LIMITS):
         self.rig, self.targets, self.now = FakeRig(), Targets(JOINTS), 10.0
-        self.guard = RigGuard(self.rig, SafetyEnvelope(LIMITS, T), self.targets, T, self.now)
-        self.envelope = SafetyEnvelope(LIMITS, T)
+        self.guard = RigGuard(self.rig, SafetyEnvelope(limits, T), self.targets, T, self.now)
+        self.envelope = SafetyEnvelope(limits, T)
         self.envelope.start(np.zeros(JOINTS))
         self.time, self.stopped, self.seen = 0.0, False, 0
         self.times, self.pulls_seen = [], 0
@@ -173,9 +174,19 @@ def test_a_deck_that_comes_back_before_rest_is_caught_up_with(bench):
 
 
 @pytest.mark.parametrize(
-    ("near", "missed", "ended"), [(0.2, 0, False), (0.2, 9, False), (0.1, 7, True), (0.2, 10, True)]
+    ("limits", "near", "missed", "ended"),
+    [
+        (LIMITS, 0.2, 0, False),
+        (LIMITS, 0.2, 9, False),
+        (LIMITS, 0.1, 7, True),
+        (LIMITS, 0.2, 10, True),
+        (SLOW, 0.15, 12, True),
+        (SLOW, 0.3, 27, False),
+    ],
 )
-def test_joints_that_were_held_up_come_to_the_last_targets_of_a_deck(bench, near, missed, ended):
+def test_joints_that_were_held_up_come_to_the_last_targets_of_a_deck(limits, near, missed, ended):
+    bench = Bench(limits)
+    bench.play()
     end = np.array([0.2, 0.6])
     while np.abs(bench.envelope.position - end).max() > near:
         bench.deck_tick(end)
