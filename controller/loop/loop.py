@@ -30,7 +30,7 @@ from controller.loop.stop_requests import StopRequest, stop_on_signals
 from controller.motion.posture import Pose
 from controller.motion.rotations import Array
 
-_DEAF = 10  # ticks in a row in which nothing can be commanded, or no stop be taken, after which the joints come to rest
+_DEAF = 5  # ticks in a row in which nothing can be commanded, or no stop be taken, after which the joints come to rest
 
 
 @dataclass

@@ -200,6 +200,7 @@ def _config(member: Membership) -> zenoh.Config:
         "connect/retry": {"period_init_ms": 200, "period_max_ms": 1000, "period_increase_factor": 1.5},
         "scouting/multicast/enabled": False,
         "scouting/gossip/enabled": False,
+        "scouting/delay": 1,  # ms; opening does not wait for members that are away (by itself 500 ms)
         "transport/link/tx/lease": round(1e3 * LEASE),
         "transport/unicast/open_timeout": round(1e3 * LEASE),
         "transport/link/protocols": ["unixsock-stream" if member.certificates is None else "tls"],
