@@ -77,7 +77,7 @@ def _hierarchy(path: str | Path, lines: list[Line]) -> list[Joint]:
     joints: list[Joint] = []
     open_joints: list[int] = []
     awaited: Joint | None = None  # named, its brace not read yet
-    for line in _one_brace_a_line(lines):
+    for line in _whole(_one_brace_a_line(lines)):
         key, *rest = line.words
         current = joints[open_joints[-1]] if open_joints else None
         match key.upper():
@@ -103,6 +103,18 @@ def _hierarchy(path: str | Path, lines: list[Line]) -> list[Joint]:
     if open_joints or awaited or not joints:
         raise FileFormatError(f"{path}: the HIERARCHY is not closed before MOTION. Fetch the file again.")
     return joints
+
+
+def _whole(lines: Iterator[Line]) -> list[Line]:
+    """The lines, with channels that are wrapped over several on one."""
+    whole: list[Line] = []
+    for line in lines:
+        before = whole[-1].words if whole else [""]
+        if before[0].upper() == "CHANNELS" and (len(before) == 1 or line.words[0].lower() in CHANNELS):
+            before += line.words
+        else:
+            whole.append(line)
+    return whole
 
 
 def _one_brace_a_line(lines: list[Line]) -> Iterator[Line]:
@@ -250,8 +262,8 @@ FORMAT = Format(
     name="Biovision, of any exporter",
     suffixes=(".bvh",),
     read=read_bvh,
-    supported="each joint's own order of channels, End Sites, position channels on any joint, braces anywhere, any "
-    "unit and axis, any zero pose",
+    supported="each joint's own order of channels, End Sites, position channels on any joint, braces and line ends "
+    "anywhere, any unit and axis, any zero pose",
     unsupported="several bodies in one file; bones that change their length (the median is taken); more than 30 "
     "million numbers",
     magic=b"HIERARCHY",

@@ -7,7 +7,8 @@
                   X1  Y1  Z1    X2  Y2  Z2
     1       0.00  12  480  3    ...
 
-Columns are separated by tabs; those of an unseen marker are empty (OpenSim documentation, "Marker (.trc) Files").
+Columns are separated by tabs; those of an unseen marker are empty (OpenSim documentation, "Marker (.trc) Files"). Older
+exporters put spaces into line 1 and several tabs between the values of line 3.
 """
 
 from __future__ import annotations
@@ -31,10 +32,12 @@ def read_trc(path: str | Path, options: ReadingOptions = AS_FOUND) -> Markers:
     """The markers in a TRC file."""
     texts = [(number, text) for number, text in enumerate(read_lines(path), 1) if text.strip()]
     lines = [Line(path, number, text.rstrip().split("\t")) for number, text in texts[:5]]
-    if len(lines) < 5 or lines[0].words[0].strip().lower() != "pathfiletype":
+    if len(lines) < 5 or not lines[0].words[0].strip().lower().startswith("pathfiletype"):
         raise FileFormatError(f"{path}: this is no .trc file, or it is cut short. Is it the right one?")
-    heads = [word.strip().lower() for word in lines[1].words]
-    fields = dict(zip(heads, (word.strip() for word in lines[2].words), strict=False))
+    heads, values = (" ".join(line.words).split() for line in lines[1:3])
+    if len(heads) != len(values):  # some are empty
+        heads, values = lines[1].words, lines[2].words
+    fields = {head.strip().lower(): value.strip() for head, value in zip(heads, values, strict=False)}
     rate = lines[2].number_from(fields.get("datarate", ""))
     if not 0.1 <= rate <= 1e5:
         raise lines[2].error(f"a rate of {rate:g} frames per second is not possible.")
@@ -55,8 +58,12 @@ def read_trc(path: str | Path, options: ReadingOptions = AS_FOUND) -> Markers:
         numbers[frame] = _row(Line(path, number, text.rstrip().split("\t")), 3 * len(names))
     position = numbers.reshape(-1, len(names), 3) * unit
     announced = as_float(fields.get("numframes", "")) or 0.0
-    if len(rows) == 0 or len(rows) < announced:
-        raise FileFormatError(f"{path}: {announced:g} frames are announced, but {len(rows)} follow. Fetch it again.")
+    # A cropped recording keeps the number in line 3; a broken transfer ends within a line.
+    if len(rows) == 0 or (len(rows) < announced and len(rows[-1][1].split("\t")) < len(rows[0][1].split("\t"))):
+        raise FileFormatError(
+            f"{path}: {announced:g} frames are announced, but {len(rows)} follow, and the last line is cut short. "
+            "Fetch it again."
+        )
     position[~(np.abs(position).max(axis=-1) < FARTHEST)] = np.nan
     if np.isnan(position).all():
         raise FileFormatError(f"{path}: no marker was ever seen ({listed(names)}). Give another recording.")

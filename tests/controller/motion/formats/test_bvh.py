@@ -186,6 +186,18 @@ def test_odd_files_are_read_right(tmp_path, change):
     np.testing.assert_array_equal(plain.joints(), odd.joints())
 
 
+def test_wrapped_lines_of_channels_and_frames_are_read(tmp_path):
+    (tmp_path / "plain.bvh").write_text(BVH)
+    head, _, rows = BVH.partition("MOTION")
+    head = head.replace("6 Xposition Yposition Zposition ", "6 Xposition Yposition\n Zposition\n")
+    head = head.replace("CHANNELS 3 Zrotation", "CHANNELS\n3 Zrotation\n")
+    first, *frames = rows.split("Frame Time:")[1].split("\n")
+    rows = rows.split("Frame Time:")[0] + "Frame Time:" + "\n".join([first, *(f.replace(" ", "\n", 3) for f in frames)])
+    (tmp_path / "wrapped.bvh").write_text(head + "MOTION" + rows)
+    plain, wrapped = (read_clip(tmp_path / f"{name}.bvh") for name in ("plain", "wrapped"))
+    assert np.array_equal(wrapped.joints(), plain.joints())
+
+
 def test_one_frame_duplicate_names_and_missing_end_sites_are_read(tmp_path):
     text = bvh_text(read_bvh(write(tmp_path, BVH)))
     head, frames = text.split("Frames: 2\n")
