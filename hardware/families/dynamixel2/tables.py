@@ -2,8 +2,8 @@
 
 The `.model` files of the installed dynamixel-sdk give address and length of each register. Sign, access, memory, range,
 default and unit come from the XM430-W350's manual, whose register names the others share, with the figures of
-`x_series` for each model. The tables of `p_series` and `xl_320` are complete. For the Y series and the RH-P12-RN the
-range is what the bytes can hold.
+`x_series` for each model. The tables of the P series and the XL-320 are complete. For the Y series and the RH-P12-RN
+the range is what the bytes can hold.
 """
 
 from __future__ import annotations
@@ -17,13 +17,15 @@ from hardware.families.dynamixel2.p_series import P_SERIES
 from hardware.families.dynamixel2.sdk_models import Row, model_file, model_numbers
 from hardware.families.dynamixel2.traits import TRAITS, X
 from hardware.families.dynamixel2.x_series import as_in_manual
-from hardware.families.dynamixel2.xl_320 import XL_320
-from hardware.families.dynamixel2.xm430_w350 import XM430_W350
 from hardware.families.register import Register
-from hardware.families.table import ControlTable
+from hardware.families.rows import file_beside
+from hardware.families.table import ControlTable, parse_table
 
-_COMMON = XM430_W350.registers
-_OWN = P_SERIES | {table.model: table for table in (XM430_W350, XL_320)}
+_XM430_W350 = parse_table("XM430-W350", 1020, 4096, file_beside(__file__, "xm430_w350.txt"), X)
+# 1023 of the 1228 steps to a turn are 300 degrees.
+_XL_320 = parse_table("XL-320", 350, 1228, file_beside(__file__, "xl_320.txt"), TRAITS["XL-320"].series)
+_COMMON = _XM430_W350.registers
+_OWN = P_SERIES | {table.model: table for table in (_XM430_W350, _XL_320)}
 _READ_ONLY = (
     *("present_", "model_", "firmware_", "moving", "realtime_", "registered_", "hardware_", "error_code", "backup_"),
     *("position_trajectory", "velocity_trajectory", "controller_state"),
@@ -35,7 +37,7 @@ _RAD_PER_S = 2.0 * math.pi / 60.0
 def numbers() -> dict[str, int]:
     """The number of each model whose table is known."""
     own = {model: traits.figures[0] for model, traits in TRAITS.items() if traits.figures}
-    return {XM430_W350.model: XM430_W350.number} | model_numbers() | own
+    return {_XM430_W350.model: _XM430_W350.number} | model_numbers() | own
 
 
 @cache

@@ -9,6 +9,7 @@ from __future__ import annotations
 from types import MappingProxyType
 
 from hardware.families.feetech.family import FAMILY
+from hardware.families.rows import file_beside
 from hardware.families.series import ENCODER, HEAT, OVERLOAD, VOLTAGE, Series
 from hardware.families.traits import parse_traits
 
@@ -27,13 +28,5 @@ _STS = Series(
     bits_needed=MappingProxyType({"phase": (4 | 16, 4)}),
 )
 
-# Speed and torque at 7.4 V as sold (0.192 s for 60 degrees, 19.5 kg cm). Two estimates: the stall current is that of an
-# ideal motor with this torque behind gears as lossy as the emulator's, and the stiffness is that of a sag of 25 counts
-# under half the stall torque, as others have measured.
-_ROWS = """
-# model         series rpm  stall_A N·m  V    mA   stiffness fast  number/figures of the series' tables
-STS3215         STS    52   2.0   1.91   7.4  6.5  2266 -
-"""
-
-TRAITS = parse_traits(_ROWS, {_STS.name: _STS})
+TRAITS = parse_traits(file_beside(__file__, "models.txt"), {_STS.name: _STS})
 """By model name."""
