@@ -13,7 +13,7 @@ HEAD = "| file | what it is | read | not read |\n|---|---|---|---|\n"
 def formats_table() -> str:
     """The formats as Markdown, a line each."""
     table = HEAD
-    for row in dict.fromkeys(FORMATS.values()):
+    for row in dict.fromkeys(row for suffix in sorted(FORMATS) for row in FORMATS[suffix]):
         suffixes = ", ".join(f"`{suffix}`" for suffix in row.suffixes)
         table += f"| {suffixes} | {row.name} | {row.supported} | {row.unsupported} |\n"
     return table

@@ -27,3 +27,4 @@ class Format:
     unsupported: str = ""
     magic: bytes = b""  # first bytes of every such file, by which a wrong suffix is recognised; may be empty
     matches: Callable[[Path], bool] = lambda _: True  # false for other files with one of the suffixes
+    general: bool = False  # reads, or refuses with the reason, what no other format of its suffixes matches

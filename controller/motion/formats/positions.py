@@ -18,19 +18,18 @@ from __future__ import annotations
 
 import math
 import re
-from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 
 from controller.motion.clip import Clip
 from controller.motion.file_format import Format
-from controller.motion.formats.markers.joint_points import ARMS, LEGS, joint_points
+from controller.motion.formats.markers.joint_points import joint_points, turned_over
 from controller.motion.markers import FARTHEST, Markers, unit_of_size
 from controller.motion.orientation import orient
 from controller.motion.reading_options import AS_FOUND, ReadingOptions
 from controller.motion.rest_pose import RecordedBody, rest_skeleton
-from controller.motion.rotations import Array, continuous, dot, normalise
+from controller.motion.rotations import Array, continuous, normalise
 from controller.motion.skeleton import Skeleton
 from motiondeck_base.errors import FileFormatError
 from motiondeck_base.files import Line, as_float, no_number, read_lines
@@ -56,7 +55,7 @@ def read_positions(path: str | Path, options: ReadingOptions = AS_FOUND) -> Clip
     up = options.up or ("z" if ours else None)
     points = Markers(names, rate, position, up, Path(path).name)
     if not is_body or _in_joints(points):
-        return points if up else _turned_over(points)
+        return points if up else turned_over(points)
     if len(names) < 2 or np.isnan(position).any():
         raise FileFormatError(f"{path}: a body needs its root and all other joints in every frame. Fill the gaps.")
     name = Path(path).stem
@@ -75,25 +74,6 @@ def _in_joints(points: Markers) -> bool:
     return bool(joints) and all(
         apart(joints[side + "hip"], root) < IN_HIP * apart(joints[side + "hip"], joints[side + "kne"]) for side in "lr"
     )
-
-
-def _turned_over(points: Markers) -> Markers:
-    """Points in camera axes (vertical axis down), rotated by half a turn about x; others unchanged.
-
-    Legs that point up may be those of a handstand: then the arms point away from them.
-    """
-    joints = joint_points(points)
-    if not all(joint in joints for joint in (*LEGS, *ARMS)):
-        return points
-    legs, arms = (
-        np.mean([joints[side + end] - joints[side + start] for side in "lr"], axis=0)
-        for start, end in (("hip", "ank"), ("sho", "wri"))
-    )
-    y, z = legs.mean(axis=0)[1:]
-    down = (y if abs(y) > abs(z) else z) > 0.0
-    if not down or np.mean(dot(legs, arms)) < 0.0:
-        return points
-    return replace(points, position=points.position * np.array([1.0, -1.0, -1.0]))
 
 
 def is_table(path: Path) -> bool:
@@ -238,5 +218,6 @@ FORMAT = Format(
     read=read_positions,
     supported="joints of a body (its bones are found again), points in joints, markers",
     unsupported="twists of bones, which it does not have; other tables",
+    general=True,
     matches=is_table,
 )

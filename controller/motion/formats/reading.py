@@ -5,6 +5,7 @@ from __future__ import annotations
 import importlib
 import pkgutil
 from dataclasses import dataclass
+from itertools import chain
 from pathlib import Path
 
 from controller.motion.clip import Clip
@@ -23,17 +24,25 @@ def _all_formats() -> list[Format]:
         module.name for module in pkgutil.walk_packages([str(Path(__file__).parent)], "controller.motion.formats.")
     ]
     rows = [getattr(importlib.import_module(name), "FORMAT", None) for name in names]
-    return sorted((row for row in rows if isinstance(row, Format)), key=lambda row: row.suffixes)
+    return sorted((row for row in rows if isinstance(row, Format)), key=lambda row: (row.general, row.suffixes))
 
 
-FORMATS = {suffix: row for row in _all_formats() for suffix in row.suffixes}
-"""The formats of recordings, by suffix in lower case."""
+FORMATS: dict[str, list[Format]] = {}
+"""The formats of recordings, by suffix in lower case; the last one is given files that none matches."""
+for _row in _all_formats():
+    for _suffix in _row.suffixes:
+        FORMATS.setdefault(_suffix, []).append(_row)
 _PACKED = "packed. Unpack it, and give the recordings in it."
+_PICKLED = (
+    "holds Python objects, which are never loaded. Save its arrays as .npz under their names, and fps: poses and trans "
+    "(AMASS, AIST++), keypoints3d_optim (AIST++), body_pose, global_orient and transl (GVHMR), dof_pos (GMR)."
+)
 _UNREAD = {
     ".asf": "a skeleton, not a motion. Give a recording that belongs to it (.amc).",
     ".fbx": "a closed format that is not read. Convert it with FBX2glTF (to .glb), or in Blender: import it, then "
     "File > Export > glTF 2.0 or Motion Capture (.bvh).",
-    ".pkl": "holds Python objects, which are never loaded. Save its arrays as .npz: poses, trans, mocap_framerate.",
+    **dict.fromkeys((".pkl", ".pickle", ".joblib"), _PICKLED),
+    **dict.fromkeys((".pt", ".pth"), _PICKLED),
     ".blend": "Blender's own format. Export it there: File > Export > glTF 2.0 or Motion Capture (.bvh).",
     **dict.fromkeys((".zip", ".gz", ".xz", ".7z", ".rar", ".tar"), _PACKED),
     **dict.fromkeys(
@@ -48,7 +57,7 @@ _UNREAD = {
     ".tsv": "a table of Qualisys or others. Export the recording as .c3d or .trc.",
     **dict.fromkeys((".mot", ".sto"), "OpenSim's angles, which need its model. Give the markers (.trc or .c3d)."),
 }
-_SELDOM_MOTION = {".asf", ".dae", ".abc", ".tsv", ".mot", ".sto", ".qtm"}  # skeletons, meshes, tables
+_SELDOM_MOTION = {".asf", ".dae", ".abc", ".tsv", ".mot", ".sto", ".qtm", ".pt", ".pth", ".pickle", ".joblib"}
 CONVERTIBLE = frozenset(_UNREAD) - _SELDOM_MOTION - FORMATS.keys()
 """Suffixes of recordings that `read_clip` refuses with a hint how to unpack or convert them."""
 
@@ -72,7 +81,7 @@ def read_clip(path: str | Path, options: ReadingOptions = AS_FOUND) -> Clip:
 def read_fitted(path: str | Path, options: ReadingOptions = AS_FOUND) -> FittedClip:
     """As `read_clip`, with the fit to the markers."""
     suffix = Path(path).suffix.lower()
-    row = FORMATS.get(suffix)
+    row = _format_of(Path(path))
     if row is None and suffix in _UNREAD:
         raise FileFormatError(f"{path}: {_UNREAD[suffix]}")
     if (other := _format_by_content(Path(path))) and other is not row:
@@ -86,8 +95,15 @@ def read_fitted(path: str | Path, options: ReadingOptions = AS_FOUND) -> FittedC
 
 def recordings_below(folder: Path) -> list[Path]:
     """The recordings in a folder and its subfolders; of .csv files those that hold positions."""
-    found = ((path, FORMATS.get(path.suffix.lower())) for path in folder.rglob("*"))
-    return sorted(path for path, row in found if row is not None and path.is_file() and row.matches(path))
+    files = (path for path in folder.rglob("*") if path.suffix.lower() in FORMATS and path.is_file())
+    return sorted(path for path in files if any(row.matches(path) for row in FORMATS[path.suffix.lower()]))
+
+
+def _format_of(path: Path) -> Format | None:
+    """The format of a file by its suffix and, where several share it, what it holds."""
+    rows = FORMATS.get(path.suffix.lower(), [])
+    shared = rows if len(rows) > 1 and path.is_file() else []
+    return next((row for row in shared if row.matches(path)), rows[-1] if rows else None)
 
 
 def _format_by_content(path: Path) -> Format | None:
@@ -99,7 +115,8 @@ def _format_by_content(path: Path) -> Format | None:
             beginning = file.read(64).lstrip()
     except (OSError, ValueError):
         return None  # the reader says why
-    return next((row for row in FORMATS.values() if row.magic and beginning.startswith(row.magic)), None)
+    rows = chain.from_iterable(FORMATS.values())
+    return next((row for row in rows if row.magic and beginning.startswith(row.magic)), None)
 
 
 def _body_of_markers(markers: Markers, name: str) -> FittedClip:

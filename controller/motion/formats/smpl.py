@@ -12,24 +12,20 @@ rotations are applied to a body of average proportions (Winter 2009, fig. 4.1) i
 
 from __future__ import annotations
 
-import io
-import tokenize
-import zipfile
-import zlib
 from pathlib import Path
 
 import numpy as np
 
 from controller.motion.clip import Clip
 from controller.motion.file_format import Format
+from controller.motion.formats.npz_arrays import NpzArrays
 from controller.motion.joint_tree import MOST_POSES, clip_of, played
 from controller.motion.reading_options import AS_FOUND, ReadingOptions
 from controller.motion.rest_pose import STATURE
 from controller.motion.rotations import Array, from_rotation_vector
 from motiondeck_base.errors import FileFormatError
-from motiondeck_base.files import listed, read_bytes
+from motiondeck_base.files import listed
 
-_RATES = ("mocap_framerate", "mocap_frame_rate", "framerate", "frame_rate", "fps")
 LARGEST_ANGLE = 100.0  # rad: a longer vector is not a rotation
 
 JOINTS = (
@@ -71,19 +67,16 @@ def read_smpl(path: str | Path, options: ReadingOptions = AS_FOUND) -> Clip:
         poses = arrays.first("poses", "pose", "smpl_poses", "fullpose")
         pose = None if poses is None else _rows(poses)
         width = 0 if pose is None else pose.shape[1]
-    trans, rate = arrays.first("trans", "transl", "smpl_trans"), arrays.first(*_RATES)
+    trans = arrays.first("trans", "transl", "smpl_trans")
     if pose is None or trans is None:
         raise FileFormatError(
             f"{path}: this .npz is no motion of a body: it holds {listed(arrays.names) or 'nothing'}. Expected are "
-            "poses (or root_orient and pose_body), trans and mocap_framerate, as AMASS writes them."
+            "poses (or root_orient and pose_body), trans and mocap_framerate, as AMASS writes them, or joints (frames, "
+            "joints, 3) and fps."
         )
-    if rate is None:
-        raise FileFormatError(
-            f"{path}: no rate (it holds {listed(arrays.names)}). Add an array 'mocap_framerate', Hz, and save it again."
-        )
-    hertz = float(rate.ravel()[0]) if rate.size else 0.0
-    if not 0.1 <= hertz <= 1e5:
-        raise FileFormatError(f"{path}: a rate of {hertz:g} frames per second is not possible.")
+    hertz = arrays.rate()
+    if (scaling := arrays.first("smpl_scaling")) is not None and scaling.size and scaling.ravel()[0] > 0.0:
+        trans = trans / scaling.ravel()[0]  # AIST++: in cm or so
     trans = _rows(trans)
     frames = len(pose)
     if frames == 0 or pose.shape[1] < 66 or trans.shape != (frames, 3):
@@ -145,49 +138,12 @@ def _rows(array: Array) -> Array:
     return array.reshape(len(array), int(np.prod(array.shape[1:]))) if array.ndim else np.zeros((0, 0))
 
 
-MOST_BYTES = 2**30  # of an array once unpacked
-# Errors of a broken archive or array: numpy reads headers with Python's own parser.
-_BROKEN = (ValueError, TypeError, SyntaxError, EOFError, OverflowError, MemoryError, OSError, RuntimeError, KeyError)
-_BROKEN += (zipfile.BadZipFile, zlib.error, tokenize.TokenError)
-
-
-class NpzArrays:
-    """The arrays of numbers in an .npz file, a zip of .npy files; pickled objects are never loaded."""
-
-    def __init__(self, path: str | Path) -> None:
-        self._path = path
-        content = read_bytes(path, archive=True)
-        try:
-            self._archive = zipfile.ZipFile(io.BytesIO(content))
-        except (zipfile.BadZipFile, NotImplementedError, ValueError) as error:
-            raise FileFormatError(f"{path}: this is no .npz file ({error}). Is it the right one?") from None
-        entries = [entry for entry in self._archive.infolist() if entry.filename.endswith(".npy")]
-        self._sizes = {entry.filename[: -len(".npy")]: entry.file_size for entry in entries}
-        self.names = list(self._sizes)
-
-    def first(self, *names: str) -> Array | None:
-        """The first of these arrays that exists, as float64, or None; FileFormatError if it is none or too large."""
-        name = next((name for name in names if name in self._sizes), None)
-        if name is None:
-            return None
-        if self._sizes[name] > MOST_BYTES:
-            raise FileFormatError(f"{self._path}: array '{name}' would take {self._sizes[name] >> 20} MiB.")
-        try:
-            with self._archive.open(f"{name}.npy") as entry:
-                packed = entry.read(MOST_BYTES + 1)
-            array = np.lib.format.read_array(io.BytesIO(packed), allow_pickle=False)
-            return np.asarray(array, dtype=np.float64)
-        except _BROKEN as error:
-            reason = "it holds Python objects, which are never loaded" if "bject" in str(error) else str(error)
-        short = " ".join(reason.split())[:120]
-        raise FileFormatError(f"{self._path}: array '{name}' cannot be read ({short}). Save it again as plain numbers.")
-
-
 FORMAT = Format(
-    name="bodies of the SMPL family: AMASS, SMPL-H, SMPL-X",
+    name="bodies of the SMPL family: AMASS, SMPL-H, SMPL-X, GVHMR",
     suffixes=(".npz",),
     read=read_smpl,
     supported="`poses`, or `root_orient` and `pose_body` (`global_orient`, `body_pose`); `trans`; the rate; with "
     "`--skeleton MODEL.npz` the joints of the person ([below](#smpl))",
     unsupported="hands and face; files without a rate; pickles (`.pkl`)",
+    general=True,
 )

@@ -10,6 +10,8 @@ joints. Unknown arms or trunk are left out, and the bones have usual names; `can
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 
 from controller.motion.bone_names import named_parts
@@ -17,13 +19,14 @@ from controller.motion.clip import Clip
 from controller.motion.formats.markers.skin_markers import marks_pelvis
 from controller.motion.markers import Markers, bridged
 from controller.motion.orientation import orient
-from controller.motion.rotations import Array, best_fit, continuous, normalise, rotate
+from controller.motion.rotations import Array, best_fit, continuous, dot, normalise, rotate
 from controller.motion.skeleton import ROOT, Skeleton
 from controller.motion.thesis_body import JAEGER_BONES, JAEGER_PARENT, JAEGER_REST, thesis_skeleton
 from controller.motion.up_axis import TO_OURS
 
 LEGS = tuple(side + joint for side in "lr" for joint in ("hip", "kne", "ank"))  # which every body needs
 ARMS = tuple(side + joint for side in "lr" for joint in ("sho", "elb", "wri"))
+ON_HANDS = -0.5  # mean cosine between legs and arms, below which the body stands on its hands
 HAND, HEAD, FOOT = 0.3, 0.9, 0.4  # over forearm, shoulder width and shank, if no point is known there
 
 _USUAL = {"back": "Spine", "neck": "Chest", "head": "Head", "pelvis": "Pelvis"}
@@ -69,6 +72,25 @@ def joint_points(markers: Markers) -> dict[str, Array]:
         if not all(joint in found for joint in arm):
             found = {joint: track for joint, track in found.items() if joint not in arm}
     return found
+
+
+def turned_over(points: Markers) -> Markers:
+    """Points in camera axes (vertical axis down), rotated by half a turn about x; others unchanged.
+
+    Legs that point up may be those of a handstand: then the arms are stretched away from them.
+    """
+    joints = joint_points(points)
+    if not all(joint in joints for joint in (*LEGS, *ARMS)):
+        return points
+    legs, arms = (
+        np.mean([joints[side + end] - joints[side + start] for side in "lr"], axis=0)
+        for start, end in (("hip", "ank"), ("sho", "wri"))
+    )
+    y, z = legs.mean(axis=0)[1:]
+    down = (y if abs(y) > abs(z) else z) > 0.0
+    if not down or np.mean(dot(normalise(legs), normalise(arms))) < ON_HANDS:
+        return points
+    return replace(points, position=points.position * np.array([1.0, -1.0, -1.0]))
 
 
 def jointed_body(joints: dict[str, Array], markers: Markers, name: str) -> Clip:

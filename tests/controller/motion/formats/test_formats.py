@@ -22,9 +22,10 @@ def test_the_table_of_the_docs_lists_every_format():
     assert page == script.with_table(page), "run: python docs/formats_table.py"
 
 
-def test_no_suffix_belongs_to_two_formats():
-    rows = dict.fromkeys(FORMATS.values())
-    assert sum(len(row.suffixes) for row in rows) == len(FORMATS)
+def test_of_formats_that_share_a_suffix_one_reads_what_no_other_matches():
+    for suffix, rows in FORMATS.items():
+        assert [row.general for row in rows[:-1]] == [False] * (len(rows) - 1), suffix
+        assert rows[-1].general or len(rows) == 1, suffix
 
 
 @pytest.mark.parametrize("name", ["walk.txt", "walk.trc", "walk"])

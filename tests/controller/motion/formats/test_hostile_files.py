@@ -158,9 +158,17 @@ def npz_bytes(**arrays):
     return content.getvalue()
 
 
+def npy_bytes(array):
+    content = io.BytesIO()
+    np.save(content, array)
+    return content.getvalue()
+
+
 SHORT = moving(frames=2)
 WHOLE = {
     ".npz": npz_bytes(poses=np.ones((2, 66)), trans=np.ones((2, 3)), mocap_framerate=60.0),
+    ".joints.npz": npz_bytes(joints=np.stack([*SHORT.place.values()], axis=1)[:, :22], fps=20.0),
+    ".npy": npy_bytes(np.stack([*SHORT.place.values()], axis=1)[:, :22]),
     ".mvnx": mvnx_text(SHORT).encode(),
     ".trc": trc_text(["LKNE", "C7"], np.ones((2, 2, 3)), 60.0).encode(),
     ".glb": gltf_file(SHORT).glb(),

@@ -117,6 +117,13 @@ def test_a_world_with_y_up_is_seen_from_the_body(tmp_path):
     assert np.allclose(clip.root_position[:, 2], 1.2 - 0.35)
 
 
+def test_the_scaling_of_aist_is_taken_out_of_the_path(tmp_path):
+    arrays = {"smpl_poses": POSE.reshape(FRAMES, 66), "smpl_trans": TRANS[:, [0, 2, 1]], "fps": 60}
+    scaled = arrays | {"smpl_trans": 93.5 * arrays["smpl_trans"], "smpl_scaling": np.array([93.5])}
+    one, other = read_clip(save(tmp_path, arrays)), read_clip(save(tmp_path, scaled, "scaled.npz"))
+    assert np.allclose(one.joints(), other.joints(), atol=1e-9)
+
+
 class Trap:
     def __reduce__(self):
         return (pytest.fail, ("a pickle was loaded",))
@@ -127,7 +134,7 @@ class Trap:
     [
         ({"trans": None}, r"no motion of a body: it holds poses, betas, gender, mocap_framerate"),
         ({"poses": None}, "no motion of a body"),
-        ({"mocap_framerate": None}, "no rate .* Add an array 'mocap_framerate'"),
+        ({"mocap_framerate": None}, "no rate .* Add an array 'fps'"),
         ({"mocap_framerate": 0.0}, "a rate of 0 frames per second"),
         ({"poses": np.zeros((FRAMES, 60))}, r"rotations of shape \(30, 60\)"),
         ({"poses": np.zeros((0, 156)), "trans": np.zeros((0, 3))}, r"rotations of shape \(0, 156\)"),
