@@ -42,10 +42,10 @@ def unit_of_size(position: Array) -> float:
 
 
 def bridged(track: Array) -> Array:
-    """A track (T, 3), seen at least once, with its gaps interpolated linearly."""
+    """A track (T, C), seen at least once, with its gaps interpolated linearly."""
     there = np.flatnonzero(~np.isnan(track[:, 0]))
     every = np.arange(len(track))
-    return np.stack([np.interp(every, there, track[there, axis]) for axis in range(3)], axis=-1)
+    return np.stack([np.interp(every, there, track[there, axis]) for axis in range(track.shape[1])], axis=-1)
 
 
 def runs(flags: NDArray[np.bool_]) -> list[tuple[int, int]]:

@@ -16,7 +16,6 @@ Our tables have z up. In others the body tells the vertical axis, which of a cam
 
 from __future__ import annotations
 
-import math
 import re
 from pathlib import Path
 
@@ -25,23 +24,21 @@ import numpy as np
 from controller.motion.clip import Clip
 from controller.motion.file_format import Format
 from controller.motion.formats.markers.joint_points import joint_points, turned_over
-from controller.motion.markers import FARTHEST, Markers, unit_of_size
+from controller.motion.formats.tables import even_times, first_row, is_row, numbers, separator_of, words_of
+from controller.motion.markers import Markers, unit_of_size
 from controller.motion.orientation import orient
 from controller.motion.reading_options import AS_FOUND, ReadingOptions
 from controller.motion.rest_pose import RecordedBody, rest_skeleton
 from controller.motion.rotations import Array, continuous, normalise
 from controller.motion.skeleton import Skeleton
 from motiondeck_base.errors import FileFormatError
-from motiondeck_base.files import Line, as_float, no_number, read_lines
+from motiondeck_base.files import Line, read_lines
 
-MOST_NUMBERS = 30_000_000
 MOST_COLUMNS = 3000
 COMPARED = 400  # frames in which distances are compared
 WRITTEN = 1e-5  # m: files have six digits, so a distance that varies by less is constant
 NO_LENGTH = 1e-5  # m
-LONGEST_GAP = 0.5  # s without a frame
 IN_HIP = 0.5  # thighs: a point this near to the root is no knee
-_SNIFFED = 1 << 16  # bytes read to identify a table
 _TIMES = ("time_s", "time", "time (s)", "time [s]", "timestamp", "seconds", "t")
 _COLUMN = re.compile(r"(.+?)[._ :]?([xyz])", re.IGNORECASE)
 
@@ -78,34 +75,17 @@ def _in_joints(points: Markers) -> bool:
 
 def is_table(path: Path) -> bool:
     """Whether a .csv is a table of positions, by its first line."""
-    try:
-        with path.open("rb") as file:
-            texts = file.read(_SNIFFED).decode("utf-8-sig", errors="replace").splitlines()
-    except OSError:
-        return False
-    columns = next((_words(text, _separator(text)) for text in texts if _is_row(text)), [])
+    columns = first_row(path)
     return len(columns) > 1 and columns[0].lower() in _TIMES and _COLUMN.fullmatch(columns[1]) is not None
-
-
-def _is_row(text: str) -> bool:
-    return bool(text.strip()) and not text.lstrip().startswith("#")
-
-
-def _separator(text: str) -> str:
-    return max(",;\t", key=text.count)
-
-
-def _words(text: str, separator: str) -> list[str]:
-    return [word.strip().strip("\"'").strip() for word in text.split(separator)]
 
 
 def _table(path: str | Path) -> tuple[tuple[str, ...], float, Array, bool]:
     """Names, rate, Hz, positions (T, N, 3), NaN where a cell is empty, and whether `writing` names columns so."""
-    texts = [(number, text) for number, text in enumerate(read_lines(path), 1) if _is_row(text)]
+    texts = [(number, text) for number, text in enumerate(read_lines(path), 1) if is_row(text)]
     if not texts:
         raise FileFormatError(f"{path}: there is nothing in it. Write it again.")
-    separator = _separator(texts[0][1])
-    head, rows = Line(path, texts[0][0], _words(texts[0][1], separator)), texts[1:]
+    separator = separator_of(texts[0][1])
+    head, rows = Line(path, texts[0][0], words_of(texts[0][1], separator)), texts[1:]
     columns = head.words
     if columns[0].lower() not in _TIMES or len(columns) < 4 or len(columns) % 3 != 1 or len(columns) > MOST_COLUMNS:
         raise head.error(
@@ -117,69 +97,12 @@ def _table(path: str | Path) -> tuple[tuple[str, ...], float, Array, bool]:
     names = tuple(name for name, _ in named[::3])
     if named != [(name, axis) for name in names for axis in "xyz"] or len(set(names)) * 3 < len(found):
         raise head.error("expected x, y and z of each joint side by side, no two joints alike.")
-    if len(rows) * len(columns) > MOST_NUMBERS:
-        raise FileFormatError(f"{path}: {len(rows)} frames do not fit into memory. Cut the recording into pieces.")
-    if not rows:
-        raise FileFormatError(f"{path}: there are no frames in it. Write it again.")
-    numbers = np.empty((len(rows), len(columns)))
-    for frame, (number, text) in enumerate(rows):
-        if separator != ",":
-            text = text.replace(",", ".")
-        words = _words(text, separator) if '"' in text or "'" in text else text.split(separator)
-        numbers[frame] = _row(Line(path, number, words), len(columns))
-    time, position = numbers[:, 0], numbers[:, 1:].reshape(len(rows), -1, 3)
-    rate, position = _even(time, position, [Line(path, number, []) for number, _ in rows])
+    table = numbers(path, rows, len(columns), separator)
+    time, position = table[:, 0], table[:, 1:].reshape(len(rows), -1, 3)
+    rate, position = even_times(time, position, [Line(path, number, []) for number, _ in rows])
     position[np.isnan(position).any(axis=-1)] = np.nan
     ours = columns[0] == "time_s" and columns[1::3] == [f"{name}.x" for name in names]
     return names, rate, position, ours
-
-
-def _even(time: Array, position: Array, lines: list[Line]) -> tuple[float, Array]:
-    """The rate, Hz, and the positions at even times, interpolated linearly where frames are late or missing."""
-    if len(time) == 1 and np.isfinite(time[0]):
-        return 120.0, position
-    steps = np.diff(time, prepend=time[0] - 1.0)  # one for the first frame too, which comes after anything
-    back = next(iter(np.flatnonzero(~(steps > 0.0))), None)
-    if back is not None:
-        raise lines[back].error(
-            f"the time {time[back]:g} does not come after {time[back - 1]:g}. Put the frames in order."
-        )
-    steps = steps[1:]
-    usual = float(np.median(steps))
-    if usual > LONGEST_GAP:
-        raise lines[1].error(
-            f"{usual:g} s from frame to frame are too long. Times are in seconds: divide them by 1000 if they are ms."
-        )
-    widest = int(np.argmax(steps))
-    if steps[widest] > LONGEST_GAP:
-        raise lines[widest + 1].error(
-            f"no frames from {time[widest]:g} to {time[widest + 1]:g} s. Cut the recording there."
-        )
-    if np.ptp(steps) < 0.1 * steps.mean() + 2e-6:
-        rate = len(steps) / float(time[-1] - time[0])
-        return (round(rate, 2) if abs(rate - round(rate, 2)) < 1e-4 * rate else rate), position
-    rate = 1.0 / float(steps[steps < 1.5 * usual].mean())
-    columns = position.reshape(len(time), -1).T
-    count = int((time[-1] - time[0]) * rate + 1e-6) + 1
-    if count * len(columns) > MOST_NUMBERS:
-        raise lines[0].error(f"{count} frames at even times do not fit into memory. Cut the recording into pieces.")
-    even = time[0] + np.arange(count) / rate
-    places = np.stack([np.interp(even, time, column) for column in columns], axis=1)
-    return rate, places.reshape(len(even), -1, 3)
-
-
-def _row(line: Line, count: int) -> list[float]:
-    if len(line.words) != count:
-        raise line.error(
-            f"{len(line.words)} values, but the first line names {count}. (Decimals are written with a dot.)"
-        )
-    numbers: list[float] = []
-    for column, word in enumerate(line.words):
-        value = math.nan if not word.strip() else as_float(word)
-        if value is None or math.isinf(value) or (column > 0 and abs(value) > FARTHEST):
-            raise line.error(no_number(word))
-        numbers.append(value)
-    return numbers
 
 
 def _parents(names: tuple[str, ...], position: Array) -> list[int]:

@@ -1,0 +1,111 @@
+"""Tables of numbers in text files: columns that commas, semicolons or tabs separate, at even or uneven times."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+
+from controller.motion.markers import FARTHEST
+from controller.motion.rotations import Array
+from motiondeck_base.errors import FileFormatError
+from motiondeck_base.files import Line, as_float, no_number
+
+MOST_NUMBERS = 30_000_000
+LONGEST_GAP = 0.5  # s without a frame
+_SNIFFED = 1 << 16  # bytes read to identify a table
+
+
+def is_row(text: str) -> bool:
+    """Whether a line holds something other than a comment."""
+    return bool(text.strip()) and not text.lstrip().startswith("#")
+
+
+def separator_of(text: str) -> str:
+    """The character that separates the columns of a line."""
+    return max(",;\t", key=text.count)
+
+
+def words_of(text: str, separator: str) -> list[str]:
+    """The columns of a line without blanks and quotes."""
+    return [word.strip().strip("\"'").strip() for word in text.split(separator)]
+
+
+def first_row(path: Path) -> list[str]:
+    """The columns of the first line of a file that is no comment; empty if it cannot be read."""
+    try:
+        with path.open("rb") as file:
+            texts = file.read(_SNIFFED).decode("utf-8-sig", errors="replace").splitlines()
+    except OSError:
+        return []
+    return next((words_of(text, separator_of(text)) for text in texts if is_row(text)), [])
+
+
+def numbers(
+    path: str | Path, texts: Sequence[tuple[int, str]], count: int, separator: str, largest: float = FARTHEST
+) -> Array:
+    """The numbers (T, C) in numbered lines of C columns, NaN where a cell is empty; FileFormatError with the line.
+
+    Numbers after the first column are at most `largest`.
+    """
+    if not texts:
+        raise FileFormatError(f"{path}: there are no frames in it. Write it again.")
+    if len(texts) * count > MOST_NUMBERS:
+        raise FileFormatError(f"{path}: {len(texts)} frames do not fit into memory. Cut the recording into pieces.")
+    found = np.empty((len(texts), count))
+    for frame, (number, text) in enumerate(texts):
+        if separator != ",":
+            text = text.replace(",", ".")
+        words = words_of(text, separator) if '"' in text or "'" in text else text.split(separator)
+        found[frame] = _numbers_of(Line(path, number, words), count, largest)
+    return found
+
+
+def _numbers_of(line: Line, count: int, largest: float) -> list[float]:
+    if len(line.words) != count:
+        raise line.error(
+            f"{len(line.words)} values, but the first line names {count}. (Decimals are written with a dot.)"
+        )
+    numbers: list[float] = []
+    for column, word in enumerate(line.words):
+        value = math.nan if not word.strip() else as_float(word)
+        if value is None or math.isinf(value) or (column > 0 and abs(value) > largest):
+            raise line.error(no_number(word))
+        numbers.append(value)
+    return numbers
+
+
+def even_times(time: Array, position: Array, lines: list[Line]) -> tuple[float, Array]:
+    """The rate, Hz, and positions (T, ...) at even times, interpolated linearly where frames are late or missing."""
+    if len(time) == 1 and np.isfinite(time[0]):
+        return 120.0, position
+    steps = np.diff(time, prepend=time[0] - 1.0)  # one for the first frame too, which comes after anything
+    back = next(iter(np.flatnonzero(~(steps > 0.0))), None)
+    if back is not None:
+        raise lines[back].error(
+            f"the time {time[back]:g} does not come after {time[back - 1]:g}. Put the frames in order."
+        )
+    steps = steps[1:]
+    usual = float(np.median(steps))
+    if usual > LONGEST_GAP:
+        raise lines[1].error(
+            f"{usual:g} s from frame to frame are too long. Times are in seconds: divide them by 1000 if they are ms."
+        )
+    widest = int(np.argmax(steps))
+    if steps[widest] > LONGEST_GAP:
+        raise lines[widest + 1].error(
+            f"no frames from {time[widest]:g} to {time[widest + 1]:g} s. Cut the recording there."
+        )
+    if np.ptp(steps) < 0.1 * steps.mean() + 2e-6:
+        rate = len(steps) / float(time[-1] - time[0])
+        return (round(rate, 2) if abs(rate - round(rate, 2)) < 1e-4 * rate else rate), position
+    rate = 1.0 / float(steps[steps < 1.5 * usual].mean())
+    columns = position.reshape(len(time), -1).T
+    count = int((time[-1] - time[0]) * rate + 1e-6) + 1
+    if count * len(columns) > MOST_NUMBERS:
+        raise lines[0].error(f"{count} frames at even times do not fit into memory. Cut the recording into pieces.")
+    even = time[0] + np.arange(count) / rate
+    places = np.stack([np.interp(even, time, column) for column in columns], axis=1)
+    return rate, places.reshape(len(even), *position.shape[1:])
