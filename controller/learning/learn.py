@@ -21,6 +21,7 @@ from controller.learning.recording_analysis import LOOP_KEEPS, AnalysedRecording
 from controller.learning.trainers.phase_conceptor import PhaseRecipe
 from controller.learning.training_set import COMMON_RATE, LearnedPart, Progress, TrainingSet, prepare
 from controller.library.motion_library import MotionLibrary
+from controller.motion.decision import Decision
 from controller.motion.formats.reading import CONVERTIBLE, FORMATS, recordings_below
 from controller.motion.reading_options import AS_FOUND, ReadingOptions
 from motiondeck_base.errors import MotiondeckError
@@ -40,6 +41,7 @@ class LearnedMotion:
     passed: bool = False  # whether the motion may be played; if not, `remedy` says what helps
     remedy: str = ""
     doubts: list[str] = field(default_factory=list[str])  # warnings about the body
+    decisions: list[Decision] = field(default_factory=list[Decision])
 
 
 @dataclass(frozen=True)
@@ -156,6 +158,7 @@ def _row(one: AnalysedRecording, training_set: TrainingSet, library: MotionLibra
         passed=info.passed,
         remedy="" if info.passed else f"{info.reason}. {_remedy(one)}",
         doubts=one.doubts,
+        decisions=one.decisions,
     )
 
 

@@ -16,13 +16,14 @@ from controller.learning.recipe import MotionRecipe
 from controller.learning.training_set import COMMON_RATE, SHORTEST_SECONDS, seam_error
 from controller.motion.canonical.body_doubts import doubts
 from controller.motion.canonical.canonical_body import to_canonical
-from controller.motion.canonical.clip_edits import breaks, moving_part, resampled, span
+from controller.motion.canonical.clip_edits import STILL_SPEED, breaks, moving_part, resampled, span
 from controller.motion.clip import Clip
+from controller.motion.decision import Decision
 from controller.motion.encodings.encoding import encoding_of
 from controller.motion.encodings.motion_matching import joint_features
 from controller.motion.formats.acclaim.amc import skeleton_of
 from controller.motion.formats.markers.marker_fit import misplaced
-from controller.motion.formats.reading import read_fitted
+from controller.motion.formats.reading import FittedClip, read_fitted
 from controller.motion.reading_options import AS_FOUND, ReadingOptions
 from motiondeck_base.errors import FileFormatError
 
@@ -42,6 +43,7 @@ class AnalysedRecording:
     seam_mm: float  # mean distance of joints at the best seam
     seam_degrees: float  # largest angle of a bone there
     doubts: list[str]  # warnings about the body
+    decisions: list[Decision]  # in the order of the steps
 
 
 def analyse_recording(
@@ -63,9 +65,47 @@ def analyse_recording(
     """
     own = replace(options, skeleton=_skeleton(file, options))
     recording = read_fitted(file, own)
-    clip, taught = recording.clip, None
-    if clip.skeleton.is_rig:
+    taught = None
+    if recording.clip.skeleton.is_rig:
         clip, taught = read_takes([file, *takes])
+        recording = replace(recording, clip=clip)
+    found = decided(recording, file, within, taught)
+    motion = MotionRecipe(
+        name=name,
+        file=str(file.absolute()),
+        plays="loop" if found.loop else "once",
+        frames=found.frames,
+        skeleton=None if own.skeleton is None else str(own.skeleton.absolute()),
+        unit=own.unit,
+        up=own.up,
+        rename=dict(own.rename),
+        takes=tuple(str(take.absolute()) for take in takes),
+    )
+    return AnalysedRecording(motion, recording.clip, found.seam_mm, found.seam_degrees, found.doubts, found.decisions)
+
+
+@dataclass(frozen=True)
+class DecidedTake:
+    """What is learned of a recording, and why."""
+
+    frames: tuple[int, int]
+    loop: bool
+    seam_mm: float
+    seam_degrees: float
+    doubts: list[str]
+    decisions: list[Decision]
+
+
+def decided(
+    recording: FittedClip, file: Path, within: tuple[float, float] | None = None, taught: str | None = None
+) -> DecidedTake:
+    """Runs the steps of a take in their order: the part to learn, and whether it is a loop.
+
+    `within` is the part to use, s, and `taught` how a taught clip plays. Raises FileFormatError if the recording is too
+    short or too long, or nothing moves in it.
+    """
+    clip = recording.clip
+    decisions = list(clip.decisions)
     first, end = moving_part(clip)
     if within is not None and end:
         first, end = max(first, round(within[0] * clip.rate)), min(end, round(within[1] * clip.rate))
@@ -82,22 +122,21 @@ def analyse_recording(
             f"{file}: {seconds:.0f} s are more than one motion ({LONGEST_SECONDS:g} s are the most). "
             "Cut a piece out with `motiondeck clip convert FILE PIECE.bvh --from SECONDS --to SECONDS`."
         )
-    loop, seam_mm, seam_degrees = _loops(span(clip, first, end)) if taught is None else (taught == "loop", 0.0, 0.0)
-    motion = MotionRecipe(
-        name=name,
-        file=str(file.absolute()),
-        plays="loop" if loop else "once",
-        frames=(first, end),
-        skeleton=None if own.skeleton is None else str(own.skeleton.absolute()),
-        unit=own.unit,
-        up=own.up,
-        rename=dict(own.rename),
-        takes=tuple(str(take.absolute()) for take in takes),
-    )
+    decisions.append(_part_decision(clip, first, end, jumped))
+    loop, seam_mm, seam_degrees = (taught == "loop", 0.0, 0.0)
+    if taught is None:
+        loop, seam_mm, seam_degrees, why = _loops(span(clip, first, end))
+        decisions.append(Decision("kind", "a loop" if loop else "once", why, "plays in the recipe"))
     body = [] if clip.skeleton.is_rig else doubts(clip)
     body += [] if recording.fit is None else misplaced(recording.fit)
     cut = [f"{what}: only {first / clip.rate:.2f} to {end / clip.rate:.2f} s were learned." for what in jumped]
-    return AnalysedRecording(motion, clip, seam_mm, seam_degrees, [*cut, *body])
+    return DecidedTake((first, end), loop, seam_mm, seam_degrees, [*cut, *body], decisions)
+
+
+def _part_decision(clip: Clip, first: int, end: int, jumped: list[str]) -> Decision:
+    what = f"{first / clip.rate:.2f} to {end / clip.rate:.2f} s of {clip.duration:.2f} s"
+    why = ", ".join(jumped) or f"joints are slower than {STILL_SPEED:g} m/s before and after, or the recording ends"
+    return Decision("cuts", what, why, "frames in the recipe", notable=bool(jumped))
 
 
 def _skeleton(file: Path, options: ReadingOptions) -> Path | None:
@@ -108,8 +147,8 @@ def _skeleton(file: Path, options: ReadingOptions) -> Path | None:
     return skeleton_of(file, file.parent.parent)
 
 
-def _loops(clip: Clip) -> tuple[bool, float, float]:
-    """Whether a clip is a loop, and the error at its best seam; see `seam_error`."""
+def _loops(clip: Clip) -> tuple[bool, float, float, str]:
+    """Whether a clip is a loop, the error at its best seam (see `seam_error`), and the figures that decided."""
     one = resampled(to_canonical(clip), COMMON_RATE)
     encoding = encoding_of(one.skeleton)
     channels = encoding.encode(one)
@@ -118,5 +157,10 @@ def _loops(clip: Clip) -> tuple[bool, float, float]:
     apart, degrees = seam_error(encoding, channels, features, seam)
     seen = with_velocities(features, one.rate)
     spread = spread_of(seen)
-    close = apart < SEAM_MM and seam.mismatch < SEAM_SHARE * spread
-    return close and largest_omission(seen, seam) < LEFT_OUT_SHARE * spread, apart, degrees
+    mismatch, omitted = seam.mismatch / spread, largest_omission(seen, seam) / spread
+    loop = apart < SEAM_MM and mismatch < SEAM_SHARE and omitted < LEFT_OUT_SHARE
+    why = (
+        f"seam {apart:.0f} mm of at most {SEAM_MM:.0f}, with velocities {mismatch:.2f} of {SEAM_SHARE:g}, "
+        f"left out {omitted:.2f} of {LEFT_OUT_SHARE:g} of the motion's spread"
+    )
+    return loop, apart, degrees, why

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from controller.motion.decision import Decision
 from controller.motion.rotations import Array
 from controller.motion.skeleton import Skeleton
 from motiondeck_base.errors import FileFormatError
@@ -20,6 +21,7 @@ class Clip:
         root_position: shape (T, 3), m; z up.
         rotation: world rotation of the root and of each bone, shape (T, 1 + B, 4).
         source: file name, for provenance.
+        decisions: what was decided while it was read.
 
     Raises:
         FileFormatError: if shapes disagree, a number is not finite, the rate is not positive, or there are no frames.
@@ -31,6 +33,7 @@ class Clip:
     root_position: Array
     rotation: Array
     source: str = ""
+    decisions: tuple[Decision, ...] = ()
 
     def __post_init__(self) -> None:
         frames = len(self.root_position)

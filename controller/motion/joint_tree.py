@@ -24,6 +24,7 @@ from numpy.typing import NDArray
 
 from controller.motion.bone_names import named_parts
 from controller.motion.clip import Clip
+from controller.motion.reading_decisions import unit_decision, up_decision
 from controller.motion.reading_options import ReadingOptions
 from controller.motion.rest_pose import RecordedBody, rest_skeleton
 from controller.motion.rotations import Array, between, conjugate, continuous, dot, multiply, normalise, rotate
@@ -90,8 +91,13 @@ def clip_of(
     """
     name = Path(path).stem
     tree = replace(tree, names=options.renamed(tree.names, path))
-    skeleton, position, rotation = rest_skeleton(name, _body_of(tree, path), options.unit or unit, options.up or up)
-    return Clip(name, skeleton, rate, position, continuous(rotation), Path(path).name)
+    body = rest_skeleton(name, _body_of(tree, path), options.unit or unit, options.up or up)
+    decisions = (
+        unit_decision(body.unit, body.skeleton.leg_length, options.unit, unit),
+        up_decision(body.up, options.up, up),
+    )
+    rotation = continuous(body.rotation)
+    return Clip(name, body.skeleton, rate, body.position, rotation, Path(path).name, decisions)
 
 
 def _body_of(tree: JointTree, path: str | Path) -> RecordedBody:

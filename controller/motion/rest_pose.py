@@ -14,6 +14,7 @@ from __future__ import annotations
 
 from collections import Counter
 from dataclasses import dataclass, replace
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -72,10 +73,18 @@ class _Stance:
     parts: Anatomy | None
 
 
-def rest_skeleton(
-    name: str, body: RecordedBody, unit: float | None = None, up: Up | None = None
-) -> tuple[Skeleton, Array, Array]:
-    """The skeleton of a body with at least one bone, its root positions (T, 3), m, and rotations (T, 1 + B, 4).
+class RestedBody(NamedTuple):
+    """A body of B bones that is known by its rest pose, over T frames in our axes."""
+
+    skeleton: Skeleton
+    position: Array  # of the root, (T, 3), m
+    rotation: Array  # (T, 1 + B, 4)
+    unit: float  # of the file, m
+    up: Up  # the file's vertical axis
+
+
+def rest_skeleton(name: str, body: RecordedBody, unit: float | None = None, up: Up | None = None) -> RestedBody:
+    """The skeleton and the motion of a body with at least one bone.
 
     None detects the unit of length, m, or the vertical axis of the file.
     """
@@ -93,11 +102,14 @@ def rest_skeleton(
     length = np.linalg.norm(vector, axis=1)
     unit = _unit(body, vector, best.parts) if unit is None else unit
     skeleton = Skeleton(name, body.bones, body.parent, normalise(vector), length * unit)
-    world = TO_OURS[up or _up_in_recording(body, best, stands, skeleton, unit)]
-    return (
+    up = up or _up_in_recording(body, best, stands, skeleton, unit)
+    world = TO_OURS[up]
+    return RestedBody(
         skeleton,
         rotate(world, body.position) * unit,
         multiply(multiply(np.broadcast_to(world, body.rotation.shape), body.rotation), conjugate(best.turn)),
+        unit,
+        up,
     )
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
@@ -140,6 +141,7 @@ def _rows(learned: LearnedLibrary) -> list[dict[str, Any]]:
                 "passed": motion.passed,
                 "remedy": motion.remedy,
                 "doubts": motion.doubts,
+                "decisions": [asdict(decision) for decision in motion.decisions],
             }
         )
     return rows
@@ -166,6 +168,10 @@ def _print(learned: LearnedLibrary) -> None:
             print(f"{motion.name}: learned from {motion.file.name}")
     for motion in learned.failed:
         print(f"{motion.name} ({motion.file.name}): {motion.remedy}")
+    for motion in learned.motions:
+        for decision in motion.decisions:
+            if decision.notable:
+                print(f"{motion.name}: {decision}")
     doubtful: dict[str, list[str]] = {}
     for motion in learned.motions:
         for doubt in motion.doubts:

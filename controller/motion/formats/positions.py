@@ -57,7 +57,7 @@ def read_positions(path: str | Path, options: ReadingOptions = AS_FOUND) -> Clip
         raise FileFormatError(f"{path}: a body needs its root and all other joints in every frame. Fill the gaps.")
     name = Path(path).stem
     body = _body(names[1:], _parents(names, position), position)
-    skeleton, root, rotation = rest_skeleton(name, body, 1.0, up)
+    skeleton, root, rotation, *_ = rest_skeleton(name, body, 1.0, up)
     return Clip(name, skeleton, rate, root, continuous(rotation), Path(path).name)
 
 

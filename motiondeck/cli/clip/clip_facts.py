@@ -2,15 +2,20 @@
 
 from __future__ import annotations
 
-from typing import TypedDict
+from dataclasses import asdict
+from pathlib import Path
+from typing import Any, TypedDict
 
 import numpy as np
 
+from controller.learning.recording_analysis import decided
 from controller.motion.anatomy import SIDES, Part, anatomy
 from controller.motion.canonical.body_doubts import doubts, recorded_parts
+from controller.motion.decision import Decision
 from controller.motion.formats.markers.marker_fit import Fit, misplaced
 from controller.motion.formats.reading import FittedClip
 from controller.motion.markers import runs
+from motiondeck_base.errors import FileFormatError
 
 LIMBS: tuple[Part, ...] = ("thigh", "shank", "foot", "upper arm", "forearm", "hand")
 
@@ -37,6 +42,7 @@ class Facts(TypedDict):
     lacks: list[str]
     taken_for: dict[str, str]
     doubts: list[str]
+    decisions: list[dict[str, Any]]
     leg: float
     frames: int
     rate: float
@@ -71,6 +77,7 @@ def facts(recording: FittedClip) -> Facts:
         lacks=missing + ([] if parts.first("head") is not None else ["head"]),
         taken_for=recorded_parts(clip) if human else {},
         doubts=[*doubts(clip), *([] if recording.fit is None else misplaced(recording.fit))],
+        decisions=[asdict(decision) for decision in decisions_of(recording)],
         leg=clip.skeleton.leg_length,
         frames=len(clip),
         rate=clip.rate,
@@ -85,6 +92,14 @@ def facts(recording: FittedClip) -> Facts:
         fastest_speed=float(speed.max()) if len(clip) > 1 else 0.0,
         gaps=None if recording.fit is None else gaps(recording.fit),
     )
+
+
+def decisions_of(recording: FittedClip) -> list[Decision]:
+    """What `motiondeck learn` decides about a recording; only what reading decided, where nothing could be learned."""
+    try:
+        return decided(recording, Path(recording.clip.source)).decisions
+    except FileFormatError:
+        return list(recording.clip.decisions)
 
 
 def gaps(fit: Fit) -> Gaps:

@@ -177,6 +177,7 @@ def _read(file: Path, options: ReadingOptions) -> FittedClip:
 
 
 def _print(known: Facts) -> None:
+    from controller.motion.decision import Decision
     from motiondeck.cli.common.tables import show_facts
 
     rows = {
@@ -201,6 +202,8 @@ def _print(known: Facts) -> None:
             f"at most {gaps['residual_max_mm']:.0f} mm"
         )
     show_facts({name: value for name, value in rows.items() if value})
+    for decision in known["decisions"]:
+        print(Decision(**decision))
     for doubt in known["doubts"]:
         print(f"doubt: {doubt}")
 

@@ -47,3 +47,9 @@ def test_gaps_are_counted_by_marker():
     assert (known["longest_gap"], known["longest_gap_marker"]) == (3, "LKNE")
     assert known["residual_max_mm"] == pytest.approx(50.0)
     assert known["residual_p95_mm"] > 3.0
+
+
+def test_decisions_of_reading_and_learning_are_among_the_facts(tmp_path):
+    (tmp_path / "still.bvh").write_text(BVH)
+    steps = [decision["step"] for decision in facts(read_fitted(tmp_path / "still.bvh"))["decisions"]]
+    assert steps[:2] == ["unit", "up axis"]  # it is too short to be learned

@@ -1,0 +1,31 @@
+"""Decisions about a file's unit of length and its vertical axis, which readers make."""
+
+from __future__ import annotations
+
+from controller.motion.decision import Decision
+
+UNIT_NAMES = {
+    1.0: "m",
+    0.01: "cm",
+    0.001: "mm",
+    0.0254: "inches",
+    0.0254 / 0.45: "inches / 0.45 (CMU's)",
+    0.3048: "feet",
+}
+
+
+def unit_name(unit: float) -> str:
+    """The name of a unit of length in m."""
+    return UNIT_NAMES.get(unit, f"{unit:g} m")
+
+
+def unit_decision(unit: float, leg: float, given: float | None, fixed: float | None) -> Decision:
+    """The decision about the unit of a file, m, with a leg of `leg` m; `given` by option or `fixed` by the format."""
+    why = "as given" if given else "the format's" if fixed else f"a leg is then {leg:.2f} m long"
+    return Decision("unit", unit_name(unit), why, "--unit METRES")
+
+
+def up_decision(up: str, given: str | None, fixed: str | None) -> Decision:
+    """The decision about the vertical axis of a file."""
+    why = "as given" if given else "the format's" if fixed else "the body stands along it and touches the ground"
+    return Decision("up axis", up, why, "--up y or z")
