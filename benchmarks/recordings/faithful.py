@@ -11,6 +11,7 @@ heights as they are, scaled by the leg. Of each motion, over all frames, joints 
     slide       how far feet that stand are from their mean place (95 %), recorded and played, mm
     path        the length of the played path over that of the recorded one
     delay       by how much it is late, ms; below 0, its first frames are left out
+    said        p95 as the library itself has it, mm and degrees, and how far that is from p95 here
     seam        the same as p95 within 0.4 s of a loop's seam, where its recording does not return to itself exactly
 
     end         the same over the 0.5 s after the end of a one-shot, in which it comes to rest
@@ -83,7 +84,7 @@ def judged(group: Group, files: list[Path], data: Path) -> list[Row]:
         done = subprocess.run(learn, capture_output=True, text=True)
         if done.returncode and not out.exists():
             reason = done.stderr.strip()
-            return [_row(group, file, data, {"plays": None, "remedy": reason}) for file in files]
+            return [_row(group, file, data, {"remedy": reason}) | {"left_out": reason} for file in files]
         library = motiondeck.load_library(out)
         told = json.loads(done.stdout)["motions"]
     return [judge(library, one, _row(group, Path(one["file"]), data, one)) for one in told]
@@ -106,7 +107,16 @@ def judge(library: motiondeck.Library, told: Row, row: Row) -> Row:
     part = Part(told["from_s"], told["to_s"], told["plays"])
     duration = part.end - part.begin
     seconds = LENGTHS * duration if part.plays == "loop" else max(LENGTHS * duration, duration + HELD_FOR)
-    return row | measure(file, run_of(library, told["name"], seconds), part, LENGTHS)
+    return row | _said(library, told["name"]) | measure(file, run_of(library, told["name"], seconds), part, LENGTHS)
+
+
+def _said(library: motiondeck.Library, motion: str) -> Row:
+    """What the library itself says of its errors against the recording."""
+    info = next(info for info in library.model.info.motions if info.name == motion)
+    said = info.against_recording
+    if said is None:
+        return {}
+    return {"said_mm": said.mm.p95, "said_degrees": said.degrees.p95, "said_held": said.held_degrees}
 
 
 def run_of(library: motiondeck.Library, motion: str, seconds: float) -> Played:
@@ -161,6 +171,8 @@ def summary(rows: list[Row]) -> Row:
         "slide_played_mm": [row["slide_played_mm"] for row in own if row["slide_played_mm"] is not None],
         "path_off": [abs(row["path_ratio"] - 1.0) for row in own if row["path_ratio"] is not None],
         "delay_ms": [abs(row["delay_ms"]) for row in own if row["delay_ms"] is not None],
+        "said_off_mm": [abs(row["said_mm"] - row["mm_p95"]) for row in own if "said_mm" in row],
+        "said_off_degrees": [abs(row["said_degrees"] - row["degrees_p95"]) for row in own if "said_degrees" in row],
         "error_mm": [row["error_mm"] for row in own if row["error_mm"] is not None],
     }
     for name, values in taken.items():
@@ -193,6 +205,7 @@ def _print(rows: list[Row]) -> None:
                 f" {row['mm_time']:.2f} s)  deg {row['degrees_median']:4.1f} {row['degrees_p95']:5.1f}"
                 f" {row['degrees_worst']:5.1f} ({row['degrees_joint']} {row['degrees_time']:.2f} s)"
                 f"  held {held}  floor {floor}  delay {delay}"
+                f"  said {row.get('said_mm', np.nan):.1f} {row.get('said_degrees', np.nan):.1f}"
             )
         for reason in ("left_out", "not_judged"):
             for row in own:

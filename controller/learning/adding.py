@@ -13,13 +13,15 @@ from pathlib import Path
 import msgspec
 from threadpoolctl import threadpool_limits
 
-from controller.learning.fit import describe_motion
-from controller.learning.measures.self_test import Judge, MotionVerdict, run_free, self_test
+from controller.learning.fit import describe_motion, judged
+from controller.learning.measures.recording_errors import recorded_part
+from controller.learning.measures.self_test import Judge, run_free, self_test
 from controller.learning.measures.trials import stress_test
 from controller.learning.recipe import MotionRecipe, check_name, recipe_of
 from controller.learning.trainers.registry import kind_of, trainer_of
 from controller.learning.trainers.trainer import NewMotion
 from controller.learning.training_set import LearnedPart, to_learn
+from controller.library.library_header import MotionInfo
 from controller.library.motion_library import MotionLibrary
 from controller.motion.canonical.clip_edits import mirrored
 from controller.motion.clip import Clip
@@ -31,10 +33,14 @@ class Addition:
     """A library with one more motion, its last."""
 
     library: MotionLibrary
-    verdict: MotionVerdict
     part: LearnedPart  # the part of the recording that was learned
     quota_before: float | None  # share of the reservoir that the stored motions use; None where nothing is shared
     quota: float | None  # the same with the new motion
+
+    @property
+    def motion(self) -> MotionInfo:
+        """The new motion and its verdict."""
+        return self.library.info.motions[-1]
 
 
 def add_motion(library: MotionLibrary, path: Path, clip: Clip, motion: MotionRecipe) -> Addition:
@@ -86,4 +92,6 @@ def add_motion(library: MotionLibrary, path: Path, clip: Clip, motion: MotionRec
         recipe=msgspec.json.decode(msgspec.json.encode(grown_recipe)),
         acknowledgement=f"{info.acknowledgement} '{motion.name}' was added from {Path(motion.file).name}.".strip(),
     )
-    return Addition(MotionLibrary(header, grown, library.encoding), verdict[motion.name], part, *quotas)
+    recorded = recorded_part(own, part.first, part.end, loop=motion.plays == "loop")
+    added = judged(MotionLibrary(header, grown, library.encoding), {} if recorded is None else {motion.name: recorded})
+    return Addition(added, part, *quotas)

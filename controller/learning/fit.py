@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from threadpoolctl import threadpool_limits
 
 from controller.learning.measures.accuracy import nrmse
+from controller.learning.measures.recording_errors import RecordedPart, recording_error
 from controller.learning.measures.self_test import Judge, MotionVerdict, self_test
 from controller.learning.measures.trials import stress_test, with_trials
 from controller.learning.recipe import LibraryRecipe, MotionRecipe, NetworkRecipe
@@ -127,7 +128,19 @@ def assemble(
         acknowledgement=recipe.acknowledgement,
         **network.header_fields(),
     )
-    return MotionLibrary(info, network, training_set.encoding)
+    return judged(MotionLibrary(info, network, training_set.encoding), training_set.recorded)
+
+
+def judged(library: MotionLibrary, recorded: dict[str, RecordedPart]) -> MotionLibrary:
+    """The library with the errors of its motions against their recordings; too large ones fail a motion."""
+    motions: list[MotionInfo] = []
+    for motion in library.info.motions:
+        if motion.name in recorded:
+            error = recording_error(library, motion.name, recorded[motion.name])
+            passed, reason = motion.passed and not error.reason, motion.reason or error.reason
+            motion = msgspec.structs.replace(motion, against_recording=error, passed=passed, reason=reason)
+        motions.append(motion)
+    return MotionLibrary(msgspec.structs.replace(library.info, motions=motions), library.network, library.encoding)
 
 
 def steps(recipe: LibraryRecipe) -> int:

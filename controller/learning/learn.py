@@ -11,7 +11,6 @@ from collections.abc import Iterable
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 
-import numpy as np
 from joblib import delayed
 
 from controller.learning.fit import fit_prepared
@@ -20,6 +19,7 @@ from controller.learning.recipe import LibraryRecipe, NetworkRecipe, check_recip
 from controller.learning.recording_analysis import LOOP_KEEPS, AnalysedRecording, analyse_recording
 from controller.learning.trainers.phase_conceptor import PhaseRecipe
 from controller.learning.training_set import COMMON_RATE, LearnedPart, Progress, TrainingSet, prepare
+from controller.library.library_header import MotionInfo
 from controller.library.motion_library import MotionLibrary
 from controller.motion.decision import Decision
 from controller.motion.formats.reading import CONVERTIBLE, FORMATS, recordings_below
@@ -37,7 +37,7 @@ class LearnedMotion:
     plays: str = ""  # "loop" or "once"
     seconds: float = 0.0  # duration of a round of the loop, or of the one-shot without the hold at its end
     part: LearnedPart | None = None  # the learned part of the recording, and the errors at its best seam
-    error_mm: float = np.nan  # of the free run
+    info: MotionInfo | None = None  # in the library, with its errors
     passed: bool = False  # whether the motion may be played; if not, `remedy` says what helps
     remedy: str = ""
     doubts: list[str] = field(default_factory=list[str])  # warnings about the body
@@ -154,15 +154,17 @@ def _row(one: AnalysedRecording, training_set: TrainingSet, library: MotionLibra
         plays=info.plays,
         seconds=part.end - part.first,
         part=part,
-        error_mm=info.error_mm,
+        info=info,
         passed=info.passed,
-        remedy="" if info.passed else f"{info.reason}. {_remedy(one)}",
+        remedy="" if info.passed else f"{info.reason}. {_remedy(one, info)}",
         doubts=one.doubts,
         decisions=one.decisions,
     )
 
 
-def _remedy(one: AnalysedRecording) -> str:
+def _remedy(one: AnalysedRecording, info: MotionInfo) -> str:
+    if info.against_recording is not None and info.reason == info.against_recording.reason:
+        return "Give it frames without that moment in the recipe, and learn the recipe."
     if one.motion.plays == "loop":
         return "Set plays = 'once' in the recipe, or frames to some whole cycles, and learn the recipe."
     return "Give it frames without pauses, more neurons or a shorter piece_seconds in the recipe, and learn the recipe."

@@ -63,7 +63,7 @@ def analyse_recording(
     Raises:
         MotiondeckError: if it cannot be read, is too short or too long, or nothing moves in it.
     """
-    own = replace(options, skeleton=_skeleton(file, options))
+    own = replace(options, skeleton=find_skeleton(file, options))
     recording = read_fitted(file, own)
     taught = None
     if recording.clip.skeleton.is_rig:
@@ -139,7 +139,7 @@ def _part_decision(clip: Clip, first: int, end: int, jumped: list[str]) -> Decis
     return Decision("cuts", what, why, "frames in the recipe", notable=bool(jumped))
 
 
-def _skeleton(file: Path, options: ReadingOptions) -> Path | None:
+def find_skeleton(file: Path, options: ReadingOptions) -> Path | None:
     """The skeleton of a recording: the given one if it fits files of this format, or the .asf nearby."""
     unfit = {".amc": ".npz", ".npz": ".asf"}.get(file.suffix.lower())
     if options.skeleton is not None and unfit and options.skeleton.suffix.lower() != unfit:

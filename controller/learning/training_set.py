@@ -8,6 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
+from controller.learning.measures.recording_errors import RecordedPart, recorded_part
 from controller.learning.measures.self_test import Judge
 from controller.learning.preparation.cycles import aligned_cycles
 from controller.learning.preparation.loops import Seam, best_seam, close_loop, hold_end
@@ -62,6 +63,8 @@ class TrainingSet:
     before: dict[str, Array] = field(default_factory=dict[str, Array])  # recorded frames before `frames`, if any
     # Learned part of each recording; not for recordings learned as recorded.
     parts: dict[str, LearnedPart] = field(default_factory=dict[str, LearnedPart])
+    # What was recorded, of motions that can be compared with it.
+    recorded: dict[str, RecordedPart] = field(default_factory=dict[str, RecordedPart])
     least_range: float = 0.0  # of a channel, for its normalisation, in its unit
     # Of motions with an input, the loop at each of its values, the first as in `frames`.
     variants: dict[str, list[Variant]] = field(default_factory=dict[str, list[Variant]])
@@ -145,7 +148,10 @@ def prepare(
             found.before[motion.name], found.frames[motion.name] = channels[:washout], channels[washout:]
         else:
             learned = to_learn(encoding, clip, motion, rate, recipe.loop_keeps)
-            found.frames[motion.name], found.parts[motion.name] = learned
+            found.frames[motion.name], part = learned
+            found.parts[motion.name] = part
+            if (recorded := recorded_part(clip, part.first, part.end, loop=loops[motion.name])) is not None:
+                found.recorded[motion.name] = recorded
     return found
 
 

@@ -7,6 +7,7 @@ from typing import Any
 
 import msgspec
 
+from controller.library.recording_error import RecordingError
 from controller.motion.encodings.encoding import ENCODINGS, Encoding
 from controller.motion.skeleton import SkeletonInfo
 from controller.networks.registry import network_kind
@@ -25,9 +26,10 @@ class MotionInfo(MotionHeader, frozen=True, kw_only=True):
 
     source: str  # the file that it was learned from
     nrmse: float  # of the readout over training, mean over channels (Jaeger's nrmse.m)
-    error_mm: float  # median distance to the recorded motion at the end of the free run, mm
-    passed: bool  # whether the self-test passed
+    error_mm: float  # of the self-test: distance to what was trained at the end of the free run, mm
+    passed: bool  # whether it passed the self-test, and is as near to its recording as it must be
     reason: str = ""  # why not, or ""
+    against_recording: RecordingError | None = None  # None where there is no recording to compare with
 
 
 class LibraryInfo(NetworkHeader, frozen=True, kw_only=True):

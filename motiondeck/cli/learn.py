@@ -63,8 +63,8 @@ def learn(options: LearnOptions, reading: Reading, as_json: JsonOption = False) 
     Clips of `motiondeck rig teach` become loops or one-shots as they were taught; NAME.clip, NAME.2.clip ... are takes
     of one motion and are averaged. The part of a loop that returns best to its start is learned.
 
-    A recipe (.toml) is learned as it says. Its library is written if every motion passes the self-test: each runs free
-    for three times its length and is compared with all recordings.
+    A recipe (.toml) is learned as it says. Its library is written if every motion passes: each runs free for three
+    times its length, and is compared with all that was trained (the self-test) and with its recording as it was read.
 
     [bold]Examples[/]
 

@@ -7,6 +7,8 @@ from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
+import msgspec
+
 from controller.deck.worst_join import worst_join
 from controller.learning.centralized.model_choice import mean_absolute, mean_distance, relative_accuracy
 from controller.learning.learn import LearnedLibrary
@@ -20,6 +22,7 @@ from motiondeck.cli.common.library_report import (
     join_line,
     part_fields,
     part_of,
+    print_errors,
     print_table,
     report,
     seam_of,
@@ -100,7 +103,7 @@ def _print_closeness(library: MotionLibrary, parts: dict[str, LearnedPart], rows
         headings[1:1] = ["of the recording", "seam"]
         for row in cells:
             row[1:1] = [part_of(parts[row[0]]), seam_of(parts[row[0]])]
-    show_table(headings, cells, title="joints beside the recording, seen from the root")
+    show_table(headings, cells, title="anchors beside the frames that were trained, seen from the root")
 
 
 def _learned_parts(plan: LibraryRecipe, training_set: TrainingSet) -> list[dict[str, Any]]:
@@ -137,7 +140,8 @@ def _rows(learned: LearnedLibrary) -> list[dict[str, Any]]:
                 "plays": motion.plays or None,
                 "seconds": motion.seconds if part else None,
                 **part_fields(part),
-                "error_mm": motion.error_mm if part else None,
+                "error_mm": motion.info.error_mm if motion.info else None,
+                "against_recording": motion.info and msgspec.to_builtins(motion.info.against_recording),
                 "passed": motion.passed,
                 "remedy": motion.remedy,
                 "doubts": motion.doubts,
@@ -152,17 +156,17 @@ def _print(learned: LearnedLibrary) -> None:
     rows: list[tuple[str, ...]] = []
     for motion in learned.motions:
         verdict = "[green]passed[/]" if motion.passed else "[red]failed[/]" if motion.plays else "[red]left out[/]"
-        figures = ("", "", "", "", "")
+        figures = ("", "", "", "")
         if motion.part is not None:
-            seconds, error = f"{motion.seconds:.2f}", f"{motion.error_mm:.1f}"
-            figures = (motion.plays, seconds, part_of(motion.part), seam_of(motion.part), error)
+            figures = (motion.plays, f"{motion.seconds:.2f}", part_of(motion.part), seam_of(motion.part))
         rows.append((motion.name, *figures, verdict))
     show_table(
-        ("motion", "plays", "seconds", "of the recording", "best seam", "error, mm", "self-test"),
+        ("motion", "plays", "seconds", "of the recording", "best seam", "verdict"),
         rows,
         title=f"{learned.library.info.name}: {counted(len(learned.library.info.motions), 'motion')}",
-        left=("plays", "self-test"),
+        left=("plays", "verdict"),
     )
+    print_errors(motion.info for motion in learned.motions if motion.info is not None)
     for motion in learned.motions:
         if motion.plays and not motion.file.stem.isascii():  # the name is unlike the file's
             print(f"{motion.name}: learned from {motion.file.name}")

@@ -4,13 +4,16 @@ from __future__ import annotations
 
 import json
 from pathlib import Path
-from typing import Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
 from motiondeck.cli.common.options import JsonOption, Reading, check_ending
 from motiondeck.cli.common.options_class import grouped
 from motiondeck_base.files import check_folder
+
+if TYPE_CHECKING:
+    from controller.library.motion_library import MotionLibrary
 
 app = typer.Typer(help="List, show and extend motion libraries.", no_args_is_help=True)
 
@@ -55,16 +58,32 @@ def list_libraries(as_json: JsonOption = False) -> None:
 
 
 @app.command("show")
-def show(library: LibraryArgument, as_json: JsonOption = False) -> None:
+def show(
+    library: LibraryArgument,
+    recording: Annotated[
+        Path | None, typer.Argument(metavar="[RECORDING]", help="Judge the motion of this recording anew by it.")
+    ] = None,
+    as_json: JsonOption = False,
+) -> None:
     """Show the motions, the network, and the origin of a library.
 
-    Example:  motiondeck library show thesis15
+    With a recording only the motion that was learned from a file of this name: it runs free and is compared with the
+    recording again. The exit code is 1 if it does not pass.
+
+    [bold]Examples[/]
+
+      motiondeck library show thesis15
+      motiondeck library show mine.safetensors walk.bvh
     """
     from controller.library.motion_library import load_library
     from motiondeck.cli.common.library_report import print_table, report
     from motiondeck_base.shipped import find_library
 
-    loaded = load_library(find_library(library))
+    path = find_library(library)
+    loaded = load_library(path)
+    if recording is not None:
+        _judge_anew(loaded, path, recording, as_json)
+        return
     if as_json:
         print(json.dumps(report(loaded)))
         return
@@ -73,6 +92,22 @@ def show(library: LibraryArgument, as_json: JsonOption = False) -> None:
     print(f"seed      {loaded.info.seed}")
     print(f"licence   {loaded.info.licence}")
     print(f"thanks    {loaded.info.acknowledgement}")
+
+
+def _judge_anew(library: MotionLibrary, path: Path, recording: Path, as_json: bool) -> None:
+    import msgspec
+
+    from controller.learning.judging import judge_against
+    from motiondeck.cli.common.library_report import print_errors
+
+    motion = judge_against(library, path, recording)
+    if as_json:
+        print(json.dumps(msgspec.to_builtins(motion)))
+    else:
+        print_errors([motion])
+        print(f"{motion.name}: {'passed' if motion.passed else motion.reason}")
+    if not motion.passed:
+        raise typer.Exit(1)
 
 
 @app.command("add")
@@ -135,7 +170,7 @@ def add(
         rename=dict(options.rename),
     )
     found = add_motion(load_library(path), path, read_clip(clip, options), plan)
-    passed = found.verdict.passed
+    passed = found.motion.passed
     if passed or allow_failing:
         save_library(found.library, target)
     if as_json:
@@ -153,7 +188,7 @@ def add(
             )
     if not passed and not allow_failing:
         raise MotiondeckError(
-            f"'{name}' failed the self-test ({found.verdict.reason}), so {target} was not written. "
+            f"'{name}' failed the self-test ({found.motion.reason}), so {target} was not written. "
             "Train all motions together with learn, or write it anyway with --allow-failing."
         )
     if not as_json:

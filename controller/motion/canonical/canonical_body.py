@@ -17,6 +17,7 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 import numpy as np
+from numpy.typing import NDArray
 
 from controller.motion.anatomy import SIDES, Anatomy, Part, Side, anatomy, leg_without_name
 from controller.motion.bone_names import THESIS_LIMBS
@@ -140,6 +141,18 @@ def to_canonical(clip: Clip) -> Clip:
     for bone in np.flatnonzero(length == 0.0):
         rotation[:, 1 + bone] = rotation[:, 1 + JAEGER_PARENT[bone]]
     return Clip(clip.name, skeleton, clip.rate, place[:, 0], continuous(rotation), clip.source)
+
+
+def landmark_places(clip: Clip) -> tuple[Array, NDArray[np.bool_]]:
+    """Positions of root and landmarks as recorded, (T, 20, 3), m, and which of them the recording has, (20,).
+
+    FileFormatError without two legs.
+    """
+    if is_canonical(clip.skeleton):
+        return clip.joints(), np.full(1 + len(CANONICAL_BONES), True)
+    marks = landmarks_of(clip.skeleton)
+    places, _ = _landmark_places(clip.skeleton, marks, clip.root_position, clip.rotation)
+    return places, np.array([True, *(bone not in marks.lacking for bone in CANONICAL_BONES)])
 
 
 def carried(clip: Clip, skeleton: Skeleton) -> Clip:

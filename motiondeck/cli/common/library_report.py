@@ -9,8 +9,11 @@ from controller.deck.joins.join_limits import FASTEST, HARDEST
 from controller.library.motion_library import MotionLibrary
 
 if TYPE_CHECKING:
+    from collections.abc import Iterable
+
     from controller.deck.worst_join import Join
     from controller.learning.training_set import LearnedPart
+    from controller.library.library_header import MotionInfo
 
 
 def report(library: MotionLibrary) -> dict[str, object]:
@@ -33,11 +36,11 @@ def report(library: MotionLibrary) -> dict[str, object]:
 
 
 def print_table(library: MotionLibrary) -> None:
-    """Prints a row for each motion: its length, errors and self-test."""
+    """Prints a row for each motion: its length, errors in training, and verdict; then `print_errors`."""
     from motiondeck.cli.common.tables import show_table
 
     info = library.info
-    error = "free run, mrad" if info.encoding == "joint angles" else "free run, mm"
+    error = "self-test, mrad" if info.encoding == "joint angles" else "self-test, mm"
     rows = [
         (
             motion.name,
@@ -50,11 +53,42 @@ def print_table(library: MotionLibrary) -> None:
         for motion in info.motions
     ]
     show_table(
-        ("motion", "plays", "seconds", "NRMSE", error, "self-test"),
+        ("motion", "plays", "seconds", "NRMSE", error, "verdict"),
         rows,
         title=f"{info.name}: {info.network}, {library.network.neurons} neurons, {info.rate:g} Hz",
-        left=("plays", "self-test"),
+        left=("plays", "verdict"),
     )
+    print_errors(info.motions)
+
+
+def print_errors(motions: Iterable[MotionInfo]) -> None:
+    """Prints a row for each motion that was compared with its recording."""
+    from motiondeck.cli.common.tables import show_table
+
+    rows = []
+    for motion in motions:
+        if (error := motion.against_recording) is None:
+            continue
+        spread = (f"{one.median:.1f} / {one.p95:.1f} / {one.worst:.1f}" for one in (error.mm, error.degrees))
+        worst = error.mm.where.replace(" at ", ", ")
+        held = "" if error.held_degrees is None else f"{error.held_degrees:.1f}"
+        feet = ("", "")
+        if error.slide_mm is not None:
+            feet = (f"{error.slide_mm:.0f} ({error.recorded_slide_mm:.0f})", f"{error.floor_mm:.0f}")
+        rows.append((motion.name, *spread, worst, f"{error.own_body_mm:.1f}", held, *feet))
+    if rows:
+        headings = (
+            "motion",
+            "mm",
+            "degrees",
+            "worst, mm",
+            "own body, mm",
+            "held pose, °",
+            "feet slide, mm",
+            "floor, mm",
+        )
+        title = "free run against the recording: median / 95 % / worst"
+        show_table(headings, rows, title=title, left=("worst at",))
 
 
 def join_fields(join: Join | None) -> dict[str, Any] | None:

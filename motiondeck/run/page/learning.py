@@ -104,8 +104,7 @@ def learn(request: LearnRequest) -> Learned | NotLearned:
         if clip.skeleton.is_rig != deck.skeleton.is_rig:
             raise MotiondeckError("joints taught to a rig and bodies do not share one.")
         added = add_motion(deck, library, clip, motion)
-        grown, verdict = added.library, added.verdict
-        passed, reason = verdict.passed, verdict.reason
+        grown, passed, reason = added.library, added.motion.passed, added.motion.reason
     except MotiondeckError as error:
         if request.name in deck.network.motions:
             raise
@@ -119,7 +118,9 @@ def learn(request: LearnRequest) -> Learned | NotLearned:
         return NotLearned(f"{request.name} did not pass its self-test: {reason}. {_OFTEN}")
     save_library(grown, out)
     plays = "a loop" if motion.plays == "loop" else "a one-shot"
-    return Learned(str(out.absolute()), motion.name, f"{motion.name} is {plays}, written to {out.name}.{note}")
+    error = next(info.against_recording for info in grown.info.motions if info.name == motion.name)
+    near = "" if error is None else f", {error.words}"
+    return Learned(str(out.absolute()), motion.name, f"{motion.name} is {plays}{near}; written to {out.name}.{note}")
 
 
 def _cut(file: Path, name: str, within: tuple[float, float]) -> Path:

@@ -134,7 +134,7 @@ def waving_left():
 def test_a_motion_may_move_what_stands_still_in_all_others(network):
     library = library_of_waving(network)
     added = add_motion(library, FILE, waving_left(), MotionRecipe(name="left", file=""))
-    assert added.verdict.passed
+    assert added.motion.passed
 
 
 def test_a_network_without_a_scale_for_it_refuses_the_motion():
@@ -151,7 +151,7 @@ def test_a_motion_is_added_and_nothing_else_changes(make, tmp_path):
     save_library(make(), tmp_path / "small.safetensors")
     before = load_library(tmp_path / "small.safetensors")
     added = add_motion(before, FILE, clip_of(np.tile(skip(), (2, 1))), NEW)
-    assert added.verdict.passed, added.verdict.reason
+    assert added.motion.passed, added.motion.reason
     save_library(added.library, tmp_path / "longer.safetensors")
     after = load_library(tmp_path / "longer.safetensors")
     assert after.network.motions == (*before.network.motions, "skip")
@@ -224,7 +224,7 @@ def test_another_rate_is_resampled(library):
     every_other = skip()[::2]
     found = add_motion(library, FILE, replace(clip_of(every_other), rate=60.0), NEW)
     at_once = add_motion(library, FILE, clip_of(skip()), NEW)
-    assert found.verdict.passed
+    assert found.motion.passed
     assert found.library.info.motions[-1].frames == pytest.approx(at_once.library.info.motions[-1].frames, abs=2)
 
 
