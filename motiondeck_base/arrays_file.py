@@ -25,28 +25,19 @@ LARGEST_BYTES = 2**30
 
 @dataclass(frozen=True)
 class Kind:
-    """One kind of file.
+    """One kind of file."""
 
-    Attributes:
-        name: what a user calls it.
-        key: where its header stands in the metadata.
-        version: of its format.
-        made_by: how one is made, for error messages.
-        older: versions that are read as well; all others are refused.
-    """
-
-    name: str
-    key: str
-    version: int
-    made_by: str
-    older: tuple[int, ...] = ()
+    name: str  # what a user calls it
+    key: str  # where its header stands in the metadata
+    version: int  # of its format
+    made_by: str  # how one is made, for error messages
+    older: tuple[int, ...] = ()  # versions that are read as well; all others are refused
 
 
 def write_arrays(path: Path, kind: Kind, header: msgspec.Struct, arrays: dict[str, NDArray[Any]]) -> None:
     """Writes under a temporary name and renames, so that the file is whole or not there.
 
-    Raises:
-        FileFormatError: if the folder cannot be written.
+    FileFormatError if the folder cannot be written.
     """
     metadata = {kind.key: msgspec.json.encode(header).decode()}
     write_file(path, save({name: np.ascontiguousarray(a) for name, a in arrays.items()}, metadata=metadata))

@@ -18,17 +18,11 @@ LARGEST = 256 * 2**20  # bytes; CMU's files need that much for three quarters of
 
 @dataclass(frozen=True, slots=True)
 class Line:
-    """One line of a text file, split into words, with its place for error messages.
+    """One line of a text file, split into words, with its place for error messages."""
 
-    Attributes:
-        path: the file, as the user named it.
-        number: of the line, from 1.
-        words: what stands there, comments removed.
-    """
-
-    path: str | Path
-    number: int
-    words: list[str]
+    path: str | Path  # the file, as the user named it
+    number: int  # of the line, from 1
+    words: list[str]  # what stands there, comments removed
 
     def error(self, problem: str) -> FileFormatError:
         """The error that names this place."""
@@ -80,9 +74,8 @@ def listed(names: Iterable[str]) -> str:
 def read_bytes(path: str | Path, largest: int = LARGEST, *, archive: bool = False) -> bytes:
     """The content of a file; a zip archive is refused unless `archive`.
 
-    Raises:
-        FileFormatError: if it cannot be opened, is empty, is larger than `largest` bytes, or is plainly something else
-            than its name says; it says what.
+    FileFormatError if it cannot be opened, is empty, is larger than `largest` bytes, or is plainly something else than
+    its name says; it says what.
     """
     try:
         with Path(path).open("rb") as file:
@@ -132,10 +125,8 @@ def read_text(path: str | Path, largest: int = LARGEST) -> str:
 def write_file(path: Path, content: bytes) -> None:
     """Writes a file under a temporary name and renames it, so that it is whole or not there.
 
-    What is no file, such as /dev/stdout or a pipe, is written to as it is, and stays what it is.
-
-    Raises:
-        FileFormatError: if it cannot be written.
+    What is no file, such as /dev/stdout or a pipe, is written to as it is, and stays what it is. FileFormatError if it
+    cannot be written.
     """
     try:
         if path.exists() and not path.is_file():
@@ -162,8 +153,7 @@ def _replace(path: Path, content: bytes) -> None:
 def check_folder(*files: Path | None) -> None:
     """Checks, before anything is computed, that there are folders that files can be written to.
 
-    Raises:
-        MotiondeckError: if there is none, or it takes no files.
+    MotiondeckError if there is none, or it takes no files.
     """
     for file in files:
         if file is None:

@@ -40,23 +40,14 @@ class ClusterError(MotiondeckError):
 
 @dataclass(frozen=True)
 class Jobs:
-    """Where tasks run.
+    """Where tasks run."""
 
-    Attributes:
-        processes: of this machine; -1 for one per core.
-        cluster: the address of a Dask scheduler, HOST:PORT, that is used instead; "" for none.
-    """
-
-    processes: int = -1
-    cluster: str = ""
+    processes: int = -1  # of this machine; -1 for one per core
+    cluster: str = ""  # the address of a Dask scheduler, HOST:PORT, that is used instead; "" for none
 
     @classmethod
     def parse(cls, text: str) -> Jobs:
-        """What "4", "-1" or "dask://HOST:PORT" says.
-
-        Raises:
-            MotiondeckError: if it is none of these.
-        """
+        """What "4", "-1" or "dask://HOST:PORT" says. MotiondeckError if it is none of these."""
         if found := _CLUSTER.fullmatch(text):
             return cls(cluster=found[1])
         if re.fullmatch(r"-1|[1-9]\d*", text):

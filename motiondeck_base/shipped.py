@@ -28,8 +28,7 @@ def shipped_configs() -> Path:
 def find_robot(name: str | Path) -> Path:
     """The file of a robot: the path itself if `name` is one, else the shipped robot of this name.
 
-    Raises:
-        MotiondeckError: if there is none; it offers the nearest names.
+    MotiondeckError if there is none; it offers the nearest names.
     """
     return _find("robot", "robots", ".toml", name)
 
@@ -37,12 +36,11 @@ def find_robot(name: str | Path) -> Path:
 def find_rig(name: str | Path, *, also: Sequence[str] = ()) -> Path:
     """The file of a rig: the path itself if `name` is one, else the shipped rig of this name.
 
+    MotiondeckError if there is none; it offers the nearest names.
+
     Args:
         name: of the rig, or its file.
         also: other words that the user may have meant, which have no file.
-
-    Raises:
-        MotiondeckError: if there is none; it offers the nearest names.
     """
     return _find("rig", "rigs", ".toml", name, also)
 
@@ -50,8 +48,7 @@ def find_rig(name: str | Path, *, also: Sequence[str] = ()) -> Path:
 def find_library(name: str | Path) -> Path:
     """The file of a motion library: the path itself if `name` is one, else the shipped library of this name.
 
-    Raises:
-        MotiondeckError: if there is none; it offers the nearest names.
+    MotiondeckError if there is none; it offers the nearest names.
     """
     return _find("library", "libraries", ".safetensors", name)
 
@@ -59,8 +56,7 @@ def find_library(name: str | Path) -> Path:
 def find_stage(name: str | Path) -> Path:
     """A stage file: the path itself if `name` is one, else the shipped example of this name.
 
-    Raises:
-        MotiondeckError: if there is none; it offers the nearest names.
+    MotiondeckError if there is none; it offers the nearest names.
     """
     return _find("stage", "stages", ".toml", name)
 

@@ -55,10 +55,8 @@ def parse_toml(path: Path) -> tuple[str, dict[str, Any]]:
 def shaped(tree: object, shape: type[T], place: str, smallest: float = 0.0) -> T:
     """A tree of plain values as a msgspec structure; `place` is what errors call the tree.
 
-    Numbers that are not finite, too large, or below `smallest` in size are refused, see `file_numbers`.
-
-    Raises:
-        FileFormatError: if the tree does not fit; one line per problem.
+    Numbers that are not finite, too large, or below `smallest` in size are refused, see `file_numbers`. FileFormatError
+    if the tree does not fit; one line per problem.
     """
     impossible = [f"{key_path(keys)} {problem}" for keys, problem in impossible_numbers(tree, smallest)]
     if impossible:

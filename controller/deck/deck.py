@@ -37,11 +37,6 @@ class Deck(Lockable):
         direct: whether every switch goes straight to its motion, at once.
         joining: how motions are joined; the default suits the network.
         phase: where in the motion to begin, in [0, 1).
-
-    Attributes:
-        time: s since the start, summed over updates.
-        switches: the latest REMEMBERED_SWITCHES commanded switches.
-        events: the latest events, at most REMEMBERED_EVENTS; their reader removes them.
     """
 
     def __init__(
@@ -61,14 +56,15 @@ class Deck(Lockable):
         routes = Routes.of(library)
         self._routes = routes.direct if direct else routes
         self.plan = SwitchPlan(self.performance, self._routes, direct=direct)
-        self.switches, self.events = self.plan.commanded, self.plan.events
+        self.switches = self.plan.commanded  # the latest REMEMBERED_SWITCHES
+        self.events = self.plan.events  # the latest, at most REMEMBERED_EVENTS; their reader removes them
         self.direct = direct
         usual = {motion.input.name: motion.input.usual for motion in library.info.motions if motion.input}
         self._inputs = Inputs(self.performance.tracks.leading.player.inputs, usual)
         for name, value in usual.items():
             self.performance.tracks.set_input(name, value)  # motions that share an input begin alike
         self._jump: float | None = None  # the phase to go to in the next update
-        self.time = 0.0
+        self.time = 0.0  # s since the start, summed over updates
         super().__init__()
         self.pose = self.performance.pose
 

@@ -24,9 +24,6 @@ class RecordedDeck(Paced):
     Args:
         recording: with at least one tick.
         same_robot: whether the recorded robot plays it; its root then follows the recorded path.
-
-    Attributes:
-        lead: how far it runs ahead of its joints, s.
     """
 
     activation = phase = phase_rate = lock_state = None
@@ -54,7 +51,8 @@ class RecordedDeck(Paced):
         self._blend = (fields["blend_motion"], fields["blend_weight"]) if "blend_motion" in fields else None
         self._last = recording.ticks - 1
         self._place = 0.0  # in ticks of the recording
-        self.lead = self._waited = 0.0  # s; since the end is reached
+        self.lead = 0.0  # how far it runs ahead of its joints, s
+        self._waited = 0.0  # s since the end is reached
 
     @property
     def motion(self) -> str:

@@ -10,17 +10,12 @@ TEMPO_RATE = 2.5
 
 
 class Paced:
-    """The tempo and the pauses of a deck.
-
-    Attributes:
-        tempo: the present tempo: 1 as recorded, 0 stands still, negative plays backwards.
-        commanded_tempo: the tempo that the present one follows, unless a lock steers it.
-        paused: whether a pause was commanded: a tempo of zero until it is over.
-    """
+    """The tempo and the pauses of a deck."""
 
     def __init__(self) -> None:
-        self.tempo = self.commanded_tempo = 1.0
-        self.paused = False
+        self.tempo = 1.0  # the present one: 1 as recorded, 0 stands still, negative plays backwards
+        self.commanded_tempo = 1.0  # what the present one follows, unless a lock steers it
+        self.paused = False  # whether a pause was commanded: a tempo of zero until it is over
         self._step_left = 0.0  # s for which the motion still goes on in a pause
         self._rate_to_commanded = TEMPO_RATE  # 1/s
 

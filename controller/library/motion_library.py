@@ -63,8 +63,7 @@ def once_a_library(find: Callable[[MotionLibrary], Found]) -> Callable[[MotionLi
 def save_library(library: MotionLibrary, path: Path) -> None:
     """Writes a library under a temporary name and renames it, so that a file is whole or not there.
 
-    Raises:
-        FileFormatError: if the folder cannot be written.
+    FileFormatError if the folder cannot be written.
     """
     write_arrays(path, KIND, library.info, library.network.arrays())
 

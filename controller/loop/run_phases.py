@@ -47,14 +47,7 @@ class Measuring(Protocol):
 
 
 class Source:
-    """The latest targets and pose of a deck; they keep their values while the deck raises.
-
-    Attributes:
-        targets: for the envelope, shape (J,), rad: where joints lag less than others, those of a while ago.
-        pose: of the deck's latest update.
-        updates: how many there were after the first one.
-        running: whether the deck's time passes; while the joints approach it, it waits.
-    """
+    """The latest targets and pose of a deck; they keep their values while the deck raises."""
 
     def __init__(
         self,
@@ -72,10 +65,11 @@ class Source:
         self._deck, self._before, self.correction = deck, before, correction
         self.dt = dt
         self.counter = FaultCounter()
-        self.updates = 0
-        self.running = False
+        self.updates = 0  # how many there were after the first one
+        self.running = False  # whether the deck's time passes; while the joints approach it, it waits
         targets, self.pose = deck.update(dt)
         self._latest = targets.copy()
+        # For the envelope, shape (J,), rad: where joints lag less than others, those of a while ago.
         self.targets = self._latest if before is None else before(self._latest)
 
     def update(self) -> None:

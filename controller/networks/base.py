@@ -160,19 +160,14 @@ class Network(NamedMotions[Motion], ABC):
 
     One implementation of the step serves one run and many: `twin(runs=R)` plays R runs of one motion side by side, and
     then frames, noise and states have a leading axis R.
-
-    Attributes:
-        kind: its name in files and recipes; the registry finds it by its folder.
-        neurons: of all motions together.
-        runs: the leading shape, () or (R,).
-        activation: of the neurons in the last step, shape (*runs, N), overwritten by the next one; None without any.
     """
 
-    kind: ClassVar[str]
+    kind: ClassVar[str]  # its name in files and recipes; the registry finds it by its folder
 
     channels: int
-    neurons: int = 0
-    runs: tuple[int, ...] = ()
+    neurons: int = 0  # of all motions together
+    runs: tuple[int, ...] = ()  # the leading shape, () or (R,)
+    # Of the neurons in the last step, shape (*runs, N), overwritten by the next one; None without any.
     activation: Any = None
 
     @abstractmethod

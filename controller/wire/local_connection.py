@@ -41,10 +41,8 @@ class _Link:
     def send(self, data: bytes, patience: float) -> None:
         """Sends a datagram; it waits for room, as long as its patience lasts, and connects where it is not connected.
 
-        Raises:
-            PeerGoneError: if nothing listens there.
-            DeckFullError: if the deck has no room for another connection.
-            SocketError: if it takes nothing.
+        PeerGoneError if nothing listens there. DeckFullError if the deck has no room for another connection.
+        SocketError if it takes nothing.
         """
         until = time.monotonic() + patience
         with self._sending:
@@ -138,12 +136,7 @@ class LocalConnection:
         self._awaited = 0  # replies from the door
 
     def send(self, data: bytes) -> None:
-        """Sends a command.
-
-        Raises:
-            PeerGoneError: if no deck is running there.
-            SocketError: if it is full, or takes nothing.
-        """
+        """Sends a command. PeerGoneError if no deck is running there. SocketError if it is full, or takes nothing."""
         self._commands.send(data, self._patience)
 
     def send_stop(self, data: bytes) -> None:
@@ -162,9 +155,7 @@ class LocalConnection:
     def receive(self, timeout_s: float) -> bytes | None:
         """The next datagram, or None if none arrives in time; without any time it does not wait at all.
 
-        Raises:
-            PeerGoneError: if no deck is running there.
-            SocketError: if it is full.
+        PeerGoneError if no deck is running there. SocketError if it is full.
         """
         until = time.monotonic() + timeout_s
         while self._commands.number >= 0 or (self._awaited and self._door.number >= 0):

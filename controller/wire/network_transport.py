@@ -47,13 +47,7 @@ class RemoteClient:
 
 
 class NetworkListener:
-    """Takes signed commands at an address of this machine; never blocks, and never raises once it is open.
-
-    Attributes:
-        replayed: datagrams with a true signature that were sent before, or to another run; none was carried out.
-        unsigned: datagrams without a true signature.
-        last_replay: the address where the latest of the replayed ones came from.
-    """
+    """Takes signed commands at an address of this machine; never blocks, and never raises once it is open."""
 
     remote = True
 
@@ -79,8 +73,9 @@ class NetworkListener:
         self._last: dict[bytes, int] = {}  # of the clients heard from most recently, in that order
         self._floor = self._highest = self._sent = 0
         self.port: int = self._socket.getsockname()[1]
-        self.replayed = self.unsigned = 0
-        self.last_replay = ""
+        self.replayed = 0  # datagrams, truly signed, that were sent before or to another run; none was carried out
+        self.last_replay = ""  # the address where the latest of these came from
+        self.unsigned = 0  # datagrams without a true signature
 
     def receive(self, most_bytes: int, limit: int) -> Iterator[tuple[bytes, RemoteClient]]:
         """The commands among the datagrams that have arrived, at most `limit` of these, each with its sender."""
@@ -175,9 +170,7 @@ class NetworkConnection:
     def receive(self, timeout_s: float) -> bytes | None:
         """The next reply, or None if none arrives in time.
 
-        Raises:
-            PeerGoneError: if no deck is running there.
-            SocketError: if it has another token.
+        PeerGoneError if no deck is running there. SocketError if it has another token.
         """
         deadline = time.monotonic() + timeout_s
         while (body := self._take(deadline - time.monotonic())) is not None:

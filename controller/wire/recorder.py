@@ -23,11 +23,10 @@ CHUNK_SECONDS = 0.25
 def record(state: Path, out: Path) -> int:
     """Records until the deck ends or its process is gone, including what is still in shared memory then.
 
+    FileFormatError if there is no such deck, or the file cannot be written.
+
     Returns:
         How many ticks are missing, because this process was held up for longer than the shared memory keeps them.
-
-    Raises:
-        FileFormatError: if there is no such deck, or the file cannot be written.
     """
     reader = StateReader.open(state)
     writer = RecordingWriter(out, reader.description, reader.fields)

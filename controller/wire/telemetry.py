@@ -82,12 +82,11 @@ class StateWriter:
     ) -> StateWriter:
         """Creates the file, readable by its owner only, in place of an older one; it appears complete or not at all.
 
+        MotiondeckError if there is no room for it.
+
         Args:
             path: a file in a directory of the owner's; the caller removes both at the end.
             slots: how many states are kept, for readers that need every one of them; at least 2.
-
-        Raises:
-            MotiondeckError: if there is no room for it.
         """
         header = msgspec.json.encode(_StateHeader(dict(description), dict(fields), os.getpid(), slots))
         layout = _Layout(len(header), fields, slots)

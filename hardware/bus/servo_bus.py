@@ -116,9 +116,7 @@ class Bus:
     def read(self, id: int, address: int, length: int) -> StatusPacket:
         """Reads `length` bytes of a servo's control table; they are the status' params.
 
-        Raises:
-            NoReplyError: if the servo stays silent.
-            RefusedError: if it answers with an error number.
+        NoReplyError if the servo stays silent. RefusedError if it answers with an error number.
         """
         frame = self._family(id).instructions.read(id, address, length)
         return self._insist(frame, id, length, f"read register {address}")

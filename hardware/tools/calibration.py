@@ -165,14 +165,13 @@ def measured_joint(
 ) -> tuple[RigJoint, list[str]]:
     """A joint as it was measured, and what of its range its servo cannot do and is given up.
 
+    RigError if nothing is left of its range.
+
     Args:
         direction: 1 or -1.
         zero: its position at angle 0, pulses, in any turn.
         low, high: the ends of its range, pulses, in the same turn.
         margin: kept away from both ends, rad, but never past angle 0.
-
-    Raises:
-        RigError: if nothing is left of its range.
     """
     bottom, top = joint.table.one_turn
     turns = (zero - bottom) // joint.table.pulses_per_turn * joint.table.pulses_per_turn

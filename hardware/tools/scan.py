@@ -50,11 +50,8 @@ def scan(
 def set_up(open_bus: Callable[[int], Bus], id: int, baud: int) -> tuple[Found, Identity]:
     """Gives the only servo on a bus its ID and baud rate, and a return delay of 0; verifies that it answers there.
 
-    Returns what it was, and what it is now.
-
-    Raises:
-        RigError: if there is no servo, or more than one, or its model is not known.
-        ServoError: if it does not take a value, or does not answer afterwards.
+    Returns what it was, and what it is now. RigError if there is no servo, or more than one, or its model is not known.
+    ServoError if it does not take a value, or does not answer afterwards.
     """
     garbled: list[int] = []
     found = scan(open_bus, on_garbled=garbled.append)

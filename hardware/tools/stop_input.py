@@ -29,15 +29,12 @@ class StopInput:
         name: of the device.
         closed: whether all is well; an OSError means that it is not.
         release: closes the device.
-
-    Attributes:
-        name: of the device.
-        pulled: whether the stop is pulled, or cannot be asked.
-        pulls: how often it was pulled; a key that was let go again before the loop looked still counts.
     """
 
     def __init__(self, name: str, closed: Callable[[], bool], release: Callable[[], None]) -> None:
-        self.name, self.pulled, self.pulls = name, False, 0
+        self.name = name
+        self.pulled = False  # whether the stop is pulled, or cannot be asked
+        self.pulls = 0  # how often it was; a key that was let go again before the loop looked still counts
         self._closed, self._release = closed, release
         self._over = threading.Event()
         self._thread = threading.Thread(target=self._ask, daemon=True)

@@ -54,15 +54,11 @@ class Follower:
 
 
 class Scene:
-    """A robot on a page, with a camera that moves along.
-
-    Attributes:
-        height: of the robot, m.
-    """
+    """A robot on a page, with a camera that moves along."""
 
     def __init__(self, page: PrivatePage, model: mujoco.MjModel) -> None:
         self._page = page
-        self.height = height = body_height(model)
+        self.height = height = body_height(model)  # m
         self._cell = 0.25 if height < 1.0 else 1.0
         scene = page.scene
         scene.set_up_direction("+z")

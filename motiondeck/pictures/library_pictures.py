@@ -110,9 +110,8 @@ def film_look(
 ) -> FilmLook:
     """The look from options; defaults follow from the ending of the file.
 
-    Raises:
-        MotiondeckError: for a size that is not WIDTHxHEIGHT, or another rate than 1 to 240 Hz.
-        UnknownNameError: for a camera that does not exist.
+    MotiondeckError for a size that is not WIDTHxHEIGHT, or another rate than 1 to 240 Hz. UnknownNameError for a camera
+    that does not exist.
     """
     from motiondeck.pictures.offscreen import camera_named
 

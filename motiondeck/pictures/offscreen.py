@@ -50,14 +50,13 @@ class PictureError(MotiondeckError):
 class OffScreen:
     """Draws one model into images; a context manager, because OpenGL contexts are freed in order.
 
+    PictureError where there is no off-screen OpenGL, or the size does not fit.
+
     Args:
         model: one or more robots on their stage.
         size: width and height of the images, pixels; within the model's off-screen buffer (1920 x 1080).
         shadows: doubles the cost.
         camera: one of CAMERAS; "three" divides the image into the views of the other three.
-
-    Raises:
-        PictureError: where there is no off-screen OpenGL, or the size does not fit.
     """
 
     def __init__(

@@ -69,17 +69,14 @@ class RoundTrip:
 
 
 class ClockEstimate:
-    """Estimates a remote clock; all local times are those of one steady clock, s.
-
-    Attributes:
-        drift: how much faster the remote clock runs; 1e-6 is 1 ppm.
-        shortest: the shortest round trip of the latest, s.
-    """
+    """Estimates a remote clock; all local times are those of one steady clock, s."""
 
     def __init__(self) -> None:
         self._trips: deque[RoundTrip] = deque(maxlen=MOST_SAMPLES)
         self._contradicting: list[RoundTrip] = []
-        self._reference = self._offset = self.drift = self.shortest = 0.0
+        self.drift = 0.0  # how much faster the remote clock runs; 1e-6 is 1 ppm
+        self.shortest = 0.0  # the shortest round trip of the latest, s
+        self._reference = self._offset = 0.0
         self._covariance = np.zeros((2, 2))
 
     @property

@@ -145,11 +145,10 @@ class Conductor:
     def command(self, names: list[str], line: str) -> str:
         """Has decks and groups carry out a command together; those that are not here get it when they join.
 
+        MotiondeckError if there is no such deck, or no such command, or an emergency stop is on.
+
         Returns:
             What was done.
-
-        Raises:
-            MotiondeckError: if there is no such deck, or no such command, or an emergency stop is on.
         """
         decks = self._seen.named(names)
         if self.stopped_by:

@@ -103,9 +103,8 @@ def on_this_machine(show: str, name: str, *, listens: bool = True) -> Membership
 def with_certificates(folder: Path, *, listens: bool = True) -> Membership:
     """The member whose certificates are in a folder.
 
-    Raises:
-        FileFormatError: if its member.toml is wrong.
-        MotiondeckError: if there is no such folder, others may read its key, or a certificate is missing.
+    FileFormatError if its member.toml is wrong. MotiondeckError if there is no such folder, others may read its key, or
+    a certificate is missing.
     """
     path = folder / MEMBER_FILE
     if not path.exists():

@@ -15,14 +15,11 @@ SILENT_AFTER = 1.0
 
 
 class CueSum:
-    """The sum of all cues of a deck: the commands for one that joins late or has missed some.
-
-    Attributes:
-        at: when it is carried out, in the conductor's time, s.
-    """
+    """The sum of all cues of a deck: the commands for one that joins late or has missed some."""
 
     def __init__(self) -> None:
-        self.number, self.at = 0, 0.0
+        self.number = 0
+        self.at = 0.0  # when it is carried out, in the conductor's time, s
         self._commands: list[DeckCommand] = []
         self._step: CommonRound | None = None
 
@@ -94,9 +91,8 @@ class SeenDecks:
     def named(self, names: list[str]) -> list[str]:
         """The decks of some names, of which at least one is here.
 
-        Raises:
-            UnknownNameError: if there is no such deck or group; it names the nearest.
-            MotiondeckError: if none of them is here.
+        UnknownNameError if there is no such deck or group; it names the nearest. MotiondeckError if none of them is
+        here.
         """
         present = self.present_names
         known = [*dict.fromkeys([*present, *self._show.decks]), *self._show.groups, ALL]

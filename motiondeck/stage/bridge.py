@@ -34,12 +34,11 @@ Answered = Callable[[str, DeckCommand, Reply], None]
 class Bridge:
     """Commands a deck by signals until the deck has ended.
 
+    SocketError if no deck is running.
+
     Args:
         output: receives events and states, if any.
         notify: receives what is refused here, and changes of the lock, as lines of text.
-
-    Raises:
-        SocketError: if no deck is running.
     """
 
     def __init__(
@@ -63,9 +62,7 @@ class Bridge:
     def run(self) -> None:
         """Goes on until the deck has ended.
 
-        Raises:
-            SocketError: if the deck is gone without a word.
-            MidiGoneError: if a MIDI device is unplugged.
+        SocketError if the deck is gone without a word. MidiGoneError if a MIDI device is unplugged.
         """
         while self.step(_POLL):
             pass

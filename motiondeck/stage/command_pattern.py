@@ -23,8 +23,7 @@ class CommandPattern:
     def __post_init__(self) -> None:
         """Checks what can be known before a signal comes.
 
-        Raises:
-            CommandError: if it is no command, or has too few or too many arguments.
+        CommandError if it is no command, or has too few or too many arguments.
         """
         words = self.text.split()
         if self.complete:
@@ -51,12 +50,10 @@ class CommandPattern:
         """The command that a signal with these arguments gives.
 
         A complete command is given by a button that is pressed; the only argument 0 or false says that it was released.
+        CommandError if an argument is missing or not allowed.
 
         Returns:
             None where it was released.
-
-        Raises:
-            CommandError: if an argument is missing or not allowed.
         """
         if self.complete:
             released = len(arguments) == 1 and isinstance(arguments[0], int | float) and not arguments[0]

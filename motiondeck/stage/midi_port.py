@@ -119,8 +119,7 @@ class SystemPort:
 def open_midi_port(name: str) -> MidiPort:
     """The port of a name, or the device of a path.
 
-    Raises:
-        MotiondeckError: if mido is not installed, or there is no such port; it names those that there are.
+    MotiondeckError if mido is not installed, or there is no such port; it names those that there are.
     """
     try:
         import mido

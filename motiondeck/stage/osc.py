@@ -37,13 +37,11 @@ class OscInput:
     """Commands from OSC messages to a port on loopback.
 
     A message in a bundle counts at the bundle's time, one with an address that nothing is mapped to not at all.
+    MotiondeckError if python-osc is not installed, or the port cannot be had.
 
     Args:
         commands: of each address; patterns in the address of a message are not matched.
         notify: receives what is refused here, as a line of text.
-
-    Raises:
-        MotiondeckError: if python-osc is not installed, or the port cannot be had.
     """
 
     def __init__(self, port: int, commands: Mapping[str, CommandPattern], notify: Notify) -> None:
@@ -112,8 +110,7 @@ class OscInput:
 class OscOutput:
     """Sends events and states of a deck by OSC.
 
-    Raises:
-        MotiondeckError: if python-osc is not installed, or there is no such host.
+    MotiondeckError if python-osc is not installed, or there is no such host.
     """
 
     def __init__(self, host: str, port: int) -> None:

@@ -31,8 +31,7 @@ class Input(Protocol):
     def read(self, now: float) -> Iterator[Signal]:
         """The signals that have come, at a time of the bridge's clock, s; never waits.
 
-        Raises:
-            MidiGoneError: if a device is gone.
+        MidiGoneError if a device is gone.
         """
         ...
 

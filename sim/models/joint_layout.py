@@ -38,9 +38,8 @@ class JointLayout:
     def of(cls, model: mujoco.MjModel) -> JointLayout:
         """Reads the layout of a model.
 
-        Raises:
-            FileFormatError: if the first joint is not a free one, an actuator drives no joint or a sliding one, or a
-                ball joint has not three actuators in a row; it names the culprit.
+        FileFormatError if the first joint is not a free one, an actuator drives no joint or a sliding one, or a ball
+        joint has not three actuators in a row; it names the culprit.
         """
         name = model.names[: model.names.index(b"\0")].decode()
         if model.njnt == 0 or model.jnt_type[0] != mujoco.mjtJoint.mjJNT_FREE:

@@ -12,27 +12,20 @@ from sim.robots.robot import Robot
 
 
 class KinematicPlayback:
-    """Puts the robot exactly at its targets.
-
-    Attributes:
-        data: MuJoCo's state, with the position of every body.
-        qpos: its array, shape (nq,), which the next write overwrites.
-        placed: the commanded root of the last write, position (m) and quaternion, shape (7,).
-        behind_s: delay of the body, s.
-    """
+    """Puts the robot exactly at its targets."""
 
     name = "kinematics"
-    behind_s = 0.0
+    behind_s = 0.0  # delay of the body, s
 
     def __init__(self, robot: Robot) -> None:
         self._robot = robot
         self.data = mujoco.MjData(robot.model)
-        self.qpos = self.data.qpos
+        self.qpos = self.data.qpos  # shape (nq,), which the next write overwrites
         robot.layout.place(robot.rest, self.qpos)
         mujoco.mj_kinematics(robot.model, self.data)
         self._measured = robot.rest.copy()
         self._writes = 0
-        self.placed = self.qpos[:7].copy()
+        self.placed = self.qpos[:7].copy()  # the commanded root of the last write, position (m) and quaternion
 
     def write(self, targets: Array, pose: Pose) -> None:
         """Places the joints at targets (J,), rad, and the root where the pose has it."""

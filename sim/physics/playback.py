@@ -37,20 +37,6 @@ class PhysicsPlayback:
     The torque of a servo is  kp (target - position) + kv (rate of target - velocity): without the feed-forward of the
     rate a motion would lag by kv / kp. On a ball joint "target - position" is the rotation between both. Servos with
     data keep to their torque-speed line and current limit.
-
-    Attributes:
-        data: MuJoCo's state.
-        qpos: its array, shape (nq,), which the next write overwrites.
-        model: the model of that state, apart from the robot's own.
-        placed: the commanded root of the last write, position (m) and quaternion, shape (7,).
-        wanted: the goal of the last write, shape (nq,), with the place of a free root along the ground.
-        clock: time of falls, s; by default since the first write.
-        holds: whether a fallen robot stays down; by default it gets up if it can.
-        near_falls: times at which a fall became certain, s.
-        fell_s: time of a free robot's first fall, s, or None.
-        fallen: whether a free robot is down, until it has stood for STANDS_AGAIN.
-        behind_s: delay of the body, s.
-        lag: latency of each joint's servo, shape (J,), s; None without servos.
     """
 
     name = "physics"
@@ -72,6 +58,8 @@ class PhysicsPlayback:
     ) -> None:
         """Starts in the rest pose.
 
+        MotiondeckError for another root, for balance or walking without a free root or two feet, or for both.
+
         Args:
             dt: time of a write, s; rounded to whole timesteps.
             root: as of `physics_model`.
@@ -81,15 +69,12 @@ class PhysicsPlayback:
             sensors: of a walking robot; None for the exact state.
             alter: changes to the world that robot and controller do not know.
             guard: whether a robot that balances or walks protects itself in a fall, and gets up if it can.
-
-        Raises:
-            MotiondeckError: for another root, for balance or walking without a free root or two feet, or for both.
         """
         check_root(root, balance=balance, walk=walk)
         self._robot, self._root = robot, root
         self.model = model = physics_model(robot, root, alter) if compiled is None else copy(compiled)
         self.data = mujoco.MjData(model)
-        self.qpos = self.data.qpos
+        self.qpos = self.data.qpos  # shape (nq,), which the next write overwrites
         self._warnings = [self.data.warning[kind] for kind in _BROKEN]
         self._steps = max(1, round(dt / model.opt.timestep))
         self._dt = self._steps * model.opt.timestep
@@ -99,25 +84,26 @@ class PhysicsPlayback:
         self._recovery = Recovery(robot, model, self._dt) if guard and (balance or walk) else None
         self._walker = Walker(robot, own, feet_of(robot), self._dt, gravity, sensors) if walk else None
         self._legs = self._balance or self._walker
-        self.behind_s = AHEAD if walk else 0.0
+        self.behind_s = AHEAD if walk else 0.0  # delay of the body
         self._servos = Servos(robot.servo, model, self._dt) if robot.servo is not None else None
         late = round(robot.servo.latency / self._dt) * self._dt if robot.servo is not None else 0.0
-        self.lag = np.full(len(robot.rest), late) if late else None
+        self.lag = np.full(len(robot.rest), late) if late else None  # latency of each joint's servo, shape (J,), s
         self._lead = lead_of(model)
+        # `wanted` is the goal of the last write, shape (nq,), with the place of a free root along the ground.
         self._goal, self._goal_before, self.wanted = (model.qpos0.copy() for _ in range(3))
-        self.placed = np.empty(7)
+        self.placed = np.empty(7)  # the commanded root of the last write, position (m) and quaternion
         self._straight = model.qpos0.copy()
         robot.layout.place(np.zeros(model.nu), self._straight)
         self._turned, self._error, self._ahead = np.empty(model.nv), np.empty(model.nv), np.empty(model.nu)
         self._measured, self._played = robot.rest.copy(), robot.rest.copy()
         self._started = False
         self._writes = self._faults = 0
-        self.clock: Callable[[], float] = lambda: self._writes * self._dt
-        self.holds: Callable[[], bool] = lambda: False
-        self.fell_s: float | None = None
-        self.fallen = False
+        self.clock: Callable[[], float] = lambda: self._writes * self._dt  # time of falls, s
+        self.holds: Callable[[], bool] = lambda: False  # whether a fallen robot stays down; else it gets up if it can
+        self.fell_s: float | None = None  # time of a free robot's first fall
+        self.fallen = False  # whether a free robot is down, until it has stood for STANDS_AGAIN
         self._stands_for = 0  # writes since a fallen robot was seen to stand
-        self.near_falls: list[float] = []
+        self.near_falls: list[float] = []  # times at which a fall became certain, s
         self._lost = False
         self._gone = 0.0, 0.0  # how far motion and robot had gone before it last got up, m
         self._heading = 0.0  # of the motion, rad

@@ -24,9 +24,7 @@ class RigPlant:
     def __init__(self, robot: Robot, joints: Sequence[str], root: str = "fixed") -> None:
         """Args: the robot; the hinges that the rig drives, in its order (others swing freely); a root of ROOTS.
 
-        Raises:
-            UnknownNameError: if the robot lacks a joint.
-            MotiondeckError: if one is no hinge, or for another root.
+        UnknownNameError if the robot lacks a joint. MotiondeckError if one is no hinge, or for another root.
         """
         self.model = model = physics_model(robot, root)
         model.opt.disableflags |= mujoco.mjtDisableBit.mjDSBL_ACTUATION

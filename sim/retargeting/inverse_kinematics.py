@@ -93,20 +93,14 @@ class InverseKinematics:
 
 
 class LimbSolver:
-    """Joint angles of one robot for directions of its limbs.
-
-    Attributes:
-        names: of the goals, length K.
-        q: the last answer, shape (N,), rad.
-        stuck: leads limbs out of local minima.
-    """
+    """Joint angles of one robot for directions of its limbs."""
 
     def __init__(self, limbs: RobotLimbs, limits: JointLimits, rest: Array, dt: float) -> None:
         """Args: limbs of a robot; limits of its N joints; rest (N,) of joints that no goal needs, rad; the tick, s."""
         self._goals = Goals(limbs)
         self.limbs, self._limits, self._rest = limbs, limits, rest
         self._step = limits.velocity * dt
-        self.names = limbs.vectors.names
+        self.names = limbs.vectors.names  # of the goals, length K
         kinds = [name.split("_", 1)[1] if name[1] == "_" else name for name in self.names]
         kinds = [kind if kind in WEIGHT else kind.removesuffix("_ahead").removesuffix("_left") for kind in kinds]
         self._longest = max(limbs.reach.values())
@@ -130,7 +124,7 @@ class LimbSolver:
 
     def reset(self) -> None:
         """Resets: the next pose is reached from rest within one call."""
-        self.q = np.clip(self._rest, self._limits.lower, self._limits.upper)
+        self.q = np.clip(self._rest, self._limits.lower, self._limits.upper)  # the last answer, rad
         self._started = False
         self.stuck.reset()
         self._count, self._square, self._worst = 0, np.zeros(len(self.names)), np.zeros(len(self.names))

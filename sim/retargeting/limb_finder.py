@@ -30,20 +30,14 @@ STEEPEST_SOLE = 0.5  # largest slope of a sole at rest, rad
 
 @dataclass(frozen=True)
 class Vectors:
-    """K vectors, each from a point of one body to a point of another (or the same).
+    """K vectors, each from a point of one body to a point of another (or the same)."""
 
-    Attributes:
-        names: such as "r_leg", length K.
-        rest: the vectors with all joints at zero, shape (K, 3), m.
-        body, point: bodies of start and end, shape (2, K), and their points in these frames, shape (2, K, 3), m.
-        length: shape (K,), m.
-    """
-
-    names: tuple[str, ...]
+    names: tuple[str, ...]  # such as "r_leg", length K
+    # Bodies of start and end, shape (2, K), and their points in these frames, shape (2, K, 3), m.
     body: NDArray[np.int64]
     point: Array
-    rest: Array
-    length: Array
+    rest: Array  # the vectors with all joints at zero, shape (K, 3), m
+    length: Array  # shape (K,), m
 
 
 @dataclass(frozen=True)

@@ -85,15 +85,14 @@ class ServoHumanoidRetargeter:
     ) -> None:
         """Finds the limbs of a skeleton, and the joints of the angles among a robot's J joints with their ranges, rad.
 
+        FileFormatError if the skeleton lacks a limb, or no angles are given and the robot has other joints.
+        UnknownNameError if there is no such angle or joint.
+
         Args:
             angles: SERVO_HUMANOID_JOINTS to joints; None if the names are the same.
             rest: positions of other joints, shape (J,), rad; by default zero.
             flat: the slopes of the human's feet; by default FOOT_SLOPE.
             dt: seconds from pose to pose.
-
-        Raises:
-            FileFormatError: if the skeleton lacks a limb, or no angles are given and the robot has other joints.
-            UnknownNameError: if there is no such angle or joint.
         """
         if not angles:
             missing = [name for name in SERVO_HUMANOID_JOINTS if name not in joints]

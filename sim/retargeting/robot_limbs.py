@@ -27,9 +27,7 @@ class RobotLimbs:
     ) -> None:
         """Args: the robot file, for errors; robot; part to body; rotation (4,) of a root that faces x; N played hinges.
 
-        Raises:
-            UnknownNameError: if there is no such part or body.
-            FileFormatError: if a limb has no joint where it needs one.
+        UnknownNameError if there is no such part or body. FileFormatError if a limb has no joint where it needs one.
         """
         self.model = model
         self.data = Scratch(model)  # MuJoCo's state at the last `place`

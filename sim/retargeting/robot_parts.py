@@ -21,9 +21,7 @@ PARTS = (
 def bodies_of_parts(path: Path, model: mujoco.MjModel, parts: Mapping[str, str]) -> dict[str, int]:
     """The body of each part of a robot file (`path`, for errors); without a waist the chest is the pelvis.
 
-    Raises:
-        UnknownNameError: if there is no such part or body.
-        FileFormatError: if a necessary part is missing.
+    UnknownNameError if there is no such part or body. FileFormatError if a necessary part is missing.
     """
     names = [model.body(index).name for index in range(1, model.nbody)]
     found: dict[str, int] = {}

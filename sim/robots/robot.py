@@ -58,34 +58,21 @@ class Rise:
 
 @dataclass(frozen=True)
 class Robot:
-    """One robot, ready to be played on.
-
-    Attributes:
-        spec: the editable model; save with `spec.to_file(path)`.
-        model: the same, compiled.
-        layout: where each joint lives in qpos and qvel.
-        limits: of its J joints.
-        rest: joint positions to start from and return to, shape (J,), rad.
-        tucked: joint positions for a fall, shape (J,), rad; the rest pose for motions taught on joints.
-        retarget: carries poses to joint targets.
-        path_scale: its size over that of the skeleton; scales the path of the root.
-        footing: places the root; None for a mannequin, whose root follows the human's.
-        rise: postures of getting up; None without them, or for motions taught on joints.
-    """
+    """One robot, ready to be played on."""
 
     name: str
-    spec: mujoco.MjSpec
-    model: mujoco.MjModel
-    layout: JointLayout
-    limits: JointLimits
-    rest: Array
-    tucked: Array
-    retarget: Retargeter
-    path_scale: float
+    spec: mujoco.MjSpec  # the editable model; save with `spec.to_file(path)`
+    model: mujoco.MjModel  # the same, compiled
+    layout: JointLayout  # where each joint lives in qpos and qvel
+    limits: JointLimits  # of its J joints
+    rest: Array  # joint positions to start from and return to, shape (J,), rad
+    tucked: Array  # joint positions for a fall, shape (J,), rad; the rest pose for motions taught on joints
+    retarget: Retargeter  # carries poses to joint targets
+    path_scale: float  # its size over that of the skeleton; scales the path of the root
     servo: ServoMotor | None = None
-    footing: Footing | None = None
+    footing: Footing | None = None  # places the root; None for a mannequin, whose root follows the human's
     walk: WalkSettings = field(default_factory=WalkSettings)
-    rise: Rise | None = None
+    rise: Rise | None = None  # postures of getting up; None without them, or for motions taught on joints
 
     @property
     def joints(self) -> tuple[str, ...]:

@@ -62,19 +62,14 @@ class BlendCheck:
 class PlayingTracks:
     """The tracks of a library, of which one plays or up to MOST_BLENDED, each with its weight.
 
-    Args:
-        motions: those of the library, as the deck sees them.
-
-    Attributes:
-        every: all tracks, playing or idle.
-        playing: the playing tracks; the first leads, unless another takes over.
-        rest_direction: the directions of the bones in the rest pose, shape (B, 3), where their twist follows a rule.
+    Of those `playing` the first leads, unless another takes over.
     """
 
     def __init__(self, library: MotionLibrary, motions: Mapping[str, Motion]) -> None:
         self._motions, self._names = motions, library.network.motions
         self._skeleton = library.encoding.skeleton
         twist_by_rule = library.encoding.twist_by_rule
+        # The directions of the bones in the rest pose, shape (B, 3), where their twist follows a rule.
         self.rest_direction = self._skeleton.rest_direction if twist_by_rule else None
         first = Track(library, motions)
         self.every = (first, *(Track(library, motions, first) for _ in range(MOST_BLENDED - 1)))

@@ -45,36 +45,31 @@ class StoredPieces:
 
 
 class PhaseConceptorMotion(PhaseMotion):
-    """One motion, ready to be played.
-
-    Attributes:
-        drive: (A, W_phi, W_u, B) of each piece, shape (P, N, k + I + 1), to be multiplied with (z, p, u, 1).
-        project: S U' of each piece, shape (P, k, N).
-        offset: S U' m of each piece, shape (P, k).
-        hand_on: from the state of the piece before to that of each piece, shape (P, k, k), and
-        shift: added to it, shape (P, k).
-        inputs: (p, u) at each frame, u at its usual value, shape (T, I); I is 2 H, or 2 H + 1 with inputs.
-    """
+    """One motion, ready to be played."""
 
     def __init__(
         self, stored: StoredPieces, course: PhaseCourse, reservoir: PhaseReservoir, driving: DrivingInput | None = None
     ) -> None:
         super().__init__(stored, course, reservoir, driving)
         usual = np.full((len(course.phase), reservoir.drive_weights.shape[1]), self.usual, dtype=np.float32)
+        # (p, u) at each frame, u at its usual value, shape (T, I); I is 2 H, or 2 H + 1 with inputs.
         self.inputs = np.hstack([reservoir.harmonics_of(course.phase), usual])
         directions, mean, estimate = (a.astype(np.float32) for a in (stored.directions, stored.mean, stored.estimate))
         pieces, neurons, rank = directions.shape
         inputs = self.inputs.shape[1]
+        # (A, W_phi, W_u, B) of each piece, shape (P, N, k + I + 1), to be multiplied with (z, p, u, 1).
         self.drive = np.empty((pieces, neurons, rank + inputs + 1), dtype=np.float32)
         self.drive[:, :, :rank] = reservoir.weights @ directions
         self.drive[:, :, :rank] += reservoir.input_weights @ estimate[:, :, :-1]
         self.drive[:, :, rank:-1] = np.hstack([reservoir.phase_weights, reservoir.drive_weights])
         self.drive[:, :, -1] = mean @ reservoir.weights.T + reservoir.bias
         self.drive[:, :, -1] += estimate[:, :, -1] @ reservoir.input_weights.T
+        # S U' of each piece, shape (P, k, N).
         self.project = np.ascontiguousarray(stored.strength[:, :, None] * directions.transpose(0, 2, 1))
-        self.offset = np.einsum("pkn,pn->pk", self.project, mean)
-        # x = m + U z of the piece before, seen in the directions of this one.
+        self.offset = np.einsum("pkn,pn->pk", self.project, mean)  # S U' m of each piece, shape (P, k)
         before = np.roll(np.arange(pieces), 1)
+        # x = m + U z of the piece before, seen in the directions of this one: what its state is multiplied with, shape
+        # (P, k, k), and what is added, (P, k).
         self.hand_on = np.einsum("pnk,pnl->pkl", directions, directions[before])
         self.shift = np.einsum("pnk,pn->pk", directions, mean[before] - mean)
         # Views, made once and not in a step.

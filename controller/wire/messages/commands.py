@@ -56,19 +56,14 @@ class Queue(CommandMessage, frozen=True, tag="queue"):
 
 
 class Blend(CommandMessage, frozen=True, tag="blend"):
-    """Play a blend of loops with the WEIGHT of B; of three or four motions each has its own, and A the rest.
-
-    Attributes:
-        first: the motion that is switched to first, if it is not playing.
-        second: the motion that is blended in then.
-        weight: the blend weight of the second, from -0.3 to 1.3; "share" on the wire.
-        also: further motions that are blended in, each with its weight; then no weight is below 0 or above 1.
-    """
+    """Play a blend of loops with the WEIGHT of B; of three or four motions each has its own, and A the rest."""
 
     row = CommandRow(("timed", "cue", "script", "film"), record=10, second_reply="settled")
-    first: Annotated[str, MotionName("A")]
-    second: Annotated[str, MotionName("B")]
+    first: Annotated[str, MotionName("A")]  # the motion that is switched to first, if it is not playing
+    second: Annotated[str, MotionName("B")]  # the motion that is blended in then
+    # The blend weight of the second, from -0.3 to 1.3; "share" on the wire.
     weight: Annotated[float, WEIGHT] = msgspec.field(name="share")
+    # Further motions that are blended in, each with its weight; then no weight is below 0 or above 1.
     also: Annotated[tuple[tuple[str, float], ...], WeightedMotions(MotionName("C"), PART, MOST_BLENDED - 2)] = ()
 
     @property
@@ -159,13 +154,10 @@ class EmergencyStop(CommandMessage, frozen=True, tag="estop"):
 
 
 class Reset(CommandMessage, frozen=True, tag="reset"):
-    """Release the emergency stop; nothing moves before resume, home or a motion.
-
-    Attributes:
-        code: needed from another machine; the refusal of a reset without one names it, anew for each emergency stop.
-    """
+    """Release the emergency stop; nothing moves before resume, home or a motion."""
 
     row = CommandRow(("script", "replay"), frozenset({"emergency stop"}), record=8)
+    # Needed from another machine; the refusal of a reset without one names it, anew for each emergency stop.
     code: Annotated[float, Number("CODE", 0.0, 999999.0)] = 0.0
 
 
@@ -183,15 +175,11 @@ class Heartbeat(CommandMessage, frozen=True, tag="heartbeat"):
 
 
 class AlignTicks(CommandMessage, frozen=True, tag="align"):
-    """Move ticks onto those of a clock that shows THERE when this machine's shows HERE, s (for programs).
-
-    Attributes:
-        here: a time of this machine's steady clock, s.
-        there: the time of the other clock then, s; the ticks become multiples of their period on that clock.
-    """
+    """Move ticks onto those of a clock that shows THERE when this machine's shows HERE, s (for programs)."""
 
     row = CommandRow(("script", "replay"), ALWAYS)
-    here: Annotated[float, Number("HERE", *_CLOCK)]
+    here: Annotated[float, Number("HERE", *_CLOCK)]  # a time of this machine's steady clock, s
+    # The time of the other clock then, s; the ticks become multiples of their period on that clock.
     there: Annotated[float, Number("THERE", *_CLOCK)]
 
 
@@ -255,16 +243,12 @@ SIDES: tuple[Side, ...] = get_args(Side)
 
 
 class Push(CommandMessage, frozen=True, tag="push"):
-    """Push the simulated body from its front, back, left or right with IMPULSE N s (default: forces a step).
-
-    Attributes:
-        impulse: N s; 0 for one that forces a step.
-        towards: direction of the push, rad from the world's x to its y axis; None for straight away from that side.
-    """
+    """Push the simulated body from its front, back, left or right with IMPULSE N s (default: forces a step)."""
 
     row = CommandRow(("timed", "cue", "script", "replay"), ALWAYS, record=19)
     side: Annotated[Side, Choice("SIDE", SIDES)]
-    impulse: Annotated[float, Number("IMPULSE", 0.0, 1000.0)] = 0.0
+    impulse: Annotated[float, Number("IMPULSE", 0.0, 1000.0)] = 0.0  # N s; 0 for one that forces a step
+    # Direction of the push, rad from the world's x to its y axis; None for straight away from that side.
     towards: float | None = None
 
 

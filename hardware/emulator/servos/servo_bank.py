@@ -41,38 +41,30 @@ _LOWEST_VOLTAGE = 0.45  # of the nominal voltage: below, the servo restarts; an 
 class ServoBank:
     """n servos of one model.
 
-    Attributes:
-        public: their control table, as far as the bus reaches.
-        table: the same with what the bank needs besides (see `register_mapping`).
-        mapped: whether that is more than the bus reaches.
-        memory: all their bytes, `table.size` a servo.
-        registers: the same bytes as a numpy record array, shape (n,).
-        drive: their motors; its `shaft`, `load`, `jammed`, `supply` and `temperature` may be set from outside.
-        browned_out: rows whose voltage has broken down since the bus last looked.
-        deaf_since: when each servo's cable was cut, shape (n,), s; infinite where none is.
+    Of their motors (`drive`), `shaft`, `load`, `jammed`, `supply` and `temperature` may be set from outside.
     """
 
     def __init__(self, table: ControlTable, ids: Sequence[int], shaft: Sequence[float]) -> None:
         """Switches the servos on, each horn at `shaft` pulses."""
         count, motor = len(ids), motor_of(table.model)
-        self.public = table
-        self.table = table = whole_table(table)
+        self.public = table  # as far as the bus reaches
+        self.table = table = whole_table(table)  # with what the bank needs besides (see `register_mapping`)
+        self.mapped = table is not self.public
         self.memory = bytearray(count * table.size)
-        self.registers = np.frombuffer(self.memory, dtype=table.dtype())
+        self.registers = np.frombuffer(self.memory, dtype=table.dtype())  # the same bytes, shape (n,)
         self._traits = TRAITS[table.model]
         for register in table.registers.values():
             self.registers[register.name] = self._at_first(register)
         self.registers["id"] = ids
-        self.browned_out: set[int] = set()
+        self.browned_out: set[int] = set()  # rows whose voltage has broken down since the bus last looked
         self.drive = MotorDrive(motor, table.pulses_per_turn, np.array(shaft, dtype=np.float64))
         self._shape = np.zeros(count, dtype=np.int64)  # of the profile under way, as the moving status shows it
         self._overload = np.zeros(count)  # s
-        self.deaf_since = np.full(count, np.inf)
+        self.deaf_since = np.full(count, np.inf)  # s when each servo's cable was cut; infinite where none is
         self._time = 0.0
         self._shown = False
         self._measures_current = "present_current" in table.registers
         self._limits_current = "goal_current" in table.registers
-        self.mapped = table is not self.public
         self._wraps = self._traits.series.wraps
         self._pulses_per_radian = table.pulses_per_turn / (2.0 * math.pi)
         for row in range(count):

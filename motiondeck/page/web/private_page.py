@@ -38,12 +38,11 @@ class PagePortError(MotiondeckError):
 class PrivatePage(viser.ViserServer):
     """A viser server that listens on 127.0.0.1 alone and refuses every request to share it.
 
+    PagePortError if the port is taken or not allowed.
+
     Args:
         port: where to listen; that port or none.
         label: what the panel is headed.
-
-    Raises:
-        PagePortError: if the port is taken or not allowed.
     """
 
     def __init__(self, port: int, label: str) -> None:

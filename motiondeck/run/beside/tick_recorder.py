@@ -104,14 +104,13 @@ class TickRecorder:
 def recording(out: Path, description: Mapping[str, Any], rate: float) -> Iterator[TickRecorder]:
     """Records into a file from a child process while the block runs.
 
+    FileFormatError if the file cannot be written, or is there and no recording of a run. MotiondeckError if there is no
+    room for what the processes share.
+
     Args:
         out: the recording; an older one is replaced.
         description: of the run, with the names `motions`, `recognizable` and `joints`.
         rate: ticks a second.
-
-    Raises:
-        FileFormatError: if the file cannot be written, or is there and no recording of a run.
-        MotiondeckError: if there is no room for what the processes share.
     """
     check_replaceable(out)
     try:

@@ -37,11 +37,7 @@ _REST_WITHIN = 5.0  # s
 
 
 class GuardService:
-    """Runs a guard between its sockets and its rig.
-
-    Attributes:
-        closing: whether the deck has asked for the end.
-    """
+    """Runs a guard between its sockets and its rig."""
 
     def __init__(self, opening: ExitStack, link: GuardLink[Request], begin: Begin, rig: Rig) -> None:
         """Guards a rig from now on; `opening` closes what is opened later."""
@@ -63,7 +59,7 @@ class GuardService:
         self._requests = RigRequests(rig)
         self._incidents: Incident | None = None
         self._reported_failure = ""
-        self.closing = self.stopped = False
+        self.closing = self.stopped = False  # whether the deck, or a signal, has asked for the end
 
     def run(self) -> None:
         """Serves the deck until it closes the rig or is gone, and the joints are at rest."""

@@ -34,13 +34,12 @@ def open_rig_alone(
 ) -> RobotOnDeck:
     """Connects a rig whose joints follow a taught clip or a library; `opening` closes it.
 
+    MotiondeckError if the source does not fit the rig (before anything is switched on), or it cannot be connected.
+
     Args:
         ports: in place of the rig file's own.
         source: what is played. Taught joints are driven by their names; the others stay where they are.
         robot: for human motions, the robot file whose joints the rig has.
-
-    Raises:
-        MotiondeckError: if the source does not fit the rig (before anything is switched on), or it cannot be connected.
     """
     if source.skeleton.is_rig:
         return _open_taught(opening, config, ports, source)

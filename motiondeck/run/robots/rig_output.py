@@ -81,13 +81,12 @@ class PortQuery:
 class RigOutput:
     """Streams targets to a connected rig and measures its tracking error; fits `deck.interfaces.Output`.
 
+    MotiondeckError if the rig has a joint that the robot has not.
+
     Args:
         rig: connected, torque on.
         joints: the robot's joints in the order of the targets.
         hz: how often it is written to.
-
-    Raises:
-        MotiondeckError: if the rig has a joint that the robot has not.
     """
 
     def __init__(self, rig: Rig | GuardedRig, joints: tuple[str, ...], hz: float) -> None:
@@ -278,13 +277,12 @@ def connect_rig(
 ) -> RigOutput:
     """Connects a rig, behind its guard, as an output for a robot's joints; `opening` closes it.
 
+    MotiondeckError if it cannot be connected, or has a joint that the robot has not.
+
     Args:
         guard: from `guard_process`, which takes a while to be ready.
         limits: of these joints.
         emulated: the rig file whose servos are emulated.
-
-    Raises:
-        MotiondeckError: if it cannot be connected, or has a joint that the robot has not.
     """
     check_joints(config.names, joints)
     places = [joints.index(name) for name in config.names]

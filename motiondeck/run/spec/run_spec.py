@@ -50,24 +50,15 @@ _SERVOS, _SIMULATION, _SWITCHING = "Servos", "Simulation", "Switching"
 
 @dataclass(frozen=True)
 class Option:
-    """An option of a run.
+    """An option of a run."""
 
-    Attributes:
-        flag: its name on the command line; "" for an argument.
-        metavar: stands for its value.
-        panel: the group of the help that it belongs to; "" for the first one.
-        typed: its default on the command line, where that is another than for a program.
-        off: whether the flag switches it off.
-        check: refuses values that cannot be.
-    """
-
-    flag: str
+    flag: str  # its name on the command line; "" for an argument
     help: str
-    metavar: str | None = None
-    panel: str = ""
-    typed: Any = None
-    off: bool = False
-    check: Callable[[Any], None] | None = None
+    metavar: str | None = None  # stands for its value
+    panel: str = ""  # the group of the help that it belongs to; "" for the first one
+    typed: Any = None  # its default on the command line, where that is another than for a program
+    off: bool = False  # whether the flag switches it off
+    check: Callable[[Any], None] | None = None  # refuses values that cannot be
 
 
 def option(
@@ -95,11 +86,7 @@ def is_emulated(rig: File) -> bool:
 
 
 def check_seconds(seconds: float | None, option: str = "--seconds") -> None:
-    """Refuses a length of time that is not above 0 and below 1e8 s; None is no limit.
-
-    Raises:
-        MotiondeckError: if it is not.
-    """
+    """Refuses a length of time that is not above 0 and below 1e8 s; None is no limit. MotiondeckError if it is not."""
     if seconds is not None and not 0.0 < seconds < 1e8:
         raise MotiondeckError(f"{option} {seconds:g} is not a length of time above 0")
 
@@ -245,8 +232,7 @@ class RunSpec:
     def check(self) -> None:
         """Refuses, before anything is loaded, impossible values and options that contradict or lack each other.
 
-        Raises:
-            MotiondeckError: if there are any; it says what to change.
+        MotiondeckError if there are any; it says what to change.
         """
         for name, option in options().items():
             value = getattr(self, name)

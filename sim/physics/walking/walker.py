@@ -81,10 +81,7 @@ class Walker:
         """Args: a robot; its model with a free root on a solid floor; its feet; the tick, s; gravity; sensors.
 
         Gravity (3,), m/s^2, is in the frame of the floor, by default as in the model; without sensors the state is
-        exact.
-
-        Raises:
-            MotiondeckError: if the robot does not have two feet, or its legs cannot hold it, one at a time.
+        exact. MotiondeckError if the robot does not have two feet, or its legs cannot hold it, one at a time.
         """
         if len(feet) != 2:
             raise MotiondeckError(f"robot '{robot.name}' has {len(feet)} feet; only one that stands on two can walk")
