@@ -168,14 +168,10 @@ class _Stage:
         """Prints stay once a foot has stood; a ball under a foot says that it stands now."""
         wanted = bool(self._prints_on.value)
         for handle, mark in zip(self._prints, self._act.prints, strict=True):
-            visible = wanted and mark.first <= frame
-            if handle.visible != visible:
-                handle.visible = visible
+            handle.visible = wanted and mark.first <= frame
         for foot, handle in enumerate(self._marks):
-            stands = wanted and bool(self._act.stands[frame, foot])
-            if handle.visible != stands:
-                handle.visible = stands
-            if stands:
+            handle.visible = wanted and bool(self._act.stands[frame, foot])
+            if handle.visible:
                 handle.position = tuple(self._act.soles[frame, foot].mean(axis=0))
 
     def _controls(self, frame: int) -> None:

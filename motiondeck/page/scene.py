@@ -73,6 +73,7 @@ class Scene:
         for parity, colour in enumerate(FLOOR):
             scene.add_mesh_simple(f"/floor/{parity}", *_tiles(self._cell, parity), color=colour, flat_shading=True)
         self.robot = DrawnModel(page, model, height)
+        self.data = self.robot.data  # MuJoCo's state of the robot as it is shown
         self._rest = self.data.xquat[1].copy()
         page.initial_camera.position, page.initial_camera.look_at = self._camera(USUAL)
         page.initial_camera.fov = np.radians(42.0)
@@ -100,11 +101,6 @@ class Scene:
             place, aim = aim + PHONE_DISTANCE * (place - aim) - down, aim - down
         with client.atomic():
             client.camera.position, client.camera.look_at = place, aim
-
-    @property
-    def data(self) -> mujoco.MjData:
-        """MuJoCo's state of the robot as it is shown."""
-        return self.robot.data
 
     def show(self, qpos: Array, centre: Array) -> None:
         """Draws the robot at qpos (nq,), relative to the centre (2,) of the view, m."""

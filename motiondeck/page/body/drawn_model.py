@@ -25,7 +25,7 @@ class DrawnModel:
             height: of the robot that the scene is made for, m.
             name: tells it from others.
         """
-        self._page, self._model, self._visible = page, model, True
+        self._page, self._model = page, model
         self.data = mujoco.MjData(model)  # MuJoCo's state of what was shown last
         found = batches(model)
         # Where all copies are is found at once; of each shape it is a part of that.
@@ -89,10 +89,8 @@ class DrawnModel:
         self._set_visible(False)
 
     def _set_visible(self, visible: bool) -> None:
-        if visible != self._visible:
-            self._visible = visible
-            for handle in (handle for handles in self._handles for handle in handles):
-                handle.visible = visible
+        for handle in (handle for handles in self._handles for handle in handles):
+            handle.visible = visible
 
 
 def linear(colour: NDArray[np.uint8]) -> NDArray[np.uint8]:

@@ -54,7 +54,6 @@ class LiveForces:
     def __init__(self, page: PrivatePage, weight: float, height: float) -> None:
         """Prepares arrows for a robot of a weight, N, and a height, m."""
         self._metres = WEIGHT_IS * height / weight
-        self._shown = False
         self._arrows = page.scene.add_arrows(
             "/forces",
             np.zeros((1, 2, 3)),
@@ -67,8 +66,7 @@ class LiveForces:
 
     def show(self, forces: Array, centre: Array, *, visible: bool) -> None:
         """Draws forces (N, 6), m and N, NaN for none, as seen from the centre (2,), m."""
-        if visible != self._shown:
-            self._arrows.visible = self._shown = visible
+        self._arrows.visible = visible
         if not visible:
             return
         rows = forces[np.isfinite(forces[:, 0])]

@@ -93,9 +93,7 @@ class HandRecorder:
             self._finish()
 
     def _say(self, text: str) -> None:
-        content = f'<div class="part" id="hand-recording">{text}</div>'
-        if self._text.content != content:
-            self._text.content = content
+        self._text.content = f'<div class="part" id="hand-recording">{text}</div>'
 
     def _loosen(self) -> None:
         self._send(Pause())

@@ -99,8 +99,7 @@ class NetworkView:
             return
         if not self._lines:
             self._draw(found)
-        if self._frame.visible != visible:
-            self._frame.visible = visible
+        self._frame.visible = visible
         if not visible:
             return
         if motion != self._playing:

@@ -137,8 +137,8 @@ class RigPanel:
         limp = self._off or not servos.torque[self._chosen]
         deeds = [["on", "Torque on"] if limp else ["off", "Torque off"], ["restart", "Restart"]]
         self._deeds.show([*deeds, ["registers", "Registers"], ["scan", "Scan ports"]])
-        _write(self._title, f'<div class="part"><b>{self.joint}</b>, the last minute</div>')
-        _write(self._summary, f'<div class="part" id="rig-summary">{_summary(self._servos, looks)}</div>')
+        self._title.content = f'<div class="part"><b>{self.joint}</b>, the last minute</div>'
+        self._summary.content = f'<div class="part" id="rig-summary">{_summary(self._servos, looks)}</div>'
         return looks
 
     def _do(self, said: Any, event: viser.GuiEvent) -> None:
@@ -162,11 +162,6 @@ class RigPanel:
 
 def _number(value: float, digits: int) -> float | None:
     return round(float(value), digits) if np.isfinite(value) else None
-
-
-def _write(handle: viser.GuiHtmlHandle, content: str) -> None:
-    if handle.content != content:
-        handle.content = content
 
 
 def _summary(servos: Sequence[ServoDescription], looks: Sequence[ServoLook]) -> str:

@@ -7,30 +7,19 @@ viser makes it.
 
 from __future__ import annotations
 
-STATE_LINE = "state-line"
+from pathlib import Path
+
+STATE_LINE = "state-line"  # the element, as `panel.css` and `show.css` name it
 CURRENT, STOPS = (38, 110, 200), (201, 42, 42)
 NOTICE_SECONDS = 8.0
 
-STYLE = f"""<style>
-#{STATE_LINE} {{
-  height: 6.5em; box-sizing: border-box; margin: 4px 10px 6px; padding: 8px 12px; border-radius: 8px;
-  color: white; line-height: 1.25; overflow: hidden; white-space: nowrap; }}
-div:has(> div > div > div > #{STATE_LINE}) {{ overflow: visible !important; }}
-div:has(> #{STATE_LINE}), div:has(> #{STATE_LINE}) + div {{
-  position: sticky; z-index: 5; background: var(--mantine-color-body, white); }}
-div:has(> #{STATE_LINE}) {{ top: 0; padding-top: 2px; box-shadow: 0 4px var(--mantine-color-body, white); }}
-div:has(> #{STATE_LINE}) + div {{ top: 7em; padding-bottom: 4px; }}
-div:has(> #{STATE_LINE}) + div button {{ min-height: 2.6em; font-size: 1.05em; font-weight: 700; }}
-div[style*="max-height: 60%"], div[style*="max-height: 60%"] div[style="width: 20em;"] {{ width: 100vw !important; }}
-div[style="width: 20em;"] div:has(#{STATE_LINE}):not(:has(> #{STATE_LINE})) {{ display: contents !important; }}
-div[style*="pointer-events: none"] #{STATE_LINE} {{ height: auto; }}
-div[style*="pointer-events: none"]:has(#{STATE_LINE}) {{ opacity: 1 !important; }}
-div[style*="pointer-events: none"] div:has(> #{STATE_LINE}) ~ div {{ opacity: .5; }}
-div[style*="pointer-events: none"] #{STATE_LINE}:not([data-word="ENDED"])::before {{
-  content: "NO CONNECTION"; display: block; margin: -8px -12px 4px; padding: 2px 12px; background: black;
-  font-weight: 800; font-size: 17px; }}
-div:has(> #{STATE_LINE}) ~ div button {{ padding-inline: 6px; }}
-</style>"""
+
+def style_in(file: Path) -> str:
+    """A file of style rules as an element of a page."""
+    return f"<style>\n{file.read_text(encoding='utf-8')}</style>"
+
+
+STYLE = style_in(Path(__file__).with_name("panel.css"))
 
 
 def buttons_in_line(count: int) -> str:

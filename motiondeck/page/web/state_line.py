@@ -43,12 +43,8 @@ def state_line(state: DeckSnapshot) -> StateLine:
     if state.mode == "emergency stop":
         return StateLine("EMERGENCY STOP", "every joint is held", "Reset releases it", RED)
     if state.fallen:
-        return StateLine(
-            "FALLEN",
-            f"playing {shown_motions(state)}",
-            upcoming or "if it stays down: End run, and start it again",
-            RED,
-        )
+        remedy = upcoming or "if it stays down: End run, and start it again"
+        return StateLine("FALLEN", f"playing {shown_motions(state)}", remedy, RED)
     if state.mode == "held":
         return StateLine("HELD", "nothing moves", "choose a motion, or Home", AMBER)
     if state.mode == "home":

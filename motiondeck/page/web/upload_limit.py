@@ -8,12 +8,7 @@ from __future__ import annotations
 from collections.abc import Callable
 
 import viser
-from viser._messages import (
-    FileTransferPart,
-    FileTransferPartAck,
-    FileTransferStartUpload,
-    RemoveNotificationMessage,
-)
+from viser._messages import FileTransferPart, FileTransferPartAck, FileTransferStartUpload, RemoveNotificationMessage
 from viser.infra import ClientId
 
 
