@@ -13,7 +13,6 @@ class Tick(Protocol):
 
     def __call__(self, words: str | None = None) -> None:
         """One step is done, or, with words, the step of that name begins."""
-        ...
 
 
 @contextmanager

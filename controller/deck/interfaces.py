@@ -49,7 +49,6 @@ class Output(Protocol):
 
     def write(self, targets: Array, pose: Pose) -> None:
         """Writes the targets (J,), rad, of this tick; `pose` is the one they come from (for its root)."""
-        ...
 
     def measured(self) -> Array | None:
         """The latest measured joint positions (J,), rad, or None before the first measurement."""
@@ -61,4 +60,3 @@ class Output(Protocol):
 
     def close(self) -> None:
         """Leaves the hardware in its safe state; may be called twice."""
-        ...

@@ -37,11 +37,9 @@ class FrameNetwork(Protocol):
 
     def cue(self, motion: str, anchor: int) -> None:
         """Puts the network into a stored state; the next `advance` gives the frame after it."""
-        ...
 
     def advance(self, out: Channels) -> None:
         """Steps one frame on and writes it into out, shape (channels,)."""
-        ...
 
     def snapshot(self) -> Any:
         """A copy of the state: two runs from one snapshot are identical."""
@@ -49,7 +47,6 @@ class FrameNetwork(Protocol):
 
     def restore(self, snapshot: Any) -> None:
         """Puts the state back to a snapshot."""
-        ...
 
     @property
     def as_phase_network(self) -> PhaseNetwork | None:
@@ -67,11 +64,9 @@ class PhaseNetwork(FrameNetwork, Protocol):
 
     def seek(self, motion: str, phase: float) -> None:
         """Goes to the frame of a motion that is nearest to a phase; the next `advance` gives the frame after it."""
-        ...
 
     def retreat(self, out: Channels) -> None:
         """Steps one frame back and writes it into out, shape (channels,)."""
-        ...
 
     def period(self, motion: str) -> int:
         """Frames of a round of a loop, or until the phase of a one-shot is 1."""
@@ -89,7 +84,6 @@ class PhaseNetwork(FrameNetwork, Protocol):
 
     def set_input(self, name: str, value: float) -> None:
         """Sets an input, from the next step on."""
-        ...
 
 
 class Morph(Protocol):
@@ -97,15 +91,12 @@ class Morph(Protocol):
 
     def advance(self, mu: float, out: Channels) -> None:
         """Steps one frame on with the share mu of the target and writes it into out, shape (channels,)."""
-        ...
 
     def settle(self) -> None:
         """Leaves the network playing the target alone, from where the mixture is."""
-        ...
 
     def give_up(self) -> None:
         """Leaves it playing the source alone."""
-        ...
 
 
 class AutonomousNetwork(FrameNetwork, Protocol):
@@ -117,7 +108,6 @@ class AutonomousNetwork(FrameNetwork, Protocol):
 
     def cue(self, motion: str, anchor: Any, rows: Rows = ...) -> None:
         """Puts the network, or some of its runs, into a stored state."""
-        ...
 
     def morph(self, source: str, target: str) -> Morph:
         """A morph that starts where the network is in the source.
@@ -272,7 +262,6 @@ class Generator(Protocol):
 
     def cue(self, motion: str, phase: float = 0.0) -> None:
         """Starts a motion at a phase in [0, 1)."""
-        ...
 
     def step(self, dt: float) -> Channels:
         """Goes dt seconds on and gives the channels there; the array is reused by the next step.

@@ -44,7 +44,6 @@ class Port(Protocol):
 
     def close(self) -> None:
         """Closes the device; may be called twice."""
-        ...
 
 
 class SerialPort:

@@ -38,11 +38,9 @@ class PluginOutput(Protocol):
 
     def write(self, targets: Array, pose: Pose) -> None:
         """Takes the targets (J,), rad, of a tick, read-only, and the pose they come from; it must not wait."""
-        ...
 
     def close(self) -> None:
         """Ends the output; called once, when the joints are at rest."""
-        ...
 
 
 class LateOutputError(MotiondeckError):

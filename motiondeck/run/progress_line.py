@@ -8,42 +8,19 @@ from __future__ import annotations
 import shutil
 import sys
 import threading
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
-from typing import Protocol, TextIO
+from typing import TextIO
 
 from controller.loop.stop_requests import StopRequest
 from controller.wire.messages.blends import described
+from controller.wire.messages.deck_snapshot import DeckState
 
 PERIOD = 0.25  # s
 _MODES = {"home": "at home", "held": "held", "emergency stop": "EMERGENCY STOP"}
 
 
-class Playing(Protocol):
-    """A deck, as the line shows it."""
-
-    @property
-    def playing(self) -> str:
-        """The motion."""
-        ...
-
-    @property
-    def blend(self) -> Sequence[tuple[str, float]]:
-        """The motions that are blended into it, each with its weight."""
-        ...
-
-    @property
-    def settled(self) -> bool:
-        """Whether no transition is under way."""
-        ...
-
-    @property
-    def time(self) -> float:
-        """How long it has played, s."""
-        ...
-
-
-def words_of(deck: Playing, stop: StopRequest, seconds: float | None) -> str:
+def words_of(deck: DeckState, stop: StopRequest, seconds: float | None) -> str:
     """The line: what is played, for how long, and when or how it ends."""
     if stop:
         return f"{stop.reason}: the joints come to rest"
@@ -58,7 +35,7 @@ def words_of(deck: Playing, stop: StopRequest, seconds: float | None) -> str:
 
 @contextmanager
 def progress_line(
-    deck: Playing, stop: StopRequest, seconds: float | None, *, prompt: bool, stream: TextIO | None = None
+    deck: DeckState, stop: StopRequest, seconds: float | None, *, prompt: bool, stream: TextIO | None = None
 ) -> Iterator[None]:
     """Shows the line while the block runs, if the stream is a terminal; nothing is left of it afterwards.
 
@@ -81,12 +58,7 @@ def progress_line(
 
 
 def _show(
-    deck: Playing,
-    stop: StopRequest,
-    seconds: float | None,
-    prompt: bool,
-    out: TextIO,
-    wait: Callable[[float], bool],
+    deck: DeckState, stop: StopRequest, seconds: float | None, prompt: bool, out: TextIO, wait: Callable[[float], bool]
 ) -> None:
     shown = ""
     with suppress(OSError, ValueError):  # a terminal that has gone

@@ -85,10 +85,7 @@ class RunNews:
 
 
 def run_report(
-    report: LoopReport,
-    joints: Sequence[str],
-    switches: Iterable[CommandedSwitch],
-    permissions: Iterable[Permission],
+    report: LoopReport, joints: Sequence[str], switches: Iterable[CommandedSwitch], permissions: Iterable[Permission]
 ) -> dict[str, Any]:
     """How the loop went, with joints by their names and the switches that were commanded; see docs/commands.md."""
     full: dict[str, Any] = msgspec.to_builtins(report)

@@ -21,10 +21,7 @@ from controller.wire.messages.replies import Accepted, OnPorts, PhaseNow, Refuse
 from motiondeck_base.errors import MotiondeckError
 from motiondeck_base.near_names import did_you_mean
 
-_COMMAND_ROWS = [
-    ("MOTION", "switch to a motion"),
-    *((command.usage, command.help) for command in COMMANDS),
-]
+_COMMAND_ROWS = [("MOTION", "switch to a motion"), *((command.usage, command.help) for command in COMMANDS)]
 _PROMPT_ROWS = [
     ("Tab", "complete a motion's name"),
     ("F2", "tap: a beat now"),
@@ -69,16 +66,8 @@ def help_on(words: Sequence[str]) -> str:
 
 
 _HEARTBEAT = 0.3  # s of silence before a status request; after three without an answer the deck is gone
-_PRINTED = (
-    "via",
-    "gave up",
-    "recognized",
-    "fault",
-    "fell",
-    "stands",
-    "replayed",
-    "lost",
-)  # what replies to commands do not say
+# What replies to commands do not say.
+_PRINTED = ("via", "gave up", "recognized", "fault", "fell", "stands", "replayed", "lost")
 UNKNOWN = "not in the rig file"
 _STARTING = 5.0  # s that a deck may take from opening its port to answering
 

@@ -328,7 +328,6 @@ class TargetLimiter(Protocol):
 
     def start(self, position: Array) -> None:
         """Begins anew with the joints at rest at `position`, shape (J,), rad."""
-        ...
 
     def __call__(self, targets: Array) -> Array:
         """Targets within the limits, shape (J,), rad, for any targets (J,); overwritten by the next call."""

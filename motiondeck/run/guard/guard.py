@@ -54,14 +54,7 @@ class DrivenRig(Protocol):
 class RigGuard:
     """The joints of a rig between a deck and the bus, tick by tick."""
 
-    def __init__(
-        self,
-        rig: DrivenRig,
-        envelope: SafetyEnvelope,
-        targets: Targets,
-        period: float,
-        now: float,
-    ) -> None:
+    def __init__(self, rig: DrivenRig, envelope: SafetyEnvelope, targets: Targets, period: float, now: float) -> None:
         """Holds the joints where the rig holds them.
 
         Args:

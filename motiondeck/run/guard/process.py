@@ -42,13 +42,8 @@ class GuardService:
     def __init__(self, opening: ExitStack, link: GuardLink[Request], begin: Begin, rig: Rig) -> None:
         """Guards a rig from now on; `opening` closes what is opened later."""
         config = begin.config
-        limits = JointLimits(
-            np.array(begin.lower),
-            np.array(begin.upper),
-            np.array(begin.velocity),
-            np.array(begin.acceleration),
-            np.array(begin.jerk),
-        )
+        rows = begin.lower, begin.upper, begin.velocity, begin.acceleration, begin.jerk
+        limits = JointLimits(*map(np.array, rows))
         self._opening, self._link, self._rig = opening, link, rig
         self._door: StopDoor | None = None
         self._targets, self._states = Targets(len(config.joints)), States(len(config.joints))

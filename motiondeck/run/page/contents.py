@@ -48,7 +48,6 @@ class OnFloor(Protocol):
 
     def contact_forces(self, out: Array) -> None:
         """Writes contact points, m, and forces, N, shape (N, 6); NaN for none."""
-        ...
 
 
 def on_floor(robot: RobotOnDeck) -> OnFloor | None:

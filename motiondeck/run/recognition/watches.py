@@ -32,7 +32,6 @@ class Watch(RecognitionState, Protocol):
 
     def update(self, state: LoopState, deck: DeckState, stop: StopRequest) -> None:
         """Takes in one tick; it may end the run."""
-        ...
 
     def report(self) -> dict[str, Any]:
         """Its part of the report of the run."""

@@ -96,11 +96,6 @@ def _targets(clip: Clip, retarget: Retargeter) -> Array:
 
 def _limits_of(config: RigConfig) -> JointLimits:
     joints = config.joints
+    lower, upper, velocity = np.array([(joint.lower, joint.upper, joint.velocity) for joint in joints]).T.copy()
     acceleration = np.array([joint.acceleration or _ACCELERATION for joint in joints])
-    return JointLimits(
-        np.array([joint.lower for joint in joints]),
-        np.array([joint.upper for joint in joints]),
-        np.array([joint.velocity for joint in joints]),
-        acceleration,
-        acceleration / _RISE,
-    )
+    return JointLimits(lower, upper, velocity, acceleration, acceleration / _RISE)

@@ -9,7 +9,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import KW_ONLY, dataclass, field, fields
-from functools import cache
+from functools import cache, partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal, Protocol, TypeVar, cast, get_type_hints
 
@@ -28,7 +28,6 @@ if TYPE_CHECKING:
 
         def save(self, file: Path) -> None:
             """Writes it into a file."""
-            ...
 
     class CommandedDeck(Protocol):
         """A deck of this machine."""
@@ -74,10 +73,6 @@ def option(
     """A field of `RunSpec`."""
     row = Option(flag, help, metavar, panel, typed, off, check)
     return cast(T, field(default=default, metadata={"option": row}))
-
-
-def _check_mismatch_after(seconds: float) -> None:
-    check_seconds(seconds, "--mismatch-after")
 
 
 def is_emulated(rig: File) -> bool:
@@ -187,7 +182,7 @@ class RunSpec:
         "How long the joints must show another motion before that, s.",
         "SECONDS",
         _RECOGNITION,
-        check=_check_mismatch_after,
+        check=partial(check_seconds, option="--mismatch-after"),
     )
     listen: str | None = option(
         None, "--listen", "Take commands at this address of this machine too; needs --token-file.", "ADDRESS", _COMMANDS
