@@ -55,11 +55,8 @@ class Jobs:
         raise MotiondeckError(f"--jobs {text}: give a number of processes, -1 for one per core, or dask://HOST:PORT")
 
 
-ALONE = Jobs(1)
-"""In this process."""
-
-EVERY_CORE = Jobs(-1)
-"""In a process per core of this machine."""
+ALONE = Jobs(1)  # in this process
+EVERY_CORE = Jobs(-1)  # in a process per core of this machine
 
 
 def spread(tasks: Iterable[Task], jobs: Jobs, *, ordered: bool = False) -> Iterator[Any]:

@@ -12,8 +12,7 @@ _MAPPED = "0000000000000000FFFF0000"  # in front of an IPv4 address in a table o
 
 _ANY = ("00000000", "0" * 32)  # the address of a socket that was bound to none, in either table
 
-End = tuple[str, int]
-"""An IPv4 address and a port."""
+End = tuple[str, int]  # an IPv4 address and a port
 
 
 def owner_of_connection(here: End, there: End) -> int | None:

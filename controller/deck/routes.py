@@ -22,8 +22,7 @@ from controller.deck.joins.deck_motions import Motion, read_motions
 from controller.library.motion_library import MotionLibrary, once_a_library
 from controller.motion.rotations import Array
 
-LEAP_M = 0.2
-"""A leap that is worth one more motion on the way, m."""
+LEAP_M = 0.2  # a leap that is worth one more motion on the way, m
 
 
 @dataclass(frozen=True)

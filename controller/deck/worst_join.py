@@ -23,11 +23,8 @@ from controller.deck.switch import CommandedSwitch
 from controller.library.motion_library import MotionLibrary
 from controller.motion.rotations import Array
 
-PHASES = 24
-"""At how many places a loop is left."""
-
-PLAYED = 12
-"""How many of the joins that look hardest are played."""
+PHASES = 24  # at how many places a loop is left
+PLAYED = 12  # how many of the joins that look hardest are played
 
 RATE = 200.0  # Hz
 _BEFORE, _AFTER = 3, 10  # ticks before the command, and after the switch has settled

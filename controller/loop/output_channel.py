@@ -9,8 +9,7 @@ from controller.motion.posture import Pose
 from controller.motion.rotations import Array
 from motiondeck_base.errors import in_words
 
-FAULTS_TO_PARK = 3
-"""An output whose turns fail so often in a row is parked: it is no longer served."""
+FAULTS_TO_PARK = 3  # an output whose turns fail so often in a row is parked: it is no longer served
 
 
 @dataclass

@@ -24,8 +24,7 @@ from motiondeck_base.errors import MotiondeckError
 
 Phase = Literal["running", "braking", "latched", "held"]
 
-STOP_DOOR = "stop door"
-"""A source; a wired stop has the name of its device."""
+STOP_DOOR = "stop door"  # a source; a wired stop has the name of its device
 
 
 class WiredStop(Protocol):

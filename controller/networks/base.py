@@ -19,8 +19,7 @@ if TYPE_CHECKING:
 
 Channels = NDArray[np.float64]
 Activation = NDArray[np.float32]
-Rows = NDArray[np.int64] | EllipsisType
-"""The indices of some of several runs, or all of them."""
+Rows = NDArray[np.int64] | EllipsisType  # the indices of some of several runs, or all of them
 
 Motion = TypeVar("Motion")
 

@@ -11,8 +11,7 @@ import numpy as np
 
 from controller.motion.rotations import Array
 
-LEVELS: Array = np.linspace(-1.0, 1.0, 9)
-"""At which a motion's settled states are kept; between them they are mixed."""
+LEVELS: Array = np.linspace(-1.0, 1.0, 9)  # at which a motion's settled states are kept; between them they are mixed
 
 
 class DrivingInput(msgspec.Struct, forbid_unknown_fields=True, frozen=True):

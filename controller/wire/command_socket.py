@@ -41,8 +41,7 @@ _REMEMBERED = 256  # second replies that a client keeps for `wait_settled`
 
 T = TypeVar("T")
 
-Address = Hashable
-"""Identifies a sender."""
+Address = Hashable  # identifies a sender
 
 
 @dataclass

@@ -23,8 +23,7 @@ from motiondeck_base.errors import MotiondeckError
 
 DEFAULT_PORT = 47810
 
-STOP_DOOR = ".stop"
-"""What the name of the stop door has behind the number of its deck."""
+STOP_DOOR = ".stop"  # what the name of the stop door has behind the number of its deck
 
 MOST_CLIENTS = 64
 FULL = (

@@ -13,8 +13,7 @@ from pathlib import Path
 
 from motiondeck_base.errors import MotiondeckError
 
-REASON_FILE = "ended"
-"""The file beside the state of a run in which its page reads why the run has ended."""
+REASON_FILE = "ended"  # the file beside the state of a run in which its page reads why the run has ended
 
 _PREFIX = "motiondeck-"
 _LOCK = "in-use"

@@ -17,8 +17,7 @@ from hardware.families.frames import BROADCAST, ERRORS, StatusPacket
 from hardware.families.models import FAMILIES, USUAL, known_name, model_name
 from hardware.families.replies import Blocks, GroupRead, GroupReply, WholeReply
 
-UNKNOWN_MODEL = 0
-"""Instead of a model number: a servo that answers a ping, which tells no model, and no read."""
+UNKNOWN_MODEL = 0  # instead of a model number: a servo that answers a ping, which tells no model, and no read
 _REQUESTS_KEPT = 256
 _SHORT_MARGIN = 0.02  # s for an adapter, where hundreds of IDs are silent
 _PATIENCE = 0.4  # s for an adapter or a program in between that was kept from running

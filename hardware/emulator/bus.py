@@ -19,8 +19,7 @@ from hardware.families.frames import FrameParser
 from hardware.families.models import FAMILIES, USUAL
 from hardware.rig.rig_file import RigConfig
 
-LONGEST_GAP = 1.5e-3
-"""The silence inside an instruction after which servos forget its beginning, s."""
+LONGEST_GAP = 1.5e-3  # the silence inside an instruction after which servos forget its beginning, s
 
 
 class EmulatedBus:

@@ -15,8 +15,7 @@ from hardware.emulator.servos.drive import makers_motor
 from hardware.rig.rig_file import RigConfig
 from hardware.rig.scale import Array
 
-STEP = 0.002
-"""How often torques and angles are exchanged, s."""
+STEP = 0.002  # how often torques and angles are exchanged, s
 
 
 class JointPlant(Protocol):

@@ -14,10 +14,8 @@ from hardware.families.series import Series
 
 RESULT_FAIL, INSTRUCTION, CHECKSUM, RANGE, LENGTH, LIMIT, ACCESS = range(1, 8)
 """Why a servo refuses, as in `frames.ERRORS`."""
-RESET_ALL, RESET_BUT_ID, RESET_BUT_ID_AND_BAUD = 0xFF, 0x01, 0x02
-"""What a factory reset keeps."""
-BOOT_TIME = 0.1
-"""How long a servo is deaf after a reboot, s; the manuals give no figure."""
+RESET_ALL, RESET_BUT_ID, RESET_BUT_ID_AND_BAUD = 0xFF, 0x01, 0x02  # what a factory reset keeps
+BOOT_TIME = 0.1  # how long a servo is deaf after a reboot, s; the manuals give no figure
 
 
 class Answer(NamedTuple):

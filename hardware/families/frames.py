@@ -8,8 +8,7 @@ from typing import NamedTuple
 
 import msgspec
 
-BROADCAST = 0xFE
-"""The ID that means all servos."""
+BROADCAST = 0xFE  # the ID that means all servos
 ERRORS = {
     1: "result fail",
     2: "instruction not possible",

@@ -24,19 +24,16 @@ def _facts() -> list[FamilyFacts]:
 _FACTS = sorted(_facts(), key=lambda facts: not facts.family.identification.by_ping)
 
 FAMILIES = tuple(facts.family for facts in _FACTS)
-USUAL = FAMILIES[0]
-"""The family of a servo of which nothing is known."""
+USUAL = FAMILIES[0]  # the family of a servo of which nothing is known
 MAPPED_TO = _FACTS[0].table(next(iter(_FACTS[0].numbers())))
 """The table whose registers an emulator computes with, where a servo lacks them."""
 
-TRAITS = {model: traits for facts in _FACTS for model, traits in facts.traits.items()}
-"""By model name."""
+TRAITS = {model: traits for facts in _FACTS for model, traits in facts.traits.items()}  # by model name
 IDENTIFIED = {model: motor for facts in _FACTS for model, motor in facts.motors.items()}
 """Motors that were identified on real servos, by model name."""
 OTHER_DEVICES = {number: device for facts in _FACTS for number, device in facts.others.items()}
 """By model number: the names of devices without a control table here, and why they cannot be joints of a rig."""
-WHY_NO_JOINT: dict[str, str] = dict(OTHER_DEVICES.values())
-"""By name."""
+WHY_NO_JOINT: dict[str, str] = dict(OTHER_DEVICES.values())  # by name
 
 
 class Models(Mapping[str, ControlTable]):

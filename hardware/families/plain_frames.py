@@ -13,8 +13,7 @@ from hardware.families.frames import BROADCAST, Frame, FrameParser
 HEADER = b"\xff\xff"
 LONGEST = 250  # what LENGTH may say; the makers' own SDKs take no more
 _SHORTEST = 2
-BEFORE = 4
-"""Bytes before what LENGTH counts."""
+BEFORE = 4  # bytes before what LENGTH counts
 
 
 def build(id: int, instruction: int, params: bytes = b"") -> bytes:

@@ -9,8 +9,7 @@ from typing import Annotated, Literal
 
 import msgspec
 
-Counts = Annotated[int, msgspec.Meta(ge=-(2**31), lt=2**32)]
-"""A number that a register can hold."""
+Counts = Annotated[int, msgspec.Meta(ge=-(2**31), lt=2**32)]  # a number that a register can hold
 
 # What one of a manual's units is in SI.
 SI_UNITS = {

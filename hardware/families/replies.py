@@ -14,8 +14,7 @@ from typing import NamedTuple
 
 from hardware.families.frames import Frame, FrameParser, StatusPacket
 
-Blocks = tuple[tuple[int, int, int], ...]
-"""(id, address, length): what to read of each servo."""
+Blocks = tuple[tuple[int, int, int], ...]  # (id, address, length): what to read of each servo
 
 
 class GroupReply(NamedTuple):

@@ -11,8 +11,7 @@ from hardware.families.family import Family
 
 BAUD_RATES = (9600, 57600, 115200, 1_000_000, 2_000_000, 3_000_000, 4_000_000, 4_500_000, 6_000_000, 10_500_000)
 """Bits/s, by the value of the baud rate register of a Protocol 2.0 servo."""
-VOLTAGE, HEAT, ENCODER, SHOCK, OVERLOAD = 1, 4, 8, 16, 32
-"""The usual problems."""
+VOLTAGE, HEAT, ENCODER, SHOCK, OVERLOAD = 1, 4, 8, 16, 32  # the usual problems
 
 
 @dataclass(frozen=True, slots=True)

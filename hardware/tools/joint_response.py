@@ -23,8 +23,7 @@ from hardware.rig.scale import Array
 
 LOWEST, HIGHEST = 0.4, 2.0  # Hz
 SECONDS = 8.0
-LATEST = 0.4
-"""The longest lag that is looked for, s."""
+LATEST = 0.4  # the longest lag that is looked for, s
 _SWING, _LEAST_SWING = 0.2, 0.03  # rad
 _MARGIN = 0.05  # rad kept away from the joint's limits
 _SPEED, _ACCELERATION, _MOST_ACCELERATION = 0.5, 0.5, 10.0  # of the joint's limits; rad/s^2

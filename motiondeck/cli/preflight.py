@@ -28,8 +28,7 @@ if TYPE_CHECKING:
 SLOWEST = 0.1  # the lowest tempo to judge at
 
 
-PER_PROCESS = 4
-"""Motions that are worth the seconds in which another process loads library and robot."""
+PER_PROCESS = 4  # motions that are worth the seconds in which another process loads library and robot
 
 
 @dataclass(frozen=True)

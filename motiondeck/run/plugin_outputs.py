@@ -22,8 +22,7 @@ from motiondeck_base.errors import MotiondeckError, UnknownNameError, in_words
 
 GROUP = "motiondeck.outputs"
 
-LATEST = 0.5
-"""The share of a tick that a write may take."""
+LATEST = 0.5  # the share of a tick that a write may take
 
 _LONGEST_LAG = 0.5  # s
 

@@ -20,8 +20,7 @@ if TYPE_CHECKING:
     from cryptography import x509
     from cryptography.hazmat.primitives.asymmetric import ec
 
-YEARS = 5
-"""How long certificates are valid. They begin a day early, for machines whose clocks are behind."""
+YEARS = 5  # how long certificates are valid. They begin a day early, for machines whose clocks are behind.
 
 AUTHORITY_KEY = "authority.key"
 

@@ -7,8 +7,7 @@ from collections.abc import Callable, Sequence
 from motiondeck.shows.show_file import Condition, ShowCue
 from motiondeck_base.errors import UnknownNameError
 
-Holds = Callable[[Condition, ShowCue], bool]
-"""Whether a condition holds for the decks of a cue."""
+Holds = Callable[[Condition, ShowCue], bool]  # whether a condition holds for the decks of a cue
 
 
 class CueList:

@@ -26,8 +26,7 @@ from motiondeck_base.errors import FileFormatError, MotiondeckError
 from motiondeck_base.toml_file import read_toml
 
 CONDUCTOR = "conductor"
-PORT = 7447
-"""The TCP port of a member whose address has none: zenoh's own."""
+PORT = 7447  # the TCP port of a member whose address has none: zenoh's own
 
 MEMBER_FILE, AUTHORITY, CERTIFICATE, KEY = "member.toml", "authority.pem", "certificate.pem", "key.pem"
 

@@ -10,8 +10,7 @@ from motiondeck.shows.messages import About, CommonRound, DeckHealth, TimedCue
 from motiondeck.shows.show_file import ALL, Condition, Show, wrong_motions
 from motiondeck_base.errors import MotiondeckError, UnknownNameError
 
-SILENT_AFTER = 1.0
-"""A deck whose health is older than this is not counted on, s."""
+SILENT_AFTER = 1.0  # a deck whose health is older than this is not counted on, s
 
 
 class CueSum:

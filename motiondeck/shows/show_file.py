@@ -35,8 +35,7 @@ from motiondeck.shows.messages import Lost
 from motiondeck_base.errors import FileFormatError, MotiondeckError, UnknownNameError
 from motiondeck_base.toml_file import read_toml
 
-ALL = "all"
-"""The group of all decks of a show."""
+ALL = "all"  # the group of all decks of a show
 
 Condition = Literal["here", "settled", "in step"]
 """Of all decks of a cue: they are connected and know the time; no switch is under way; their phases are locked."""

@@ -19,8 +19,7 @@ from controller.wire.messages.replies import Reply, State
 from motiondeck.stage.osc import OscOutput
 from motiondeck.stage.signals import Input, Notify, Signal
 
-STATE_EVERY = 0.1
-"""The period of status requests, s."""
+STATE_EVERY = 0.1  # the period of status requests, s
 
 _SUBSCRIBED_FOR = 15.0  # s after which a subscription is renewed
 _POLL = 0.01  # s between reads of the deck's replies

@@ -27,8 +27,7 @@ if TYPE_CHECKING:
 
 LOOPBACK = "127.0.0.1"
 
-LONGEST_AHEAD = 60.0
-"""The most that a bundle's time tag may be ahead, s; later ones are of another clock."""
+LONGEST_AHEAD = 60.0  # the most that a bundle's time tag may be ahead, s; later ones are of another clock
 
 _MOST = 256  # datagrams read at once
 

@@ -8,8 +8,7 @@ from typing import Protocol
 
 from controller.wire.messages.commands import DeckCommand
 
-Notify = Callable[[str], None]
-"""Prints a line for the user."""
+Notify = Callable[[str], None]  # prints a line for the user
 
 
 @dataclass(frozen=True, slots=True)

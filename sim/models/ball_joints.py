@@ -10,8 +10,7 @@ import numpy as np
 from controller.motion.rotations import Array
 from sim.models.formats.mesh_files import compiled
 
-NAMES = ("pitch", "roll", "yaw")
-"""Suffixes of the hinges' names, after that of the ball joint or its body."""
+NAMES = ("pitch", "roll", "yaw")  # suffixes of the hinges' names, after that of the ball joint or its body
 
 _KEPT = ("stiffness", "damping", "armature", "frictionloss", "group")
 _ALONG = 0.3  # largest sine between a limb and the line from side to side to count as along it

@@ -1,4 +1,3 @@
 """Gravity of all models."""
 
-GRAVITY = 9.81
-"""m/s^2, MuJoCo's default."""
+GRAVITY = 9.81  # m/s^2, MuJoCo's default

@@ -7,8 +7,7 @@ import numpy as np
 
 from controller.motion.rotations import Array
 
-OVERLAP = 0.003
-"""Depth up to which covers may touch, m."""
+OVERLAP = 0.003  # depth up to which covers may touch, m
 
 _NEIGHBOURS = 2  # joints between bodies that overlap at the joint itself
 

@@ -20,8 +20,7 @@ import numpy as np
 
 from controller.motion.rotations import Array
 
-ROOM = 25.0
-"""Temperature of the room, degC."""
+ROOM = 25.0  # temperature of the room, degC
 
 _Positive = Annotated[float, msgspec.Meta(gt=0.0)]
 _NotNegative = Annotated[float, msgspec.Meta(ge=0.0)]

@@ -45,8 +45,7 @@ def check_root(root: str, *, balance: bool = False, walk: bool = False) -> None:
         raise MotiondeckError(f"a robot that walks {what}")
 
 
-Alteration = Callable[[mujoco.MjSpec], None]
-"""Changes a model that is ready to be compiled."""
+Alteration = Callable[[mujoco.MjSpec], None]  # changes a model that is ready to be compiled
 
 
 def physics_model(robot: Robot, root: str = "gantry", alter: Alteration | None = None) -> mujoco.MjModel:

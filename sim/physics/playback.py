@@ -27,8 +27,7 @@ from sim.robots.robot import Robot
 # MuJoCo resets itself when its state becomes invalid, and counts a warning.
 _BROKEN = (mujoco.mjtWarning.mjWARN_BADQPOS, mujoco.mjtWarning.mjWARN_BADQVEL, mujoco.mjtWarning.mjWARN_BADQACC)
 
-STANDS_AGAIN = 1.0
-"""Time upright, s, after which a fallen robot counts as standing."""
+STANDS_AGAIN = 1.0  # time upright, s, after which a fallen robot counts as standing
 
 
 class PhysicsPlayback:

@@ -18,10 +18,8 @@ from sim.models.surface import Surface
 from sim.retargeting.human_limbs import AHEAD, LEFT
 from sim.retargeting.robot_parts import SIDES
 
-FEET = "feet"
-"""The last vector, from the right sole to the left one: keeps standing feet in place."""
-PLANE = "arm_plane"
-"""The normal of a bent arm's plane, such as "r_arm_plane": the elbow folds about it."""
+FEET = "feet"  # the last vector, from the right sole to the left one: keeps standing feet in place
+PLANE = "arm_plane"  # the normal of a bent arm's plane, such as "r_arm_plane": the elbow folds about it
 BALL = 0.75  # of the length of a sole, from its heel
 CARRIED = 0.5  # lengths of the limb above the knee or elbow
 BALL_HINGES = 3  # turn a limb like a ball joint

@@ -334,5 +334,4 @@ class TargetLimiter(Protocol):
         ...
 
 
-Limiter = Callable[[JointLimits, float], TargetLimiter]
-"""Makes a target limiter from joint limits and the tick, s."""
+Limiter = Callable[[JointLimits, float], TargetLimiter]  # makes a target limiter from joint limits and the tick, s

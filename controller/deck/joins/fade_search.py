@@ -27,8 +27,7 @@ SHORTEST, LONGEST = 0.2, 1.6
 # The part of the bounds that a fade may use: it is looked at at some moments only.
 PLANNED_SHARE = 0.8
 
-TRIAL_EVERY = 0.005
-"""The time between trials, s."""
+TRIAL_EVERY = 0.005  # the time between trials, s
 
 # What a body was doing is slowed down as long as the difference fades, or within these shares of that time, which lets
 # it swing less far but accelerates it more.

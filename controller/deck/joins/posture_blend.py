@@ -49,17 +49,13 @@ from controller.motion.rotations import between as shortest_turn
 HEADING_RATE = 4.0
 """How quickly the smooth heading follows that of the hips, 1/s (a critically damped filter of second order)."""
 
-LONGER = 1.2 * np.pi
-"""A bone changes sides when it is pi + LONGER min(w, 1 - w) rad ahead of the mean of the others."""
+LONGER = 1.2 * np.pi  # a bone changes sides when it is pi + LONGER min(w, 1 - w) rad ahead of the mean of the others
 
 LEAST_SECONDS = 0.2
 """The shortest time in which a turn runs out, s; half a turn takes a second, others its root of their share of that."""
 
-TWIST_JUMP = 1.0
-"""A rotation that changes by more than this (rad) in a tick is a jump of a bone's twist."""
-
-MEAN_STEPS = 3
-"""Of the mean of more than two motions (`benchmarks many_blends` has what is left to the mean itself)."""
+TWIST_JUMP = 1.0  # a rotation that changes by more than this (rad) in a tick is a jump of a bone's twist
+MEAN_STEPS = 3  # of the mean of more than two motions (`benchmarks many_blends` has what is left to the mean itself)
 
 _HALF_TURN = np.pi - 1e-6  # rad; of a turn of that angle it is chance which way is the short one
 _LITTLE = 1e-12

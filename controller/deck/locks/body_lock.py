@@ -22,17 +22,10 @@ from controller.motion.rotations import Array
 from controller.wire.messages.arguments import TEMPO
 from controller.wire.messages.lock_state import LockStage, LockState
 
-SPACING = 0.02
-"""Time between stored poses of a motion, s."""
-
-WINDOW = 0.6
-"""Range around the commanded phase in which the body is searched for, s."""
-
-JOINT_ERROR = 0.1
-"""s: joint errors that a hold does not explain (following, play, gravity), rad."""
-
-PRIOR = 0.3
-"""s_t: the expected lag, s."""
+SPACING = 0.02  # time between stored poses of a motion, s
+WINDOW = 0.6  # range around the commanded phase in which the body is searched for, s
+JOINT_ERROR = 0.1  # s: joint errors that a hold does not explain (following, play, gravity), rad
+PRIOR = 0.3  # s_t: the expected lag, s
 
 
 class PoseTable:
@@ -124,11 +117,8 @@ def _vertex(cost: Array, best: int) -> float:
 Measured = Callable[[], Array | None]
 """The measured joint positions, shape (J,), rad, NaN for a joint that is not measured; None before there are any."""
 
-FREE = 0.08
-"""So far behind, s of the motion at tempo 1, is how servos follow; the tempo stays as it was commanded."""
-
-REACH = 0.12
-"""Lag beyond FREE over which the tempo falls to zero, s."""
+FREE = 0.08  # so far behind, s of the motion at tempo 1, is how servos follow; the tempo stays as it was commanded
+REACH = 0.12  # lag beyond FREE over which the tempo falls to zero, s
 
 BESIDE, STOPPED = 0.15, 0.3
 """A joint that is off the motion's path by the first slows it down, one by the second stops it, rad."""

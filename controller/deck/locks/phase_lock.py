@@ -47,8 +47,7 @@ LOCKED_WITHIN, LOST_BEYOND = 0.02, 0.05
 
 HELD = 0.2
 
-JUMPS_BEYOND = 0.8
-"""Error beyond which a loop jumps instead of changing its tempo, s of the motion."""
+JUMPS_BEYOND = 0.8  # error beyond which a loop jumps instead of changing its tempo, s of the motion
 
 _SLOWEST = 0.1  # a reference below this tempo stands: then errors are seconds of the motion
 

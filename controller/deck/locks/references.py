@@ -11,11 +11,8 @@ from controller.deck.locks.lock import LoopPlace
 from controller.deck.locks.phase_lock import Reference, wrapped
 from controller.wire.leader_link import Sighting
 
-STEADY_BEATS = 4
-"""Beats after which the period counts as known."""
-
-SILENT_AFTER = 4.0
-"""Periods without a beat after which it counts as silent; the motion keeps its tempo."""
+STEADY_BEATS = 4  # beats after which the period counts as known
+SILENT_AFTER = 4.0  # periods without a beat after which it counts as silent; the motion keeps its tempo
 
 # The steps of a round change where the tempo would be further than this from 1, in octaves.
 _RANGE = 0.75
@@ -64,8 +61,7 @@ Leader = Callable[[float], Sighting | None]
 GAIN = 0.3
 """How much of the error of the predicted phase each sighting corrects: the time of one is known to a tick or two."""
 
-FORGOTTEN_AFTER = 1.0
-"""Without sightings for so long the other deck is lost, and the motion keeps its tempo, s."""
+FORGOTTEN_AFTER = 1.0  # without sightings for so long the other deck is lost, and the motion keeps its tempo, s
 
 
 class OtherDeck:

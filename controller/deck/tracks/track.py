@@ -16,8 +16,7 @@ from controller.motion.rotations import Array
 from controller.networks.base import Activation, AutonomousNetwork, Channels, FrameNetwork, Morph
 from controller.networks.guard import Guard
 
-AHEAD = 3
-"""Frames by which a player is ahead of its output."""
+AHEAD = 3  # frames by which a player is ahead of its output
 
 
 class Mixture:

@@ -24,8 +24,7 @@ from controller.loop.safety.braking import braked, held_back, longest_run, stopp
 from controller.motion.rotations import Array
 from motiondeck_base.errors import MotiondeckError
 
-CHANGED = 1e-9
-"""A target that is changed by more than this (rad) is counted as changed."""
+CHANGED = 1e-9  # a target that is changed by more than this (rad) is counted as changed
 
 _FINITE = 1e300  # rad
 _ROUNDING = 1e-12  # rad; the rounding error of a sum of many positions

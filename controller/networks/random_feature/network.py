@@ -23,8 +23,7 @@ from controller.networks.base import Channels, lead_shape
 from controller.networks.reservoirs.reservoir_network import DirectionMorph, DirectionReservoir, Float32
 from controller.networks.storage import StoredNetwork, arrays_of
 
-FeatureRows = tuple[Float32, Float32, Float32]
-"""Of k features: F' (k, N), G' (k, N) and W_out' (k, C)."""
+FeatureRows = tuple[Float32, Float32, Float32]  # of k features: F' (k, N), G' (k, N) and W_out' (k, C)
 
 
 @dataclass(frozen=True)

@@ -17,8 +17,7 @@ from controller.motion.rotations import Array
 from controller.networks.signals import number_within, time_series, whole_number
 from motiondeck_base.errors import MotiondeckError
 
-Floats = NDArray[Any]
-"""Double or single precision."""
+Floats = NDArray[Any]  # double or single precision
 
 
 @dataclass(frozen=True)

@@ -6,8 +6,7 @@ from collections.abc import Sequence
 
 from controller.wire.messages.arguments import PART, WEIGHT, CommandError
 
-MOST_BLENDED = 4
-"""The most motions of a blend."""
+MOST_BLENDED = 4  # the most motions of a blend
 
 
 def blend_weights(first: str, second: str, weight: float, also: Sequence[tuple[str, float]] = ()) -> dict[str, float]:

@@ -12,8 +12,7 @@ import msgspec
 from controller.wire.messages.arguments import Argument, CommandError, MotionName
 from controller.wire.messages.deck_snapshot import Mode
 
-Natural = Annotated[int, msgspec.Meta(ge=0, lt=2**53)]
-"""A whole number from 0 on that JSON carries exactly."""
+Natural = Annotated[int, msgspec.Meta(ge=0, lt=2**53)]  # a whole number from 0 on that JSON carries exactly
 
 Use = Literal["timed", "cue", "script", "film", "replay"]
 USES: dict[Use, str] = {

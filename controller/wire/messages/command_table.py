@@ -14,8 +14,7 @@ from controller.wire.messages.commands import MOST_BYTES, DeckCommand, Switch
 from motiondeck_base.files import shortened
 from motiondeck_base.near_names import did_you_mean
 
-_MESSAGES: tuple[type[DeckCommand], ...] = get_args(DeckCommand)
-"""The types of all messages."""
+_MESSAGES: tuple[type[DeckCommand], ...] = get_args(DeckCommand)  # the types of all messages
 
 COMMANDS: tuple[CommandRow, ...] = tuple(message.row for message in _MESSAGES)
 BY_WORD = {word: row for row in COMMANDS for word in (row.word, *row.aliases)}

@@ -30,11 +30,8 @@ from controller.wire.messages.blends import MOST_BLENDED, blend_weights
 from controller.wire.messages.command_row import ALWAYS, CommandMessage, CommandRow
 from controller.wire.messages.lock_state import LOCK_SOURCES, LockSource
 
-MOST_BYTES = 2048
-"""The longest command, bytes."""
-
-encode = msgspec.json.Encoder().encode
-"""A command, a reply or an event as it is sent."""
+MOST_BYTES = 2048  # the longest command, bytes
+encode = msgspec.json.Encoder().encode  # a command, a reply or an event as it is sent
 
 _CLOCK = -1e12, 1e12  # s
 _JOINT = Text("JOINT", "the name of a joint")

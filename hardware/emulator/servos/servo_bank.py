@@ -20,8 +20,7 @@ from hardware.families.register import Register
 from hardware.families.series import HEAT, OVERLOAD, VOLTAGE
 from hardware.families.table import ControlTable
 
-TRIPPED = -1
-"""The bus watchdog register after it has stopped the servo."""
+TRIPPED = -1  # the bus watchdog register after it has stopped the servo
 
 _CONTROL = ("position_p_gain", "position_i_gain", "position_d_gain", "velocity_p_gain", "velocity_i_gain",
             "feedforward_1st_gain", "feedforward_2nd_gain", "profile_velocity", "profile_acceleration")  # fmt: skip

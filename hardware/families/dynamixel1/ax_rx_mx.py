@@ -41,5 +41,4 @@ def _table(model: str, traits: Traits) -> ControlTable:
     return table
 
 
-AX_RX_MX: dict[str, ControlTable] = {model: _table(model, traits) for model, traits in TRAITS.items()}
-"""By model name."""
+AX_RX_MX: dict[str, ControlTable] = {model: _table(model, traits) for model, traits in TRAITS.items()}  # by model name

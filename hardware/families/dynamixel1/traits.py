@@ -28,5 +28,4 @@ _SERIES = (
     replace(_AX, name="MX1", baud_rates=_MX_RATES, bulk_reads=True, reboots=True),
 )
 
-TRAITS = parse_traits(file_beside(__file__, "models.txt"), {series.name: series for series in _SERIES})
-"""By model name."""
+TRAITS = parse_traits(file_beside(__file__, "models.txt"), {series.name: series for series in _SERIES})  # by model name

@@ -29,5 +29,4 @@ _SERIES = (
     Series("XL320", FAMILY, problems=_XL_320, shuts_down_by="torque_limit"),
 )
 
-TRAITS = parse_traits(file_beside(__file__, "models.txt"), {series.name: series for series in _SERIES})
-"""By model name."""
+TRAITS = parse_traits(file_beside(__file__, "models.txt"), {series.name: series for series in _SERIES})  # by model name

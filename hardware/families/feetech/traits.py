@@ -28,5 +28,4 @@ _STS = Series(
     bits_needed=MappingProxyType({"phase": (4 | 16, 4)}),
 )
 
-TRAITS = parse_traits(file_beside(__file__, "models.txt"), {_STS.name: _STS})
-"""By model name."""
+TRAITS = parse_traits(file_beside(__file__, "models.txt"), {_STS.name: _STS})  # by model name

@@ -17,12 +17,9 @@ from controller.wire.messages.replies import Refused, State
 from motiondeck.cli.remote.gamepad_device import Button, EventDevice, Stick, events, open_gamepad
 from motiondeck_base.errors import MotiondeckError
 
-SLOWEST = 0.1
-"""The tempo of the stick when it is pulled all the way down."""
-DEAD = 0.15
-"""Deflections of the stick up to this share of the full one count as released."""
-STEP = 0.1
-"""Tempos are sent in such steps, so that a hand on the stick does not flood the deck."""
+SLOWEST = 0.1  # the tempo of the stick when it is pulled all the way down
+DEAD = 0.15  # deflections of the stick up to this share of the full one count as released
+STEP = 0.1  # tempos are sent in such steps, so that a hand on the stick does not flood the deck
 
 
 class Pad:

@@ -17,8 +17,7 @@ from controller.motion.rotations import Array, multiply, rotate
 
 Triangles = tuple[NDArray[np.float32], NDArray[np.uint32]]
 
-CREASE = np.radians(40.0)
-"""Where a surface turns by more than this from one triangle to the next is an edge, rad."""
+CREASE = np.radians(40.0)  # where a surface turns by more than this from one triangle to the next is an edge, rad
 
 
 def thinned(mesh: Triangles, most: int) -> Triangles:
@@ -84,8 +83,7 @@ def creased(mesh: Triangles) -> Triangles:
 
 
 LAST_VISIBLE_GROUP = 2
-MOST_TRIANGLES, MOST_IN_SHADOW = 2500, 200
-"""Of a mesh: some files have a hundred thousand."""
+MOST_TRIANGLES, MOST_IN_SHADOW = 2500, 200  # of a mesh: some files have a hundred thousand
 
 
 @dataclass(frozen=True)

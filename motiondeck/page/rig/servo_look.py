@@ -9,8 +9,7 @@ import numpy as np
 from hardware.rig.supervision.servo_states import ServoStates
 from motiondeck.page.web.page_state import RigDescription
 
-LATE, LATE_FOR = 0.15, 0.5
-"""rad that a joint may be behind its goal, and for how long, s, before it counts as late."""
+LATE, LATE_FOR = 0.15, 0.5  # rad that a joint may be behind its goal, and for how long, s, before it counts as late
 
 _LEVELS = {
     "well": "ok",

@@ -26,8 +26,7 @@ from controller.wire.telemetry import StateWriter
 from motiondeck.run.beside.child_process import child_process
 from motiondeck_base.errors import FileFormatError
 
-KEPT_SECONDS = 8.0
-"""How far the recorder may fall behind before ticks are lost, s."""
+KEPT_SECONDS = 8.0  # how far the recorder may fall behind before ticks are lost, s
 
 _PATIENCE = 10.0  # s for the recorder to write the last ticks
 

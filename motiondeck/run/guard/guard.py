@@ -25,10 +25,8 @@ from motiondeck_base.errors import MotiondeckError
 
 Array = NDArray[np.float64]
 
-MISSED = 2
-"""Ticks without targets in which the joints go on as the targets did."""
-AT = 1e-3
-"""rad from where joints are held, within which targets are there."""
+MISSED = 2  # ticks without targets in which the joints go on as the targets did
+AT = 1e-3  # rad from where joints are held, within which targets are there
 # Parts of a tick:
 _LATER = 0.02  # by which the grid is moved after targets that came late, so that joints are slower by as much at most
 _MARGIN = 0.05  # that targets come before their tick, at least, in _WINDOW ticks

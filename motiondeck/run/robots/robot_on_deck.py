@@ -22,8 +22,7 @@ if TYPE_CHECKING:
     from sim.robots.robot import Robot
     from sim.robots.self_collision import CollisionGuard
 
-FOLLOWER = "follower "
-"""Goes before the names of a second robot's joints and outputs."""
+FOLLOWER = "follower "  # goes before the names of a second robot's joints and outputs
 
 
 class Stage(Output, Protocol):

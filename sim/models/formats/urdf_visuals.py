@@ -17,8 +17,7 @@ from motiondeck_base.errors import MotiondeckError
 from sim.models.formats.mesh_files import READABLE, SHELL, fill, read_meshes
 from sim.models.formats.model_text import readable_urdf
 
-MOVED_ORIGIN = "(moved origin)"
-"""A model's custom number: displacement of its root's origin, in its frame, m."""
+MOVED_ORIGIN = "(moved origin)"  # a model's custom number: displacement of its root's origin, in its frame, m
 _SOURCE = "(urdf)"
 _SHOWN, _HIDDEN = 1, 3  # groups
 _LARGEST = 40_000_000  # bytes of a mesh file

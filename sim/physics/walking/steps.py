@@ -16,8 +16,7 @@ RAMP = 0.25  # share of a swing in which the foot accelerates, and that in which
 RISES = 0.3  # largest lift, heights of the root for each second of the swing: a quick foot would hit the floor
 
 Angles = TypeVar("Angles", float, Array)
-Knot = tuple[float, float, float]
-"""Centre of pressure, m, and its change by the present step's length."""
+Knot = tuple[float, float, float]  # centre of pressure, m, and its change by the present step's length
 
 
 @dataclass(slots=True)
