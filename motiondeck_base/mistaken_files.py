@@ -10,12 +10,9 @@ _FBX = (b"Kaydara FBX Binary", b"; FBX ")
 
 
 def what_it_is(path: str | Path, content: bytes, *, archive: bool = False) -> str | None:
-    """What a file is instead of what its name says, and the remedy; None if it begins as no such file.
+    """What a file is, by its beginning, instead of what its name says, and the remedy; None if it begins as none.
 
-    Args:
-        path: the file.
-        content: its beginning, or all of it.
-        archive: whether a zip archive is expected.
+    A zip archive is expected where `archive` says so.
     """
     beginning = content[:1024].lstrip().lower()
     if content.startswith(b"version https://git-lfs.github.com/spec/"):

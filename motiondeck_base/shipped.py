@@ -36,11 +36,7 @@ def find_robot(name: str | Path) -> Path:
 def find_rig(name: str | Path, *, also: Sequence[str] = ()) -> Path:
     """The file of a rig: the path itself if `name` is one, else the shipped rig of this name.
 
-    MotiondeckError if there is none; it offers the nearest names.
-
-    Args:
-        name: of the rig, or its file.
-        also: other words that the user may have meant, which have no file.
+    MotiondeckError if there is none; it offers the nearest names, also of other words without a file that were meant.
     """
     return _find("rig", "rigs", ".toml", name, also)
 

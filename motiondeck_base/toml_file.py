@@ -68,13 +68,7 @@ def shaped(tree: object, shape: type[T], place: str, smallest: float = 0.0) -> T
 
 
 def _problems(tree: object, shape: Any, where: str) -> list[str]:
-    """Every problem of a tree; msgspec stops at the first one, so each part is converted alone.
-
-    Args:
-        tree: plain values.
-        shape: the type that they should fit.
-        where: the dotted keys that lead to this tree; empty at the root.
-    """
+    """Every problem of a tree below some keys; msgspec stops at the first one, so each part is converted alone."""
     try:
         msgspec.convert(tree, shape, strict=True)
     except msgspec.ValidationError as error:

@@ -148,8 +148,7 @@ class Performance:
     def blend_in(self, weights: Mapping[str, float]) -> None:
         """Goes over to a blend, at MORPH_SECONDS for a weight that changes by 1.
 
-        Args:
-            weights: of its motions, which sum to 1; with those that play they are at most MOST_BLENDED.
+        The weights of its motions sum to 1; with those that play they are at most MOST_BLENDED.
         """
         tracks = self.tracks
         for name in sorted(weights.keys() - {track.motion.name for track in tracks.playing}):

@@ -19,11 +19,8 @@ from motiondeck_base.errors import MotiondeckError
 class RecordedDeck(Paced):
     """Plays the targets of a recording; fits `run_phases.Player` and `loop.commands.commanded_run.Playback`.
 
-    No network plays: what a deck has of one is empty or None here. MotiondeckError if the recording is empty.
-
-    Args:
-        recording: with at least one tick.
-        same_robot: whether the recorded robot plays it; its root then follows the recorded path.
+    No network plays: what a deck has of one is empty or None here. If the recorded robot plays it, its root follows the
+    recorded path. MotiondeckError if the recording is empty.
     """
 
     activation = phase = phase_rate = lock_state = None

@@ -26,12 +26,7 @@ _BASIS: Array = np.array([[1, 4, 1, 0], [-3, 0, 3, 0], [3, -6, 3, 0], [-1, 3, -3
 
 
 class TargetCurve:
-    """The curve through the latest targets and poses.
-
-    Args:
-        targets: the joint positions at rest before the first tick, shape (J,), rad.
-        pose: the pose before the first tick.
-    """
+    """The curve through the latest targets and poses; before the first tick the joints, (J,), rad, are at rest."""
 
     def __init__(self, targets: Array, pose: Pose) -> None:
         self._targets = np.tile(targets, (4, 1))

@@ -20,11 +20,9 @@ class Paced:
         self._rate_to_commanded = TEMPO_RATE  # 1/s
 
     def set_tempo(self, factor: float, over: float = 0.0) -> None:
-        """Changes the commanded tempo; CommandError if the tempo or the time is out of its range.
+        """Changes the commanded tempo within `over` seconds, at least what TEMPO_RATE demands; in a pause, after it.
 
-        Args:
-            factor: the tempo, in the range of `TEMPO`.
-            over: duration of the change, s; at least what TEMPO_RATE demands. It begins after a pause.
+        CommandError if the tempo or the time is out of its range.
         """
         TEMPO.check(factor)
         TEMPO_SECONDS.check(over)

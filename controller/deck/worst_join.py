@@ -92,12 +92,7 @@ def play_join(
 
 
 class MeasuredDeck:
-    """A deck that keeps the places of its joints in the world.
-
-    Args:
-        library, motion, joining, direct: as for the deck.
-        phase: where it begins, [0, 1].
-    """
+    """A deck that keeps the places of its joints in the world; it begins at a phase, [0, 1]."""
 
     def __init__(
         self, library: MotionLibrary, motion: str, phase: float = 0.0, joining: Joining | None = None, *, direct: bool

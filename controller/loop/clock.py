@@ -99,12 +99,7 @@ class Ticker:
         self.overruns = self.skipped = self._shift = 0
 
     def align(self, here: int, there: int) -> None:
-        """Moves the ticks, little by little, onto the multiples of their period on another clock.
-
-        Args:
-            here: a time of this clock, ns.
-            there: the time of the other one then, ns.
-        """
+        """Moves the ticks slowly onto the multiples of their period on a clock that shows `there` at `here`, ns."""
         after = (self._deadline - here + there) % self._period
         self._shift = -after if after < _SOONER * self._period else self._period - after
 

@@ -37,12 +37,9 @@ class Ensemble:
 
 
 class RobotOutput:
-    """The output of one robot of an ensemble, given that robot's joints only; fits `interfaces.Output`.
+    """The output of one robot of an ensemble; fits `interfaces.Output`.
 
-    Args:
-        first: index of the robot's first joint among all.
-        joints: the number of its joints.
-        of: the number of joints of all robots.
+    It is given its own joints only: so many, from the first on, of all.
     """
 
     def __init__(self, output: Output, first: int, joints: int, of: int, called: str = "") -> None:

@@ -52,12 +52,9 @@ def handed_back() -> Iterator[None]:
 
 
 def request_realtime(priority: int = FIFO_PRIORITY) -> list[Permission]:
-    """Requests SCHED_FIFO for this thread and locked memory; never raises, but returns what was granted.
+    """Requests SCHED_FIFO for this thread, at a priority of 1 to 99, and locked memory; what was granted. Never raises.
 
     Start other processes before: they would inherit the scheduling.
-
-    Args:
-        priority: of the thread among those of SCHED_FIFO, 1 to 99.
     """
     return [_first_in_first_out(priority), _locked_memory()]
 

@@ -58,9 +58,8 @@ class Source:
     ) -> None:
         """Takes the first targets; an exception of the deck is raised here.
 
-        Args:
-            before: delays the targets (J,) of each update on their way to the envelope.
-            correction: is added to targets that are followed.
+        `before` delays the targets (J,) of each update on their way to the envelope; a correction is added to targets
+        that are followed.
         """
         self._deck, self._before, self.correction = deck, before, correction
         self.dt = dt
@@ -104,13 +103,10 @@ def safe_targets(
 ) -> Iterator[Array]:
     """The safe targets (J,), rad, of each tick of a run; the stream ends when a requested stop is complete.
 
-    A stop requested before the first tick gives none: nothing has moved yet. A change of mode begins with braking in
-    the tick in which it is noticed. If the run ends while the emergency stop is on, the joints stay where they are.
-
-    Args:
-        channels: the outputs; they measure where the joints are at the start.
-        stop: ends the run; set here when the time is over or the deck keeps failing.
-        rest: joint positions (J,), rad, of home and of the end; without them the joints stay where they stop.
+    A stop requested before the first tick gives none: nothing has moved yet. It is requested here when the time is over
+    or the deck keeps failing. A change of mode begins with braking in the tick in which it is noticed. If the run ends
+    while the emergency stop is on, the joints stay where they are, as they do without rest positions (J,), rad, of home
+    and end. Where they are at the start, the channels measure.
     """
     if stop:
         return

@@ -16,11 +16,9 @@ Frames = NDArray[np.float32]
 
 
 class ClipPlayer(Network[Frames]):
-    """Plays recorded frames; fits `base.PhaseNetwork`. It is neither stored nor disturbed.
+    """Plays recorded frames, (T, channels) each, a loop as one period; others hold the last. Fits `base.PhaseNetwork`.
 
-    Args:
-        frames: of each motion, shape (T, channels); a loop as one period.
-        loops: whether each motion is a loop; else it holds its last frame.
+    It is neither stored nor disturbed.
     """
 
     kind = "clip"

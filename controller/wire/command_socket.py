@@ -179,8 +179,7 @@ class CommandClient:
     ) -> None:
         """Prepares to talk to a deck; nothing is sent yet. SocketError if the address or port cannot exist.
 
-        Args:
-            patience: how long a command waits for a deck of this user that takes none at the moment, s.
+        A command waits up to `patience`, s, for a deck of this user that takes none at the moment.
         """
         self._connection = (
             LocalConnection(port, patience) if host is None or token is None else NetworkConnection(port, host, token)

@@ -24,12 +24,9 @@ class Sighting:
 
 
 class LeaderLink:
-    """Observes the phase of another deck of this machine.
+    """Observes the phase of another deck of this machine, through a client with patience 0, which never blocks.
 
     Its time is the one in the reply, by their common clock, else the middle between request and reply.
-
-    Args:
-        client: connected to that deck, with patience 0, so that it never blocks the loop.
     """
 
     def __init__(self, client: CommandClient) -> None:

@@ -23,10 +23,8 @@ CHUNK_SECONDS = 0.25
 def record(state: Path, out: Path) -> int:
     """Records until the deck ends or its process is gone, including what is still in shared memory then.
 
+    Returns how many ticks are missing, because this process was held up for longer than the shared memory keeps them.
     FileFormatError if there is no such deck, or the file cannot be written.
-
-    Returns:
-        How many ticks are missing, because this process was held up for longer than the shared memory keeps them.
     """
     reader = StateReader.open(state)
     writer = RecordingWriter(out, reader.description, reader.fields)

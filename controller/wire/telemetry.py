@@ -82,11 +82,8 @@ class StateWriter:
     ) -> StateWriter:
         """Creates the file, readable by its owner only, in place of an older one; it appears complete or not at all.
 
-        MotiondeckError if there is no room for it.
-
-        Args:
-            path: a file in a directory of the owner's; the caller removes both at the end.
-            slots: how many states are kept, for readers that need every one of them; at least 2.
+        It is in a directory of the owner's; the caller removes both at the end. Of the states as many as there are
+        slots, at least 2, are kept for readers that need every one of them. MotiondeckError if there is no room for it.
         """
         header = msgspec.json.encode(_StateHeader(dict(description), dict(fields), os.getpid(), slots))
         layout = _Layout(len(header), fields, slots)
@@ -188,12 +185,9 @@ class StateReader:
         return None
 
     def since(self, number: int) -> tuple[int, Array]:
-        """All states after the one with a number (0 for all), oldest first, and the number of the last one.
+        """The number of the last state, and all states after the one with a number (0 for all), oldest first.
 
-        States that the writer has overwritten meanwhile are missing.
-
-        Returns:
-            The number of the last state, and the values of all fields, shape (states, V).
+        All fields are in one array, shape (states, V). States that the writer has overwritten meanwhile are missing.
         """
         latest = self.latest
         oldest = max(number + 1, latest - len(self._slots) + 1)

@@ -181,12 +181,9 @@ class Bus:
     def request(self, blocks: Blocks, fast: bool = True, before: bytes = b"") -> bool:
         """Starts a group read without waiting for its reply; False if one is under way or the port is full.
 
-        Nothing is sent then, neither the question nor what should go before it.
-
-        Args:
-            blocks: (id, address, length) of each servo of one family.
-            fast: whether all answer in one joint reply, which not every model can.
-            before: frames without an answer, sent in one write with the question and in front of it.
+        Blocks are (id, address, length) of each servo of one family; `fast` wants one joint reply, which not every
+        model can. Frames without an answer (`before`) go out in the same write, in front of the question. On False
+        nothing is sent.
         """
         if self._pending is not None:
             return False

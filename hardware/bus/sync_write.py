@@ -18,11 +18,7 @@ class SyncWrite:
     """The same register of n servos of one family."""
 
     def __init__(self, ids: Sequence[int], address: int, length: int, family: Family = USUAL) -> None:
-        """All values are 0 at first.
-
-        Args:
-            length: of the register, 1, 2 or 4 bytes, signed.
-        """
+        """All values are 0 at first; the register has 1, 2 or 4 bytes, signed."""
         self._address, self._length, self._family = address, length, family
         self._trailer, self._stuffed = family.trailer, family.stuffed
         empty = b"".join(bytes((id,)) + bytes(length) for id in ids)

@@ -74,11 +74,8 @@ def _read_silent(joint: RigJoint, bus: Bus) -> dict[str, int]:
 def restore(config: RigConfig, backups: Iterable[ServoBackup], bus: Bus) -> list[str]:
     """Writes the EEPROM registers that differ from the backup, but ID and baud rate; torque must be off.
 
-    RigError if a servo is missing or of another model, or has its torque on, or the backup has what it cannot take;
-    nothing is written then.
-
-    Returns:
-        What was written, one line a register, and which joints are not in the backup.
+    What was written, one line a register, and which joints are not in the backup. RigError if a servo is missing or of
+    another model, or has its torque on, or the backup has what it cannot take; nothing is written then.
     """
     config, kept = config.servos, {backup.joint: backup for backup in backups}
     lines = [f"{joint.label}: not in the backup" for joint in config.joints if joint.name not in kept]

@@ -165,13 +165,8 @@ def measured_joint(
 ) -> tuple[RigJoint, list[str]]:
     """A joint as it was measured, and what of its range its servo cannot do and is given up.
 
-    RigError if nothing is left of its range.
-
-    Args:
-        direction: 1 or -1.
-        zero: its position at angle 0, pulses, in any turn.
-        low, high: the ends of its range, pulses, in the same turn.
-        margin: kept away from both ends, rad, but never past angle 0.
+    The zero is in pulses, in any turn; both ends of the range are in the same turn. The margin, rad, is kept away from
+    both ends, but never past angle 0. RigError if nothing is left of its range.
     """
     bottom, top = joint.table.one_turn
     turns = (zero - bottom) // joint.table.pulses_per_turn * joint.table.pulses_per_turn

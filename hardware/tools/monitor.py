@@ -22,8 +22,7 @@ _FORCE = ("present_current", "present_load")
 def observe(config: RigConfig, bus: Bus, share: float = 1.0) -> Iterator[tuple[list[dict[str, object]], float]]:
     """What the joints measure, a row each, and how often it could be read in the last second (Hz); for ever.
 
-    Args:
-        share: of each second that is spent on this port, where several are watched one after another.
+    A share of each second is spent on this port, where several are watched one after another.
     """
     config = config.servos
     scale = RigScale(config)

@@ -29,10 +29,7 @@ def scan(
 ) -> list[Found]:
     """The servos that answer at each baud rate, of every family; the likely rates first.
 
-    Args:
-        open_bus: opens the port at a baud rate.
-        bauds: where to look.
-        on_garbled: called with each baud rate at which some bytes are no answer: two servos may share an ID.
+    `on_garbled` is called with each baud rate at which some bytes are no answer: two servos may share an ID.
     """
     found: list[Found] = []
     for baud in bauds:

@@ -23,13 +23,7 @@ _KEY, _DOWN = 1, 1
 
 
 class StopInput:
-    """Asks a wired stop again and again.
-
-    Args:
-        name: of the device.
-        closed: whether all is well; an OSError means that it is not.
-        release: closes the device.
-    """
+    """Asks a wired stop again and again whether it is closed; an OSError means that it is not."""
 
     def __init__(self, name: str, closed: Callable[[], bool], release: Callable[[], None]) -> None:
         self.name = name

@@ -36,14 +36,10 @@ class Moment(NamedTuple):
 def watch_hands(
     config: RigConfig, parts: Sequence[tuple[RigConfig, Bus]], sleep: Callable[[float], None]
 ) -> Iterator[Moment]:
-    """The joints' angles, `rate_hz` times a second, for as long as they are asked for.
+    """The joints' angles, `rate_hz` times a second, for as long as they are asked for; the torque is off.
 
-    RigError if a servo is silent for half a second, or in which turn it stands is not known; it is named.
-
-    Args:
-        config: the rig, its torque off.
-        parts: the joints of each port, and its bus.
-        sleep: how to wait for the next look, s.
+    The parts are the joints of each port, and its bus. RigError if a servo is silent for half a second, or in which
+    turn it stands is not known; it is named.
     """
     clock = parts[0][1].port
     turns = {name: shift for part, bus in parts for name, shift in _several_turns(part, bus)}

@@ -36,10 +36,9 @@ SIDE_WIDTH = 340  # pixels
 
 
 class DeckView:
-    """All that is on the page of a deck; FileFormatError if MuJoCo refuses a model file of the deck.
+    """All that is on the page of a deck; dropped recordings are kept in the folder `dropped`.
 
-    Args:
-        dropped: the folder where dropped recordings are kept.
+    FileFormatError if MuJoCo refuses a model file of the deck.
     """
 
     def __init__(self, page: PrivatePage, about: PageDescription, commands: CommandClient, dropped: Path) -> None:

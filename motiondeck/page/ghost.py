@@ -36,12 +36,7 @@ class Ghost:
     """Turns published poses into the coordinates of that model, and shows them."""
 
     def __init__(self, drawn: DrawnModel, model: mujoco.MjModel, about: GhostDescription, aside: float) -> None:
-        """Reads the description that `draw_ghost` returned.
-
-        Args:
-            drawn: the model on the page.
-            aside: its distance to the left of the robot when it is beside it, m.
-        """
+        """Reads what `draw_ghost` returned; beside the robot it is `aside`, m, to the left of it."""
         self._drawn, self._scale, self._aside = drawn, about.scale, aside
         self._parent = np.array(about.parent) + 1
         joints = [int(model.body(bone).jntadr[0]) for bone in about.bones]
@@ -50,14 +45,9 @@ class Ghost:
         self._qpos = model.qpos0.copy()
 
     def show(self, way: str, root: Array, turns: Array, beneath: Array, centre: Array) -> None:
-        """Draws the human in one of WAYS.
+        """Draws the human in one of WAYS, at the robot's root (2,), m, whatever its own path; root[2] is its height.
 
-        Args:
-            way: one of WAYS.
-            root: the height of the human's root is root[2], m.
-            turns: rotations of root and bones in the world, shape (1 + B, 4).
-            beneath: the robot's root, shape (2,), m; the human is drawn there, whatever its own path.
-            centre: of the view, shape (2,), m.
+        The rotations of root and bones in the world are (1 + B, 4); the centre (2,), m, is that of the view.
         """
         if way == WAYS[0]:
             self._drawn.hide()

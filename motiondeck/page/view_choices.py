@@ -17,11 +17,7 @@ NETWORK = "The orbits of its neurons, in the three directions that show most"
 
 
 class ViewChoices:
-    """The choices of the viewer, as far as the run has something to show.
-
-    Args:
-        look_from: moves the camera of a browser to one of CAMERAS.
-    """
+    """The choices of the viewer, as far as the run has something to show; `look_from` moves the camera of a browser."""
 
     def __init__(
         self, page: PrivatePage, look_from: Callable[[viser.ClientHandle, str], None], about: PageDescription

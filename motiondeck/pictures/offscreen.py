@@ -48,15 +48,11 @@ class PictureError(MotiondeckError):
 
 
 class OffScreen:
-    """Draws one model into images; a context manager, because OpenGL contexts are freed in order.
+    """Draws one or more robots of one model into images; a context manager, because OpenGL contexts are freed in order.
 
-    PictureError where there is no off-screen OpenGL, or the size does not fit.
-
-    Args:
-        model: one or more robots on their stage.
-        size: width and height of the images, pixels; within the model's off-screen buffer (1920 x 1080).
-        shadows: doubles the cost.
-        camera: one of CAMERAS; "three" divides the image into the views of the other three.
+    The size, pixels, is within the model's off-screen buffer (1920 x 1080). Shadows double the cost. The camera "three"
+    divides the image into the views of the other three. PictureError where there is no off-screen OpenGL, or the size
+    does not fit.
     """
 
     def __init__(
@@ -96,13 +92,10 @@ class OffScreen:
         self._aimed = False
 
     def draw(self, qpos: Array, cut: bool = False, ghost: Array | None = None, prints: Sequence[Array] = ()) -> Image:
-        """A picture, shape (height, width, 3); the cameras follow the robot, or jump to it at a cut.
+        """A picture, (height, width, 3), of the robot at qpos (nq,); the cameras follow it, or jump to it at a cut.
 
-        Args:
-            qpos: the robot, shape (nq,).
-            cut: whether the picture has nothing to do with the one before.
-            ghost: the robot drawn translucent as well, shape (nq,).
-            prints: corners of footprints on the floor, shape (4, 3) each, m, in order around them.
+        The robot is also drawn translucent at the ghost (nq,); footprints are corners on the floor, (4, 3) each, m, in
+        order around them.
         """
         self._data.qpos[:] = qpos
         mujoco.mj_kinematics(self._model, self._data)

@@ -91,14 +91,9 @@ def render(
 ) -> int:
     """Films a robot and returns the number of frames; nothing is left behind if it does not come to its end.
 
-    PictureError for another ending, for no frames, and where OpenGL or ffmpeg is missing.
-
-    Args:
-        frames: one qpos (nq,), or more to be drawn, a picture.
-        path: the file, .mp4 or .gif.
-        size: width and height, pixels; even numbers for mp4.
-        shadows: prettier and about twice as slow.
-        progress: called with the number of frames done.
+    A frame is one qpos (nq,), or more to be drawn. The file is .mp4, of even width and height, or .gif; shadows take
+    about twice as long; `progress` is called with the number of frames done. PictureError for another ending, for no
+    frames, and where OpenGL or ffmpeg is missing.
     """
     writers = {".mp4": _write_mp4, ".gif": _write_gif}
     if path.suffix.lower() not in writers:

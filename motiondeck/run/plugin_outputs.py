@@ -47,15 +47,7 @@ class LateOutputError(MotiondeckError):
 
 
 class PluggedOutput:
-    """An output of another package in a loop; fits `deck.interfaces.Output`.
-
-    Args:
-        name: what it is called in reports and events.
-        plugin: the output.
-        joints: the number of joints.
-        rate: ticks a second, Hz.
-        now: a steady clock, s.
-    """
+    """An output of another package in a loop of a rate, Hz; fits `deck.interfaces.Output`."""
 
     def __init__(
         self, name: str, plugin: PluginOutput, joints: int, rate: float, now: Callable[[], float] = time.perf_counter

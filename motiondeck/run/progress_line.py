@@ -39,9 +39,7 @@ def progress_line(
 ) -> Iterator[None]:
     """Shows the line while the block runs, if the stream is a terminal; nothing is left of it afterwards.
 
-    Args:
-        prompt: whether there is a prompt in place of the line; then only the end is shown.
-        stream: standard error by default.
+    With a prompt in its place only the end is shown.
     """
     out = sys.stderr if stream is None else stream
     if not out.isatty():

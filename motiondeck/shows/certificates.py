@@ -26,16 +26,10 @@ AUTHORITY_KEY = "authority.key"
 
 
 def make_certificates(folder: Path, show: str, members: Mapping[str, str]) -> list[Path]:
-    """Makes a folder for each member; with an authority that is there already, members are added or renewed.
+    """Makes a folder for each member with its address, HOST or HOST:PORT, the conductor too; the folders.
 
-    MotiondeckError if a name or an address is wrong, there is no conductor, cryptography is not installed, or a file
-    cannot be written.
-
-    Args:
-        members: the address of each, HOST or HOST:PORT, the conductor's too.
-
-    Returns:
-        The folders of the members.
+    With an authority that is there already, members are added or renewed. MotiondeckError if a name or an address is
+    wrong, there is no conductor, cryptography is not installed, or a file cannot be written.
     """
     check_name(show, "show")
     places = {check_name(name, "member of a show"): host_and_port(address) for name, address in members.items()}

@@ -44,11 +44,7 @@ Notify = Callable[[str], None]
 
 
 class Conductor:
-    """Conducts a show.
-
-    Args:
-        first: the number of the first cue, from 0.
-    """
+    """Conducts a show, from its first cue on or one with a number, from 0."""
 
     def __init__(
         self, show: Show, link: Link, notify: Notify, first: int = 0, now: Callable[[], float] = time.monotonic
@@ -140,12 +136,9 @@ class Conductor:
         return f"waits for go: {self._next_name}"
 
     def command(self, names: list[str], line: str) -> str:
-        """Has decks and groups carry out a command together; those that are not here get it when they join.
+        """Has decks and groups carry out a command together, also when they join later; what was done.
 
         MotiondeckError if there is no such deck, or no such command, or an emergency stop is on.
-
-        Returns:
-            What was done.
         """
         decks = self._seen.named(names)
         if self.stopped_by:

@@ -13,11 +13,8 @@ Holds = Callable[[Condition, ShowCue], bool]  # whether a condition holds for th
 class CueList:
     """Goes through cues in order; `number`, from 0, is that of the next one.
 
-    Times count from the beginning, and anew from every hold point and condition that was passed.
-
-    Args:
-        lead: how long before its time a cue is given out, s.
-        now: the time of the beginning, s; the cues of time 0 then come after the lead.
+    Times count from the beginning, and anew from every hold point and condition that was passed. A cue is given out
+    `lead` seconds before its time; those of time 0 come that long after the beginning.
     """
 
     def __init__(self, cues: Sequence[ShowCue], lead: float, now: float, first: int = 0) -> None:

@@ -59,12 +59,9 @@ Notify = Callable[[str], None]
 
 
 class Member:
-    """Serves one deck.
+    """Serves one deck, which asks a leader for the phase of the show; `notify` receives lines for its user.
 
-    Args:
-        leader: where the deck asks for the phase of the show.
-        notify: receives lines for the user of the deck.
-        memory: of the emergency stops that the deck was not reset from.
+    The memory has the emergency stops that the deck was not reset from.
     """
 
     def __init__(

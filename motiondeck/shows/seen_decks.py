@@ -56,11 +56,7 @@ class SeenDeck:
 
 
 class SeenDecks:
-    """All decks that a conductor has seen.
-
-    Args:
-        notify: receives what happens, as lines of text.
-    """
+    """All decks that a conductor has seen; what happens is passed to `notify` as lines of text."""
 
     def __init__(self, show: Show, run: str, notify: Callable[[str], None], now: Callable[[], float]) -> None:
         self._show, self._run, self._notify, self._now = show, run, notify, now

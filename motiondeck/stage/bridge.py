@@ -31,13 +31,10 @@ Answered = Callable[[str, DeckCommand, Reply], None]
 
 
 class Bridge:
-    """Commands a deck by signals until the deck has ended.
+    """Commands a deck by signals until the deck has ended; an output receives events and states.
 
-    SocketError if no deck is running.
-
-    Args:
-        output: receives events and states, if any.
-        notify: receives what is refused here, and changes of the lock, as lines of text.
+    What is refused here, and changes of the lock, are passed to `notify` as lines of text. SocketError if no deck is
+    running.
     """
 
     def __init__(

@@ -47,13 +47,10 @@ class CommandPattern:
         return parse_command(self.text.split()).motions if self.complete else ()
 
     def command(self, arguments: Sequence[object] = ()) -> DeckCommand | None:
-        """The command that a signal with these arguments gives.
+        """The command that a signal with these arguments gives; None for a button that is released.
 
         A complete command is given by a button that is pressed; the only argument 0 or false says that it was released.
         CommandError if an argument is missing or not allowed.
-
-        Returns:
-            None where it was released.
         """
         if self.complete:
             released = len(arguments) == 1 and isinstance(arguments[0], int | float) and not arguments[0]

@@ -80,12 +80,7 @@ class MidiClock:
         self._running = True
 
     def take(self, kind: str, position: int = 0) -> bool:
-        """Takes a message by mido's name of its type; whether it is a beat.
-
-        Args:
-            kind: "clock" for a pulse, "start", "stop", "continue", "songpos"; others change nothing.
-            position: of "songpos", in sixteenths.
-        """
+        """Takes a message by mido's name of its type; whether it is a beat. A song position is in sixteenths."""
         match kind:
             case "start":
                 self._pulse, self._running = 0, True

@@ -33,14 +33,10 @@ _MOST = 256  # datagrams read at once
 
 
 class OscInput:
-    """Commands from OSC messages to a port on loopback.
+    """Commands from OSC messages to a port on loopback, by their address; what is refused here is passed to `notify`.
 
     A message in a bundle counts at the bundle's time, one with an address that nothing is mapped to not at all.
     MotiondeckError if python-osc is not installed, or the port cannot be had.
-
-    Args:
-        commands: of each address; patterns in the address of a message are not matched.
-        notify: receives what is refused here, as a line of text.
     """
 
     def __init__(self, port: int, commands: Mapping[str, CommandPattern], notify: Notify) -> None:

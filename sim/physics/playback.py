@@ -55,19 +55,18 @@ class PhysicsPlayback:
         alter: Alteration | None = None,
         guard: bool = True,
     ) -> None:
-        """Starts in the rest pose.
-
-        MotiondeckError for another root, for balance or walking without a free root or two feet, or for both.
+        """Starts in the rest pose; a write takes dt seconds, rounded to whole timesteps.
 
         Args:
-            dt: time of a write, s; rounded to whole timesteps.
-            root: as of `physics_model`.
             balance: whether a free robot keeps its feet in place and its centre of mass above them.
             walk: whether a free robot follows the motion on its own feet.
             compiled: the `physics_model` of this robot with this root, if there is one; it is not changed.
             sensors: of a walking robot; None for the exact state.
             alter: changes to the world that robot and controller do not know.
             guard: whether a robot that balances or walks protects itself in a fall, and gets up if it can.
+
+        MotiondeckError for a root that `physics_model` lacks, for balance or walking without a free root or two feet,
+        or for both.
         """
         check_root(root, balance=balance, walk=walk)
         self._robot, self._root = robot, root

@@ -85,14 +85,10 @@ class ServoHumanoidRetargeter:
     ) -> None:
         """Finds the limbs of a skeleton, and the joints of the angles among a robot's J joints with their ranges, rad.
 
-        FileFormatError if the skeleton lacks a limb, or no angles are given and the robot has other joints.
-        UnknownNameError if there is no such angle or joint.
-
-        Args:
-            angles: SERVO_HUMANOID_JOINTS to joints; None if the names are the same.
-            rest: positions of other joints, shape (J,), rad; by default zero.
-            flat: the slopes of the human's feet; by default FOOT_SLOPE.
-            dt: seconds from pose to pose.
+        The angles map SERVO_HUMANOID_JOINTS to joints, by default of the same names; other joints stay at rest (J,),
+        rad, by default zero; `flat` has the slopes of the human's feet; poses are dt seconds apart. FileFormatError if
+        the skeleton lacks a limb, or no angles are given and the robot has other joints. UnknownNameError if there is
+        no such angle or joint.
         """
         if not angles:
             missing = [name for name in SERVO_HUMANOID_JOINTS if name not in joints]

@@ -72,9 +72,8 @@ def followed(clip: Clip, angles: Array, qpos: Array) -> Carried:
 def joint_measures(clip: Clip, robot: Robot, carried: Carried) -> dict[str, float]:
     """Counts of errors, and speeds.
 
-    Returns:
-        `bad`: 1 with NaN or infinity; `beyond`: targets outside a range; `too_fast`: steps above a speed limit;
-        `jumps`; `speed`: the highest share of a joint's limit; `altered` as in `Carried`.
+    `bad`: 1 with NaN or infinity; `beyond`: targets outside a range; `too_fast`: steps above a speed limit; `jumps`;
+    `speed`: the highest share of a joint's limit; `altered` as in `Carried`.
     """
     limits, played = robot.limits, carried.played
     finite = bool(np.isfinite(played).all() and np.isfinite(carried.qpos).all())
@@ -98,9 +97,8 @@ def joint_measures(clip: Clip, robot: Robot, carried: Carried) -> dict[str, floa
 def shortfall(robot: Robot) -> dict[str, float]:
     """Errors of the retargeter since its last reset.
 
-    Returns:
-        for inverse kinematics `short_rms` and `short_worst` over goals and frames, m; for the angle solver
-        `past_range`, the number of goals outside their joint's range; else nothing.
+    For inverse kinematics `short_rms` and `short_worst` over goals and frames, m; for the angle solver `past_range`,
+    the number of goals outside their joint's range; else nothing.
     """
     if isinstance(robot.retarget, ServoHumanoidRetargeter):
         return {"past_range": float(robot.retarget.beyond)}
@@ -142,9 +140,8 @@ def limb_errors(limbs: RobotLimbs, carried: Carried) -> dict[str, float]:
 def floor_measures(clip: Clip, robot: Robot, qpos: Array, feet: dict[str, int]) -> dict[str, float]:
     """Contact of a robot's soles with the floor, for qpos (T, nq) and the bodies of its feet, "r" and "l".
 
-    Returns:
-        `slide`: mean speed of a sole's lowest point while the human's foot stands, m/s; `sunk`: largest depth of a
-        point in the floor, m; `floating`: share of frames without contact.
+    `slide`: mean speed of a sole's lowest point while the human's foot stands, m/s; `sunk`: largest depth of a point in
+    the floor, m; `floating`: share of frames without contact.
     """
     model = robot.model
     data, surface, lowest_point = mujoco.MjData(model), Surface.of(model), LowestPoint(model)

@@ -34,12 +34,7 @@ class Weights(ABC):
 
 
 class Ramps(Weights):
-    """Weights that change along quintics, all within the same time.
-
-    Args:
-        start, goal: the weights at both ends, as many; each sums to 1.
-        seconds: duration, s.
-    """
+    """Weights that change along quintics, all within the same time, s, from start to goal, each of which sums to 1."""
 
     def __init__(self, start: Sequence[float], goal: Sequence[float], seconds: float) -> None:
         self._ends, self._seconds = tuple(zip(start, goal, strict=True)), max(seconds, 1e-9)
@@ -63,8 +58,7 @@ class Ramps(Weights):
 class Crossing(Weights):
     """A take-over along a quintic, which begins when its duration is found, and never where there is none.
 
-    Args:
-        begin: called when it begins, with the `sides` that were found.
+    `begin` is called when it begins, with the `sides` that were found.
     """
 
     def __init__(self, search: CrossingSearch, begin: Callable[[Array], None]) -> None:

@@ -32,11 +32,9 @@ _LONGER = 1.1
 
 
 class CrossingSearch:
-    """Finds the duration of a crossing, trial by trial.
+    """Finds the duration of a crossing, trial by trial, in which no joint exceeds the bounds.
 
-    Args:
-        ahead: both motions at times (S,) from the present trial on, s; the first is 0.
-        bounds: what no joint may exceed, in all.
+    `ahead` gives both motions at times (S,) from the present trial on, s; the first is 0.
     """
 
     def __init__(self, ahead: Callable[[Array], tuple[Posture, Posture]], skeleton: Skeleton, bounds: Bounds) -> None:
@@ -76,8 +74,7 @@ class CrossingSearch:
 def crossed(first: Posture, second: Posture, weight: Array, step: float) -> tuple[Posture, Array]:
     """The mixture of two motions (S, ...), `step` seconds apart, as the weight of the second (S,) changes.
 
-    Returns:
-        The mixture, seen from the smooth heading of the two (`posture_blend`); the `sides` it begins with.
+    It is seen from the smooth heading of the two (`posture_blend`); also the `sides` it begins with.
     """
     weights = np.array([1.0 - weight, weight])
     headings = [smooth_headings(motion.turn_rate, step) for motion in (first, second)]

@@ -130,13 +130,10 @@ def rounds_beside(first: Motion, other: Motion) -> float:
 
 
 def tempos_in_step(lasts: Sequence[float], weights: Sequence[float]) -> tuple[float, ...]:
-    """The tempos at which the loops of a blend stay in step.
+    """The tempos at which the loops of a blend stay in step; of each its duration at its own tempo, s, and its weight.
 
-    Their common round takes the product of T_i^w_i, as in a morph inside the network (`phase_conceptor.morph`).
-
-    Args:
-        lasts: duration of each at its own tempo, over its rounds in a common round, s.
-        weights: which sum to 1.
+    The durations are over their rounds in a common round, and the weights sum to 1. That round takes the product of
+    T_i^w_i, as in a morph inside the network (`phase_conceptor.morph`).
     """
     common = math.prod(own**weight for own, weight in zip(lasts, weights, strict=True))
     return tuple(own / common for own in lasts)

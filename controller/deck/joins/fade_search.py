@@ -43,13 +43,11 @@ _LONGER = 1.1
 
 
 class FadeSearch:
-    """Finds the fade of a difference, trial by trial.
+    """Finds the fade of a difference, trial by trial, in which no joint exceeds the bounds.
 
-    Args:
-        differ: finds the difference, as `transition.difference`; called with the first step.
-        ahead: the target's course at times (S,) from now on, s; the first is 0.
-        chain: which bones lead to each joint, shape (B, B), as of a skeleton.
-        bounds: what no joint may exceed; its acceleration is that beyond the target's own.
+    `differ`, called with the first step, finds the difference, as `transition.difference`; `ahead` is the target's
+    course at times (S,) from now on, s, the first 0; `chain` says which bones lead to each joint, shape (B, B), as of a
+    skeleton. The bound of the acceleration is that beyond the target's own.
     """
 
     def __init__(
@@ -110,12 +108,8 @@ class FadeSearch:
 def peaks(fade: Fade, ahead: Callable[[Array], BodyCourse], chain: Array) -> tuple[Array, float]:
     """How fast joints are during a fade, and how much they are accelerated beyond its target's own motion.
 
-    Args:
-        ahead, chain: as for `FadeSearch`.
-
-    Returns:
-        The speed of the fastest joint in each part of the fade, shape (parts,), m/s; the largest acceleration beyond
-        the target's own, m/s^2.
+    Returns the speed of the fastest joint in each part of the fade, shape (parts,), m/s, and the largest acceleration
+    beyond the target's own, m/s^2; `ahead` and `chain` are as for `FadeSearch`.
     """
     samples = round(_SAMPLES * fade.duration / fade.slowing)
     step = fade.duration / samples
@@ -162,9 +156,6 @@ class Fading:
     Each time its search considers a longer fade, what is shown goes over to that one without a jump: the gap between
     both, and its rate, run out in turn. A quintic begins so flat that after the first ticks, in which durations are
     found, there is next to no gap.
-
-    Args:
-        onset: as the property, in the beginning.
     """
 
     def __init__(self, search: FadeSearch, onset: float = 0.0) -> None:

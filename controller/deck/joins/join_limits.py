@@ -37,11 +37,7 @@ class Bounds:
 
 
 class JoinLimits:
-    """Watches the joints in the world while motions are joined.
-
-    Args:
-        before, now: the last two poses that were shown, if there were two.
-    """
+    """Watches the joints in the world while motions are joined, from the last two poses that were shown."""
 
     def __init__(self, skeleton: Skeleton, before: Pose | None, now: Pose) -> None:
         self._skeleton = skeleton

@@ -81,13 +81,9 @@ class SmoothHeading:
 
 
 def smooth_headings(turn_rate: Array, dt: float) -> tuple[Array, Array]:
-    """How a smooth heading follows that of the hips from rest, as `SmoothHeading` does tick by tick.
+    """How a smooth heading follows that of the hips from rest, tick by tick, as `SmoothHeading`: `offset` and `rate`.
 
-    Args:
-        turn_rate: of the hips at moments dt seconds apart, shape (S,), rad/s.
-
-    Returns:
-        `offset` and `rate` at each, shape (S,).
+    The hips turn at these rates at moments dt seconds apart, shape (S,), rad/s.
     """
     hips: list[float] = turn_rate.tolist()
     offset, rate, seen = 0.0, hips[0], [(0.0, hips[0])]
@@ -131,8 +127,7 @@ class TurnsLeft:
 class PostureBlend:
     """Motions that are blended, each a posture per tick; at first there is one.
 
-    Args:
-        rest_direction: the directions of the bones in the rest pose, shape (B, 3), where their twist follows a rule.
+    `rest_direction` has the directions of the bones in the rest pose, shape (B, 3), where their twist follows a rule.
     """
 
     def __init__(self, first: Posture, rest_direction: Array | None = None) -> None:
@@ -245,11 +240,8 @@ class PostureBlend:
     ) -> None:
         """Begins the turns that lead from the mean on the new sides to what would be shown on those before.
 
-        Args:
-            sides: as `_change_sides` returns them.
-            points: a tick ago on the old sides, and now on the new ones, each of shape (M, 1 + B, 4).
-            weights: a tick ago and now, shape (M,).
-            left: what was left of earlier turns a tick ago, shape (1 + B, 3), rad; None for nothing.
+        The points (M, 1 + B, 4) are those a tick ago on the old sides, and now on the new ones; the weights (M,) those
+        a tick ago and now; `left` is what was left of earlier turns a tick ago, shape (1 + B, 3), rad, or None.
         """
         bones = np.flatnonzero((sides < 0.0).any(0))
         change = sides[:, bones, None]

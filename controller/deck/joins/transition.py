@@ -73,9 +73,8 @@ def difference(
 ) -> tuple[Array, Array]:
     """What leads from a target to what is shown, and its rate: value and rate of a fade, shape (rows, 3).
 
-    Args:
-        shown, target: each the postures dt seconds ago and now.
-        rest_direction: of the bones in the rest pose, shape (B, 3), where their twist follows a rule.
+    Each is given by its postures dt seconds ago and now. Rest directions of the bones, (B, 3), are for twists that
+    follow a rule.
     """
     now = _side_by_side(shown[1], target[1])
     before = _from_now(_side_by_side(shown[0], target[0]), now, dt)
@@ -129,10 +128,8 @@ def extrapolated(before: Posture, now: Posture, dt: float, rest_direction: Array
 def best_anchor(place: Array, velocity: Array, places: Array, velocities: Array, reach: float) -> int:
     """Which anchor of a motion resembles a body most.
 
-    Args:
-        place, velocity: joint positions in the heading frame and their rates, shape (F,), m and m/s.
-        places, velocities: the same at the anchors, shape (A, F).
-        reach: how much a difference in velocity counts, s.
+    From joint positions in the heading frame and their rates, shape (F,), m and m/s, and the same at the anchors, (A,
+    F); a difference in velocity counts by `reach`, s.
     """
     cost = np.square(places - place).sum(1) + reach**2 * np.square(velocities - velocity).sum(1)
     return int(cost.argmin())

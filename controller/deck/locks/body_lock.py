@@ -29,11 +29,7 @@ PRIOR = 0.3  # s_t: the expected lag, s
 
 
 class PoseTable:
-    """The joint targets of one motion over its phase, filled in while it is played.
-
-    Args:
-        seconds: duration of a round or of the one-shot, s.
-    """
+    """The joint targets of one motion over its phase, filled in while it is played."""
 
     def __init__(self, seconds: float, joints: int, *, loop: bool) -> None:
         self._loop = loop
@@ -65,15 +61,9 @@ class PoseTable:
             self._poses[row % len(self._poses)] = (1.0 - share) * pose + share * targets
 
     def project(self, phase: float, targets: Array, measured: Array) -> tuple[float, float]:
-        """How far the body is behind, s of the motion (negative if it is ahead), and how far beside it, rad.
+        """How far the body is behind, s of the motion (negative if it is ahead), and how far beside it at most, rad.
 
-        Args:
-            phase: the commanded one.
-            targets: of that phase, shape (J,), rad.
-            measured: shape (J,), rad; NaN for joints that are not measured.
-
-        Returns:
-            The lag, and the largest distance of a joint from where the motion has it there.
+        From the commanded phase, its targets (J,), rad, and what is measured, shape (J,), rad; NaN for what is not.
         """
         off = np.nan_to_num(measured - targets)
         beside = float(np.abs(off).max(initial=0.0))

@@ -23,7 +23,7 @@ def wrapped(phase: float, modulus: float = 1.0) -> float:
 
 
 def correction(error: float, rate: float) -> float:
-    """The correction to the tempo of the reference for a phase error.
+    """The correction to the tempo of the reference for a phase error, s of the motion; `rate` is the tempo's own, 1/s.
 
     In proportion to small errors; to larger ones as the speed from which a constant deceleration b just ends at zero,
     joined to the line without a kink: the proximate time-optimal servomechanism (Franklin, Powell and Workman,
@@ -31,10 +31,6 @@ def correction(error: float, rate: float) -> float:
 
         v = k |e|                                 up to b / k^2
         v = sqrt(2 b (|e| - b / (2 k^2)))         beyond, at most MOST
-
-    Args:
-        error: how far the motion is behind its reference, s of the motion.
-        rate: how fast the tempo may change, 1/s.
     """
     brake, size = _SHARE * rate, abs(error)
     linear = brake / STIFFNESS**2

@@ -19,11 +19,9 @@ _RANGE = 0.75
 
 
 class Beats:
-    """Beats, and the phase of a loop that falls on them; fits `phase_lock.ReferenceSource`.
+    """Beats, and the phase of a loop that falls on them, in [0, 1]; fits `phase_lock.ReferenceSource`.
 
-    Args:
-        phase: the phase of a loop that falls on a beat, in [0, 1].
-        steps: how many beats a round has, evenly spread; 0 takes 1, 2, 4, 8 or 16, whichever tempo is nearest to 1.
+    A round has `steps` beats, evenly spread; 0 takes 1, 2, 4, 8 or 16, whichever tempo is nearest to 1.
     """
 
     name: Literal["beat"] = "beat"
@@ -65,13 +63,10 @@ FORGOTTEN_AFTER = 1.0  # without sightings for so long the other deck is lost, a
 
 
 class OtherDeck:
-    """A loop of another deck; fits `phase_lock.ReferenceSource`.
+    """A loop of another deck, to be ahead of by a part of a round, in [0, 1]; fits `phase_lock.ReferenceSource`.
 
     Between sightings the phase goes on at the rate that was seen last. A motion of another length is brought to the
     same rounds a second.
-
-    Args:
-        ahead: by how much of a round to be ahead of it, in [0, 1].
     """
 
     name: Literal["deck"] = "deck"

@@ -17,13 +17,10 @@ from motiondeck_base.errors import MotiondeckError, UnknownNameError
 
 
 class FramePlayer:
-    """Plays a frame network in continuous time; fits `base.Generator`.
+    """Plays a frame network in continuous time, at the frames per second of its training; fits `base.Generator`.
 
-    One that a center drives is also sent to any phase and played backwards.
-
-    Args:
-        rate: the frames per second of its training.
-        beside: another player of the same library, whose anchors it shares.
+    One that a center drives is also sent to any phase and played backwards. Another player of the same library may
+    share its anchors.
     """
 
     def __init__(self, network: FrameNetwork, rate: float, beside: FramePlayer | None = None) -> None:

@@ -38,9 +38,8 @@ class BlendCheck:
     def problem(self, places: Array, dt: float) -> str:
         """The problem of the blend: "stands still", "turns over", or "" for none.
 
-        Args:
-            places: joint positions, as `Motion.places` has them, shape (F,), m.
-            dt: how much of the motion was played since the last call, s; 0 in a pause.
+        Joint positions are as `Motion.places` has them, shape (F,), m; dt seconds of the motion were played since the
+        last call, 0 in a pause.
         """
         last, self._last = self._last, places
         if last is not None and float(np.abs(places - last).max()) > self._fastest * dt > 0.0:
@@ -187,8 +186,7 @@ class PlayingTracks:
     def change_weights(self, goal: Mapping[str, float], seconds: float) -> None:
         """Has the weights of the motions that play change to those given, which sum to 1, or else to 0.
 
-        Args:
-            seconds: how long a change by 1 takes; all take as long as the largest.
+        A change by 1 takes these seconds; all take as long as the largest.
         """
         motions = [track.motion for track in self.playing]
         present, goals = self._weights.values, [goal.get(motion.name, 0.0) for motion in motions]

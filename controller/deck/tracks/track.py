@@ -20,11 +20,9 @@ AHEAD = 3  # frames by which a player is ahead of its output
 
 
 class Mixture:
-    """Plays a network alone or a mixture of two of its motions; fits `base.FrameNetwork`.
+    """Plays a network alone, perhaps guarded, or a mixture of two of its motions by its core, which is not.
 
-    Args:
-        network: plays one motion alone, perhaps guarded.
-        core: the same network without the guard; it plays mixtures.
+    Fits `base.FrameNetwork`.
     """
 
     def __init__(self, network: FrameNetwork, core: AutonomousNetwork | None) -> None:
@@ -94,12 +92,7 @@ class Mixture:
 
 
 class Track:
-    """Plays one motion at a time with its own copy of the network.
-
-    Args:
-        motions: those of the library, as the deck sees them.
-        beside: another track of the library, whose anchors it shares.
-    """
+    """Plays one motion at a time with its own copy of the network; another track may share its anchors."""
 
     def __init__(self, library: MotionLibrary, motions: Mapping[str, Motion], beside: Track | None = None) -> None:
         self._encoding, self._motions = library.encoding, motions

@@ -22,8 +22,7 @@ _REMEMBERED = 16  # emergency stops
 class CommandHandler:
     """Carries out the commands that have arrived, once a tick; it never waits, and no client can make it raise.
 
-    Args:
-        note: called with each command and its reply.
+    `note` is called with each command and its reply.
     """
 
     def __init__(

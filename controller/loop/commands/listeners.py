@@ -31,11 +31,7 @@ class _Listener:
 
 
 class Listeners:
-    """All listening clients of a deck.
-
-    Args:
-        deck: its source of events; it pauses when a heartbeat is missed.
-    """
+    """All listening clients of a deck, its source of events, which pauses when a heartbeat is missed."""
 
     def __init__(self, deck: Playback, now: Callable[[], float]) -> None:
         self._deck, self._now = deck, now

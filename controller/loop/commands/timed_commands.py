@@ -15,11 +15,7 @@ _MOST_TIMED = 64  # commands whose time is still to come
 
 
 class TimedCommands:
-    """The commands whose time is still to come.
-
-    Args:
-        ticks: the clock of the loop; without one (not in real time) none is taken.
-    """
+    """The commands whose time is still to come, by the loop's clock; without one (not in real time) none is taken."""
 
     def __init__(self, ticks: RealTime | None) -> None:
         self._ticks = ticks

@@ -89,9 +89,7 @@ def stopping_run(v: float, a: float, most: float, j: float) -> Run:
 def longest_run(speed: float, size: float, most: float, j: float) -> float:
     """An upper bound of the distance in which a joint stops, cheap to compute: the highest velocity, kept longest.
 
-    Args:
-        speed, size: the absolute velocity and acceleration.
-        most, j: the limits of acceleration and jerk.
+    From an absolute velocity and acceleration (`size`), with limits of acceleration (`most`) and jerk.
     """
     top = speed + 0.5 * (size + j) ** 2 / j
     return top * (size / j + top / most + most / j + 4.0)

@@ -80,8 +80,7 @@ class ServoBank:
     def restart(self, row: int, restored: dict[str, int] | None = None) -> None:
         """Sets a servo's memory as after power-up: its EEPROM stays, its position is within one turn again.
 
-        Args:
-            restored: RAM registers that startup configuration brings back.
+        The startup configuration brings back the RAM registers that are `restored`.
         """
         for register in self.table.registers.values():
             if register.memory == "RAM":

@@ -23,11 +23,7 @@ STEP = 0.1  # tempos are sent in such steps, so that a hand on the stick does no
 
 
 class Pad:
-    """Turns events into commands.
-
-    Args:
-        motions: all motions, in the order in which the cross of the gamepad steps through them.
-    """
+    """Turns events into commands; the cross of the gamepad steps through the motions in their order."""
 
     def __init__(self, motions: Sequence[str], motion: str) -> None:
         self._motions = list(motions)

@@ -61,10 +61,8 @@ def recordings(paths: Sequence[Path]) -> list[Path]:
 def check(robot: Path, files: Sequence[Path], solver: Solver | None, seconds: float | None) -> Iterator[dict[str, Any]]:
     """One row a recording: `clip`, and `unread`, or its `frames` and `error` or the measures of `sim.robots.fidelity`.
 
-    A pose for reference before the motion is left out; `left_out` says how many frames that was.
-
-    Args:
-        seconds: of each recording, from its beginning; None for all of it.
+    Of each the first seconds count, or all of it. A pose for reference before the motion is left out; `left_out` says
+    how many frames that was.
     """
     load = RobotLoader(robot)
     for file in files:

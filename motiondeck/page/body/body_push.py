@@ -20,11 +20,9 @@ ARROW = "/push"
 
 
 def pushed(drag: Array, view: Array) -> Array:
-    """Where a drag of the mouse pushes, level, shape (2,), m: to the right as on the screen, and up is away.
+    """Where a drag pushes, level, shape (2,), m: to the right as on the screen, and up is away.
 
-    Args:
-        drag: along the plane that faces the camera, shape (3,), m.
-        view: from the camera to what it looks at, shape (3,).
+    The drag (3,), m, is along the plane that faces the camera; the view (3,) goes from the camera to what it looks at.
     """
     level = math.hypot(view[0], view[1])
     away = np.array([view[0], view[1]]) / level if level > 1e-9 else np.array([0.0, 1.0])
@@ -35,12 +33,7 @@ def pushed(drag: Array, view: Array) -> Array:
 
 
 class BodyPush:
-    """Lets browsers push a robot.
-
-    Args:
-        height: of it, m.
-        usual: a push that it has to step against, N s.
-    """
+    """Lets browsers push a robot of a height, m; a usual push, N s, is one that it has to step against."""
 
     def __init__(self, drawn: DrawnModel, height: float, usual: float, send: Callable[[DeckCommand], None]) -> None:
         self._height, self._usual, self._send = height, usual, send

@@ -19,12 +19,7 @@ class DrawnModel:
     """One robot or one human on a page."""
 
     def __init__(self, page: PrivatePage, model: mujoco.MjModel, height: float, name: str = "") -> None:
-        """Puts it on the page in its initial pose.
-
-        Args:
-            height: of the robot that the scene is made for, m.
-            name: tells it from others.
-        """
+        """Puts it on the page in its initial pose; the height, m, is that of the robot that the scene is made for."""
         self._page, self._model = page, model
         self.data = mujoco.MjData(model)  # MuJoCo's state of what was shown last
         found = batches(model)

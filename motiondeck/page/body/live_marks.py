@@ -18,11 +18,9 @@ TARGET_COLOUR = (0.11, 0.49, 0.84)
 
 
 class TargetPose:
-    """Drawn over the body; its solids are sent to the browsers when it is first switched on.
+    """Drawn over the body of a height, m; its solids are sent to the browsers when it is first switched on.
 
-    Args:
-        load: gives a model of the robot, which is changed.
-        height: of the robot, m.
+    `load` gives a model of the robot, which is changed.
     """
 
     def __init__(self, page: PrivatePage, load: Callable[[], mujoco.MjModel], height: float) -> None:

@@ -27,13 +27,9 @@ TIGHTENS = "Each servo is checked and switched on where it stands; then it comes
 
 
 class HandRecorder:
-    """The widgets for it, where the page's widgets are being added.
+    """The widgets for it, where the page's widgets are being added; `take` is called with a finished recording.
 
     The joints that are switched off are recorded, as often as the deck publishes where they are.
-
-    Args:
-        ask: confirms (event, title, text, yes) in the browser that clicked, then does it.
-        take: called with a finished recording.
     """
 
     def __init__(

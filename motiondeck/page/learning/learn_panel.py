@@ -28,12 +28,9 @@ NEEDS_SKELETON = "Its skeleton is a separate file: drop the .asf too (both at on
 
 
 class LearnPanel:
-    """The widgets of learning, where the page's widgets are being added.
+    """The widgets of learning, where the page's widgets are being added; a motion is added to the file of the library.
 
-    Args:
-        command: starts the learning process, without its request.
-        library: the file that a motion is added to.
-        ask: confirms (event, title, text, yes) in the browser that clicked, then sends a message.
+    The command starts the learning process, without its request.
     """
 
     def __init__(

@@ -36,8 +36,7 @@ class Partners(msgspec.Struct, frozen=True):
 class LibraryGlance:
     """The pictures and the blends of a library's motions; empty until they are known.
 
-    Args:
-        direct: whether the deck plays no motions in between.
+    A `direct` deck plays no motions in between.
     """
 
     def __init__(self, file: Path, *, direct: bool = False) -> None:

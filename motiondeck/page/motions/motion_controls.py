@@ -27,10 +27,7 @@ HAND_ON = 1.0  # s that a hand on the ring or pad is believed before the deck's 
 class MotionControls:
     """The widgets of the motions, where the page's widgets are being added.
 
-    Args:
-        library: its file; without one there are neither pictures nor blends.
-        has_phase: whether the motions can be sent to a phase.
-        direct: whether the deck plays no motions in between.
+    Without a library's file there are neither pictures nor blends; a `direct` deck plays no motions in between.
     """
 
     def __init__(

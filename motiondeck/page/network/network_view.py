@@ -61,12 +61,9 @@ BACKGROUND = np.array([238.0, 242.0, 247.0])
 
 
 class NetworkView:
-    """The orbits of a network beside a robot, hidden until they are switched on.
+    """The orbits of a network beside a robot of a height, m; hidden until they are switched on.
 
     They are computed in a thread, because playing each motion once takes a moment; until then nothing is drawn.
-
-    Args:
-        height: of the robot, m.
     """
 
     def __init__(self, page: PrivatePage, parts: PageParts, library: Path, height: float) -> None:

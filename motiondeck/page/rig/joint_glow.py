@@ -20,13 +20,9 @@ OPACITY = 0.55
 
 
 class JointGlow:
-    """Balls about the joints of a robot that have something the matter.
+    """Balls about the joints of a robot, of a height, m, that have something the matter, as far as it has them.
 
     They are copies of one mesh, as the robot's own shapes are, so that a browser moves them in the same picture.
-
-    Args:
-        joints: the name of each servo's joint; one that the model lacks does not glow.
-        height: of the robot, m.
     """
 
     def __init__(self, page: PrivatePage, model: mujoco.MjModel, joints: Sequence[str], height: float) -> None:

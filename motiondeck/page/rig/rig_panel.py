@@ -95,11 +95,7 @@ RESTARTS = "All servos hold for half a second; this one is limp for as long, the
 
 
 class RigPanel:
-    """The widgets of the rig, where the page's widgets are being added.
-
-    Args:
-        ask: confirms (event, title, text, yes) in the browser that clicked, then sends a message.
-    """
+    """The widgets of the rig, where the page's widgets are being added."""
 
     def __init__(self, page: PrivatePage, parts: PageParts, rig: RigDescription, ask: Ask, look: Look) -> None:
         self._servos = rig.servos

@@ -19,11 +19,7 @@ SHOW_STYLE = style_in(Path(__file__).with_name("show.css"))
 
 
 class ShowView:
-    """All that is on the page of a show.
-
-    Args:
-        say: sends a word to the conductor, as if typed there; raises OSError if it is gone.
-    """
+    """All that is on the page of a show; `say` sends a word to the conductor, and raises an OSError if it is gone."""
 
     def __init__(self, page: PrivatePage, say: Callable[[str], None]) -> None:
         self._page, self._say = page, say

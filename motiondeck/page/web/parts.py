@@ -62,13 +62,10 @@ class PageParts:
         self._events.on_update(self._hear)
 
     def add(self, kind: str, name: str, fixed: dict[str, Any] | None = None, heard: Heard | None = None) -> Part:
-        """Adds a part where the page's widgets are being added.
+        """Adds a part that a script of this kind draws, where the page's widgets are being added; the name is unique.
 
-        Args:
-            kind: which script draws it.
-            name: its own, also of the element.
-            fixed: what does not change, any JSON values; the script finds it in the element's `data-fixed`.
-            heard: called with what it sends and viser's event, which knows the browser; from a thread of viser's.
+        What does not change is `fixed`, any JSON values, in the element's `data-fixed`. What it sends, and viser's
+        event, which knows the browser, are passed to `heard`, from a thread of viser's.
         """
         about = html.escape(json.dumps(fixed or {}, separators=(",", ":")))
         self._gui.add_html(f'<div id="{name}" class="part" data-part="{kind}" data-fixed="{about}"></div>')

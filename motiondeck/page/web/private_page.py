@@ -36,13 +36,9 @@ class PagePortError(MotiondeckError):
 
 
 class PrivatePage(viser.ViserServer):
-    """A viser server that listens on 127.0.0.1 alone and refuses every request to share it.
+    """A viser server that listens on 127.0.0.1 alone, at this port or none, and refuses every request to share it.
 
     PagePortError if the port is taken or not allowed.
-
-    Args:
-        port: where to listen; that port or none.
-        label: what the panel is headed.
     """
 
     def __init__(self, port: int, label: str) -> None:
@@ -67,13 +63,9 @@ class PrivatePage(viser.ViserServer):
     def move_copies(
         self, copies: viser.BatchedMeshHandle, position: NDArray[np.float32], turn: NDArray[np.float32]
     ) -> None:
-        """Moves and turns the copies of a mesh.
+        """Moves and turns the copies of a mesh, shapes (N, 3), m, and (N, 4); nothing may change these arrays any more.
 
         Set one by one, these properties would be two messages, each of which costs again for every browser.
-
-        Args:
-            copies: of a mesh.
-            position, turn: of each, shapes (N, 3), m, and (N, 4); nothing may change these arrays any more.
         """
         places = {"batched_positions": position, "batched_wxyzs": turn}
         vars(copies._impl.props).update(places)

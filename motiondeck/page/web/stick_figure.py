@@ -13,12 +13,10 @@ INK, PALE = "#1c4f8c", "#a9bdd6"
 
 
 def figure_svg(poses: Array, parents: Sequence[int], size: int = 64) -> str:
-    """The last of some poses drawn dark, those before it pale, as one square picture.
+    """The last of some poses drawn dark, those before it pale, as one square picture, `size` pixels wide.
 
-    Args:
-        poses: positions of the joints, the root first, shape (P, 1 + B, 3), m.
-        parents: of the bones, -1 for the root; bone b ends at joint 1 + b.
-        size: of the square, pixels.
+    Poses are positions of the joints, the root first, shape (P, 1 + B, 3), m. Parents of bones are -1 for the root;
+    bone b ends at joint 1 + b.
     """
     across = poses[..., 0] * np.cos(TURN) + poses[..., 1] * np.sin(TURN)
     flat = np.stack([across, -poses[..., 2]], axis=-1)

@@ -15,8 +15,7 @@ from viser.infra import ClientId
 def limit_uploads(page: viser.ViserServer, most: int, refuse: Callable[[str, int], None]) -> None:
     """Refuses files of a page's upload buttons that are larger than `most` bytes, also all that are under way together.
 
-    Args:
-        refuse: called with the name and the size, bytes, of a refused file, in the thread of the page's sockets.
+    `refuse` is called with the name and the size, bytes, of a refused file, in the thread of the page's sockets.
     """
     gui, sockets = page.gui, page._websock_server
     open_uploads = gui._current_file_upload_states

@@ -21,12 +21,9 @@ from motiondeck_base.errors import MotiondeckError
 def child_process(
     module: str, *arguments: str, patience: float = 2.0, own_session: bool = False, stdin: int | None = None
 ) -> Iterator[subprocess.Popen[bytes]]:
-    """Runs a module beside the block; after the block it has some seconds to end, then it is killed.
+    """Runs a module beside the block; after the block it has `patience` seconds to end, then it is killed.
 
-    Args:
-        patience: how long it may take to end, s.
-        own_session: keeps Ctrl-C from it, which is for the deck alone.
-        stdin: an open file that becomes its standard input.
+    With its own session Ctrl-C, which is for the deck alone, does not reach it; `stdin` is an open file.
     """
     command = [sys.executable, "-P", "-m", module, *arguments]
     child = subprocess.Popen(command, stdin=stdin, start_new_session=own_session)
@@ -57,10 +54,7 @@ def page_process(port: int, command_port: int) -> Iterator[PageProcess]:
     """The browser view while the block runs; it prints the address of its page when that answers.
 
     It takes longest of all to start, so it is started before anything else is imported or loaded. MotiondeckError if
-    either port is taken, or there can be no temporary folder.
-
-    Args:
-        command_port: of the deck that it will show, to say at once where another deck has it.
+    either port is taken, also where another deck has the command port, or there can be no temporary folder.
     """
     refuse_second_deck(command_port)
     port = free_port(port)

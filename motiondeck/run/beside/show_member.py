@@ -34,10 +34,7 @@ class ShowMember:
     def leader(self, opening: ExitStack) -> LeaderLink:
         """Waits until it takes part, and has stopped the deck if a stop stands; a link to the phase of the show.
 
-        MotiondeckError if it cannot; the process has said why.
-
-        Args:
-            opening: closes the link.
+        `opening` closes the link. MotiondeckError if it cannot take part; the process has said why.
         """
         client = CommandClient(self._port)
         until = time.monotonic() + _OPENS_WITHIN
@@ -59,12 +56,9 @@ class ShowMember:
 
 @contextmanager
 def show_member(show: str, command_port: int, library: MotionLibrary, robot: str, rate: float) -> Iterator[ShowMember]:
-    """Takes part in a show while the block runs, as a deck of that command port.
+    """Takes part in a show (SHOW/DECK, or a folder of certificates) while the block runs, as the deck of that port.
 
     MotiondeckError if there is no such show, or zenoh is not installed.
-
-    Args:
-        show: SHOW/DECK, or a folder of certificates.
     """
     deck_in(show)
     if find_spec("zenoh") is None:

@@ -48,11 +48,7 @@ class TickRecorder:
         self._forget()
 
     def finish(self) -> dict[str, object]:
-        """Has the recorder write the last ticks and end.
-
-        Returns:
-            The recording's `file`, whether it is `complete`, and the `reason` where it is not and that is known.
-        """
+        """Has the recorder write the last ticks and end; its `file`, and whether it is `complete`, or the `reason`."""
         self._writer.close()
         try:
             complete = self.process.wait(_PATIENCE) == 0
@@ -75,13 +71,9 @@ class TickRecorder:
         fields["argument"][0] = next(numbers, next(motion, math.nan))
 
     def record(self, snapshot: DeckSnapshot, loop: LoopState, measured: Array | None, placed: Array) -> None:
-        """Hands one tick over.
+        """Hands one tick over, with measured joint positions (J,), rad, if any, and where the root was meant to be.
 
-        Args:
-            snapshot: of this tick.
-            loop: its targets and the pose that they come from.
-            measured: joint positions (J,), rad, if any.
-            placed: where the robot's root was meant to be, position and quaternion, shape (7,), m.
+        That is position and quaternion, shape (7,), m.
         """
         fields = self._writer.fields
         self._writer.values[: self._numbers.count] = self._numbers.row(snapshot)
@@ -101,15 +93,11 @@ class TickRecorder:
 
 @contextmanager
 def recording(out: Path, description: Mapping[str, Any], rate: float) -> Iterator[TickRecorder]:
-    """Records into a file from a child process while the block runs.
+    """Records into a file from a child process while the block runs; an older recording is replaced.
 
+    The description of the run has the names `motions`, `recognizable` and `joints`; the rate is ticks a second.
     FileFormatError if the file cannot be written, or is there and no recording of a run. MotiondeckError if there is no
     room for what the processes share.
-
-    Args:
-        out: the recording; an older one is replaced.
-        description: of the run, with the names `motions`, `recognizable` and `joints`.
-        rate: ticks a second.
     """
     check_replaceable(out)
     try:

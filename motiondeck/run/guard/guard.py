@@ -53,13 +53,7 @@ class RigGuard:
     """The joints of a rig between a deck and the bus, tick by tick."""
 
     def __init__(self, rig: DrivenRig, envelope: SafetyEnvelope, targets: Targets, period: float, now: float) -> None:
-        """Holds the joints where the rig holds them.
-
-        Args:
-            targets: as they come from the deck.
-            period: s from tick to tick.
-            now: the machine's steady clock, s.
-        """
+        """Holds the joints where the rig holds them; ticks are a period, s, apart, by the machine's steady clock, s."""
         self.stop = StopState("held")  # the state of the emergency stop
         self.wired: WiredStop | None = None  # the wired stop, if there is one
         self.failure = ""  # why the rig has stopped for good, or ""

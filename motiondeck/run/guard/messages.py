@@ -139,12 +139,9 @@ class Targets:
         self.joints = self.values[4:]  # shape (J,), rad
 
     def set(self, now: float, stopped: bool, door: int, wire: int) -> None:
-        """Sets all but the joints.
+        """Sets all but the joints, at a time of the machine's steady clock, s; `stopped` is the deck's emergency stop.
 
-        Args:
-            now: by the machine's steady clock, s.
-            stopped: whether the emergency stop is on at the deck.
-            door, wire: presses at the stop door and pulls of the wire that resets have released.
+        A reset there has released so many presses at the stop door and pulls of the wire.
         """
         self.values[:4] = now, stopped, door, wire
 
@@ -174,12 +171,9 @@ class States:
         self.servos = self.values[_STATE_NUMBERS:].reshape(SERVO_ROWS, joints)
 
     def set(self, state: StopState, wire: str, collected: int, recoveries: int, measured_at: float) -> None:
-        """Sets all but the servos.
+        """Sets all but the servos; `wire` names the wired stop.
 
-        Args:
-            wire: the name of the wired stop.
-            collected: how often the rig has measured something new.
-            measured_at: when the latest was measured, by the machine's steady clock, s.
+        The rig has measured something new `collected` times, last at a time of the machine's steady clock, s.
         """
         door, wired = state.presses.get(STOP_DOOR, 0), state.presses.get(wire, 0)
         phase = PHASES.index(state.phase)

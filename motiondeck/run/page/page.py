@@ -29,11 +29,7 @@ _POSITIONS = 1  # row of `ServoStates`
 
 
 class Page:
-    """Writes the shared state that the view reads.
-
-    Args:
-        state: the file of that state; the reason why the run has ended goes beside it.
-    """
+    """Writes the shared state that the view reads; the reason why the run has ended goes beside its file."""
 
     def __init__(self, state: Path, contents: PageContents, description: msgspec.Struct | None = None) -> None:
         self._numbers, empty = contents.numbers, contents.arrays

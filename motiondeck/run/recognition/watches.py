@@ -127,15 +127,9 @@ class RecognitionWatch:
         channel: Channel,
         rate: float,
     ) -> None:
-        """Teaches the experts.
+        """Teaches the experts; joints that the channel does not measure are left out.
 
-        Args:
-            policy: what to do about a mismatch.
-            retarget: from its skeleton to the robot's joints.
-            balls: which of them are rotation vectors, shape (N, 3).
-            limits: what the joints may do.
-            channel: the output whose measurements are looked at; joints that it does not measure are left out.
-            rate: ticks a second, Hz.
+        Triples of joints that are rotation vectors are in `balls`, shape (N, 3); the rate is ticks a second, Hz.
         """
         # What recognizes takes longer to import than all that plays, and few runs recognize.
         from controller.learning.recognition.deck_recognizer import joint_motions, teach_joints, unwind

@@ -32,14 +32,11 @@ _RISE = 0.02  # s
 def open_rig_alone(
     opening: ExitStack, config: RigConfig, ports: list[str], source: Clip | MotionLibrary, robot: str
 ) -> RobotOnDeck:
-    """Connects a rig whose joints follow a taught clip or a library; `opening` closes it.
+    """Connects a rig, at other ports if given, whose joints follow a taught clip or a library; `opening` closes it.
 
-    MotiondeckError if the source does not fit the rig (before anything is switched on), or it cannot be connected.
-
-    Args:
-        ports: in place of the rig file's own.
-        source: what is played. Taught joints are driven by their names; the others stay where they are.
-        robot: for human motions, the robot file whose joints the rig has.
+    Taught joints are driven by their names; the others stay where they are. Human motions need the robot file whose
+    joints the rig has. MotiondeckError if the source does not fit the rig (before anything is switched on), or it
+    cannot be connected.
     """
     if source.skeleton.is_rig:
         return _open_taught(opening, config, ports, source)

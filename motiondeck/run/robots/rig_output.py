@@ -79,14 +79,10 @@ class PortQuery:
 
 
 class RigOutput:
-    """Streams targets to a connected rig and measures its tracking error; fits `deck.interfaces.Output`.
+    """Streams targets to a connected rig, `hz` times a second, and measures its tracking error.
 
-    MotiondeckError if the rig has a joint that the robot has not.
-
-    Args:
-        rig: connected, torque on.
-        joints: the robot's joints in the order of the targets.
-        hz: how often it is written to.
+    Fits `deck.interfaces.Output`; targets are in the order of the robot's joints. MotiondeckError if the rig has a
+    joint that the robot has not.
     """
 
     def __init__(self, rig: Rig | GuardedRig, joints: tuple[str, ...], hz: float) -> None:
@@ -275,14 +271,10 @@ def connect_rig(
     limits: JointLimits,
     emulated: Path | None = None,
 ) -> RigOutput:
-    """Connects a rig, behind its guard, as an output for a robot's joints; `opening` closes it.
+    """Connects a rig, behind its guard, as an output for a robot's joints of these limits; `opening` closes it.
 
-    MotiondeckError if it cannot be connected, or has a joint that the robot has not.
-
-    Args:
-        guard: from `guard_process`, which takes a while to be ready.
-        limits: of these joints.
-        emulated: the rig file whose servos are emulated.
+    The guard is from `guard_process`, which takes a while to be ready; `emulated` is a rig file whose servos are
+    emulated. MotiondeckError if it cannot be connected, or has a joint that the robot has not.
     """
     check_joints(config.names, joints)
     places = [joints.index(name) for name in config.names]

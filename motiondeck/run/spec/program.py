@@ -68,15 +68,9 @@ def checked_rate(
 ) -> float:
     """The rate at which a library is played: as wanted, unless its network needs more than half of a period for a tick.
 
-    A tick has as many frames as fall into it at the recorded tempo. RateError if no loop runs at this rate.
-    MotiondeckError if it is too much for the network; it names the rate that the network can hold.
-
-    Args:
-        library: what is played.
-        motion: which of its motions is timed.
-        rate: as wanted, ticks a second, Hz.
-        lower: play at the rate that the network can hold, instead of refusing.
-        cost: of a frame, s; measured if not given.
+    The motion is timed unless the cost of a frame, s, is given; a tick has as many frames as fall into it at the
+    recorded tempo. RateError if no loop runs at this rate. Where it is too much for the network, `lower` takes the rate
+    that the network can hold; else a MotiondeckError names it.
     """
     period_ns(rate)  # refuses a rate at which no loop runs
     cost = frame_seconds(library, motion) if cost is None else cost

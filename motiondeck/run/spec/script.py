@@ -49,13 +49,9 @@ class _File(msgspec.Struct, forbid_unknown_fields=True):
 
 
 def read_timeline(path: Path, motions: Iterable[str]) -> tuple[str, list[Timed]]:
-    """The first motion of a timeline file, and its commands in the order of their times.
+    """The first motion of a timeline file, and its commands in the order of their times; it may name these motions.
 
-    Args:
-        motions: the names that may be used.
-
-    Raises:
-        FileFormatError: naming the file, the command that is wrong, and what it should be.
+    FileFormatError names the file, the command that is wrong, and what it should be.
     """
     known = list(motions)
     file = read_toml(path, _File)
@@ -81,12 +77,8 @@ def read_timeline(path: Path, motions: Iterable[str]) -> tuple[str, list[Timed]]
 def parse_script(text: str, motions: Iterable[str]) -> tuple[list[Cue], float | None]:
     """The cues of a script, the first one at 0 s, and its length in s, if its last part gives seconds.
 
-    Args:
-        text: motions separated by commas, each but the last followed by its seconds; those of the last may be left out.
-        motions: the names that may be used.
-
-    Raises:
-        MotiondeckError: naming the part of the script that is wrong and what it should be.
+    It is motions separated by commas, each but the last followed by its seconds; those of the last may be left out.
+    MotiondeckError names the part that is wrong and what it should be.
     """
     known = list(motions)
     cues: list[Cue] = []

@@ -111,14 +111,11 @@ class WholeBody:
         rise: float = np.inf,
         pace: float = 1.0,
     ) -> None:
-        """One step from the last solution.
+        """One step from the last solution towards the played posture (nq,).
 
-        Args:
-            goal: the played posture, shape (nq,).
-            places, turns: goals of the middles of the soles, (3,), m, and of the feet's bodies, quaternions.
-            centre: goal of the centre of mass, shape (2,), m.
-            rise: largest rise of the root, and its largest drop to keep knees bent, m.
-            pace: largest step of the joints, in ticks of their speed.
+        The goals of the soles are their middles (3,), m, and quaternions of the feet's bodies; that of the centre of
+        mass is (2,), m. `rise` is the root's largest rise, and its largest drop to keep knees bent, m; `pace` is the
+        largest step of the joints, in ticks of their speed.
         """
         model, plan = self._model, self.plan
         mujoco.mj_kinematics(model, plan)
