@@ -40,8 +40,7 @@ CORRECTED_AGAIN = 0.05
 # Between which shares of the limits a blend weight changes more and more slowly, how slowly at least, and how soon, s.
 EASED_FROM, EASED_TO, SLOWEST, EASING_SECONDS = 0.7, 0.8, 0.2, 0.1
 
-# A blend whose weights change is given up beyond this multiple of the limits of a join.
-BLEND_TURNS_OVER = 2.0
+BLEND_TURNS_OVER = 2.0  # a blend whose weights change is given up beyond this multiple of the limits of a join
 
 
 class Performance:

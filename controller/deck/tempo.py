@@ -5,8 +5,7 @@ from __future__ import annotations
 from controller.wire.messages.arguments import STEP_SECONDS, TEMPO, TEMPO_SECONDS
 from motiondeck_base.errors import MotiondeckError
 
-# How fast the tempo itself may change, 1/s: a pause takes 0.4 s.
-TEMPO_RATE = 2.5
+TEMPO_RATE = 2.5  # how fast the tempo itself may change, 1/s: a pause takes 0.4 s
 
 
 class Paced:

@@ -70,8 +70,7 @@ class Notices:
 
 
 ANSWER_WITHIN = 1.0
-# A hand on a slider keeps it for so long before the deck's own value is shown again, s.
-HAND_ON = 1.0
+HAND_ON = 1.0  # a hand on a slider keeps it for so long before the deck's own value is shown again, s
 
 # The titles of notices, by the kind of the event.
 _TITLES = {
@@ -90,8 +89,7 @@ PANEL_WIDTH = 332  # pixels
 STEP = 1.0 / 30.0  # s, of a step; a tick alone is hardly to be seen
 STEPS = "The motion goes on for 1/30 s."
 
-# Keys for the first motions.
-DIGITS = ("1", "2", "3", "4", "5", "6", "7", "8", "9")
+DIGITS = ("1", "2", "3", "4", "5", "6", "7", "8", "9")  # keys for the first motions
 
 
 class Panel:

@@ -34,8 +34,7 @@ FOLLOW = 0.5
 # How much the meshes may lose, pixels; how much an edge that is smoothed stands out, of 255.
 DETAIL, EDGE = 2.0, 60
 GHOST, PRINT = (0.35, 0.6, 0.85, 0.35), (0.24, 0.28, 0.34, 1.0)
-# Rows of a picture that is large enough to be smoothed.
-LARGE = 400
+LARGE = 400  # rows of a picture that is large enough to be smoothed
 
 INSTALL = (
     "no off-screen OpenGL found. Install EGL (Debian: apt install libegl1 libgl1 libgl1-mesa-dri) or OSMesa "

@@ -37,8 +37,7 @@ from sim.models.surface import Surface
 
 LAST_SHOWN_GROUP = 2
 
-# Of a body, kg and kg m^2.
-LEAST_MASS, LEAST_INERTIA = 1e-4, 1e-7
+LEAST_MASS, LEAST_INERTIA = 1e-4, 1e-7  # of a body, kg and kg m^2
 
 # Number of sizes of a solid.
 _SIZES = {

@@ -33,10 +33,8 @@ from sim.robots.self_collision import SelfCollision
 CONTACT, STANDS = 0.06, 0.03
 _FRICTION = 0.7
 _CONE = np.array([[_FRICTION, 0.0, 1.0], [-_FRICTION, 0.0, 1.0], [0.0, _FRICTION, 1.0], [0.0, -_FRICTION, 1.0]])
-# The same below which a moving corner slides.
-TOUCHES = 0.008
-# Weight of even forces beside that of the root's support.
-_EVENLY = 1e-3
+TOUCHES = 0.008  # the same below which a moving corner slides
+_EVENLY = 1e-3  # weight of even forces beside that of the root's support
 
 
 @dataclass(frozen=True)

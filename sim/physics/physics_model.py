@@ -17,10 +17,8 @@ from sim.robots.robot import Robot
 
 ROOTS = ("gantry", "fixed", "free")  # carried along, held in place, let go
 
-# A separate bit: contacts between the model's own bodies stay as the model has them.
-FLOOR_BIT = 1 << 20
-# Sliding (rubber on wood), torsional and rolling friction, the last two in m.
-FRICTION = (1.0, 0.005, 0.0001)
+FLOOR_BIT = 1 << 20  # a separate bit: contacts between the model's own bodies stay as the model has them
+FRICTION = (1.0, 0.005, 0.0001)  # sliding (rubber on wood), torsional and rolling friction, the last two in m
 # Thickness, m, and hidden group of the sole under a foot of rounded solids.
 _SOLE = 0.004
 _HIDDEN = 4

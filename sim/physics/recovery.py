@@ -28,13 +28,11 @@ FALLEN_HEIGHT = 0.6
 FALLEN_TILT = 1.0
 # Speed of a root at rest, heights a second, for this time, s; least duration of a fall, and longest rocking, s.
 SLOW, STILL, FALLS, ROCKS = 0.2, 0.4, 0.6, 5.0
-# Durations of lying straight and of standing up from the last posture, in sqrt(height / g).
-STRAIGHT, STANDS = 5.0, 5.0
+STRAIGHT, STANDS = 5.0, 5.0  # durations of lying straight and of standing up from the last posture, in sqrt(height / g)
 # Least height of a standing root, in its heights, and largest lean, rad.
 HIGH, LEAN = 0.85, 0.3
 TRIES = 6
-# Time after which a tucked robot has given up, and from the rest pose into the motion, s.
-GIVEN_UP, JOINS = 1.0, 0.6
+GIVEN_UP, JOINS = 1.0, 0.6  # time after which a tucked robot has given up, and from the rest pose into the motion, s
 
 
 class FallGuard:

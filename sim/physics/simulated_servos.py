@@ -10,8 +10,7 @@ import numpy as np
 from controller.motion.rotations import Array
 from sim.models.servo_motor import ROOM, ServoMotor
 
-# Share of the present limit from which a servo counts as at its limit.
-_AT_THE_LIMIT = 0.999
+_AT_THE_LIMIT = 0.999  # share of the present limit from which a servo counts as at its limit
 
 _NOTES = 64  # steps buffered before the statistics are updated
 

@@ -36,14 +36,12 @@ SEARCHED = {
     "toe": (0.05, 0.6),
     "heel": (0.02, 0.3),
 }
-# Candidates a round, independent of the number of processes, so that the result is too.
-TOGETHER = 4
+TOGETHER = 4  # candidates a round, independent of the number of processes, so that the result is too
 # First relative change of a setting, its growth after a success and its decay after none.
 CHANGE, MORE, LESS = 0.15, 1.4, 0.75
 # Growth of the pace while the robot stands; upper bound and rounds of the bisection.
 QUICKER, FARTHEST, NARROWED = 1.1, 1.3, 2
-# First seed of the pushes that judge the result.
-FRESH = 1000
+FRESH = 1000  # first seed of the pushes that judge the result
 
 
 @dataclass(frozen=True)

@@ -23,8 +23,7 @@ from sim.retargeting.human_stance import FlatFeet, HumanStance
 
 # Height of a touching point of the skin, lengths of the leg, and the multiple of it from which a point is ignored.
 TOUCHES, CLOSE = 0.006, 3.0
-# Weight of hands and knees, whose stillness is not measured, as the share of a standing foot.
-OTHERS = 0.2
+OTHERS = 0.2  # weight of hands and knees, whose stillness is not measured, as the share of a standing foot
 NOWHERE = -1e9  # radius of padding points in the rows of soles, m
 
 

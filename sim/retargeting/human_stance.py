@@ -29,8 +29,7 @@ HEEL = 1.25 * cos(FOOT_SLOPE)  # lengths of the foot bone from the ball back to 
 STANDS, NEAR = 0.02, 0.05
 # Speeds below which heel or ball is still, and ankle and ball of a flat foot are, lengths of the leg a second.
 STILL, FLAT = 0.4, 0.15
-# Weight of a rolling foot beside one that stands on its whole sole.
-ROLLING = 0.1
+ROLLING = 0.1  # weight of a rolling foot beside one that stands on its whole sole
 # Rate, 1/s, at which the floor follows a foot upwards that is still for some time, s: the top of a leap is still for a
 # moment. Down it follows at once.
 FOLLOWS, SURE = 60.0, 0.08

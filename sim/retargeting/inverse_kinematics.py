@@ -49,8 +49,7 @@ WEIGHT |= {"upper_arm_start": 2.0, "thigh_start": 2.0}
 POSTURE = 3e-4
 DAMPING = 3e-3
 
-# A tick has a second step if a joint went this far in the first one, rad.
-FAR, STEPS = 0.1, 2
+FAR, STEPS = 0.1, 2  # a tick has a second step if a joint went this far in the first one, rad
 FIRST_STEPS, FIRST_REACH = 60, 0.3  # to the first pose: largest number of steps, and of rad in each
 SETTLED = 1e-4  # rad
 

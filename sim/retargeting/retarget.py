@@ -30,15 +30,12 @@ SERVO_HUMANOID_JOINTS = (
 )
 ARMS, LEGS = (2, 5), (8, 14)  # where the angles of the right and the left one begin
 
-# Largest motion of an angle over that of its bones, and its largest additional rate, rad/s.
-GAIN, SETTLE = 4.0, 4.0
-# Largest angle of a ball joint past a half turn, rad, before it is unwound.
-FURTHEST = 1.3 * pi
+GAIN, SETTLE = 4.0, 4.0  # largest motion of an angle over that of its bones, and its largest additional rate, rad/s
+FURTHEST = 1.3 * pi  # largest angle of a ball joint past a half turn, rad, before it is unwound
 ROUNDING = 1e-9  # rad
 CLOSE = 0.05  # rad from another pitch at which an arm has arrived there
 PAUSE = 0.04  # s between trials of other pitches
-# Distance of a goal past the end of a range, rad, at which the joint goes the other way round.
-WAIT = 0.6
+WAIT = 0.6  # distance of a goal past the end of a range, rad, at which the joint goes the other way round
 
 
 class MannequinRetargeter:

@@ -49,8 +49,7 @@ from sim.robots.proportions import (
     unit_doubts,
 )
 
-# Defaults for what a model does not say: rad/s, rad/s^2, rad/s^3.
-VELOCITY, ACCELERATION, JERK = 10.0, 300.0, 15000.0
+VELOCITY, ACCELERATION, JERK = 10.0, 300.0, 15000.0  # defaults for what a model does not say: rad/s, rad/s^2, rad/s^3
 
 # Largest error of an angle's slope by its joint, and slope by others; largest error of the angle in other poses, rad.
 SLOPE_ERROR, ANGLE_ERROR = 0.1, 0.06

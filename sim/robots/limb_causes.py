@@ -35,8 +35,7 @@ CLOSE, SHARE, RATE = 5.0, 0.25, 30.0
 FULL = 0.99  # of a joint's speed limit
 # Of the best angles: exponent of 2 of the first ones; number of the best that are improved; rounds; their end, rad.
 SPREAD, FEW, ROUNDS, SETTLED = 12, 4, 30, 1e-3
-# Number of angles for a hinge with followers, which has no closed form.
-GRID = 121
+GRID = 121  # number of angles for a hinge with followers, which has no closed form
 
 
 @dataclass(frozen=True)

@@ -20,10 +20,8 @@ from sim.models.surface import Surface
 from sim.retargeting.human_limbs import LIMBS
 
 SEGMENTS = {"leg": ("thigh", "shank"), "arm": ("upper_arm", "forearm")}
-# Largest angle of a limb on average over a recording, and in one frame, degrees.
-MEAN_LIMIT, WORST_LIMIT = 15.0, 45.0
-# Largest turn of a hinge either way, rad, and the number of steps through it.
-TURN, STEPS = 2.6, 11
+MEAN_LIMIT, WORST_LIMIT = 15.0, 45.0  # largest angle of a limb on average over a recording, and in one frame, degrees
+TURN, STEPS = 2.6, 11  # largest turn of a hinge either way, rad, and the number of steps through it
 TIP = 0.1  # of a limb without an end hinge, as a share of its length
 CLAVICLE = 0.03  # largest distance of its joint from the middle of the body, in heights of the robot
 

@@ -18,17 +18,14 @@ from sim.retargeting.robot_limbs import RobotLimbs
 from sim.robots.limb_directions import LimbDirections
 
 HUMAN = {"thigh": 0.245, "shank": 0.246, "upper_arm": 0.186, "forearm": 0.146}
-# The joint at the near end of a segment.
-BENDS = {"shank": "knee", "forearm": "elbow"}
+BENDS = {"shank": "knee", "forearm": "elbow"}  # the joint at the near end of a segment
 # Largest relative difference of twins; ranges of a plausible and of a possible length, in those of a human.
 TWINS, ODD, IMPLAUSIBLE = 0.1, (0.6, 1.8), (0.2, 4.0)
-# Largest difference of mirrored twins' ranges, rad.
-ALIKE = 0.25
+ALIKE = 0.25  # largest difference of mirrored twins' ranges, rad
 # Plausible height, m, and median range of the joints, rad; else the file has other units.
 TALL, TURNS = (0.05, 25.0), (0.15, 12.6)
 TWIN_AXES = 0.9  # least cosine between mirrored twins' axes
-# Arms may end in long hands without a wrist.
-ODD_FOREARM = 2.8
+ODD_FOREARM = 2.8  # arms may end in long hands without a wrist
 
 
 @dataclass(frozen=True)

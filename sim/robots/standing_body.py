@@ -24,8 +24,7 @@ ROLLS, ROUND = 0.2, 0.15  # largest height and unevenness of a wheel, in its rad
 LEG = ("thigh", "shank", "foot")
 ARM = ("upper_arm", "forearm", "hand")
 
-# Share of the best hinge's shorter side from which the first hinge is the knee.
-BEND_SHARE = 0.6
+BEND_SHARE = 0.6  # share of the best hinge's shorter side from which the first hinge is the knee
 # Largest distance of further joints ahead of the ankle, in shanks, and from the wrist, in forearms.
 TOES_SHARE, FINGERS_SHARE = 0.15, 0.3
 

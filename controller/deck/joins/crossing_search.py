@@ -27,8 +27,7 @@ from controller.motion.skeleton import Skeleton
 # The longest time between two moments at which a mixture is computed, s, and the fewest of them.
 _STEP, _FEWEST = 0.025, 16
 
-# By which factor the time grows at least.
-_LONGER = 1.1
+_LONGER = 1.1  # by which factor the time grows at least
 
 
 class CrossingSearch:

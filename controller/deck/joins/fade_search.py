@@ -24,8 +24,7 @@ from controller.motion.rotations import Array, cross, dot
 
 SHORTEST, LONGEST = 0.2, 1.6
 
-# The part of the bounds that a fade may use: it is looked at at some moments only.
-PLANNED_SHARE = 0.8
+PLANNED_SHARE = 0.8  # the part of the bounds that a fade may use: it is looked at at some moments only
 
 TRIAL_EVERY = 0.005  # the time between trials, s
 

@@ -10,8 +10,7 @@ from controller.deck.locks.lock import LoopPlace, Steering
 from controller.wire.messages.arguments import TEMPO
 from controller.wire.messages.lock_state import LockState
 
-# Corrections of the tempo: at most this much, and 1/s for small errors.
-MOST, STIFFNESS = 1.0, 5.0
+MOST, STIFFNESS = 1.0, 5.0  # corrections of the tempo: at most this much, and 1/s for small errors
 
 # The share of the rate of the tempo that braking uses; the rest is left for what the reference itself does.
 _SHARE = 0.8

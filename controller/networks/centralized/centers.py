@@ -22,8 +22,7 @@ from numpy.typing import NDArray
 from controller.motion.rotations import Array
 from motiondeck_base.errors import MotiondeckError
 
-# A step of the splitting integrator turns an oscillator by at most this angle, rad.
-LARGEST_TURN = 0.1
+LARGEST_TURN = 0.1  # a step of the splitting integrator turns an oscillator by at most this angle, rad
 
 # Yoshida's composition of three second-order steps into one of fourth order.
 _OUTER = 1.0 / (2.0 - 2.0 ** (1.0 / 3.0))

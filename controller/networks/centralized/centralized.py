@@ -32,8 +32,7 @@ from motiondeck_base.errors import MotiondeckError
 TIME_CONSTANT = 0.2
 GAIN = 5.0
 
-# Entry points of a loop that are compared.
-ENTRIES = 50
+ENTRIES = 50  # entry points of a loop that are compared
 
 
 @dataclass(frozen=True, eq=False)

@@ -13,8 +13,7 @@ from controller.motion.rotations import Array
 from controller.networks.signals import square, time_series
 from motiondeck_base.errors import MotiondeckError
 
-# Below this an eigenvalue counts as 0, and above 1 minus this as 1: rounding leaves no exact ones.
-SHARP = 1e-9
+SHARP = 1e-9  # below this an eigenvalue counts as 0, and above 1 minus this as 1: rounding leaves no exact ones
 
 
 def correlation(states: Array) -> Array:

@@ -27,8 +27,7 @@ ALERT = 0x80
 STUFFED_PATTERN = b"\xff\xff\xfd"
 _STUFFED = b"\xff\xff\xfd\xfd"
 
-# No frame of a full bus (253 servos, 10 bytes each) comes near this; what claims more is noise.
-LONGEST = 8192
+LONGEST = 8192  # no frame of a full bus (253 servos, 10 bytes each) comes near this; what claims more is noise
 
 _SHORTEST = 3  # instruction and checksum
 _OVERHEAD = 7  # header, ID and length stand before what LENGTH counts

@@ -44,13 +44,10 @@ SERVO_BANDWIDTH = 60.0
 ROTOR_RATE = 200.0
 # Acceleration of a light bone's joint, m/s^2 (a heel strike in a run), and its largest lag then, rad: bounds kp below.
 FLUNG = (100.0, 0.05)
-# Least kp of a standing leg, in weights times heights of the hips.
-STANCE = 2.0
+STANCE = 2.0  # least kp of a standing leg, in weights times heights of the hips
 
-# Contact bits of solids between bodies, and of those that only the floor of a free root touches.
-SELF, OTHERS = 1, 2
-# Soft contacts: time constant, s, and damping ratio.
-SOFT = (0.04, 1.0)
+SELF, OTHERS = 1, 2  # contact bits of solids between bodies, and of those that only the floor of a free root touches
+SOFT = (0.04, 1.0)  # soft contacts: time constant, s, and damping ratio
 
 COLOURS = {
     "body": (0.90, 0.89, 0.86),

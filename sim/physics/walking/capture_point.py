@@ -25,10 +25,8 @@ import numpy as np
 from controller.motion.rotations import Array
 from sim.models.gravity import GRAVITY
 
-# Learning rate of a lasting error, 1/s, and time constant of the error on each foot, s.
-LEARNS, TAKES = 0.5, 0.25
-# Largest error that counts, and largest learned one, in heights of the root.
-BIG, LEARNED = 0.03, 0.12
+LEARNS, TAKES = 0.5, 0.25  # learning rate of a lasting error, 1/s, and time constant of the error on each foot, s
+BIG, LEARNED = 0.03, 0.12  # largest error that counts, and largest learned one, in heights of the root
 
 
 def pendulum_rate(height: float) -> float:

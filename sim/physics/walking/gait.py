@@ -13,22 +13,16 @@ from sim.physics.walking.preview import Swing
 from sim.physics.walking.rolling import Rolling
 from sim.physics.walking.steps import MEETS, Step, pressure_course, swing_path, wrapped
 
-# Shares of the first steps after standing for STOOD, s.
-GROWS, STOOD = (0.3, 0.55, 0.8, 1.0), 0.6
-# Least duration of a step, and of a swing whose end is not in the preview yet, s.
-SHORTEST, UNKNOWN = 0.2, 0.3
-# Last share of a swing in which its goal is fixed.
-FROZEN = 0.15
+GROWS, STOOD = (0.3, 0.55, 0.8, 1.0), 0.6  # shares of the first steps after standing for STOOD, s
+SHORTEST, UNKNOWN = 0.2, 0.3  # least duration of a step, and of a swing whose end is not in the preview yet, s
+FROZEN = 0.15  # last share of a swing in which its goal is fixed
 # Largest turn of the robot in a step, of a landing foot from the heading, and of a standing foot from it, rad.
 TURN, FOOT_TURN, TWIST = 0.6, 0.5, 0.6
-# Largest width of a step beyond the least one, in widths, as far as the foot lands flat.
-APART = 0.9
+APART = 0.9  # largest width of a step beyond the least one, in widths, as far as the foot lands flat
 # Largest lengthening of a step by a capture step, heights of the root, and bounds of its width, in widths.
 LONGER, NARROW, WIDE = 0.7, 0.85, 2.2
-# Largest distance of the feet, in longest steps at their least width.
-STRETCH = 1.1
-# Uncertainty of the capture point's error, relative to the lengthening of a step.
-DOUBT = 0.15
+STRETCH = 1.1  # largest distance of the feet, in longest steps at their least width
+DOUBT = 0.15  # uncertainty of the capture point's error, relative to the lengthening of a step
 # Error of the capture point, heights of the root, at which a standing robot steps, and that step's duration, s.
 TOO_FAR, QUICK = 0.12, 0.35
 

@@ -39,16 +39,11 @@ from sim.physics.walking.gait import Gait
 from sim.physics.walking.steps import swing_ramps
 from sim.physics.walking.whole_body import WholeBody
 
-# Root mean square of |s| from which a motion is softened, and softened fully, in half soles.
-LIGHT, HEAVY = 0.5, 1.0
-# Its window before and after, and that of L', s.
-AROUND, RATE = 0.3, 0.05
-# Window of the softened posture before and after, s, weighted by a triangle.
-SOFT = 0.2
-# Largest shift of the planned capture point, in half soles.
-MOST = 0.4
-# Displacement of a sole that measures kappa, heights of the root.
-MOVES = 0.02
+LIGHT, HEAVY = 0.5, 1.0  # root mean square of |s| from which a motion is softened, and softened fully, in half soles
+AROUND, RATE = 0.3, 0.05  # its window before and after, and that of L', s
+SOFT = 0.2  # window of the softened posture before and after, s, weighted by a triangle
+MOST = 0.4  # largest shift of the planned capture point, in half soles
+MOVES = 0.02  # displacement of a sole that measures kappa, heights of the root
 
 
 class Momentum:

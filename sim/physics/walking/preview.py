@@ -18,14 +18,12 @@ AHEAD = 1.2  # delay of the body behind the motion, s
 
 # Window of the root's mean height before and after, s: at half the tempo the body would else bob with each step.
 EVEN = 0.5 * AHEAD
-# Time constant of the path, s, against the sway of the body.
-SWAY = 0.5
+SWAY = 0.5  # time constant of the path, s, against the sway of the body
 # Speed of a sole at the beginning and the end of a swing, heights of the root a second, and its time constant, s.
 BEGINS, ENDS, SMOOTHING = 0.2, 0.15, 0.01
 # Least length of a step, heights of the root, or turn, rad; least duration of a swing and of a step, s: blends shuffle.
 FAR, TURN, LONG, BRIEF = 0.04, 0.15, 0.12, 0.15
-# Longest pause within one step, s.
-PAUSE = 0.3
+PAUSE = 0.3  # longest pause within one step, s
 # Speed and duration, s, of a rest that ends a swing, also of a raised foot.
 STILL, HOLDS = 0.03, 0.15
 _FLAT = np.zeros(2)

@@ -19,10 +19,8 @@ from sim.physics.walking.steps import Step
 
 # Rise of the heel before the foot leaves the floor, and settling of the toes after it landed, s.
 RISES, SETTLES = 0.12, 0.08
-# Share of a swing after which the foot has its landing pitch: hanging toes would scuff.
-TURNED = 0.8
-# Sine at which (12) is rounded off, against a jerk from edge to edge.
-ROUNDED = 0.05
+TURNED = 0.8  # share of a swing after which the foot has its landing pitch: hanging toes would scuff
+ROUNDED = 0.05  # sine at which (12) is rounded off, against a jerk from edge to edge
 
 
 def from_flat(pitch: float, half: float) -> tuple[float, float]:

@@ -26,8 +26,7 @@ from sim.models.servo_motor import strength
 from sim.physics.walking.whole_body import WholeBody
 from sim.robots.robot import Robot
 
-# Largest height of an ankle above the sole, in heights of the root; a knee is at half of it.
-ANKLE = 0.3
+ANKLE = 0.3  # largest height of an ankle above the sole, in heights of the root; a knee is at half of it
 
 
 def check_legs(robot: Robot, model: mujoco.MjModel, body: WholeBody, feet: tuple[Foot, ...], roll: float) -> None:

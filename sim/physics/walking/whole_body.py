@@ -27,8 +27,7 @@ from sim.robots.robot import Robot
 # Weights of one metre or one radian off.
 FOOT, CENTRE, LEAN, LEG, REST = 100.0, 60.0, 3.0, 0.3, 3.0
 STARTING_STEPS = 60
-# Weight of constraints.
-HELD = 1e4
+HELD = 1e4  # weight of constraints
 # A leg with fewer hinges cannot put a foot anywhere at any angle: an ankle without roll leaves it at this weight.
 LEG_HINGES, ROLL = 6, 1.0
 # Least bend of a knee, rad, and least share of a leg on either side of it. For a place out of reach a straight leg asks
