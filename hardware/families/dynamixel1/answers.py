@@ -6,7 +6,7 @@ all answer at once, and nothing can be understood. A reboot is known to MX only,
 
 from __future__ import annotations
 
-from hardware.families.dynamixel1 import instructions as wire
+from hardware.families import plain_instructions as wire
 from hardware.families.dynamixel1.family import FAMILY
 from hardware.families.dynamixel1.frames import ANGLE_LIMIT, BAD_CHECKSUM, BAD_INSTRUCTION, OUT_OF_RANGE
 from hardware.families.emulation import (

@@ -2,7 +2,8 @@
 
 from functools import partial
 
-from hardware.families.dynamixel1 import frames, instructions
+from hardware.families import plain_instructions as instructions
+from hardware.families.dynamixel1 import frames
 from hardware.families.family import Family, Identification
 from hardware.families.plain_frames import PlainParser, status_length, trailer
 from hardware.families.replies import Blocks, GroupRead, in_order

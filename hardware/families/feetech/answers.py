@@ -6,6 +6,7 @@ broadcast ping is answered in order of ID, as LeRobot expects it.
 
 from __future__ import annotations
 
+from hardware.families import plain_instructions as wire
 from hardware.families.emulation import (
     BOOT_TIME,
     RESET_BUT_ID,
@@ -15,7 +16,6 @@ from hardware.families.emulation import (
     alone_or_mixed,
     sync_write,
 )
-from hardware.families.feetech import instructions as wire
 from hardware.families.feetech.family import FAMILY
 from hardware.families.frames import BROADCAST, Frame
 from hardware.families.plain_frames import build

@@ -1,7 +1,7 @@
 """The Feetech STS servos as a family."""
 
+from hardware.families import plain_instructions as instructions
 from hardware.families.family import Family, Identification
-from hardware.families.feetech import instructions
 from hardware.families.feetech.group_reply import as_status, group_read, lines
 from hardware.families.plain_frames import PlainParser, status_length, trailer
 

@@ -7,7 +7,7 @@ from functools import partial
 
 import numpy as np
 
-from hardware.families.feetech import instructions
+from hardware.families import plain_instructions as instructions
 from hardware.families.frames import BROADCAST, Frame, StatusPacket
 from hardware.families.plain_frames import BEFORE, HEADER, PlainParser, status_length
 from hardware.families.replies import Blocks, GroupRead, WholeReply, in_order, whole_reply

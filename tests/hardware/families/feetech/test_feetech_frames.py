@@ -4,7 +4,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from hardware.families.feetech import instructions as wire
+from hardware.families import plain_instructions as wire
 from hardware.families.feetech.family import FAMILY
 from hardware.families.feetech.group_reply import as_status, group_read, lines
 from hardware.families.models import MODELS
