@@ -39,7 +39,7 @@ class Ensemble:
 class RobotOutput:
     """The output of one robot of an ensemble; fits `interfaces.Output`.
 
-    It is given its own joints only: so many, from the first on, of all.
+    It is given its own joints only: their number, from the first on, out of all.
     """
 
     def __init__(self, output: Output, first: int, joints: int, of: int, called: str = "") -> None:

@@ -141,7 +141,7 @@ class Targets:
     def set(self, now: float, stopped: bool, door: int, wire: int) -> None:
         """Sets all but the joints, at a time of the machine's steady clock, s; `stopped` is the deck's emergency stop.
 
-        A reset there has released so many presses at the stop door and pulls of the wire.
+        `door` and `wire` count the presses there and the pulls of the wire that resets have released.
         """
         self.values[:4] = now, stopped, door, wire
 
