@@ -14,7 +14,7 @@ from motiondeck.shows.membership import with_certificates
 from motiondeck.shows.messages import Time, TimedCue, encode, read
 
 _NUMBER = 1_000_000  # later than any cue of the conductor
-_AHEAD = 0.2  # s
+_AHEAD, _AGAIN = 0.6, 0.02  # s
 
 
 def main() -> None:
@@ -28,5 +28,7 @@ def main() -> None:
         if not answers or (answer := read(answers[0], Time)) is None:
             return
         cue = TimedCue(answer.run, _NUMBER, "wrong", answer.seconds + _AHEAD, [*DECKS], [Reset(), Resume()])
-        link.publish("cue", encode(cue))
-        time.sleep(0.1)
+        until = time.monotonic() + _AHEAD
+        while time.monotonic() < until:  # decks may be connected later than the conductor
+            link.publish("cue", encode(cue))
+            time.sleep(_AGAIN)

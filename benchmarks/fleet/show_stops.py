@@ -31,6 +31,7 @@ from benchmarks.fleet._stop_judge import (
     DECKS,
     PAUSES,
     RELINK,
+    REMEMBERS,
     DeckTicks,
     StopModel,
     delays,
@@ -42,6 +43,7 @@ LOSSES, DELAYS_MS = (0.0, 0.05, 0.2), (2.0, 20.0, 50.0)
 """Of a schedule: the share of packets that are lost, each way, and the delay of the others."""
 
 _FIRST_NET, _NICE = 80, -5
+_STARTS, _LISTENS = 10.0, 2.0  # s that a deck may take to start, and by which it plays if it hears of no stop
 
 
 def play_schedule(theatre: StopTheatre, chance: random.Random) -> None:
@@ -74,12 +76,14 @@ def _do_something(theatre: StopTheatre, chance: random.Random) -> None:
         (3 * (len(theatre.parted) < 4), lambda: theatre.part(*chance.choice(pairs))),
         (4 * (len(decks) > 2), lambda: _press_beyond(theatre, *chance.sample(decks, 3))),
         (2 * bool(theatre.parted), lambda: theatre.join(*chance.choice(theatre.parted))),
-        (1 * conducted, theatre.send_wrong_cue),
+        (3 * conducted, theatre.send_wrong_cue),
         (2 * bool(warm), lambda: theatre.freeze(chance.choice(warm))),
         (2 * bool(theatre.frozen), lambda: theatre.thaw(chance.choice(sorted(theatre.frozen)))),
         (2 * (len(decks) > 1), lambda: theatre.kill(chance.choice(decks))),
         (1 * conducted, lambda: theatre.kill(CONDUCTOR)),
         (4 * bool(gone), lambda: theatre.start(chance.choice(gone))),
+        (3 * (len(decks) > 1), lambda: _restart(theatre, chance.choice(decks), cut=chance.random() < 0.5)),
+        (3 * (len(decks) > 1), lambda: _start_after_press(theatre, *chance.sample(decks, 2))),
     ]
     weights, actions = zip(*choices, strict=True)
     chance.choices(actions, weights)[0]()
@@ -91,6 +95,33 @@ def _press_beyond(theatre: StopTheatre, deck: str, other: str, presser: str) -> 
         if name not in (deck, other) and not {(deck, name), (name, deck)} & {*theatre.parted}:
             theatre.part(*sorted((deck, name), key=theatre.members.index))
     theatre.send_stop(presser)
+
+
+def _restart(theatre: StopTheatre, deck: str, *, cut: bool) -> None:
+    """Stops a deck, and restarts it at once, perhaps without links, so that it has to remember the stop."""
+    theatre.send_stop(deck)
+    time.sleep(2.0 * REMEMBERS)
+    theatre.kill(deck)
+    if cut and deck not in theatre.cut:
+        theatre.cut_link(deck)
+    theatre.start(deck)
+    _wait_for(theatre, deck)
+
+
+def _start_after_press(theatre: StopTheatre, deck: str, presser: str) -> None:
+    """Starts a deck anew, after a stop that it has not heard."""
+    theatre.kill(deck)
+    theatre.send_stop(presser)
+    theatre.start(deck)
+    _wait_for(theatre, deck)
+
+
+def _wait_for(theatre: StopTheatre, deck: str) -> None:
+    """Waits until a started deck takes part, and as long as it listens for others."""
+    began = time.monotonic()
+    while deck in theatre.settle_starts() and time.monotonic() < began + _STARTS:
+        time.sleep(0.05)
+    time.sleep(_LISTENS)
 
 
 def begin_anew(theatre: StopTheatre) -> float:
@@ -204,7 +235,7 @@ def main(
     seconds: Annotated[float, typer.Option(help="No schedule begins after this time.")] = 900.0,
     keep: Annotated[Path | None, typer.Option(help="Keep recordings and logs in this new folder.")] = None,
     mutants: Annotated[bool, typer.Option("--mutants", help="Play them with each of some broken sources.")] = False,
-    mutant: Annotated[str, typer.Option(hidden=True)] = "",
+    mutant: Annotated[str, typer.Option(help="With this one alone.")] = "",
     only: Annotated[int | None, typer.Option(hidden=True)] = None,
 ) -> None:
     """Cuts, kills and presses in random order, and judges by recordings whether anything moved. Needs root."""

@@ -6,6 +6,7 @@ python -m motiondeck.shows.member_process --show SHOW/DECK --command-port N --le
 from __future__ import annotations
 
 import argparse
+import os
 import signal
 import sys
 
@@ -44,7 +45,8 @@ def main(arguments: list[str] | None = None) -> int:
         while member.step(_LOOK):
             pass
     except SocketError:
-        pass  # the deck is gone
+        # The deck is gone. Closing lost links takes up to 10 s, in which a deck started anew would not get the address.
+        os._exit(0)
     finally:
         member.close()
         leader.close()
