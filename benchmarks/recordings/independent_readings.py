@@ -13,27 +13,27 @@ from scipy.spatial.transform import Rotation
 # shoulder, elbow, wrist, then a point on the hand; a middle point is the mean of those given.
 BANDAI = (
     ("UpperLeg_{}", "LowerLeg_{}", "Foot_{}", "Toes_{}", "UpperArm_{}", "LowerArm_{}", "Hand_{}", None),
-    {"waist": "Chest", "neck": "Neck", "head": None},
+    {"root": "Spine", "waist": "Chest", "neck": "Neck", "head": None},
     ("L", "R"),
 )
 MOTIONBUILDER = (
     ("{}UpLeg", "{}Leg", "{}Foot", "{}ToeBase", "{}Arm", "{}ForeArm", "{}Hand", "{}HandIndex1"),
-    {"waist": "Spine", "neck": "Neck", "head": "Head end"},
+    {"root": "LowerBack", "waist": "Spine", "neck": "Neck", "head": "Head end"},
     ("Left", "Right"),
 )
 MAX = (
     ("{}Hip", "{}Knee", "{}Ankle", "{}Toe", "{}Shoulder", "{}Elbow", "{}Wrist", None),
-    {"waist": "Chest", "neck": "lowerneck", "head": "Head end"},
+    {"root": "lowerback", "waist": "Chest", "neck": "lowerneck", "head": "Head end"},
     ("Left", "Right"),
 )
 ICLONE = (
     ("{}_Thigh", "{}_Calf", "{}_Foot", None, "{}_Upperarm", "{}_Forearm", "{}_Hand", None),
-    {"waist": "CC_Base_Spine02", "neck": "CC_Base_NeckTwist01", "head": None},
+    {"root": "CC_Base_Waist", "waist": "CC_Base_Spine02", "neck": "CC_Base_NeckTwist01", "head": None},
     ("CC_Base_L", "CC_Base_R"),
 )
 ACCLAIM = (
     ("{}hipjoint", "{}femur", "{}tibia", "{}foot", "{}clavicle", "{}humerus", "{}radius", None),
-    {"waist": None, "neck": "thorax", "head": "head"},
+    {"root": "root", "waist": "lowerback", "neck": "thorax", "head": "head"},
     ("l", "r"),
 )
 ENDS = ("hip", "kne", "ank", "foo", "sho", "elb", "wri", "han")
@@ -145,7 +145,7 @@ def _fixed(letters, angles):
 
 
 def landmarks(joints, table):
-    """Where the file has the landmarks that its source names, by canonical bone; the root is between the hips."""
+    """Where the file has the root and the landmarks that its source names, by canonical bone."""
     limbs, middle, sides = table
     found = {
         letter + end: joints[name.format(side)]
@@ -153,8 +153,7 @@ def landmarks(joints, table):
         for end, name in zip(ENDS, limbs, strict=True)
         if name is not None
     }
-    found |= {{"waist": "back"}.get(end, end): joints[name] for end, name in middle.items() if name is not None}
-    return found | {"root": 0.5 * (found["lhip"] + found["rhip"])}
+    return found | {{"waist": "back"}.get(end, end): joints[name] for end, name in middle.items() if name is not None}
 
 
 def c3d_points(path):

@@ -63,9 +63,8 @@ class Body:
         at = dict(zip(self.bone, place, strict=True))
         ends = {"hip": "femur", "kne": "tibia", "ank": "foot", "sho": "humerus", "elb": "radius", "wri": "wrist"}
         found = {side + end: at[side + bone] for side in "lr" for end, bone in ends.items()}
-        found["neck"] = at["lowerneck"]
-        found = {name: track[:, TO_OURS[self.up]] for name, track in found.items()}
-        return found | {"root": 0.5 * (found["lhip"] + found["rhip"])}
+        found |= {"neck": at["lowerneck"], "root": at["lowerback"]}
+        return {name: track[:, TO_OURS[self.up]] for name, track in found.items()}
 
 
 def of_acclaim(asf: Path, amc: Path, frames: slice = slice(None)) -> Body:

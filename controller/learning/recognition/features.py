@@ -13,7 +13,7 @@ from typing import Literal
 import msgspec
 import numpy as np
 
-from controller.motion.canonical.canonical_body import to_canonical
+from controller.motion.canonical.canonical_body import is_canonical, to_canonical
 from controller.motion.clip import Clip
 from controller.motion.rotations import Array, conjugate, multiply, normalise, rotate, to_rotation_vector, yaw
 from motiondeck_base.errors import FileFormatError, MotiondeckError
@@ -124,7 +124,10 @@ def heading_of(clip: Clip) -> Array:
 
 def _positions(clip: Clip, index: list[int], heading: bool) -> Array:
     joints = clip.joints()
-    seen = joints[:, 1:][:, index] - joints[:, :1]
+    root = joints[:, :1]
+    if is_canonical(clip.skeleton):  # its root may lie anywhere in the pelvis
+        root = joints[:, [1 + clip.skeleton.index(hip) for hip in ("lhip", "rhip")]].mean(axis=1, keepdims=True)
+    seen = joints[:, 1:][:, index] - root
     if heading:
         seen = rotate(conjugate(yaw(heading_of(clip)))[:, None], seen)
     return seen.reshape(len(clip), -1)

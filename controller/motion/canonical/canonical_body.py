@@ -1,12 +1,15 @@
 """The canonical body of all recordings, and the conversion to it.
 
 Rest poses of different files cannot be compared; directions of limbs in the world can. So every recording is carried to
-a body of 20 landmarks: the middle between the hips (its root), waist, base of the neck, head, and on each side hip,
-knee, ankle, toe base, shoulder, elbow, wrist and knuckles. Its 19 bones are the lines between them, named and ordered
-as in the thesis: recordings of markers and Jaeger's patterns are already on this body.
+a body of 20 landmarks: the last joint of the trunk that moves with the pelvis (its root), waist, base of the neck,
+head, and on each side hip, knee, ankle, toe base, shoulder, elbow, wrist and knuckles. Its 19 bones are the lines
+between them, named and ordered as in the thesis: recordings of markers and Jaeger's patterns are already on this body,
+with the middle between the hips as root.
 
-Each bone has the direction of the recorded landmarks in every frame, and the median of their distance as its length.
-Its twist is that of the recorded bone at its end, relative to the recording's rest pose.
+Each bone has the direction of the recorded landmarks in every frame, and the median of their distance as its length. A
+line from the hips to the waist would shorten by up to 80 mm in a bend; those within the pelvis are rigid, and the two
+along the spine nearly are. The twist of a bone is that of the recorded bone at its end, relative to the recording's
+rest pose.
 
 Missing landmarks (hands, feet) are placed as in the rest pose of their parent, those of a whole arm as hanging;
 `lacking` lists them.
@@ -22,7 +25,17 @@ from numpy.typing import NDArray
 from controller.motion.anatomy import SIDES, Anatomy, Part, Side, anatomy, leg_without_name
 from controller.motion.bone_names import THESIS_LIMBS
 from controller.motion.clip import Clip
-from controller.motion.rotations import IDENTITY, Array, between, continuous, multiply, normalise, rotate, yaw
+from controller.motion.rotations import (
+    IDENTITY,
+    Array,
+    between,
+    conjugate,
+    continuous,
+    multiply,
+    normalise,
+    rotate,
+    yaw,
+)
 from controller.motion.skeleton import Skeleton
 from controller.motion.thesis_body import JAEGER_BONES, JAEGER_PARENT, JAEGER_REST, thesis_skeleton
 from motiondeck_base.errors import FileFormatError
@@ -30,6 +43,13 @@ from motiondeck_base.files import listed
 
 CANONICAL_BONES = JAEGER_BONES
 NO_LENGTH = 1e-6  # m
+WAIST = 0.35  # of the way along the spine from the root to the neck
+RIGID = 5e-5  # m: a joint whose distances from the hips change by less belongs to the pelvis
+SAME_PELVIS = 0.003  # m: a pelvis that differs by less is the actor's own
+LOW = 0.05  # quantile of the lowest joint's height that counts as the floor's
+_BACK = JAEGER_BONES.index("back")
+_HIPS = [JAEGER_BONES.index("rhip"), JAEGER_BONES.index("lhip")]
+_OTHERS = [bone for bone in range(len(JAEGER_BONES)) if bone not in _HIPS]
 # Lengths of missing bones over thigh and shank (Winter 2009, fig. 4.1).
 _ASSUMED = {"foo": 0.30, "neck": 0.58, "head": 0.35, "sho": 0.26, "elb": 0.38, "wri": 0.30, "han": 0.20}
 _HANGS = (0.0, 0.17, -0.985)  # direction of a missing left arm
@@ -41,7 +61,8 @@ class Landmarks:
 
     joint: dict[str, int]  # in which each canonical bone ends that the skeleton has
     bone: dict[str, int]  # that gives each canonical bone its rotation
-    waist: int | None  # the joint nearest to the middle of the trunk; None if the trunk is one bone
+    root: int | None  # the last joint of the trunk that moves with the pelvis; None without a trunk
+    waist: int | None  # a joint above it, nearest to WAIST of the way to the neck; None if there is none
 
     @property
     def lacking(self) -> list[str]:
@@ -50,16 +71,19 @@ class Landmarks:
 
 
 def is_canonical(skeleton: Skeleton) -> bool:
-    """Whether a skeleton is the canonical body, of any proportions."""
+    """Whether a skeleton is the canonical body, of any proportions and with its root anywhere in the pelvis."""
     return (
         skeleton.bones == CANONICAL_BONES
         and tuple(skeleton.parent.tolist()) == JAEGER_PARENT
-        and np.allclose(skeleton.rest_direction, JAEGER_REST, atol=1e-6)
+        and np.allclose(skeleton.rest_direction[_OTHERS], np.array(JAEGER_REST)[_OTHERS], atol=1e-6)
     )
 
 
-def landmarks_of(skeleton: Skeleton) -> Landmarks:
-    """The landmarks of any skeleton of a human (FileFormatError without two legs)."""
+def landmarks_of(skeleton: Skeleton, joints: Array | None = None) -> Landmarks:
+    """The landmarks of any skeleton of a human (FileFormatError without two legs).
+
+    Joints (T, 1 + B, 3), m, of a recording tell which bones of the trunk move with the pelvis; by default none does.
+    """
     lacks = leg_without_name(skeleton)
     if lacks is not None:
         raise _no_leg(skeleton, lacks)
@@ -84,17 +108,27 @@ def landmarks_of(skeleton: Skeleton) -> Landmarks:
             joint[side[0] + "sho"] = 1 + int(skeleton.parent[arm[0]])
             bone.setdefault(side[0] + "sho", int(skeleton.parent[arm[0]]))
     trunk = _main(skeleton, parts, "trunk", "middle")
-    waist = None
+    root = waist = None
     if trunk:
         joint["neck"], bone["neck"] = 1 + trunk[-1], trunk[-1]
+        if joints is not None:
+            hips = joints[:, [joint["lhip"], joint["rhip"]]]
+            moves = [_moves(joints[:, 1 + bone], hips) for bone in trunk[:-1]]
+            trunk = trunk[min(moves.index(True), len(trunk) - 2) if True in moves else 0 :]
+        root = 1 + int(skeleton.parent[trunk[0]])
         length = np.cumsum(skeleton.length[trunk])
-        middle = int(np.argmin(np.abs(length[:-1] - 0.5 * length[-1]))) if len(trunk) > 1 else None
+        middle = int(np.argmin(np.abs(length[:-1] - WAIST * length[-1]))) if len(trunk) > 1 else None
         waist = None if middle is None else 1 + trunk[middle]
         bone["back"] = trunk[0] if middle is None else trunk[middle]
     top = _main(skeleton, parts, "head", "middle")[:1] or _main(skeleton, parts, "neck", "middle")
     if top and "neck" in joint:
         joint["head"], bone["head"] = 1 + top[-1], top[-1]
-    return Landmarks(joint, bone, waist)
+    return Landmarks(joint, bone, root, waist)
+
+
+def _moves(joint: Array, hips: Array) -> bool:
+    """Whether the distances of a joint (T, 3) from the hips (T, 2, 3) change."""
+    return bool(np.ptp(np.linalg.norm(joint[:, None] - hips, axis=-1), axis=0).max() > RIGID)
 
 
 def _no_leg(skeleton: Skeleton, side: Side) -> FileFormatError:
@@ -119,25 +153,22 @@ def to_canonical(clip: Clip) -> Clip:
     """A recording on the canonical body, with its own proportions (FileFormatError without two legs)."""
     if is_canonical(clip.skeleton):
         return clip
-    marks = landmarks_of(clip.skeleton)
-    rest, start = _rest_places(clip.skeleton, marks)
+    marks = landmarks_of(clip.skeleton, clip.joints())
+    rest, start = _rest_places(clip.skeleton, marks, clip.rotation[:1])
     place, turned = _landmark_places(clip.skeleton, marks, clip.root_position, clip.rotation)
-    line = place[:, 1:] - place[:, np.array(JAEGER_PARENT) + 1]
-    length = np.median(np.sqrt(np.square(line).sum(-1)), axis=0)
+    length = np.median(np.linalg.norm(_lines(place), axis=-1), axis=0)
     # With arms at the neck a shoulder may have no length, and then moves with its parent.
     length[length < NO_LENGTH] = 0.0
-    skeleton = thesis_skeleton(length, clip.skeleton.name)
-    across = rest[1 + CANONICAL_BONES.index("lhip")] - rest[0]
+    across = (rest[1 + _HIPS[1]] - rest[1 + _HIPS[0]])[:2]
     # A rest pose may face a few degrees aside; the canonical root faces at right angles to its hips.
     facing = yaw(np.arctan2(-across[0], across[1]))
+    rests = np.array(JAEGER_REST)
+    rests[_HIPS] = np.where(length[_HIPS, None] > 0.0, rotate(conjugate(facing), start[_HIPS]), rests[_HIPS])
+    skeleton = replace(thesis_skeleton(length, clip.skeleton.name), rest_direction=rests)
     rotation = np.empty((len(clip), 1 + len(skeleton), 4))
     rotation[:, 0] = multiply(turned[:, 0], facing)
-    rests = np.array(JAEGER_REST)
-    carried = multiply(turned[:, 1:], between(rests, np.where(length[:, None] > 0.0, start, rests)))
-    now = rotate(carried, rests)
-    apart = np.sqrt(np.square(line).sum(-1)) >= NO_LENGTH
-    goal = np.where(apart[..., None], normalise(line), now)
-    rotation[:, 1:] = multiply(between(now, goal), carried)
+    rotation[:, 1:] = multiply(turned[:, 1:], between(rests, np.where(length[:, None] > 0.0, start, rests)))
+    _point(rotation, rests, _lines(place))
     for bone in np.flatnonzero(length == 0.0):
         rotation[:, 1 + bone] = rotation[:, 1 + JAEGER_PARENT[bone]]
     return Clip(clip.name, skeleton, clip.rate, place[:, 0], continuous(rotation), clip.source)
@@ -150,9 +181,21 @@ def landmark_places(clip: Clip) -> tuple[Array, NDArray[np.bool_]]:
     """
     if is_canonical(clip.skeleton):
         return clip.joints(), np.full(1 + len(CANONICAL_BONES), True)
-    marks = landmarks_of(clip.skeleton)
+    marks = landmarks_of(clip.skeleton, clip.joints())
     places, _ = _landmark_places(clip.skeleton, marks, clip.root_position, clip.rotation)
     return places, np.array([True, *(bone not in marks.lacking for bone in CANONICAL_BONES)])
+
+
+def _lines(place: Array) -> Array:
+    """From the beginning to the end of each canonical bone, (..., 19, 3), m, by root and landmarks (..., 20, 3)."""
+    return place[..., 1:, :] - place[..., np.array(JAEGER_PARENT) + 1, :]
+
+
+def _point(rotation: Array, rests: Array, line: Array) -> None:
+    """Swings bones with rotations (T, 1 + 19, 4) onto lines (T, 19, 3) that have a length, in place."""
+    now = rotate(rotation[:, 1:], rests)
+    apart = np.sqrt(np.square(line).sum(-1)) >= NO_LENGTH
+    rotation[:, 1:] = multiply(between(now, np.where(apart[..., None], normalise(line), now)), rotation[:, 1:])
 
 
 def carried(clip: Clip, skeleton: Skeleton) -> Clip:
@@ -169,10 +212,40 @@ def carried(clip: Clip, skeleton: Skeleton) -> Clip:
     if same and not is_canonical(skeleton):
         return _with_same_bones(clip, skeleton)
     canonical = to_canonical(clip)
-    if is_canonical(skeleton):
-        ratio = skeleton.leg_length / canonical.skeleton.leg_length
-        return replace(canonical, skeleton=skeleton, root_position=canonical.root_position * ratio)
-    return _from_canonical(canonical, skeleton)
+    return _proportioned(canonical, skeleton) if is_canonical(skeleton) else _from_canonical(canonical, skeleton)
+
+
+def _proportioned(clip: Clip, skeleton: Skeleton) -> Clip:
+    """A canonical clip on the canonical body with other proportions; its lowest joint stays as high, by leg."""
+    own = clip.skeleton
+    ratio = _leg(skeleton) / _leg(own)
+    rotation, place = clip.rotation.copy(), ratio * clip.joints()
+    line = rotate(rotation[:, 1:], own.rest_direction)
+    root = place[:, 0]
+    (to_hips, half), (to_own, own_half) = _pelvis(skeleton), _pelvis(own)
+    if max(abs(half - ratio * own_half), abs(np.hypot(*to_hips[::2]) - ratio * np.hypot(*to_own[::2]))) > SAME_PELVIS:
+        middle = place[:, 1 + np.array(_HIPS)].mean(axis=1)
+        ahead = rotate(rotation[:, 0], to_hips)
+        across = half * normalise(place[:, 1 + _HIPS[1]] - place[:, 1 + _HIPS[0]])
+        root = middle - ahead
+        line[:, _HIPS] = np.stack([ahead - across, ahead + across], axis=1)
+        if to_hips.any() != to_own.any():
+            line[:, _BACK] = place[:, 1 + _BACK] - root
+    _point(rotation, skeleton.rest_direction, line)
+    done = replace(clip, skeleton=skeleton, root_position=root, rotation=continuous(rotation))
+    lift = np.quantile(place[..., 2].min(axis=1), LOW) - np.quantile(done.joints()[..., 2].min(axis=1), LOW)
+    return replace(done, root_position=root + np.array([0.0, 0.0, lift]))
+
+
+def _leg(skeleton: Skeleton) -> float:
+    """Thigh and shank of a canonical body, m, the mean of both sides."""
+    return 0.5 * float(sum(skeleton.length[skeleton.index(side + end)] for side in "lr" for end in ("kne", "ank")))
+
+
+def _pelvis(skeleton: Skeleton) -> tuple[Array, float]:
+    """From the root to the middle between the hips of a canonical body at rest, (3,), and half their distance, m."""
+    right, left = skeleton.rest_direction[_HIPS] * skeleton.length[_HIPS, None]
+    return 0.5 * (left + right), 0.5 * float(np.linalg.norm(left - right))
 
 
 def _with_same_bones(clip: Clip, skeleton: Skeleton) -> Clip:
@@ -216,18 +289,24 @@ def _from_canonical(clip: Clip, skeleton: Skeleton) -> Clip:
             goal = rotate(clip.rotation[:, 1 + of], np.array(JAEGER_REST[of]))
             now = rotate(rotation[:, 1 + bone], skeleton.rest_direction[bone])
             rotation[:, 1 + bone] = multiply(between(now, goal), rotation[:, 1 + bone])
+    at_hips = 1 + np.array(_HIPS)
     ratio = skeleton.leg_length / clip.skeleton.leg_length
-    middle = rotate(rotation[:, 0], rest[0])
-    return replace(
-        clip, skeleton=skeleton, root_position=clip.root_position * ratio - middle, rotation=continuous(rotation)
-    )
+    root = ratio * clip.joints()[:, at_hips].mean(axis=1) - rotate(rotation[:, 0], rest[at_hips].mean(axis=0))
+    return replace(clip, skeleton=skeleton, root_position=root, rotation=continuous(rotation))
 
 
-def _rest_places(skeleton: Skeleton, marks: Landmarks) -> tuple[Array, Array]:
-    """Positions of root and landmarks in the rest pose, (20, 3), and directions of the canonical bones, (19, 3)."""
-    unturned = np.tile(IDENTITY, (1, 1 + len(skeleton), 1))
-    place = _landmark_places(skeleton, marks, np.zeros((1, 3)), unturned)[0][0]
-    return place, normalise(place[1:] - place[np.array(JAEGER_PARENT) + 1])
+def _rest_places(skeleton: Skeleton, marks: Landmarks, recorded: Array | None = None) -> tuple[Array, Array]:
+    """Positions of root and landmarks in the rest pose, (20, 3), and directions of the canonical bones, (19, 3).
+
+    The guess of a rest pose may bend the pelvis, whose bones are rigid: a recorded frame (1, 1 + B, 4) straightens it.
+    """
+    rotation = np.tile(IDENTITY, (1, 1 + len(skeleton), 1))
+    joints = [marks.joint["lhip"], marks.joint["rhip"], *([] if marks.root is None else [marks.root])]
+    if recorded is not None:
+        pelvis = [0, *(1 + bone for at in joints if at for bone in np.flatnonzero(skeleton.chain[at - 1]))]
+        rotation[:, pelvis] = multiply(conjugate(recorded[:, :1]), recorded[:, pelvis])
+    place = _landmark_places(skeleton, marks, np.zeros((1, 3)), rotation)[0][0]
+    return place, normalise(_lines(place))
 
 
 def _landmark_places(
@@ -238,7 +317,8 @@ def _landmark_places(
     index = {bone: 1 + number for number, bone in enumerate(CANONICAL_BONES)}
     place = np.empty((len(joints), 20, 3))
     turned = np.empty((len(joints), 20, 4))
-    place[:, 0] = 0.5 * (joints[:, marks.joint["lhip"]] + joints[:, marks.joint["rhip"]])
+    hips = 0.5 * (joints[:, marks.joint["lhip"]] + joints[:, marks.joint["rhip"]])
+    place[:, 0] = hips if marks.root is None else joints[:, marks.root]
     turned[:, 0] = rotation[:, 0]
     leg = float(skeleton.length[marks.bone["lkne"]] + skeleton.length[marks.bone["lank"]])
     for bone, parent, rest in zip(CANONICAL_BONES, JAEGER_PARENT, JAEGER_REST, strict=True):

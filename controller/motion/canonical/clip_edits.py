@@ -163,7 +163,11 @@ def mirrored(clip: Clip) -> Clip:
     rotation = own.rotation[:, np.concatenate([[0], 1 + partner])] * np.array([1.0, -1.0, 1.0, -1.0])
     return replace(
         own,
-        skeleton=replace(own.skeleton, length=own.skeleton.length[partner]),
+        skeleton=replace(
+            own.skeleton,
+            length=own.skeleton.length[partner],
+            rest_direction=own.skeleton.rest_direction[partner] * np.array([1.0, -1.0, 1.0]),
+        ),
         root_position=own.root_position * np.array([1.0, -1.0, 1.0]),
         rotation=rotation,
     )
