@@ -4,6 +4,8 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
 from benchmarks.recordings.independent_readings import (
     ACCLAIM,
@@ -24,13 +26,13 @@ from controller.motion.canonical.canonical_body import (
     landmarks_of,
     to_canonical,
 )
-from controller.motion.formats.acclaim.amc import skeleton_of
+from controller.motion.formats.acclaim.amc import skeleton_of as skeleton_of_recording
 from controller.motion.formats.reading import read_clip
 from controller.motion.reading_options import ReadingOptions
 from controller.motion.rotations import conjugate, multiply, normalise, rotate
 from controller.motion.skeleton import Skeleton
 from motiondeck_base.errors import FileFormatError
-from simulated_bodies import human, smooth_poses
+from simulated_bodies import human, skeleton_of, smooth_poses
 
 BVH_FILES = {
     "bvh/cgspeed-motionbuilder_cmu_12_01.bvh": MOTIONBUILDER,
@@ -82,7 +84,7 @@ def test_bones_of_bandai_files_point_as_recorded_and_stay_on_their_path(mocap_da
 def test_bones_of_acclaim_files_point_as_recorded(mocap_data, file):
     path = mocap_data / file
     path = path if path.is_file() else sorted(path.rglob("*.[aA][mM][cC]"))[40]
-    skeleton = skeleton_of(path, mocap_data)
+    skeleton = skeleton_of_recording(path, mocap_data)
     seen = landmarks(amc_joints(skeleton.read_text("latin-1"), path.read_text("latin-1"), EVERY), ACCLAIM)
     assert worst_degrees(to_canonical(read_clip(path, ReadingOptions(skeleton))), seen) < 1.0
 
@@ -174,3 +176,121 @@ def test_arms_that_hang_from_the_neck_point_as_recorded():
     theirs = rotate(clip.rotation[:, 1:][:, bones], clip.skeleton.rest_direction[bones])
     ours = [own.skeleton.index(bone) for bone in ("lelb", "rwri")]
     assert np.allclose(rotate(own.rotation[:, 1:][:, ours], own.skeleton.rest_direction[ours]), theirs, atol=1e-9)
+
+
+ARM, LEG = (("sho", 0.15), ("elb", 0.3), ("wri", 0.25), ("han", 0.08)), (("kne", 0.43), ("ank", 0.4), ("foo", 0.15))
+ARM_NAMES, LEG_NAMES = ("Shoulder", "Arm", "ForeArm", "Hand"), ("UpLeg", "Leg", "Foot")
+SIDES = (("Left", 1.0), ("Right", -1.0))
+HIP_NAMES = ("LeftHipJoint", "RightHipJoint", "Spine0", "Spine1")
+
+
+def person(draw, spine, pelvis=1):
+    """A body of any proportions with its root above the hips; `pelvis` bones of its trunk move with the root."""
+    bones = []
+
+    def add(name, parent, direction, length):
+        bones.append((name, parent, direction, length * draw.uniform(0.7, 1.3)))
+        return len(bones) - 1
+
+    for side, sign in SIDES:
+        at = add(side + "HipJoint", -1, (draw.uniform(-0.3, 0.3), sign, draw.uniform(-1.2, -0.2)), 0.12)
+        for name, (_, length) in zip(LEG_NAMES, LEG, strict=True):
+            at = add(side + name, at, (1, 0, 0) if name == "Foot" else (0, 0, -1), length)
+    at = -1
+    for number in range(pelvis + spine):
+        at = add(f"Spine{number}", at, (0, 0, 1), 0.45 / (pelvis + spine))
+    for side, sign in SIDES:
+        arm = at
+        for name, (_, length) in zip(ARM_NAMES, ARM, strict=True):
+            arm = add(side + name, arm, (0, sign, 0), length)
+    add("Head", at, (0, 0, 1), 0.2)
+    return skeleton_of(bones), [bone for bone, one in enumerate(bones) if one[0] in HIP_NAMES[: 2 + pelvis]]
+
+
+LANDMARKS = {
+    **{side[0].lower() + end: side + name for side, _ in SIDES for (end, _), name in zip(LEG, LEG_NAMES, strict=True)},
+    **{side[0].lower() + end: side + name for side, _ in SIDES for (end, _), name in zip(ARM, ARM_NAMES, strict=True)},
+    "lhip": "LeftHipJoint",
+    "rhip": "RightHipJoint",
+}
+
+
+def moved(skeleton, rigid, draw, frames=40, bend=0.7):
+    clip = random_clip(draw, skeleton, frames)
+    poses = smooth_poses(skeleton, draw, frames, reach=bend)
+    rotation = np.array([pose.rotation for pose in poses])
+    rotation[:, 1 + np.array(rigid)] = rotation[:, :1]
+    return replace(clip, rotation=rotation)
+
+
+def off(clip, own, scale=1.0):
+    """How far landmarks are from where they were, seen from the middle between the hips, (T, landmarks), m."""
+    seen = []
+    for body, names in ((clip, LANDMARKS.values()), (own, LANDMARKS)):
+        joints = body.joints()[:, [1 + body.skeleton.index(name) for name in names]]
+        seen.append(joints - joints[:, [-1, -2]].mean(axis=1, keepdims=True))
+    return np.linalg.norm(seen[0] * scale - seen[1], axis=-1)
+
+
+@given(st.integers(0, 2**32 - 1), st.integers(0, 2))
+def test_on_its_own_canonical_body_a_person_of_two_spine_bones_keeps_every_joint(seed, pelvis):
+    """Also the hands of those that bend: no bone spans a joint that moves."""
+    draw = np.random.default_rng(seed)
+    clip = moved(*person(draw, 2, pelvis), draw)
+    own = to_canonical(clip)
+    assert is_canonical(own.skeleton)
+    assert off(clip, own).max() < 1e-6
+    assert np.allclose(carried(clip, own.skeleton).joints(), own.joints(), atol=1e-6)
+
+
+@given(st.integers(0, 2**32 - 1))
+def test_takes_of_one_actor_are_carried_to_one_body_whatever_they_do(seed):
+    draw = np.random.default_rng(seed)
+    skeleton, rigid = person(draw, 2)
+    still, bent = moved(skeleton, rigid, draw, bend=0.1), moved(skeleton, rigid, draw, bend=0.9)
+    assert np.allclose(to_canonical(still).skeleton.length, to_canonical(bent).skeleton.length, atol=1e-6)
+    assert off(bent, carried(bent, to_canonical(still).skeleton)).max() < 1e-6
+
+
+@given(st.integers(0, 2**32 - 1))
+def test_a_body_whose_root_lies_between_the_hips_is_carried_to_as_well(seed):
+    """The canonical body of older libraries: hips sideways, a body of Jaeger's patterns."""
+    draw = np.random.default_rng(seed)
+    clip, older = moved(*person(draw, 2), draw), human()
+    own, other = to_canonical(clip), carried(clip, older)
+    assert other.skeleton is older
+    for bone in ("lkne", "rank", "lfoo", "lelb", "rwri", "neck", "head"):
+        index = CANONICAL_BONES.index(bone)
+        lines = [rotate(body.rotation[:, 1 + index], body.skeleton.rest_direction[index]) for body in (own, other)]
+        assert np.allclose(*lines, atol=1e-9), bone
+    joints = [body.joints() for body in (own, other)]
+    across = [normalise(seen[:, 1 + CANONICAL_BONES.index("lhip")] - seen[:, 1]) for seen in joints]
+    assert np.allclose(*across, atol=1e-9)
+    assert np.allclose(joints[1][:, 0], joints[1][:, [1, 1 + CANONICAL_BONES.index("lhip")]].mean(axis=1), atol=1e-9)
+    legs = [at for at, name in enumerate(LANDMARKS) if name[1:] in ("hip", "kne", "ank", "foo")]
+    assert off(clip, carried(other, own.skeleton))[:, legs].max() < 1e-6
+
+
+def test_feet_stand_as_high_on_a_body_with_other_feet():
+    clip = to_canonical(moving(human()))
+    length = clip.skeleton.length.copy()
+    length[[CANONICAL_BONES.index(bone) for bone in ("lfoo", "rfoo")]] *= 1.5
+    lowest = [
+        np.quantile(one.joints()[..., 2].min(axis=1), 0.05)
+        for one in (clip, carried(clip, replace(clip.skeleton, length=length)))
+    ]
+    assert lowest[0] == pytest.approx(lowest[1], abs=1e-9)
+
+
+def test_hands_of_a_squat_are_where_they_were_on_the_body_of_a_jog(mocap_data):
+    """By an independent reading; on a body with lines from the hips to the waist they are 60 mm off."""
+    folder = mocap_data / "hdm05"
+    names = ("jogLeftCircle4StepsRstart/HDM_tr_jogLeftCircle4StepsRstart_014_120.amc",)
+    jog, squat = (folder / name for name in (*names, "squat1Reps/HDM_tr_squat1Reps_041_120.amc"))
+    skeleton = skeleton_of_recording(jog, mocap_data)
+    body = to_canonical(read_clip(jog, ReadingOptions(skeleton))).skeleton
+    ours = carried(read_clip(squat, ReadingOptions(skeleton)), body).joints()[EVERY]
+    seen = landmarks(amc_joints(skeleton.read_text("latin-1"), squat.read_text("latin-1"), EVERY), ACCLAIM)
+    for hand in ("lwri", "rwri"):
+        away = np.linalg.norm(ours[:, 1 + CANONICAL_BONES.index(hand)] - seen[hand][:, [2, 0, 1]], axis=-1)
+        assert 1000.0 * np.percentile(away, 95) < 10.0
