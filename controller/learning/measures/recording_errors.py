@@ -161,9 +161,9 @@ def _nearest_late(recorded: RecordedPart, frame: int, played: Array) -> Array:
 
 
 def _pointing(recorded: RecordedPart) -> NDArray[np.int64]:
-    """The bones whose directions the recording has."""
+    """The bones whose directions the recording has, without those at the root, which may lie anywhere in the pelvis."""
     lengths = np.median(np.linalg.norm(recorded.places[:, 1:] - recorded.places[:, PARENT], axis=-1), axis=0)
-    return np.flatnonzero(recorded.known[1:] & recorded.known[PARENT] & (lengths > SHORTEST))
+    return np.flatnonzero(recorded.known[1:] & recorded.known[PARENT] & (lengths > SHORTEST) & (PARENT > 0))
 
 
 def _angles(ours: Array, theirs: Array, bones: NDArray[np.int64]) -> Array:
