@@ -10,25 +10,10 @@ from typing import cast
 import viser
 
 from controller.wire.command_socket import CommandClient
+from controller.wire.messages import commands as say
 from controller.wire.messages.arguments import TEMPO
 from controller.wire.messages.command_table import BY_WORD
-from controller.wire.messages.commands import (
-    SIDES,
-    DeckCommand,
-    EmergencyStop,
-    GiveBeat,
-    Home,
-    Pause,
-    Push,
-    Reset,
-    Resume,
-    SetTempo,
-    Side,
-    StepOn,
-    Stop,
-    Switch,
-    Unlock,
-)
+from controller.wire.messages.commands import SIDES, DeckCommand, Side
 from controller.wire.messages.deck_snapshot import DeckSnapshot
 from controller.wire.messages.events import Event
 from controller.wire.messages.replies import Refused
@@ -125,13 +110,13 @@ class Panel:
         )
         self._pause.on_click(lambda _: self._pause_or_resume())
         self._home = gui.add_button("Home", icon=viser.Icon.HOME, color="gray", hint=BY_WORD["home"].help)
-        self._home.on_click(lambda _: self.send(Home()))
+        self._home.on_click(lambda _: self.send(say.Home()))
         self._end = gui.add_button("End run", icon=viser.Icon.PLAYER_STOP, color="gray", hint=BY_WORD["stop"].help)
         self._end.on_click(self._ask_to_end)
         self._step = gui.add_button(
             "Step", icon=viser.Icon.PLAYER_SKIP_FORWARD, color="gray", visible=False, hint=STEPS + " Key: S."
         )
-        self._step.on_click(lambda _: self.send(StepOn(seconds=STEP)))
+        self._step.on_click(lambda _: self.send(say.StepOn(seconds=STEP)))
         self.motion_controls = MotionControls(
             self.parts,
             about.motions,
@@ -166,23 +151,23 @@ class Panel:
             step = usual / 20.0
             impulse = gui.add_slider("N s", min=step, max=3.0 * usual, step=step, initial_value=usual)
             sides = gui.add_button_group("from the", SIDES, hint=BY_WORD["push"].help)
-        sides.on_click(lambda _: self.send(Push(cast(Side, sides.value), float(impulse.value))))
+        sides.on_click(lambda _: self.send(say.Push(cast(Side, sides.value), float(impulse.value))))
 
     def _add_keys(self) -> None:
         gui = self._page.gui
-        gui.add_command("Emergency stop", hotkey="escape").on_trigger(lambda _: self.send(EmergencyStop()))
+        gui.add_command("Emergency stop", hotkey="escape").on_trigger(lambda _: self.send(say.EmergencyStop()))
         gui.add_command("Pause or resume", hotkey="space").on_trigger(lambda _: self._pause_or_resume())
-        gui.add_command("Step", hotkey="S").on_trigger(lambda _: self.send(StepOn(seconds=STEP)))
+        gui.add_command("Step", hotkey="S").on_trigger(lambda _: self.send(say.StepOn(seconds=STEP)))
         for digit, motion in zip(DIGITS, self._motions, strict=False):
-            gui.add_command(motion, hotkey=digit).on_trigger(lambda _, motion=motion: self.send(Switch(motion)))
+            gui.add_command(motion, hotkey=digit).on_trigger(lambda _, motion=motion: self.send(say.Switch(motion)))
 
     def _add_tap(self) -> viser.GuiButtonHandle:
         gui = self._page.gui
         with gui.add_folder("beat", expand_by_default=False):
             tap = gui.add_button("Tap", color="gray", hint=BY_WORD["beat"].help)
             unlock = gui.add_button("Unlock", color="gray", hint=BY_WORD["unlock"].help)
-        tap.on_click(lambda _: self.send(GiveBeat()))
-        unlock.on_click(lambda _: self.send(Unlock()))
+        tap.on_click(lambda _: self.send(say.GiveBeat()))
+        unlock.on_click(lambda _: self.send(say.Unlock()))
         return tap
 
     @property
@@ -222,10 +207,10 @@ class Panel:
     def _stop_or_ask(self, event: viser.GuiEvent) -> None:
         """Stops at once; a reset is asked about first."""
         if not self._stopped:
-            self.send(EmergencyStop())
+            self.send(say.EmergencyStop())
             return
         text = "Check that all people are clear. Nothing moves yet; Resume, Home or a motion then starts slowly."
-        self.ask(event, "Release the emergency stop?", text, "Release", Reset())
+        self.ask(event, "Release the emergency stop?", text, "Release", say.Reset())
 
     def end(self, reason: str) -> None:
         """Shows that the run has ended, and why; nothing can be commanded any more."""
@@ -236,11 +221,11 @@ class Panel:
         self._estop.disabled = self._end.disabled = True
 
     def _pause_or_resume(self) -> None:
-        self.send(Resume() if self._state.paused else Pause())
+        self.send(say.Resume() if self._state.paused else say.Pause())
 
     def _ask_to_end(self, event: viser.GuiEvent) -> None:
         text = "The robot comes to rest, and the deck ends. This page then keeps its last picture."
-        self.ask(event, "End the run?", text, "End the run", Stop(), no="Play on")
+        self.ask(event, "End the run?", text, "End the run", say.Stop(), no="Play on")
 
     def ask(
         self,
@@ -271,7 +256,7 @@ class Panel:
         # A slider set by this program, not by a hand, reports no client.
         if event.client is not None:
             self._moved = time.monotonic()
-            self.send(SetTempo(factor=float(self._tempo.value)))
+            self.send(say.SetTempo(factor=float(self._tempo.value)))
 
     def send(self, message: DeckCommand) -> None:
         """Sends a command and shows a refusal on the page; an emergency stop waits for no other command."""

@@ -41,7 +41,6 @@ from motiondeck_base.errors import MotiondeckError
 
 if TYPE_CHECKING:  # a run imports what it has: page, show, recorder, recognition, rig, outputs
     from motiondeck.run.beside.tick_recorder import TickRecorder
-    from motiondeck.run.guard.guarded_rig import GuardedRig
     from motiondeck.run.recognition.watches import Watch
     from motiondeck.run.robots.rig_output import RigOutput
     from motiondeck.run.session import PlayableDeck
@@ -123,7 +122,8 @@ def _assemble(opening: ExitStack, stop: StopRequest, spec: RunSpec, played: Play
     deck = played.make_deck(together([robot.retarget for robot in robots]))
     joints = [name for robot in robots for name in robot.joints]
     servos = _servos(first)
-    guarded = _guarded(robots)
+    rigs = filter(None, map(_servos, robots))
+    guarded = [output.guarded for output in rigs if output.guarded is not None]
     for rig in guarded:
         rig.stop = stop.state
     door = wired = None
@@ -255,12 +255,6 @@ def _servos(robot: RobotOnDeck) -> RigOutput | None:
     from motiondeck.run.robots.rig_output import RigOutput
 
     return robot.rig.output if isinstance(robot.rig.output, RigOutput) else None
-
-
-def _guarded(robots: Sequence[RobotOnDeck]) -> list[GuardedRig]:
-    """The rigs of robots that are behind a guard."""
-    servos = [_servos(robot) for robot in robots]
-    return [output.guarded for output in servos if output is not None and output.guarded is not None]
 
 
 def _correction(

@@ -1,18 +1,51 @@
-"""The facts of the Dynamixel servos of Protocol 1.0."""
+"""The facts of the Dynamixel servos of Protocol 1.0; the tables are in `ax_rx.txt` and `mx.txt`."""
 
-from hardware.families.dynamixel1.ax_rx_mx import AX_RX_MX
+from __future__ import annotations
+
+from dataclasses import replace
+
 from hardware.families.dynamixel1.family import FAMILY
 from hardware.families.dynamixel1.traits import TRAITS
 from hardware.families.facts import FamilyFacts
 from hardware.families.identified_motor import parse_motors
 from hardware.families.rows import file_beside
+from hardware.families.table import ControlTable, parse_table
+from hardware.families.traits import Traits
 
-_NUMBERS = {model: table.number for model, table in AX_RX_MX.items()}
+_AX_RX = file_beside(__file__, "ax_rx.txt")
+_MX = file_beside(__file__, "mx.txt")
+_STEPS = 1228  # to a turn: 1023 of them are 300 degrees
 
-FACTS = FamilyFacts(
-    FAMILY,
-    TRAITS,
-    lambda: _NUMBERS,
-    AX_RX_MX.__getitem__,
-    motors=parse_motors(file_beside(__file__, "motors.txt")),
-)
+# What a model has otherwise than its series.
+_EXCEPTIONS: dict[str, dict[str, int]] = {
+    "AX-12W": {
+        f"{way}_compliance_{what}": value for way in ("cw", "ccw") for what, value in (("margin", 4), ("slope", 64))
+    },
+    "AX-18A": {"max_torque": 983, "torque_limit": 983},
+    "MX-64(1.0)": {"max_voltage_limit": 240},
+}
+_LACKS = {
+    "MX-28(1.0)": ("drive_mode", "current", "torque_control_mode", "goal_torque"),
+    "MX-64(1.0)": ("drive_mode",),
+}
+
+
+def _table(model: str, traits: Traits) -> ControlTable:
+    number, degrees = traits.figures
+    steps, text = (4096, _MX) if traits.series.name == "MX1" else (_STEPS, _AX_RX)
+    table = parse_table(model, number, steps, text, traits.series)
+    defaults = {"model_number": number, "temperature_limit": degrees}
+    if traits.series.name == "RX":
+        defaults |= {"baud_rate": 34, "max_voltage_limit": 190}
+    for name, value in (defaults | _EXCEPTIONS.get(model, {})).items():
+        table.registers[name] = replace(table[name], default=value)
+    for name in _LACKS.get(model, ()):
+        del table.registers[name]
+    return table
+
+
+_TABLES = {model: _table(model, traits) for model, traits in TRAITS.items()}
+_NUMBERS = {model: table.number for model, table in _TABLES.items()}
+_MOTORS = parse_motors(file_beside(__file__, "motors.txt"))
+
+FACTS = FamilyFacts(FAMILY, TRAITS, lambda: _NUMBERS, _TABLES.__getitem__, motors=_MOTORS)

@@ -14,16 +14,8 @@ import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
-from motiondeck.page.learning.learning_process import (
-    HAND,
-    HandRecording,
-    Learned,
-    LearningStep,
-    LearnRequest,
-    News,
-    NotLearned,
-    Seen,
-)
+from motiondeck.page.learning import learning_process as messages
+from motiondeck.page.learning.learning_process import HAND, Learned, LearningStep, LearnRequest, NotLearned, Seen
 from motiondeck_base.errors import MotiondeckError
 
 FIGURES, POINTS = 8, 120  # poses, or angles of each joint, of a recording that are shown
@@ -63,7 +55,7 @@ def _inspect_hands(file: Path) -> Seen:
     from controller.motion.formats.taught_clip import save_taught_clip, taught_clip
     from hardware.tools.teaching import Moment, taught
 
-    hands = msgspec.json.decode(file.read_bytes(), type=HandRecording)
+    hands = msgspec.json.decode(file.read_bytes(), type=messages.HandRecording)
     moments = [Moment(at, np.array(angles)) for at, angles in zip(hands.times, hands.angles, strict=True)]
     found, clip_file = taught(moments, hands.rate), file.with_suffix(".clip")
     save_taught_clip(taught_clip(file.stem, hands.joints, hands.rate, found.whole, "the page"), clip_file)
@@ -146,7 +138,7 @@ def _free_name(stem: str) -> Path:
     return out
 
 
-def send(news: News) -> None:
+def send(news: messages.News) -> None:
     """Writes one line."""
     sys.stdout.buffer.write(msgspec.json.encode(news) + b"\n")
     sys.stdout.buffer.flush()
