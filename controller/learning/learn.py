@@ -27,6 +27,9 @@ from controller.motion.reading_options import AS_FOUND, ReadingOptions
 from motiondeck_base.errors import MotiondeckError
 from motiondeck_base.jobs import ALONE, Jobs, spread
 
+# s, of a robot's motions: what a retargeter computed moves less smoothly than a human, by up to 7 degrees/frame^2.
+_JOINTS_PIECE = 0.25
+
 
 @dataclass(frozen=True)
 class LearnedMotion:
@@ -120,13 +123,13 @@ def learn(
         raise MotiondeckError(f"{none}{_named(left_out[0])}")
     kinds = {one.clip.skeleton.is_rig for one in examined}
     if len(kinds) > 1:
-        raise MotiondeckError("recordings of bodies and clips taught to a rig do not share a library; learn them apart")
+        raise MotiondeckError("recordings of bodies and of a robot's joints do not share a library; learn them apart")
     recipe = check_recipe(
         LibraryRecipe(
             name=name,
-            network=network or PhaseRecipe(),
+            network=network or (PhaseRecipe(piece_seconds=_JOINTS_PIECE) if kinds == {True} else PhaseRecipe()),
             motions=[one.motion for one in examined],
-            rate=COMMON_RATE if kinds == {False} else None,
+            rate=None if any(file.suffix.lower() == ".clip" for file in files) else COMMON_RATE,
             loop_keeps=LOOP_KEEPS,
             seeds=list(seeds),
         ),

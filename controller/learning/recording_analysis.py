@@ -66,7 +66,7 @@ def analyse_recording(
     own = replace(options, skeleton=find_skeleton(file, options))
     recording = read_fitted(file, own)
     taught = None
-    if recording.clip.skeleton.is_rig:
+    if file.suffix.lower() == ".clip":
         clip, taught = read_takes([file, *takes])
         recording = replace(recording, clip=clip)
     found = decided(recording, file, within, taught)
@@ -149,7 +149,7 @@ def find_skeleton(file: Path, options: ReadingOptions) -> Path | None:
 
 def _loops(clip: Clip) -> tuple[bool, float, float, str]:
     """Whether a clip is a loop, the error at its best seam (see `seam_error`), and the figures that decided."""
-    one = resampled(to_canonical(clip), COMMON_RATE)
+    one = resampled(clip if clip.skeleton.is_rig else to_canonical(clip), COMMON_RATE)
     encoding = encoding_of(one.skeleton)
     channels = encoding.encode(one)
     features = joint_features(encoding, channels)

@@ -21,7 +21,9 @@ from joblib import delayed
 from controller.motion.canonical.clip_edits import breaks, resampled, without_reference_pose
 from controller.motion.clip import Clip
 from controller.motion.formats.reading import read_clip, recordings_below
+from controller.motion.formats.robot_motions import JOINTS_FILE
 from motiondeck_base.errors import MotiondeckError
+from motiondeck_base.files import write_file
 from motiondeck_base.jobs import EVERY_CORE, Jobs, spread
 from sim.models.robot_file import Solver, read_robot_file
 from sim.retargeting.robot_parts import SIDES
@@ -212,6 +214,7 @@ def _carried(
         marked = place.with_suffix(MARK + place.suffix) if measured["infeasible"] else place
         (out / marked).parent.mkdir(parents=True, exist_ok=True)
         write_training_file(out / marked, fitted.model, motion.qpos, clip.rate, format)
+        _write_names(out / JOINTS_FILE, fitted)
         for other in {place, place.with_suffix(MARK + place.suffix)} - {marked}:
             (out / other).unlink(missing_ok=True)
         return RetargetedFile(file=str(marked), **known)
@@ -219,6 +222,14 @@ def _carried(
         return RetargetedFile(error=str(error), **known)
     except Exception as error:  # one odd recording must not end a run over thousands
         return RetargetedFile(error=f"{recording}: {type(error).__name__}: {error}", **known)
+
+
+def _write_names(file: Path, robot: Robot) -> None:
+    """The joints of the files, for their reader; those that follow another one after #."""
+    names = [robot.model.joint(joint).name for joint in range(1, robot.model.njnt)]
+    if not file.exists():
+        lines = (name if name in robot.joints else f"# {name}" for name in names)
+        write_file(file, "".join(f"{line}\n" for line in lines).encode())
 
 
 def _measures(loader: RobotLoader, clip: Clip, robot: Robot, motion: JointMotion) -> dict[str, Any]:

@@ -1,0 +1,68 @@
+"""Motions that were carried to a robot are read back from every format, learned, and played on that robot."""
+
+import joblib
+import numpy as np
+import pytest
+from scipy.interpolate import CubicSpline
+
+import motiondeck
+from controller.motion.clip import Clip
+from controller.motion.formats.reading import recordings_below
+from controller.motion.formats.writing import write_clip
+from controller.motion.posture import poses_of
+from sim.robots.retarget_files import retarget_files
+from sim.robots.robot import load_robot
+from simulated_bodies import human, smooth_poses
+from small_robots import SERVOS, calibrated, humanoid
+
+LID = '<body name="lid" pos="0 0 0.3"><joint name="lid" axis="0 1 0"/><geom size="0.02"/></body>'
+FOLLOWS = '<equality><joint joint1="lid" joint2="left_knee" polycoef="0.1 -0.5 0 0 0"/></equality>'
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory):
+    """A robot with a joint that follows another one, and a recording."""
+    folder = tmp_path_factory.mktemp("round trip")
+    (folder / "small.xml").write_text(humanoid(trunk=LID, extra=FOLLOWS, servos=[*SERVOS, "lid"]))
+    (folder / "small.toml").write_text(calibrated(folder / "small.xml").to_toml(folder))
+    poses = smooth_poses(human(), np.random.default_rng(3), 150, reach=0.4)
+    turns = np.array([pose.rotation for pose in poses])
+    write_clip(Clip("swing", human(), 60.0, np.tile([0.0, 0.0, 0.95], (150, 1)), turns), folder / "swing.bvh")
+    return folder
+
+
+def angles_in(path):
+    """Angles (T, J) of all joints of the model, and the rate, by numpy alone."""
+    if path.suffix == ".csv":
+        return np.loadtxt(path, delimiter=",")[:, 7:], 30.0
+    arrays = np.load(path)
+    return arrays["joint_pos"] if "joint_pos" in arrays else arrays["qpos"][:, 7:], float(np.ravel(arrays["fps"])[0])
+
+
+@pytest.mark.parametrize("format", ["csv", "npz", "mjlab", "qpos"])
+def test_joint_angles_come_back_within_half_a_degree(folder, format):
+    out = folder / format
+    with joblib.parallel_config(backend="threading"):
+        rows = list(retarget_files(folder / "small.toml", [folder / "swing.bvh"], out, format))
+    assert rows[0].error is None
+    recorded = recordings_below(out)
+    assert len(recorded) == 1
+    library = motiondeck.learn(recorded, name=format)
+    assert not library.failed
+    truth, rate = angles_in(recorded[0])
+    clip = library.generate_clip(library.motions[0], seconds=len(truth) / rate, rate=120.0)
+    robot = load_robot(folder / "small.toml", clip.skeleton)
+    played = np.array([robot.retarget(pose).copy() for pose in poses_of(clip)])
+    names = (out / "joints.txt").read_text().split("\n")
+    assert "# lid" in names
+    recorded_angles = truth[:, [names.index(joint) for joint in robot.joints]]
+    off = min(apart(played, late, recorded_angles, rate) for late in (0.0, 1.0 / 120.0))
+    assert np.degrees(off) < 0.5
+
+
+def apart(played, late, truth, rate):
+    """The largest difference at the file's own frames, rad, if what is played begins so much later in the file, s."""
+    curve = CubicSpline(np.arange(len(played)) / 120.0 + late, played)
+    times = np.arange(len(truth)) / rate
+    inside = (times >= late) & (times < times[-1])  # a pose that is held at the end has tests of its own
+    return np.abs(curve(times[inside]) - truth[inside]).max()
