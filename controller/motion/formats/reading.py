@@ -94,7 +94,7 @@ def read_fitted(path: str | Path, options: ReadingOptions = AS_FOUND) -> FittedC
 
 
 def recordings_below(folder: Path) -> list[Path]:
-    """The recordings in a folder and its subfolders; of .csv files those that hold positions."""
+    """The recordings in a folder and its subfolders; of tables and arrays those that hold a motion."""
     files = (path for path in folder.rglob("*") if path.suffix.lower() in FORMATS and path.is_file())
     return sorted(path for path in files if any(row.matches(path) for row in FORMATS[path.suffix.lower()]))
 
