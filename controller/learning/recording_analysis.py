@@ -9,6 +9,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise
 from pathlib import Path
+from typing import Literal
 
 from controller.learning.preparation.loops import best_seam, largest_omission, with_velocities
 from controller.learning.preparation.takes import read_takes, spread_of
@@ -32,6 +33,9 @@ LOOP_KEEPS = 0.5  # a loop keeps at least this share of its recording
 # Largest mismatch at the seam of a loop: of joints, mm, and with velocities, relative to the spread of the motion; and
 # largest distance of omitted frames from the loop, relative to the spread.
 SEAM_MM, SEAM_SHARE, LEFT_OUT_SHARE = 50.0, 0.5, 0.6
+
+
+Given = float | Literal["auto", "none"] | None
 
 
 @dataclass(frozen=True)
@@ -63,7 +67,7 @@ def analyse_recording(
     Raises:
         MotiondeckError: if it cannot be read, is too short or too long, or nothing moves in it.
     """
-    own = replace(options, skeleton=find_skeleton(file, options))
+    own = with_steps(replace(options, skeleton=find_skeleton(file, options)))
     recording = read_fitted(file, own)
     taught = None
     if file.suffix.lower() == ".clip":
@@ -79,6 +83,8 @@ def analyse_recording(
         unit=own.unit,
         up=own.up,
         rename=dict(own.rename),
+        rate=_to_repeat("rate", options.rate, found.decisions),
+        ground=_to_repeat("ground", options.ground, found.decisions),
         takes=tuple(str(take.absolute()) for take in takes),
     )
     return AnalysedRecording(motion, recording.clip, found.seam_mm, found.seam_degrees, found.doubts, found.decisions)
@@ -137,6 +143,17 @@ def _part_decision(clip: Clip, first: int, end: int, jumped: list[str]) -> Decis
     what = f"{first / clip.rate:.2f} to {end / clip.rate:.2f} s of {clip.duration:.2f} s"
     why = ", ".join(jumped) or f"joints are slower than {STILL_SPEED:g} m/s before and after, or the recording ends"
     return Decision("cuts", what, why, "frames in the recipe", notable=bool(jumped))
+
+
+def with_steps(options: ReadingOptions) -> ReadingOptions:
+    """Options by which a recording is corrected as far as it needs it, unless they overrule that."""
+    return replace(options, rate=options.rate or "auto", ground="auto" if options.ground is None else options.ground)
+
+
+def _to_repeat(step: str, given: Given, decisions: list[Decision]) -> Given:
+    """What a recipe says for a step to repeat what was decided: nothing, where nothing was changed."""
+    changed = any(decision.step == step and decision.notable for decision in decisions)
+    return (given or "auto") if changed else None
 
 
 def find_skeleton(file: Path, options: ReadingOptions) -> Path | None:

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import Literal
 
 from controller.motion.up_axis import Up
 from motiondeck_base.errors import FileFormatError
@@ -20,12 +21,21 @@ class ReadingOptions:
     up: Up | None = None  # vertical axis of the file
     # New names of joints, bones or markers, by the names in the file.
     rename: Mapping[str, str] = field(default_factory=dict[str, str])
+    # The rate at which it was recorded, Hz, or "auto" to find held and missing frames; None and "none" keep the file's.
+    rate: float | Literal["auto", "none"] | None = None
+    # The height of its floor, m, or "auto" to find it where feet stand; None and "none" keep the file's.
+    ground: float | Literal["auto", "none"] | None = None
 
     def __post_init__(self) -> None:
         if self.unit is not None and not (isinstance(self.unit, int | float) and 1e-6 < self.unit < 1e3):
             raise FileFormatError(
                 f"a unit of {self.unit} m is not possible: give the length of one unit of the file in m, such as 0.01"
             )
+        for what, value in (("a rate", self.rate), ("a ground", self.ground)):
+            if isinstance(value, str) and value not in ("auto", "none"):
+                raise FileFormatError(f"{what} of '{value}' is not possible: give a number, auto or none")
+        if isinstance(self.rate, float | int) and not 1.0 <= self.rate <= 10_000.0:
+            raise FileFormatError(f"a rate of {self.rate:g} Hz is not possible: give the true rate of the recording")
         if self.up not in (None, "y", "z"):
             raise FileFormatError(f"the axis '{self.up}' cannot be up: give y or z")
 

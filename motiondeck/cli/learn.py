@@ -4,13 +4,21 @@ from __future__ import annotations
 
 import os
 import sys
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from motiondeck.cli.common.options import JobsOption, JsonOption, Reading, check_ending, check_new
+from motiondeck.cli.common.options import (
+    GroundOption,
+    JobsOption,
+    JsonOption,
+    Reading,
+    check_ending,
+    check_new,
+    ground_of,
+)
 from motiondeck.cli.common.options_class import grouped
 from motiondeck_base.errors import MotiondeckError
 from motiondeck_base.files import check_folder
@@ -50,6 +58,7 @@ class LearnOptions:
         str | None, typer.Option("--robot", metavar="ROBOT", help="The robot that plays: a robot file or name.")
     ] = None
     jobs: JobsOption = "1"
+    ground: GroundOption = "auto"
 
 
 @grouped
@@ -77,14 +86,14 @@ def learn(options: LearnOptions, reading: Reading, as_json: JsonOption = False) 
     from controller.learning.recipe import gesture_recipe, read_recipe
     from motiondeck_base.jobs import Jobs
 
-    jobs, own = Jobs.parse(options.jobs), reading.options()
+    jobs, own = Jobs.parse(options.jobs), replace(reading.options(), ground=ground_of(options.ground))
     if options.robot is not None and not options.play:
         raise MotiondeckError("--robot names the robot that plays: give --play too")
     if options.out is not None:
         check_ending(options.out, "a library")
     endings = {path.suffix.lower() for path in options.what}
     if reading != Reading() and endings in ({".toml"}, {".clip"}):
-        raise MotiondeckError("--skeleton, --unit, --up and --rename are for recordings; in a recipe they are keys")
+        raise MotiondeckError("--unit and other options of reading are for recordings; in a recipe they are keys")
     if ".toml" not in endings and options.data is not None:
         raise MotiondeckError(f"--data {options.data} is the folder of a recipe's recordings; no recipe is given")
     if ".toml" in endings:

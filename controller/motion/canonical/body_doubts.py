@@ -52,12 +52,12 @@ def doubts(clip: Clip) -> list[str]:
     deep, floats = -float(np.median(lowest)), float(np.percentile(lowest, NEARLY_NEVER))
     if deep > DEEPEST:
         found.append(
-            f"the body is {deep:.2f} m below the ground: its height is not in the file, or the up axis (--up)."
+            f"the body is {deep:.2f} m below the ground: give its height in the file (--ground), or the up axis (--up)."
         )
     if floats > FLOATS:
         found.append(
-            f"the body floats {floats:.2f} m above the ground all the time: the up axis may be wrong (--up), or its "
-            "height in the file, which is kept. Lower it in the program that it comes from."
+            f"the body floats {floats:.2f} m above the ground all the time: the up axis may be wrong (--up), or the "
+            "ground is elsewhere (--ground)."
         )
     turns = _turns(clip)
     if np.ptp(turns, axis=0).max(initial=0.0) > MOVES and turns.max() < WITHIN_A_TURN:

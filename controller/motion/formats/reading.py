@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import importlib
 import pkgutil
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import chain
 from pathlib import Path
 
@@ -15,6 +15,7 @@ from controller.motion.formats.markers.marker_fit import Fit, fit_markers, wears
 from controller.motion.formats.markers.skin_markers import joints_under_skin
 from controller.motion.markers import Markers
 from controller.motion.reading_options import AS_FOUND, ReadingOptions
+from controller.motion.take.steps import taken
 from motiondeck_base.errors import FileFormatError
 
 
@@ -90,7 +91,10 @@ def read_fitted(path: str | Path, options: ReadingOptions = AS_FOUND) -> FittedC
         ending = f"'{suffix}' files are not read" if suffix else "a recording is known by its ending, and this has none"
         raise FileFormatError(f"{path}: {ending}. Give one of {', '.join(sorted(FORMATS))}.")
     found = row.read(path, options)
-    return FittedClip(found, None) if isinstance(found, Clip) else _body_of_markers(found, Path(path).stem)
+    if isinstance(found, Clip):
+        return FittedClip(taken(found, options), None)
+    fitted = _body_of_markers(found, Path(path).stem)
+    return replace(fitted, clip=taken(fitted.clip, options))
 
 
 def recordings_below(folder: Path) -> list[Path]:

@@ -3,12 +3,22 @@
 from __future__ import annotations
 
 import json
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from motiondeck.cli.common.options import PAGE_PORT, JsonOption, PagePortOption, Reading, SkeletonOption, check_other
+from motiondeck.cli.common.options import (
+    PAGE_PORT,
+    GroundOption,
+    JsonOption,
+    PagePortOption,
+    Reading,
+    SkeletonOption,
+    check_other,
+    ground_of,
+)
 from motiondeck.cli.common.options_class import grouped
 from motiondeck_base.errors import MotiondeckError
 from motiondeck_base.files import check_folder
@@ -27,7 +37,7 @@ FileArgument = Annotated[Path, typer.Argument(metavar="FILE", help="A recording 
 
 @app.command("show")
 @grouped
-def show(file: FileArgument, reading: Reading, as_json: JsonOption = False) -> None:
+def show(file: FileArgument, reading: Reading, ground: GroundOption = "auto", as_json: JsonOption = False) -> None:
     """Show the body, rate, length and path of a recording.
 
     For markers also the gaps and the fit. The table shows which bone was taken for which part of the body; doubts about
@@ -36,9 +46,10 @@ def show(file: FileArgument, reading: Reading, as_json: JsonOption = False) -> N
 
     Example:  motiondeck clip show dance.c3d
     """
+    from controller.learning.recording_analysis import with_steps
     from motiondeck.cli.clip.clip_facts import facts
 
-    known = facts(_read(file, reading.options()))
+    known = facts(_read(file, with_steps(replace(reading.options(), ground=ground_of(ground)))))
     if as_json:
         print(json.dumps(known))
     else:

@@ -63,6 +63,14 @@ JsonOption = Annotated[bool, typer.Option("--json", help="Print one JSON object 
 PagePortOption = Annotated[int, typer.Option("--port", metavar="PORT", help="The page's port; 0 for any free one.")]
 
 
+GroundOption = Annotated[
+    str,
+    typer.Option(
+        "--ground",
+        metavar="METRES",
+        help="Height of the file's floor; auto: where feet stand; none: leave it.",
+    ),
+]
 SkeletonOption = Annotated[
     Path | None,
     typer.Option(
@@ -101,6 +109,16 @@ class Reading:
         if len(names) < len(self.rename or []):
             raise MotiondeckError("--rename takes OLD=NEW, once for each joint")
         return ReadingOptions(self.skeleton, self.unit, self.up, names)
+
+
+def ground_of(given: str) -> float | Literal["auto", "none"]:
+    """The value of --ground (MotiondeckError if it is no height)."""
+    if given == "auto" or given == "none":
+        return given
+    try:
+        return float(given)
+    except ValueError:
+        raise MotiondeckError(f"--ground takes a height in m, auto or none, not '{given}'") from None
 
 
 def check_new(*files: Path, force: bool, hint: str = "") -> None:

@@ -1,0 +1,183 @@
+"""The times at which the frames of a recording were truly recorded: held frames and missing ones.
+
+Exporters hold frames to fill a higher rate: every one of 30 Hz twice in a file of 60 Hz, or three and two times in turn
+of 24 Hz. Where frames were lost, a file either repeats the last one or goes on without a sign, and then a step is as
+long as two. Both are found from the steps of all joints while the body moves.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from controller.motion.clip import Clip
+from controller.motion.decision import Decision
+from controller.motion.rotations import (
+    Array,
+    conjugate,
+    continuous,
+    from_rotation_vector,
+    multiply,
+    normalise,
+    to_rotation_vector,
+)
+from motiondeck_base.counted import counted
+
+SAME = 1e-7  # m: frames whose joints are this near are one frame held
+MOVES = 0.1  # m/s: of the fastest joint, over MOVES_SECONDS; where it is slower nothing is judged
+MOVES_SECONDS = 0.2
+# Of a pattern: the least share of held frames, how far the rate may be from a usual one, and the least share of frames
+# that are held as often as the pattern says.
+PATTERN, RATE_OFF, REGULAR = 0.05, 0.03, 0.9
+LONGEST_HOLD = 0.25  # s: a body that is still for longer stands still
+USUAL_RATES = np.array(
+    [10.0, 12.0, 12.5, 15.0, 20.0, 24.0, 25.0, 30.0, 40.0, 48.0, 50.0, 60.0, 90.0, 100.0, 120.0]
+)  # Hz
+TELEVISION = 1.001  # 29.97 and 59.94 Hz are 30 and 60 over this
+# A gap: a step that is the steps beside it times this, but for a deviation in the same measure, of joints faster than
+# GAP_SPEED, m/s.
+GAP, GAP_DEVIATION, GAP_SPEED = 1.7, 0.4, 0.3
+MOST_MISSING = 5  # frames; more are a jump
+
+
+@dataclass(frozen=True)
+class Timing:
+    """Which frames of a file were recorded, and when.
+
+    Attributes:
+        frames: the frames that were recorded, shape (K,).
+        at: when, in frames of the file, shape (K,).
+        rate: at which they were recorded, Hz.
+        evidence: the figures; empty if the file is right.
+    """
+
+    frames: NDArray[np.int64]
+    at: Array
+    rate: float
+    decided: str = ""
+    evidence: str = ""
+
+
+def timing_of(points: Array, rate: float) -> Timing:
+    """The timing of points (T, K, 3), m, in a file of a rate in Hz; NaN where a point was not seen."""
+    step = np.nan_to_num(np.diff(points, axis=0))
+    length = np.sqrt(np.square(step).sum(-1)).max(axis=1, initial=0.0)
+    width = max(1, round(MOVES_SECONDS * rate))
+    moves = rate * np.convolve(length, np.ones(width) / width, "same")[: len(length)] > MOVES
+    same = length < SAME
+    found = None
+    if moves.sum() > width:
+        found = _without_held(same, moves, rate) if (same & moves).any() else _with_gaps(step, rate)
+    every = np.arange(len(points))
+    return found or Timing(every, every.astype(float), rate)
+
+
+def _without_held(same: NDArray[np.bool_], moves: NDArray[np.bool_], rate: float) -> Timing | None:
+    """The timing without held frames: of a pattern at its own rate, of single ones with a gap for each.
+
+    `same` says whether each frame but the first is as the one before, and `moves` whether the body moves there.
+    """
+    held, moving = int((same & moves).sum()), int(moves.sum())
+    true = rate * (1.0 - held / moving)
+    slowed = TELEVISION if abs(rate / np.rint(rate) - 1.0 / TELEVISION) < 1e-4 else 1.0
+    usual = [*(USUAL_RATES / slowed).tolist(), *(rate / times for times in (2, 3, 4, 5))]
+    nearest = min(usual, key=lambda one: abs(np.log(one / true)))
+    begins = np.flatnonzero(np.concatenate([[True], ~same]))
+    lasts = np.diff(np.append(begins, len(same) + 1))
+    in_motion = np.concatenate([[False], moves])[begins] & (begins > 0)
+    figures = f"{held} of {moving} frames in motion repeat the one before"
+    times = rate / nearest
+    fits = (lasts >= np.floor(times)) & (lasts <= np.ceil(times))
+    if held > PATTERN * moving and abs(nearest / true - 1.0) < RATE_OFF and fits[in_motion].mean() > REGULAR:
+        # A body that stands still holds frames for longer: as many as the pattern has in that time.
+        frames = np.repeat(begins, np.where(lasts <= np.ceil(times), 1, np.rint(lasts / times).astype(np.int64)))
+        decided = f"{nearest:g} Hz, the frames held in a file of {rate:g} Hz are left out"
+        return Timing(frames, np.arange(len(frames)) * times, nearest, decided, figures)
+    bridged = same & moves & np.repeat(lasts <= 1 + LONGEST_HOLD * rate, lasts)[1:]
+    frames = np.flatnonzero(np.concatenate([[True], ~bridged]))
+    if bridged[-1:].all():  # nothing follows to bridge to
+        frames = np.append(frames, len(same))
+    if not bridged.any():
+        return None
+    return Timing(frames, frames.astype(float), rate, f"{counted(int(bridged.sum()), 'held frame')} bridged", figures)
+
+
+def _with_gaps(step: Array, rate: float) -> Timing | None:
+    """The timing with the frames that are missing where a step is a multiple of those beside it."""
+    beside = 0.5 * (step[:-2] + step[2:])
+    square = np.square(beside).sum((1, 2))
+    moves = np.sqrt(np.square(beside).sum(-1)).max(axis=1) * rate > GAP_SPEED
+    times = (step[1:-1] * beside).sum((1, 2)) / np.maximum(square, 1e-12)
+    aside = step[1:-1] - times[:, None, None] * beside
+    deviation = np.sqrt(np.square(aside).sum((1, 2)) / np.maximum(square, 1e-12))
+    gaps = moves & (times > GAP) & (deviation < GAP_DEVIATION) & (times < MOST_MISSING + 1.5)
+    if not gaps.any():
+        return None
+    missing = np.zeros(len(step), dtype=np.int64)
+    missing[1:-1][gaps] = np.maximum(1, np.rint(times[gaps]).astype(np.int64) - 1)
+    at = np.concatenate([[0], np.cumsum(1 + missing)])
+    figures = (
+        f"at {np.flatnonzero(missing)[0] / rate:.2f} s"
+        + (f" and {counted(int((missing > 0).sum()) - 1, 'more time')}" if (missing > 0).sum() > 1 else "")
+        + f" all joints step {float(times[gaps].max()):.1f} times as far as before and after"
+    )
+    decided = f"{counted(int(missing.sum()), 'missing frame')} filled in"
+    return Timing(np.arange(len(at)), at.astype(float), rate, decided, figures)
+
+
+def timed(clip: Clip, wanted: float | str) -> tuple[Clip, Decision]:
+    """A clip at the rate at which it was recorded, with missing frames filled in.
+
+    `wanted` is "auto", "none", or the true rate, Hz: then as many frames of the file are left out.
+    """
+    overrule = "rate in the recipe, Hz or 'none'"
+    if wanted == "none":
+        return clip, Decision("rate", f"{clip.rate:g} Hz", "as given", overrule)
+    if isinstance(wanted, float | int):
+        count = int(np.floor((len(clip) - 1) * wanted / clip.rate + 1e-6)) + 1
+        kept = np.minimum(np.rint(np.arange(count) * clip.rate / wanted).astype(np.int64), len(clip) - 1)
+        return _chosen(clip, kept, float(wanted)), Decision("rate", f"{wanted:g} Hz", "as given", overrule)
+    timing = timing_of(clip.joints(), clip.rate)
+    if not timing.decided:
+        why = "no frame repeats the one before, and no step is as long as two"
+        return clip, Decision("rate", f"{clip.rate:g} Hz", why, overrule)
+    taken = replace(_chosen(clip, timing.frames, timing.rate), rate=timing.rate)
+    if timing.rate == clip.rate:
+        taken = _spread_out(taken, timing.at)
+    return taken, Decision("rate", timing.decided, timing.evidence, overrule, notable=True)
+
+
+def _chosen(clip: Clip, frames: NDArray[np.int64], rate: float) -> Clip:
+    return replace(clip, rate=rate, root_position=clip.root_position[frames], rotation=clip.rotation[frames])
+
+
+def _spread_out(clip: Clip, at: Array) -> Clip:
+    """A clip whose frames belong to the times `at`, in frames, (T,): cubics fill the frames between."""
+    wanted = np.arange(int(at[-1]) + 1)
+    low = np.minimum(np.searchsorted(at, wanted, "right") - 1, len(at) - 2)
+    near = [np.clip(low + more, 0, len(at) - 1) for more in (-1, 0, 1, 2)]
+    time = [at[index] for index in near]
+    start = clip.rotation[low]
+    turns = [to_rotation_vector(multiply(conjugate(start), clip.rotation[index])) for index in near]
+    position = _between([clip.root_position[index] for index in near], time, wanted)
+    turned = from_rotation_vector(_between(turns, time, wanted))
+    rotation = continuous(normalise(multiply(start, turned)))
+    return replace(clip, root_position=position, rotation=rotation)
+
+
+def _between(points: list[Array], time: list[Array], wanted: NDArray[np.int64]) -> Array:
+    """Cubics between the second and the third of four points with slopes over their neighbours, at uneven times."""
+    shape = (-1, *[1] * (points[0].ndim - 1))
+    before, start, end, after = (one.reshape(shape) for one in time)
+    long = end - start
+    s = (wanted.reshape(shape) - start) / long
+    slope = (points[2] - points[0]) / (end - before) * long
+    slope_end = (points[3] - points[1]) / (after - start) * long
+    return (
+        (1.0 + 2.0 * s) * (1.0 - s) ** 2 * points[1]
+        + s * (1.0 - s) ** 2 * slope
+        + s**2 * (3.0 - 2.0 * s) * points[2]
+        + s**2 * (s - 1.0) * slope_end
+    )
