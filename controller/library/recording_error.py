@@ -18,12 +18,12 @@ class Errors(msgspec.Struct, frozen=True, kw_only=True):
     p95: float
     worst: float
     joint: str  # of the canonical body, where the worst is
-    at_s: float  # when it is, in the recording, s
+    worst_at_s: float  # when it is, in the recording, s
 
     @property
     def where(self) -> str:
         """Joint and time of the worst, in words."""
-        return f"{joint_words(self.joint)} at {self.at_s:.2f} s"
+        return f"{joint_words(self.joint)} at {self.worst_at_s:.2f} s"
 
 
 class RecordingError(msgspec.Struct, frozen=True, kw_only=True):

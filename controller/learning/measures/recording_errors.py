@@ -180,7 +180,7 @@ def _errors(off: Array, bones: NDArray[np.int64], at: Array) -> Errors:
         p95=float(np.quantile(off, SHARE)),
         worst=float(off.max()),
         joint=CANONICAL_BONES[bones[joint]],
-        at_s=float(at[frame]),
+        worst_at_s=float(at[frame]),
     )
 
 

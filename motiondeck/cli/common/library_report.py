@@ -81,7 +81,7 @@ def print_errors(motions: Iterable[MotionInfo]) -> None:
             "motion",
             "mm",
             "degrees",
-            "worst, mm",
+            "worst at",
             "own body, mm",
             "held pose, °",
             "feet slide, mm",

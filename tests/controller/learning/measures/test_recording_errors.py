@@ -77,7 +77,7 @@ def test_an_arm_off_by_five_degrees_is_named_with_its_time(library, motion):
     assert found.degrees.joint in ("lelb", "lwri", "lhan")
     assert found.mm.joint == "lhan"
     assert "left hand at " in found.mm.where
-    assert 0.0 <= found.mm.at_s <= 4.0
+    assert 0.0 <= found.mm.worst_at_s <= 4.0
 
 
 def test_a_floor_off_by_twenty_millimetres_is_found_at_standing_feet(library):
@@ -141,7 +141,7 @@ def test_a_library_without_these_errors_still_loads(library, tmp_path):
 
 
 def test_the_reason_says_millimetres_or_degrees():
-    good = Errors(median=1.0, p95=2.0, worst=3.0, joint="rfoo", at_s=1.25)
+    good = Errors(median=1.0, p95=2.0, worst=3.0, joint="rfoo", worst_at_s=1.25)
     fields = {"from_s": 0.0, "to_s": 2.0, "mm": good, "own_body_mm": 2.0}
     assert not RecordingError(degrees=good, **fields).reason
     assert "6.0°" in RecordingError(degrees=msgspec.structs.replace(good, p95=6.0), **fields).reason
