@@ -45,7 +45,7 @@ ALONE_AFTER = 10.0  # time without a conductor after which that is reported, s
 _ASKS_FIRST, _FIRST = 0.05, 40  # so often, s, for the first questions; after them the time counts as known
 _IRREGULAR = 0.6, 1.4
 _PATIENCE = 1.0  # s for an answer
-_JOINS_WITHIN = 1.0  # s at the start for a conductor or a standing stop to be heard, before the deck moves
+_JOINS_WITHIN = 3.0  # s at the start for a conductor or a standing stop to be heard, if one or two dials are lost
 _LISTENS = 0.4  # s after a conductor's first answer before the deck moves, for stops that it does not know yet
 _REMEMBERED = 64  # emergency stops that were passed on
 
