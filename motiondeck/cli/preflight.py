@@ -101,7 +101,10 @@ def preflight(
       motiondeck preflight cmu86 --robot mannequin --root free --balance --json
       motiondeck preflight thesis15 --robot servo20 --root free --walk --motions-only
     """
+    import msgspec
+
     from controller.wire.messages.arguments import TEMPO
+    from motiondeck.cli.common.library_report import print_errors
     from motiondeck.cli.preflight_report import print_motion, print_summary, print_switch
     from motiondeck.run.sampled_motions import count_switches, switches_by_way_of
     from motiondeck_base.errors import MotiondeckError
@@ -132,6 +135,7 @@ def preflight(
     if not motions_only:
         take("switches", count_switches(played), run.switches(names, where), print_switch)
         verdicts += _by_their_parts({v.name: v for v in verdicts}, switches_by_way_of(played))
+    learned = {motion.name: msgspec.to_builtins(motion.against_recording) for motion in played.info.motions}
     report = {
         "library": played.info.name,
         "robot": judge.robot.name,
@@ -140,13 +144,14 @@ def preflight(
         "walk": run.walk,
         "tempo": run.tempo,
         "ok": all(verdict.ok for verdict in verdicts),
-        "motions": [_row(verdict) for verdict in verdicts[:motions]],
+        "motions": [_row(verdict) | {"against_recording": learned[verdict.name]} for verdict in verdicts[:motions]],
         "switches": [_row(verdict) for verdict in verdicts[motions:]],
     }
     if as_json:
         print(json.dumps(report, allow_nan=False))
     else:
         print_summary(verdicts, motions, report, judge.robot)
+        print_errors(played.info.motions)
     if plot is not None:
         from motiondeck.pictures.table_plots import draw
 

@@ -3,18 +3,25 @@
 import json
 from dataclasses import replace
 
+import msgspec
 import pytest
 
 import synthetic
 from command_line import invoked
 from controller.library.motion_library import save_library
+from controller.library.recording_error import Errors, RecordingError
 from simulated_bodies import human
 
 
 @pytest.fixture(scope="module")
 def library(tmp_path_factory):
     path = tmp_path_factory.mktemp("library") / "small.safetensors"
-    save_library(synthetic.small_library(), path)
+    small = synthetic.small_library()
+    errors = Errors(median=1.0, p95=2.0, worst=3.0, joint="lwri", worst_at_s=0.5)
+    error = RecordingError(from_s=0.0, to_s=1.0, mm=errors, degrees=errors, own_body_mm=2.0)
+    march, *others = small.info.motions
+    motions = [msgspec.structs.replace(march, against_recording=error), *others]
+    save_library(replace(small, info=msgspec.structs.replace(small.info, motions=motions)), path)
     return path
 
 
@@ -29,6 +36,8 @@ def test_every_motion_and_every_switch_is_judged_and_the_exit_code_says_so(libra
     said = json.loads(run.stdout)
     assert run.exit_code == (0 if said["ok"] else 1)
     assert [motion["name"] for motion in said["motions"]] == ["march", "wave", "bow"]
+    assert said["motions"][0]["against_recording"]["mm"]["p95"] == 2.0
+    assert said["motions"][1]["against_recording"] is None
     pairs = {f"{a} > {b}" for a in ("march", "wave", "bow") for b in ("march", "wave", "bow") if a != b}
     assert {switch["name"] for switch in said["switches"]} == pairs
     checks = {finding["check"] for finding in said["motions"][0]["findings"]}
@@ -47,6 +56,7 @@ def test_the_table_names_what_is_wrong_and_the_tempo_that_passes(library):
     assert "physics: stands" in line
     assert "self-collision: `play --check-collisions` keeps" in run.stdout
     assert "Torque is not judged for any joint: the files of mannequin give no limit" in run.stdout
+    assert "left wrist, 0.50 s" in run.stdout
     limited, informing = run.stdout.split("for information")
     assert "self-collision" in limited
     assert "foot slide" in informing
