@@ -67,8 +67,8 @@ class LibraryRecipe(msgspec.Struct, forbid_unknown_fields=True, frozen=True, kw_
     name: str = ""  # of the library; without it, as the recipe's file
     # Its kind and parameters; by default phase-driven conceptors, which learn motions without tuning.
     network: NetworkRecipe = msgspec.field(default_factory=PhaseRecipe)
-    # The recording whose own skeleton all motions are carried to; without it, the canonical body with the proportions
-    # of the first recording.
+    # The recording whose own skeleton all motions are carried to; without it, the canonical body of the actor nearest
+    # to those of all recordings.
     body: str = ""
     # Frames per second that recordings are brought to, Hz; without it that of the recordings, or 120 Hz where they
     # differ.

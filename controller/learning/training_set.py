@@ -18,7 +18,8 @@ from controller.learning.preparation.training_motion import TrainingMotion, Vari
 from controller.learning.recipe import LibraryRecipe, MotionRecipe, find_recording
 from controller.learning.trainers.registry import trainer_of
 from controller.learning.trainers.trainer import Lessons
-from controller.motion.canonical.canonical_body import carried, to_canonical
+from controller.motion.canonical.actors import Actor, actors_of, nearest_to_all
+from controller.motion.canonical.canonical_body import carried
 from controller.motion.canonical.clip_edits import jumps, mirrored, resampled, span, spikes
 from controller.motion.clip import Clip
 from controller.motion.encodings.encoding import Encoding, encoding_of
@@ -69,6 +70,7 @@ class TrainingSet:
     # Of motions with an input, the loop at each of its values, the first as in `frames`.
     variants: dict[str, list[Variant]] = field(default_factory=dict[str, list[Variant]])
     inputs: dict[str, str] = field(default_factory=dict[str, str])  # names of the inputs
+    actors: list[Actor] = field(default_factory=list[Actor])  # of whom the body is chosen; none if a recipe names it
 
     def lessons(self) -> Lessons:
         """The normalised motions for a trainer."""
@@ -127,10 +129,11 @@ def prepare(
     if recipe.as_recorded and rates != [rate]:
         raise FileFormatError(f"recipe '{recipe.name}' learns as recorded, but its recordings have {rates} Hz")
     twist, trainer = recipe.encoding == "joint rotations", trainer_of(recipe.network)
-    encoding = encoding_of(_body(recipe, data, clips), twist=twist)
+    actors = [] if recipe.body or clips[recipe.motions[0].name].skeleton.is_rig else actors_of(clips)
+    encoding = encoding_of(_body(recipe, data, clips, actors), twist=twist)
     loops = {motion.name: motion.plays == "loop" for motion in recipe.motions}
     inputs = {motion.name: motion.input for motion in recipe.motions if motion.input}
-    found = TrainingSet(encoding, rate, {}, loops, least_range=trainer.least_range, inputs=inputs)
+    found = TrainingSet(encoding, rate, {}, loops, least_range=trainer.least_range, inputs=inputs, actors=actors)
     for motion in recipe.motions:
         clip = clips[motion.name]
         if motion.input:
@@ -181,13 +184,12 @@ def reading_options(data: Path, path: Path, motion: MotionRecipe) -> ReadingOpti
     return ReadingOptions(skeleton, motion.unit, motion.up, motion.rename, motion.rate, motion.ground)
 
 
-def _body(recipe: LibraryRecipe, data: Path, clips: dict[str, Clip]) -> Skeleton:
+def _body(recipe: LibraryRecipe, data: Path, clips: dict[str, Clip], actors: list[Actor]) -> Skeleton:
     if recipe.body:
         path = find_recording(data, recipe.body)
         motion = next((one for one in recipe.motions if one.file == recipe.body), MotionRecipe(name="", file=""))
         return read_clip(path, reading_options(data, path, motion)).skeleton
-    first = clips[recipe.motions[0].name]
-    return first.skeleton if first.skeleton.is_rig else to_canonical(first).skeleton
+    return nearest_to_all(actors).body if actors else clips[recipe.motions[0].name].skeleton
 
 
 def to_learn(

@@ -65,9 +65,17 @@ def report_recordings(learned: LearnedLibrary, out: Path, recipe: Path, as_json:
     worst = worst_join(learned.library)
     if as_json:
         fields = {"written": str(out), "recipe": str(recipe), "motions": _rows(learned)}
+        fields["actors"] = [asdict(actor) for actor in learned.actors]
         print(json.dumps(fields | {"warnings": warnings(learned.recipe), "worst_join": join_fields(worst)}))
         return
     _print(learned)
+    if learned.actors:
+        print(f"body: that of {learned.actors[0].actor} ({counted(learned.actors[0].motions, 'motion')})")
+    for other in learned.actors[1:]:
+        print(
+            f"body: {other.actor} ({counted(other.motions, 'motion')}) has another, which moves wrists by up to "
+            f"{other.hands_mm:.0f} mm; learned apart, they stay"
+        )
     if worst is not None:
         print(join_line(worst))
     for warning in warnings(learned.recipe):

@@ -88,7 +88,7 @@ def show(
         print(json.dumps(report(loaded)))
         return
     print_table(loaded)
-    print(f"skeleton  {loaded.info.skeleton.name}, {len(loaded.skeleton)} bones")
+    print(f"body      that of {loaded.info.skeleton.name}, {len(loaded.skeleton)} bones")
     print(f"seed      {loaded.info.seed}")
     print(f"licence   {loaded.info.licence}")
     print(f"thanks    {loaded.info.acknowledgement}")

@@ -143,12 +143,18 @@ def _from_hips(places: Array) -> Array:
 
 
 def _on_body_of(recorded: Array, played: Array) -> Array:
-    """Played landmarks (T, 20, 3) with the recorded distances between them."""
+    """Played landmarks (T, 20, 3) with the recorded distances between them, the lowest one as high as it was."""
     lengths = np.linalg.norm(recorded[:, 1:] - recorded[:, PARENT], axis=-1, keepdims=True)
     lines = normalise(played[:, 1:] - played[:, PARENT])
     out = played.copy()
+    # A pelvis of another shape has its root elsewhere: the hips stay in the middle of their line.
+    middle, middles = (places[:, HIPS].mean(axis=1, keepdims=True) for places in (played, recorded))
+    aside = np.linalg.norm(recorded[:, [0, *HIPS]] - middles, axis=-1, keepdims=True)
+    out[:, [0, *HIPS]] = middle + normalise(played[:, [0, *HIPS]] - middle) * aside
     for bone, parent in enumerate(PARENT):
-        out[:, 1 + bone] = out[:, parent] + lines[:, bone] * lengths[:, bone]
+        if 1 + bone not in HIPS:
+            out[:, 1 + bone] = out[:, parent] + lines[:, bone] * lengths[:, bone]
+    out[..., 2] += (played[..., 2].min(axis=1) - out[..., 2].min(axis=1))[:, None]
     return out
 
 

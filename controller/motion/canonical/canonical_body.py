@@ -46,7 +46,7 @@ NO_LENGTH = 1e-6  # m
 WAIST = 0.35  # of the way along the spine from the root to the neck
 RIGID = 5e-5  # m: a joint whose distances from the hips change by less belongs to the pelvis
 SAME_PELVIS = 0.003  # m: a pelvis that differs by less is the actor's own
-LOW = 0.05  # quantile of the lowest joint's height that counts as the floor's
+LOW = 0.03  # m: a joint this much above the lowest one counts e times less for the height of the body
 _BACK = JAEGER_BONES.index("back")
 _HIPS = [JAEGER_BONES.index("rhip"), JAEGER_BONES.index("lhip")]
 _OTHERS = [bone for bone in range(len(JAEGER_BONES)) if bone not in _HIPS]
@@ -216,13 +216,15 @@ def carried(clip: Clip, skeleton: Skeleton) -> Clip:
 
 
 def _proportioned(clip: Clip, skeleton: Skeleton) -> Clip:
-    """A canonical clip on the canonical body with other proportions; its lowest joint stays as high, by leg."""
+    """A canonical clip on the canonical body with other proportions; in each frame its lowest joints stay as high."""
     own = clip.skeleton
-    ratio = _leg(skeleton) / _leg(own)
+    (to_hips, half), (to_own, own_half) = _pelvis(skeleton), _pelvis(own)
+    if not to_hips.any() and not to_own.any():  # as the thesis does with Jaeger's patterns
+        return replace(clip, skeleton=skeleton, root_position=clip.root_position * skeleton.leg_length / own.leg_length)
+    ratio = leg(skeleton) / leg(own)
     rotation, place = clip.rotation.copy(), ratio * clip.joints()
     line = rotate(rotation[:, 1:], own.rest_direction)
     root = place[:, 0]
-    (to_hips, half), (to_own, own_half) = _pelvis(skeleton), _pelvis(own)
     if max(abs(half - ratio * own_half), abs(np.hypot(*to_hips[::2]) - ratio * np.hypot(*to_own[::2]))) > SAME_PELVIS:
         middle = place[:, 1 + np.array(_HIPS)].mean(axis=1)
         ahead = rotate(rotation[:, 0], to_hips)
@@ -233,11 +235,13 @@ def _proportioned(clip: Clip, skeleton: Skeleton) -> Clip:
             line[:, _BACK] = place[:, 1 + _BACK] - root
     _point(rotation, skeleton.rest_direction, line)
     done = replace(clip, skeleton=skeleton, root_position=root, rotation=continuous(rotation))
-    lift = np.quantile(place[..., 2].min(axis=1), LOW) - np.quantile(done.joints()[..., 2].min(axis=1), LOW)
-    return replace(done, root_position=root + np.array([0.0, 0.0, lift]))
+    height = place[:, 1:, 2]
+    low = np.exp((height.min(axis=1, keepdims=True) - height) / LOW)
+    lift = ((height - done.joints()[:, 1:, 2]) * low).sum(axis=1) / low.sum(axis=1)
+    return replace(done, root_position=root + lift[:, None] * np.array([0.0, 0.0, 1.0]))
 
 
-def _leg(skeleton: Skeleton) -> float:
+def leg(skeleton: Skeleton) -> float:
     """Thigh and shank of a canonical body, m, the mean of both sides."""
     return 0.5 * float(sum(skeleton.length[skeleton.index(side + end)] for side in "lr" for end in ("kne", "ank")))
 
