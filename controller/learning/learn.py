@@ -7,7 +7,7 @@ be edited and trained again.
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Iterable
+from collections.abc import Collection, Iterable
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 
@@ -104,6 +104,7 @@ def learn(
     seeds: Iterable[int] = (0, 1, 2),
     progress: Progress = lambda _: None,
     jobs: Jobs = ALONE,
+    accept: Collection[str] | None = None,
 ) -> LearnedLibrary:
     """Learns every recording of some files and folders as one library; unusable ones are listed with the reason.
 
@@ -113,6 +114,7 @@ def learn(
         network: its kind and sizes; None is the default of a recipe.
         seeds: tried until every motion passes the self-test.
         progress: called with each step.
+        accept: motions, or "all", that are learned in spite of doubts about their anatomy; None is "all".
         jobs: where recordings are read; the network is trained here.
 
     Raises:
@@ -128,6 +130,8 @@ def learn(
         progress(f"reading {file.name}")
         if isinstance(read, LearnedMotion):
             left_out.append(read)
+        elif accept is not None and read.anatomy and not {read.motion.name, "all"} & set(accept):
+            left_out.append(_doubted(read))
         else:
             examined.append(read)
     if not examined:
@@ -166,6 +170,13 @@ def _shared_body(training_set: TrainingSet, clips: dict[str, Clip]) -> list[Shar
 
 def _named(one: LearnedMotion) -> str:
     return one.remedy if one.remedy.startswith(f"{one.file} ") else f"{one.file}: {one.remedy}"
+
+
+def _doubted(one: AnalysedRecording) -> LearnedMotion:
+    remedy = f"{' '.join(one.anatomy)} If that is right: --accept {one.motion.name}"
+    return LearnedMotion(
+        one.motion.name, Path(one.motion.file), remedy=remedy, doubts=one.doubts, decisions=one.decisions
+    )
 
 
 def _row(one: AnalysedRecording, training_set: TrainingSet, library: MotionLibrary) -> LearnedMotion:

@@ -15,7 +15,7 @@ from controller.learning.preparation.loops import best_seam, largest_omission, w
 from controller.learning.preparation.takes import read_takes, spread_of
 from controller.learning.recipe import MotionRecipe
 from controller.learning.training_set import COMMON_RATE, SHORTEST_SECONDS, seam_error
-from controller.motion.canonical.body_doubts import doubts
+from controller.motion.canonical.body_doubts import anatomy_doubts, doubts
 from controller.motion.canonical.canonical_body import to_canonical
 from controller.motion.canonical.clip_edits import STILL_SPEED, breaks, moving_part, resampled, span
 from controller.motion.clip import Clip
@@ -48,6 +48,7 @@ class AnalysedRecording:
     seam_degrees: float  # largest angle of a bone there
     doubts: list[str]  # warnings about the body
     decisions: list[Decision]  # in the order of the steps
+    anatomy: list[str]  # those of the doubts that touch the anatomy
 
 
 def analyse_recording(
@@ -87,7 +88,9 @@ def analyse_recording(
         ground=_to_repeat("ground", options.ground, found.decisions),
         takes=tuple(str(take.absolute()) for take in takes),
     )
-    return AnalysedRecording(motion, recording.clip, found.seam_mm, found.seam_degrees, found.doubts, found.decisions)
+    return AnalysedRecording(
+        motion, recording.clip, found.seam_mm, found.seam_degrees, found.doubts, found.decisions, found.anatomy
+    )
 
 
 @dataclass(frozen=True)
@@ -100,6 +103,7 @@ class DecidedTake:
     seam_degrees: float
     doubts: list[str]
     decisions: list[Decision]
+    anatomy: list[str]  # of the doubts
 
 
 def decided(
@@ -133,10 +137,11 @@ def decided(
     if taught is None:
         loop, seam_mm, seam_degrees, why = _loops(span(clip, first, end))
         decisions.append(Decision("kind", "a loop" if loop else "once", why, "plays in the recipe"))
+    anatomy = [] if clip.skeleton.is_rig else anatomy_doubts(clip)
     body = [] if clip.skeleton.is_rig else doubts(clip)
     body += [] if recording.fit is None else misplaced(recording.fit)
     cut = [f"{what}: only {first / clip.rate:.2f} to {end / clip.rate:.2f} s were learned." for what in jumped]
-    return DecidedTake((first, end), loop, seam_mm, seam_degrees, [*cut, *body], decisions)
+    return DecidedTake((first, end), loop, seam_mm, seam_degrees, [*cut, *body], decisions, anatomy)
 
 
 def _part_decision(clip: Clip, first: int, end: int, jumped: list[str]) -> Decision:
@@ -152,7 +157,8 @@ def with_steps(options: ReadingOptions) -> ReadingOptions:
 
 def _to_repeat(step: str, given: Given, decisions: list[Decision]) -> Given:
     """What a recipe says for a step to repeat what was decided: nothing, where nothing was changed."""
-    changed = any(decision.step == step and decision.notable for decision in decisions)
+    steps = ("ground", "unit") if step == "ground" else (step,)  # the path's unit is found with the ground
+    changed = any(decision.step in steps and decision.notable for decision in decisions)
     return (given or "auto") if changed else None
 
 

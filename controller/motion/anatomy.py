@@ -57,7 +57,27 @@ class Anatomy:
 
 def anatomy(skeleton: Skeleton) -> Anatomy:
     """The parts of any skeleton, by names or else by shape; other bones are "other"."""
-    return named_anatomy(skeleton) or shaped_anatomy(skeleton)
+    return named_anatomy(skeleton) or _by_shape_but_names(skeleton)
+
+
+def _by_shape_but_names(skeleton: Skeleton) -> Anatomy:
+    """The parts by shape, without limbs of which a bone is named as another part: such a name is right."""
+    shape = shaped_anatomy(skeleton)
+    refuted = {
+        (kind, side)
+        for of, part, side in zip(named_parts(skeleton.bones), shape.part, shape.side, strict=True)
+        for kind in (_LEG, _ARM)
+        if of is not None and part in kind and _is_other(of.part, kind)
+    }
+    part: tuple[Part, ...] = tuple(
+        "other" if any(p in kind and s == side for kind, side in refuted) else p
+        for p, s in zip(shape.part, shape.side, strict=True)
+    )
+    return Anatomy(part, shape.side)
+
+
+def _is_other(named: str, kind: tuple[Part, ...]) -> bool:
+    return any(named in parts for parts in (_LEG, _ARM, ("neck", "head")) if parts != kind)
 
 
 def named_anatomy(skeleton: Skeleton) -> Anatomy | None:
@@ -78,7 +98,8 @@ def named_anatomy(skeleton: Skeleton) -> Anatomy | None:
             continue
         shape = shape or shaped_anatomy(skeleton)
         for bone, (p, s) in enumerate(zip(shape.part, shape.side, strict=True)):
-            if p in _ARM and s == which and part[bone] == "other":
+            of = named[bone]
+            if p in _ARM and s == which and part[bone] == "other" and not (of and _is_other(of.part, _ARM)):
                 part[bone], side[bone] = p, s
     heads = [b for b, of in enumerate(named) if of is not None and of.part in ("head", "neck")]
     spine_end = heads or [b for b, of in enumerate(named) if of is not None and of.part == "trunk"]

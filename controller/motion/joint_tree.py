@@ -93,7 +93,7 @@ def clip_of(
     tree = replace(tree, names=options.renamed(tree.names, path))
     body = rest_skeleton(name, _body_of(tree, path), options.unit or unit, options.up or up)
     decisions = (
-        unit_decision(body.unit, body.skeleton.leg_length, options.unit, unit),
+        unit_decision(body.unit, body.other_unit, body.skeleton.leg_length, options.unit, unit),
         up_decision(body.up, options.up, up),
     )
     rotation = continuous(body.rotation)

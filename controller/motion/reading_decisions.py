@@ -19,10 +19,16 @@ def unit_name(unit: float) -> str:
     return UNIT_NAMES.get(unit, f"{unit:g} m")
 
 
-def unit_decision(unit: float, leg: float, given: float | None, fixed: float | None) -> Decision:
-    """The decision about the unit of a file, m, with a leg of `leg` m; `given` by option or `fixed` by the format."""
+def unit_decision(unit: float, other: float | None, leg: float, given: float | None, fixed: float | None) -> Decision:
+    """The decision about the unit of a file, m, with a leg of `leg` m; `given` by option or `fixed` by the format.
+
+    `other` is another unit that fits.
+    """
     why = "as given" if given else "the format's" if fixed else f"a leg is then {leg:.2f} m long"
-    return Decision("unit", unit_name(unit), why, "--unit METRES")
+    if other is not None:
+        why += f"; in {unit_name(other)} it is {leg * other / unit:.2f} m, which fits too"
+    remedy = "--unit METRES" if other is None else f"--unit {other:.4g}"
+    return Decision("unit", unit_name(unit), why, remedy, notable=other is not None)
 
 
 def up_decision(up: str, given: str | None, fixed: str | None) -> Decision:

@@ -35,10 +35,11 @@ from controller.motion.rotations import (
 from controller.motion.skeleton import ROOT, Skeleton
 from controller.motion.up_axis import AXES, TO_OURS, UPRIGHT, Up, up_in_recording
 
-# Units of length, m: metre, centimetre, millimetre; rarely inch, and the inch / 0.45 of CMU's skeletons.
-UNITS = (1.0, 0.01, 0.001, 0.0254, 0.0254 / 0.45)
-SELDOM = 1.8  # factor by which a rare unit must be nearer to a person's size, or children in cm would be giants
-STATURE = 1.70  # m, of a person
+# Units of length, m, and how usual they are: metre, centimetre, millimetre; inch, and the inch / 0.45 of CMU's.
+UNITS = {1.0: 1.0, 0.01: 1.0, 0.001: 1.0, 0.0254: 0.15, 0.0254 / 0.45: 0.1}
+# Statures, m: of adults by a normal distribution of their logarithm, and the share of others, small children to giants.
+STATURE, SPREAD, OTHERS, SMALLEST, TALLEST = 1.70, 0.10, 0.1, 0.75, 2.25
+FITS_TOO = 0.04  # times as likely as the likeliest unit: then the file may be in that one
 LEG_PER_STATURE = 0.245 + 0.246  # thigh and shank (Winter 2009, fig. 4.1)
 SPINE_PER_STATURE = 0.470  # from the hips to the top of the head; gives the size of short-legged characters
 
@@ -81,6 +82,7 @@ class RestedBody(NamedTuple):
     rotation: Array  # (T, 1 + B, 4)
     unit: float  # of the file, m
     up: Up  # the file's vertical axis
+    other_unit: float | None = None  # of the file, m, that fits too
 
 
 def rest_skeleton(name: str, body: RecordedBody, unit: float | None = None, up: Up | None = None) -> RestedBody:
@@ -100,7 +102,7 @@ def rest_skeleton(name: str, body: RecordedBody, unit: float | None = None, up: 
         best = _straightened(body, frame) if frame.parts is not None and frame.upright > RAISED else stances[0]
     vector = rotate(best.turn[1:], body.vector)
     length = np.linalg.norm(vector, axis=1)
-    unit = _unit(body, vector, best.parts) if unit is None else unit
+    unit, other = _unit(body, vector, best.parts) if unit is None else (unit, None)
     skeleton = Skeleton(name, body.bones, body.parent, normalise(vector), length * unit)
     up = up or _up_in_recording(body, best, stands, skeleton, unit)
     world = TO_OURS[up]
@@ -110,6 +112,7 @@ def rest_skeleton(name: str, body: RecordedBody, unit: float | None = None, up: 
         multiply(multiply(np.broadcast_to(world, body.rotation.shape), body.rotation), conjugate(best.turn)),
         unit,
         up,
+        other,
     )
 
 
@@ -247,8 +250,8 @@ def _up_in_recording(body: RecordedBody, rest: _Stance, stands: bool, skeleton: 
     return up_in_recording(rest.up, stands, along, body.position * unit, joints[:, limbs], skeleton.leg_length)
 
 
-def _unit(body: RecordedBody, vector: Array, parts: Anatomy | None) -> float:
-    """The unit in which the body, by its legs or by its trunk and head, is nearest to a person's size."""
+def _unit(body: RecordedBody, vector: Array, parts: Anatomy | None) -> tuple[float, float | None]:
+    """The unit in which the body, by its legs or by its trunk and head, is a person, and another that fits."""
     skeleton = _as_skeleton(body, vector)
     legs = [] if parts is None else [*parts.all("thigh"), *parts.all("shank")]
     spine = [] if parts is None else [bone for part in ("trunk", "neck", "head") for bone in parts.all(part)]
@@ -260,7 +263,17 @@ def _unit(body: RecordedBody, vector: Array, parts: Anatomy | None) -> float:
         ends = skeleton.chain @ vector
         stature = float(np.ptp(np.vstack([ends, np.zeros(3)]), axis=0).max())
 
-    def off(unit: float) -> float:
-        return abs(np.log(max(stature, 1e-12) * unit / STATURE)) + (np.log(SELDOM) if unit in UNITS[3:] else 0.0)
+    found = sorted(UNITS, key=lambda unit: _likelihood(stature * unit) * UNITS[unit], reverse=True)
+    best, other = (_likelihood(stature * unit) * UNITS[unit] for unit in found[:2])
+    if best == 0.0:  # no person's size: the nearest
+        size = max(stature, 1e-12)
+        return min(UNITS, key=lambda unit: abs(np.log(size * unit / STATURE)) - np.log(UNITS[unit])), None
+    return found[0], found[1] if other > FITS_TOO * best else None
 
-    return min(UNITS, key=off)
+
+def _likelihood(stature: float) -> float:
+    """How likely a person of this stature, m, is."""
+    if not SMALLEST < stature < TALLEST:
+        return 0.0
+    adults = np.exp(-0.5 * (np.log(stature / STATURE) / SPREAD) ** 2) / (SPREAD * np.sqrt(2.0 * np.pi))
+    return float((1.0 - OTHERS) * adults + OTHERS / np.log(TALLEST / SMALLEST))

@@ -59,6 +59,10 @@ class LearnOptions:
     ] = None
     jobs: JobsOption = "1"
     ground: GroundOption = "auto"
+    accept: Annotated[
+        list[str] | None,
+        typer.Option("--accept", metavar="NAME", help="Learn a recording in spite of doubts about its body; or all."),
+    ] = None
 
 
 @grouped
@@ -112,7 +116,7 @@ def learn(options: LearnOptions, reading: Reading, as_json: JsonOption = False) 
         first = _learn_recipe(recipe, Path(), out.with_suffix(".toml"), out, options, as_json, taught=True)
     else:
         out = _library(options, "mine", and_recipe=True)
-        first = _learn_recordings(options.what, out, own, jobs, as_json)
+        first = _learn_recordings(options.what, out, own, jobs, options.accept or [], as_json)
     if options.play:
         command = [sys.executable, "-P", "-m", "motiondeck", "play", first, "--library", str(out.absolute())]
         os.execv(sys.executable, [*command, *([] if options.robot is None else ["--robot", options.robot])])
@@ -128,7 +132,9 @@ def _library(options: LearnOptions, name: str, *, and_recipe: bool = False) -> P
     return out
 
 
-def _learn_recordings(paths: list[Path], out: Path, reading: ReadingOptions, jobs: Jobs, as_json: bool) -> str:
+def _learn_recordings(
+    paths: list[Path], out: Path, reading: ReadingOptions, jobs: Jobs, accept: list[str], as_json: bool
+) -> str:
     from rich.console import Console
     from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
 
@@ -145,7 +151,7 @@ def _learn_recordings(paths: list[Path], out: Path, reading: ReadingOptions, job
         def progress(step: str) -> None:
             bar.update(task, advance=1, description=step)
 
-        learned = learning.learn(paths, out.stem, options=reading, progress=progress, jobs=jobs)
+        learned = learning.learn(paths, out.stem, options=reading, progress=progress, jobs=jobs, accept=accept)
     save_library(learned.library, out)
     recipe = out.with_suffix(".toml")
     write_file(recipe, recipe_text(learned.recipe).encode())

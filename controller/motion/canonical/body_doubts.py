@@ -25,11 +25,12 @@ UPSIDE_DOWN = 0.4  # legs: a head this far below the feet; that of a lying body 
 SIDES_DIFFER = 1.25  # a bone over its counterpart
 # Degrees: angles below 6.3 that move by more than 0.2 may be radians.
 WITHIN_A_TURN, MOVES = 6.3, 0.2
+_ARM_ENDS = ("sho", "elb", "wri", "han")
 PROPORTIONS = (("kne", "ank", 0.6, 1.7), ("elb", "wri", 0.6, 2.2))  # thigh over shank, upper arm over forearm
 
 
-def doubts(clip: Clip) -> list[str]:
-    """Warnings about the body of a clip."""
+def anatomy_doubts(clip: Clip) -> list[str]:
+    """Doubts which bone is which part of the body, and whether it is a body: what is learned may be another one."""
     skeleton = clip.skeleton
     found: list[str] = []
     try:
@@ -40,12 +41,31 @@ def doubts(clip: Clip) -> list[str]:
         found.append("no names of legs were understood: parts were found by shape. Check them, or use --rename.")
     elif arms := _arms_by_shape(skeleton, marks):
         found.append(f"no name of {arms} was understood: found by shape. Check it, or use --rename OLD=LeftForeArm.")
-    lacking = [_called(bone) for bone in marks.lacking]
+    for side in SIDES:
+        if side[0] + "elb" not in marks.joint:
+            found.append(f"no {side} upper arm was found: the arm is assumed to hang (--rename OLD=LeftArm).")
+    return found + _sizes(to_canonical(clip), skeleton, marks)
+
+
+def doubts(clip: Clip) -> list[str]:
+    """Warnings about the body of a clip, first those about its anatomy."""
+    skeleton = clip.skeleton
+    found = anatomy_doubts(clip)
+    try:
+        marks = landmarks_of(skeleton)
+    except FileFormatError:
+        return found
+    armless = {side[0] + end for side in SIDES for end in _ARM_ENDS if side[0] + "elb" not in marks.joint}
+    lacking = [_called(bone) for bone in marks.lacking if bone not in armless]
+    top = marks.bone.get("head", -1)
+    if top >= 0 and (named := named_parts(skeleton.bones)[top]) is not None and named.part == "trunk":
+        found.append(
+            f"no head was named: '{skeleton.bones[top]}', the last bone of the back, was taken for it (--rename)."
+        )
     if lacking:
         what = "was found: its length and direction are" if len(lacking) == 1 else "were found: they are"
         found.append(f"no {', '.join(lacking)} {what} assumed.")
     own = to_canonical(clip)
-    found += _sizes(own, skeleton, marks)
     joints = own.joints()
     head, toes = (joints[:, 1 + CANONICAL_BONES.index(bone), 2] for bone in ("head", "lfoo"))
     lowest = joints[..., 2].min(axis=1)

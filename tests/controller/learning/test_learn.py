@@ -241,7 +241,12 @@ def test_a_recording_of_several_things_is_no_loop_of_one_of_them(tmp_path):
 
 def test_the_table_tells_parts_seams_and_doubts(folder, tmp_path):
     out = tmp_path / "mine.safetensors"
-    result = invoked("learn", str(folder / "swing.bvh"), "--out", str(out), "--unit", "0.002")
+    command = ["learn", str(folder / "swing.bvh"), "--out", str(out), "--unit", "0.002"]
+    stopped = invoked(*command)
+    assert "the left leg is 0.1" in str(stopped.exception)
+    assert str(stopped.exception).endswith("--accept swing")
+    assert not out.exists()
+    result = invoked(*command, "--accept", "swing")
     assert result.exit_code == 0, result.output
     words = " ".join(result.stdout.split())
     assert re.search(r"swing loop 3\.00 \d\.\d\d to \d\.\d\d of 6\.00 s \d mm, \d°", words)

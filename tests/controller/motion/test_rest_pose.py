@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from controller.motion.rest_pose import RecordedBody, rest_skeleton
+from controller.motion.rest_pose import LEG_PER_STATURE, RecordedBody, rest_skeleton
 from controller.motion.rotations import IDENTITY, about, conjugate, dot, multiply, normalise, rotate, yaw
 from controller.motion.up_axis import TO_OURS
 from simulated_bodies import human, random_pose, skeleton_of, smooth_poses
@@ -120,3 +120,17 @@ def test_what_is_no_human_keeps_its_zero_pose(direction):
         "found", RecordedBody(chain.bones, chain.parent, vector, np.zeros((1, 3)), pose.rotation[None])
     )
     np.testing.assert_allclose(found.rest_direction, rotate(TO_OURS["y"], chain.rest_direction), atol=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("stature", "unit", "other"),
+    [(1.2, 0.0254, None), (1.95, 0.0254, 0.01), (2.15, 0.01, 0.0254), (1.0, 0.01, None), (1.7, 0.0254 / 0.45, None)],
+)
+def test_the_unit_makes_a_person_and_another_that_does_is_named(stature, unit, other):
+    written = 0.0254 if stature == 2.15 else unit  # a tall person in inches is a child in cm
+    skeleton = human()
+    size = stature * LEG_PER_STATURE / float(skeleton.length[[skeleton.index("lkne"), skeleton.index("lank")]].sum())
+    body = moving(replace(skeleton, length=size * skeleton.length), 1)
+    found = rest_skeleton("found", in_other_axes(body, "y", written, 0.0, np.tile(TO_OURS["y"], (20, 1))))
+    assert found.unit == pytest.approx(unit)
+    assert found.other_unit == (None if other is None else pytest.approx(other))

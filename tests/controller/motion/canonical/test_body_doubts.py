@@ -6,9 +6,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from controller.motion.canonical.body_doubts import doubts, recorded_parts
+from controller.motion.canonical.body_doubts import anatomy_doubts, doubts, recorded_parts
 from controller.motion.clip import Clip
 from controller.motion.rotations import about, multiply
+from controller.motion.skeleton import Skeleton
 from simulated_bodies import human
 
 
@@ -136,3 +137,45 @@ def test_the_feet_of_somebody_who_crawls_may_point_behind_him():
         rotation[:, 1 + clip.skeleton.index(side + "ank")] = shanks
         rotation[:, 1 + clip.skeleton.index(side + "foo")] = feet
     assert not any("toes" in line for line in doubts(replace(clip, rotation=rotation)))
+
+
+ARM_NAMES = {"lsho": "LeftShoulder", "lelb": "LeftArm", "lwri": "LeftForeArm", "lhan": "LeftHand"}
+LEG_NAMES = {"lkne": "LeftUpLeg", "lank": "LeftLeg", "rkne": "RightUpLeg", "rank": "RightLeg"}
+
+
+def without(names, *ends):
+    """The human with other names and without some bones."""
+    body = human()
+    kept = [bone for bone, name in enumerate(body.bones) if name not in ends]
+    new = {bone: place for place, bone in enumerate(kept)} | {-1: -1}
+    return Skeleton(
+        "part",
+        tuple(names.get(body.bones[bone], body.bones[bone]) for bone in kept),
+        np.array([new[int(body.parent[bone])] for bone in kept]),
+        body.rest_direction[kept],
+        body.length[kept],
+    )
+
+
+def test_arms_that_are_named_never_become_legs():
+    names = {bone: name for side in ("Left", "Right") for bone, name in sided(ARM_NAMES, side)} | {"neck": "Neck"}
+    legs = [side + end for side in "lr" for end in ("hip", "kne", "ank", "foo")]
+    (refusal,) = anatomy_doubts(standing(without(names, *legs)))
+    assert "no left leg was found" in refusal
+
+
+def sided(names, side):
+    return [(side[0].lower() + bone[1:], name.replace("Left", side)) for bone, name in names.items()]
+
+
+def test_a_neck_that_is_named_never_becomes_the_missing_arm():
+    names = LEG_NAMES | dict(sided(ARM_NAMES, "Right")) | {"neck": "Spine", "head": "Neck"}
+    found = anatomy_doubts(standing(without(names, "lsho", "lelb", "lwri", "lhan")))
+    assert found == ["no left upper arm was found: the arm is assumed to hang (--rename OLD=LeftArm)."]
+
+
+def test_a_back_taken_for_a_head_is_doubted():
+    names = LEG_NAMES | dict(sided(ARM_NAMES, "Left")) | dict(sided(ARM_NAMES, "Right"))
+    clip = standing(renamed(names | {"back": "Spine", "neck": "Spine1", "head": "Spine2"}))
+    assert anatomy_doubts(clip) == []
+    assert any(doubt.startswith("no head was named: 'Spine2'") for doubt in doubts(clip))
