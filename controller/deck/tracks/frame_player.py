@@ -48,21 +48,31 @@ class FramePlayer:
             self.cue_anchor(motion, min(int(phase * anchors), anchors - 1))
             return
         self._center.seek(motion, phase)
+        begins = self._center.phase
         self._center.retreat(self._frames[0])
-        self._begin(motion)
+        first_of_all = self._center.phase == begins  # no frame comes before the first of a one-shot
+        if first_of_all:
+            self._frames[1] = self._frames[0]
+        self._begin(motion, 1 + first_of_all)
+        if first_of_all:
+            self._frames[0] = 2.0 * self._frames[1] - self._frames[2]
 
     def cue_anchor(self, motion: str, anchor: int) -> None:
         """Starts a motion at one of its anchors."""
+        if self._center is not None and anchor == 0:
+            self.cue(motion)
+            return
         self.network.cue(motion, anchor)
         self._frames[0] = self._anchors[motion][anchor]
         self._begin(motion)
 
-    def _begin(self, motion: str) -> None:
+    def _begin(self, motion: str, known: int = 1) -> None:
         self.motion, self._fraction, self._forwards = motion, 0.0, True
         if self._driven is not None:
             self.pace = self._driven.pace
-        self._note_phase(0)
-        for place in range(1, 4):
+        for place in range(known):
+            self._note_phase(place)
+        for place in range(known, 4):
             self._take(place)
 
     @property

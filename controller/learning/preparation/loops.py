@@ -13,11 +13,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from controller.motion.cubic import between_frames
 from controller.motion.quintic import run_out
 from controller.motion.rotations import Array
 
 HOLD_SECONDS = 1.0  # at rest after a one-shot
-EASE_SECONDS = 0.3  # in which a one-shot comes to rest
+EASE_SECONDS = 0.2  # of the end of a one-shot, in which it comes to rest
 SEAM_SECONDS = 0.4  # on either side of a seam, in which the mismatch is eased out
 VELOCITY_SECONDS = 1.0 / 15.0  # weight of a mismatch in velocity
 SLOPE_SECONDS = 1.0 / 15.0  # over which a slope is measured
@@ -109,17 +110,19 @@ def close_loop(channels: Array, cut: Seam, velocities: slice, rate: float) -> Ar
 
 
 def hold_end(channels: Array, velocities: slice, rate: float) -> Array:
-    """A clip (T, C) at a rate in Hz with an eased stop and a second of still frames, velocities zero."""
-    ease = max(2, round(EASE_SECONDS * rate))
-    value, slope = _course(channels, len(channels) - 1, velocities, rate)
-    s = np.arange(1, ease + 1)[:, None] / ease
-    # The slope decays as (1 - s)^2 (1 + 2 s); the distance is its integral.
-    way = s - s**3 + 0.5 * s**4
-    stopping = value + slope * ease * way
-    stopping[:, velocities] = value[velocities] * (1.0 - s) ** 2 * (1.0 + 2.0 * s)
-    after = np.repeat(stopping[-1:], round(HOLD_SECONDS * rate), axis=0)
-    after[:, velocities] = 0.0
-    return np.concatenate([channels, stopping, after])
+    """A clip (T, C) at a rate in Hz that slows down onto its last frame, and holds it for a second.
+
+    The last EASE_SECONDS take twice as long, at a pace of (1 - s)^2 (1 + 2 s) for a share s of that time; s - s^3 + s^4
+    / 2 is its integral. So the body stays on recorded poses, and rests in the last of them.
+    """
+    last = len(channels) - 1
+    ease = max(1, min(round(EASE_SECONDS * rate), last // 2))
+    s = np.arange(1, 2 * ease + 1) / (2 * ease)
+    beyond = 2.0 * channels[-1:] - channels[-2:-1]  # so that the curve does not slow down before its last frame
+    stopping = between_frames(np.concatenate([channels, beyond]), last - ease + 2 * ease * (s - s**3 + 0.5 * s**4))
+    stopping[:, velocities] *= ((1.0 - s) ** 2 * (1.0 + 2.0 * s))[:, None]
+    held = np.repeat(stopping[-1:], round(HOLD_SECONDS * rate), axis=0)
+    return np.concatenate([channels[: last - ease + 1], stopping, held])
 
 
 def _course(channels: Array, frame: int, velocities: slice, rate: float) -> tuple[Array, Array]:

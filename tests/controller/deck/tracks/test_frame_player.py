@@ -95,3 +95,28 @@ def test_halfway_between_frames_the_outer_ones_count_a_sixteenth():
     for spike, weight in enumerate((-1 / 16, 9 / 16, 9 / 16, -1 / 16)):
         player = FramePlayer(Polynomial(lambda t, spike=spike: float(t == spike)), rate=1.0)
         assert player.step(0.5)[0] == pytest.approx(weight)
+
+
+@pytest.mark.parametrize("way_in", ["phase", "anchor"])
+@pytest.mark.parametrize("motion", ["bow", "march"])
+def test_a_motion_with_a_phase_starts_in_its_first_frame(motion, way_in):
+    network = synthetic.small_phase_network()
+    player = FramePlayer(network, 120.0)
+    if way_in == "phase":
+        player.cue(motion)
+    else:
+        player.cue_anchor(motion, 0)
+    played = np.array([player.step(0.0).copy(), *play(player, 1 / 120, 39)])
+    np.testing.assert_allclose(played, network.settled(motion)[:40], atol=1e-3)
+    steps = np.abs(np.diff(played, axis=0)).max(1)
+    assert steps[0] < 2.0 * steps[1:].max()
+
+
+def test_a_one_shot_is_turned_round_at_its_start():
+    player = FramePlayer(synthetic.small_phase_network(), 120.0)
+    player.cue("bow")
+    first = player.step(0.0).copy()
+    play(player, 1 / 120, 3)
+    back = play(player, -1 / 120, 8)
+    np.testing.assert_allclose(back[-1], first, atol=1e-3)
+    assert player.phase == 0.0

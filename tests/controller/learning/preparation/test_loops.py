@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from controller.learning.preparation.loops import HOLD_SECONDS, best_seam, close_loop, hold_end, slopes
+from controller.learning.preparation.loops import EASE_SECONDS, HOLD_SECONDS, best_seam, close_loop, hold_end, slopes
 
 
 def drifting_wave(count=300, period=90):
@@ -40,15 +40,30 @@ def test_all_of_a_clip_without_a_match_is_kept_that_was_asked_for():
     assert len(closed(ramp, at_least=0.8)) >= 80
 
 
-def test_a_held_end_stands_still_without_a_jump():
+def test_a_held_end_is_the_last_recorded_frame_and_stands_still():
     t = np.arange(80)
     channels = np.stack([0.9 + 0 * t, np.sin(t / 30), 0.5 + 0 * t], axis=1)
     held = hold_end(channels, slice(2, 3), 120.0)
-    assert np.array_equal(held[: len(channels)], channels)
-    assert np.ptp(held[-round(120.0 * HOLD_SECONDS) :], axis=0) == pytest.approx([0, 0, 0])
-    assert held[-1, 2] == 0.0
-    steps = np.abs(np.diff(held[:, 1]))
-    assert steps[79:].max() <= steps[:79].max() + 1e-9
+    assert held[-round(120.0 * HOLD_SECONDS) :, :2] == pytest.approx(np.tile(channels[-1, :2], (120, 1)), abs=1e-12)
+    assert not held[-round(120.0 * HOLD_SECONDS) :, 2].any()
+    slowing = round(120.0 * EASE_SECONDS)
+    assert np.array_equal(held[: len(channels) - slowing], channels[:-slowing])
+
+
+@pytest.mark.parametrize("rate", [24.0, 30.0, 120.0, 240.0])
+@pytest.mark.parametrize("seconds", [0.1, 0.4, 2.0])
+def test_a_one_shot_slows_down_along_its_recording(rate, seconds):
+    t = np.arange(round(seconds * rate)) / rate
+    channels = np.stack([3.0 * t, np.full(len(t), 3.0)], axis=1)  # a place, and its velocity
+    held = hold_end(channels, slice(1, 2), rate)
+    place, velocity = held.T
+    assert place.max() == pytest.approx(3.0 * t[-1], abs=1e-12)
+    pace = np.diff(place) * rate
+    assert pace.min() >= -1e-9
+    assert pace.max() <= 3.0 + 1e-9
+    assert velocity.sum() / rate == pytest.approx(3.0 * t[-1], abs=4.0 / rate)
+    stops_in = 2.0 * max(1, min(round(EASE_SECONDS * rate), (len(t) - 1) // 2)) / rate
+    assert np.abs(np.diff(pace)).max() * rate <= 1.02 * 1.5 * 3.0 / stops_in
 
 
 def steps_of_a_walk(rate, seconds=4.0):
