@@ -17,7 +17,7 @@ from motiondeck_base.errors import MotiondeckError
 
 
 class RecordedDeck(Paced):
-    """Plays the targets of a recording; fits `run_phases.Player` and `loop.commands.commanded_run.Playback`.
+    """Plays the targets of a recording; fits `run_phases.Player` and `loop.commands.interfaces.Playback`.
 
     No network plays: what a deck has of one is empty or None here. If the recorded robot plays it, its root follows the
     recorded path. MotiondeckError if the recording is empty.

@@ -41,7 +41,7 @@ from motiondeck.run.spec.script import Timed
 
 if TYPE_CHECKING:  # page, recorder and recognition are imported by a run that has them
     from controller.deck.switch import CommandedSwitch
-    from controller.loop.commands.commanded_run import Playback
+    from controller.loop.commands.interfaces import Playback
     from controller.loop.run_phases import Player
     from motiondeck.run.beside.tick_recorder import TickRecorder
     from motiondeck.run.guard.guarded_rig import GuardedRig

@@ -7,79 +7,21 @@ from __future__ import annotations
 
 import math
 import random
-from collections import deque
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
-from typing import NamedTuple, Protocol, assert_never, runtime_checkable
+from typing import NamedTuple, assert_never
 
-from controller.loop.commands.interfaces import Look, Progress, Pushable, RealTime, RigServos
+from controller.loop.commands.interfaces import Commandable, Look, Playback, Progress, Pushable, RealTime, RigServos
 from controller.loop.commands.timed_commands import TimedCommands
 from controller.loop.stop_requests import StopRequest
 from controller.loop.stop_state import EmergencyStopError
 from controller.wire.messages import commands
 from controller.wire.messages.commands import DeckCommand
-from controller.wire.messages.deck_snapshot import DeckState, Mode, SnapshotSource
+from controller.wire.messages.deck_snapshot import Mode, SnapshotSource
 from controller.wire.messages.events import Event
-from controller.wire.messages.lock_state import LockSource
 from controller.wire.messages.replies import Accepted, PhaseNow, Refused, Reply, State
 from motiondeck_base.errors import MotiondeckError, in_words
-
-
-class Playback(DeckState, Protocol):
-    """The part of any deck that commands need; it raises a MotiondeckError for a command that it cannot carry out."""
-
-    events: deque[Event]  # what has happened and is still to be sent
-    phase_at: float | None  # when the present phase was due by the machine's steady clock, s; None if that is not known
-
-    @property
-    def phase_rate(self) -> float | None:
-        """Rounds of a loop per second, negative backwards; None if that is not known."""
-        ...
-
-    def set_tempo(self, factor: float, over: float = 0.0) -> None:
-        """Plays at another tempo."""
-
-    def pause(self) -> None:
-        """Comes to a standstill."""
-
-    def step_on(self, seconds: float = 0.0) -> None:
-        """Goes on in a pause for some seconds."""
-
-    def resume(self) -> None:
-        """Plays on."""
-
-
-@runtime_checkable
-class Commandable(Playback, Protocol):
-    """A deck whose motions can be commanded, unlike the replay of a recording."""
-
-    def switch(self, to: str, *, direct: bool = False) -> Progress:
-        """Starts a switch."""
-        ...
-
-    def enqueue(self, to: str) -> Progress:
-        """Plays a motion after the present and the queued ones."""
-        ...
-
-    def blend_in(self, first: str, second: str, weight: float, also: Sequence[tuple[str, float]] = ()) -> Progress:
-        """Plays a blend of motions."""
-        ...
-
-    def set_input(self, name: str, value: float) -> None:
-        """Changes the value of an input."""
-
-    def lock(self, source: LockSource, phase: float = 0.0, steps: int = 0) -> None:
-        """Locks the phase to beats, to another deck, or to the measured joints."""
-
-    def unlock(self) -> None:
-        """Ends a lock."""
-
-    def beat(self, ago: float = 0.0) -> None:
-        """Takes a beat."""
-
-    def jump(self, phase: float) -> None:
-        """Goes to a phase of the motion that is played."""
 
 
 def refusal(error: Exception, number: int) -> Refused:

@@ -1,12 +1,18 @@
-"""The sender of a command, and protocols of what commands act on: servos, a body that can be pushed, a clock."""
+"""The sender of a command, and protocols of what commands act on: a deck, servos, a body to be pushed, a clock."""
+
+# ruff: noqa: D102 (`controller.deck.deck.Deck` documents what those of decks do)
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections import deque
+from collections.abc import Callable, Sequence
 from typing import NamedTuple, Protocol, runtime_checkable
 
 from controller.wire.command_socket import Address, CommandServer
 from controller.wire.messages.commands import Side
+from controller.wire.messages.deck_snapshot import DeckState
+from controller.wire.messages.events import Event
+from controller.wire.messages.lock_state import LockSource
 from controller.wire.messages.replies import Reply, SecondReply
 
 
@@ -19,6 +25,37 @@ class Progress(Protocol):
     via: tuple[str, ...]
     overtaken: bool
     fell_back: str
+
+
+class Playback(DeckState, Protocol):
+    """The part of any deck that commands need, as `controller.deck.deck.Deck` describes it.
+
+    It raises a MotiondeckError for a command that it cannot carry out.
+    """
+
+    events: deque[Event]  # what has happened and is still to be sent
+    phase_at: float | None  # when the present phase was due by the machine's steady clock, s; None if that is not known
+
+    @property
+    def phase_rate(self) -> float | None: ...
+    def set_tempo(self, factor: float, over: float = 0.0) -> None: ...
+    def pause(self) -> None: ...
+    def step_on(self, seconds: float = 0.0) -> None: ...
+    def resume(self) -> None: ...
+
+
+@runtime_checkable
+class Commandable(Playback, Protocol):
+    """A deck whose motions can be commanded, unlike the replay of a recording."""
+
+    def switch(self, to: str, *, direct: bool = False) -> Progress: ...
+    def enqueue(self, to: str) -> Progress: ...
+    def blend_in(self, first: str, second: str, weight: float, also: Sequence[tuple[str, float]] = ()) -> Progress: ...
+    def set_input(self, name: str, value: float) -> None: ...
+    def lock(self, source: LockSource, phase: float = 0.0, steps: int = 0) -> None: ...
+    def unlock(self) -> None: ...
+    def beat(self, ago: float = 0.0) -> None: ...
+    def jump(self, phase: float) -> None: ...
 
 
 class Look(Protocol):

@@ -8,8 +8,8 @@ from dataclasses import dataclass
 
 import msgspec
 
-from controller.loop.commands.commanded_run import Playback, refusal
-from controller.loop.commands.interfaces import Client, Look, Progress
+from controller.loop.commands.commanded_run import refusal
+from controller.loop.commands.interfaces import Client, Look, Playback, Progress
 from controller.wire.command_socket import Address
 from controller.wire.messages.commands import DeckCommand, Heartbeat, Subscribe
 from controller.wire.messages.events import Event, EventKind

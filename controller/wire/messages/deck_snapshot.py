@@ -4,6 +4,8 @@ A new value is one field of `DeckSnapshot` and its line in `SnapshotSource.take`
 page have it then (`controller/wire/snapshot_numbers.py`).
 """
 
+# ruff: noqa: D102 (`DeckSnapshot` says what the properties of the protocols are)
+
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
@@ -102,98 +104,49 @@ class DeckSnapshot(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class DeckState(Protocol):
-    """The state of a deck."""
+    """The state of a deck; see `DeckSnapshot`, and `controller.deck.deck.Deck` for what is not there."""
 
     time: float
 
     @property
-    def motions(self) -> Sequence[str]:
-        """The names of its motions."""
-        ...
-
+    def motions(self) -> Sequence[str]: ...
     @property
-    def motion(self) -> str:
-        """The motion that is played or being switched to."""
-        ...
-
+    def motion(self) -> str: ...
     @property
-    def playing(self) -> str:
-        """The motion that is played now, perhaps on the way to `motion`."""
-        ...
-
+    def playing(self) -> str: ...
     @property
-    def way(self) -> Sequence[str]:
-        """The motions that the present switch has still to begin."""
-        ...
-
+    def way(self) -> Sequence[str]: ...
     @property
-    def queue(self) -> list[str]:
-        """The motions that are played next."""
-        ...
-
+    def queue(self) -> list[str]: ...
     @property
-    def blend(self) -> tuple[tuple[str, float], ...]:
-        """The motions that are blended in, each with its weight."""
-        ...
-
+    def blend(self) -> tuple[tuple[str, float], ...]: ...
     @property
-    def fell_back(self) -> str:
-        """Why the last blend was given up and what was played instead, or ""."""
-        ...
-
+    def fell_back(self) -> str: ...
     @property
-    def tempo(self) -> float:
-        """The present tempo."""
-        ...
-
+    def tempo(self) -> float: ...
     @property
-    def commanded_tempo(self) -> float:
-        """The tempo that was commanded."""
-        ...
-
+    def commanded_tempo(self) -> float: ...
     @property
-    def phase(self) -> float | None:
-        """How far the motion is, from 0 to 1; None if that is not known."""
-        ...
-
+    def phase(self) -> float | None: ...
     @property
-    def inputs(self) -> dict[str, float]:
-        """The present values of inputs besides the phase."""
-        ...
-
+    def inputs(self) -> dict[str, float]: ...
     @property
-    def lock_state(self) -> LockState | None:
-        """What the phase is locked to, if it is."""
-        ...
-
+    def lock_state(self) -> LockState | None: ...
     @property
-    def settled(self) -> bool:
-        """Whether no switch is under way."""
-        ...
-
+    def settled(self) -> bool: ...
     @property
-    def paused(self) -> bool:
-        """Whether it is paused."""
-        ...
-
+    def paused(self) -> bool: ...
     @property
-    def restarts(self) -> int:
-        """How often the network lost its motion and was restarted."""
-        ...
+    def restarts(self) -> int: ...
 
 
 class RunMode(Protocol):
     """The mode of a run; see `DeckSnapshot`."""
 
     @property
-    def mode(self) -> Mode:
-        """Of the joints."""
-        ...
-
+    def mode(self) -> Mode: ...
     @property
-    def approaching(self) -> bool:
-        """Whether the joints are on their slow way to the motion."""
-        ...
+    def approaching(self) -> bool: ...
 
 
 class LoopFigures(Protocol):
@@ -207,28 +160,18 @@ class LoopFigures(Protocol):
     overruns: int
 
     @property
-    def rate(self) -> float:
-        """Ticks per second since the start."""
-        ...
+    def rate(self) -> float: ...
 
 
 class RecognitionState(Protocol):
     """Recognition during a run; see `DeckSnapshot`."""
 
     @property
-    def seen(self) -> Recognized | None:
-        """The recognized motion."""
-        ...
-
+    def seen(self) -> Recognized | None: ...
     @property
-    def mismatch_s(self) -> float:
-        """For how long the joints have shown another motion than the commanded one, s."""
-        ...
-
+    def mismatch_s(self) -> float: ...
     @property
-    def stuck(self) -> str:
-        """A joint that does not follow its targets, or ""."""
-        ...
+    def stuck(self) -> str: ...
 
 
 class FallingBody(Protocol):
