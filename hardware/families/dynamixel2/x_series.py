@@ -57,10 +57,4 @@ def as_in_manual(model: str, register: Register) -> Register:
         return replace(register, signed=True, minimum=-1000, maximum=1000, unit="%", scale=0.1)
     if register.unit == "mA":
         register = replace(register, scale=TRAITS[model].current_unit)
-    facts = _FACTS[model].get(register.name, {})
-    return replace(
-        register,
-        minimum=facts.get("minimum", register.minimum),
-        maximum=facts.get("maximum", register.maximum),
-        default=facts.get("default", register.default),
-    )
+    return replace(register, **_FACTS[model].get(register.name, {}))
