@@ -25,6 +25,7 @@ from controller.motion.canonical.actors import hands_off
 from controller.motion.clip import Clip
 from controller.motion.decision import Decision
 from controller.motion.formats.reading import CONVERTIBLE, FORMATS, recordings_below
+from controller.motion.people import SeveralPeopleError
 from controller.motion.reading_options import AS_FOUND, ReadingOptions
 from motiondeck_base.errors import MotiondeckError
 from motiondeck_base.jobs import ALONE, Jobs, spread
@@ -128,12 +129,13 @@ def learn(
     tasks = (delayed(_examined)(file, names[file], options, takes[file], within) for file in files)
     for file, read in zip(files, spread(tasks, jobs, ordered=True), strict=True):
         progress(f"reading {file.name}")
-        if isinstance(read, LearnedMotion):
-            left_out.append(read)
-        elif accept is not None and read.anatomy and not {read.motion.name, "all"} & set(accept):
-            left_out.append(_doubted(read))
-        else:
-            examined.append(read)
+        for one in read:
+            if isinstance(one, LearnedMotion):
+                left_out.append(one)
+            elif accept is not None and one.anatomy and not {one.motion.name, "all"} & set(accept):
+                left_out.append(_doubted(one))
+            else:
+                examined.append(one)
     if not examined:
         none = f"none of {len(files)} recordings can be learned. " if len(files) > 1 else ""
         raise MotiondeckError(f"{none}{_named(left_out[0])}")
@@ -216,11 +218,15 @@ def _takes(files: list[Path]) -> dict[Path, list[Path]]:
 
 def _examined(
     file: Path, name: str, options: ReadingOptions, takes: list[Path], within: tuple[float, float] | None = None
-) -> AnalysedRecording | LearnedMotion:
+) -> list[AnalysedRecording | LearnedMotion]:
+    """What is to be learned of a file, of each of several people in it; or why not."""
     try:
-        return analyse_recording(file, name, options, within, takes)
+        return [analyse_recording(file, name, options, within, takes)]
+    except SeveralPeopleError as error:
+        people = [(typeable(f"{name}-{person}"), replace(options, person=person)) for person in error.people]
+        return [one for name, own in people for one in _examined(file, name, own, takes, within)]
     except MotiondeckError as error:
-        return LearnedMotion(name, file, remedy=str(error).removeprefix(f"{file}: "))
+        return [LearnedMotion(name, file, remedy=str(error).removeprefix(f"{file}: "))]
 
 
 def _names(files: list[Path]) -> dict[Path, str]:

@@ -43,9 +43,10 @@ class MotionRecipe(msgspec.Struct, forbid_unknown_fields=True, frozen=True, kw_o
     frames: tuple[int, int] | None = None  # first frame and the one after the last, or the whole recording
     # For an .amc, its .asf, relative to the data folder; without it the one nearby is taken.
     skeleton: str | None = None
-    unit: float | None = None  # this and the next four override the file, as in `ReadingOptions`
+    unit: float | None = None  # this and the next five override the file, as in `ReadingOptions`
     up: Up | None = None
     rename: dict[str, str] = msgspec.field(default_factory=dict[str, str])
+    person: str | None = None
     rate: float | Literal["auto", "none"] | None = None  # `frames` count at this one
     ground: float | Literal["auto", "none"] | None = None
     mirrored: bool = False  # whether left and right are exchanged

@@ -84,6 +84,7 @@ def analyse_recording(
         unit=own.unit,
         up=own.up,
         rename=dict(own.rename),
+        person=own.person,
         rate=_to_repeat("rate", options.rate, found.decisions),
         ground=_to_repeat("ground", options.ground, found.decisions),
         takes=tuple(str(take.absolute()) for take in takes),

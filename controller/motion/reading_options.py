@@ -21,6 +21,7 @@ class ReadingOptions:
     up: Up | None = None  # vertical axis of the file
     # New names of joints, bones or markers, by the names in the file.
     rename: Mapping[str, str] = field(default_factory=dict[str, str])
+    person: str | None = None  # which one of several people in the file
     # The rate at which it was recorded, Hz, or "auto" to find held and missing frames; None and "none" keep the file's.
     rate: float | Literal["auto", "none"] | None = None
     # The height of its floor, m, or "auto" to find it where feet stand; None and "none" keep the file's.

@@ -57,11 +57,6 @@ def doubts(clip: Clip) -> list[str]:
         return found
     armless = {side[0] + end for side in SIDES for end in _ARM_ENDS if side[0] + "elb" not in marks.joint}
     lacking = [_called(bone) for bone in marks.lacking if bone not in armless]
-    top = marks.bone.get("head", -1)
-    if top >= 0 and (named := named_parts(skeleton.bones)[top]) is not None and named.part == "trunk":
-        found.append(
-            f"no head was named: '{skeleton.bones[top]}', the last bone of the back, was taken for it (--rename)."
-        )
     if lacking:
         what = "was found: its length and direction are" if len(lacking) == 1 else "were found: they are"
         found.append(f"no {', '.join(lacking)} {what} assumed.")

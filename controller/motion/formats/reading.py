@@ -14,6 +14,7 @@ from controller.motion.formats.markers.joint_points import joint_points, jointed
 from controller.motion.formats.markers.marker_fit import Fit, fit_markers, wears_full_set
 from controller.motion.formats.markers.skin_markers import joints_under_skin
 from controller.motion.markers import Markers
+from controller.motion.people import chosen_person
 from controller.motion.reading_options import AS_FOUND, ReadingOptions
 from controller.motion.take.steps import taken
 from motiondeck_base.errors import FileFormatError
@@ -93,6 +94,8 @@ def read_fitted(path: str | Path, options: ReadingOptions = AS_FOUND) -> FittedC
     found = row.read(path, options)
     if isinstance(found, Clip):
         return FittedClip(taken(found, options), None)
+    if len(people := _people_in(found)) > 1:
+        found = people[chosen_person(path, people, options.person)]
     fitted = _body_of_markers(found, Path(path).stem)
     return replace(fitted, clip=taken(fitted.clip, options))
 
@@ -121,6 +124,22 @@ def _format_by_content(path: Path) -> Format | None:
         return None  # the reader says why
     rows = chain.from_iterable(FORMATS.values())
     return next((row for row in rows if row.magic and beginning.startswith(row.magic)), None)
+
+
+def _people_in(markers: Markers) -> dict[str, Markers]:
+    """The markers of each person whose labels begin alike, such as "Anna:LKNE" and "Ben:LKNE"."""
+    found: dict[str, Markers] = {}
+    for between in (":", "_", "|", ".", "-", " "):
+        begins = [label.partition(between)[0] if between in label else "" for label in markers.labels]
+        for name in dict.fromkeys(filter(None, begins)):
+            own = [index for index, begin in enumerate(begins) if begin == name]
+            labels = tuple(markers.labels[index].partition(between)[2] for index in own)
+            part = replace(markers, labels=labels, position=markers.position[:, own])
+            if joint_points(part) or wears_full_set(part) or joints_under_skin(part):
+                found[name] = part
+        if found:
+            break
+    return found
 
 
 def _body_of_markers(markers: Markers, name: str) -> FittedClip:

@@ -74,7 +74,9 @@ GroundOption = Annotated[
 SkeletonOption = Annotated[
     Path | None,
     typer.Option(
-        "--skeleton", metavar="FILE", help="The .asf of an .amc (default: the one nearby); the body model of an .npz."
+        "--skeleton",
+        metavar="FILE",
+        help="The .asf of an .amc, the body model of an .npz; or one of several people in a file.",
     ),
 ]
 
@@ -108,6 +110,8 @@ class Reading:
         names = dict(pair.split("=", 1) for pair in self.rename or [] if "=" in pair)
         if len(names) < len(self.rename or []):
             raise MotiondeckError("--rename takes OLD=NEW, once for each joint")
+        if self.skeleton is not None and not self.skeleton.suffix:
+            return ReadingOptions(None, self.unit, self.up, names, str(self.skeleton))
         return ReadingOptions(self.skeleton, self.unit, self.up, names)
 
 

@@ -172,10 +172,3 @@ def test_a_neck_that_is_named_never_becomes_the_missing_arm():
     names = LEG_NAMES | dict(sided(ARM_NAMES, "Right")) | {"neck": "Spine", "head": "Neck"}
     found = anatomy_doubts(standing(without(names, "lsho", "lelb", "lwri", "lhan")))
     assert found == ["no left upper arm was found: the arm is assumed to hang (--rename OLD=LeftArm)."]
-
-
-def test_a_back_taken_for_a_head_is_doubted():
-    names = LEG_NAMES | dict(sided(ARM_NAMES, "Left")) | dict(sided(ARM_NAMES, "Right"))
-    clip = standing(renamed(names | {"back": "Spine", "neck": "Spine1", "head": "Spine2"}))
-    assert anatomy_doubts(clip) == []
-    assert any(doubt.startswith("no head was named: 'Spine2'") for doubt in doubts(clip))

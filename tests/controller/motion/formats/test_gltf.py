@@ -7,6 +7,8 @@ import pytest
 from scipy.spatial.transform import Rotation, Slerp
 
 from controller.motion.formats.reading import read_clip
+from controller.motion.people import SeveralPeopleError
+from controller.motion.reading_options import ReadingOptions
 from motiondeck_base.errors import FileFormatError
 from people import KEYS, OFFSET, check_person, moving
 from written_files import GltfFile, gltf_file
@@ -207,3 +209,25 @@ def test_only_files_in_the_same_folder_are_opened(tmp_path, uri):
 def test_an_empty_file_has_no_animation(tmp_path):
     with pytest.raises(FileFormatError, match="no animation"):
         read_clip(write(tmp_path, GltfFile()))
+
+
+@pytest.mark.parametrize("below_one", [False, True])
+def test_one_of_two_armatures_is_read_by_name(tmp_path, below_one):
+    file = gltf_file(MOTION, scale=0.01)
+    nodes, (skin,), (animation,) = file.json["nodes"], file.json["skins"], file.json["animations"]
+    count = len(nodes)
+    again = [
+        node | ({"children": [count + c for c in node["children"]]} if "children" in node else {}) for node in nodes
+    ]
+    nodes += [again[0] | {"name": "Ben"}, *again[1:]]
+    if below_one:
+        nodes.append({"name": "Scene", "children": [0, count]})
+    file.json["skins"].append({"joints": [count + joint for joint in skin["joints"]]})
+    animation["channels"] += [
+        channel | {"target": channel["target"] | {"node": count + channel["target"]["node"]}}
+        for channel in animation["channels"]
+    ]
+    path = write(tmp_path, file)
+    with pytest.raises(SeveralPeopleError, match=r"2 people \(Armature, Ben\)"):
+        read_clip(path)
+    check_person(read_clip(path, ReadingOptions(person="Ben")), MOTION, tolerance=2e-6)
