@@ -19,7 +19,7 @@ import numpy as np
 
 from benchmarks.centralized.anticipation_trust import (
     AHEAD_FRAMES,
-    VELOCITY_FRAMES,
+    RATE,
     Experience,
     Forecast,
     Trust,
@@ -31,8 +31,8 @@ from controller.motion.rotations import Array
 from controller.networks.centralized.network import CentralizedNetwork
 from motiondeck_base.errors import MotiondeckError
 
-RATE = 60.0
 PAST_FRAMES = 24
+VELOCITY_FRAMES = 4
 LOOK_EVERY = 3
 PHASES_A_SECOND = 30.0
 TEMPOS = (0.75, 0.87, 1.0, 1.15, 1.33)
@@ -151,13 +151,9 @@ class Foresight:
 def foresight(anticipator: Anticipator, channels: Array, rate: float, every_s: float = 0.1) -> list[Foresight]:
     """Predicts a recording (T, C) again and again from its own past, and measures how well, for 0.1 to 0.5 s ahead.
 
-    Raises:
-        MotiondeckError: if it is too short or its rate does not fit.
+    MotiondeckError if it is too short.
     """
-    stride = max(1, round(rate / RATE))
-    if abs(rate / stride - RATE) > 0.05 * RATE:
-        raise MotiondeckError(f"{rate:g} frames a second cannot be thinned to {RATE:g}")
-    features = joint_features(anticipator.encoding, channels)[::stride]
+    features = _at_60_hz(joint_features(anticipator.encoding, channels), rate)
     starts = range(PAST_FRAMES, len(features) - AHEAD_FRAMES)
     if not starts:
         raise MotiondeckError(
@@ -182,6 +178,20 @@ def foresight(anticipator: Anticipator, channels: Array, rate: float, every_s: f
     rows = np.vstack([missed, trusted]) / measured
     at = [round(ahead * RATE) - 1 for ahead in (0.1, 0.2, 0.3, 0.4, 0.5)]
     return [Foresight((k + 1) / RATE, *(float(value) for value in rows[:, k])) for k in at]
+
+
+def _at_60_hz(features: Array, rate: float) -> Array:
+    """Features (T, F) at another rate: every n-th, or on lines between frames.
+
+    Frames between recorded ones know the next one. So at 30 Hz every moment that is measured is a recorded frame.
+    """
+    stride = max(1, round(rate / RATE))
+    if abs(rate / stride - RATE) < 0.05 * RATE:
+        return features[::stride]
+    time = np.arange(1, int((len(features) - 1) * RATE / rate) + 1) / RATE * rate
+    before = np.minimum(time.astype(int), len(features) - 2)
+    share = (time - before)[:, None]
+    return (1.0 - share) * features[before] + share * features[before + 1]
 
 
 def _velocity(past: Array) -> Array:

@@ -14,6 +14,7 @@ from scipy.special import expit, logit
 
 from controller.motion.rotations import Array
 
+RATE = 60.0  # Hz
 AHEAD_FRAMES = 30
 TRUST_LEVELS = 4  # distances, each with as many of the trials
 PRIOR_TRIALS = 2.0  # for so many predictions of a recording the trust from the library counts
@@ -21,7 +22,7 @@ PRIOR_ALONE = 8.0  # for so many its share of the last velocity alone
 CAUTION = 3.0
 EAGERNESS = 2.0
 SEEN_AHEAD = 9  # so many frames ahead the velocity alone is tried before the first prediction
-VELOCITY_FRAMES = 4
+DAMPING_S = 0.15  # in which a velocity falls to 1/e
 
 
 @dataclass(frozen=True)
@@ -131,7 +132,7 @@ class Experience:
         self._gram = np.zeros((AHEAD_FRAMES, 2, 2))
         self._came = np.zeros((AHEAD_FRAMES, 2))
         self._missed = np.zeros((AHEAD_FRAMES, 2))
-        for last in range(VELOCITY_FRAMES, len(seen)):
+        for last in range(1, len(seen)):
             velocity = at_last_velocity(seen[: last + 1])
             for at, frame in enumerate(seen[last + 1 :][:SEEN_AHEAD]):
                 self._add_alone(at, velocity[at], frame - seen[last])
@@ -174,8 +175,13 @@ class Experience:
 
 
 def at_last_velocity(past: Array) -> Array:
-    """How far the last velocity goes in each of the next frames, shape (AHEAD_FRAMES, F)."""
-    return np.multiply.outer(np.arange(1, AHEAD_FRAMES + 1) / VELOCITY_FRAMES, past[-1] - past[-1 - VELOCITY_FRAMES])
+    """How far the last velocity, damped, goes in each of the next frames, shape (AHEAD_FRAMES, F).
+
+    A velocity v that falls by exp(-t / d) goes  v d (1 - exp(-t / d)).
+    """
+    damping = DAMPING_S * RATE
+    ahead = damping * (1.0 - np.exp(-np.arange(1, AHEAD_FRAMES + 1) / damping))
+    return np.multiply.outer(ahead, past[-1] - past[-2])
 
 
 def shares_of(gram: Array, came: Array) -> Array:

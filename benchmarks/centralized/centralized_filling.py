@@ -1,9 +1,9 @@
 """Errors of markers that were hidden at random and filled in.
 
 Gaps of 0.25 to 1 s, at random times, of random markers (.c3d) or joints (.amc), TRIES of each length a recording: mean
-absolute error of a coordinate in mm, with 95 % bootstrap intervals of the mean; and in how many gaps the network was
-nearest. Recordings that `reconstruction.py` was not written with: all but 86_01, 02_01, 10_02, 16_02, 133_01, 55_01 and
-08_04_slowwalk.
+absolute error of a coordinate in mm, with 95 % bootstrap intervals of the mean; and in how many gaps the filled path
+was nearest. Recordings that filling was not written with: all but 86_01, 02_01, 10_02, 16_02, 133_01, 55_01,
+08_04_slowwalk and those of HDM05's actor bd.
 """
 
 from __future__ import annotations
@@ -53,7 +53,7 @@ def main(
     rng = np.random.default_rng(0)
     recordings = {file.stem: places_of(file) for file in files}
     names = [field.name for field in fields(Missed)]
-    print("| gap, s | gaps | " + " | ".join(names) + " | network nearest |\n" + "|---" * (len(names) + 3) + "|")
+    print("| gap, s | gaps | " + " | ".join(names) + " | filled nearest |\n" + "|---" * (len(names) + 3) + "|")
     for gap_s in GAPS_S:
         found = [astuple(one) for places, rate in recordings.values() for one in hide(places, rate, gap_s, rng)]
         if not found:

@@ -19,13 +19,13 @@ class Missed:
     """Mean absolute errors of a coordinate in gaps, in the unit of the places.
 
     Attributes:
-        network: filled in from the network of the others.
+        filled: as `fill_missing` fills them, by the network, components or path that hidden stretches favour.
         cubic: by a cubic spline through the path on both sides.
         line: by a straight line.
         mean: by the mean place, as seen from the middle of the others.
     """
 
-    network: float
+    filled: float
     cubic: float
     line: float
     mean: float

@@ -9,7 +9,7 @@ from scipy.optimize import nnls
 
 import synthetic
 from benchmarks.centralized.anticipation import Anticipator, foresight
-from benchmarks.centralized.anticipation_trust import Experience, Trust, shares_of
+from benchmarks.centralized.anticipation_trust import Experience, Trust, at_last_velocity, shares_of
 from benchmarks.centralized.motion_index import load_index, save_index
 from benchmarks.centralized.motion_signature import part_weights, signature
 from benchmarks.centralized.restyling import restyled, with_frequencies
@@ -66,12 +66,30 @@ def test_what_is_known_is_expected_better_than_standing_still(library):
     rows = foresight(Anticipator(library), seen, synthetic.RATE)
     assert [row.ahead_s for row in rows] == pytest.approx([0.1, 0.2, 0.3, 0.4, 0.5])
     assert rows[-1].anticipated < 0.3 * rows[-1].hold
-    assert rows[-1].anticipated < 0.1 * rows[-1].velocity
+    assert rows[-1].anticipated < 0.25 * rows[-1].velocity  # which is damped, and so half as far off as a line
     assert rows[-1].trust > 0.8
     with pytest.raises(MotiondeckError, match="too short"):
         foresight(Anticipator(library), seen[:60], synthetic.RATE)
     with pytest.raises(MotiondeckError, match="centralized one"):
         Anticipator(synthetic.small_library())
+
+
+@pytest.mark.parametrize("every", [2, 4])
+def test_a_recording_at_60_or_30_hz_is_expected_too(library, every):
+    """At 60 Hz as it is, at 30 Hz on lines between the frames."""
+    seen = np.tile(synthetic.march(), (5, 1))
+    whole = foresight(Anticipator(library), seen, synthetic.RATE)
+    thinned = foresight(Anticipator(library), seen[::every], synthetic.RATE / every)
+    assert thinned[-1].anticipated < 0.35 * thinned[-1].hold
+    assert thinned[-1].hold == pytest.approx(whole[-1].hold, rel=0.1)
+
+
+def test_a_damped_velocity_comes_to_rest():
+    past = np.outer(np.arange(5.0), [6.0, -3.0])  # mm a frame
+    way = at_last_velocity(past)
+    assert np.allclose(way[0], [6.0, -3.0], rtol=0.1)
+    assert np.allclose(way[-1], 0.15 * 60.0 * np.array([6.0, -3.0]), rtol=0.05)
+    assert (np.abs(np.diff(way, 2, axis=0)) > 0.0).all()
 
 
 def test_what_is_unlike_all_that_is_known_is_not_made_of_it(library):

@@ -3,10 +3,10 @@
 1. Around a gap the other markers are aligned, frame by frame, with their mean shape (Kabsch 1976), which removes the
    motion of the body as a whole.
 2. Centers and satellites are trained on them. Their output has few principal components, the scores; the missing marker
-   is a weighted sum of the scores.
-3. The residual of that sum on both sides of the gap is interpolated over it, by a cubic or a line.
-4. The ridge of the weights, and cubic or line, are chosen by cross-validation: intervals as long as the gap are hidden
-   where the marker is seen, and filled by every method. The largest ridge leaves only the marker's mean.
+   is a weighted sum of the scores. Or it follows from the principal components of the markers (`component_filling`).
+3. The residual of the prediction on both sides of the gap is interpolated over it, by a cubic or a line.
+4. Network or components, the ridge of the weights, and cubic or line are chosen by cross-validation: intervals as long
+   as the gap are hidden where the marker is seen, and filled by every method. The largest ridge leaves only the mean.
 5. A cubic or a line through the marker's own path in the world is evaluated there, too. The gap is filled by a mean of
    the best methods of both kinds, weighted by their errors on the hidden intervals.
 """
@@ -15,13 +15,14 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Literal
+from typing import Literal, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline
 from scipy.special import expit
 
+from controller.learning.centralized.component_filling import KEPT, by_components
 from controller.learning.centralized.satellite_learning import learn, ridge_readout, slow_and_fast
 from controller.motion.markers import bridged, runs
 from controller.motion.rotations import Array
@@ -46,21 +47,31 @@ FEWEST_OTHERS = 3  # markers, for the pose of the body
 BRIDGED = 0.1  # largest missing share of the other markers outside the gap; interpolated linearly
 
 Flags = NDArray[np.bool_]
+FilledBy = Literal["network", "components", "path"]
 
 
 @dataclass(frozen=True)
 class FillMethod:
     """A method to fill a gap."""
 
-    ridge_share: float | None  # of the weights, per seen frame; None interpolates the marker's own path
+    by: FilledBy  # "path" interpolates the marker's own
+    strength: float  # of the network the ridge of its weights, per seen frame; of components the share that is kept
     cubic: bool  # else a line interpolates the residual or the path
 
 
-WAYS = [
-    FillMethod(None if share is None else float(share), cubic)
-    for share in (*10.0 ** np.arange(-8.0, 3.0), None)
-    for cubic in (True, False)
+_PREDICTORS: list[tuple[FilledBy, float]] = [
+    *(("network", float(share)) for share in 10.0 ** np.arange(-8.0, 3.0)),
+    *(("components", share) for share in KEPT),
+    ("path", 0.0),
 ]
+WAYS = [FillMethod(by, strength, cubic) for by, strength in _PREDICTORS for cubic in (True, False)]
+
+
+class _Others(NamedTuple):
+    """The other markers about their centre, onto their mean shape, (K, M, 3), and the scores of their network."""
+
+    shape: Array
+    scores: Array
 
 
 @dataclass(frozen=True)
@@ -74,8 +85,8 @@ class Gap:
     # there was none, or the gap was not filled.
     expected: float | None = None
     filled: bool = False
-    # The method with the larger weight: "network", or the marker's own path, as a "cubic" or a "line".
-    by: Literal["network", "cubic", "line"] | None = None
+    # The method with the larger weight: from the others, or the marker's own path, as a "cubic" or a "line".
+    by: FilledBy | Literal["cubic", "line"] | None = None
 
     @property
     def frames(self) -> int:
@@ -131,7 +142,7 @@ def _fill_group(markers: Array, filled: Array, group: list[Gap], rate: float) ->
     if others.sum() < FEWEST_OTHERS:
         return group
     base, turn, shape = _onto_mean_shape(_bridged(part[:, others], missing[:, others]))
-    scores = _scores(shape.reshape(len(shape), -1), rate)
+    known = _Others(shape, _scores(shape.reshape(len(shape), -1), rate))
     done = []
     for gap in group:
         hole = missing[:, gap.marker]
@@ -140,15 +151,16 @@ def _fill_group(markers: Array, filled: Array, group: list[Gap], rate: float) ->
             continue
         world = part[:, gap.marker]
         body = _turned(world - base, turn)
-        chosen = _choose(scores, body, world, hole, gap.frames)
+        chosen = _choose(known, body, world, hole, gap.frames)
         inside = slice(gap.first - begin, gap.end - begin)
-        found = _fill(scores, world, hole, chosen.path)[inside]
+        found = _fill(known, world, hole, chosen.path)[inside]
         if chosen.share > 0.0:
-            predicted = _fill(scores, body, hole, chosen.network)[inside]
-            by_network = _turned(predicted, np.swapaxes(turn[inside], 1, 2)) + base[inside]
-            found = chosen.share * by_network + (1.0 - chosen.share) * found
+            predicted = _fill(known, body, hole, chosen.others)[inside]
+            by_others = _turned(predicted, np.swapaxes(turn[inside], 1, 2)) + base[inside]
+            found = chosen.share * by_others + (1.0 - chosen.share) * found
         filled[gap.first : gap.end, gap.marker] = found
-        by = "network" if chosen.share > 0.5 else "cubic" if chosen.path.cubic else "line"
+        own = "cubic" if chosen.path.cubic else "line"
+        by = chosen.others.by if chosen.share > 0.5 else own
         done.append(Gap(gap.marker, gap.first, gap.end, chosen.expected, filled=True, by=by))
     return done
 
@@ -196,13 +208,13 @@ def _predicted(target: Array, rate: float) -> Array:
 
 @dataclass(frozen=True)
 class _Mixture:
-    network: FillMethod
+    others: FillMethod  # from the other markers
     path: FillMethod  # along the marker's own path
-    share: float  # of the network
+    share: float  # of the former
     expected: float | None  # mean absolute error of both by their shares, a bound on that of the mixture
 
 
-def _choose(scores: Array, body: Array, world: Array, missing: Flags, gap: int) -> _Mixture:
+def _choose(known: _Others, body: Array, world: Array, missing: Flags, gap: int) -> _Mixture:
     """The methods to fill a gap of some frames, by their errors on hidden intervals of its length, or shorter ones.
 
     `body` and `world` are the marker's path (K, 3) relative to the other markers and in the world.
@@ -210,36 +222,49 @@ def _choose(scores: Array, body: Array, world: Array, missing: Flags, gap: int) 
     longest = max((end - first for first, end in runs(~missing)), default=0)
     length = min(gap, longest - 2 * EDGE)
     if length < 1:
-        return _Mixture(WAYS[0], FillMethod(None, cubic=False), 0.0, None)
+        return _Mixture(WAYS[0], WAYS[-1], 0.0, None)
     starts = [k for first, end in runs(~missing) for k in range(first + EDGE, end - length - EDGE + 1)]
     tried = np.unique(np.linspace(0, len(starts) - 1, HIDDEN).astype(int))
-    missed = np.zeros(len(WAYS))
+    missed = np.zeros((len(WAYS) // 2, 2))
     for start in (starts[place] for place in tried):
         hidden = slice(start, start + length)
         holes = missing.copy()
         holes[hidden] = True
-        for index, way in enumerate(WAYS):
-            path = world if way.ridge_share is None else body
-            missed[index] += np.abs(_fill(scores, path, holes, way)[hidden] - path[hidden]).mean()
-    missed /= len(tried)
-    own_path = np.array([way.ridge_share is None for way in WAYS])
-    network = int(np.where(own_path, np.inf, missed).argmin())
-    path = int(np.where(own_path, missed, np.inf).argmin())
-    both = missed[[network, path]]
+        for index, way in enumerate(WAYS[::2]):
+            path = world if way.by == "path" else body
+            predicted = _predicted_path(known, path, holes, way)
+            for column, cubic in enumerate((True, False)):
+                found = _through_edges(predicted, path, holes, cubic=cubic)
+                missed[index, column] += np.abs(found[hidden] - path[hidden]).mean()
+    flat = missed.ravel() / len(tried)
+    own_path = np.array([way.by == "path" for way in WAYS])
+    others = int(np.where(own_path, np.inf, flat).argmin())
+    path = int(np.where(own_path, flat, np.inf).argmin())
+    both = flat[[others, path]]
     share = float(expit(EAGERNESS * (both[1] - both[0]) / max(both.min(), 1e-9)))
-    return _Mixture(WAYS[network], WAYS[path], share, float(share * both[0] + (1.0 - share) * both[1]))
+    return _Mixture(WAYS[others], WAYS[path], share, float(share * both[0] + (1.0 - share) * both[1]))
 
 
-def _fill(scores: Array, path: Array, missing: Flags, way: FillMethod) -> Array:
-    """A path (K, 3) without gaps: predicted from the scores, with the residual interpolated over each gap."""
-    predicted = np.zeros_like(path)
-    if way.ridge_share is not None:
-        there = path[~missing]
-        weights = ridge(scores[~missing], there - there.mean(0), way.ridge_share * len(there))
-        predicted = scores @ weights.T + there.mean(0)
+def _fill(known: _Others, path: Array, missing: Flags, way: FillMethod) -> Array:
+    return _through_edges(_predicted_path(known, path, missing, way), path, missing, cubic=way.cubic)
+
+
+def _predicted_path(known: _Others, path: Array, missing: Flags, way: FillMethod) -> Array:
+    """A path (K, 3) as the other markers predict it in every frame; zero by the path itself."""
+    if way.by == "path":
+        return np.zeros_like(path)
+    if way.by == "components":
+        return by_components(known.shape, path, missing, way.strength)
+    there = path[~missing]
+    weights = ridge(known.scores[~missing], there - there.mean(0), way.strength * len(there))
+    return known.scores @ weights.T + there.mean(0)
+
+
+def _through_edges(predicted: Array, path: Array, missing: Flags, *, cubic: bool) -> Array:
+    """A path (K, 3) with the prediction in its gaps, and the residual at their edges interpolated over them."""
     out = np.where(missing[:, None], predicted, path)
     for first, end in runs(missing):
-        edges = (first - EDGE, first - 1, end, end + EDGE - 1) if way.cubic else (first - 1, end)
+        edges = (first - EDGE, first - 1, end, end + EDGE - 1) if cubic else (first - 1, end)
         near = [k for k in edges if 0 <= k < len(path) and not missing[k]]
         inside, off = np.arange(first, end), path[near] - predicted[near]
         if len(near) == 4:

@@ -36,16 +36,19 @@ _UPWARDS = np.array([0.0, 1.0, 0.0])
 
 
 def read_joint_arrays(path: str | Path, options: ReadingOptions = AS_FOUND) -> Markers:
-    """The points in the joints of a person; the vertical axis is that of the options."""
+    """The points in the joints of a person; axis, and the rate of a .npy, are those of the options."""
     if Path(path).suffix.lower() == ".npy":
         position = plain_array(read_bytes(path), f"{path}: the array")
         if position.ndim == 2 and position.shape[1] in _FEATURES:
             if not (np.abs(position) < FARTHEST).all():
                 raise FileFormatError(f"{path}: a feature is no number or impossibly large. Save it again.")
             position = _from_features(position, _FEATURES[position.shape[1]])
-        names, rate = None, _RATES.get(position.shape[1]) if position.ndim == 3 else 0.0
+        names, usual = None, _RATES.get(position.shape[1]) if position.ndim == 3 else 0.0
+        rate = float(options.rate) if isinstance(options.rate, int | float) else usual
         if rate is None:
-            raise FileFormatError(f"{path}: a .npy has no rate. Save it as .npz with arrays 'joints' and 'fps'.")
+            raise FileFormatError(
+                f"{path}: a .npy has no rate. Save .npz with arrays 'joints' and 'fps', or give rate in a recipe."
+            )
     else:
         arrays = NpzArrays(path)
         found = arrays.first(*_JOINTS)

@@ -59,6 +59,7 @@ def read_robot_motion(path: str | Path, options: ReadingOptions = AS_FOUND) -> C
     if options.unit is not None or options.up is not None:
         raise FileFormatError(f"{path}: a robot's motion has fixed units and axes: omit the options.")
     joints, rate, angles = _table(path) if Path(path).suffix.lower() == ".csv" else _arrays(path)
+    rate = float(options.rate) if isinstance(options.rate, int | float) else rate
     listed_there = _listed(Path(path))
     if joints is None:
         joints = [*map(_bare, listed_there)] or [*_G1]

@@ -81,11 +81,12 @@ def convert(
 
     --mirror writes what `mirrored = true` makes of a motion in a recipe.
 
-    --fill reconstructs markers that were lost for a while. A network learns the visible markers around each gap; a line
-    or a cubic along the marker's own path counts too, by how well each fills hidden stretches of the same length. The
-    table shows the expected error of each marker. A gap stays open if fewer than three other markers were visible
-    throughout it, or its own marker was hardly visible around it. A .c3d keeps everything else; filled points have the
-    residual 0. A .csv has the time in s and x, y, z of every marker in m, in the file's own axes.
+    --fill reconstructs markers that were lost for a while: by a network of the visible markers around each gap, by
+    their principal components, and by a line or a cubic along the marker's own path, each as far as it fills hidden
+    stretches of the same length. The table shows the expected error of each marker. A gap stays open if fewer than
+    three other markers were visible throughout it, or its own marker was hardly visible around it. A .c3d keeps
+    everything else; filled points have the residual 0. A .csv has the time in s and x, y, z of every marker in m, in
+    the file's own axes.
 
     [bold]Examples[/]
 

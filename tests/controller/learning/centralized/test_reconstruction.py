@@ -26,6 +26,7 @@ def test_a_gap_is_filled_from_what_the_others_do():
         (4, 270, 300, 30, True),
     ]
     assert all(g.expected is not None and g.expected < 10.0 for g in gaps)
+    assert {g.by for g in gaps} <= {"network", "components"}
 
 
 def test_the_error_is_expected_from_frames_that_were_seen():
@@ -70,7 +71,7 @@ def test_what_cannot_be_known_stays_open():
 
 def test_hidden_markers_are_counted_against_the_truth():
     found = fill_hidden(markers(), 2, [60, 200], 25, RATE)
-    assert found.network < 0.5 * found.cubic
+    assert found.filled < 0.5 * found.cubic
     assert found.cubic < found.line
     assert found.line < found.mean
 

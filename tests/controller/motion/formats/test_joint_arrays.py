@@ -128,6 +128,12 @@ def test_unseen_joints_are_bridged(tmp_path):
     assert len(read_clip(npz(tmp_path, joints=seen, fps=20))) == 60
 
 
+def test_a_rate_that_is_given_is_that_of_an_array_without_one(tmp_path):
+    path = npy(tmp_path, joints(COCO.split()))
+    assert read_joint_arrays(path, ReadingOptions(rate=60.0)).rate == 60.0
+    assert read_clip(path, ReadingOptions(rate=60.0)).rate == 60.0
+
+
 def test_unit_axis_and_names_can_be_given(tmp_path):
     path = npz(tmp_path, joints=HUMANML, fps=20, joint_names=np.array(["k" * (i + 1) for i in range(22)]))
     names = dict(zip(["k" * (i + 1) for i in range(22)], JOINTS, strict=True))
@@ -140,7 +146,7 @@ def test_unit_axis_and_names_can_be_given(tmp_path):
 @pytest.mark.parametrize(
     ("name", "array", "said"),
     [
-        ("a.npy", np.zeros((5, 17, 3)), r"no rate. Save it as .npz with arrays 'joints' and 'fps'"),
+        ("a.npy", np.zeros((5, 17, 3)), r"no rate. Save .npz with arrays 'joints' and 'fps', or give rate in a recipe"),
         ("a.npy", np.zeros((5, 22, 3)), "SMPL, limbs change their length by"),
         ("a.npy", np.zeros((263,)), r"joints of shape \(263,\), expected \(frames, joints, 3\)"),
         ("a.npy", np.zeros((5, 66)), r"joints of shape \(5, 66\)"),

@@ -40,6 +40,7 @@ def check(clip, angles=ANGLES, rate=30.0, first=tuple(G1)):
 def test_a_table_without_a_heading_is_of_unitrees_g1_at_30_hz(tmp_path):
     path = csv(tmp_path, np.concatenate([ROOT, ANGLES], axis=1))
     check(read_clip(path))
+    check(read_clip(path, ReadingOptions(rate=50.0)), rate=50.0)
     assert recordings_below(tmp_path) == [path]
 
 
