@@ -190,9 +190,8 @@ class LiveDeck(DeckCommands[CommandedMotion]):
     def _request(self, message: DeckCommand) -> Accepted | DeckStatus:
         """Sends a command and takes its answer.
 
-        Raises:
-            CommandError: if it is refused, or an argument is of another type.
-            SocketError: if the deck has ended; it says why.
+        CommandError if it is refused, or an argument is of another type. SocketError if the deck has ended; it says
+        why.
         """
         if not self.running:
             self._process.end()

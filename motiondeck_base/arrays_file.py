@@ -46,8 +46,7 @@ def write_arrays(path: Path, kind: Kind, header: msgspec.Struct, arrays: dict[st
 def read_arrays(path: Path, kind: Kind) -> tuple[object, StoredArrays]:
     """The header as plain values, its version checked, and the arrays.
 
-    Raises:
-        FileFormatError: one line that names the file and what is wrong with it.
+    A FileFormatError has one line that names the file and what is wrong with it.
     """
     try:
         if not path.is_file():

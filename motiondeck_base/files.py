@@ -105,11 +105,9 @@ def read_lines(path: str | Path, largest: int = LARGEST) -> list[str]:
 def read_text(path: str | Path, largest: int = LARGEST) -> str:
     """A text file, every line of which ends with one newline, whatever its line ends were.
 
-    Names may be in any language: text is UTF-8, UTF-16 where the file begins by saying so, and otherwise one
-    character a byte. What editors write before the text to name its alphabet is left out.
-
-    Raises:
-        FileFormatError: as `read_bytes`, or if the file is not text.
+    Names may be in any language: text is UTF-8, UTF-16 where the file begins by saying so, and otherwise one character
+    a byte. What editors write before the text to name its alphabet is left out. FileFormatError as of `read_bytes`, or
+    if the file is not text.
     """
     content = read_bytes(path, largest).removeprefix(codecs.BOM_UTF8)
     wide = content.startswith((codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE))

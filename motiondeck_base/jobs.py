@@ -62,9 +62,7 @@ EVERY_CORE = Jobs(-1)  # in a process per core of this machine
 def spread(tasks: Iterable[Task], jobs: Jobs, *, ordered: bool = False) -> Iterator[Any]:
     """The results of tasks, each as soon as it is there, or, if `ordered`, in the order of the tasks.
 
-    Raises:
-        ClusterError: if the cluster cannot be used, or gave a task up.
-        Exception: whatever a task raises.
+    ClusterError if the cluster cannot be used, or gave a task up; what a task raises is raised too.
     """
     if not jobs.cluster:
         watched = (delayed(_watched)(os.getpid(), task) for task in tasks)

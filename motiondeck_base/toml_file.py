@@ -23,8 +23,7 @@ _ENDLESS = re.compile(r"[\d_]{4301}")
 def read_toml(path: Path, shape: type[T]) -> T:
     """The contents of a TOML file as a msgspec structure that forbids unknown fields.
 
-    Raises:
-        FileFormatError: one line per problem, with the file, the place, and the allowed keys or the expected type.
+    A FileFormatError has one line per problem, with the file, the place, and the allowed keys or the expected type.
     """
     return shaped(parse_toml(path)[1], shape, str(path), SMALLEST)
 
@@ -32,8 +31,7 @@ def read_toml(path: Path, shape: type[T]) -> T:
 def parse_toml(path: Path) -> tuple[str, dict[str, Any]]:
     """The text of a TOML file, and its contents as plain values.
 
-    Raises:
-        FileFormatError: one line that names the file and what is wrong with it.
+    A FileFormatError has one line that names the file and what is wrong with it.
     """
     try:
         text = path.read_text(encoding="utf-8-sig")

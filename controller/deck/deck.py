@@ -172,15 +172,12 @@ class Deck(Lockable):
 
         The first is switched to if it is not playing, then the others are blended in; a motion whose weight comes to 0
         is dropped. From one blend to another that has a motion in common only the weights change, if there are no more
-        than MOST_BLENDED motions in both.
+        than MOST_BLENDED motions in both. UnknownNameError if there is no such motion; it names the nearest.
+        MotiondeckError if they cannot be blended, and why.
 
         Args:
             weight: the blend weight of the second, in [-0.3, 1.3]; beyond 0 and 1 one motion is exaggerated.
             also: further motions with their weights; then each weight is in [0, 1], and the first has the rest.
-
-        Raises:
-            UnknownNameError: if there is no such motion; it names the nearest.
-            MotiondeckError: if they cannot be blended, and why.
         """
         for name in (first, second, *(name for name, _ in also)):
             self._check(name)
@@ -195,9 +192,7 @@ class Deck(Lockable):
     def enqueue(self, to: str) -> CommandedSwitch:
         """Plays a motion after what is played and queued.
 
-        Raises:
-            UnknownNameError: if there is no such motion; it names the nearest.
-            MotiondeckError: if MOST_QUEUED are waiting.
+        UnknownNameError if there is no such motion; it names the nearest. MotiondeckError if MOST_QUEUED are waiting.
         """
         self._check(to)
         if len(self.plan.queued) >= MOST_QUEUED:
@@ -214,9 +209,8 @@ class Deck(Lockable):
     def set_tempo(self, factor: float, over: float = 0.0) -> None:
         """Plays at another tempo, reached within `over` seconds; see `Paced.set_tempo`.
 
-        Raises:
-            CommandError: if the tempo or the time is out of its range.
-            MotiondeckError: if it is negative and the network runs by itself.
+        CommandError if the tempo or the time is out of its range. MotiondeckError if it is negative and the network
+        runs by itself.
         """
         TEMPO.check(factor)
         if factor < 0.0:
@@ -226,21 +220,18 @@ class Deck(Lockable):
     def set_input(self, name: str, value: float) -> None:
         """Changes an input of the motions, such as speed; the value is reached within a second.
 
-        Raises:
-            UnknownNameError: if no motion has such an input.
-            MotiondeckError: if the value is outside the learned range.
+        UnknownNameError if no motion has such an input. MotiondeckError if the value is outside the learned range.
         """
         self._inputs.command(name, value)
 
     def jump(self, phase: float) -> None:
         """Fades to a phase of the present motion, from the next update on.
 
+        CommandError if the phase is out of its range. MotiondeckError if the network runs by itself, or motions are
+        blended.
+
         Args:
             phase: in [0, 1]; in a loop 1 is 0.
-
-        Raises:
-            CommandError: if the phase is out of its range.
-            MotiondeckError: if the network runs by itself, or motions are blended.
         """
         PHASE.check(phase)
         self.require_phase()

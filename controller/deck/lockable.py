@@ -60,14 +60,13 @@ class Lockable(Paced, ABC):
     def lock(self, source: LockSource, phase: float = 0.0, steps: int = 0) -> None:
         """Locks the phase of loops to a reference; an earlier lock ends.
 
+        CommandError if a number is out of its range. MotiondeckError if the network runs by itself, or there is no such
+        source here.
+
         Args:
             source: "beat" for the times that `beat` is given, "deck" for the `leader`, "body" for what is `measured`.
             phase: the phase that falls on a beat, or how far to be ahead of the other deck, in [0, 1].
             steps: how many beats a round has, up to 16; 0 takes 1, 2, 4, 8 or 16, whichever tempo is nearest to 1.
-
-        Raises:
-            CommandError: if a number is out of its range.
-            MotiondeckError: if the network runs by itself, or there is no such source here.
         """
         PHASE.check(phase)
         STEPS.check(steps)
@@ -93,12 +92,10 @@ class Lockable(Paced, ABC):
     def beat(self, ago: float = 0.0) -> None:
         """Takes a beat; without a lock to beats it begins one.
 
+        CommandError if the time is out of its range. MotiondeckError if the network runs by itself.
+
         Args:
             ago: how long ago it was, s; negative for one that is still to come; from -2 to 2.
-
-        Raises:
-            CommandError: if the time is out of its range.
-            MotiondeckError: if the network runs by itself.
         """
         AGO.check(ago)
         if self._beats is None:

@@ -42,9 +42,7 @@ class Paced:
     def step_on(self, seconds: float = 0.0) -> None:
         """Goes on in a pause for some seconds at the commanded tempo, at least for one update.
 
-        Raises:
-            CommandError: if the time is out of its range.
-            MotiondeckError: if there is no pause.
+        CommandError if the time is out of its range. MotiondeckError if there is no pause.
         """
         STEP_SECONDS.check(seconds)
         if not self.paused:

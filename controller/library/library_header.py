@@ -49,8 +49,7 @@ class LibraryInfo(NetworkHeader, frozen=True, kw_only=True):
 def read_header(path: Path, tree: object) -> LibraryInfo:
     """The header of a library file, checked.
 
-    Raises:
-        FileFormatError: one line that names the file and what is wrong with it.
+    A FileFormatError has one line that names the file and what is wrong with it.
     """
     info = shaped(tree, LibraryInfo, f"{path} (header)")
     try:

@@ -45,9 +45,7 @@ class JointTrials:
     def joint(self, index: int) -> Response:
         """Moves a joint through its chirp and back to where it stood, and returns how it answered.
 
-        Raises:
-            RigError: after a surprise, or if the answers are of no use; it names the joint.
-            Stopped: if it was asked to.
+        RigError after a surprise, or if the answers are of no use; it names the joint. Stopped if it was asked to stop.
         """
         joint, start = self._rig.config.joints[index], float(self._targets[index])
         chirp = chirp_of(joint, start)

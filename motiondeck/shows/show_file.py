@@ -101,8 +101,7 @@ def show_command(line: str) -> DeckCommand:
 def read_show(path: Path) -> Show:
     """Reads a show file.
 
-    Raises:
-        FileFormatError: one line per problem, with the file, the place, and what is allowed there.
+    A FileFormatError has one line per problem, with the file, the place, and what is allowed there.
     """
     show = read_toml(path, Show)
     problems = [*_wrong_names(show), *_wrong_cues(show)]

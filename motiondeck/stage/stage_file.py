@@ -76,8 +76,7 @@ class StageMap:
 def read_stage(path: Path) -> StageMap:
     """Reads a stage file.
 
-    Raises:
-        FileFormatError: one line per problem, with the file, the place, and what is allowed there.
+    A FileFormatError has one line per problem, with the file, the place, and what is allowed there.
     """
     raw = read_toml(path, _StageFile)
     problems: list[str] = []

@@ -85,17 +85,15 @@ def retarget_files(
 ) -> Iterator[RetargetedFile]:
     """Retargets recordings and writes a training file of each; yields each result as soon as it is done.
 
-    Names and folders below `out` are those of the recordings.
+    Names and folders below `out` are those of the recordings. MotiondeckError if a path does not exist or two
+    recordings would be written to one file; if `out` holds motions of another robot, format or solver, or cannot be
+    written.
 
     Args:
         paths: recordings, and folders of recordings.
         out: the folder for the files; created if missing.
         solver: in place of the robot file's.
         jobs: the processes; remote ones need the same paths.
-
-    Raises:
-        MotiondeckError: if a path does not exist or two recordings would be written to one file; if `out` holds motions
-            of another robot, format or solver, or cannot be written.
     """
     places = _places(paths, format)
     settings = _Settings(robot.name, _digest(robot), format, solver)

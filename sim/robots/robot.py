@@ -105,11 +105,9 @@ class Robot:
 def load_robot(path: Path, skeleton: Skeleton, solver: Solver | None = None, dt: float = DT) -> Robot:
     """Loads a robot file and fits the robot to a skeleton, for poses dt seconds apart.
 
-    `solver` is that of the retargeting, in place of the file's.
-
-    Raises:
-        FileFormatError: if the robot file or its model cannot be used, or the skeleton lacks what the robot needs.
-        UnknownNameError: if the file has a part, a body or a joint that does not exist.
+    `solver` is that of the retargeting, in place of the file's. FileFormatError if the robot file or its model cannot
+    be used, or the skeleton lacks what the robot needs. UnknownNameError if the file has a part, a body or a joint that
+    does not exist.
     """
     return RobotLoader(path)(skeleton, solver, dt)
 
