@@ -44,7 +44,8 @@ from benchmarks.recordings.faithful_files import recorded, source_and_actor
 from benchmarks.recordings.faithful_measure import Part, Played, measure
 from motiondeck_base.errors import MotiondeckError
 
-ENDINGS = (".amc", ".bvh", ".mat")
+ENDINGS = (".amc", ".bvh", ".mat", ".c3d")
+MARKERS = ".c3d"  # listed, and not judged: joints are not in the file
 LENGTHS = 3  # of a motion, in a free run
 HELD_FOR = 2.0  # s after a one-shot, at least
 BOUND_MM, BOUND_DEGREES, BOUND_HELD, BOUND_FLOOR = 10.0, 2.0, 0.5, 10.0
@@ -78,6 +79,8 @@ def grouped(data: Path, source: str | None, most: int | None, seed: int, *, mixe
 
 def judged(group: Group, files: list[Path], data: Path) -> list[Row]:
     """A row for each motion of a library of some recordings, and for each recording that was left out."""
+    if all(file.suffix.lower() == MARKERS for file in files):
+        return [_row(group, file, data, {}) | {"not_judged": "markers, no joints"} for file in files]
     with tempfile.TemporaryDirectory() as folder:
         out = Path(folder) / "library.safetensors"
         learn = [sys.executable, "-m", "motiondeck", "learn", *map(str, files), "--out", str(out), "--json"]
@@ -235,7 +238,7 @@ def _work(
 
 def main(
     data: Path,
-    source: Annotated[str | None, typer.Option(help="HDM05, CMU, Bandai, BVH or thesis; default: all.")] = None,
+    source: Annotated[str | None, typer.Option(help="HDM05, CMU, Bandai, BVH, thesis or C3D; default: all.")] = None,
     most: Annotated[int | None, typer.Option(help="Recordings, sampled evenly over the sources.")] = None,
     seed: Annotated[int, typer.Option(help="Of the sample.")] = 0,
     mixed: Annotated[bool, typer.Option("--mixed", help="One library for all actors of a source.")] = False,

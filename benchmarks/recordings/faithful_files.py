@@ -40,6 +40,7 @@ RULES: tuple[tuple[str, str, str], ...] = (
     ("thesis", r"nnRaw(?:ExaStride|SlowWalk|Walk)\.mat$", "08"),
     ("thesis", r"nnRaw(?:GetSeated|Sitting|StandupFromStool)\.mat$", "13"),
     ("thesis", r"nnRaw(\w+)\.mat$", r"\1"),
+    ("C3D", r"(\d\d)[^/]*\.c3d$", r"\1"),
 )
 UNITS = (1.0, 0.01, 0.001, 0.0254, 0.0254 / 0.45)  # m, of a BVH
 USUAL_LEG = 0.85  # m, by which the unit of a BVH is told
@@ -97,7 +98,7 @@ def recorded(path: Path) -> Recorded:
         case ".mat":
             return _pattern(path)
         case ending:
-            raise ValueError(f"no independent reading of {ending} files has landmarks")
+            raise ValueError(f"no independent reading of {ending} files gives joints")
 
 
 def _acclaim(path: Path) -> Recorded:

@@ -232,8 +232,13 @@ def _delay(
 def _on_the_ground(
     wanted: dict[str, Array], run: Played, frames: NDArray[np.int64], rate: float, part: Part, lift: float
 ) -> dict[str, object]:
-    """Slide and height of standing feet, recorded and played, and the ratio of the paths, over the first pass."""
-    ours = run.at(frames / rate - part.begin)
+    """Slide and height of standing feet, recorded and played, and the ratio of the paths, over the first pass.
+
+    Where a one-shot may be late feet are not judged, and its path ends when it has come to rest.
+    """
+    when = frames / rate - part.begin
+    late = STOPS_WITHIN if part.plays == "once" else 0.0
+    ours = run.at(when)
     theirs = {bone: track[frames] for bone, track in wanted.items()}
     slides: list[list[Array]] = [[], []]
     low: list[Array] = []
@@ -241,7 +246,11 @@ def _on_the_ground(
     for foot in ("lfoo", "rfoo") if "lfoo" in theirs and "lfoo" in ours else ("lank", "rank"):
         track = theirs[foot]
         speed = np.linalg.norm(np.gradient(track, axis=0), axis=-1) * rate
-        stands = (speed < STANDS) & (track[:, 2] < np.quantile(wanted[foot][:, 2], 0.05) + NEAR_GROUND)
+        stands = (
+            (speed < STANDS)
+            & (when < part.end - part.begin - late)
+            & (track[:, 2] < np.quantile(wanted[foot][:, 2], 0.05) + NEAR_GROUND)
+        )
         for span in _spans(stands, round(STANDS_SECONDS * rate)):
             for kept, places in zip(slides, (track, ours[foot]), strict=True):
                 kept.append(np.linalg.norm(places[span, :2] - places[span, :2].mean(0), axis=-1))
@@ -259,9 +268,10 @@ def _on_the_ground(
             "slide_played_mm": played_mm,
             "floor_mm": 1000.0 * float(off[np.abs(off).argsort()[int(0.95 * (len(off) - 1))]]),
         }
+    whole = run.at(np.arange(when[0], part.end - part.begin + late, 1.0 / rate))
     ways = [
         float(np.linalg.norm(np.diff(0.5 * (p["lhip"] + p["rhip"])[:, :2], axis=0), axis=-1).sum())
-        for p in (ours, theirs)
+        for p in (whole, theirs)
     ]
     return found | {"path_m": ways[1], "path_ratio": ways[0] / ways[1] if ways[1] > SHORTEST_PATH else None}
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import msgspec
 
 LARGEST_MM, LARGEST_DEGREES = 40.0, 5.0  # 95 % of the errors of a motion that passes, mm on its own body, are smaller
+LARGEST_HELD = 5.0  # degrees of any bone
 
 # Landmarks in words, after "left" or "right" where the name begins with l or r.
 _WORDS = {"hip": "hip", "kne": "knee", "ank": "ankle", "foo": "toes"}
@@ -60,6 +61,8 @@ class RecordingError(msgspec.Struct, frozen=True, kw_only=True):
             return (
                 f"too far from its recording: {allowed}; the worst is {self.degrees.worst:.0f}°, {self.degrees.where}"
             )
+        if self.held_degrees is not None and not self.held_degrees <= LARGEST_HELD:
+            return f"holds a pose {self.held_degrees:.0f}° from the last recorded one, {LARGEST_HELD:g}° are allowed"
         return ""
 
 

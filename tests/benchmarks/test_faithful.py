@@ -139,7 +139,8 @@ def test_the_rules_know_source_and_actor_of_each_recording(mocap_data):
     assert "86" in actors["CMU"]
     assert actors["Bandai"] == {"bandai"}
     assert {len(grouped(mocap_data, "HDM05", 7, seed, mixed=True)["HDM05", "all"]) for seed in range(3)} == {7}
-    assert source_and_actor(mocap_data / "c3d" / "0803_walk.c3d", mocap_data) is None
+    assert source_and_actor(mocap_data / "c3d" / "0803_walk.c3d", mocap_data) == ("C3D", "08")
+    assert source_and_actor(mocap_data / "cmu" / "86" / "86_10.npy", mocap_data) is None
     assert len(PATTERN_BONES) == 19
 
 

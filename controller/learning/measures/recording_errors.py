@@ -191,7 +191,8 @@ def _errors(off: Array, bones: NDArray[np.int64], at: Array) -> Errors:
 
 
 def _feet(played: Array, wanted: Array, recorded: RecordedPart) -> dict[str, float]:
-    """Height and slide of standing feet, mm, in the first round; empty if none stands."""
+    """Height and slide of standing feet, mm, in the first round where it is in time; empty if none stands."""
+    in_time = recorded.since < recorded.seconds - (0.0 if recorded.loop else STOPS)
     heights: list[Array] = []
     slides: tuple[list[Array], list[Array]] = ([], [])
     step = np.diff(recorded.since[:2])[0]
@@ -199,7 +200,7 @@ def _feet(played: Array, wanted: Array, recorded: RecordedPart) -> dict[str, flo
         foot = JOINT[f"{side}foo"] if recorded.known[JOINT[f"{side}foo"]] else JOINT[f"{side}ank"]
         track = wanted[:, foot]
         slow = np.linalg.norm(np.gradient(track, step, axis=0), axis=-1) < STANDS
-        stands = slow & (track[:, 2] < np.quantile(track[:, 2], 0.05) + NEAR_GROUND)
+        stands = slow & in_time & (track[:, 2] < np.quantile(track[:, 2], 0.05) + NEAR_GROUND)
         edges = np.flatnonzero(np.diff(stands.astype(int), prepend=0, append=0))
         for start, end in zip(edges[::2], edges[1::2], strict=True):
             if (end - start) * step < STANDS_FOR:

@@ -158,7 +158,7 @@ def test_a_one_shot_may_come_to_rest_a_little_late(library):
             t = np.arange(len(clip))
             by = 0.08 * clip.rate * np.clip((t - len(clip) + since * clip.rate) / 20.0, 0.0, 1.0)
             frame = np.minimum(np.rint(t + by).astype(int), len(clip) - 1)
-            return replace(clip, rotation=clip.rotation[frame])
+            return replace(clip, rotation=clip.rotation[frame], root_position=clip.root_position[frame])
 
         return change
 
@@ -227,6 +227,8 @@ def test_the_reason_says_millimetres_or_degrees():
     assert "41 mm" in far.reason
     assert "right toes at 1.25 s" in far.reason
     assert RecordingError(degrees=good, **fields | {"own_body_mm": np.nan}).reason
+    assert not RecordingError(degrees=good, held_degrees=4.9, **fields).reason
+    assert "holds a pose 31°" in RecordingError(degrees=good, held_degrees=31.0, **fields).reason
 
 
 @cache
