@@ -24,6 +24,7 @@ from controller.motion.formats.writing import bvh_text
 from controller.motion.posture import walk_path
 from controller.motion.rotations import multiply
 from motiondeck_base.errors import MotiondeckError
+from synthetic import small_library
 
 
 @pytest.fixture(scope="module")
@@ -255,6 +256,21 @@ def test_the_command_line_shows_the_errors_and_judges_anew(recordings, tmp_path)
 def test_joints_of_a_rig_have_no_such_error():
     clip = taught_clip("nod", ("neck", "jaw"), 50.0, np.zeros((50, 2)))
     assert recorded_part(clip, 0.0, 1.0, loop=False) is None
+
+
+def test_a_network_that_runs_by_itself_keeps_no_time_to_compare():
+    small = small_library()
+    still = replace(waving(60.0, 1.0), name="march")
+    assert judged(small, {"march": recorded_part(still, 0.0, 1.0, loop=True)}) is small
+
+
+def test_what_the_self_test_said_stays_when_a_motion_is_judged_anew(library, recordings, tmp_path):
+    bow, *others = library.info.motions
+    failed = msgspec.structs.replace(bow, passed=False, reason="the network ran away")
+    broken = replace(library, info=msgspec.structs.replace(library.info, motions=[failed, *others]))
+    again = judge_against(broken, tmp_path / "two.safetensors", recordings / "bow.bvh")
+    assert (again.passed, again.reason) == (False, "the network ran away")
+    assert judge_against(library, tmp_path / "two.safetensors", recordings / "bow.bvh").passed
 
 
 def test_a_missing_file_is_named(library, tmp_path):
