@@ -35,7 +35,9 @@ _AT = 0.005  # rad from the goal register to the target
 class BurdenJudge:
     """Judges the joints of one port."""
 
-    def __init__(self, config: RigConfig, bus: EmulatedBus, burdens: Burdens) -> None:
+    def __init__(self, config: RigConfig, bus: EmulatedBus, burdens: Burdens, others: NDArray[np.int64]) -> None:
+        """Of a rig with each servo as a joint; `others` are the other servos of their joints, shape (J,)."""
+        self._others = others
         count = len(config.joints)
         self._config, self._bus, self._burdens = config, bus, burdens
         self._per_radian = np.array([joint.pulses_per_radian for joint in config.joints])
@@ -92,7 +94,8 @@ class BurdenJudge:
         too_long = self._above > ALLOWED
         note("had a true current above the rig file's limit for more than 20 ms, A", too_long, amperes)
         at_target = np.abs((true_goals(devices) - self._zero) / self._per_radian - self._target) < _AT
-        kept = steady & ~blocked & ~cut_off & (now - self._target_since > _STANDS_FOR)
+        # Where one of two servos loses its torque, the other takes the whole weight.
+        kept = steady & steady[self._others] & ~blocked & ~cut_off & (now - self._target_since > _STANDS_FOR)
         moving = np.isnan(self._anchor) & (np.abs(speeds) > _STILL)
         self._anchor[~kept] = np.nan
         self._since[~kept | moving | (np.isnan(self._anchor) & ~at_target)] = now

@@ -1,4 +1,7 @@
-"""What weighs on the joints of a fault schedule, and what they may take: loads, limits of current, own gains, poses."""
+"""What weighs on the joints of a fault schedule, and what they may take: loads, limits of current, own gains, poses.
+
+And what they are: some have two servos, go through several turns of their horns, or grip.
+"""
 
 from __future__ import annotations
 
@@ -12,12 +15,17 @@ from numpy.typing import NDArray
 from benchmarks.rig.jams import PAGES
 from hardware.emulator.faults import Fault
 from hardware.emulator.servos.device import Device
-from hardware.rig.rig_joint import EXTENDED_MODE, RigJoint
+from hardware.emulator.servos.drive import motor_of
+from hardware.rig.rig_joint import EXTENDED_MODE, RigJoint, SecondServo
 from hardware.rig.scale import Array
 
 _WITH_FEETECH = 0.2  # part of the schedules that have a port with Feetech servos alone
 _HEAVIEST = 0.2  # of the stall torque
-_LEAST_CURRENT, _MOST_CURRENT = 0.6, 0.8  # of the stall current; friction needs some besides the weight
+_LEAST_CURRENT, _MOST_CURRENT = 0.6, 0.8  # of the stall current
+_LEAST_SMALL, _MOST_SMALL = 0.15, 0.4  # of the stall current, for a small limit of it
+_TAKES = 0.5  # of a small limit: what weight and friction may take together, so that nothing yields to them
+_WITH_SECOND, _WITH_TURNS, _WITH_GRIP, _WITH_SMALL = 0.12, 0.3, 0.84, 0.2  # of joints; see `_actuator`
+_SECOND = 10  # above the ID of a joint's first servo is that of its second
 _LIKE = {
     "XM430-W350": ("XM540-W270", "XH430-V350", "MX-106", "XD430-T210", "XW430-T333"),
     "XL330-M288": ("XC330-M288", "XL330-M077"),
@@ -37,22 +45,77 @@ class Burdens:
         hanging: where that arm hangs down, shape (J,), rad.
         poses: joints whose target stands still, shape (J,).
         gains_left: joints whose servos another program has left with a lower gain, shape (J,).
+        servos: that turn each joint, shape (J,).
     """
 
     weight: Array
     hanging: Array
     poses: NDArray[np.bool_]
     gains_left: NDArray[np.bool_]
+    servos: NDArray[np.int64]
 
     def of(self, places: NDArray[np.int64]) -> Burdens:
         """Those of some joints, by index."""
-        return Burdens(self.weight[places], self.hanging[places], self.poses[places], self.gains_left[places])
+        own = (self.weight, self.hanging, self.poses, self.gains_left, self.servos)
+        return Burdens(*(values[places] for values in own))
 
     def press(self, devices: list[Device], angles: Array, per_radian: Array) -> None:
-        """Puts the weights on the horns of J servos whose joints stand at these angles, rad."""
-        loads = self.weight * np.sin(angles - self.hanging) * np.sign(per_radian)
+        """Puts the weights on the horns of J servos whose joints stand at these angles, rad; two share one weight."""
+        loads = self.weight / self.servos * np.sin(angles - self.hanging) * np.sign(per_radian)
         for device, load in zip(devices, loads.tolist(), strict=True):
             device.bank.drive.load[device.row] = load
+
+
+def actuated(seed: int, joints: tuple[RigJoint, ...]) -> tuple[RigJoint, ...]:
+    """These joints, some of which have two servos, go through several turns, grip, or have a small limit of current."""
+    rng = random.Random(f"actuators of {seed}")
+    return tuple(_actuator(rng, joint) for joint in joints)
+
+
+def _actuator(rng: random.Random, joint: RigJoint) -> RigJoint:
+    kind, small = rng.random(), rng.random() < _WITH_SMALL
+    page, settings = PAGES.get(joint.model), dict[str, object]()
+    if kind < _WITH_SECOND:
+        off = round(rng.uniform(-0.05, 0.05) * joint.table.pulses_per_turn)
+        settings["second"] = SecondServo(joint.id + _SECOND, rng.choice((-1, 1)), joint.zero + off)
+    elif kind < _WITH_TURNS and EXTENDED_MODE in joint.modes:
+        gear = rng.choice((1.0, 3.0))
+        settings |= {"lower": -rng.uniform(3.6, 5.5) / gear, "upper": rng.uniform(3.6, 5.5) / gear, "gear": gear}
+        settings["velocity"] = joint.velocity if gear == 1.0 else min(joint.velocity, 0.8)
+    elif kind > _WITH_GRIP and page is not None:
+        settings["grip"] = small = True
+    if small and page is not None:
+        motor = motor_of(joint.model)
+        least = _friction(joint) * motor.stall_current * 1e-3 / (0.8 * _TAKES)
+        settings["current"] = max(rng.uniform(_LEAST_SMALL, _MOST_SMALL) * page.stall, least)
+        # A shaft that its current cannot get up to speed as quickly as its path would swing past it.
+        settings["acceleration"] = joint.acceleration or 20.0
+    return msgspec.structs.replace(joint, **settings)
+
+
+def has_small_limit(joint: RigJoint) -> bool:
+    """Whether a joint that is no gripper may draw much less than its motor at stall."""
+    return bool(joint.current and not joint.grip and joint.current < 1.1 * _MOST_SMALL * PAGES[joint.model].stall)
+
+
+def _friction(joint: RigJoint) -> float:
+    """What friction takes of the motor's stall torque, at rest and at the joint's speed."""
+    motor = motor_of(joint.model)
+    if motor.friction is None:
+        return 0.0
+    speed = np.array([joint.velocity * joint.gear / (motor.no_load_speed / 60.0 * 2.0 * np.pi)])
+    dead = np.array([motor.friction.dead])
+    return max(float(dead[0]), float(motor.friction.most(dead, np.zeros(1), speed)[0]))
+
+
+def _bearable(joint: RigJoint, weight: float) -> float:
+    """The weight that a joint can hold and move: none on one that grips, or may be turned by it into another turn."""
+    if joint.grip or joint.several_turns:
+        return 0.0
+    if not joint.current or weight == 0.0:
+        return weight
+    limit = joint.current / (motor_of(joint.model).stall_current * 1e-3)
+    return min(weight, max(0.0, _TAKES * limit - _friction(joint)))
 
 
 def burdened(
@@ -66,20 +129,27 @@ def burdened(
     rng = random.Random(f"burdens of {seed}")
     port = rng.choice(joints).port if rng.random() < _WITH_FEETECH else None
     joints = tuple(_feetech(joint) if joint.port == port else _with_settings(rng, joint) for joint in joints)
-    weight = np.array([rng.choice((0.0, rng.uniform(0.05, _HEAVIEST))) for _ in joints])
+    joints = actuated(seed, joints)
+    weight = np.array([_bearable(joint, rng.choice((0.0, rng.uniform(0.05, _HEAVIEST)))) for joint in joints])
     hanging = np.array([rng.uniform(0.6 * joint.lower, 0.6 * joint.upper) for joint in joints])
-    poses = np.array([rng.random() < 0.35 for _ in joints])
+    poses = np.array([rng.random() < 0.35 and not joint.grip for joint in joints])
     left = np.array([rng.random() < 0.3 and not joint.gains for joint in joints])
     faults = [
         Fault("jam", joint.id, rng.uniform(1.0, until - 1.0), rng.uniform(0.2, 0.8))
         for joint in joints
-        if joint.current and rng.random() < 0.6
+        if joint.current and rng.random() < 0.6 and not joint.grip
     ]
     for holder in np.flatnonzero(poses & (weight > 0.0)).tolist():
         others = [joint.id for joint in joints if joint.port == joints[holder].port and joint is not joints[holder]]
         if others:
             faults.append(Fault("reboot", rng.choice(others), rng.uniform(3.0, until - 1.0), 0.1))
-    return joints, Burdens(weight, hanging, poses, left), faults
+    what_is_gripped = random.Random(f"grips of {seed}")
+    for joint in joints:
+        if joint.grip:
+            at = what_is_gripped.uniform(1.0, until - 2.5)
+            faults.append(Fault("jam", joint.id, at, what_is_gripped.uniform(1.0, 2.5)))
+    servos = np.array([len(joint.servos) for joint in joints])
+    return joints, Burdens(weight, hanging, poses, left, servos), faults
 
 
 def _feetech(joint: RigJoint) -> RigJoint:

@@ -1,14 +1,15 @@
 """The judge of fault schedules: it reads true shafts and registers of emulated servos, never the rig's own readings.
 
 speed      a shaft turns at most at its joint's limit, and while it catches up after a recovery at a quarter of it;
-           it changes its speed no faster than its acceleration limit
+           it changes its speed no faster than its acceleration limit. A servo that has taken another's ID may have
+           heard that one's speed before its silence could be seen: it may keep that for 0.1 s, its shaft for 0.2 s
 position   a shaft stays within its joint's limits, and so does every goal on the wire
 rest       a shaft that is held while it turns comes to rest at its goal, not behind it, from where it would hurry back
 torque     comes on only where the goal is the present position, and only on the model that the rig file names
 watchdog   is armed on every servo with torque that has been driven for more than a second
 end        2 s after it every shaft with torque, or without a load, stands; after a close torque is off, or the joints
            hold, and the port is closed
-burdens    see `burden_judge`
+burdens, actuators    see `burden_judge` and `actuator_judge`
 """
 
 from __future__ import annotations
@@ -21,18 +22,17 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from benchmarks.rig.actuator_judge import ActuatorJudge
 from benchmarks.rig.burden_judge import BurdenJudge, true_goals
 from benchmarks.rig.burdens import Burdens
-from benchmarks.rig.taking_turns import Turns
-from hardware.emulator.bus import Answer, EmulatedBus
-from hardware.emulator.faults import FaultPlan
-from hardware.emulator.port import EmulatedPort
+from benchmarks.rig.judged_port import APART, PLAY, JudgedBus, JudgedPort
 from hardware.emulator.servos.device import Device
 from hardware.emulator.servos.servo_bank import TRIPPED
 from hardware.families.dynamixel2 import instructions as wire
 from hardware.rig.rig_file import RigConfig
 from hardware.rig.rig_joint import POSITION_MODE, RigJoint
 from hardware.rig.scale import Array
+from hardware.rig.turn_file import TurnFile
 
 SPEED_MARGIN, SPEED_PLAY = 1.1, 0.2  # of the limit; rad/s, because a shaft swings about its path
 _CATCH_UP, _CATCH_UP_PLAY = 0.25, 0.35  # of the limit, rad/s
@@ -40,92 +40,13 @@ _COASTS = 0.2  # s that a shaft may need to stop when it is held
 _ACCELERATION_MARGIN, _ACCELERATION_PLAY = 1.2, 2.0  # of the limit; rad/s^2, because a shaft swings about its path
 _PAST = 0.1  # rad that a shaft may run past the goal at which it is held
 _LAG = 0.06  # s that a shaft is behind its servo's path
-_APART = 0.01  # s from one look at the shafts to the next, at most
 _OVER = 0.05  # s, over which an acceleration is measured
 _JERKED = 0.3  # s after its watchdog has stopped it, or torque has changed, in which a shaft may stop at once
-_FALLEN = 0.3  # s after a weight has turned a shaft without torque, in which it may be fast
-_PLAY = 0.05  # rad
+_TAKEN_BACK, _SETTLED = 0.1, 0.2  # s in which a servo and its shaft may have the speed of one whose ID it has taken
+_FALLEN = 0.3  # s after a weight has turned a shaft without torque, or a servo was starved unseen: it may be fast
 _AT, _AT_ONCE = 0.02, 0.1  # rad from a goal to the target; s after a joint is held
 _ARMED_WITHIN = 1.2  # s
 _STANDS = 0.05  # rad/s
-
-
-class JudgedBus(EmulatedBus):
-    """An emulated bus that notes where torque comes on.
-
-    Attributes:
-        problems: what was wrong.
-    """
-
-    def __init__(self, config: RigConfig) -> None:
-        super().__init__(config)
-        self.problems: list[str] = []
-        self._joints = config.joints
-        # A servo may be swapped for another meanwhile; this is what stands in the rig file.
-        self._models = [device["model_number"] for device in self.devices]
-
-    def exchange(self, data: bytes, now: float) -> list[Answer]:
-        """As the emulated bus, with a look at every servo before and after."""
-        before = [device.torque for device in self.devices]
-        answers = super().exchange(data, now)
-        for joint, device, model, was_on in zip(self._joints, self.devices, self._models, before, strict=True):
-            if was_on or not device.torque:
-                continue
-            off = abs(device["goal_position"] - device["present_position"]) / abs(joint.pulses_per_radian)
-            if off > _PLAY:
-                self.problems.append(f"torque of {joint.name} came on {off:.2f} rad from its goal")
-            if device["model_number"] != model:
-                self.problems.append(f"torque came on in another model's servo at {joint.name}")
-        return answers
-
-
-class JudgedPort(EmulatedPort):
-    """An emulated port that knows whether it was closed, and looks at the shafts while time passes on it.
-
-    Time passes by the main thread; any other waits for it.
-
-    Attributes:
-        closed: whether it is.
-        was_out: whether its adapter was out when it was closed, so that nothing reached the servos.
-        watch: called at least every 10 ms of its time.
-        on_send: called with all bytes sent.
-    """
-
-    def __init__(self, bus: JudgedBus, name: str, faults: FaultPlan, turns: Turns) -> None:
-        super().__init__(bus, paced=True, faults=faults)
-        self.name = name
-        self._turns = turns
-        self.closed = self.was_out = False
-        self.watch: Callable[[], None] = lambda: None
-        self.on_send: Callable[[bytes], None] = lambda data: None
-
-    def send(self, data: bytes) -> bool:
-        """Hands the bytes to the wire."""
-        self.on_send(data)
-        return super().send(data)
-
-    def now(self) -> float:
-        """The simulated time, s; another thread's first question waits for its first turn."""
-        if self._turns.is_other and not self._turns.has_turn:
-            self._turns.wait_until(self._now)
-        return super().now()
-
-    def elapse(self, seconds: float) -> None:
-        """Lets time pass in short steps, or waits until it has passed."""
-        if self._turns.is_other:
-            until = self._now + seconds
-            self._turns.wait_until(until)
-            seconds = max(0.0, until - self._now)  # not yet passed if the threads were set free meanwhile
-        while seconds > _APART:
-            super().elapse(_APART)
-            self.watch()
-            seconds -= _APART
-        super().elapse(seconds)
-        self.watch()
-
-    def close(self) -> None:
-        """Notes it."""
-        self.closed, self.was_out = True, self.wire.faults.unplugged
 
 
 Struck = Callable[[float], tuple[NDArray[np.bool_], NDArray[np.bool_]]]
@@ -141,7 +62,9 @@ class ShaftJudge:
     """
 
     def __init__(self, config: RigConfig, port: JudgedPort, bus: JudgedBus, struck: Struck, burdens: Burdens) -> None:
-        self._burdened, self._loaded = BurdenJudge(config, bus, burdens), burdens.weight > 0.0
+        self._actuated = ActuatorJudge(config, bus)
+        self._burdened = BurdenJudge(config, bus, burdens, self._actuated.others)
+        self._loaded = burdens.weight > 0.0
         count = len(config.joints)
         self._config, self._port, self._bus, self._struck = config, port, bus, struck
         self._velocity = np.array([joint.velocity for joint in config.joints])
@@ -150,7 +73,8 @@ class ShaftJudge:
         self._per_radian = np.array([joint.pulses_per_radian for joint in config.joints])
         self._watched = np.array([joint.table.place("bus_watchdog") is not None for joint in config.joints])
         self._seen: deque[tuple[float, Array]] = deque()
-        self._jerked = np.full(count, -np.inf)
+        # A rig is switched on between two looks; until then a weight may turn the shafts.
+        self._jerked = np.where(self._powered(), -np.inf, port.now())
         self._lower = np.array([joint.lower for joint in config.joints])
         self._upper = np.array([joint.upper for joint in config.joints])
         self._targets = self.angles
@@ -162,7 +86,9 @@ class ShaftJudge:
         self._coasting = np.zeros(count)
         self._held_at = np.zeros(count)
         self._coasts_until = np.full(count, -np.inf)
-        self._fell = np.full(count, -np.inf)
+        self._fell = np.where(self._loaded & ~self._powered(), port.now(), -np.inf)
+        self._starved = np.full(count, -np.inf)
+        self._renamed = np.full(count, np.inf)  # when a servo has taken another's ID, s
         # A servo ignores its position limits in other modes, also if it is misled by goals for another with its ID.
         self._unbounded = np.array([joint.mode != POSITION_MODE for joint in config.joints])
         self._misled = np.zeros(count, dtype=bool)
@@ -170,6 +96,7 @@ class ShaftJudge:
         self.fastest = self.hardest = 0.0
         self._holds = {_single_goal(joint): index for index, joint in enumerate(config.joints)}
         port.watch, port.on_send = self._watch, self._note_sent
+        burdens.press(bus.devices, self.angles, self._per_radian)
 
     @property
     def angles(self) -> Array:
@@ -211,6 +138,7 @@ class ShaftJudge:
     def ask(self, targets: Array) -> None:
         """Takes the targets of a tick (J,), rad, within the limits, before the rig does."""
         self._burdened.asked(targets, self._port.now())
+        self._actuated.asked(targets)
 
     def look(self, targets: Array, unsent: NDArray[np.int64]) -> None:
         """Judges what only the loop knows, after a tick.
@@ -234,30 +162,48 @@ class ShaftJudge:
     def _watch(self) -> None:
         """Judges how the shafts have turned since the last time."""
         now = self._port.now()
-        if now - self._at < 0.5 * _APART:
+        if now - self._at < 0.5 * APART:
             return
         angles, velocity = self.angles, self.speeds
         blocked, cut_off = self._struck(now)
         powered = self._powered()
         self._burdened.watch(now, now - self._at, blocked, cut_off, powered, self._note)
+        self._actuated.watch(now, now - self._at, angles, self._goals(), cut_off, powered, self._note)
         self._fell[self._loaded & ~powered] = now
-        speed, free = np.abs(velocity), ~blocked & (now - self._fell > _FALLEN)
+        # One that the rig cannot reach cannot be eased while its supply is low, and hurries when that is back.
+        self._starved[cut_off & ~self._supplied()] = now
+        speed = np.abs(velocity)
+        free = ~blocked & (now - np.maximum(self._fell, self._starved) > _FALLEN)
         self.fastest = max(self.fastest, float((speed / self._velocity)[free].max(initial=0.0)))
         self._slow_from[cut_off] = np.inf
-        self._coasting[(velocity * self._coasting <= 0.0) | (self._at > self._coasts_until) | ~free | cut_off] = 0.0
+        self._coasting[(velocity * self._coasting <= 0.0) | (self._at > self._coasts_until) | cut_off] = 0.0
         self._held_at = np.maximum(self._held_at, self._coasting * self._goals())
         past = self._coasting * angles - self._held_at
         far = (past > _PAST + self._burdened.sag) & ~self._misled
-        self._note("ran past the goal at which it was held", (self._coasting != 0.0) & far, past)
+        self._note("ran past the goal at which it was held", free & (self._coasting != 0.0) & far, past)
         slow = (self._at >= self._slow_from) & (self._coasting == 0.0)
         most = np.maximum(self._velocity * SPEED_MARGIN + SPEED_PLAY, self._velocity * self._swings())
-        self._note("was too fast", free & (speed > most), speed)
+        self._judge_renamed(now)
+        renamed_lately = now - self._renamed < _SETTLED
+        self._note("was too fast", free & (speed > np.where(renamed_lately, most.max(), most)), speed)
         self._note("caught up too fast", free & slow & (speed > self._velocity * _CATCH_UP + _CATCH_UP_PLAY), speed)
-        outside = (angles < self._lower - _PLAY) | (angles > self._upper + _PLAY)
+        outside = (angles < self._lower - PLAY) | (angles > self._upper + PLAY)
         self._misled = (self._misled & outside) | (cut_off & self._unbounded)
         self._note("left its limits", outside & ~blocked & ~self._misled, angles)
-        self._judge_acceleration(now, velocity, free & powered & ~self._sticks(velocity))
+        # Where one of two servos loses its torque, the other one turns it too.
+        both = powered & powered[self._actuated.others]
+        self._judge_acceleration(now, velocity, free & both & ~self._sticks(velocity))
         self._at, self._turning = now, velocity
+
+    def _judge_renamed(self, now: float) -> None:
+        """Judges which servos have taken another's ID, and have kept that one's speed."""
+        joints = zip(self._config.joints, self._bus.devices, strict=True)
+        other = np.array([device.id != joint.id for joint, device in joints])
+        self._renamed = np.where(other, np.minimum(self._renamed, now), np.inf)
+        tops = [device.bank.drive.top_speed[device.row] for device in self._bus.devices]
+        tops = np.array(tops) / np.abs(self._per_radian)
+        kept = now - self._renamed > _TAKEN_BACK
+        self._note("kept another's speed", kept & self._powered() & (tops > self._velocity * SPEED_MARGIN), tops)
 
     def _swings(self) -> Array:
         """The largest speed of each shaft as a part of the largest of its path, shape (J,)."""
@@ -285,16 +231,20 @@ class ShaftJudge:
         pace = np.abs(targets - self._targets) / max(now - self._looked, 1e-6)
         self._targets = targets
         pace = np.minimum(pace, self._velocity)
-        return 2.0 * _PLAY + self._burdened.sag + pace * (_LAG + pace / (2.0 * self._acceleration))
+        return 2.0 * PLAY + self._burdened.sag + pace * (_LAG + pace / (2.0 * self._acceleration))
 
     def _sticks(self, velocity: Array) -> NDArray[np.bool_]:
         """Which shafts are held by the friction of an identified motor, from which they break loose, shape (J,)."""
         frictions = [device.bank.drive.motor.friction is not None for device in self._bus.devices]
         return np.array(frictions) & (velocity == 0.0)
 
+    def _supplied(self) -> NDArray[np.bool_]:
+        """Which servos have the voltage that they need, shape (J,)."""
+        return np.array([_has_voltage(device) for device in self._bus.devices])
+
     def _powered(self) -> NDArray[np.bool_]:
         """Which servos have torque, voltage and a watchdog that has not stopped them, shape (J,)."""
-        powered = np.array([device.torque and _has_voltage(device) for device in self._bus.devices])
+        powered = np.array([device.torque for device in self._bus.devices]) & self._supplied()
         return powered & (self._watchdogs() != TRIPPED)
 
     def _judge_acceleration(self, at: float, velocity: Array, steady: NDArray[np.bool_]) -> None:
@@ -313,9 +263,11 @@ class ShaftJudge:
         self.hardest = max(self.hardest, float((change / self._acceleration)[smooth].max(initial=0.0)))
         self._note("was accelerated too hard", smooth & (change > most), change)
 
-    def end(self, closed: bool, hold: bool) -> None:
-        """Judges the two seconds after the end, of silence."""
+    def end(self, closed: bool, hold: bool, turns: TurnFile | None) -> None:
+        """Judges the two seconds after the end, of silence, and the turns that were kept, if they can be known."""
         self._burdened.end(self._note)
+        if closed and not self._port.was_out and turns is not None:
+            self._actuated.end(turns, self.angles, self._note)
         self._port.elapse(2.0)
         before = self.angles
         self._port.elapse(0.5)

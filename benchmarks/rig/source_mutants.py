@@ -1,4 +1,4 @@
-"""Thirteen breakages of the rig's source, each of which a fault schedule must notice."""
+"""Breakages of the rig's source, of which fault schedules must notice each."""
 
 from __future__ import annotations
 
@@ -47,6 +47,7 @@ MUTANTS = {
         "np.where(self.joints, SLOWER, 1.0)",
         "np.ones(len(self.joints))",
     ),
+    "another's speed kept": Mutant(ServoPort.write, "data = self._speed_frames(silent) + data", "pass"),
     "no watchdog": Mutant(ServoPort.write, '"bus_watchdog", self.part.watchdog_units)', '"bus_watchdog", 0)'),
     "no identity check": Mutant(check_identities, "identity.model != joint.model", "False"),
     "no switch-off": Mutant(ServoPort.close, "end(self.servos, self.bus)", "[]"),

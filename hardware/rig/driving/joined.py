@@ -46,11 +46,13 @@ class JoinedMeasurements:
         most, least = highest(all.currents, firsts), lowest(all.currents, firsts)
         one.currents[:] = np.where(most > -least, most, least)
         one.against[:] = np.minimum(np.maximum(most, 0.0), np.maximum(-least, 0.0))
-        one.apart[:] = (highest(all.positions, firsts) - lowest(all.positions, firsts)) * (count == self._count)
         one.temperatures[:] = np.fmax.reduceat(all.temperatures, firsts)
         one.voltages[:] = np.fmin.reduceat(all.voltages, firsts)
         one.errors[:] = np.bitwise_or.reduceat(all.errors, firsts)
         one.torque[:] = np.logical_and.reduceat(all.torque, firsts)
+        # A servo that has restarted tells no position before it is set up again.
+        known = one.torque & (count == self._count)
+        one.apart[:] = (highest(all.positions, firsts) - lowest(all.positions, firsts)) * known
         one.read_at[:] = lowest(all.read_at, firsts)
         one.missed_in_a_row[:] = highest(all.missed_in_a_row, firsts)
         one.hottest[:], one.slack[:] = lowest(all.hottest, firsts), lowest(all.slack, firsts)

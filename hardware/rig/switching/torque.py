@@ -98,6 +98,7 @@ def hold_still(config: RigConfig, bus: Bus, believed: Array, pace: float = 1.0) 
         _limit_speed(config, bus, pace)
         scale.zero[:] = find_zeros(config, bus, believed)
         positions, rests, torque = places_of_rest(config, bus, scale)
+        _refuse_other_turns(config, positions, believed)
         outside = [
             f"{joint.name} stands at {angle:.2f} rad, its limits are {joint.lower} to {joint.upper}"
             for joint, angle in zip(config.joints, positions, strict=True)
@@ -225,6 +226,17 @@ def _together(config: RigConfig, rests: Array, torque: NDArray[np.bool_]) -> Arr
     joints = np.array(config.joint_of)
     weights = np.where(torque | ~np.bincount(joints, torque).astype(np.bool_)[joints], 1.0, 0.0)
     return (np.bincount(joints, rests * weights) / np.bincount(joints, weights))[joints]
+
+
+def _refuse_other_turns(config: RigConfig, positions: Array, believed: Array) -> None:
+    """Raises a RigError if a servo has restarted since its zero was found, and counts turns otherwise."""
+    joints = enumerate(zip(config.joints, np.abs(positions - believed).tolist(), strict=True))
+    turns = {
+        index: away * abs(joint.pulses_per_radian) / joint.table.pulses_per_turn for index, (joint, away) in joints
+    }
+    restarted = [index for index in config.through_turns if turns[index] > 0.5]
+    if restarted:
+        raise RigError(f"{list_joints(config.only(restarted).joints)} has restarted while it was set up. Try again.")
 
 
 def _refuse_disagreement(config: RigConfig, positions: Array) -> None:

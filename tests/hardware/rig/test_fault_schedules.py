@@ -3,12 +3,19 @@
 More of them:  python -m benchmarks fault_schedules 500     python -m benchmarks fault_schedules 20 --mutants
 """
 
+from collections import Counter
+from functools import partial
+
+import msgspec
 import numpy as np
 import pytest
 
-from benchmarks.rig.fault_schedules import forgotten, run, schedule
+from benchmarks.rig._schedules import Schedule, kinds_of, schedule
+from benchmarks.rig.burdens import Burdens
+from benchmarks.rig.fault_schedules import forgotten, play, run
 from benchmarks.rig.schedule_judge import swings
 from benchmarks.rig.source_mutants import MUTANTS, Mutant, mutated
+from hardware.emulator.faults import Fault
 from hardware.rig.rig_file import RigJoint
 from hardware.rig.switching.torque import hold_still
 
@@ -16,6 +23,48 @@ from hardware.rig.switching.torque import hold_still
 @pytest.mark.parametrize("seed", [0, 10])
 def test_a_random_schedule_of_faults_ends_well(seed):
     assert run(seed).problems == []
+
+
+@pytest.mark.thorough
+@pytest.mark.parametrize(
+    ("seed", "was"),
+    [
+        (351844669, "a weight that appeared on the horn when torque was on already"),
+        (351844661, "a servo that took another's ID just before speeds were sent"),
+        (900015, "such a servo, whose supply came back where the rig could not ease it"),
+        (900047, "a restart between two readings, taken for another turn"),
+        (900075, "a restart of one of two servos, taken for a horn that has slipped"),
+        (900129, "a shaft that was held while it snapped back from a jam"),
+    ],
+)
+def test_a_schedule_that_was_wrong_ends_well(seed, was):
+    assert run(seed).problems == [], was
+
+
+@pytest.mark.thorough
+def test_another_servos_speed_is_taken_back():
+    """At one of these moments speeds are just under way, and the slow joint's servo hears the fast one's."""
+    slow, fast = (
+        RigJoint(f"joint_{id}", id, "XM430-W350", 1, 2048, -1.3, 1.3, velocity) for id, velocity in ((1, 0.4), (2, 3.0))
+    )
+    usual = schedule(0)
+    burdens = Burdens(*np.zeros((2, 2)), *np.zeros((2, 2), dtype=bool), np.ones(2, dtype=np.int64))
+    config = msgspec.structs.replace(usual.config, joints=(slow, fast), on_exit="off")
+
+    def plan(at):
+        targets = partial(_to_and_fro, np.array([0.0, 1.2]))
+        duplicate = [Fault("duplicate", 1, at, 0.6)]
+        return Schedule(config, duplicate, "close", np.zeros(2), np.zeros(2), targets, False, burdens)
+
+    moments = np.linspace(2.02, 2.06, 5)
+    assert [play(plan(at), 0).problems for at in moments] == [[]] * len(moments)
+    with mutated(MUTANTS["another's speed kept"]):
+        problems = [play(plan(at), 0, until_wrong=True).problems for at in moments]
+    assert "joint_1 kept another's speed" in str(problems)
+
+
+def _to_and_fro(reach, now):
+    return reach * np.sin(2.0 * now)
 
 
 @pytest.mark.thorough
@@ -82,3 +131,10 @@ def test_schedules_come_from_their_seed():
     assert (one.faults, one.config) == (same.faults, same.config)
     assert np.array_equal(one.targets(1.0), same.targets(1.0))
     assert one.faults != other.faults
+
+
+def test_each_kind_of_joint_comes_up_in_a_fifth_of_the_schedules_or_more():
+    kinds = Counter(kind for seed in range(200) for kind in kinds_of(schedule(seed)))
+    asked = ("two servos on a joint", "several turns", "a gripper", "own gains", "a range across the horn's zero",
+             "a small limit of current")  # fmt: skip
+    assert min(kinds[kind] for kind in asked) > 40

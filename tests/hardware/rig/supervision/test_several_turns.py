@@ -1,6 +1,7 @@
 """A geared waist goes through several turns of its horn, and is never driven in a turn that is only guessed."""
 
 import json
+from contextlib import suppress
 
 import numpy as np
 import pytest
@@ -16,6 +17,7 @@ from hardware.rig.rig_file import RigConfig
 from hardware.rig.rig_joint import RigJoint
 from hardware.rig.scale import RigScale
 from hardware.rig.supervision.rig import Rig
+from hardware.rig.switching.torque import hold_still
 from hardware.rig.turn_file import Turn, TurnFile
 from hardware.tools.calibration import Sweep
 from hardware.tools.doctor import examine
@@ -214,6 +216,30 @@ def test_a_kill_right_after_such_a_restart_does_no_harm(tmp_path):
         waist.rig.write(np.array([1.6]))
         waist.port.elapse(0.01)
     assert waist.open().positions[0] == pytest.approx(waist.angle, abs=0.01)
+
+
+@pytest.mark.parametrize("angle", [-1.6, 1.6])
+@pytest.mark.parametrize("moment", range(7))
+def test_one_that_restarts_at_any_moment_of_being_held_is_held_in_its_turn_or_not_at_all(
+    waist, monkeypatch, angle, moment
+):
+    """Its zero had been found before, its place was read after, and the rig took it for a turn farther on."""
+    waist.open()
+    waist.play(angle, 3.0)
+    send, sent = waist.port.send, []
+
+    def restart(data):
+        sent.append(data)
+        if len(sent) == moment + 1:
+            waist.servo.reboot(waist.port.now())
+        return send(data)
+
+    monkeypatch.setattr(waist.port, "send", restart)
+    found = np.zeros(0)
+    with suppress(RigError):
+        found = hold_still(waist.config, waist.bus, np.array([angle])).angles
+    assert len(sent) > moment
+    assert np.abs(found - waist.angle).max(initial=0.0) < 0.05
 
 
 def test_a_joint_that_another_turn_than_its_goal_has_stops_the_rig(waist):

@@ -127,6 +127,16 @@ def test_one_that_restarts_is_set_up_again_while_the_other_carries(id):
 
 
 @pytest.mark.parametrize("id", [2, 3])
+@pytest.mark.parametrize("at", [0.4, 0.8, 1.0, 1.2])
+def test_one_that_restarts_in_motion_is_not_taken_for_one_that_has_slipped(id, at):
+    """What it had said last is old by then, and the other one takes the joint on; the rig was stopped for it."""
+    arm = Arm(f"reboot:id={id},at={at}", velocity=2.5, acceleration=4.0).open()
+    arm.play(1.7, 6.0)
+    assert arm.rig.recoveries == 1
+    assert arm.angles == pytest.approx([1.7, 1.7], abs=0.05)
+
+
+@pytest.mark.parametrize("id", [2, 3])
 @pytest.mark.parametrize("cause", ["dead:id={},at=2.0,for=1.0", "overheat:id={},at=2.0"])
 @pytest.mark.parametrize("on_loss", ["stop", "go on"])
 def test_one_that_fails_does_not_leave_the_other_pulling(id, cause, on_loss):
