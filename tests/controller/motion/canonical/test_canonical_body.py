@@ -268,6 +268,12 @@ def test_a_body_whose_root_lies_between_the_hips_is_carried_to_as_well(seed):
     across = [normalise(seen[:, 1 + CANONICAL_BONES.index("lhip")] - seen[:, 1]) for seen in joints]
     assert np.allclose(*across, atol=1e-9)
     assert np.allclose(joints[1][:, 0], joints[1][:, [1, 1 + CANONICAL_BONES.index("lhip")]].mean(axis=1), atol=1e-9)
+    middle = [seen[:, [1, 1 + CANONICAL_BONES.index("lhip")]].mean(axis=1) for seen in joints]
+    assert np.allclose(middle[1][:, :2], middle[0][:, :2] * leg(older) / leg(own.skeleton), atol=1e-9)
+    waist = [
+        normalise(seen[:, 1 + CANONICAL_BONES.index("back")] - at) for seen, at in zip(joints, middle, strict=True)
+    ]
+    assert np.allclose(*waist, atol=1e-9)
     legs = [at for at, name in enumerate(LANDMARKS) if name[1:] in ("hip", "kne", "ank", "foo")]
     assert off(clip, carried(other, own.skeleton))[:, legs].max() < 1e-6
 
