@@ -3,6 +3,8 @@
 The deadline of tick k is the start plus k periods, whatever the ticks before it did, so that the rate cannot drift.
 """
 
+# ruff: noqa: D102 (`Ticker` documents what the methods of a `Clock` do)
+
 from __future__ import annotations
 
 import time
@@ -26,33 +28,17 @@ class RateError(MotiondeckError):
 
 
 class Clock(Protocol):
-    """A clock, as the loop uses it."""
+    """A clock, as the loop uses it; see `Ticker`."""
 
     @property
-    def period(self) -> float:
-        """Seconds from tick to tick."""
-        ...
-
+    def period(self) -> float: ...
     @property
-    def overruns(self) -> int:
-        """How many ticks began more than a period late."""
-        ...
-
+    def overruns(self) -> int: ...
     @property
-    def skipped(self) -> int:
-        """How many ticks never ran."""
-        ...
-
-    def now(self) -> int:
-        """The present time, ns."""
-        ...
-
-    def start(self) -> None:
-        """Makes the present the time of tick 0."""
-
-    def wait(self) -> int:
-        """Waits for the next tick; returns how late it is, ns."""
-        ...
+    def skipped(self) -> int: ...
+    def now(self) -> int: ...
+    def start(self) -> None: ...
+    def wait(self) -> int: ...
 
 
 def period_ns(rate: float) -> int:
@@ -72,8 +58,8 @@ class Ticker:
     rate: float
     # What an overrun does: `skip` drops the missed ticks, `catch_up` runs them without waiting.
     policy: Literal["skip", "catch_up"] = "skip"
-    overruns: int = field(default=0, init=False)
-    skipped: int = field(default=0, init=False)
+    overruns: int = field(default=0, init=False)  # ticks that began more than a period late
+    skipped: int = field(default=0, init=False)  # ticks that never ran
 
     def __post_init__(self) -> None:
         self._period = period_ns(self.rate)

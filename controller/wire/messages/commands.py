@@ -275,35 +275,9 @@ class AtTime(CommandMessage, frozen=True, tag="at"):
         self.say.check()
 
 
-DeckCommand = (
-    Switch
-    | Queue
-    | Blend
-    | SetTempo
-    | SetInput
-    | Jump
-    | GiveBeat
-    | LockPhase
-    | Unlock
-    | Pause
-    | StepOn
-    | Resume
-    | Home
-    | EmergencyStop
-    | Reset
-    | Heartbeat
-    | AlignTicks
-    | AtTime
-    | Subscribe
-    | GetStatus
-    | GetPhase
-    | ServoTorque
-    | RestartServo
-    | ReadRegisters
-    | WriteRegister
-    | ScanPorts
-    | Push
-    | LoadLibrary
-    | Stop
-)
+_OfMotions = Switch | Queue | Blend | SetTempo | SetInput | Jump | GiveBeat | LockPhase | Unlock
+_OfTheRun = Pause | StepOn | Resume | Home | EmergencyStop | Reset | Heartbeat | AlignTicks | AtTime
+_Questions = Subscribe | GetStatus | GetPhase
+_OfServos = ServoTorque | RestartServo | ReadRegisters | WriteRegister | ScanPorts
+DeckCommand = _OfMotions | _OfTheRun | _Questions | _OfServos | Push | LoadLibrary | Stop
 """All commands, in the order of the help."""
