@@ -25,6 +25,7 @@ from controller.motion.file_format import Format
 from controller.motion.formats.tables import even_times, first_row, numbers
 from controller.motion.joint_tree import MOST_POSES, JointTree, clip_of
 from controller.motion.markers import FARTHEST, UNITS, Markers, bridged
+from controller.motion.people import chosen_person
 from controller.motion.reading_options import AS_FOUND, ReadingOptions
 from controller.motion.rotations import Array, continuous, normalise
 from motiondeck_base.errors import FileFormatError
@@ -64,7 +65,7 @@ def read_motive(path: str | Path, options: ReadingOptions = AS_FOUND) -> Clip | 
     bones = [name for kind, name, measure in columns if (kind, measure) == ("Bone", "Rotation")]
     rate, table = even_times(table[:, 1], table, [Line(path, number, []) for number, _ in rows])
     if bones and all(len(columns["Bone", name, "Rotation"]) == 4 for name in bones):
-        return clip_of(_skeleton(path, about, table, columns, bones), rate, path, options, unit)
+        return clip_of(_skeleton(path, about, table, columns, bones, options.person), rate, path, options, unit)
     kind = next((kind for kind in (*_MARKERS, "Bone") if any(key[0] == kind for key in columns)), None)
     tracks = {
         name: found
@@ -113,12 +114,14 @@ def _skeleton(
     table: Array,
     columns: dict[tuple[str, str, str], list[int]],
     bones: list[str],
+    person: str | None,
 ) -> JointTree:
     if about.get("Coordinate Space", "Global") != "Global":
         raise FileFormatError(f"{path} line 1: bones are in local coordinates. Export it again with global ones.")
     people = list(dict.fromkeys(name.rpartition(":")[0] for name in bones))
     if len(people) > 1:
-        raise FileFormatError(f"{path}: holds {len(people)} skeletons ({listed(people)}). Export each alone.")
+        own = chosen_person(path, people, person)
+        bones = [name for name in bones if name.rpartition(":")[0] == own]
     parts = named_parts([name.rpartition(":")[2] for name in bones])
     known = [(name, part) for name, part in zip(bones, parts, strict=True) if part is not None]  # fingers are left out
     last: dict[tuple[str, str], int] = {}  # the joint of a part and side seen last
@@ -160,7 +163,7 @@ FORMAT = Format(
     name="Motive (OptiTrack)",
     suffixes=(".csv",),
     read=read_motive,
-    supported="bones of one skeleton with quaternions in global coordinates; else markers, in any unit",
-    unsupported="rotations as Euler angles (positions of the bones are read); fingers; rigid bodies; several skeletons",
+    supported="bones with quaternions in global coordinates, of several people each; else markers, in any unit",
+    unsupported="rotations as Euler angles (positions of the bones are read); fingers; rigid bodies",
     matches=lambda path: first_row(path)[:1] == ["Format Version"],
 )

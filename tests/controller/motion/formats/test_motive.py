@@ -13,6 +13,7 @@ from controller.motion.canonical.canonical_body import to_canonical
 from controller.motion.formats.motive import read_motive
 from controller.motion.formats.reading import read_clip, recordings_below
 from controller.motion.markers import Markers
+from controller.motion.reading_options import ReadingOptions
 from motiondeck_base.errors import FileFormatError
 from people import check_person, moving
 
@@ -97,11 +98,31 @@ def test_the_order_of_bones_and_a_row_of_parents_do_not_matter(tmp_path):
     check_person(clip, MOTION, 1e-5, ENDS)
 
 
+def test_each_of_two_people_is_read_by_name(tmp_path):
+    away = {"eva": 0.0, "bob": 1.5}  # m to the left
+    blocks = [
+        (
+            kind,
+            f"{person}:{name}",
+            measure,
+            values + (measure == "Position") * np.array([left, 0.0, 0.0, 0.0])[: values.shape[1]],
+        )
+        for person, left in away.items()
+        for kind, name, measure, values in bones()
+    ]
+    path = write(tmp_path, exported(blocks, person=""))
+    eva, bob = (read_clip(path, ReadingOptions(person=person)) for person in away)
+    check_person(eva, MOTION, 1e-5, ENDS)
+    assert np.allclose(bob.joints() - eva.joints(), [0.0, 1.5, 0.0], atol=1e-5)
+
+
 def test_gaps_of_bones_are_bridged(tmp_path):
+    """Behind the gap the quaternions have the other sign, which is the same rotation."""
     blocks = [list(block) for block in bones()]
     for block in blocks[:4]:
         block[3] = block[3].copy()
         block[3][10:12] = np.nan
+        block[3][12:] *= -1.0 if block[2] == "Rotation" else 1.0
     clip = read_clip(write(tmp_path, exported(blocks)))
     check = np.r_[0:10, 12:40]
     whole = read_clip(write(tmp_path, exported(bones()), "whole.csv"))
@@ -139,7 +160,7 @@ def test_measured_markers_win_over_computed_and_unlabelled_ones(tmp_path):
         (("Millimeters", "Furlongs"), "line 1: the unit 'Furlongs' is unknown. Give it with --unit"),
         (("Space,Global", "Space,Local"), "line 1: bones are in local coordinates. Export it again with global"),
         (("Frame,Time", "Frames,Time"), "no row 'Frame,Time .Seconds.,...'"),
-        (("eva:LThigh", "bob:LThigh"), "holds 2 skeletons .eva, bob.. Export each alone"),
+        (("eva:LThigh", "bob:LThigh"), "holds 2 people .eva, bob.. Choose one"),
         (("eva:Hip", "eva:Hub"), "hangs on none that is known"),
         (("\n5,0.041667,", "\n5,0.041667,x"), "line 13: expected a number, found 'x"),
         (("\n5,0.041667,", "\n5,0.031667,"), "line 13: the time 0.031667 does not come after"),
