@@ -29,6 +29,7 @@ class JoinedMeasurements:
         of = np.array(config.joint_of)
         self.firsts = np.flatnonzero(np.diff(of, prepend=-1))
         self._count = np.bincount(of)
+        self._fastest = np.array([joint.velocity for joint in config.joints])
         self._servos, self._joints = servos, joints
         self.waits, self.places = np.zeros(len(self.firsts), dtype=np.bool_), np.full(len(self.firsts), np.nan)
         self._since = np.zeros(len(self.firsts))
@@ -52,7 +53,10 @@ class JoinedMeasurements:
         one.torque[:] = np.logical_and.reduceat(all.torque, firsts)
         # A servo that has restarted tells no position before it is set up again.
         known = one.torque & (count == self._count)
-        one.apart[:] = (highest(all.positions, firsts) - lowest(all.positions, firsts)) * known
+        # Nor are both read at the same time where each is asked alone.
+        moved = self._fastest * (highest(all.read_at, firsts) - lowest(all.read_at, firsts))
+        apart = highest(all.positions, firsts) - lowest(all.positions, firsts) - moved
+        one.apart[:] = np.maximum(apart, 0.0) * known
         one.read_at[:] = lowest(all.read_at, firsts)
         one.missed_in_a_row[:] = highest(all.missed_in_a_row, firsts)
         one.hottest[:], one.slack[:] = lowest(all.hottest, firsts), lowest(all.slack, firsts)

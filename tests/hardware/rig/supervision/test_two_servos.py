@@ -136,6 +136,25 @@ def test_one_that_restarts_in_motion_is_not_taken_for_one_that_has_slipped(id, a
     assert arm.angles == pytest.approx([1.7, 1.7], abs=0.05)
 
 
+@pytest.mark.parametrize("model", ["AX-12A", "MX-28(1.0)", "XL-320", "STS3215"])
+def test_two_that_are_read_one_after_the_other_are_not_apart_while_they_move(model):
+    """What the joint moves between two answers was taken for a horn that has slipped, and stopped the rig."""
+    middle = 512 if model in ("AX-12A", "XL-320") else 2048
+    joints = [
+        RigJoint(f"joint_{id}", id, model, 1, middle, -1.2, 1.2, 4.0, second=SecondServo(id + 10, -1, middle))
+        for id in (1, 2, 3)
+    ]
+    config = RigConfig("emulated", 1_000_000, 100.0, tuple(joints))
+    port = EmulatedPort(EmulatedBus(config), True)
+    rig = Rig(config, lambda part: Bus(port, 1_000_000), False, sleep=port.elapse)
+    for tick in range(300):
+        rig.collect_state()
+        rig.write(np.full(3, np.sin(0.035 * tick)))
+        port.elapse(0.01)
+    assert np.abs(rig.positions).max() > 0.3
+    assert list(rig.incidents) == []
+
+
 @pytest.mark.parametrize("id", [2, 3])
 @pytest.mark.parametrize("cause", ["dead:id={},at=2.0,for=1.0", "overheat:id={},at=2.0"])
 @pytest.mark.parametrize("on_loss", ["stop", "go on"])
