@@ -16,7 +16,7 @@ from controller.motion.canonical.canonical_body import CANONICAL_BONES, to_canon
 from controller.motion.clip import Clip
 from controller.motion.decision import Decision
 from controller.motion.markers import runs
-from controller.motion.rotations import Array, between, multiply, rotate
+from controller.motion.rotations import Array, between, dot, multiply, normalise, rotate
 from motiondeck_base.errors import FileFormatError
 
 LOW, SLOW, STANDS = 0.05, 0.3, 0.1  # m above the body's lowest joint, m/s, s: a foot that stands
@@ -25,15 +25,17 @@ SPEED_SECONDS = 0.05
 FEWEST, SHARE = 2, 0.08  # contacts, and the least share of time with one
 SOLE = 0.045  # legs: from the floor to the joint of the toes of a foot that stands
 ANKLE = 0.09  # legs: to the ankle
-AT_ZERO = (-0.04, 0.14)  # m: feet that stand this high stand on a floor at 0
+AT_ZERO = (-0.04, 0.11)  # m: feet that stand this high stand on a floor at 0
 NO_HEIGHT, BELOW = 0.05, 0.3  # legs: hips that stay within, with feet this far below 0
 FIXED, RISES = 1e-4, 0.15  # m: hips that never rise above a floor from which the lowest foot does
 SMOOTHED = 0.1  # s
 # Of a floor that slopes or drifts: the fewest contacts, the least rise, m, the steepest slope, and what must remain of
 # the contacts' deviations, which themselves are at most FLAT, m.
-CONTACTS, LEAST_RISE, STEEPEST, REMAINS, FLAT = 5, 0.06, 0.27, 0.4, 0.015
+CONTACTS, LEAST_RISE, STEEPEST, REMAINS, FLAT = 4, 0.06, 0.27, 0.4, 0.015
 LEAST_SLOPE = 0.026  # the floors of good recordings slope by up to 1.3 degrees
 STEADIER = 0.8  # by so much less must then vary how low the body comes, with any joint, in each second
+STEPS = 0.1  # m: contacts whose heights differ by more are on steps, or the floor is not level
+LEANS, RUNS = 6.5, 1.8  # degrees, m/s: a body that does not run round a curve seldom leans aside by more
 WIDE = 0.5  # m: contacts that lie nearer to each other in a direction do not show a slope in it
 LEVEL = 0.05  # m: contacts this far above the lowest are on the same floor
 OVERRULE = "--ground none, or its height in the file, m"
@@ -109,11 +111,29 @@ def grounded(clip: Clip, wanted: float | str) -> tuple[Clip, Decision]:
     height = _height(feet)
     evidence = f"feet stand for {feet.lasts.sum():.1f} s, the lowest of them at {height:.3f} m"
     if AT_ZERO[0] < height < AT_ZERO[1]:
-        return clip, Decision("ground", "at 0", evidence, OVERRULE)
+        doubt = _unlevel(joints, feet, clip.rate)
+        decided = "at 0, but it may slope or drift, or there are steps" if doubt else "at 0"
+        return clip, Decision("ground", decided, doubt or evidence, OVERRULE, notable=bool(doubt))
     height -= SOLE * leg
     return _raised(clip, -height), Decision(
         "ground", f"at {height:.3f} m of the file", evidence, OVERRULE, notable=True
     )
+
+
+def _unlevel(joints: Array, feet: Contacts, rate: float) -> str:
+    """What says that the floor is not level though no slope or drift fits; empty if nothing does."""
+    if np.ptp(feet.place[:, 2]) > STEPS:
+        return f"feet stand at heights from {feet.place[:, 2].min():.2f} to {feet.place[:, 2].max():.2f} m"
+    hips, ankles = (0.5 * (joints[:, _index("l" + end)] + joints[:, _index("r" + end)]) for end in ("hip", "ank"))
+    across = normalise((joints[:, _index("lhip")] - joints[:, _index("rhip")]) * [1.0, 1.0, 0.0])
+    line = joints[:, _index("neck")] - ankles
+    leans = float(np.degrees(np.median(np.arctan2(dot(line, across), line[:, 2]))))
+    speed = float(np.linalg.norm(hips[-1, :2] - hips[0, :2])) * rate / len(hips)
+    if abs(leans) > LEANS and speed < RUNS:
+        return (
+            f"the body leans by {abs(leans):.0f} degrees to the {'left' if leans > 0.0 else 'right'} most of the time"
+        )
+    return ""
 
 
 def _levelled(clip: Clip, feet: Contacts) -> tuple[Clip, str, str] | None:

@@ -12,6 +12,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from controller.motion.canonical.clip_edits import FASTEST_BODY
 from controller.motion.clip import Clip
 from controller.motion.decision import Decision
 from controller.motion.rotations import (
@@ -69,15 +70,22 @@ def timing_of(points: Array, rate: float) -> Timing:
     same = length < SAME
     found = None
     if moves.sum() > width:
-        found = _without_held(same, moves, rate) if (same & moves).any() else _with_gaps(step, rate)
+        found = (
+            _without_held(same, moves, rate * length > FASTEST_BODY, rate)
+            if (same & moves).any()
+            else _with_gaps(step, rate)
+        )
     every = np.arange(len(points))
     return found or Timing(every, every.astype(float), rate)
 
 
-def _without_held(same: NDArray[np.bool_], moves: NDArray[np.bool_], rate: float) -> Timing | None:
+def _without_held(
+    same: NDArray[np.bool_], moves: NDArray[np.bool_], leaps: NDArray[np.bool_], rate: float
+) -> Timing | None:
     """The timing without held frames: of a pattern at its own rate, of single ones with a gap for each.
 
-    `same` says whether each frame but the first is as the one before, and `moves` whether the body moves there.
+    `same` says whether each frame but the first is as the one before, `moves` whether the body moves there,
+    and `leaps` whether it gets there by a jump: what is held then is a lost body.
     """
     held, moving = int((same & moves).sum()), int(moves.sum())
     true = rate * (1.0 - held / moving)
@@ -95,7 +103,7 @@ def _without_held(same: NDArray[np.bool_], moves: NDArray[np.bool_], rate: float
         frames = np.repeat(begins, np.where(lasts <= np.ceil(times), 1, np.rint(lasts / times).astype(np.int64)))
         decided = f"{nearest:g} Hz, the frames held in a file of {rate:g} Hz are left out"
         return Timing(frames, np.arange(len(frames)) * times, nearest, decided, figures)
-    bridged = same & moves & np.repeat(lasts <= 1 + LONGEST_HOLD * rate, lasts)[1:]
+    bridged = same & moves & np.repeat((lasts <= 1 + LONGEST_HOLD * rate) & ~np.append(False, leaps)[begins], lasts)[1:]
     frames = np.flatnonzero(np.concatenate([[True], ~bridged]))
     if bridged[-1:].all():  # nothing follows to bridge to
         frames = np.append(frames, len(same))

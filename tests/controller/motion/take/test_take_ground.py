@@ -71,7 +71,18 @@ def test_stairs_are_no_drift_and_no_slope():
     clip = hops(lambda x, y, t: 0.17 * np.floor(t / 0.9))
     found, decision = grounded(clip, "auto")
     np.testing.assert_array_equal(np.ptp(found.root_position, axis=0), np.ptp(clip.root_position, axis=0))
-    assert decision.decided == "at 0"
+    assert decision.decided.startswith("at 0, but it may")
+    assert "feet stand at heights from" in decision.evidence
+
+
+def test_a_body_that_leans_aside_is_doubted_where_no_slope_can_be_seen():
+    clip = hops()
+    turn = about(np.array([1.0, 0.0, 0.0]), np.radians(8.0))
+    still = np.tile([0.0, 0.0, LEG + SOLE * LEG], (len(clip), 1))
+    rotation = multiply(np.broadcast_to(turn, clip.rotation.shape), clip.rotation)
+    found, decision = grounded(Clip("leans", clip.skeleton, RATE, still, rotation, "leans.bvh"), "auto")
+    np.testing.assert_array_equal(found.rotation, rotation)
+    assert "leans by 8 degrees to the right" in decision.evidence
 
 
 def bending(clip, hip=0.5):

@@ -87,3 +87,13 @@ def test_a_given_rate_takes_as_many_frames():
     assert (found.rate, len(found)) == (30.0, 120)
     assert decision.evidence == "as given"
     assert timed(clip, "none")[0] is clip
+
+
+def test_a_body_that_was_lost_for_a_while_is_not_bridged():
+    clip = dance(rate=60.0)
+    place = clip.root_position.copy()
+    place[60:66] = [40.0, 0.0, 0.0]
+    rotation = clip.rotation.copy()
+    rotation[60:66] = [1.0, 0.0, 0.0, 0.0]
+    lost = replace(clip, root_position=place, rotation=rotation)
+    assert timed(lost, "auto")[0] is lost
