@@ -6,13 +6,12 @@ import os
 import sys
 from contextlib import ExitStack
 from dataclasses import replace
-from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from motiondeck.cli.common.options import CameraOption, FpsOption, SizeOption
+from motiondeck.cli.common.options import CameraOption, FpsOption, SizeOption, of_film
 from motiondeck.cli.run_options import with_run_options
 from motiondeck.run.spec.run_spec import RunSpec
 from motiondeck_base.errors import MotiondeckError
@@ -23,21 +22,19 @@ if TYPE_CHECKING:
     from motiondeck.run.session import Session
     from motiondeck.run.spec.program import Program
 
-_film = partial(typer.Option, rich_help_panel="Film")
-
 
 @with_run_options()
 def play(
     context: typer.Context,
     spec: RunSpec,
     video: Annotated[
-        Path | None, _film("--video", metavar="FILE", help="Film it (.mp4 or .gif) instead of playing it live.")
+        Path | None, of_film("--video", metavar="FILE", help="Film it (.mp4 or .gif) instead of playing it live.")
     ] = None,
     size: SizeOption = None,
     fps: FpsOption = None,
     camera: CameraOption = "follow",
-    ghost: Annotated[bool, _film("--ghost", help="In a film: draw the target pose too, translucent.")] = False,
-    footprints: Annotated[bool, _film("--footprints", help="In a film: draw where the feet stood.")] = False,
+    ghost: Annotated[bool, of_film("--ghost", help="In a film: draw the target pose too, translucent.")] = False,
+    footprints: Annotated[bool, of_film("--footprints", help="In a film: draw where the feet stood.")] = False,
     headless: Annotated[bool, typer.Option("--headless", help="No page and no terminal.")] = False,
     as_json: Annotated[bool, typer.Option("--json", help="Print a report as one JSON object in the end.")] = False,
 ) -> None:
@@ -82,7 +79,7 @@ def play(
         if video is not None:
             from motiondeck.pictures.library_pictures import film_look
 
-            _check_for_film(spec)
+            _check_forof_film(spec)
             look = film_look(video, size, fps, camera, ghost, footprints)
             _film_run(spec, program, video, look, as_json=as_json)
             return
@@ -96,7 +93,7 @@ def play(
         play_again(context, library, motion, page_port=session.page_port, command_port=session.command_port)
 
 
-def _check_for_film(spec: RunSpec) -> None:
+def _check_forof_film(spec: RunSpec) -> None:
     if spec.rig is not None:
         raise MotiondeckError("a film is not made live, so nothing can be streamed to a rig: leave --rig or --video")
     if spec.record is not None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Literal
 
@@ -16,32 +17,23 @@ if TYPE_CHECKING:
 PAGE_PORT = 8040
 SHOW_PAGE_PORT = 8050
 
+of_film = partial(typer.Option, rich_help_panel="Film")
+_of_simulation = partial(typer.Option, rich_help_panel="Simulation")
+
 SizeOption = Annotated[
     str | None,
-    typer.Option(
-        "--size",
-        rich_help_panel="Film",
-        metavar="WIDTHxHEIGHT",
-        help="Size of the film in pixels; default: 1920x1080, gif 400x300.",
-    ),
+    of_film("--size", metavar="WIDTHxHEIGHT", help="Size of the film in pixels; default: 1920x1080, gif 400x300."),
 ]
 FpsOption = Annotated[
-    float | None,
-    typer.Option(
-        "--fps", rich_help_panel="Film", metavar="FPS", help="Frames per second of the film; default: 30, gif 20."
-    ),
+    float | None, of_film("--fps", metavar="FPS", help="Frames per second of the film; default: 30, gif 20.")
 ]
 CameraOption = Annotated[
     Literal["follow", "front", "side", "three"],
-    typer.Option("--camera", rich_help_panel="Film", help="Camera of the film; three: all side by side."),
+    of_film("--camera", help="Camera of the film; three: all side by side."),
 ]
 SolverOption = Annotated[
     Literal["angles", "ik"] | None,
-    typer.Option(
-        "--solver",
-        rich_help_panel="Simulation",
-        help="How to carry motions onto the robot; without it, as its file says.",
-    ),
+    _of_simulation("--solver", help="How to carry motions onto the robot; without it, as its file says."),
 ]
 JobsOption = Annotated[
     str,
@@ -53,11 +45,7 @@ JobsOption = Annotated[
 ]
 RootOption = Annotated[
     Literal["gantry", "fixed", "free"],
-    typer.Option(
-        "--root",
-        rich_help_panel="Simulation",
-        help="The simulated robot's root: carried by a gantry, fixed, or free to fall.",
-    ),
+    _of_simulation("--root", help="The simulated robot's root: carried by a gantry, fixed, or free to fall."),
 ]
 JsonOption = Annotated[bool, typer.Option("--json", help="Print one JSON object instead of a table.")]
 PagePortOption = Annotated[int, typer.Option("--port", metavar="PORT", help="The page's port; 0 for any free one.")]
@@ -66,9 +54,7 @@ PagePortOption = Annotated[int, typer.Option("--port", metavar="PORT", help="The
 GroundOption = Annotated[
     str,
     typer.Option(
-        "--ground",
-        metavar="METRES",
-        help="Height of the file's floor; auto: where feet stand; none: leave it.",
+        "--ground", metavar="METRES", help="Height of the file's floor; auto: where feet stand; none: leave it."
     ),
 ]
 SkeletonOption = Annotated[
