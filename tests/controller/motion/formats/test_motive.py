@@ -121,13 +121,14 @@ def test_gaps_of_bones_are_bridged(tmp_path):
     blocks = [list(block) for block in bones()]
     for block in blocks[:4]:
         block[3] = block[3].copy()
-        block[3][10:12] = np.nan
-        block[3][12:] *= -1.0 if block[2] == "Rotation" else 1.0
+        block[3][10:13] = np.nan
+        block[3][13:] *= -1.0 if block[2] == "Rotation" else 1.0
     clip = read_clip(write(tmp_path, exported(blocks)))
-    check = np.r_[0:10, 12:40]
+    check = np.r_[0:10, 13:40]
     whole = read_clip(write(tmp_path, exported(bones()), "whole.csv"))
     assert np.allclose(clip.joints()[check], whole.joints()[check], atol=1e-6)
     assert np.abs(clip.joints() - whole.joints()).max() < 0.01
+    assert np.abs((clip.rotation * whole.rotation).sum(-1)).min() > 0.99
 
 
 def test_bones_with_euler_angles_are_points_in_joints(tmp_path):
