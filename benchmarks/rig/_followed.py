@@ -82,13 +82,16 @@ class TimedDeck:
 
     def __init__(self, deck: Deck, timeline: Timeline, port: EmulatedPort | None) -> None:
         self.deck, self._port = deck, port
+        self.targets = np.zeros(0)  # of the last update, before any limit
         self._waiting = sorted(timeline, key=lambda timed: timed[0])
 
     def update(self, dt: float) -> tuple[Array, Pose]:
         """Commands what is due, and advances."""
         while self._waiting and self._waiting[0][0] <= self.deck.time + 1e-9:
             self._waiting.pop(0)[1](self.deck, self._port)
-        return self.deck.update(dt)
+        targets, pose = self.deck.update(dt)
+        self.targets = targets.copy()
+        return targets, pose
 
 
 @dataclass
@@ -100,12 +103,14 @@ class Course:
         picture: targets of an output that does not lag, shape (T, J), rad, in the robot's order.
         shafts: true angles at that time, shape (T, J), rad; NaN for joints that the rig lacks.
         goals: sent to the servos last, shape (T, J), rad.
+        wanted: the deck's own targets at its time, before any limit, shape (T, J), rad.
     """
 
     deck: Array
     picture: Array
     shafts: Array
     goals: Array
+    wanted: Array
 
 
 @dataclass
@@ -195,7 +200,9 @@ class Stage:
             correction = output.correction = Correction(
                 lambda: deck.place, lead.delays, lead.seconds, self.limits.velocity, clock.period, learned
             )
-        times, shafts, goals = list[float](), list[Array](), list[Array]()
+        times, shafts, goals, wanted = list[float](), list[Array](), list[Array](), list[Array]()
+
+        player = TimedDeck(deck, timeline, port)
 
         def publish(state: LoopState) -> None:
             row, sent = np.full(len(robot.joints), np.nan), np.full(len(robot.joints), np.nan)
@@ -209,23 +216,33 @@ class Stage:
             times.append(deck.time)
             shafts.append(row)
             goals.append(sent)
+            wanted.append(player.targets)
             if each is not None:
                 each(deck, port)
 
         envelope = SafetyEnvelope(self.limits, clock.period)
-        player = TimedDeck(deck, timeline, port)
-        run(player, channels, clock, envelope, seconds=seconds, publish=publish, publish_every=1, correction=correction)
+        run(
+            player,
+            channels,
+            clock,
+            envelope,
+            seconds=seconds,
+            publish=publish,
+            publish_every=1,
+            lead=lead,
+            correction=correction,
+        )
         for channel in channels:
             channel.output.close()
         count = min(len(times), len(picture.targets))
-        return Course(*(np.array(rows[:count]) for rows in (times, picture.targets, shafts, goals)))
+        return Course(*(np.array(rows[:count]) for rows in (times, picture.targets, shafts, goals, wanted)))
 
 
-def shown(reference: Course, deck: Array) -> Array:
-    """Where a run without a rig had the joints at times of its deck, shape (T, J), rad; NaN outside it."""
-    first = np.concatenate([[True], np.diff(reference.deck) > 0.0])
-    times, targets = reference.deck[first], reference.picture[first]
-    places = np.column_stack([np.interp(deck, times, column) for column in targets.T])
+def at_times(course: Course, rows: Array, deck: Array) -> Array:
+    """Rows of a course at other times of its deck, shape (T, J), rad; NaN outside it."""
+    first = np.concatenate([[True], np.diff(course.deck) > 0.0])
+    times = course.deck[first]
+    places = np.column_stack([np.interp(deck, times, column) for column in rows[first].T])
     places[(deck < times[0]) | (deck > times[-1])] = np.nan
     return places
 

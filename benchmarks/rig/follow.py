@@ -21,7 +21,7 @@ from dataclasses import asdict, dataclass, field
 
 import numpy as np
 
-from benchmarks.rig._followed import RATE, Array, Course, Stage, Timeline, lead_of, shown
+from benchmarks.rig._followed import RATE, Array, Course, Stage, Timeline, at_times, lead_of
 from controller.deck.deck import Deck
 from hardware.emulator.port import EmulatedPort
 
@@ -29,6 +29,9 @@ LIBRARIES = ("thesis15", "cmu86")
 MODES = ("open", "lead", "learned")
 LED, LEARNED = 0.2, 0.12
 """The share of the open loop's error that may be left."""
+
+NO_FARTHER = 1.05
+"""Times as far as with lead alone shafts may be from what the deck asks for: a picture may not make up for that."""
 
 UNWOUND = 0.004
 """rad: by so much goals may differ after a joint was jammed or held."""
@@ -61,7 +64,11 @@ class Judge:
 
     def off(self, course: Course, reference: Course, lead: float) -> Array:
         """Of the picture against a run without a rig, rad."""
-        return (course.picture - shown(reference, course.deck - lead))[:, self._mine]
+        return (course.picture - at_times(reference, reference.picture, course.deck - lead))[:, self._mine]
+
+    def missed(self, course: Course, lead: float) -> Array:
+        """Of the shafts against the deck's own targets, which may ask for more than any limit, rad."""
+        return (course.shafts - at_times(course, course.wanted, course.deck - lead))[:, self._mine]
 
     def beyond(self, course: Course) -> float:
         """The largest part of a limit of speed or acceleration that goals have used."""
@@ -105,7 +112,8 @@ class Result:
     """One library on servos of one model; errors in mrad.
 
     Attributes:
-        errors: by mode and scenario (`picture`: of the picture, not of the shafts), RMS and worst.
+        errors: by mode and scenario, RMS and worst. `picture` is of the picture against a run without a rig; `asked` of
+            the shafts against the deck's own targets, which no limit has changed.
         by_loop: by loop and mode.
         beyond: by mode, the largest part of a limit of speed or acceleration that goals have used.
     """
@@ -133,18 +141,21 @@ def play(library: str, motor: str, seconds: float) -> Result:
         timeline, length, parts = tour(stage, 6 if learned is not None else 2)
         course = stage.play(first, timeline, length, lags=led, learned=learned)
         off = judge.off(course, stage.play(first, timeline, length, rigged=False), lead)
-        errors, late, all_of, picture = judge.errors(course), course.deck - lead, [], []
+        errors, missed, late = judge.errors(course), judge.missed(course, lead), course.deck - lead
+        all_of, picture, asked = list[Array](), list[Array](), list[Array]()
         for motion, (begin, end) in parts.items():
             part = (late > begin) & (late < end)
             result.by_loop.setdefault(motion, {})[mode] = spread(errors[part])
             all_of.append(errors[part])
             picture.append(off[part])
+            asked.append(missed[part])
         quick = hurry(stage, seconds, 1)
         switched = stage.play(first, quick, seconds, lags=led, learned=learned)
         result.errors[mode] = {
             "loops": spread(np.concatenate(all_of)),
             "switches": spread(judge.errors(switched)[(switched.deck > SETTLES) & (switched.deck < seconds - 0.5)]),
             "picture": spread(np.concatenate(picture)),
+            "asked": spread(np.concatenate(asked)),
         }
         result.beyond[mode] = max(judge.beyond(course), judge.beyond(switched))
         print(f"{library}, {motor}: {mode} {json.dumps(result.errors[mode])}", file=sys.stderr, flush=True)
@@ -233,6 +244,9 @@ def judged(found: list[Result]) -> list[str]:
                     missed.append(f"{motor}: {mode} leaves {left:.3f} of the open loop in {scenario}")
     for one in found:
         where = f"{one.library}, {one.motor}"
+        learned, led = (one.errors[mode]["asked"]["rms"] for mode in ("learned", "lead"))
+        if learned > NO_FARTHER * led:
+            missed.append(f"{where}: learned is {learned:.1f} mrad off what is asked, lead {led:.1f}")
         for mode in MODES:
             if one.beyond[mode] > 1.0 + 1e-6:
                 missed.append(f"{where}: goals of {mode} use {one.beyond[mode]:.3f} of a limit")

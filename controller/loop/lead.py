@@ -65,30 +65,35 @@ class DelayedPoses:
 
 
 class Lead:
-    """How far a deck runs ahead of the picture, and how late each output gets what it plays."""
+    """How far a deck runs ahead of the picture, and how late each output gets what it plays, in one run."""
 
     def __init__(self, channels: Sequence[Channel], joints: int, dt: float) -> None:
         """Takes the lags of the outputs, for J joints and ticks of dt s."""
         none = np.zeros(joints)
-        lags = [none, *(channel.lag if channel.lag is not None else none for channel in channels)]
-        largest = np.maximum.reduce(lags)
-        ticks = math.ceil(largest.max(initial=0.0) / dt - 1e-6)
-        self.seconds = ticks * dt  # L, s
-        self.delays = self.seconds - largest  # of the deck's targets on their way to the envelope, shape (J,), s
+        self._channels, self._dt = channels, dt
+        self._lags = [none, *(channel.lag if channel.lag is not None else none for channel in channels)]
+        self._largest = np.maximum.reduce(self._lags)
+        self._ticks = math.ceil(self._largest.max(initial=0.0) / dt - 1e-6)
+        self.seconds = self._ticks * dt  # L, s
+        self.delays = self.seconds - self._largest  # of the deck's targets on their way to the envelope, shape (J,), s
         self.before = Delay(self.delays, dt)  # delays the targets so
+        self._streams: list[tuple[Delay, DelayedPoses, bool]] = []
+        self._stream_of: list[int] = []
+
+    def begin(self) -> None:
+        """Begins with the outputs as they are now: some may have got a correction, for which the lead is needed."""
+        dt = self._dt
         # One stream for all outputs that lag alike; the first is the picture.
-        corrected = [False, *(channel.corrected for channel in channels)]
-        alike = [(lag.tobytes(), one) for lag, one in zip(lags, corrected, strict=True)]
+        corrected = [False, *(channel.corrected for channel in self._channels)]
+        alike = [(lag.tobytes(), one) for lag, one in zip(self._lags, corrected, strict=True)]
         distinct = list(dict.fromkeys(alike))
         self._streams = [
-            (Delay(largest - lag, dt), DelayedPoses(ticks - round(lag.max(initial=0.0) / dt)), own)
-            for lag, own in ((lags[alike.index(one)], one[1]) for one in distinct)
+            (Delay(self._largest - lag, dt), DelayedPoses(self._ticks - round(lag.max(initial=0.0) / dt)), own)
+            for lag, own in ((self._lags[alike.index(one)], one[1]) for one in distinct)
         ]
         self._stream_of = [distinct.index(one) for one in alike[1:]]
 
-    def write(
-        self, channels: Sequence[Channel], tick: int, targets: Array, pose: Pose, added: Array | None = None
-    ) -> tuple[Array, Pose]:
+    def write(self, tick: int, targets: Array, pose: Pose, added: Array | None = None) -> tuple[Array, Pose]:
         """Writes the safe targets (J,), rad, and the deck's pose of a tick to the outputs; returns the picture's.
 
         Args:
@@ -96,6 +101,6 @@ class Lead:
         """
         plain = targets if added is None else targets - added
         streamed = [(late(targets if own else plain), poses(pose)) for late, poses, own in self._streams]
-        for channel, stream in zip(channels, self._stream_of, strict=True):
+        for channel, stream in zip(self._channels, self._stream_of, strict=True):
             channel.write(tick, *streamed[stream])
         return streamed[0]

@@ -102,6 +102,7 @@ def run(
     publish: Callable[[LoopState], None] | None = None,
     publish_every: int = 4,
     stop: StopRequest | None = None,
+    lead: Lead | None = None,
     correction: Correction | None = None,
 ) -> LoopReport:
     """Plays a deck on outputs until the time is over, or until a command, a signal or a failure ends it.
@@ -121,9 +122,11 @@ def run(
             keeps raising ends the loop, and the others go on until the joints are at rest.
         publish: called with the state every `publish_every` ticks; it must not wait.
         stop: ends the loop when set; if set before the first tick nothing moves. By default one that signals set.
+        lead: of these channels, if it was needed before the loop; by default the loop makes it.
         correction: of the targets of outputs with the attribute `correction`; the picture is without it.
     """
-    lead = Lead(channels, len(envelope.position), clock.period)
+    lead = lead or Lead(channels, len(envelope.position), clock.period)
+    lead.begin()
     source = Source(deck, clock.period, lead.before if lead.seconds else None, correction)
     commanding, publishing = FaultCounter(most=_DEAF), FaultCounter()
     stopping = [FaultCounter(most=_DEAF) for _ in stops]
@@ -152,7 +155,7 @@ def run(
                     state.targets, state.pose = targets, source.pose
                     if lead.seconds or correction is not None:
                         added = correction.added(targets) if correction is not None else None
-                        state.targets, state.pose = lead.write(channels, state.tick, targets, source.pose, added)
+                        state.targets, state.pose = lead.write(state.tick, targets, source.pose, added)
                         if correction is not None:
                             correction.end_tick(state.targets)
                     else:

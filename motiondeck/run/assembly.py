@@ -195,6 +195,7 @@ def _assemble(opening: ExitStack, stop: StopRequest, spec: RunSpec, played: Play
         recorder=recorder,
         watch=watch,
         wired_stop=WiredStopWatch(wired, handler) if wired is not None else None,
+        lead=lead,
         correction=correction,
         timeline=list(played.timeline),
         progress=host.progress,

@@ -14,6 +14,7 @@ from controller.deck.recorded_deck import RecordedDeck
 from controller.loop.clock import Clock
 from controller.loop.commands.command_handler import CommandHandler
 from controller.loop.correction import Correction
+from controller.loop.lead import Lead
 from controller.loop.loop import LoopState, run
 from controller.loop.output_channel import Channel
 from controller.loop.permissions import (
@@ -105,6 +106,7 @@ class Session:
     recorder: TickRecorder | None = None
     watch: Watch | None = None
     wired_stop: WiredStopWatch | None = None
+    lead: Lead | None = None
     correction: Correction | None = None
     timeline: list[Timed] = field(default_factory=list)  # what is still to be commanded, in order
     progress: bool = False  # whether a terminal shows how the run goes
@@ -136,6 +138,7 @@ class Session:
                 publish=self._publish,
                 publish_every=1 if self.recorder or self.watch else self._ticks_a_picture,
                 stop=self.stop,
+                lead=self.lead,
                 correction=self.correction,
             )
         self.handler.notify("ended", report.reason)

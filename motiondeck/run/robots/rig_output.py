@@ -119,18 +119,20 @@ class RigOutput:
 
     def _exchange(self, targets: Array) -> None:
         rig = self._rig
-        if rig.collect_state():
+        collected = rig.collect_state()
+        age = self._age
+        if collected:
             # The state was taken right after the goals before were sent: the joints were following these.
             error = rig.positions - self._meant
             self._squares += float(error @ error)
             self._samples += len(error)
             self._measured[self._order] = rig.positions
-            if self.correction is not None:
-                self._free[self._order] = rig.states.conditions == 0
-                self.correction.learn(self._measured, self._age, self._free)
         self._written[:] = targets[self._order]
         rig.write(self._written)
         self._meant[:] = self._followed(self._written if self.guarded is None else self.guarded.states.goals)
+        if collected and self.correction is not None:  # once the goals are on their way, which must not wait for it
+            self._free[self._order] = rig.states.conditions == 0
+            self.correction.learn(self._measured, age, self._free)
 
     @property
     def _age(self) -> float:

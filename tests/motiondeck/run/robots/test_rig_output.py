@@ -81,12 +81,13 @@ def test_a_correction_learns_from_what_is_measured_of_joints_that_are_well():
     rig.states = SimpleNamespace(conditions=np.array([0, 4]))  # of c and a; 4 gives way
     output = RigOutput(rig, JOINTS, 100.0)
     output.correction = SimpleNamespace(
-        learn=lambda measured, age, free: heard.append((measured.copy(), age, free.tolist()))
+        learn=lambda measured, age, free: heard.append((measured.copy(), age, free.tolist(), len(rig.written)))
     )
     output.write(np.array([1.0, 2.0, 3.0]), POSE)
     assert not heard
     output.write(np.array([1.0, 2.0, 3.0]), POSE)
-    measured, age, free = heard[0]
+    measured, age, free, written = heard[0]
+    assert written == 2  # goals do not wait for it
     assert measured[[0, 2]] == pytest.approx([0.99, 2.99])
     assert age == pytest.approx(0.01)
     assert free == [False, False, True]
