@@ -14,9 +14,10 @@ from pathlib import Path
 from joblib import delayed
 
 from controller.learning.fit import fit_prepared
+from controller.learning.preparation.kind import LOOP_KEEPS, Plays
 from controller.learning.preparation.takes import by_motion
 from controller.learning.recipe import LibraryRecipe, NetworkRecipe, check_recipe, typeable
-from controller.learning.recording_analysis import LOOP_KEEPS, AnalysedRecording, analyse_recording
+from controller.learning.recording_analysis import AnalysedRecording, analyse_recording
 from controller.learning.trainers.phase_conceptor import PhaseRecipe
 from controller.learning.training_set import COMMON_RATE, LearnedPart, Progress, TrainingSet, prepare
 from controller.library.library_header import MotionInfo
@@ -106,6 +107,7 @@ def learn(
     progress: Progress = lambda _: None,
     jobs: Jobs = ALONE,
     accept: Collection[str] | None = None,
+    plays: Plays | None = None,
 ) -> LearnedLibrary:
     """Learns every recording of some files and folders as one library; unusable ones are listed with the reason.
 
@@ -116,6 +118,7 @@ def learn(
         seeds: tried until every motion passes the self-test.
         progress: called with each step.
         accept: motions, or "all", that are learned in spite of doubts about their anatomy; None is "all".
+        plays: how all of them play; None decides for each.
         jobs: where recordings are read; the network is trained here.
 
     Raises:
@@ -126,7 +129,7 @@ def learn(
     names = _names(files)
     examined: list[AnalysedRecording] = []
     left_out: list[LearnedMotion] = []
-    tasks = (delayed(_examined)(file, names[file], options, takes[file], within) for file in files)
+    tasks = (delayed(_examined)(file, names[file], options, takes[file], within, plays) for file in files)
     for file, read in zip(files, spread(tasks, jobs, ordered=True), strict=True):
         progress(f"reading {file.name}")
         for one in read:
@@ -217,14 +220,19 @@ def _takes(files: list[Path]) -> dict[Path, list[Path]]:
 
 
 def _examined(
-    file: Path, name: str, options: ReadingOptions, takes: list[Path], within: tuple[float, float] | None = None
+    file: Path,
+    name: str,
+    options: ReadingOptions,
+    takes: list[Path],
+    within: tuple[float, float] | None,
+    plays: Plays | None,
 ) -> list[AnalysedRecording | LearnedMotion]:
     """What is to be learned of a file, of each of several people in it; or why not."""
     try:
-        return [analyse_recording(file, name, options, within, takes)]
+        return [analyse_recording(file, name, options, within, takes, plays)]
     except SeveralPeopleError as error:
         people = [(typeable(f"{name}-{person}"), replace(options, person=person)) for person in error.people]
-        return [one for name, own in people for one in _examined(file, name, own, takes, within)]
+        return [one for name, own in people for one in _examined(file, name, own, takes, within, plays)]
     except MotiondeckError as error:
         return [LearnedMotion(name, file, remedy=str(error).removeprefix(f"{file}: "))]
 

@@ -1,6 +1,6 @@
 """Analyses a recording for training: the frames to learn, and whether they are a loop.
 
-Still ends, and parts beyond a jump, are trimmed; the best seam decides whether a motion is a loop.
+Still ends, and parts beyond a jump, are trimmed; `preparation/kind` decides whether a motion is a loop.
 """
 
 from __future__ import annotations
@@ -11,8 +11,8 @@ from itertools import pairwise
 from pathlib import Path
 from typing import Literal
 
-from controller.learning.preparation.loops import best_seam, largest_omission, with_velocities
-from controller.learning.preparation.takes import read_takes, spread_of
+from controller.learning.preparation.kind import Kind, Plays, kind_of
+from controller.learning.preparation.takes import read_takes
 from controller.learning.recipe import MotionRecipe
 from controller.learning.training_set import COMMON_RATE, SHORTEST_SECONDS, seam_error
 from controller.motion.canonical.body_doubts import anatomy_doubts, doubts
@@ -29,12 +29,6 @@ from controller.motion.reading_options import AS_FOUND, ReadingOptions
 from motiondeck_base.errors import FileFormatError
 
 LONGEST_SECONDS = 120.0
-LOOP_KEEPS = 0.5  # a loop keeps at least this share of its recording
-# Largest mismatch at the seam of a loop: of joints, mm, and with velocities, relative to the spread of the motion; and
-# largest distance of omitted frames from the loop, relative to the spread.
-SEAM_MM, SEAM_SHARE, LEFT_OUT_SHARE = 50.0, 0.5, 0.6
-
-
 Given = float | Literal["auto", "none"] | None
 
 
@@ -57,6 +51,7 @@ def analyse_recording(
     options: ReadingOptions = AS_FOUND,
     within: tuple[float, float] | None = None,
     takes: Sequence[Path] = (),
+    plays: Plays | None = None,
 ) -> AnalysedRecording:
     """Reads a recording and determines its frames to learn and whether they are a loop.
 
@@ -64,6 +59,7 @@ def analyse_recording(
         options: override the file.
         within: part to use, from and to, s; by default all.
         takes: further takes of a motion taught to a rig.
+        plays: overrules what is found, not what was taught.
 
     Raises:
         MotiondeckError: if it cannot be read, is too short or too long, or nothing moves in it.
@@ -74,7 +70,7 @@ def analyse_recording(
     if file.suffix.lower() == ".clip":
         clip, taught = read_takes([file, *takes])
         recording = replace(recording, clip=clip)
-    found = decided(recording, file, within, taught)
+    found = decided(recording, file, within, taught, plays)
     motion = MotionRecipe(
         name=name,
         file=str(file.absolute()),
@@ -108,12 +104,16 @@ class DecidedTake:
 
 
 def decided(
-    recording: FittedClip, file: Path, within: tuple[float, float] | None = None, taught: str | None = None
+    recording: FittedClip,
+    file: Path,
+    within: tuple[float, float] | None = None,
+    taught: str | None = None,
+    plays: Plays | None = None,
 ) -> DecidedTake:
     """Runs the steps of a take in their order: the part to learn, and whether it is a loop.
 
-    `within` is the part to use, s, and `taught` how a taught clip plays. Raises FileFormatError if the recording is too
-    short or too long, or nothing moves in it.
+    `within` is the part to use, s, `taught` how a taught clip plays, and `plays` how any other plays. Raises
+    FileFormatError if the recording is too short or too long, or nothing moves in it.
     """
     clip = recording.clip
     decisions = list(clip.decisions)
@@ -136,8 +136,9 @@ def decided(
     decisions.append(_part_decision(clip, first, end, jumped))
     loop, seam_mm, seam_degrees = (taught == "loop", 0.0, 0.0)
     if taught is None:
-        loop, seam_mm, seam_degrees, why = _loops(span(clip, first, end))
-        decisions.append(Decision("kind", "a loop" if loop else "once", why, "plays in the recipe"))
+        kind, seam_mm, seam_degrees = _kind(span(clip, first, end), plays)
+        loop = kind.plays == "loop"
+        decisions.append(kind.decision)
     anatomy = [] if clip.skeleton.is_rig else anatomy_doubts(clip)
     body = [] if clip.skeleton.is_rig else doubts(clip)
     body += [] if recording.fit is None else misplaced(recording.fit)
@@ -171,20 +172,11 @@ def find_skeleton(file: Path, options: ReadingOptions) -> Path | None:
     return skeleton_of(file, file.parent.parent)
 
 
-def _loops(clip: Clip) -> tuple[bool, float, float, str]:
-    """Whether a clip is a loop, the error at its best seam (see `seam_error`), and the figures that decided."""
+def _kind(clip: Clip, plays: Plays | None) -> tuple[Kind, float, float]:
+    """How a clip plays, and the error at its best seam (see `seam_error`)."""
     one = resampled(clip if clip.skeleton.is_rig else to_canonical(clip), COMMON_RATE)
     encoding = encoding_of(one.skeleton)
     channels = encoding.encode(one)
     features = joint_features(encoding, channels)
-    seam = best_seam(features, one.rate, at_least=LOOP_KEEPS)
-    apart, degrees = seam_error(encoding, channels, features, seam)
-    seen = with_velocities(features, one.rate)
-    spread = spread_of(seen)
-    mismatch, omitted = seam.mismatch / spread, largest_omission(seen, seam) / spread
-    loop = apart < SEAM_MM and mismatch < SEAM_SHARE and omitted < LEFT_OUT_SHARE
-    why = (
-        f"seam {apart:.0f} mm of at most {SEAM_MM:.0f}, with velocities {mismatch:.2f} of {SEAM_SHARE:g}, "
-        f"left out {omitted:.2f} of {LEFT_OUT_SHARE:g} of the motion's spread"
-    )
-    return loop, apart, degrees, why
+    kind = kind_of(features, one.rate, plays)
+    return kind, *seam_error(encoding, channels, features, kind.seam)

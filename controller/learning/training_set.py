@@ -11,7 +11,7 @@ import numpy as np
 from controller.learning.measures.recording_errors import RecordedPart, recorded_part
 from controller.learning.measures.self_test import Judge
 from controller.learning.preparation.cycles import aligned_cycles
-from controller.learning.preparation.loops import Seam, best_seam, close_loop, hold_end
+from controller.learning.preparation.loops import best_seam, close_loop, hold_end
 from controller.learning.preparation.person_styles import person_variants
 from controller.learning.preparation.takes import read_takes
 from controller.learning.preparation.training_motion import TrainingMotion, Variant
@@ -208,19 +208,21 @@ def to_learn(
     features = joint_features(encoding, channels)
     seam = best_seam(features, rate, at_least=loop_keeps)
     part = LearnedPart(
-        begin + seam.start / rate, begin + seam.end / rate, recorded, *seam_error(encoding, channels, features, seam)
+        begin + seam.start / rate,
+        begin + seam.end / rate,
+        recorded,
+        *seam_error(encoding, channels, features, (seam.start, seam.end)),
     )
     return close_loop(channels, seam, encoding.velocities, rate), part
 
 
-def seam_error(encoding: Encoding, channels: Array, features: Array, seam: Seam) -> tuple[float, float]:
-    """Mean distance of joints, mm, and largest angle of a bone, degrees, at a seam of channels (T, C).
+def seam_error(encoding: Encoding, channels: Array, features: Array, ends: tuple[int, int]) -> tuple[float, float]:
+    """Mean distance of joints, mm, and largest angle of a bone, degrees, between two frames of channels (T, C).
 
     `features` are the joint positions, shape (T, F), mm.
     """
-    ends = [seam.start, seam.end]
-    first, last = features[ends]
-    bones = encoding.directions(channels[ends])
+    first, last = features[list(ends)]
+    bones = encoding.directions(channels[list(ends)])
     turned = np.degrees(np.arccos(np.clip(dot(bones[0], bones[1]), -1.0, 1.0)))
     return float(np.sqrt(np.square(last - first).sum() / (len(first) / 3.0))), float(turned.max())
 

@@ -6,7 +6,7 @@ import os
 import sys
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Literal
 
 import typer
 
@@ -63,15 +63,20 @@ class LearnOptions:
         list[str] | None,
         typer.Option("--accept", metavar="NAME", help="Learn a recording in spite of doubts about its body; or all."),
     ] = None
+    plays: Annotated[
+        Literal["loop", "once"] | None,
+        typer.Option("--as", help="How recordings play; default: each as its motion suggests."),
+    ] = None
 
 
 @grouped
 def learn(options: LearnOptions, reading: Reading, as_json: JsonOption = False) -> None:
     """Learn a library from recordings, or from a recipe.
 
-    Recordings need no settings. Still ends are trimmed; a recording with a close seam becomes a loop, any other a
-    one-shot that ends in a pose; all are resampled to 120 Hz and carried to one body. Every motion is tested. The
-    reason why a recording is left out, and doubts about a body, are printed. The recipe is written beside the library.
+    Recordings need no settings. Still ends are trimmed; a recording that returns, and is repeated or moves on there,
+    becomes a loop, any other a one-shot that ends in its last pose (--as overrules); all are resampled to 120 Hz and
+    carried to one body. Every motion is tested. The reason why a recording is left out, and doubts about a body, are
+    printed. The recipe is written beside the library.
 
     Clips of `motiondeck rig teach` become loops or one-shots as they were taught; NAME.clip, NAME.2.clip ... are takes
     of one motion and are averaged. The part of a loop that returns best to its start is learned.
@@ -98,6 +103,8 @@ def learn(options: LearnOptions, reading: Reading, as_json: JsonOption = False) 
     endings = {path.suffix.lower() for path in options.what}
     if reading != Reading() and endings in ({".toml"}, {".clip"}):
         raise MotiondeckError("--unit and other options of reading are for recordings; in a recipe they are keys")
+    if options.plays is not None and endings & {".toml", ".clip"}:
+        raise MotiondeckError("--as is for recordings; a recipe says it by plays, and clips were taught with it")
     if ".toml" not in endings and options.data is not None:
         raise MotiondeckError(f"--data {options.data} is the folder of a recipe's recordings; no recipe is given")
     if ".toml" in endings:
@@ -116,7 +123,7 @@ def learn(options: LearnOptions, reading: Reading, as_json: JsonOption = False) 
         first = _learn_recipe(recipe, Path(), out.with_suffix(".toml"), out, options, as_json, taught=True)
     else:
         out = _library(options, "mine", and_recipe=True)
-        first = _learn_recordings(options.what, out, own, jobs, options.accept or [], as_json)
+        first = _learn_recordings(options, out, own, jobs, as_json)
     if options.play:
         command = [sys.executable, "-P", "-m", "motiondeck", "play", first, "--library", str(out.absolute())]
         os.execv(sys.executable, [*command, *([] if options.robot is None else ["--robot", options.robot])])
@@ -132,9 +139,7 @@ def _library(options: LearnOptions, name: str, *, and_recipe: bool = False) -> P
     return out
 
 
-def _learn_recordings(
-    paths: list[Path], out: Path, reading: ReadingOptions, jobs: Jobs, accept: list[str], as_json: bool
-) -> str:
+def _learn_recordings(options: LearnOptions, out: Path, reading: ReadingOptions, jobs: Jobs, as_json: bool) -> str:
     from rich.console import Console
     from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
 
@@ -146,12 +151,20 @@ def _learn_recordings(
 
     columns = (TextColumn("{task.description:44}"), BarColumn(), TimeElapsedColumn())
     with Progress(*columns, console=Console(stderr=True), disable=not sys.stderr.isatty(), transient=True) as bar:
-        task = bar.add_task("", total=2 * len(learning.recordings_in(paths)) + 2)
+        task = bar.add_task("", total=2 * len(learning.recordings_in(options.what)) + 2)
 
         def progress(step: str) -> None:
             bar.update(task, advance=1, description=step)
 
-        learned = learning.learn(paths, out.stem, options=reading, progress=progress, jobs=jobs, accept=accept)
+        learned = learning.learn(
+            options.what,
+            out.stem,
+            options=reading,
+            progress=progress,
+            jobs=jobs,
+            accept=options.accept or [],
+            plays=options.plays,
+        )
     save_library(learned.library, out)
     recipe = out.with_suffix(".toml")
     write_file(recipe, recipe_text(learned.recipe).encode())

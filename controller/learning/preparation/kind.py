@@ -1,0 +1,83 @@
+"""Decides whether a recording is a loop: it returns to an earlier state, and it is repeated or moves on through there.
+
+A gesture that begins and ends in the same rest is no loop, though its ends meet.
+"""
+
+from __future__ import annotations
+
+from typing import Literal, NamedTuple
+
+import numpy as np
+
+from controller.learning.preparation.loops import best_seam, largest_omission, with_velocities
+from controller.learning.preparation.takes import spread_of
+from controller.motion.decision import Decision
+from controller.motion.rotations import Array
+
+Plays = Literal["loop", "once"]
+
+LOOP_KEEPS = 0.5  # a loop keeps at least this share of its recording
+# Largest mismatch at the seam of a loop: of joints, mm, and with velocities, relative to the spread of the motion; of
+# joints any, if that share is below LARGE_MOTION; and largest distance of omitted frames from the loop, likewise.
+SEAM_MM, SEAM_SHARE, LARGE_MOTION, LEFT_OUT_SHARE = 50.0, 0.5, 0.4, 0.6
+# A motion is repeated if so many periods are in it, whose poses are so alike, relative to those at any two times, and
+# if they are less alike by RISES in between.
+PERIODS, ALIKE, RISES = 1.4, 0.35, 0.25
+SHORTEST_PERIOD = 0.3  # s
+MOVES_ON = 0.8  # least speed at both ends of a single period, relative to its mean
+ENDS_SECONDS = 0.1  # over which the speed at an end is measured
+
+
+class Kind(NamedTuple):
+    """How a recording plays, and the cut of its best seam."""
+
+    plays: Plays
+    seam: tuple[int, int]  # frames
+    decision: Decision
+
+
+def kind_of(features: Array, rate: float, given: Plays | None = None) -> Kind:
+    """How a motion with joint positions (T, F), mm, at a rate in Hz plays; `given` overrules the figures."""
+    seam = best_seam(features, rate, at_least=LOOP_KEEPS)
+    ends = features[seam.end] - features[seam.start]
+    apart = float(np.sqrt(np.square(ends).sum() / (features.shape[1] / 3.0)))
+    seen = with_velocities(features, rate)
+    spread = spread_of(seen)
+    mismatch, omitted = seam.mismatch / spread, largest_omission(seen, seam) / spread
+    found, pace = periods(features, rate), pace_at_ends(features, rate)
+    meets = (apart < SEAM_MM and mismatch < SEAM_SHARE) or mismatch < LARGE_MOTION
+    returns = meets and omitted < LEFT_OUT_SHARE
+    plays: Plays = given or ("loop" if returns and (found >= PERIODS or pace >= MOVES_ON) else "once")
+    why = (
+        f"{found:.1f} periods of at least {PERIODS:g}, or a speed at the ends of {pace:.2f} of at least {MOVES_ON:g} "
+        f"of the mean; seam {apart:.0f} mm of at most {SEAM_MM:.0f}, and {mismatch:.2f} of {SEAM_SHARE:g} of the motion's "
+        f"spread ({LARGE_MOTION:g} alone suffices); left out {omitted:.2f} of {LEFT_OUT_SHARE:g} of it"
+    )
+    words = ("a loop" if plays == "loop" else "once") + (", as given" if given else "")
+    return Kind(plays, (seam.start, seam.end), Decision("kind", words, why, "--as, or plays in the recipe"))
+
+
+def periods(features: Array, rate: float) -> float:
+    """How often a motion (T, F) at a rate in Hz is repeated in its recording; 1 if it is not.
+
+    The mean square distance of poses a lag apart follows from the autocorrelation; the first dip in it is the period.
+    """
+    frames, centred = len(features), features - features.mean(0)
+    lags = np.arange(1, frames - 1)
+    spectrum = np.square(np.abs(np.fft.rfft(centred, 2 * frames, axis=0))).sum(1)
+    product = np.fft.irfft(spectrum)[lags]
+    square = np.concatenate([[0.0], np.cumsum(np.square(centred).sum(1))])
+    total = square[frames - lags] + square[-1] - square[lags] - 2.0 * product
+    apart = np.sqrt(np.maximum(total, 0.0) / (frames - lags)) / (np.sqrt(2.0) * spread_of(features) + 1e-9)
+    for at in range(round(SHORTEST_PERIOD * rate), len(apart) - 1):
+        dips = apart[at] <= min(apart[at - 1], apart[at + 1]) and apart[at] < ALIKE
+        if dips and apart[:at].max() > apart[at] + RISES:
+            return frames / float(lags[at])
+    return 1.0
+
+
+def pace_at_ends(features: Array, rate: float) -> float:
+    """The smaller one of the mean speeds at both ends of a motion (T, F) at a rate in Hz, relative to its mean."""
+    speed = np.linalg.norm(np.diff(features, axis=0), axis=1)
+    few = max(2, round(ENDS_SECONDS * rate))
+    return float(min(speed[:few].mean(), speed[-few:].mean()) / (speed.mean() + 1e-9))
