@@ -50,8 +50,8 @@ def kind_of(features: Array, rate: float, given: Plays | None = None) -> Kind:
     plays: Plays = given or ("loop" if returns and (found >= PERIODS or pace >= MOVES_ON) else "once")
     why = (
         f"{found:.1f} periods of at least {PERIODS:g}, or a speed at the ends of {pace:.2f} of at least {MOVES_ON:g} "
-        f"of the mean; seam {apart:.0f} mm of at most {SEAM_MM:.0f}, and {mismatch:.2f} of {SEAM_SHARE:g} of the motion's "
-        f"spread ({LARGE_MOTION:g} alone suffices); left out {omitted:.2f} of {LEFT_OUT_SHARE:g} of it"
+        f"of the mean; seam {apart:.0f} mm of at most {SEAM_MM:.0f}, and {mismatch:.2f} of {SEAM_SHARE:g} of the "
+        f"motion's spread ({LARGE_MOTION:g} alone suffices); left out {omitted:.2f} of {LEFT_OUT_SHARE:g} of it"
     )
     words = ("a loop" if plays == "loop" else "once") + (", as given" if given else "")
     return Kind(plays, (seam.start, seam.end), Decision("kind", words, why, "--as, or plays in the recipe"))
