@@ -11,7 +11,7 @@ from itertools import pairwise
 from pathlib import Path
 from typing import Literal
 
-from controller.learning.preparation.kind import Kind, Plays, kind_of
+from controller.learning.preparation.kind import FoundKind, Plays, kind_of
 from controller.learning.preparation.takes import read_takes
 from controller.learning.recipe import MotionRecipe
 from controller.learning.training_set import COMMON_RATE, SHORTEST_SECONDS, seam_error
@@ -172,7 +172,7 @@ def find_skeleton(file: Path, options: ReadingOptions) -> Path | None:
     return skeleton_of(file, file.parent.parent)
 
 
-def _kind(clip: Clip, plays: Plays | None) -> tuple[Kind, float, float]:
+def _kind(clip: Clip, plays: Plays | None) -> tuple[FoundKind, float, float]:
     """How a clip plays, and the error at its best seam (see `seam_error`)."""
     one = resampled(clip if clip.skeleton.is_rig else to_canonical(clip), COMMON_RATE)
     encoding = encoding_of(one.skeleton)

@@ -28,7 +28,7 @@ MOVES_ON = 0.8  # least speed at both ends of a single period, relative to its m
 ENDS_SECONDS = 0.1  # over which the speed at an end is measured
 
 
-class Kind(NamedTuple):
+class FoundKind(NamedTuple):
     """How a recording plays, and the cut of its best seam."""
 
     plays: Plays
@@ -36,7 +36,7 @@ class Kind(NamedTuple):
     decision: Decision
 
 
-def kind_of(features: Array, rate: float, given: Plays | None = None) -> Kind:
+def kind_of(features: Array, rate: float, given: Plays | None = None) -> FoundKind:
     """How a motion with joint positions (T, F), mm, at a rate in Hz plays; `given` overrules the figures."""
     seam = best_seam(features, rate, at_least=LOOP_KEEPS)
     ends = features[seam.end] - features[seam.start]
@@ -54,7 +54,7 @@ def kind_of(features: Array, rate: float, given: Plays | None = None) -> Kind:
         f"motion's spread ({LARGE_MOTION:g} alone suffices); left out {omitted:.2f} of {LEFT_OUT_SHARE:g} of it"
     )
     words = ("a loop" if plays == "loop" else "once") + (", as given" if given else "")
-    return Kind(plays, (seam.start, seam.end), Decision("kind", words, why, "--as, or plays in the recipe"))
+    return FoundKind(plays, (seam.start, seam.end), Decision("kind", words, why, "--as, or plays in the recipe"))
 
 
 def periods(features: Array, rate: float) -> float:
