@@ -20,8 +20,8 @@ LOOP_KEEPS = 0.5  # a loop keeps at least this share of its recording
 # Largest mismatch at the seam of a loop: of joints, mm, and with velocities, relative to the spread of the motion; of
 # joints any, if that share is below LARGE_MOTION; and largest distance of omitted frames from the loop, likewise.
 SEAM_MM, SEAM_SHARE, LARGE_MOTION, LEFT_OUT_SHARE = 50.0, 0.5, 0.4, 0.6
-# A repeated motion has at least PERIODS. Poses a period apart differ by at most ALIKE of what poses at any two times do,
-# and those at a shorter lag by RISES more.
+# A repeated motion has at least PERIODS. Poses a period apart differ by at most ALIKE of what poses at any two times
+# do, and those at a shorter lag by RISES more.
 PERIODS, ALIKE, RISES = 1.4, 0.35, 0.25
 SHORTEST_PERIOD = 0.3  # s
 MOVES_ON = 0.8  # least speed at both ends of a single period, relative to its mean
