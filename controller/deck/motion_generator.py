@@ -18,15 +18,14 @@ LONGEST = 3600.0  # s, of motion generated at once
 class MotionGenerator:
     """Plays one motion step by step.
 
+    UnknownNameError if there is no such motion; it names the nearest. MotiondeckError if the phase is not in [0, 1], or
+    the tempo not finite or negative where that is impossible.
+
     Args:
         library: the library; it is not changed, and generators of one library are independent.
         tempo: 1 is as fast as recorded, 0 stands still, negative plays backwards; may be changed between steps.
         phase: where in the motion to begin, in [0, 1]; a one-shot ends at 1.
         inputs: values of the motion's inputs besides the phase, such as {"speed": 1.4}, clipped to the learned range.
-
-    Raises:
-        UnknownNameError: if there is no such motion; it names the nearest.
-        MotiondeckError: if the phase is not in [0, 1], or the tempo not finite or negative where that is impossible.
     """
 
     def __init__(
@@ -50,9 +49,7 @@ class MotionGenerator:
     def set_input(self, name: str, value: float) -> None:
         """Gives an input besides the phase, such as speed, another value, from the next frame on.
 
-        Raises:
-            UnknownNameError: if no motion of the library has such an input.
-            MotiondeckError: if the value is not finite.
+        UnknownNameError if no motion of the library has such an input. MotiondeckError if the value is not finite.
         """
         if not math.isfinite(value):
             raise MotiondeckError(f"a {name} of {value:g} is not a finite number")
@@ -75,8 +72,7 @@ class MotionGenerator:
     def phase(self) -> float:
         """How far the motion is: [0, 1) in a loop, 0 to 1 in a one-shot.
 
-        Raises:
-            MotiondeckError: if the network runs by itself.
+        MotiondeckError if the network runs by itself.
         """
         return self._player.phase
 
@@ -84,9 +80,7 @@ class MotionGenerator:
         """Advances by dt >= 0 seconds; the channels there, shape (C,), in the units of the library's encoding.
 
         Channels that are velocities are those of the motion as it is played: twice as large at twice the tempo.
-
-        Raises:
-            MotiondeckError: if dt is negative or not finite.
+        MotiondeckError if dt is negative or not finite.
         """
         if not 0.0 <= dt < math.inf:
             raise MotiondeckError(f"a step of {dt:g} s is not possible; time goes forward")
@@ -97,8 +91,7 @@ class MotionGenerator:
     def frames(self, seconds: float, rate: float) -> Array:
         """The next seconds of the motion, shape (round(seconds * rate), C); the first frame is the present one.
 
-        Raises:
-            MotiondeckError: if the rate is impossible, or there would be no frame or too many.
+        MotiondeckError if the rate is impossible, or there would be no frame or too many.
         """
         if not (math.isfinite(rate) and 0.0 < rate <= 10_000.0):
             raise MotiondeckError(f"a rate of {rate:g} Hz is not between 0 and 10000")

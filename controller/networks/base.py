@@ -111,9 +111,7 @@ class AutonomousNetwork(FrameNetwork, Protocol):
     def morph(self, source: str, target: str) -> Morph:
         """A morph that starts where the network is in the source.
 
-        Raises:
-            MotiondeckError: if the network does not play the source.
-            UnknownNameError: if there is no such motion.
+        MotiondeckError if the network does not play the source. UnknownNameError if there is no such motion.
         """
         ...
 

@@ -58,8 +58,7 @@ class HarmonicCenters:
     def at_phase(cls, frequency: Array | float, phase: Array | float = 0.0) -> HarmonicCenters:
         """Unit-amplitude centers of frequencies (n,), or of one, at the given phases, rad: shape (n,), or one for all.
 
-        Raises:
-            FrequencyError: if a frequency is not finite and positive; it names the center.
+        FrequencyError if a frequency is not finite and positive; it names the center.
         """
         frequencies = np.atleast_1d(np.asarray(frequency, dtype=np.float64))
         require_frequencies(frequencies)
@@ -171,8 +170,7 @@ class Duffing:
 def control_for(spring: Spring, frequency: float, momentum: float = 1.0) -> float:
     """The z with which a center swings at a frequency (rad/s) from q(0) = 0, p(0) = momentum: the inverse of eq. 12.
 
-    Raises:
-        FrequencyError: if the frequency is not positive, or so low that z comes too near to the separatrix.
+    FrequencyError if the frequency is not positive, or so low that z comes too near to the separatrix.
     """
     # Here and not above: it takes half a second to import, and playing never needs it.
     from scipy.optimize import brentq
@@ -219,8 +217,7 @@ class NonlinearCenters:
     ) -> NonlinearCenters:
         """Centers with control parameters (n,), or one center with one, at q = 0, p = p0 (eq. 10).
 
-        Raises:
-            FrequencyError: if a control parameter gives no oscillation; it names the center.
+        FrequencyError if a control parameter gives no oscillation; it names the center.
         """
         controls = np.atleast_1d(np.asarray(control, dtype=np.float64))
         centers = cls(spring, controls, momentum, damping, np.zeros(len(controls)), np.full(len(controls), momentum))
@@ -230,8 +227,7 @@ class NonlinearCenters:
     def set_control(self, control: Array) -> None:
         """Changes z in flight; the energy term leads every center to its new orbit.
 
-        Raises:
-            FrequencyError: if a control parameter gives no oscillation; it names the center.
+        FrequencyError if a control parameter gives no oscillation; it names the center.
         """
         least = self.spring.least_control(self.momentum)
         for center, z in enumerate(control):

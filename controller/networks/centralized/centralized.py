@@ -39,6 +39,9 @@ ENTRIES = 50  # entry points of a loop that are compared
 class CentralizedMotion:
     """One motion with n centers, m satellites and D channels.
 
+    MotiondeckError if the shapes disagree, or a loop does not close: after its seconds every center must have made a
+    whole number of turns.
+
     Attributes:
         frequency, phase: of the centers at the beginning, shape (n,), rad/s and rad.
         satellites: in the 2 n coordinates of the centers.
@@ -46,10 +49,6 @@ class CentralizedMotion:
         rest: shape (D,).
         seconds: of the motion, or of one round of it.
         loop: whether its centers return after that time, so that it goes on for ever; otherwise it holds its end.
-
-    Raises:
-        MotiondeckError: if the shapes disagree, or a loop does not close: after its seconds every center must have made
-            a whole number of turns.
     """
 
     frequency: Array
@@ -259,8 +258,7 @@ class CentralizedGenerator(NamedMotions[CentralizedMotion]):
     def switch(self, to: str) -> None:
         """Goes over to a motion; while a switch is under way, the latest other wish waits for its end.
 
-        Raises:
-            UnknownNameError: if there is no such motion; it names the nearest.
+        UnknownNameError if there is no such motion; it names the nearest.
         """
         part = self[to]
         if self._source is not None:

@@ -22,12 +22,11 @@ from motiondeck_base.errors import MotiondeckError
 class LowRankWeights:
     """W of rank r for D channels and m satellites.
 
+    MotiondeckError if the shapes disagree.
+
     Attributes:
         shares: B, shape (D, r), mostly zeros.
         curves: A, shape (r, m); a row holds zeros from some satellite on.
-
-    Raises:
-        MotiondeckError: if the shapes disagree.
     """
 
     shares: Array

@@ -111,14 +111,13 @@ class MovementPrimitive:
     ) -> MovementPrimitive:
         """The same motion through one point more.
 
+        MotiondeckError if the phase, a channel or a number makes no sense.
+
         Args:
             phase: when, in [0, 1].
             point: the values there, shape (D,), or one for each of the channels.
             channels: which ones are given; without it all.
             deviation: standard deviation that is allowed, in the unit of the channels.
-
-        Raises:
-            MotiondeckError: if the phase, a channel or a number makes no sense.
         """
         phase = number_within(phase, "the phase of a point", 0.0, 1.0)
         deviation = number_within(deviation, "the deviation of a point", 0.0, 1e12)

@@ -54,8 +54,7 @@ class SatelliteNetwork:
     def run(self, steps: int, dt: float) -> Array:
         """The signal now and at the following steps of dt seconds, shape (steps, D).
 
-        Raises:
-            MotiondeckError: if steps is no whole number, 1 or more.
+        MotiondeckError if steps is no whole number, 1 or more.
         """
         steps = whole_number(steps, "steps", 1)
         return np.array([self.now] + [self.step(dt) for _ in range(steps - 1)])
@@ -70,16 +69,15 @@ def learn_weights(
 ) -> SatelliteNetwork:
     """The network whose satellites, driven by the centers from where they are, follow a signal best.
 
+    MotiondeckError if the signal is not of shape (T, D), holds a number that is not finite, the rate is none, or the
+    satellites do not fit the centers.
+
     Args:
         signal: shape (T, D).
         rate: frames per second, Hz.
         centers: only W and the rest are learned, and the centers are not moved; by default one that turns once.
         satellites: by default GRID Gaussian ones on a grid.
         regulariser: of the ridge regression, as a share of the number of frames.
-
-    Raises:
-        MotiondeckError: if the signal is not of shape (T, D), holds a number that is not finite, the rate is none, or
-            the satellites do not fit the centers.
     """
     signal, rate = time_series(signal, "the signal"), sampling_rate(rate)
     if centers is None:

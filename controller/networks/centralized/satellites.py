@@ -39,13 +39,11 @@ class Satellites(Protocol):
 class GaussianSatellites:
     """Radial basis functions, each with its own place and sharpness.
 
+    SatelliteError if the shapes disagree or a number is not finite or a sharpness not positive; it names the satellite.
+
     Attributes:
         places: q_j, shape (m, d).
         sharpness: b_j > 0, shape (m,), or one for all; by default 1 over the spacing of m places in [-1, 1]^d.
-
-    Raises:
-        SatelliteError: if the shapes disagree or a number is not finite or a sharpness not positive; it names the
-            satellite.
     """
 
     places: Array

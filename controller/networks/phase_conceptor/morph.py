@@ -49,16 +49,14 @@ class _Knot:
 class PhaseMorph:
     """A phase-driven network that goes over from one loop to another; fits `base.Morph`.
 
-    Preparing it settles the mixture at every knot, which takes some ten ms each: not for a tick.
+    Preparing it settles the mixture at every knot, which takes some ten ms each: not for a tick. MotiondeckError if one
+    of the motions is a one-shot, or fewer than two knots are given or do not rise. UnknownNameError if there is no such
+    motion.
 
     Args:
         network: plays the source, or either motion after `give_up` and `settle`.
         source, target: two loops.
         knots: rising mu at which the mixture is prepared; all mu have to lie within them.
-
-    Raises:
-        MotiondeckError: if one of the motions is a one-shot, or fewer than two knots are given or do not rise.
-        UnknownNameError: if there is no such motion.
     """
 
     def __init__(
@@ -95,8 +93,7 @@ class PhaseMorph:
     def advance(self, mu: float, out: Channels) -> None:
         """Steps one frame on with the share mu of the target and writes it into out, shape (channels,).
 
-        Raises:
-            MotiondeckError: if mu lies outside of the knots.
+        MotiondeckError if mu lies outside of the knots.
         """
         knots = self._knots
         if not knots[0].mu <= mu <= knots[-1].mu:

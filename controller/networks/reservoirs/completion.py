@@ -41,8 +41,7 @@ class Completion:
     def complete(self, measured: Array) -> Array:
         """The whole of a measured signal (T, C) at `rate`, shape (T, D); row n follows from the rows up to n.
 
-        Raises:
-            MotiondeckError: if the signal is not of that shape, or a number is not finite.
+        MotiondeckError if the signal is not of that shape, or a number is not finite.
         """
         signal = (time_series(measured, "the measured signal", len(self.mean)) - self.mean) / self.deviation
         held = np.concatenate([np.repeat(signal[:1], self.settling, axis=0), signal])
@@ -52,8 +51,7 @@ class Completion:
     def follow(self, measured: Array) -> LiveCompletion:
         """The same frame by frame, from a first measurement (C,) on.
 
-        Raises:
-            MotiondeckError: if it has another number of values, or one is not finite.
+        MotiondeckError if it has another number of values, or one is not finite.
         """
         return LiveCompletion(self, measured)
 
@@ -78,8 +76,7 @@ class LiveCompletion:
     def step(self, measured: Array) -> Array:
         """The whole at the next frame, shape (D,); a value of (C,) that is not finite keeps its last one.
 
-        Raises:
-            MotiondeckError: if it has another number of values.
+        MotiondeckError if it has another number of values.
         """
         values = _values(measured, len(self._last))
         self._last = np.where(np.isfinite(values), values, self._last)

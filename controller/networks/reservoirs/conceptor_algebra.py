@@ -19,8 +19,7 @@ SHARP = 1e-9  # below this an eigenvalue counts as 0, and above 1 minus this as 
 def correlation(states: Array) -> Array:
     """R = X X' / N of states (T, N), with the thesis's 1 / N (eq. 3.9), shape (N, N).
 
-    Raises:
-        MotiondeckError: if the states are not of that shape, or a number is not finite.
+    MotiondeckError if the states are not of that shape, or a number is not finite.
     """
     states = time_series(states, "the states")
     return states.T @ states / states.shape[1]
@@ -29,8 +28,7 @@ def correlation(states: Array) -> Array:
 def conceptor(correlations: Array, aperture: float = 10.0) -> Array:
     """C = R (R + alpha^-2 I)^-1 (eq. 3.10): eigenvalues in [0, 1).
 
-    Raises:
-        MotiondeckError: if the aperture is not a positive number, or R is not square.
+    MotiondeckError if the aperture is not a positive number, or R is not square.
     """
     correlations = square(correlations, "a correlation matrix")
     if not (np.isfinite(aperture) and aperture > 0.0):
@@ -43,8 +41,7 @@ def conceptor(correlations: Array, aperture: float = 10.0) -> Array:
 def adapt_aperture(c: Array, factor: float) -> Array:
     """phi(C, gamma) = C (C + gamma^-2 (I - C))^-1: the conceptor with its aperture multiplied by gamma in [0, inf].
 
-    Raises:
-        MotiondeckError: if the factor is negative or not a number, or the conceptor is not square.
+    MotiondeckError if the factor is negative or not a number, or the conceptor is not square.
     """
     if not factor >= 0.0:
         raise MotiondeckError(f"aperture factor {factor} is not a number of at least 0")
@@ -71,8 +68,7 @@ def negation(c: Array) -> Array:
 def conjunction(c: Array, b: Array) -> Array:
     """C AND B = (C^-1 + B^-1 - I)^-1 on the directions that both know, nothing elsewhere (Jaeger 2014, section 3.9).
 
-    Raises:
-        MotiondeckError: if they are not square matrices of one size.
+    MotiondeckError if they are not square matrices of one size.
     """
     c, b = _pair(c, b)
     # The directions that neither excludes: those orthogonal to both null spaces.
@@ -94,10 +90,7 @@ def disjunction(c: Array, b: Array) -> Array:
 def similarity(c: Array, b: Array) -> float:
     """|C^1/2 B^1/2|^2 / (|C| |B|) with Frobenius norms: 1 for equal ones, 0 where they share no direction.
 
-    0 as well where one of them lets nothing through.
-
-    Raises:
-        MotiondeckError: if they are not square matrices of one size.
+    0 as well where one of them lets nothing through. MotiondeckError if they are not square matrices of one size.
     """
     c, b = _pair(c, b)
     sizes = float(np.linalg.norm(c) * np.linalg.norm(b))
@@ -109,9 +102,7 @@ def attenuation(c: Array, correlations: Array) -> float:
     """The share of a signal's energy that a conceptor takes away, E|x - C x|^2 / E|x|^2, for states of correlation R.
 
     Running free with a conceptor, the aperture at which this is least is a good one (Jaeger 2014, section 3.8.5).
-
-    Raises:
-        MotiondeckError: if they are not square matrices of one size.
+    MotiondeckError if they are not square matrices of one size.
     """
     c, correlations = _pair(c, correlations)
     rest = np.eye(len(c)) - c

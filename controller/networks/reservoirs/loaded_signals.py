@@ -42,8 +42,7 @@ class LoadedSignals:
     def correlation(self, signal: str) -> Array:
         """R = X' X / T of the states of a signal, shape (N, N) (Jaeger 2014, section 3.4).
 
-        Raises:
-            UnknownNameError: if there is no such signal; it names the nearest.
+        UnknownNameError if there is no such signal; it names the nearest.
         """
         if signal not in self.states:
             raise UnknownNameError.among("signal", signal, self.states)
@@ -53,14 +52,15 @@ class LoadedSignals:
     def conceptor(self, signal: str, aperture: float = 10.0) -> Array:
         """C of a signal, shape (N, N).
 
-        Raises:
-            UnknownNameError: if there is no such signal; it names the nearest.
-            MotiondeckError: if the aperture is not a positive number.
+        UnknownNameError if there is no such signal; it names the nearest. MotiondeckError if the aperture is not a
+        positive number.
         """
         return conceptor(self.correlation(signal), aperture)
 
     def run(self, c: Array, steps: int, start: Array | None = None) -> Array:
         """Runs free with a conceptor.
+
+        MotiondeckError if a shape is wrong, or steps is no whole number.
 
         Args:
             c: shape (N, N), of a signal or computed from others.
@@ -70,14 +70,13 @@ class LoadedSignals:
 
         Returns:
             The signal, shape (steps, D), in its own units.
-
-        Raises:
-            MotiondeckError: if a shape is wrong, or steps is no whole number.
         """
         return self.morph(c, c, np.zeros(whole_number(steps, "steps")), start)
 
     def morph(self, first: Array, second: Array, shares: Array, start: Array | None = None) -> Array:
         """Runs free with the conceptor (1 - mu) C_1 + mu C_2 (Jaeger 2014, section 3.7; Deliallisi 2017, eq. 3.17).
+
+        MotiondeckError if a shape is wrong, or a share is not finite.
 
         Args:
             first, second: shape (N, N).
@@ -86,9 +85,6 @@ class LoadedSignals:
 
         Returns:
             The signal, shape (steps, D), in its own units.
-
-        Raises:
-            MotiondeckError: if a shape is wrong, or a share is not finite.
         """
         shares = np.asarray(shares, dtype=np.float64)
         if shares.ndim != 1 or not np.isfinite(shares).all():

@@ -58,7 +58,8 @@ def random_reservoir(
 ) -> Reservoir:
     """Weights drawn from U[-1, 1]; W is scaled to a spectral radius, the others by a factor (section 3.3.1).
 
-    The defaults suit inputs within about [-1, 1] and a fading memory of some ten steps.
+    The defaults suit inputs within about [-1, 1] and a fading memory of some ten steps. MotiondeckError if a size is no
+    whole number, or a scale is not a number in its range; it names it.
 
     Args:
         neurons, inputs: N and C.
@@ -67,9 +68,6 @@ def random_reservoir(
         leak: a in (0, 1]; the smaller, the slower.
         seed: of the weights.
         rng: their source in place of a seed.
-
-    Raises:
-        MotiondeckError: if a size is no whole number, or a scale is not a number in its range; it names it.
     """
     neurons, inputs = whole_number(neurons, "neurons", 1), whole_number(inputs, "inputs", 0)
     spectral_radius = number_within(spectral_radius, "spectral_radius", 0.0, 1e6)
@@ -120,7 +118,8 @@ def drive(
     """The states that signals leave in the reservoir, each started from x = 0 unless it is given a start.
 
     All signals run side by side, the longest first, so that every step is one product with W. Computed in the type of
-    the reservoir's weights.
+    the reservoir's weights. MotiondeckError if there is no signal, one is not of shape (T, C), or a number is not
+    finite.
 
     Args:
         reservoir: that is driven.
@@ -132,9 +131,6 @@ def drive(
 
     Returns:
         One array (T_j, N) a signal: row n is the state after input n.
-
-    Raises:
-        MotiondeckError: if there is no signal, one is not of shape (T, C), or a number is not finite.
     """
     if len(signals) == 0:
         raise MotiondeckError("there are no signals to drive the reservoir with")
