@@ -75,8 +75,6 @@ class Recorded:
 
     places: dict[str, Array]
     rate: float  # Hz
-    # Where else wrist and hand may be said to be: an Acclaim forearm is two bones, of which the second bears the wrist.
-    further_out: dict[str, Array]
 
 
 def source_and_actor(path: Path, data: Path) -> tuple[str, str] | None:
@@ -108,11 +106,9 @@ def _acclaim(path: Path) -> Recorded:
         raise ValueError("no .asf beside it")
     joints = amc_joints(own[0].read_text("latin-1"), path.read_text("latin-1"))
     joints = {name: track[:, [2, 0, 1]] for name, track in joints.items()}
-    near, far = {}, {}
-    for side in "lr":
-        near |= {f"{side}wri": joints[f"{side}radius"], f"{side}han": joints[f"{side}wrist"]}
-        far |= {f"{side}wri": joints[f"{side}wrist"], f"{side}han": joints[f"{side}hand"]}
-    return Recorded(landmarks(joints, ACCLAIM) | near, ACCLAIM_RATE, far)
+    # A forearm is two bones, radius and wrist; the hand bends after the second. The library calls that one the hand.
+    arms = {side + end: joints[side + bone] for side in "lr" for end, bone in (("wri", "radius"), ("han", "wrist"))}
+    return Recorded(landmarks(joints, ACCLAIM) | arms, ACCLAIM_RATE)
 
 
 def _bvh(path: Path) -> Recorded:
@@ -127,7 +123,7 @@ def _bvh(path: Path) -> Recorded:
     places = landmarks({name: track[:, [2, 0, 1]] for name, track in joints.items()}, table)
     leg = leg_length(places)
     unit = min(UNITS, key=lambda unit: abs(np.log(leg * unit / USUAL_LEG)))
-    return Recorded({bone: unit * track for bone, track in places.items()}, 1.0 / float(frame_time[1]), {})
+    return Recorded({bone: unit * track for bone, track in places.items()}, 1.0 / float(frame_time[1]))
 
 
 def _pattern(path: Path) -> Recorded:
@@ -141,7 +137,7 @@ def _pattern(path: Path) -> Recorded:
     for index, (bone, above) in enumerate(PATTERN_BONES.items()):
         x, y, z = channels[:, 4 + 3 * index : 7 + 3 * index].T
         places[bone] = places[above] + length[index] * np.stack([cos * x - sin * y, sin * x + cos * y, z], axis=1)
-    return Recorded(places, PATTERN_RATE, {})
+    return Recorded(places, PATTERN_RATE)
 
 
 def leg_length(places: dict[str, Array]) -> float:

@@ -62,7 +62,6 @@ class Part:
 
 def measure(file: Recorded, played: Played, part: Part, lengths: int = 3) -> dict[str, object]:
     """The figures of a motion; those with a limb and a time name the worst place, in s of the run."""
-    file = _as_played(file, played)
     bones = [bone for bone in file.places if bone in played.places and bone != "root"]
     first, end = (int(np.ceil(at * file.rate - ROUNDING)) for at in (part.begin, part.end))
     frames = np.arange(first, min(end, len(file.places["root"])))
@@ -109,21 +108,6 @@ def measure(file: Recorded, played: Played, part: Part, lengths: int = 3) -> dic
         }
     found |= _on_the_ground(wanted, whole, frames, file.rate, part, lift)
     return found
-
-
-def _as_played(file: Recorded, played: Played) -> Recorded:
-    """The file with the wrists that the library means: where its forearms are as long."""
-    if not file.further_out or "lwri" not in played.places:
-        return file
-    scale = leg_length(file.places) / leg_length(played.places)
-
-    def forearm(places: dict[str, Array]) -> float:
-        return float(np.median(np.linalg.norm(places["lwri"] - places["lelb"], axis=-1)))
-
-    outer = file.places | file.further_out
-    own = scale * forearm(played.places)
-    nearer = abs(forearm(outer) - own) < abs(forearm(file.places) - own)
-    return Recorded(outer if nearer else file.places, file.rate, {})
 
 
 def _floor_of_file(file: Recorded) -> float:
@@ -203,12 +187,13 @@ def _nearest_late(
 ) -> Array:
     """The recorded frame of each time of a one-shot: that of the time, and near its end the nearest one before it."""
     own = np.clip((when + part.begin) * rate, frames[0], frames[-1])
+    limbs = _limbs(bones, wanted)
     early = np.arange(0.0, LATE_AT_MOST * rate, 0.25)
     for index in np.flatnonzero(when >= part.end - part.begin - STOPS_WITHIN):
         some = np.clip((when[index] + part.begin) * rate - early, frames[0], frames[-1])
         theirs = _seen({bone: _at(track, some) for bone, track in wanted.items()}, bones)
         ours = _seen(run.at(np.full(1, when[index])), bones)
-        own[index] = some[np.linalg.norm(theirs - ours, axis=-1).mean(1).argmin()]
+        own[index] = some[_between(ours, theirs, bones, limbs).mean(1).argmin()]  # whoever's body plays it
     return own
 
 
@@ -225,7 +210,8 @@ def _delay(
     if np.linalg.norm(np.diff(theirs, axis=0), axis=-1).mean() * rate < MOVES:
         return None
     shifts = np.arange(-LONGEST_DELAY, LONGEST_DELAY + 1e-9, 0.0005)
-    off = [np.square(_seen(run.at(when + shift), bones) - theirs).mean() for shift in shifts]
+    limbs = _limbs(bones, wanted)
+    off = [np.square(_between(_seen(run.at(when + shift), bones), theirs, bones, limbs)).mean() for shift in shifts]
     return float(1000.0 * shifts[int(np.argmin(off))])
 
 

@@ -43,7 +43,7 @@ def person(seconds):
 
 @pytest.fixture
 def file():
-    return Recorded(person(np.arange(round(SECONDS * RATE)) / RATE), RATE, {})
+    return Recorded(person(np.arange(round(SECONDS * RATE)) / RATE), RATE)
 
 
 def played(part, *, late=0.0):
@@ -109,7 +109,7 @@ def test_a_loop_that_leaves_its_recording_at_the_seam_only_is_told_from_one_that
 
 
 def test_a_file_whose_hips_are_at_zero_is_judged_by_where_soles_are(file):
-    sunk = Recorded({bone: track - np.array([0.0, 0.0, 0.9]) for bone, track in file.places.items()}, RATE, {})
+    sunk = Recorded({bone: track - np.array([0.0, 0.0, 0.9]) for bone, track in file.places.items()}, RATE)
     on_the_floor, below = played(ONCE), played(ONCE)
     for track in below.places.values():
         track[:, 2] -= 1.1 * 0.9
