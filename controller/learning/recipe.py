@@ -270,9 +270,15 @@ def _network_problems(recipe: LibraryRecipe) -> Iterator[str]:
     yield from trainer.problems(recipe.network, [motion.name for motion in recipe.motions])
 
 
-def recipe_text(recipe: LibraryRecipe) -> str:
-    """The TOML text of a recipe, without fields at their defaults except for the network."""
+def recipe_text(recipe: LibraryRecipe, folder: Path | None = None) -> str:
+    """The TOML text of a recipe, without fields at their defaults except for the network.
+
+    Recordings and skeletons below its folder, if it is given, are named relative to that, so that both can be moved.
+    """
     tree = msgspec.to_builtins(recipe)
+    for motion in tree["motions"] if folder is not None else ():
+        below = {key: _below(folder, motion[key]) for key in ("file", "skeleton")}
+        motion.update(below, takes=[_below(folder, take) for take in motion["takes"]])
     network, motions = tree.pop("network"), tree.pop("motions")
     defaults = {field.name: field.default for field in msgspec.structs.fields(LibraryRecipe) if not field.required}
     set_fields = {key: value for key, value in tree.items() if value is not None and value != defaults.get(key)}
@@ -287,6 +293,13 @@ def recipe_text(recipe: LibraryRecipe) -> str:
             *(_toml_line(key, value) for key, value in motion.items() if value not in (None, False, {}, (), [])),
         ]
     return "\n".join(lines) + "\n"
+
+
+def _below(folder: Path | None, file: str | None) -> str | None:
+    folder = None if folder is None else folder.absolute()
+    if file is None or folder is None or not Path(file).is_relative_to(folder):
+        return file
+    return Path(file).relative_to(folder).as_posix()
 
 
 def _toml_line(key: str, value: Any) -> str:

@@ -167,7 +167,7 @@ def _learn_recordings(options: LearnOptions, out: Path, reading: ReadingOptions,
         )
     save_library(learned.library, out)
     recipe = out.with_suffix(".toml")
-    write_file(recipe, recipe_text(learned.recipe).encode())
+    write_file(recipe, recipe_text(learned.recipe, recipe.parent).encode())
     report_recordings(learned, out, recipe, as_json)
     return next((motion.name for motion in learned.motions if motion.passed), learned.motions[0].name)
 

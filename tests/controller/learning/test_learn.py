@@ -314,3 +314,16 @@ def test_a_folder_of_archives_says_that_they_are_packed(tmp_path):
     (tmp_path / "takes.zip").write_bytes(b"PK\x03\x04")
     with pytest.raises(MotiondeckError, match=r"takes\.zip: packed\. Unpack it"):
         learn([tmp_path], "takes")
+
+
+def test_a_recipe_and_the_recordings_below_it_can_be_moved(tmp_path):
+    here, there = tmp_path / "here", tmp_path / "there"
+    (here / "takes").mkdir(parents=True)
+    elsewhere = tmp_path / "elsewhere.bvh"
+    for file in (here / "takes" / "swing.bvh", elsewhere):
+        file.write_text(bvh_text(waving(60.0, 2.0)))
+    motions = [MotionRecipe(name=file.stem, file=str(file)) for file in (here / "takes" / "swing.bvh", elsewhere)]
+    (here / "mine.toml").write_text(recipe_text(LibraryRecipe(motions=motions), here))
+    here.rename(there)
+    read = read_recipe(there / "mine.toml", there)
+    assert [motion.file for motion in read.motions] == ["takes/swing.bvh", str(elsewhere)]
