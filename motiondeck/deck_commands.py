@@ -31,8 +31,7 @@ class DeckCommands(ABC, Generic[Commanded]):
     def status(self) -> DeckStatus:
         """What is played now, at which tempo, what comes next, and in which mode the deck is.
 
-        Raises:
-            MotiondeckError: if a live deck has ended; it says why.
+        MotiondeckError if a live deck has ended; it says why.
         """
         reply = self._request(commands.GetStatus())
         assert isinstance(reply, DeckStatus), "a status is answered by a state"
@@ -41,13 +40,12 @@ class DeckCommands(ABC, Generic[Commanded]):
     def switch(self, motion: str, *, direct: bool = False) -> Commanded:
         """Plays another motion now, or when the present one-shot has ended; the queue is cleared.
 
+        CommandError if it cannot be done now, or there is no such motion; it names the nearest. MotiondeckError if the
+        deck has ended.
+
         Args:
             motion: its name.
             direct: switch at once, without motions in between.
-
-        Raises:
-            CommandError: if it cannot be done now, or there is no such motion; it names the nearest.
-            MotiondeckError: if the deck has ended.
         """
         return self._commanded(commands.Switch(motion, direct=direct))
 
@@ -58,15 +56,13 @@ class DeckCommands(ABC, Generic[Commanded]):
     def blend(self, first: str, second: str, weight: float, also: Mapping[str, float] | None = None) -> Commanded:
         """Plays a blend of loops: `deck.blend("walk", "jog", 0.3)`, `deck.blend("walk", "jog", 0.3, {"waltz": 0.2})`.
 
+        CommandError if they cannot be blended, and why; or as `switch`. MotiondeckError if the deck has ended.
+
         Args:
             first: the motion that has the rest of the weights, which sum to 1.
             second: a motion that is blended into it.
             weight: of the second, in [-0.3, 1.3].
             also: one or two further motions with their weights; then no weight is below 0 or above 1.
-
-        Raises:
-            CommandError: if they cannot be blended, and why; or as `switch`.
-            MotiondeckError: if the deck has ended.
         """
         return self._commanded(commands.Blend(first, second, weight, also=tuple((also or {}).items())))
 
@@ -95,8 +91,7 @@ class DeckCommands(ABC, Generic[Commanded]):
     def jump(self, phase: float) -> None:
         """Goes to a phase, from 0 to 1, of the present motion, by a transition.
 
-        Raises:
-            CommandError: if the network has no phase, or motions are blended.
+        CommandError if the network has no phase, or motions are blended.
         """
         self._request(commands.Jump(phase))
 
@@ -108,22 +103,20 @@ class DeckCommands(ABC, Generic[Commanded]):
     def set_input(self, name: str, value: float) -> None:
         """Changes an input; the new value is reached within a second.
 
-        Raises:
-            CommandError: if no motion has such an input, or the value is outside the learned range.
+        CommandError if no motion has such an input, or the value is outside the learned range.
         """
         self._request(commands.SetInput(name, value))
 
     def lock(self, source: Literal["beat", "deck", "body"], phase: float = 0.0, steps: int = 0) -> None:
         """Locks the phase of loops to beats, another deck or the body ([how](docs/deck.md#locks)).
 
+        CommandError if the network runs by itself, or there is nothing of that kind to lock to.
+
         Args:
             source: "beat" for the times that `beat` is given, "body" for the measured joints, "deck" for the deck
                 that `play` was given to lock to.
             phase: the phase that falls on a beat, or how far to be ahead of the other deck, from 0 to 1.
             steps: how many beats a round has, up to 16; 0 takes 1, 2, 4, 8 or 16, whichever tempo is nearest to 1.
-
-        Raises:
-            CommandError: if the network runs by itself, or there is nothing of that kind to lock to.
         """
         self._request(commands.LockPhase(source, phase=phase, steps=steps))
 

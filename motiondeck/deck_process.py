@@ -32,11 +32,7 @@ class DeckProcess:
     """
 
     def __init__(self, process: subprocess.Popen[bytes], opened: contextlib.ExitStack) -> None:
-        """Waits until it plays.
-
-        Raises:
-            MotiondeckError: if it cannot begin, and why.
-        """
+        """Waits until it plays. MotiondeckError if it cannot begin, and why."""
         self._process, self._opened = process, opened
         self._starter = os.getpid()
         self.report: dict[str, Any] | None = None

@@ -83,6 +83,8 @@ class Library:
     ) -> NDArray[np.float64]:
         """A motion as an array of the network's channels.
 
+        MotiondeckError if there is no such motion (it names the nearest), or a number is impossible.
+
         Args:
             motion: its name.
             seconds: length, s.
@@ -94,9 +96,6 @@ class Library:
         Returns:
             Shape (round(seconds * rate), C). For a human body: height of the root (m), turn rate (rad/s), forward and
             left velocity (m/s), then the unit vector of each bone (docs/library-format.md).
-
-        Raises:
-            MotiondeckError: if there is no such motion (it names the nearest), or a number is impossible.
         """
         generator = self.generator(motion, tempo=tempo, phase=phase, inputs=inputs)
         return generator.frames(seconds, self.rate if rate is None else rate)
@@ -127,8 +126,7 @@ class Library:
     def save(self, path: str | Path) -> None:
         """Writes the library into one file (.safetensors), whole or not at all.
 
-        Raises:
-            MotiondeckError: if it has another ending, or the folder cannot be written.
+        MotiondeckError if it has another ending, or the folder cannot be written.
         """
         if Path(path).suffix != ".safetensors":
             raise MotiondeckError(f"{path}: a library ends in .safetensors. Name the file so.")
@@ -138,8 +136,7 @@ class Library:
 def load_library(name: str | Path) -> Library:
     """A shipped library by its name ("thesis15", "cmu86"), or one of your own by its path.
 
-    Raises:
-        MotiondeckError: if there is no such library (it names the nearest) or the file is damaged.
+    MotiondeckError if there is no such library (it names the nearest) or the file is damaged.
     """
     return Library(load_library_file(find_library(name)))
 
@@ -155,7 +152,8 @@ def learn(
     """Learns a library from recordings of any format, rate and skeleton, as `motiondeck learn` does.
 
     Still ends are trimmed, and each recording is detected as a loop or a one-shot. A recording that cannot be used is
-    left out; see `Library.left_out`. To decide this yourself, use `learn_recipe`.
+    left out; see `Library.left_out`. To decide this yourself, use `learn_recipe`. MotiondeckError if there is no
+    recording, none can be used, or no network can have these sizes.
 
     Args:
         recordings: files, and folders of them; each motion has its file's name.
@@ -164,9 +162,6 @@ def learn(
             `RandomFeatureRecipe` or `CentralizedRecipe` of `motiondeck.networks`; None for the default.
         seeds: tried in turn until every motion passes the self-test; see `Library.failed`.
         progress: called with a short description of each step.
-
-    Raises:
-        MotiondeckError: if there is no recording, none can be used, or no network can have these sizes.
     """
     from controller.learning.learn import learn as learn_recordings  # half of the start of a program that only plays
     from controller.learning.recipe import require_sizes
@@ -182,8 +177,7 @@ def learn(
 def learn_recipe(recipe: str | Path, data: str | Path, progress: Callable[[str], None] = lambda _: None) -> Library:
     """Learns the library of a recipe file (TOML, as in configs/libraries) from the recordings in a folder.
 
-    Raises:
-        MotiondeckError: if the recipe is wrong, or a recording is missing or damaged; it names file and place.
+    MotiondeckError if the recipe is wrong, or a recording is missing or damaged; it names file and place.
     """
     from controller.learning.fit import fit
     from controller.learning.recipe import read_recipe

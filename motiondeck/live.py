@@ -50,9 +50,8 @@ class CommandedMotion:
     def wait(self, timeout: float = 30.0) -> float:
         """Waits until the switch has settled, in any thread and as often as you like; the seconds since the command.
 
-        Raises:
-            CommandError: if another command overtook this one.
-            MotiondeckError: if it has not settled in time, or the deck has ended.
+        CommandError if another command overtook this one. MotiondeckError if it has not settled in time, or the deck
+        has ended.
         """
         return self._wait(timeout)
 
@@ -98,35 +97,28 @@ class LiveDeck(DeckCommands[CommandedMotion]):
     def beat(self, at: float | None = None) -> None:
         """Gives the deck one beat, and locks it to beats if it is not.
 
+        CommandError if the network has no phase, or the time is further away.
+
         Args:
             at: when it was by `time.monotonic()`, s, up to 2 s ago or ahead; None for now.
-
-        Raises:
-            CommandError: if the network has no phase, or the time is further away.
         """
         self._request(commands.GiveBeat(ago=time.monotonic() - at if at is not None else 0.0))
 
     def push(self, side: Literal["front", "back", "left", "right"], impulse: float = 0.0) -> None:
         """Pushes the simulated body from one of its sides with an impulse, N s; 0 for one that forces a step.
 
-        Raises:
-            CommandError: if nothing is simulated, or only its kinematics, or its root is fixed.
+        CommandError if nothing is simulated, or only its kinematics, or its root is fixed.
         """
         self._request(commands.Push(side, impulse))
 
     def step(self, seconds: float = 0.0) -> None:
-        """Plays on in a pause for one tick, or for up to 1 s.
-
-        Raises:
-            CommandError: if the deck is not paused.
-        """
+        """Plays on in a pause for one tick, or for up to 1 s. CommandError if the deck is not paused."""
         self._request(commands.StepOn(seconds=seconds))
 
     def events(self) -> Iterator[DeckEvent]:
         """The events of the deck from this call on, as they happen, until it has ended.
 
-        Raises:
-            MotiondeckError: if the deck has ended already.
+        MotiondeckError if the deck has ended already.
         """
         self._refuse_fork()
         client = CommandClient(self.command_port)
@@ -140,8 +132,7 @@ class LiveDeck(DeckCommands[CommandedMotion]):
     def wait(self, timeout: float | None = None) -> dict[str, Any]:
         """Waits until the deck has ended by its own `seconds`, by a command or by a fault; the report of the run.
 
-        Raises:
-            MotiondeckError: if it has not ended in time, or ended without a report.
+        MotiondeckError if it has not ended in time, or ended without a report.
         """
         self._refuse_fork()
         if not self._process.wait(timeout):

@@ -94,6 +94,8 @@ class Deck(DeckCommands[CommandedSwitch]):
     ) -> None:
         """Loads a library and a robot.
 
+        MotiondeckError if a name does not exist (it names the nearest), or a file or a number cannot be used.
+
         Args:
             library: a shipped one by its name, a file, or one in memory.
             motion: the first motion; by default `walk`, or the library's first.
@@ -101,9 +103,6 @@ class Deck(DeckCommands[CommandedSwitch]):
             rate: ticks of the deck a second, Hz.
             start: the joint positions to begin at, shape (J,), rad; the joints then approach the motion slowly. By
                 default those that the first step measures, or else those of the motion itself.
-
-        Raises:
-            MotiondeckError: if a name does not exist (it names the nearest), or a file or a number cannot be used.
         """
         period_ns(rate)
         model = library.model if isinstance(library, Library) else load_library(find_library(library))
@@ -127,13 +126,12 @@ class Deck(DeckCommands[CommandedSwitch]):
     def step(self, dt: float, measured: ArrayLike | None = None) -> NDArray[np.float64]:
         """Advances by dt seconds; the joint targets at that time, shape (J,), rad.
 
+        MotiondeckError if dt or a shape is wrong; then nothing has advanced.
+
         Args:
             dt: from 0 to 10 s; it may differ from step to step.
             measured: where the joints are now, shape (J,), rad, NaN for a joint that is not measured. The first step
                 begins there if no start was given; later it is what `lock("body")` follows.
-
-        Raises:
-            MotiondeckError: if dt or a shape is wrong; then nothing has advanced.
         """
         if not 0.0 <= dt <= LONGEST_STEP:
             raise MotiondeckError(f"a step of {dt:g} s: give 0 to {LONGEST_STEP:g} s")
@@ -185,28 +183,22 @@ class Deck(DeckCommands[CommandedSwitch]):
     def send(self, command: str | DeckCommand) -> Reply:
         """Carries out any command, as typed for `motiondeck send` ("blend walk jog 0.3") or as a message; its reply.
 
-        Raises:
-            CommandError: if it is not a command, or is refused; it says why.
+        CommandError if it is not a command, or is refused; it says why.
         """
         return self._request(parse_command([command]) if isinstance(command, str) else command)
 
     def beat(self, ago: float = 0.0) -> None:
         """Gives the deck one beat, and locks it to beats if it is not.
 
+        CommandError if the network has no phase, or the time is further away.
+
         Args:
             ago: how long before `time` it was, from -2 to 2 s.
-
-        Raises:
-            CommandError: if the network has no phase, or the time is further away.
         """
         self._request(commands.GiveBeat(ago=ago))
 
     def step_paused(self, seconds: float = 0.0) -> None:
-        """In a pause, lets the motion go on for one tick, or for up to 1 s.
-
-        Raises:
-            CommandError: if the deck is not paused.
-        """
+        """In a pause, lets the motion go on for one tick, or for up to 1 s. CommandError if the deck is not paused."""
         self._request(commands.StepOn(seconds=seconds))
 
     def _request(self, message: DeckCommand) -> Reply:

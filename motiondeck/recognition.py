@@ -47,8 +47,7 @@ class Recognizer:
     def recognize(self, clip: Clip) -> RecognitionVerdict:
         """The motion of a clip, with its margin, and whether it is a known one.
 
-        Raises:
-            MotiondeckError: if the clip's skeleton lacks a joint that is compared, or the clip is too short.
+        MotiondeckError if the clip's skeleton lacks a joint that is compared, or the clip is too short.
         """
         return self.model.recognize(the_clip(clip))
 
@@ -60,8 +59,7 @@ class Recognizer:
     def watch(self, skeleton: Skeleton) -> PoseStream:
         """Recognizes the poses of a body one by one, at any rate.
 
-        Raises:
-            MotiondeckError: if the skeleton lacks a joint that is compared.
+        MotiondeckError if the skeleton lacks a joint that is compared.
         """
         return PoseStream(BodyRecognizer(self.model, skeleton), len(skeleton))
 
@@ -75,11 +73,7 @@ class Recognizer:
         return self.model.recipe.rate
 
     def save(self, path: str | Path, licence: str = "") -> None:
-        """Writes the recognizer into one file (.safetensors).
-
-        Raises:
-            MotiondeckError: if the folder cannot be written.
-        """
+        """Writes the recognizer into one file (.safetensors). MotiondeckError if the folder cannot be written."""
         save_recognizer(self.model, Path(path), licence)
 
 
@@ -93,8 +87,7 @@ class RecognitionStream:
     def update(self, frame: NDArray[np.float64]) -> str | None:
         """Takes the next frame of features, shape (C,); the motion that is seen, or None while nothing is sure.
 
-        Raises:
-            MotiondeckError: if it has another shape.
+        MotiondeckError if it has another shape.
         """
         channels = self._online.channels
         if np.shape(frame) != (channels,):
@@ -133,15 +126,13 @@ class PoseStream:
     def update(self, root_position: NDArray[np.float64], rotation: NDArray[np.float64], dt: float) -> str | None:
         """Takes the next pose; the motion that is seen, or None while nothing is sure.
 
-        A pose with a NaN or infinite number is skipped.
+        A pose with a NaN or infinite number is skipped. MotiondeckError if a shape is wrong, or dt is negative or
+        longer than LONGEST_STEP.
 
         Args:
             root_position: m, z up, shape (3,).
             rotation: of the root and of each bone in the world, unit quaternions, shape (1 + B, 4), as in `Clip`.
             dt: time since the last pose, s.
-
-        Raises:
-            MotiondeckError: if a shape is wrong, or dt is negative or longer than LONGEST_STEP.
         """
         shapes = (np.shape(root_position), np.shape(rotation))
         if shapes != ((3,), (1 + self._bones, 4)):
@@ -170,14 +161,13 @@ def learn_recognizer(
 ) -> Recognizer:
     """Learns to recognize motions, as `motiondeck recognize train` does.
 
+    MotiondeckError if there are fewer than two motions, or a recording cannot be used.
+
     Args:
         recordings: a folder with one folder of recordings per motion, or the clips of each motion by its name.
         rate: frames per second that are compared, Hz.
         stretches: factors of duration; each clip is learned once for each.
         seed: of the reservoir.
-
-    Raises:
-        MotiondeckError: if there are fewer than two motions, or a recording cannot be used.
     """
     dataset = read_dataset(Path(recordings)) if isinstance(recordings, str | Path) else _labelled(recordings)
     stretches = tuple(dict.fromkeys(stretches))

@@ -27,7 +27,8 @@ def read_recording(
 ) -> Clip:
     """The clip in a recording.
 
-    The table in docs/clips.md lists the formats.
+    The table in docs/clips.md lists the formats. MotiondeckError if the file cannot be read; one line that names the
+    file, the place and the remedy.
 
     Args:
         path: the file.
@@ -36,9 +37,6 @@ def read_recording(
         unit: length of one unit of the file, m, such as 0.01; None detects it.
         up: the axis of the file that is up; None detects it.
         rename: other names for joints, bones or markers, by the names in the file.
-
-    Raises:
-        MotiondeckError: if the file cannot be read; one line that names the file, the place and the remedy.
     """
     return read_clip(path, ReadingOptions(None if skeleton is None else Path(skeleton), unit, up, rename or {}))
 
@@ -46,8 +44,7 @@ def read_recording(
 def the_clip(given: object) -> Clip:
     """What was given for a clip, if it is one.
 
-    Raises:
-        MotiondeckError: if it is something else, such as the path of a recording.
+    MotiondeckError if it is something else, such as the path of a recording.
     """
     if not isinstance(given, Clip):
         kind = f"{str(given)!r}" if isinstance(given, str | Path) else f"a {type(given).__name__}"
@@ -58,7 +55,6 @@ def the_clip(given: object) -> Clip:
 def save_recording(clip: Clip, path: str | Path) -> None:
     """Writes a clip as .bvh (rotations) or .csv (joint positions, m).
 
-    Raises:
-        MotiondeckError: for another ending, or if the file cannot be written.
+    MotiondeckError for another ending, or if the file cannot be written.
     """
     write_clip(the_clip(clip), Path(path))

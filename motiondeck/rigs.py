@@ -56,8 +56,7 @@ class Rig:
     def read(self) -> Array:
         """The measured joint positions, shape (J,), rad.
 
-        Raises:
-            RigError: if no servo answers in time, or the rig has stopped for good; it names the servo.
+        RigError if no servo answers in time, or the rig has stopped for good; it names the servo.
         """
         rig = self._rig
         deadline = time.monotonic() + _ANSWERS_WITHIN
@@ -72,12 +71,11 @@ class Rig:
     def write(self, angles: ArrayLike | Mapping[str, float]) -> None:
         """Sends targets and returns at once.
 
+        UnknownNameError if there is no such joint; it names the nearest. RigError if the shape is wrong, an angle is
+        not finite, or the rig has stopped for good.
+
         Args:
             angles: shape (J,), rad; or some joints by name, the others keep their target.
-
-        Raises:
-            UnknownNameError: if there is no such joint; it names the nearest.
-            RigError: if the shape is wrong, an angle is not finite, or the rig has stopped for good.
         """
         goal = self._targets(angles)
         self._rig.write(goal)
@@ -87,9 +85,7 @@ class Rig:
         """Waits and feeds the servos' watchdogs; a simulated rig returns at once.
 
         Successive calls keep a steady pace: a loop of `write` and `wait(0.01)` runs at 100 Hz, whatever else it does.
-
-        Raises:
-            RigError: if the time is not >= 0.
+        RigError if the time is not >= 0.
         """
         if not 0.0 <= seconds < np.inf:
             raise RigError(f"wait: seconds must be >= 0, not {seconds:g}")
@@ -146,17 +142,15 @@ class Rig:
 def open_rig(name: str | Path, servos: Servos = "real", ports: Sequence[str] = ()) -> Generator[Rig, None, None]:
     """Connects a rig for the length of a `with` block and switches its servos on where they stand.
 
-    Afterwards torque is switched off, or the joints are held, as the rig file says.
+    Afterwards torque is switched off, or the joints are held, as the rig file says. MotiondeckError if the file is
+    wrong, a port cannot be opened, or a servo is missing or unfit; it names them. After the block, if joints did not
+    confirm that their torque is off.
 
     Args:
         name: a shipped rig ("servo20"), or the path of a rig file (.toml).
         servos: "real" on a serial port, "emulated" on a pseudo-terminal with every byte of the protocol, or "simulated"
             in this process without bytes or waiting, for tests and fast trials.
         ports: in place of the rig file's own, for real servos.
-
-    Raises:
-        MotiondeckError: if the file is wrong, a port cannot be opened, or a servo is missing or unfit; it names them.
-            After the block, if joints did not confirm that their torque is off.
     """
     if servos not in SERVOS:
         raise UnknownNameError.among("kind of servos", servos, SERVOS)

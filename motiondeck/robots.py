@@ -50,8 +50,7 @@ class Robot:
     def retarget(self, clip: Clip) -> JointMotion:
         """A clip carried onto the robot, frame by frame: joint angles within its position limits, and its root.
 
-        Raises:
-            MotiondeckError: if the clip's skeleton lacks what the robot needs; it names the bones.
+        MotiondeckError if the clip's skeleton lacks what the robot needs; it names the bones.
         """
         clip = the_clip(clip)
         robot = load_robot_for(self.file, clip.skeleton, solver_named(self.solver), 1.0 / clip.rate)
@@ -61,8 +60,7 @@ class Robot:
 def load_robot(name: str | Path, solver: Literal["angles", "ik"] | None = None) -> Robot:
     """A shipped robot by its name ("mannequin", "servo20"), or one of your own by the path of its file (.toml).
 
-    Raises:
-        MotiondeckError: if there is no such robot or solver (it names the nearest), or the file is wrong.
+    MotiondeckError if there is no such robot or solver (it names the nearest), or the file is wrong.
     """
     file = find_robot(name)
     return Robot(file, read_robot_file(file).name, solver_named(solver))
@@ -78,8 +76,9 @@ def retarget_files(
     """Carries recordings, and folders of them, onto a robot: a motion file of each, for training.
 
     Yields the result of each as soon as it is done: the file, the angles between the robot's limbs and the human's,
-    and, if the robot cannot do it, why. Called again it continues where it was stopped, and repeats a recording only
-    if it has changed. In a script call it under `if __name__ == "__main__":`.
+    and, if the robot cannot do it, why. Called again it continues where it was stopped, and repeats a recording only if
+    it has changed. In a script call it under `if __name__ == "__main__":`. MotiondeckError if a path does not exist,
+    two recordings would be written to one file, or `out` holds motions of another robot, solver or format.
 
     Args:
         paths: recordings and folders.
@@ -87,10 +86,6 @@ def retarget_files(
         out: the folder for the files.
         format: of the files.
         jobs: how many processes, "-1" for one per core, or a Dask cluster, "dask://HOST:PORT", that sees the folders.
-
-    Raises:
-        MotiondeckError: if a path does not exist, two recordings would be written to one file, or `out` holds motions
-            of another robot, solver or format.
     """
     yield from carry_files(
         robot.file, [Path(path) for path in paths], Path(out), format, solver_named(robot.solver), Jobs.parse(jobs)

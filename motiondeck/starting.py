@@ -42,16 +42,13 @@ def _with_options_of(spec: Callable[P, RunSpec]) -> Callable[[Callable[..., Live
 def play(*values: Any, **named: Any) -> LiveDeck:
     """Starts a live deck and returns when it plays.
 
-    The deck ends with its `with` block, after `seconds`, or with the program that started it, even if that is killed.
-    A keyword has the name and the meaning of the option of `motiondeck play`; `physics=False` is --kinematic, and a
-    page is opened with `page=True`, on a free port, or `page=8040`. A library may also be one in memory, and
-    `lock_to` a live deck.
+    The deck ends with its `with` block, after `seconds`, or with the program that started it, even if that is killed. A
+    keyword has the name and the meaning of the option of `motiondeck play`; `physics=False` is --kinematic, and a page
+    is opened with `page=True`, on a free port, or `page=8040`. A library may also be one in memory, and `lock_to` a
+    live deck. MotiondeckError if a name does not exist (it names the nearest), or a file, port or rig cannot be used.
 
     Args:
         {options}
-
-    Raises:
-        MotiondeckError: if a name does not exist (it names the nearest), or a file, port or rig cannot be used.
     """
     with contextlib.ExitStack() as opening:
         given = inspect.signature(RunSpec).bind(*values, **named).arguments
