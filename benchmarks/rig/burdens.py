@@ -146,8 +146,11 @@ def burdened(
     what_is_gripped = random.Random(f"grips of {seed}")
     for joint in joints:
         if joint.grip:
-            at = what_is_gripped.uniform(1.0, until - 2.5)
-            faults.append(Fault("jam", joint.id, at, what_is_gripped.uniform(1.0, 2.5)))
+            at, lasts = what_is_gripped.uniform(1.0, until - 2.5), what_is_gripped.uniform(1.0, 2.5)
+            faults.append(Fault("jam", joint.id, at, lasts))
+            others = [other.id for other in joints if other.port == joint.port and other is not joint]
+            if others and what_is_gripped.random() < 0.5:
+                faults.append(Fault("reboot", what_is_gripped.choice(others), at + 0.6 * lasts, 0.1))
     servos = np.array([len(joint.servos) for joint in joints])
     return joints, Burdens(weight, hanging, poses, left, servos), faults
 

@@ -238,8 +238,10 @@ def _judge_stop(plan: Schedule, outcome: Outcome, at: float) -> None:
     guilty = [fault for fault in guilty if fault.kind != "jam" or fault.id not in grippers]
     ids = {servo.id: [one.id for one in joint.servos] for joint in joints for servo in joint.servos}
     about = [fault._replace(id=id) for fault in guilty for id in ids.get(fault.id or -1, [fault.id])]
-    # Two servos are on one shaft, and cannot be apart.
-    if "rad apart" in outcome.stopped or not any(_names(outcome.stopped, fault) for fault in about):
+    if "rad apart" in outcome.stopped:
+        # Two servos are on one shaft; one can seem elsewhere only where another answers in its name.
+        about = [fault for fault in about if fault.kind == "duplicate"]
+    if not any(_names(outcome.stopped, fault) for fault in about):
         outcome.problems.append(f"stopped without a reason: {outcome.stopped}")
 
 

@@ -9,12 +9,14 @@ from contextlib import contextmanager
 from types import FunctionType
 from typing import NamedTuple, cast
 
+from hardware.rig.driving.joined import JoinedMeasurements
 from hardware.rig.driving.servo_port import ServoPort
 from hardware.rig.rig_file import RigJoint
-from hardware.rig.supervision.pace import CatchingUp, JointPace
-from hardware.rig.switching.audit import _needs
+from hardware.rig.supervision.pace import CatchingUp, JointPace, Strain
+from hardware.rig.switching.audit import _needs, current_counts
 from hardware.rig.switching.identities import check_identities
 from hardware.rig.switching.torque import _limit_speed, hold_still, places_of_rest, speed_counts
+from hardware.rig.switching.turns import _whole_turns
 
 
 class Mutant(NamedTuple):
@@ -54,6 +56,16 @@ MUTANTS = {
     "mode without a limit of current": Mutant(_getter(RigJoint, "mode"), "limited[0]", "POSITION_MODE"),
     "goal := present under load": Mutant(places_of_rest, "np.where(moves | stands,", "np.where(moves,"),
     "gains overwritten": Mutant(_needs, 'yield name, default, "kept"', 'yield name, default, "switch-on"'),
+    "own gains not set": Mutant(
+        _needs, 'yield name, joint.gains[name], "switch-on"', 'yield name, joint.gains[name], "kept"'
+    ),
+    "a third more current": Mutant(current_counts, "joint.current) if", "1.3 * joint.current) if"),
+    "no turn for a range across zero": Mutant(_whole_turns, "return joint.whole_turns(pulses)", "return 0"),
+    "turn of the rig file": Mutant(_whole_turns, "return round(turns) * joint.table.pulses_per_turn", "return 0"),
+    "restart between readings": Mutant(hold_still, "_refuse_other_turns(config, positions, believed)", "pass"),
+    "gripper that yields": Mutant(Strain.__init__, "math.inf if joint.grip else", ""),
+    "old place of one of two": Mutant(JoinedMeasurements.update, "one.torque & (count", "(count"),
+    "times of two unlike": Mutant(JoinedMeasurements.update, "positions, firsts) - moved", "positions, firsts)"),
     "no close": Mutant(ServoPort.close, "if self._closed:", "if True:"),
 }
 

@@ -34,6 +34,7 @@ def test_a_random_schedule_of_faults_ends_well(seed):
         (900015, "such a servo, whose supply came back where the rig could not ease it"),
         (900047, "a restart between two readings, taken for another turn"),
         (900075, "a restart of one of two servos, taken for a horn that has slipped"),
+        (900220, "two servos that are read one after the other, taken for one that has slipped"),
         (900129, "a shaft that was held while it snapped back from a jam"),
     ],
 )
@@ -78,6 +79,12 @@ def _to_and_fro(reach, now):
         ("goal := present under load", 305, "moved at another's recovery"),
         ("gains overwritten", 303, "lost its gains at switch-on"),
         ("mode without a limit of current", 301, "had a true current above the rig file's limit"),
+        ("own gains not set", 900023, "lost its gains at switch-on"),
+        ("a third more current", 900000, "had a true current above the rig file's limit"),
+        ("restart between readings", 900047, "has a goal in another turn"),
+        ("gripper that yields", 900002, "let go of what it gripped"),
+        ("old place of one of two", 900075, "rad apart"),
+        ("times of two unlike", 900220, "rad apart"),
         ("no identity check", 70005, "torque came on in another model's servo"),
     ],
 )
