@@ -1,4 +1,4 @@
-"""Loop or once: what `motiondeck learn` decides, against labels written by looking.
+"""Loop or once: what `learn` decides, against labels written by looking.
 
 Looked at were the first three principal components of the joint positions over time, and the descriptions of the
 sources (HDM05 classes, the CMU listing, names of Bandai-Namco and the thesis). "loop": a gait, or a movement that goes

@@ -1,4 +1,4 @@
-"""How far joints of one actor are off when carried to one body, before learning.
+"""How far joints of one actor are off when carried to one body.
 
 Recordings below a folder are grouped by actor (equal limbs). Each is carried to the actor's body; wrists, feet and the
 base of the neck are compared in the world with the recording's own joints.
