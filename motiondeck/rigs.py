@@ -143,7 +143,7 @@ def open_rig(name: str | Path, servos: Servos = "real", ports: Sequence[str] = (
     """Connects a rig for the length of a `with` block and switches its servos on where they stand.
 
     Afterwards torque is switched off, or the joints are held, as the rig file says. MotiondeckError if the file is
-    wrong, a port cannot be opened, or a servo is missing or unfit; it names them. After the block, if joints did not
+    wrong, a port cannot be opened, or a servo is missing or unfit; it names them. One after the block if joints did not
     confirm that their torque is off.
 
     Args:
