@@ -13,6 +13,7 @@ from hardware.rig.driving.joined import JoinedMeasurements
 from hardware.rig.driving.servo_port import ServoPort
 from hardware.rig.rig_file import RigJoint
 from hardware.rig.supervision.pace import CatchingUp, JointPace, Strain
+from hardware.rig.supervision.rig import Rig
 from hardware.rig.switching.audit import _needs, current_counts
 from hardware.rig.switching.identities import check_identities
 from hardware.rig.switching.torque import _limit_speed, hold_still, places_of_rest, speed_counts
@@ -66,6 +67,7 @@ MUTANTS = {
     "gripper that yields": Mutant(Strain.__init__, "math.inf if joint.grip else", ""),
     "old place of one of two": Mutant(JoinedMeasurements.update, "one.torque & (count", "(count"),
     "times of two unlike": Mutant(JoinedMeasurements.update, "positions, firsts) - moved", "positions, firsts)"),
+    "one of two goes on alone": Mutant(Rig.write, "np.where(self._joined.waits, stay, targets)", "targets"),
     "no close": Mutant(ServoPort.close, "if self._closed:", "if True:"),
 }
 

@@ -84,6 +84,7 @@ def _to_and_fro(reach, now):
         ("restart between readings", 900047, "has a goal in another turn"),
         ("gripper that yields", 900002, "let go of what it gripped"),
         ("old place of one of two", 900075, "rad apart"),
+        ("one of two goes on alone", 900099, "work against each other"),
         ("times of two unlike", 900220, "rad apart"),
         ("no identity check", 70005, "torque came on in another model's servo"),
     ],
