@@ -47,7 +47,8 @@ def follow(registers: np.ndarray[Any, Any], table: ControlTable, drive: MotorDri
     )
     registers["goal_pwm"] = np.rint(registers["torque_limit"] * _FULL_PWM / table["torque_limit"].maximum)
     if "cw_compliance_slope" in table.registers:
-        drive.p_gain = _FULL_PWM / np.maximum(registers["cw_compliance_slope"], registers["ccw_compliance_slope"])
+        slope = np.maximum(registers["cw_compliance_slope"], registers["ccw_compliance_slope"])
+        drive.p_gain = _FULL_PWM / np.maximum(slope, 2)  # the least counts as 2
     else:
         usual = TRAITS[table.model].stiffness / table.series.gain_unit
         drive.p_gain = registers["position_p_gain"] * usual / (table["position_p_gain"].default or 1)

@@ -153,6 +153,8 @@ class ServoBank:
         drive.on = registers["torque_enable"] != 0
         gain = self._traits.series.gain_unit
         if not self.mapped:
+            usual = self._at_first(self.table["position_p_gain"])
+            gain *= usual / (self._traits.stiffness or usual)
             drive.p_gain = registers["position_p_gain"] / gain
             drive.i_gain = registers["position_i_gain"] / (gain * 0.512)  # a 1 kHz loop sums 512ths of it
             drive.d_gain = registers["position_d_gain"] / (gain * 125.0)  # and takes differences over 1 ms

@@ -24,6 +24,12 @@ _EXCEPTIONS: dict[str, dict[str, int]] = {
     "AX-18A": {"max_torque": 983, "torque_limit": 983},
     "MX-64(1.0)": {"max_voltage_limit": 240},
 }
+# The most that a register takes, where that is not as in the table; the MX-64 comes with more than its page allows.
+_MOST = {
+    "AX-12W": {"temperature_limit": 99},
+    "AX-18A": {"temperature_limit": 99},
+    "MX-64(1.0)": {"max_voltage_limit": 240},
+}
 _LACKS = {
     "MX-28(1.0)": ("drive_mode", "current", "torque_control_mode", "goal_torque"),
     "MX-64(1.0)": ("drive_mode",),
@@ -34,11 +40,14 @@ def _table(model: str, traits: Traits) -> ControlTable:
     number, degrees = traits.figures
     steps, text = (4096, _MX) if traits.series.name == "MX1" else (_STEPS, _AX_RX)
     table = parse_table(model, number, steps, text, traits.series)
-    defaults = {"model_number": number, "temperature_limit": degrees}
+    defaults, most = {"model_number": number, "temperature_limit": degrees}, _MOST.get(model, {})
     if traits.series.name == "RX":
         defaults |= {"baud_rate": 34, "max_voltage_limit": 190}
+        most = {"min_voltage_limit": 250, "max_voltage_limit": 250}
     for name, value in (defaults | _EXCEPTIONS.get(model, {})).items():
         table.registers[name] = replace(table[name], default=value)
+    for name, value in most.items():
+        table.registers[name] = replace(table[name], maximum=value)
     for name in _LACKS.get(model, ()):
         del table.registers[name]
     return table
