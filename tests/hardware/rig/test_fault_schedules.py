@@ -73,7 +73,7 @@ def _to_and_fro(reach, now):
     ("name", "seed", "noticed"),
     [
         ("no goal := present", 0, "from its goal"),
-        ("no speed limit", 305, "was too fast"),
+        ("no speed limit", 310, "was too fast"),
         ("no acceleration limit", 101, "was accelerated too hard"),
         ("no braking distance", 305, "moved at another's recovery"),
         ("goal := present under load", 305, "moved at another's recovery"),
