@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from benchmarks.recordings.independent_readings import (
@@ -233,6 +233,7 @@ def off(clip, own, scale=1.0):
     return np.linalg.norm(seen[0] * scale - seen[1], axis=-1)
 
 
+@settings(max_examples=30)
 @given(st.integers(0, 2**32 - 1), st.integers(0, 2))
 def test_on_its_own_canonical_body_a_person_of_two_spine_bones_keeps_every_joint(seed, pelvis):
     """Also the hands of those that bend: no bone spans a joint that moves."""
@@ -244,6 +245,7 @@ def test_on_its_own_canonical_body_a_person_of_two_spine_bones_keeps_every_joint
     assert np.allclose(carried(clip, own.skeleton).joints(), own.joints(), atol=1e-6)
 
 
+@settings(max_examples=30)
 @given(st.integers(0, 2**32 - 1))
 def test_takes_of_one_actor_are_carried_to_one_body_whatever_they_do(seed):
     draw = np.random.default_rng(seed)
@@ -253,6 +255,7 @@ def test_takes_of_one_actor_are_carried_to_one_body_whatever_they_do(seed):
     assert off(bent, carried(bent, to_canonical(still).skeleton)).max() < 1e-6
 
 
+@settings(max_examples=30)
 @given(st.integers(0, 2**32 - 1))
 def test_a_body_whose_root_lies_between_the_hips_is_carried_to_as_well(seed):
     """The canonical body of older libraries: hips sideways, a body of Jaeger's patterns."""
@@ -278,6 +281,7 @@ def test_a_body_whose_root_lies_between_the_hips_is_carried_to_as_well(seed):
     assert off(clip, carried(other, own.skeleton))[:, legs].max() < 1e-6
 
 
+@settings(max_examples=30)
 @given(st.integers(0, 2**32 - 1))
 def test_feet_stand_as_high_on_a_body_with_other_legs(seed):
     """Also on bent legs, which reach less far down where the thigh is longer and the shank shorter."""
