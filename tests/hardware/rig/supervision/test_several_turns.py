@@ -102,7 +102,13 @@ def test_an_angle_becomes_counts_and_is_the_angle_again(zero, direction, gear, t
 @pytest.mark.parametrize("direction", [1, -1])
 @pytest.mark.parametrize(
     ("model", "current", "mode"),
-    [("XM540-W270", 0.0, 4), ("XM540-W270", 1.0, 5), ("XL430-W250", 0.0, 4), ("PH54-200-S500", 0.0, 4)],
+    [
+        ("XM540-W270", 1.0, 5),
+        *(
+            pytest.param(model, 0.0, 4, marks=pytest.mark.thorough)
+            for model in ("XM540-W270", "XL430-W250", "PH54-200-S500")
+        ),
+    ],
 )
 def test_a_waist_goes_from_end_to_end(tmp_path, model, current, mode, direction):
     waist = Waist(tmp_path, model, direction, current)
