@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from itertools import pairwise
 
@@ -45,14 +45,31 @@ def resampled(clip: Clip, rate: float) -> Clip:
     count = int(np.floor((len(clip) - 1) * rate / clip.rate + 1e-6)) + 1
     at = np.minimum(np.arange(count) * (clip.rate / rate), len(clip) - 1)
     low = np.minimum(at.astype(np.int64), max(len(clip) - 2, 0))
-    near = [np.clip(low + step, 0, len(clip) - 1) for step in (-1, 0, 1, 2)]
-    share = at - low
     ends = (low == 0, low == len(clip) - 2) if len(clip) > 2 else (low < 0, low < 0)
-    position = _cubic(_beyond([clip.root_position[index] for index in near], *ends), share[:, None])
+    return replace(interpolated(clip, low, lambda points: _cubic(_beyond(points, *ends), at - low)), rate=rate)
+
+
+def interpolated(clip: Clip, low: NDArray[np.int64], between: Callable[[list[Array]], Array]) -> Clip:
+    """A clip with a frame behind each frame `low`, shape (T,): `between` gets what four frames around it have.
+
+    These are positions of the root, shape (T, 3), and rotation vectors from the frame `low`, shape (T, B, 3).
+    """
+    near = [np.clip(low + step, 0, len(clip) - 1) for step in (-1, 0, 1, 2)]
+    position = between([clip.root_position[index] for index in near])
     start = clip.rotation[low]
     turns = [to_rotation_vector(multiply(conjugate(start), clip.rotation[index])) for index in near]
-    rotation = normalise(multiply(start, from_rotation_vector(_cubic(_beyond(turns, *ends), share[:, None, None]))))
-    return replace(clip, rate=rate, root_position=position, rotation=continuous(rotation))
+    rotation = normalise(multiply(start, from_rotation_vector(between(turns))))
+    return replace(clip, root_position=position, rotation=continuous(rotation))
+
+
+def cubic(start: Array, slope: Array, end: Array, slope_end: Array, s: Array) -> Array:
+    """The cubic between two points with slopes over all of the way between them, at shares `s` of it (Hermite)."""
+    return (
+        (1.0 + 2.0 * s) * (1.0 - s) ** 2 * start
+        + s * (1.0 - s) ** 2 * slope
+        + s**2 * (3.0 - 2.0 * s) * end
+        + s**2 * (s - 1.0) * slope_end
+    )
 
 
 def _beyond(points: list[Array], at_first: NDArray[np.bool_], at_last: NDArray[np.bool_]) -> list[Array]:
@@ -66,13 +83,8 @@ def _beyond(points: list[Array], at_first: NDArray[np.bool_], at_last: NDArray[n
 def _cubic(points: list[Array], s: Array) -> Array:
     """Interpolates between the second and the third of four points, at shares from 0 to 1."""
     before, start, end, after = points
-    slope, slope_end = 0.5 * (end - before), 0.5 * (after - start)
-    return (
-        (1.0 + 2.0 * s) * (1.0 - s) ** 2 * start
-        + s * (1.0 - s) ** 2 * slope
-        + s**2 * (3.0 - 2.0 * s) * end
-        + s**2 * (s - 1.0) * slope_end
-    )
+    share = s.reshape(-1, *[1] * (start.ndim - 1))
+    return cubic(start, 0.5 * (end - before), end, 0.5 * (after - start), share)
 
 
 def moving_part(clip: Clip) -> tuple[int, int]:

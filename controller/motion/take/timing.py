@@ -12,18 +12,10 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from controller.motion.canonical.clip_edits import FASTEST_BODY
+from controller.motion.canonical.clip_edits import FASTEST_BODY, cubic, interpolated
 from controller.motion.clip import Clip
 from controller.motion.decision import Decision
-from controller.motion.rotations import (
-    Array,
-    conjugate,
-    continuous,
-    from_rotation_vector,
-    multiply,
-    normalise,
-    to_rotation_vector,
-)
+from controller.motion.rotations import Array
 from motiondeck_base.counted import counted
 
 SAME = 1e-7  # m: frames whose joints are this near are one frame held
@@ -165,14 +157,8 @@ def _spread_out(clip: Clip, at: Array) -> Clip:
     """A clip whose frames belong to the times `at`, in frames, (T,): cubics fill the frames between."""
     wanted = np.arange(int(at[-1]) + 1)
     low = np.minimum(np.searchsorted(at, wanted, "right") - 1, len(at) - 2)
-    near = [np.clip(low + more, 0, len(at) - 1) for more in (-1, 0, 1, 2)]
-    time = [at[index] for index in near]
-    start = clip.rotation[low]
-    turns = [to_rotation_vector(multiply(conjugate(start), clip.rotation[index])) for index in near]
-    position = _between([clip.root_position[index] for index in near], time, wanted)
-    turned = from_rotation_vector(_between(turns, time, wanted))
-    rotation = continuous(normalise(multiply(start, turned)))
-    return replace(clip, root_position=position, rotation=rotation)
+    time = [at[np.clip(low + step, 0, len(at) - 1)] for step in (-1, 0, 1, 2)]
+    return interpolated(clip, low, lambda points: _between(points, time, wanted))
 
 
 def _between(points: list[Array], time: list[Array], wanted: NDArray[np.int64]) -> Array:
@@ -180,12 +166,6 @@ def _between(points: list[Array], time: list[Array], wanted: NDArray[np.int64]) 
     shape = (-1, *[1] * (points[0].ndim - 1))
     before, start, end, after = (one.reshape(shape) for one in time)
     long = end - start
-    s = (wanted.reshape(shape) - start) / long
     slope = (points[2] - points[0]) / (end - before) * long
     slope_end = (points[3] - points[1]) / (after - start) * long
-    return (
-        (1.0 + 2.0 * s) * (1.0 - s) ** 2 * points[1]
-        + s * (1.0 - s) ** 2 * slope
-        + s**2 * (3.0 - 2.0 * s) * points[2]
-        + s**2 * (s - 1.0) * slope_end
-    )
+    return cubic(points[1], slope, points[2], slope_end, (wanted.reshape(shape) - start) / long)
