@@ -69,7 +69,7 @@ def is_right(found: AnalysedRecording, truth: Body, *, height: bool) -> bool:
 
 def said_of(found: AnalysedRecording) -> list[str]:
     """What `learn` prints of a recording."""
-    return [*(str(decision) for decision in found.decisions if decision.notable), *found.doubts]
+    return [*(str(decision) for decision in found.take.decisions if decision.notable), *found.take.doubts]
 
 
 def judged(spoilt: Spoilt, path: Path) -> tuple[str, str]:
@@ -85,7 +85,7 @@ def judged(spoilt: Spoilt, path: Path) -> tuple[str, str]:
         return "x" if any(word in reason for word in spoilt.refusal) else "X", reason
     said = [line for one in found.values() for line in said_of(one)]
     first = said[0] if said else ""
-    stops = [line for one in found.values() for line in one.anatomy]
+    stops = [line for one in found.values() for line in one.take.anatomy]
     if stops and spoilt.refusal:
         return "x" if any(word in line for word in spoilt.refusal for line in stops) else "X", stops[0]
     if found.keys() == spoilt.bodies.keys() and all(

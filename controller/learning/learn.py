@@ -135,7 +135,7 @@ def learn(
         for one in read:
             if isinstance(one, LearnedMotion):
                 left_out.append(one)
-            elif accept is not None and one.anatomy and not {one.motion.name, "all"} & set(accept):
+            elif accept is not None and one.take.anatomy and not {one.motion.name, "all"} & set(accept):
                 left_out.append(_doubted(one))
             else:
                 examined.append(one)
@@ -178,9 +178,9 @@ def _named(one: LearnedMotion) -> str:
 
 
 def _doubted(one: AnalysedRecording) -> LearnedMotion:
-    remedy = f"{' '.join(one.anatomy)} If that is right: --accept {one.motion.name}"
+    remedy = f"{' '.join(one.take.anatomy)} If that is right: --accept {one.motion.name}"
     return LearnedMotion(
-        one.motion.name, Path(one.motion.file), remedy=remedy, doubts=one.doubts, decisions=one.decisions
+        one.motion.name, Path(one.motion.file), remedy=remedy, doubts=one.take.doubts, decisions=one.take.decisions
     )
 
 
@@ -188,7 +188,7 @@ def _row(one: AnalysedRecording, training_set: TrainingSet, library: MotionLibra
     info = next(info for info in library.info.motions if info.name == one.motion.name)
     part = training_set.parts[info.name]
     if part.seam_mm is None:
-        part = replace(part, seam_mm=one.seam_mm, seam_degrees=one.seam_degrees)
+        part = replace(part, seam_mm=one.take.seam_mm, seam_degrees=one.take.seam_degrees)
     return LearnedMotion(
         name=info.name,
         file=Path(one.motion.file),
@@ -198,8 +198,8 @@ def _row(one: AnalysedRecording, training_set: TrainingSet, library: MotionLibra
         info=info,
         passed=info.passed,
         remedy="" if info.passed else f"{info.reason}. {_remedy(one, info)}",
-        doubts=one.doubts,
-        decisions=one.decisions,
+        doubts=one.take.doubts,
+        decisions=one.take.decisions,
     )
 
 

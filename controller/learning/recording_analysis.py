@@ -15,7 +15,7 @@ from controller.learning.preparation.kind import FoundKind, Plays, kind_of
 from controller.learning.preparation.takes import read_takes
 from controller.learning.recipe import MotionRecipe
 from controller.learning.training_set import COMMON_RATE, SHORTEST_SECONDS, seam_error
-from controller.motion.canonical.body_doubts import anatomy_doubts, doubts
+from controller.motion.canonical.body_doubts import anatomy_doubts, other_doubts
 from controller.motion.canonical.canonical_body import to_canonical
 from controller.motion.canonical.clip_edits import STILL_SPEED, breaks, moving_part, resampled, span
 from controller.motion.clip import Clip
@@ -38,11 +38,7 @@ class AnalysedRecording:
 
     motion: MotionRecipe
     clip: Clip  # all of its frames
-    seam_mm: float  # mean distance of joints at the best seam
-    seam_degrees: float  # largest angle of a bone there
-    doubts: list[str]  # warnings about the body
-    decisions: list[Decision]  # in the order of the steps
-    anatomy: list[str]  # those of the doubts that touch the anatomy
+    take: DecidedTake
 
 
 def analyse_recording(
@@ -85,9 +81,7 @@ def analyse_recording(
         ground=_to_repeat("ground", options.ground, found.decisions),
         takes=tuple(str(take.absolute()) for take in takes),
     )
-    return AnalysedRecording(
-        motion, recording.clip, found.seam_mm, found.seam_degrees, found.doubts, found.decisions, found.anatomy
-    )
+    return AnalysedRecording(motion, recording.clip, found)
 
 
 @dataclass(frozen=True)
@@ -96,11 +90,11 @@ class DecidedTake:
 
     frames: tuple[int, int]
     loop: bool
-    seam_mm: float
-    seam_degrees: float
-    doubts: list[str]
-    decisions: list[Decision]
-    anatomy: list[str]  # of the doubts
+    seam_mm: float  # mean distance of joints at the best seam
+    seam_degrees: float  # largest angle of a bone there
+    doubts: list[str]  # warnings about the body
+    decisions: list[Decision]  # in the order of the steps
+    anatomy: list[str]  # those of the doubts that touch the anatomy
 
 
 def decided(
@@ -140,7 +134,7 @@ def decided(
         loop = kind.plays == "loop"
         decisions.append(kind.decision)
     anatomy = [] if clip.skeleton.is_rig else anatomy_doubts(clip)
-    body = [] if clip.skeleton.is_rig else doubts(clip)
+    body = [] if clip.skeleton.is_rig else [*anatomy, *other_doubts(clip)]
     body += [] if recording.fit is None else misplaced(recording.fit)
     cut = [f"{what}: only {first / clip.rate:.2f} to {end / clip.rate:.2f} s were learned." for what in jumped]
     return DecidedTake((first, end), loop, seam_mm, seam_degrees, [*cut, *body], decisions, anatomy)

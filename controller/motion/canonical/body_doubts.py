@@ -49,8 +49,13 @@ def anatomy_doubts(clip: Clip) -> list[str]:
 
 def doubts(clip: Clip) -> list[str]:
     """Warnings about the body of a clip, first those about its anatomy."""
+    return [*anatomy_doubts(clip), *other_doubts(clip)]
+
+
+def other_doubts(clip: Clip) -> list[str]:
+    """Warnings about the body of a clip besides those about its anatomy."""
     skeleton = clip.skeleton
-    found = anatomy_doubts(clip)
+    found: list[str] = []
     try:
         marks = landmarks_of(skeleton)
     except FileFormatError:
