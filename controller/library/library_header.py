@@ -15,9 +15,10 @@ from controller.networks.storage import FEWEST_ANCHORS, MotionHeader, NetworkHea
 from motiondeck_base.errors import FileFormatError, UnknownNameError
 from motiondeck_base.toml_file import shaped
 
-VERSION = 5
-# Read as well: 2 brought phase-driven conceptors, 3 centralized networks with weights of low rank, 4 inputs of motions.
-OLDER = (1, 2, 3, 4)
+VERSION = 6
+# Read as well: 2 brought phase-driven conceptors, 3 centralized networks with weights of low rank, 4 inputs of motions,
+# 5 phase-driven echo-state networks.
+OLDER = (1, 2, 3, 4, 5)
 MOST_NEURONS, MOST_HARMONICS = 20_000, 100
 
 

@@ -28,6 +28,7 @@ class PhaseScales(msgspec.Struct, forbid_unknown_fields=True, frozen=True):
     phase_scale: float  # of W_phi, a in the equation
     bias_scale: float  # of b
     drive_scale: float = 0.0  # of W_u; 0 where no motion has an input besides the phase
+    leads_in: bool = False  # whether the center turns before a one-shot begins; it stood up to version 5 of a library
 
 
 class MotionHeader(msgspec.Struct, forbid_unknown_fields=True, frozen=True, kw_only=True):

@@ -67,6 +67,7 @@ class PhaseDrivenRecipe(msgspec.Struct, forbid_unknown_fields=True, frozen=True,
             self.phase_scale,
             self.bias_scale,
             self.drive_scale if driven else 0.0,
+            leads_in=True,
         )
 
 

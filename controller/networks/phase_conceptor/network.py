@@ -51,9 +51,10 @@ class PhaseConceptorMotion(PhaseMotion):
         self, stored: StoredPieces, course: PhaseCourse, reservoir: PhaseReservoir, driving: DrivingInput | None = None
     ) -> None:
         super().__init__(stored, course, reservoir, driving)
-        usual = np.full((len(course.phase), reservoir.drive_weights.shape[1]), self.usual, dtype=np.float32)
-        # (p, u) at each frame, u at its usual value, shape (T, I); I is 2 H, or 2 H + 1 with inputs.
-        self.inputs = np.hstack([reservoir.harmonics_of(course.phase), usual])
+        phase, self.piece = course.with_lead_in
+        usual = np.full((len(phase), reservoir.drive_weights.shape[1]), self.usual, dtype=np.float32)
+        # (p, u) at each frame and before, u at its usual value, shape (T + SETTLING_STEPS, I); I is 2 H, or 2 H + 1 with inputs.
+        self.inputs = np.hstack([reservoir.harmonics_of(phase), usual])
         directions, mean, estimate = (a.astype(np.float32) for a in (stored.directions, stored.mean, stored.estimate))
         pieces, neurons, rank = directions.shape
         inputs = self.inputs.shape[1]
@@ -107,9 +108,9 @@ class PhaseConceptorPlayer(PhasePlayer[PhaseConceptorMotion]):
     def step(self, frame: int, noise: Float32 | None = None) -> None:
         """Goes on to a frame whose phase is near the present one; noise is added to tanh of the equation."""
         motion, z, hidden, new = self.motion, self.state, self.activation, self._new
-        piece = motion.course.piece[frame]
+        piece = motion.piece[frame]
         hand_on, shift, drive, project, offset = motion.by_piece[piece]
-        if piece != motion.course.piece[self.frame]:
+        if piece != motion.piece[self.frame]:
             np.dot(z, hand_on, out=new)
             np.add(new, shift, out=z)
         self._before[...] = z

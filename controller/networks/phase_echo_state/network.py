@@ -41,8 +41,8 @@ class PhaseEchoStateMotion(PhaseMotion):
         driving: DrivingInput | None = None,
     ) -> None:
         super().__init__(stored, course, reservoir, driving)
-        # W_phi p + b at each frame, shape (T, N).
-        self.driven = reservoir.harmonics_of(course.phase) @ reservoir.phase_weights.T + reservoir.bias
+        # W_phi p + b at each frame and before, shape (T + SETTLING_STEPS, N).
+        self.driven = reservoir.harmonics_of(course.with_lead_in[0]) @ reservoir.phase_weights.T + reservoir.bias
         self.drive = reservoir.drive_weights.sum(1)  # W_u, shape (N,)
         self.recurrent = reservoir.weights.T
         self.settle()

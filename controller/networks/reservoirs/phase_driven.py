@@ -73,9 +73,11 @@ class PhaseMotion(ABC):
     def settled_at(self, level: float) -> Float32:
         """The states that the motion is led to from wherever it starts, its input at a level, shape (T, k)."""
         states = np.zeros((len(self), self.readout.shape[2] - 1), dtype=np.float32)
-        player = self.player(-SETTLING_STEPS % len(self) if self.course.loop else 0, states[0], level)
-        for _ in range(SETTLING_STEPS):
-            player.step(player.next if self.course.loop else 0)
+        before = np.arange(-SETTLING_STEPS, 0)
+        lead_in = [*(before % len(self) if self.course.loop else before).tolist(), 0]
+        player = self.player(lead_in[0], states[0], level)
+        for frame in lead_in[1:]:
+            player.step(frame)
         states[0] = player.state
         for frame in range(1, len(self)):
             player.step(frame)
@@ -297,4 +299,6 @@ def stored_course(stored: StoredNetwork, motion: MotionHeader, pieces: int) -> P
     held = int(stored.stored.take(at + "held", 1, kind=np.int32)[0])
     if not 0 <= held < motion.frames or pieces > motion.frames:
         raise stored.error(f"'{at}': {pieces} pieces, {held} frames held, of {motion.frames} frames")
-    return PhaseCourse.of(motion.frames, pieces, loop=motion.plays == "loop", held=held)
+    assert stored.header.scales is not None
+    leads_in = stored.header.scales.leads_in
+    return PhaseCourse.of(motion.frames, pieces, loop=motion.plays == "loop", held=held, leads_in=leads_in)

@@ -67,14 +67,15 @@ class PhaseCourse:
     phase: NDArray[np.float64]  # phi at each frame, shape (T,), rad; it rises, and stays where a one-shot has stopped
     piece: NDArray[np.int64]  # which piece plays each frame, shape (T,)
     loop: bool  # whether frame 0 follows the last one
+    leads_in: bool = True  # whether the phase rises before a one-shot begins, so that it begins at its own speed
 
     @classmethod
-    def of(cls, frames: int, pieces: int, *, loop: bool, held: int = 0) -> PhaseCourse:
+    def of(cls, frames: int, pieces: int, *, loop: bool, held: int = 0, leads_in: bool = True) -> PhaseCourse:
         """Of a motion of some frames, the last of which only hold its end."""
         way = np.arange(frames) / (frames if loop else max(1, frames - held - 1))
         piece = np.minimum(pieces * way, pieces - 1).astype(np.int64)
         half_turns = 2 if loop and pieces == 1 else pieces
-        return cls(np.pi * half_turns * np.minimum(way, 1.0), piece, loop)
+        return cls(np.pi * half_turns * np.minimum(way, 1.0), piece, loop, leads_in)
 
     @property
     def held(self) -> int:
@@ -97,9 +98,18 @@ class PhaseCourse:
         return float(self.phase[-1] + (self.phase[1] if self.loop else 0.0))
 
     def before(self, steps: int) -> NDArray[np.float64]:
-        """phi in the frames before the first, shape (steps,): a loop comes from its end, a one-shot has not begun."""
-        turn = float(self.phase[1]) if self.loop else 0.0
-        return turn * np.arange(-steps, 0, dtype=np.float64)
+        """phi in the frames before the first, shape (steps,): a one-shot comes from half a turn before, or stands."""
+        phase = float(self.phase[1]) * np.arange(-steps, 0, dtype=np.float64)
+        return phase if self.loop else np.maximum(phase, -np.pi if self.leads_in else 0.0)
+
+    @property
+    def with_lead_in(self) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
+        """Phase and piece of each frame, and after them those of SETTLING_STEPS frames before a one-shot.
+
+        So frame -1 is the one before frame 0.
+        """
+        before = np.zeros(SETTLING_STEPS, dtype=np.int64)
+        return np.concatenate([self.phase, self.before(len(before))]), np.concatenate([self.piece, before])
 
     def after(self, frame: int) -> int:
         """The frame that follows one: the first after the last of a loop, the last itself of a one-shot."""

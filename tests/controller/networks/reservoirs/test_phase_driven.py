@@ -4,6 +4,8 @@ import numpy as np
 import pytest
 
 import synthetic
+from controller.learning.preparation.training_motion import TrainingMotion
+from controller.learning.trainers.phase_conceptor import PhaseRecipe
 from controller.networks.reservoirs.phase_reservoir import ANCHOR_EVERY
 from synthetic import run
 
@@ -42,6 +44,14 @@ def test_a_one_shot_ends_where_it_was_learned_to_and_holds(network):
     assert np.abs(played[-1] - taught[-1]).max() < 0.01
     assert np.abs(played[-1] - played[-2]).max() < 1e-5
     assert network.phase == 1.0
+
+
+def test_a_one_shot_that_was_cut_out_of_a_movement_begins_in_its_first_frame():
+    _, normalisation = synthetic.lessons()
+    taught = synthetic.bow()[60:]
+    motion = TrainingMotion("bow", normalisation.apply(taught), loop=False)
+    network = synthetic.trained(PhaseRecipe(**synthetic.SMALL_PHASE), [motion], normalisation)
+    assert np.abs(network.settled("bow")[:10] - taught[:10]).max() < 0.001
 
 
 @pytest.mark.parametrize("name", list(synthetic.MOTIONS))

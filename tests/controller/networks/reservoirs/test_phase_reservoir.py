@@ -48,3 +48,14 @@ def test_a_course_turns_once_round_or_half_a_turn_a_piece(frames, pieces, loop, 
         found = course.share_at(course.frame_at(share))
         off = abs(found - share)
         assert min(off, 1.0 - off) <= 1.0 / (frames - 1 - course.held)
+
+
+@given(st.integers(4, 400), st.integers(1, 6), st.booleans())
+def test_the_phase_rises_before_a_one_shot_but_not_in_old_libraries(frames, pieces, leads_in):
+    course = PhaseCourse.of(frames, pieces, loop=False, leads_in=leads_in)
+    before = course.before(100)
+    assert (before >= -np.pi).all()
+    assert before[-1] == pytest.approx(max(-course.phase[1], -np.pi) if leads_in else 0.0)
+    phase, piece = course.with_lead_in
+    assert np.array_equal(phase[-100:], before)
+    assert (piece[-100:] == 0).all()
