@@ -13,8 +13,8 @@ CONVENTIONS = {
         "toes": "ltoes",
         "clavicle": "lclavicle",
         "upper arm": "lhumerus",
-        "forearm": "lradius",
-        "hand": "lhand lwrist",
+        "forearm": "lradius lwrist",
+        "hand": "lhand",
         "other": "lfingers lthumb root",
     },
     "CMU by cgspeed": {

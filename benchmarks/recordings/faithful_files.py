@@ -106,9 +106,7 @@ def _acclaim(path: Path) -> Recorded:
         raise ValueError("no .asf beside it")
     joints = amc_joints(own[0].read_text("latin-1"), path.read_text("latin-1"))
     joints = {name: track[:, [2, 0, 1]] for name, track in joints.items()}
-    # A forearm is two bones, radius and wrist; the hand bends after the second. The library calls that one the hand.
-    arms = {side + end: joints[side + bone] for side in "lr" for end, bone in (("wri", "radius"), ("han", "wrist"))}
-    return Recorded(landmarks(joints, ACCLAIM) | arms, ACCLAIM_RATE)
+    return Recorded(landmarks(joints, ACCLAIM), ACCLAIM_RATE)
 
 
 def _bvh(path: Path) -> Recorded:

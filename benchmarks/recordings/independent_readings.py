@@ -32,7 +32,7 @@ ICLONE = (
     ("CC_Base_L", "CC_Base_R"),
 )
 ACCLAIM = (
-    ("{}hipjoint", "{}femur", "{}tibia", "{}foot", "{}clavicle", "{}humerus", "{}radius", None),
+    ("{}hipjoint", "{}femur", "{}tibia", "{}foot", "{}clavicle", "{}humerus", "{}wrist", "{}hand"),
     {"root": "root", "waist": "lowerback", "neck": "thorax", "head": "head"},
     ("l", "r"),
 )

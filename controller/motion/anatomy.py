@@ -26,6 +26,9 @@ from controller.motion.skeleton import ROOT, Skeleton
 SHORTEST_LIMB = 0.25  # of the longest path through the body: fingers and eyes are pairs as well
 SAME_LENGTH = 0.06  # relative difference between the lengths of a pair of limbs
 BEYOND_ELBOW = 1.25  # forearm and hand, mostly recorded without fingers, over the upper arm
+# Over the upper arm: a shorter forearm goes on in the next bone, as in Acclaim files, if that is longer than HALF of it
+# and both are shorter than WHOLE.
+PART_OF_FOREARM, HALF, WHOLE = 0.78, 0.4, 1.15
 
 Part = Literal[
     "trunk", "neck", "head", "hip", "thigh", "shank", "foot", "clavicle", "upper arm", "forearm", "hand", "other"
@@ -316,6 +319,10 @@ def _name_arm(skeleton: Skeleton, main: Sequence[int], limb: np.ndarray, part: l
         nearly_longest = length[:-1] >= 0.9 * length[:-1].max()
         upper = int(np.argmin(np.where(nearly_longest, np.abs(np.log(ratio / BEYOND_ELBOW)), np.inf)))
     _name(skeleton, main, limb, upper, part, _ARM)
+    if len(main) > upper + 3:
+        arm, near, far = length[upper : upper + 3]
+        if near < PART_OF_FOREARM * arm and far > HALF * near and near + far < WHOLE * arm:
+            part[main[upper + 2]] = "forearm"
 
 
 def _name(

@@ -156,6 +156,7 @@ class _Style(NamedTuple):
     shins: bool  # a leg is a thigh, because a shin or knee follows
     ankles: bool  # a foot is the toes, because an ankle precedes it
     thighs: bool  # a hip with a side is above the thigh, because thighs have other names
+    wrists: bool  # a wrist is the far part of the forearm, because a radius precedes it and a hand follows
 
     @classmethod
     def of(cls, names: Iterable[str]) -> _Style:
@@ -174,7 +175,8 @@ class _Style(NamedTuple):
         uppers = {"upperarm", "uparm", "armupper", "arm", "uarm", "humerus"}
         others = {"elbow", "knee", "clavicle", "clav", "collar", "collarbone", "scapula"}
         joints = bool(keys & others) and not keys & uppers
-        return cls(shared, joints, "leg" in keys and shins and not thighs, "ankle" in keys, thighs)
+        wrists = {"radius", "wrist", "hand"} <= keys
+        return cls(shared, joints, "leg" in keys and shins and not thighs, "ankle" in keys, thighs, wrists)
 
     def part(self, name: str) -> NamedPart | None:
         """The part of a joint."""
@@ -192,6 +194,8 @@ class _Style(NamedTuple):
             return NamedPart("thigh", side)
         if key == "foot" and self.ankles:
             return NamedPart("toes", side)
+        if key == "wrist" and self.wrists:
+            return NamedPart("forearm", side)
         part = _KEYS.get(key)
         return None if part is None or part in _MIDDLE else NamedPart(part, side)
 
