@@ -12,6 +12,7 @@ from pathlib import Path
 from typing import Literal
 
 from controller.learning.preparation.kind import FoundKind, Plays, kind_of
+from controller.learning.preparation.loops import SLOPE_SECONDS
 from controller.learning.preparation.takes import read_takes
 from controller.learning.recipe import MotionRecipe
 from controller.learning.training_set import COMMON_RATE, SHORTEST_SECONDS, seam_error
@@ -127,12 +128,16 @@ def decided(
             f"{file}: {seconds:.0f} s are more than one motion ({LONGEST_SECONDS:g} s are the most). "
             "Cut a piece out with `motiondeck clip convert FILE PIECE.bvh --from SECONDS --to SECONDS`."
         )
-    decisions.append(_part_decision(clip, first, end, jumped))
     loop, seam_mm, seam_degrees = (taught == "loop", 0.0, 0.0)
     if taught is None:
         kind, seam_mm, seam_degrees = _kind(span(clip, first, end), plays)
         loop = kind.plays == "loop"
-        decisions.append(kind.decision)
+        if kind.one_round:
+            first, end = _one_round(clip, first, end, kind)
+        whole = ["one round returns better than several"] if kind.one_round else []
+        decisions += [_part_decision(clip, first, end, [*jumped, *whole]), kind.decision]
+    else:
+        decisions.append(_part_decision(clip, first, end, jumped))
     anatomy = [] if clip.skeleton.is_rig else anatomy_doubts(clip)
     body = [] if clip.skeleton.is_rig else [*anatomy, *other_doubts(clip)]
     body += [] if recording.fit is None else misplaced(recording.fit)
@@ -144,6 +149,13 @@ def _part_decision(clip: Clip, first: int, end: int, jumped: list[str]) -> Decis
     what = f"{first / clip.rate:.2f} to {end / clip.rate:.2f} s of {clip.duration:.2f} s"
     why = ", ".join(jumped) or f"joints are slower than {STILL_SPEED:g} m/s before and after, or the recording ends"
     return Decision("cuts", what, why, "frames in the recipe", notable=bool(jumped))
+
+
+def _one_round(clip: Clip, first: int, end: int, kind: FoundKind) -> tuple[int, int]:
+    """The frames from `first` to `end` in which a loop finds one round, with those that show its slopes."""
+    begin, until = (at / COMMON_RATE * clip.rate for at in kind.seam)
+    margin = 1.0 + SLOPE_SECONDS * clip.rate
+    return max(first, int(first + begin - margin)), min(end, int(first + until + margin) + 1)
 
 
 def with_steps(options: ReadingOptions) -> ReadingOptions:

@@ -1,7 +1,17 @@
 import numpy as np
 import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
 
-from controller.learning.preparation.loops import EASE_SECONDS, HOLD_SECONDS, best_seam, close_loop, hold_end, slopes
+from controller.learning.preparation.loops import (
+    EASE_SECONDS,
+    HOLD_SECONDS,
+    Seam,
+    best_seam,
+    close_loop,
+    hold_end,
+    slopes,
+)
 
 
 def drifting_wave(count=300, period=90):
@@ -105,3 +115,29 @@ def test_a_loop_and_a_held_end_are_alike_at_any_rate(rate):
 def test_slopes_of_a_parabola_are_exact_at_its_ends_too(rate):
     t = np.arange(round(rate)) / rate
     assert rate * slopes((3.0 * t + 5.0 * t**2)[:, None], rate)[:, 0] == pytest.approx(3.0 + 10.0 * t)
+
+
+@given(apart=st.floats(-0.2, 0.2), turned=st.floats(-2.0, 2.0), rate=st.sampled_from([60.0, 120.0, 240.0]))
+@settings(max_examples=30)
+def test_a_seam_is_eased_within_a_tenth_of_a_second_and_no_harder_than_the_motion_moves(apart, turned, rate):
+    t = np.arange(round(2.0 * rate)) / rate
+    swings = 0.3 * np.sin(2 * np.pi * t)[:, None]
+    # A value and a slope that the recording does not come back to.
+    recording = swings + (apart * t + turned * (t**2 / 2.0 - t / 2.0))[:, None]
+    cut = Seam(0, round(rate), 0.0)
+    loop, taught = close_loop(recording, cut, slice(0), rate), recording[: round(rate)]
+    off = np.abs(loop - taught)[:, 0]
+    assert off.max() <= 0.5 * abs(apart) + 0.36 * 0.1 * abs(turned) + 0.02
+    assert off[round(0.4 * rate) : -round(0.4 * rate)].max() <= 0.01
+    round_twice, usual = np.concatenate([loop, loop, loop])[:, 0], 0.3 * (2 * np.pi) ** 2
+    added = np.abs(np.diff(round_twice, 2)).max() * rate**2
+    assert added <= 2.2 * usual + abs(turned) / 0.12
+
+
+def test_a_jump_is_shared_by_both_sides_of_a_seam():
+    t = np.arange(240) / 120.0
+    rising = (0.3 * np.sin(2 * np.pi * t) + 0.1 * t)[:, None]
+    off = (close_loop(rising, Seam(0, 120, 0.0), slice(0), 120.0) - rising[:120])[:, 0]
+    assert off[0] == pytest.approx(0.05, abs=0.002)
+    assert off[-1] == pytest.approx(-0.05, abs=0.01)
+    assert np.abs(off[30:-30]).max() < 0.003
