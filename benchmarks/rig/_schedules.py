@@ -6,6 +6,7 @@ import random
 from collections.abc import Callable
 from dataclasses import dataclass
 
+import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
@@ -27,6 +28,7 @@ _ENDS = ("close", "hold", "kill", "lasting", "lasting")
 QUIET = 4.0  # s without faults before the end, in which every joint must come to follow
 _ACCELERATES = 0.5  # part of its acceleration limit that a joint's sine needs
 _ALERT = 32.0
+_GRIPPED = 0.4  # rad from what a gripper holds to its target
 
 
 @dataclass
@@ -82,6 +84,10 @@ def schedule(seed: int) -> Schedule:
     start = np.array([rng.uniform(joint.lower, joint.upper) for joint in joints])
     old_goal = np.array([rng.uniform(joint.lower, joint.upper) for joint in joints])
     targets = _targets(rng, joints, burdens.poses)
+    held = _held_at_the_end(seed, joints, targets) if end != "lasting" else []
+    if held:
+        end, config = "hold", msgspec.structs.replace(config, on_exit="hold")
+        faults += held
     return Schedule(config, faults, end, start, old_goal, targets, rng.random() < 0.5, burdens)
 
 
@@ -141,6 +147,20 @@ def _targets(rng: random.Random, joints: tuple[RigJoint, ...], poses: NDArray[np
         return 0.5 * (lower + upper) + reach * np.where(square & (now < SECONDS - QUIET), np.sign(sine), sine)
 
     return targets
+
+
+def _held_at_the_end(seed: int, joints: tuple[RigJoint, ...], targets: Callable[[float], Array]) -> list[Fault]:
+    """What grippers hold when the rig ends: each at a moment from which its target goes far away until then."""
+    rng = random.Random(f"held at the end of {seed}")
+    moments = np.arange(SECONDS - QUIET, SECONDS - 1.0, 0.1)
+    lower, upper = np.array([joint.lower for joint in joints]), np.array([joint.upper for joint in joints])
+    places = np.clip([targets(at) for at in moments], lower, upper)
+    away = np.abs(places - np.clip(targets(SECONDS), lower, upper)) > _GRIPPED
+    return [
+        Fault("jam", joint.id, rng.choice(moments[away[:, index]].tolist()), SECONDS)
+        for index, joint in enumerate(joints)
+        if joint.grip and away[:, index].any()
+    ]
 
 
 def _overlap(one: Fault, other: Fault) -> bool:

@@ -3,8 +3,8 @@
 pair       the two servos of a joint never work against each other for more than 0.3 s
 turn       the goal register of a joint that goes through several turns is within its limits, in the true turn of its
            horn; and so is what is kept on disk in the end
-grip       a gripper that presses with its limit of current does so for as long as something holds it up, unless its
-           target comes back
+grip       a gripper that presses towards its target with its limit of current does so for as long as something holds
+           it up, also while another servo is set up again and when the rig ends and holds, unless its target comes back
 """
 
 from __future__ import annotations
@@ -48,7 +48,8 @@ class ActuatorJudge:
         self._grips = np.array([joint.grip for joint in joints])
         self._limit = np.array([joint.current or np.inf for joint in joints])
         self._against, self._pressed, self._let_go = np.zeros(count), np.zeros(count), np.zeros(count)
-        self._near = np.zeros(count)  # when a target was last near what a gripper holds, s
+        # When a target was last near what a gripper holds, or on its other side, s; and on which side it is.
+        self._near, self._side = np.zeros(count), np.zeros(count)
         self._astray = np.zeros(count, dtype=np.bool_)
         self._targets = np.full(count, np.nan)
 
@@ -87,11 +88,11 @@ class ActuatorJudge:
 
     def _judge_grips(self, now: float, passed: float, angles: Array, well: Mask, note: Note) -> None:
         devices = self._bus.devices
-        amperes = [
-            abs(device.bank.drive.current[device.row]) * device.bank.drive.motor.stall_current for device in devices
-        ]
-        share = 1e-3 * np.array(amperes) / self._limit
-        self._near[~(np.abs(self._targets - angles) > _BEYOND)] = now
+        amperes = [device.bank.drive.current[device.row] * device.bank.drive.motor.stall_current for device in devices]
+        side, before = np.sign(self._targets - angles), self._side
+        self._side = side
+        share = 1e-3 * np.array(amperes) * self._direction * side / self._limit
+        self._near[~(np.abs(self._targets - angles) > _BEYOND) | (side != before)] = now
         jammed = np.array([device.bank.drive.jammed[device.row] for device in devices])
         held = self._grips & well & jammed & (now - self._near > _TOLD)
         self._pressed = np.where(held, self._pressed + passed * (share > _PRESSES), 0.0)

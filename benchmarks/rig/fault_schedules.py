@@ -151,6 +151,8 @@ def _play(plan: Schedule, seed: int, until_wrong: bool, turns: Turns, folder: Pa
         targets = np.clip(plan.targets(ports[0].now() - _TICK), *limits)
         pace = np.abs(plan.targets(ports[0].now()) - plan.targets(ports[0].now() - _TICK)) / _TICK
         sag = _of_all([judge.sag for judge in judges], places)
+        # A gripper that holds something is judged by how it presses.
+        angles = np.where(_struck(plan, ("jam",), 0.0, ports[0].now()), targets, angles)
         outcome.problems += forgotten(config.joints, angles, turning, targets, pace, sag)
     closed = plan.end != "kill" or bool(outcome.stopped)
     if closed:

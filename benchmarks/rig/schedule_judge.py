@@ -7,8 +7,8 @@ position   a shaft stays within its joint's limits, and so does every goal on th
 rest       a shaft that is held while it turns comes to rest at its goal, not behind it, from where it would hurry back
 torque     comes on only where the goal is the present position, and only on the model that the rig file names
 watchdog   is armed on every servo with torque that has been driven for more than a second
-end        2 s after it every shaft with torque, or without a load, stands; after a close torque is off, or the joints
-           hold, and the port is closed
+end        2 s after it every shaft with torque, or without a load, stands; at a close torque is off and stays off, or
+           the joints hold, and the port is closed
 burdens, actuators    see `burden_judge` and `actuator_judge`
 """
 
@@ -266,21 +266,28 @@ class ShaftJudge:
     def end(self, closed: bool, hold: bool, turns: TurnFile | None) -> None:
         """Judges the two seconds after the end, of silence, and the turns that were kept, if they can be known."""
         self._burdened.end(self._note)
-        if closed and not self._port.was_out and turns is not None:
+        reached = closed and not self._port.was_out
+        if reached and turns is not None:
             self._actuated.end(turns, self.angles, self._note)
+        if reached:
+            self._judge_torque(hold)
         self._port.elapse(2.0)
         before = self.angles
         self._port.elapse(0.5)
         speed = np.abs(self.angles - before) / 0.5
-        alive = np.array([not device.dead for device in self._bus.devices])
         on = np.array([device.torque for device in self._bus.devices])
         self._note("did not stand 2 s after the end", (on | ~self._loaded) & (speed > _STANDS), speed)
-        if closed and not self._port.was_out:
-            down = np.array([device.shut_down for device in self._bus.devices])
-            alive &= ~(hold & (down | self._misled))
-            self._note("had the wrong torque after the close", alive & (on != hold), on)
+        if reached and not hold:
+            self._judge_torque(hold)
         if closed and not self._port.closed:
             self._problems["", "closed"] = f"the port {self._port.name} was not closed"
+
+    def _judge_torque(self, hold: bool) -> None:
+        alive = np.array([not device.dead for device in self._bus.devices])
+        on = np.array([device.torque for device in self._bus.devices])
+        down = np.array([device.shut_down for device in self._bus.devices])
+        alive &= ~(hold & (down | self._misled))
+        self._note("had the wrong torque after the close", alive & (on != hold), on)
 
     def _note(self, what: str, where: NDArray[np.bool_], values: NDArray[Any]) -> None:
         if not np.logical_or.reduce(where):

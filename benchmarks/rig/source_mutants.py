@@ -16,7 +16,7 @@ from hardware.rig.supervision.pace import CatchingUp, JointPace, Strain
 from hardware.rig.supervision.rig import Rig
 from hardware.rig.switching.audit import _needs, current_counts
 from hardware.rig.switching.identities import check_identities
-from hardware.rig.switching.torque import _limit_speed, hold_still, places_of_rest, speed_counts
+from hardware.rig.switching.torque import _await_partners, _limit_speed, hold_still, places_of_rest, speed_counts
 from hardware.rig.switching.turns import _whole_turns
 
 
@@ -65,9 +65,13 @@ MUTANTS = {
     "turn of the rig file": Mutant(_whole_turns, "return round(turns) * joint.table.pulses_per_turn", "return 0"),
     "restart between readings": Mutant(hold_still, "_refuse_other_turns(config, positions, believed)", "pass"),
     "gripper that yields": Mutant(Strain.__init__, "math.inf if joint.grip else", ""),
+    "gripper that lets go": Mutant(places_of_rest, "joint.grip for", "False for"),
     "old place of one of two": Mutant(JoinedMeasurements.update, "one.torque & (count", "(count"),
     "times of two unlike": Mutant(JoinedMeasurements.update, "positions, firsts) - moved", "positions, firsts)"),
     "one of two goes on alone": Mutant(Rig.write, "np.where(self._joined.waits, stay, targets)", "targets"),
+    "caught up while it waits": Mutant(JointPace.sent, " | held", ""),
+    "torque beside a moving partner": Mutant(_await_partners, "if moving:", "if False:"),
+    "path of one of two astray": Mutant(_await_partners, "> APART and", "> 9.0 and"),
     "no close": Mutant(ServoPort.close, "if self._closed:", "if True:"),
 }
 

@@ -93,11 +93,15 @@ class JointPace:
         self._time = np.minimum(self._time - np.abs(bounded - goals) / speed, self._spare)
         return bounded, targets != within
 
-    def sent(self, targets: Array, goals: Array, positions: Array) -> None:
-        """Ends the catching up of joints that have: from the targets, the goals sent and the positions, rad."""
+    def sent(self, targets: Array, goals: Array, positions: Array, held: NDArray[np.bool_]) -> None:
+        """Ends the catching up of joints that have: from the targets, the goals sent and the positions, rad.
+
+        It goes on in joints that are `held`, whose targets are not where they shall go.
+        """
         # A joint that stands at a limit has caught up with a target beyond it.
         within = self._scale.within(targets)
-        self.catching_up.note(within, goals, positions, self.strain.yielding, self._passed, self._last)
+        kept = self.strain.yielding | held
+        self.catching_up.note(within, goals, positions, kept, self._passed, self._last)
 
     def start_again(self, joints: NDArray[np.int64] | slice, now: float) -> None:
         """Makes these joints catch up, from at most one tick ago on."""

@@ -192,11 +192,12 @@ class Rig:
         if not ready:
             return
         with self.write_us:
-            pace, finite = self._pace, np.isfinite(targets)
-            if not np.logical_and.reduce(finite):
-                self.faults.refused[:] += ~finite
-                targets = np.where(finite, targets, self.goals)
+            pace, held = self._pace, ~np.isfinite(targets)
+            if np.logical_or.reduce(held):
+                self.faults.refused[:] += held
+                targets = np.where(held, self.goals, targets)
             if self._joined is not None:
+                held |= self._joined.waits
                 stay = np.where(np.isnan(self._joined.places), self.goals, self._joined.places)
                 targets = np.where(self._joined.waits, stay, targets)
             goals, beyond = pace.bound(targets, self.goals, self.positions, self._now())
@@ -213,7 +214,7 @@ class Rig:
                 except SerialPortError as error:
                     self._recover_port(one, error)
             if np.logical_or.reduce(pace.catching_up.joints):
-                pace.sent(targets, self.goals, self.positions)
+                pace.sent(targets, self.goals, self.positions, held)
                 of_servos = pace.of_servos
                 for one in ready:
                     one.port.keep_pace(of_servos)

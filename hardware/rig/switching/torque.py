@@ -34,7 +34,7 @@ _NO_PATH = ("present_velocity", "present_position", "goal_position")
 APART = 0.1
 """rad by which two servos of one joint may disagree: play between them, and zeros that a hand has set."""
 _LAG = 0.15  # s that a joint may be behind its path and still follows it
-_STANDS = 0.05  # rad/s of a path, up to which it stands
+_STANDS, _TURNS = 0.05, 0.2  # rad/s of a path, up to which it stands, and of a shaft
 _UNTIL_TAKEN = 0.02  # s from reading a joint's position to its taking the new goal
 _ROUNDS = 2  # of asking for torque or its end: a servo that has just restarted is deaf for a while
 
@@ -120,6 +120,7 @@ def resume(
     """Brings a rig back that was switched on before: identities and settings verified, each joint where it stands.
 
     A servo that has kept torque and settings just holds; one that has lost them is switched on anew (see `switch_on`).
+    So is one of two on a joint whose path has left the other's; a path takes its time to come back.
 
     Arguments, result and errors as of `hold_still` and `switch_on`.
     """
@@ -130,11 +131,43 @@ def resume(
         ends = RigScale(config).ends.astype(np.int64).tolist()
         joints = enumerate(zip(config.joints, *ends, strict=True))
         lost = [index for index, (joint, low, high) in joints if not _is_set(joint, bus, low, high)]
+        lost = _await_partners(config, bus, believed, lost, pace)
         if lost:
             switch_on(config.only(lost), bus, believed[lost], cancelled)
     except ServoError as error:
         raise RigError(str(error)) from error
     return hold_still(config, bus, believed, pace)
+
+
+def _await_partners(config: RigConfig, bus: Bus, believed: Array, lost: list[int], pace: float) -> list[int]:
+    """The `lost` servos, and those whose paths have left their partners', all of whose partners stand.
+
+    RigError while a partner moves; it is held meanwhile, and so are all others.
+    """
+    pairs = np.flatnonzero(np.diff(config.joint_of) == 0).tolist()
+    if not pairs:
+        return lost
+    scale = RigScale(config)
+    scale.zero[:] = find_zeros(config, bus, believed)
+    velocity, _, path_velocity, path = _read_path(config, bus, scale)
+    away = np.abs(path - believed).tolist()
+    astray = [
+        max(one, one + 1, key=away.__getitem__)
+        for one in pairs
+        if abs(path[one] - path[one + 1]) > APART and not {one, one + 1} & set(lost)
+    ]
+    write_each(config.only(astray), bus, "torque_enable", [0] * len(astray))
+    lost = sorted(lost + astray)
+    partner = {own: other for one in pairs for own, other in ((one, one + 1), (one + 1, one))}
+    partners = {partner[index] for index in lost if index in partner} - set(lost)
+    moving = [
+        index for index in sorted(partners) if abs(path_velocity[index]) > _STANDS or abs(velocity[index]) > _TURNS
+    ]
+    if moving:
+        kept = [index for index in range(len(config.joints)) if index not in lost]
+        hold_still(config.only(kept), bus, believed[kept], pace)
+        raise RigError(f"{list_joints(config.only(moving).joints)} still moves. Try again.")
+    return lost
 
 
 def switch_off(config: RigConfig, bus: Bus) -> list[str]:
@@ -256,31 +289,24 @@ def places_of_rest(config: RigConfig, bus: Bus, scale: RigScale) -> tuple[Array,
     With an acceleration limit a servo runs past any goal nearer than its braking distance v^2 / (2 a), and hurries back
     to it at up to its speed limit. It brakes along its own path (position and velocity trajectory). A load keeps a
     joint off its path, by at most its slack; holding where the path stands, it does not sink any further. A joint
-    without torque, or that is held off its path, rests where it is; but a gripper holds on.
+    without torque, or that is held off its path, rests where it is; but a gripper holds on where its path leads.
     """
     torque = np.array(read_each(config, bus, "torque_enable")) != 0
-    rows = _read_path(config, bus)
-    velocity, position, path_velocity, path = (
-        np.array([row[name] for row in rows], dtype=np.float64) for name in _PATH
-    )
-    angles, velocity, path_velocity = (
-        scale.angles(position),
-        velocity * scale.rad_per_s,
-        path_velocity * scale.rad_per_s,
-    )
+    velocity, angles, path_velocity, path = _read_path(config, bus, scale)
     rates = np.array([joint.acceleration for joint in config.joints])
     braking = np.divide(path_velocity * path_velocity, 2.0 * rates, out=np.zeros(len(rates)), where=rates > 0.0)
-    ahead = scale.angles(path) - angles + np.sign(path_velocity) * braking + path_velocity * _UNTIL_TAKEN
-    slack = np.array([math.inf if joint.grip else joint.slack(joint.position_p_gain) for joint in config.joints])
+    ahead = path - angles + np.sign(path_velocity) * braking + path_velocity * _UNTIL_TAKEN
+    grips = np.array([joint.grip for joint in config.joints])
+    slack = np.where(grips, math.inf, [joint.slack(joint.position_p_gain) for joint in config.joints])
     # What the path is ahead of a joint that follows it, at most; farther ahead is one that is held up.
     most = np.abs(path_velocity) * (_LAG + _UNTIL_TAKEN) + braking + slack
-    moves = torque & (velocity * path_velocity > 0.0)
+    moves = torque & ((velocity * path_velocity > 0.0) | grips)
     stands = torque & (np.abs(path_velocity) < _STANDS) & (np.abs(ahead) < slack)
     return angles, angles + np.where(moves | stands, np.clip(ahead, -most, most), 0.0), torque
 
 
-def _read_path(config: RigConfig, bus: Bus) -> list[dict[str, int]]:
-    """The registers of `_PATH` of every servo, read at the same time; a model without a path goes to its goal."""
+def _read_path(config: RigConfig, bus: Bus, scale: RigScale) -> tuple[Array, Array, Array, Array]:
+    """The registers of `_PATH` (J,), rad/s and rad, read at the same time; a model without a path goes to its goal."""
     has_path = [_PATH[-1] in joint.table.registers for joint in config.joints]
     names = [_PATH if path else _NO_PATH for path in has_path]
     rows = [[joint.table[name] for name in own] for joint, own in zip(config.joints, names, strict=True)]
@@ -297,4 +323,8 @@ def _read_path(config: RigConfig, bus: Bus) -> list[dict[str, int]]:
         values.setdefault("velocity_trajectory", values["present_velocity"])
         values.setdefault("position_trajectory", values.get("goal_position", 0))
         found.append(values)
-    return found
+    velocity, position, path_velocity, path = (
+        np.array([row[name] for row in found], dtype=np.float64) for name in _PATH
+    )
+    rate = scale.rad_per_s
+    return velocity * rate, scale.angles(position), path_velocity * rate, scale.angles(path)

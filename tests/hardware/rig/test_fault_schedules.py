@@ -11,12 +11,14 @@ import numpy as np
 import pytest
 
 from benchmarks.rig._schedules import Schedule, kinds_of, schedule
+from benchmarks.rig.actuator_judge import ActuatorJudge
 from benchmarks.rig.burdens import Burdens
 from benchmarks.rig.fault_schedules import forgotten, play, run
+from benchmarks.rig.judged_port import JudgedBus
 from benchmarks.rig.schedule_judge import swings
 from benchmarks.rig.source_mutants import MUTANTS, Mutant, mutated
 from hardware.emulator.faults import Fault
-from hardware.rig.rig_file import RigJoint
+from hardware.rig.rig_file import RigConfig, RigJoint
 from hardware.rig.switching.torque import hold_still
 
 
@@ -36,6 +38,11 @@ def test_a_random_schedule_of_faults_ends_well(seed):
         (900075, "a restart of one of two servos, taken for a horn that has slipped"),
         (900220, "two servos that are read one after the other, taken for one that has slipped"),
         (900129, "a shaft that was held while it snapped back from a jam"),
+        (701777939, "a joint that waited for a moment, taken for one that has caught up"),
+        (701777976, "torque on one of two servos while the other one still moved"),
+        (701778160, "a path that had gone after another joint's goals, against the other servo's"),
+        (701778032, "a gripper that shall open, taken for one that lets go"),
+        (701778053, "a restart after the end, taken for a joint that does not hold"),
     ],
 )
 def test_a_schedule_that_was_wrong_ends_well(seed, was):
@@ -83,6 +90,10 @@ def _to_and_fro(reach, now):
         ("a third more current", 900000, "had a true current above the rig file's limit"),
         ("restart between readings", 900047, "has a goal in another turn"),
         ("gripper that yields", 900002, "let go of what it gripped"),
+        ("gripper that lets go", 900011, "let go of what it gripped"),
+        ("caught up while it waits", 701777939, "caught up too fast"),
+        ("torque beside a moving partner", 701777976, "work against each other"),
+        ("path of one of two astray", 701778160, "work against each other"),
         ("old place of one of two", 900075, "rad apart"),
         ("one of two goes on alone", 900099, "work against each other"),
         ("times of two unlike", 900220, "rad apart"),
@@ -98,6 +109,33 @@ def test_a_broken_source_is_noticed_while_it_runs(name, seed, noticed):
 def test_a_source_that_leaves_torque_on_is_noticed_at_the_end():
     with mutated(MUTANTS["no switch-off"]):
         assert "wrong torque after the close" in "; ".join(run(10).problems)
+
+
+def test_a_gripper_lets_go_when_it_presses_no_more_and_not_when_it_is_asked_to_open():
+    jaw = RigJoint("jaw", 1, "XM430-W350", -1, 2048, -1.0, 1.0, 2.0, current=0.5, grip=True)
+    config = RigConfig("emulated", 1_000_000, 100.0, (jaw,))
+    bus, said, now = JudgedBus(config), [], 0.0
+    drive, judge = bus.devices[0].bank.drive, ActuatorJudge(config, bus)
+
+    def press(target, share, seconds):
+        nonlocal now
+        drive.current[0] = -share * 0.5 / 2.3
+        for _ in range(round(100 * seconds)):
+            now += 0.01
+            judge.asked(np.array([target]))
+            judge.watch(now, 0.01, *np.zeros((2, 1)), np.array([False]), np.array([True]), note)
+
+    def note(what, where, values):
+        said.extend([what] * int(where.any()))
+
+    drive.jammed[0] = True
+    press(-0.8, -1.0, 0.6)
+    for share in (-1.0, -0.5, 0.0, 0.5):
+        press(0.8, share, 0.3)
+    assert said == []
+    press(0.8, 1.0, 0.5)
+    press(0.8, 0.3, 0.2)
+    assert "let go of what it gripped" in said[0]
 
 
 @pytest.mark.parametrize(("turning", "named"), [(-1.1, False), (0.0, True), (0.6, True)])

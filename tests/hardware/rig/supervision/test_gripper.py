@@ -18,9 +18,9 @@ AT = 0.3  # rad at which the jaw meets a nut
 class Jaw:
     """A jaw that closes downwards onto a nut, and a wrist whose servo restarts at these times, s."""
 
-    def __init__(self, *restarts, model="XL330-M288", current=0.3, grip=True):
+    def __init__(self, *restarts, model="XL330-M288", current=0.3, grip=True, acceleration=0.0):
         limits = {"zero": 0 if model.startswith("PH") else 2048, "lower": -1.0, "upper": 1.0, "velocity": 1.5}
-        self.jaw = RigJoint("jaw", 1, model, 1, **limits, current=current, grip=grip)
+        self.jaw = RigJoint("jaw", 1, model, 1, **limits, acceleration=acceleration, current=current, grip=grip)
         wrist = RigJoint("wrist", 2, "XL330-M288", 1, 2048, -1.0, 1.0, 1.0)
         self.config = RigConfig("emulated", 1_000_000, 100.0, (self.jaw, wrist))
         plan = FaultPlan([parse_fault(f"reboot:id=2,at={at}") for at in restarts])
@@ -80,6 +80,17 @@ def test_it_holds_on_while_another_servo_is_set_up_again_and_in_the_end():
     held = jaw.play(-0.8, 0.8)
     assert (jaw.rig.recoveries, jaw.rig.goals[0]) == (1, -0.8)
     assert held == pytest.approx(-0.3, rel=0.03)
+    assert jaw.rig.close(hold=True) == []
+    jaw.port.elapse(1.0)
+    assert jaw.current == pytest.approx(-0.3, rel=0.03)
+
+
+@pytest.mark.parametrize("model", ["XM430-W350", "XL330-M288"])
+def test_it_holds_on_in_the_end_also_while_its_path_moves(model):
+    """Its path then neither stands nor is followed; the goal became the jaw's own place, and it let go."""
+    jaw = Jaw(model=model, acceleration=3.0)
+    jaw.play(-0.8, 2.5)
+    jaw.play(-0.2, 0.2)
     assert jaw.rig.close(hold=True) == []
     jaw.port.elapse(1.0)
     assert jaw.current == pytest.approx(-0.3, rel=0.03)

@@ -136,6 +136,37 @@ def test_one_that_restarts_in_motion_is_not_taken_for_one_that_has_slipped(id, a
     assert arm.angles == pytest.approx([1.7, 1.7], abs=0.05)
 
 
+def longest_fight(seen):
+    """For how long the two motors work against each other with more than a seventh of their stall current, s."""
+    opposed = (seen[:, 2] * seen[:, 3] < 0.0) & (np.abs(seen[:, 2:]).min(axis=1) > 0.15 * STALL)
+    longest = run = 0
+    for one in opposed:
+        run = run + 1 if one else 0
+        longest = max(longest, run)
+    return 0.01 * longest
+
+
+@pytest.mark.parametrize("id", [2, 3])
+@pytest.mark.parametrize("at", [0.7, 0.8, 0.9, 1.0])
+def test_one_that_restarts_in_motion_gets_torque_when_the_other_has_come_to_rest(id, at):
+    """Before, its path began where the other one's was still going to brake."""
+    arm = Arm(f"reboot:id={id},at={at}", velocity=1.5, acceleration=4.0).open()
+    seen = arm.play(1.7, 5.0)
+    assert arm.rig.recoveries == 1
+    assert longest_fight(seen) < 0.2
+    assert arm.angles == pytest.approx([1.7, 1.7], abs=0.05)
+
+
+@pytest.mark.parametrize("id", [2, 3])
+@pytest.mark.parametrize("target", [0.9, -0.9])
+def test_one_that_went_after_goals_of_another_joint_comes_back_to_its_partner(id, target):
+    """Its path was far off by then, and took its time to come back, against the other one."""
+    arm = Arm(f"duplicate:id={id},at=2.0,for=0.6,value=4", current=1.5, acceleration=4.0).open()
+    arm.play(target, 2.85)
+    assert longest_fight(arm.play(target, 5.0)) < 0.2
+    assert arm.angles == pytest.approx([target, target], abs=0.05)
+
+
 @pytest.mark.parametrize("model", ["AX-12A", "MX-28(1.0)", "XL-320", "STS3215"])
 def test_two_that_are_read_one_after_the_other_are_not_apart_while_they_move(model):
     """What the joint moves between two answers was taken for a horn that has slipped, and stopped the rig."""
@@ -193,6 +224,23 @@ def test_their_paths_come_together_while_the_joint_catches_up():
     arm.play(1.7, 1.0)
     assert arm.rig.pace[1] < 1.0
     assert abs(arm.currents[0] - arm.currents[1]) < 0.02 * STALL
+
+
+@pytest.mark.parametrize("held_by", ["a missed answer", "a target that is NaN"])
+def test_a_joint_that_is_held_for_a_moment_goes_on_catching_up(held_by):
+    """Its goal was then where it should go, so it seemed to have arrived, and hurried the rest of the way."""
+    arm = Arm("dead:id=3,at=2.0,for=0.3").open()
+    arm.play(0.0, 1.7)
+    while not arm.rig.recoveries:
+        arm.play(1.7, 0.01)
+    arm.play(1.7, 0.3)
+    arm.second.dead = held_by == "a missed answer"
+    arm.play(np.nan if held_by != "a missed answer" else 1.7, 0.05)
+    arm.second.dead = False
+    speeds = np.diff(arm.play(1.7, 0.8)[:, 0]) / 0.01
+    assert arm.rig.recoveries == 1
+    assert arm.rig.pace[1] < 1.0
+    assert 0.3 < speeds.max() < 0.6
 
 
 def test_one_without_torque_is_held_at_the_place_of_the_other():
