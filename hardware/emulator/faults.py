@@ -15,7 +15,6 @@ from hardware.errors import MotiondeckError
 from hardware.families.models import another_number
 
 ON_ANSWERS = ("drop", "corrupt", "truncate", "delay")
-ON_SERVOS = ("dead", "alert", "overheat", "brownout", "reboot", "jam", "duplicate", "swap", "cells")
 ON_PORT = ("unplug", "latency")
 KINDS = {
     "drop": "answers are lost (chance)",

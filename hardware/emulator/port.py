@@ -18,7 +18,6 @@ class EmulatedPort:
         self.wire = Wire(bus, faults, paced)  # what is between
         self.sent: list[bytes] = []  # every byte string that was sent, in order
         self._now = 0.0
-        self._plugged = True
 
     def send(self, data: bytes) -> bool:
         """Hands the bytes to the wire."""
@@ -56,12 +55,8 @@ class EmulatedPort:
 
     def unplug(self) -> None:
         """From now on every call fails, as after pulling the adapter."""
-        self._plugged = False
-
-    def plug_in(self) -> None:
-        """Ends what `unplug` began."""
-        self._plugged = True
+        self.wire.faults.unplugged = True
 
     def _check(self) -> None:
-        if not self._plugged or self.wire.faults.unplugged:
+        if self.wire.faults.unplugged:
             raise SerialPortError(f"the port {self.name} is gone: plug the adapter in again and start anew.")

@@ -30,7 +30,7 @@ from hardware.rig.switching.turns import find_zeros, recall
 from hardware.rig.turn_file import TurnFile
 
 _PATH = ("present_velocity", "present_position", "velocity_trajectory", "position_trajectory")
-_NO_PATH = ("present_velocity", "present_position", "goal_position")
+_NO_PATH = ("present_velocity", "present_position", "present_velocity", "goal_position")
 APART = 0.1
 """rad by which two servos of one joint may disagree: play between them, and zeros that a hand has set."""
 _LAG = 0.15  # s that a joint may be behind its path and still follows it
@@ -151,23 +151,22 @@ def _await_partners(config: RigConfig, bus: Bus, believed: Array, lost: list[int
     scale.zero[:] = find_zeros(config, bus, believed)
     velocity, _, path_velocity, path = _read_path(config, bus, scale)
     away = np.abs(path - believed).tolist()
-    astray = [
-        max(one, one + 1, key=away.__getitem__)
-        for one in pairs
-        if abs(path[one] - path[one + 1]) > APART and not {one, one + 1} & set(lost)
-    ]
-    write_each(config.only(astray), bus, "torque_enable", [0] * len(astray))
-    lost = sorted(lost + astray)
-    partner = {own: other for one in pairs for own, other in ((one, one + 1), (one + 1, one))}
-    partners = {partner[index] for index in lost if index in partner} - set(lost)
-    moving = [
-        index for index in sorted(partners) if abs(path_velocity[index]) > _STANDS or abs(velocity[index]) > _TURNS
-    ]
+    moves = (np.abs(path_velocity) > _STANDS) | (np.abs(velocity) > _TURNS)
+    kept = set(range(len(believed))) - set(lost)
+    moving: list[int] = []
+    for one in pairs:
+        pair = {one, one + 1}
+        if pair <= kept and abs(path[one] - path[one + 1]) > APART:
+            astray = max(pair, key=away.__getitem__)
+            write_each(config.only([astray]), bus, "torque_enable", [0])
+            kept.remove(astray)
+        if len(own := pair & kept) == 1:
+            moving += [index for index in own if moves[index]]
     if moving:
-        kept = [index for index in range(len(config.joints)) if index not in lost]
-        hold_still(config.only(kept), bus, believed[kept], pace)
+        rest = sorted(kept)
+        hold_still(config.only(rest), bus, believed[rest], pace)
         raise RigError(f"{list_joints(config.only(moving).joints)} still moves. Try again.")
-    return lost
+    return sorted(set(range(len(believed))) - kept)
 
 
 def switch_off(config: RigConfig, bus: Bus) -> list[str]:
@@ -317,14 +316,10 @@ def _read_path(config: RigConfig, bus: Bus, scale: RigScale) -> tuple[Array, Arr
     silent = [joint for joint in config.joints if joint.id not in statuses]
     if silent:
         raise NoReplyError(f"no position from {list_joints(silent)}. Check their cables and power.")
-    found: list[dict[str, int]] = []
+    counts: list[list[int]] = []
     for joint, own, start in zip(config.joints, rows, starts, strict=True):
         values = decode_block(own, statuses[joint.id].params, start)
-        values.setdefault("velocity_trajectory", values["present_velocity"])
-        values.setdefault("position_trajectory", values.get("goal_position", 0))
-        found.append(values)
-    velocity, position, path_velocity, path = (
-        np.array([row[name] for row in found], dtype=np.float64) for name in _PATH
-    )
+        counts.append([values[row.name] for row in own])
+    velocity, position, path_velocity, path = np.array(counts, dtype=np.float64).T
     rate = scale.rad_per_s
     return velocity * rate, scale.angles(position), path_velocity * rate, scale.angles(path)

@@ -84,7 +84,7 @@ def test_a_rig_opens_and_reopens_its_port_by_the_lasting_name(rig_of_four, monke
     rig = Rig.connect(msgspec.structs.replace(rig_of_four, port="/dev/ttyUSB0"))
     port.unplug()
     rig.request_state()
-    port.plug_in()
+    port.wire.faults.unplugged = False
     (recovery,) = [thread for thread in threading.enumerate() if thread.name == "rig-recovery"]
     recovery.join()
     assert not rig.collect_state()

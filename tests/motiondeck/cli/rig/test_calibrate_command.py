@@ -96,7 +96,7 @@ def test_ranges_are_kept_over_a_pulled_cable_and_ctrl_c(calibrate, tmp_path):
     assert [question.split(":")[0] for question in asked] == [
         "The torque goes off", "Put every joint where its angle is 0, then press Enter "
     ]  # fmt: skip
-    calibrate.port.plug_in()
+    calibrate.port.wire.faults.unplugged = False
     result, asked = calibrate("", ("hands", "move pan -0.9 in 0.2", 0.3), interrupt)
     assert result.exit_code == 130
     assert "the same command continues from there" in result.stderr
