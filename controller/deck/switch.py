@@ -9,29 +9,18 @@ from controller.wire.messages.blends import described
 
 @dataclass(slots=True)
 class CommandedSwitch:
-    """A commanded switch; times are s since the deck's start, None while still to come.
+    """A commanded switch; times are s since the deck's start, None while still to come."""
 
-    Attributes:
-        to: the motion.
-        commanded_s: when it was commanded.
-        first_change_s: the first tick whose targets it changed.
-        settled_s: when it was complete.
-        after: the one-shot that is finished first, or "".
-        via: the motions on the way.
-        overtaken: whether another command came before it had settled.
-        blend: the motions that are blended in once `to` is playing, each with its weight.
-        fell_back: why the blend was given up and what is played instead, or "".
-    """
-
-    to: str
-    commanded_s: float
-    first_change_s: float | None = None
-    settled_s: float | None = None
-    after: str = ""
-    via: tuple[str, ...] = ()
-    overtaken: bool = False
+    to: str  # the motion
+    commanded_s: float  # when it was commanded
+    first_change_s: float | None = None  # the first tick whose targets it changed
+    settled_s: float | None = None  # when it was complete
+    after: str = ""  # the one-shot that is finished first, or ""
+    via: tuple[str, ...] = ()  # the motions on the way
+    overtaken: bool = False  # whether another command came before it had settled
+    # The motions that are blended in once `to` is playing, each with its weight.
     blend: tuple[tuple[str, float], ...] = ()
-    fell_back: str = ""
+    fell_back: str = ""  # why the blend was given up and what is played instead, or ""
 
     @property
     def destination(self) -> str:

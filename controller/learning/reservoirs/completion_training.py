@@ -18,23 +18,14 @@ SETTLING_SECONDS = 1.0
 
 
 class CompletionRecipe(msgspec.Struct, forbid_unknown_fields=True, frozen=True, kw_only=True):
-    """The parameters; the defaults were chosen on jogs, sneaks and walks (docs/networks.md).
+    """The parameters; the defaults were chosen on jogs, sneaks and walks (docs/networks.md)."""
 
-    Attributes:
-        neurons: N.
-        spectral_radius: of W; with 0, and `memory_seconds` 0, only the present measurement counts.
-        memory_seconds: time constant of the neurons, s.
-        input_scale: of W_in, for one channel of deviation 1; it shrinks with the square root of their number.
-        bias_scale: of b.
-        ridge: gamma of the regression, per training frame.
-    """
-
-    neurons: int = 600
-    spectral_radius: float = 0.9
-    memory_seconds: float = 0.06
-    input_scale: float = 1.0
-    bias_scale: float = 0.5
-    ridge: float = 0.03
+    neurons: int = 600  # N
+    spectral_radius: float = 0.9  # of W; with 0, and `memory_seconds` 0, only the present measurement counts
+    memory_seconds: float = 0.06  # time constant of the neurons, s
+    input_scale: float = 1.0  # of W_in, for one channel of deviation 1; it shrinks with the square root of their number
+    bias_scale: float = 0.5  # of b
+    ridge: float = 0.03  # gamma of the regression, per training frame
 
     def leak(self, rate: float) -> float:
         """The leak a of neurons with a time constant of `memory_seconds` at a rate, Hz."""

@@ -28,38 +28,23 @@ from controller.networks.ridge import ridge
 
 
 class ConceptorRecipe(msgspec.Struct, forbid_unknown_fields=True, frozen=True, kw_only=True, tag="conceptor"):
-    """The parameters of a conceptor network (names as in Deliallisi 2017, table 4.3).
+    """The parameters of a conceptor network (names as in Deliallisi 2017, table 4.3)."""
 
-    Attributes:
-        neurons: N.
-        spectral_radius: of W*.
-        input_scale, bias_scale: of W_in and b.
-        form: "affine" conceptors act about the mean state of their motion, "plain" ones about zero.
-        learns: "input" learns V only, "weights" all of W.
-        aperture: alpha, by default.
-        apertures: alpha of single motions.
-        choose_apertures: whether a motion that fails its trials gets another one (`aperture_choice`).
-        ridge: gamma of both regressions.
-        rank: k, the largest number of directions kept of a conceptor.
-        rank_tolerance_mm: selects the smallest rank that `cut_to_tolerance` allows, mm.
-        washout: frames until the state is independent of its start.
-        anchor_every: frames between stored start states.
-    """
-
-    neurons: int = 1000
-    spectral_radius: float = 1.6
-    input_scale: float = 1.0
-    bias_scale: float = 0.8
+    neurons: int = 1000  # N
+    spectral_radius: float = 1.6  # of W*
+    input_scale: float = 1.0  # of W_in
+    bias_scale: float = 0.8  # of b
+    # "affine" conceptors act about the mean state of their motion, "plain" ones about zero.
     form: Literal["affine", "plain"] = "affine"
-    learns: Literal["input", "weights"] = "input"
-    aperture: float = 10.0
-    apertures: dict[str, float] = msgspec.field(default_factory=dict)
-    choose_apertures: bool = False
-    ridge: float = 1.0
-    rank: int = 50
-    rank_tolerance_mm: float | None = None
-    washout: int = 100
-    anchor_every: int = 2
+    learns: Literal["input", "weights"] = "input"  # "input" learns V only, "weights" all of W
+    aperture: float = 10.0  # alpha, by default
+    apertures: dict[str, float] = msgspec.field(default_factory=dict)  # alpha of single motions
+    choose_apertures: bool = False  # whether a motion that fails its trials gets another one (`aperture_choice`)
+    ridge: float = 1.0  # gamma of both regressions
+    rank: int = 50  # k, the largest number of directions kept of a conceptor
+    rank_tolerance_mm: float | None = None  # selects the smallest rank that `cut_to_tolerance` allows, mm
+    washout: int = 100  # frames until the state is independent of its start
+    anchor_every: int = 2  # frames between stored start states
 
 
 @dataclass(frozen=True)

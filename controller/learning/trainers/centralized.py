@@ -18,19 +18,13 @@ from controller.networks.centralized.switching_design import design_module
 
 
 class CentralizedRecipe(msgspec.Struct, forbid_unknown_fields=True, frozen=True, kw_only=True, tag="centralized"):
-    """The parameters of a centralized network.
+    """The parameters of a centralized network."""
 
-    Attributes:
-        centers: n of each motion, or "auto" for the choice of Akaike's criterion.
-        satellites: m of each motion, at most a third of its frames; or "auto" likewise.
-        rank: of W: "full", or "auto" for the low rank preferred by Akaike's criterion, with at most `satellites`.
-        iterations: of the joint refinement of all satellites.
-    """
-
-    centers: int | Literal["auto"] = 2
-    satellites: int | Literal["auto"] = 60
+    centers: int | Literal["auto"] = 2  # n of each motion, or "auto" for the choice of Akaike's criterion
+    satellites: int | Literal["auto"] = 60  # m of each motion, at most a third of its frames; or "auto" likewise
+    # Of W: "full", or "auto" for the low rank preferred by Akaike's criterion, with at most `satellites`.
     rank: Rank = "full"
-    iterations: int = 150
+    iterations: int = 150  # of the joint refinement of all satellites
 
     @property
     def anchor_every(self) -> int:

@@ -27,36 +27,22 @@ LOST_FOR = 120
 
 
 class EchoStateRecipe(msgspec.Struct, forbid_unknown_fields=True, frozen=True, kw_only=True, tag="echo-state"):
-    """The parameters of an echo-state network (names as in Deliallisi 2017, table 4.1).
+    """The parameters of an echo-state network (names as in Deliallisi 2017, table 4.1)."""
 
-    Attributes:
-        neurons: N.
-        spectral_radius, feedback_scale, bias_scale: of W, W_back and b.
-        leak: a.
-        ridge: gamma.
-        washout: frames until the state is independent of its start.
-        state_noise, teacher_noise: standard deviations, in units of the state and of the normalised output.
-        choose_noise: whether a motion that fails its trials is trained again with other noise.
-        drives: number of noisy runs.
-        wrong_starts: number of further runs of one-shots from a random state.
-        clipped: whether state and output stay in the range of training when the network runs free.
-        anchor_every: frames between stored start states.
-    """
-
-    neurons: int = 1000
-    spectral_radius: float = 1.0
-    feedback_scale: float = 1.0
-    bias_scale: float = 0.3
-    leak: float = 0.6
-    ridge: float = 0.5
-    washout: int = 100
-    state_noise: float = 0.03
-    teacher_noise: float = 0.02
-    choose_noise: bool = False
-    drives: int = 3
-    wrong_starts: int = 0
-    clipped: bool = True
-    anchor_every: int = 8
+    neurons: int = 1000  # N
+    spectral_radius: float = 1.0  # of W
+    feedback_scale: float = 1.0  # of W_back
+    bias_scale: float = 0.3  # of b
+    leak: float = 0.6  # a
+    ridge: float = 0.5  # gamma
+    washout: int = 100  # frames until the state is independent of its start
+    state_noise: float = 0.03  # standard deviation, in units of the state
+    teacher_noise: float = 0.02  # standard deviation, in units of the normalised output
+    choose_noise: bool = False  # whether a motion that fails its trials is trained again with other noise
+    drives: int = 3  # number of noisy runs
+    wrong_starts: int = 0  # number of further runs of one-shots from a random state
+    clipped: bool = True  # whether state and output stay in the range of training when the network runs free
+    anchor_every: int = 8  # frames between stored start states
 
 
 def learn_readouts(

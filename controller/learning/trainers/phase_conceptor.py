@@ -42,20 +42,14 @@ DRIVEN_INPUT_SHARE = 0.1
 
 
 class PhaseRecipe(PhaseDrivenRecipe, frozen=True, kw_only=True, tag="phase-conceptor"):
-    """The parameters of phase-driven conceptors.
-
-    Attributes:
-        input_scale: of W_in.
-        aperture: alpha.
-        rank: k, number of directions kept of a conceptor.
-    """
+    """The parameters of phase-driven conceptors."""
 
     neurons: int = 300
     harmonics: int = 3
     spectral_radius: float = 1.6
-    input_scale: float = 1.0
-    aperture: float = 30.0
-    rank: int = 40
+    input_scale: float = 1.0  # of W_in
+    aperture: float = 30.0  # alpha
+    rank: int = 40  # k, number of directions kept of a conceptor
 
     def scales(self, *, driven: bool) -> PhaseScales:
         """The scales of the shared weights; driven, if a motion has an input besides the phase."""

@@ -34,39 +34,23 @@ DIVERGED = 10.0  # conception weights are in [0, 1] unless the learning rate is 
 
 
 class RandomFeatureRecipe(msgspec.Struct, forbid_unknown_fields=True, frozen=True, kw_only=True, tag="random-feature"):
-    """The parameters of random feature conceptors.
+    """The parameters of random feature conceptors."""
 
-    Attributes:
-        neurons: N.
-        features: M.
-        features_each: k, number of features of a motion.
-        spectral_radius: of the loop through the features of a motion.
-        input_scale, bias_scale: of W_in and b.
-        aperture: alpha.
-        learning_rate: lambda.
-        adapt_frames: training frames of the conception weights; at least two rounds.
-        ridge: gamma of both regressions.
-        washout: frames until the state is independent of its start.
-        state_noise, teacher_noise: standard deviations, in units of the state and of the normalised signal.
-        drives: number of noisy runs, besides one without noise.
-        anchor_every: frames between stored start states.
-    """
-
-    neurons: int = 1000
-    features: int = 3000
-    features_each: int = 300
-    spectral_radius: float = 1.0
-    input_scale: float = 0.8
-    bias_scale: float = 0.8
-    aperture: float = 10.0
-    learning_rate: float = 0.02
-    adapt_frames: int = 400
-    ridge: float = 0.1
-    washout: int = 100
-    state_noise: float = 0.03
-    teacher_noise: float = 0.04
-    drives: int = 4
-    anchor_every: int = 4
+    neurons: int = 1000  # N
+    features: int = 3000  # M
+    features_each: int = 300  # k, number of features of a motion
+    spectral_radius: float = 1.0  # of the loop through the features of a motion
+    input_scale: float = 0.8  # of W_in
+    bias_scale: float = 0.8  # of b
+    aperture: float = 10.0  # alpha
+    learning_rate: float = 0.02  # lambda
+    adapt_frames: int = 400  # training frames of the conception weights; at least two rounds
+    ridge: float = 0.1  # gamma of both regressions
+    washout: int = 100  # frames until the state is independent of its start
+    state_noise: float = 0.03  # standard deviation, in units of the state
+    teacher_noise: float = 0.04  # standard deviation, in units of the normalised signal
+    drives: int = 4  # number of noisy runs, besides one without noise
+    anchor_every: int = 4  # frames between stored start states
 
 
 @dataclass(frozen=True)

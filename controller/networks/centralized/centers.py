@@ -44,14 +44,10 @@ def require_frequencies(frequency: Array) -> None:
 
 @dataclass(slots=True)
 class HarmonicCenters:
-    """n uncoupled harmonic oscillators, advanced exactly.
+    """n uncoupled harmonic oscillators, advanced exactly."""
 
-    Attributes:
-        frequency: angular frequencies omega, shape (n,), rad/s, all > 0.
-        state: q - i p/omega of each center, shape (n,), complex; |state| is the amplitude, its angle the phase.
-    """
-
-    frequency: Array
+    frequency: Array  # angular frequencies omega, shape (n,), rad/s, all > 0
+    # q - i p/omega of each center, shape (n,), complex; |state| is the amplitude, its angle the phase.
     state: NDArray[np.complex128]
 
     @classmethod
@@ -134,14 +130,10 @@ class Duffing:
 
     The orbit is q = A sn(u t, k) with  u^2 = (z a + sqrt(z^2 a^2 - 2 z b p0^2)) / 2,  A = p0 / u,
     k^2 = z b A^2 / (2 u^2)  and  omega = pi u / (2 K(k)); where b < 0 a negative k^2 is meant.
-
-    Attributes:
-        linear: a > 0.
-        cubic: b.
     """
 
-    linear: float = 1.0
-    cubic: float = 1.0
+    linear: float = 1.0  # a > 0
+    cubic: float = 1.0  # b
 
     def force(self, q: Array) -> Array:
         """The f of eq. 9."""
@@ -194,22 +186,14 @@ def control_for(spring: Spring, frequency: float, momentum: float = 1.0) -> floa
 
 @dataclass(slots=True)
 class NonlinearCenters:
-    """n centers of eq. 9 whose frequency follows their control parameter.
+    """n centers of eq. 9 whose frequency follows their control parameter."""
 
-    Attributes:
-        spring: f, F and the closed form of the frequency.
-        control: z of each center, shape (n,), above `spring.least_control(momentum)`.
-        momentum: p0 > 0 of eq. 10, which fixes the energy p0^2 / 2 of every orbit.
-        damping: rate of the return to the orbit's energy, >= 0.
-        q, p: the state, shape (n,).
-    """
-
-    spring: Spring
-    control: Array
-    momentum: float
-    damping: float
-    q: Array
-    p: Array
+    spring: Spring  # f, F and the closed form of the frequency
+    control: Array  # z of each center, shape (n,), above `spring.least_control(momentum)`
+    momentum: float  # p0 > 0 of eq. 10, which fixes the energy p0^2 / 2 of every orbit
+    damping: float  # rate of the return to the orbit's energy, >= 0
+    q: Array  # the state, shape (n,)
+    p: Array  # of the same shape
 
     @classmethod
     def at_rest(

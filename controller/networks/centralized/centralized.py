@@ -41,23 +41,15 @@ class CentralizedMotion:
 
     MotiondeckError if the shapes disagree, or a loop does not close: after its seconds every center must have made a
     whole number of turns.
-
-    Attributes:
-        frequency, phase: of the centers at the beginning, shape (n,), rad/s and rad.
-        satellites: in the 2 n coordinates of the centers.
-        weights: W, shape (D, m), or its two factors.
-        rest: shape (D,).
-        seconds: of the motion, or of one round of it.
-        loop: whether its centers return after that time, so that it goes on for ever; otherwise it holds its end.
     """
 
-    frequency: Array
-    phase: Array
-    satellites: GaussianSatellites
-    weights: Array | LowRankWeights
-    rest: Array
-    seconds: float
-    loop: bool
+    frequency: Array  # of the centers, shape (n,), rad/s
+    phase: Array  # of the centers at the beginning, shape (n,), rad
+    satellites: GaussianSatellites  # in the 2 n coordinates of the centers
+    weights: Array | LowRankWeights  # W, shape (D, m), or its two factors
+    rest: Array  # shape (D,)
+    seconds: float  # of the motion, or of one round of it
+    loop: bool  # whether its centers return after that time, so that it goes on for ever; otherwise it holds its end
 
     def __post_init__(self) -> None:
         n, m = len(self.frequency), len(self.satellites)
@@ -219,11 +211,6 @@ class CentralizedGenerator(NamedMotions[CentralizedMotion]):
         noise: on z at rest, its standard deviation after one second. While z stays in its state nothing of it is heard;
             where it drives z into another, the generator goes over to that motion.
         seed: of the noise.
-
-    Attributes:
-        motion: the one that plays or is being switched to.
-        tempo: multiplies all frequencies.
-        module: the switching module; state k is the k-th motion.
     """
 
     def __init__(self, motions: dict[str, CentralizedMotion], noise: float = 0.0, seed: int = 0) -> None:
@@ -231,9 +218,9 @@ class CentralizedGenerator(NamedMotions[CentralizedMotion]):
         if not 0.0 <= noise < np.inf:
             raise MotiondeckError(f"noise of {noise} on z; it is not negative")
         super().__init__(motions)
-        self.tempo = 1.0
+        self.tempo = 1.0  # multiplies all frequencies
         self._crossing = Passage(len(motions))
-        self.module = self._crossing.module
+        self.module = self._crossing.module  # state k is the k-th motion
         self._noise, self._random = noise, np.random.default_rng(seed)
         self._out, self._mixed = np.zeros(self.channels), np.zeros(self.channels)
         self._waiting: str | None = None
@@ -250,7 +237,7 @@ class CentralizedGenerator(NamedMotions[CentralizedMotion]):
     def cue(self, motion: str, phase: float = 0.0) -> None:
         """Starts a motion at a phase in [0, 1), without a transition."""
         part = self[motion]
-        self.motion = motion
+        self.motion = motion  # the one that plays or is being switched to
         self._player = CentersPlayer(part, phase * part.seconds)
         self._source = self._waiting = None
         self.module.reset(self.motions.index(motion))

@@ -23,14 +23,10 @@ class LowRankWeights:
     """W of rank r for D channels and m satellites.
 
     MotiondeckError if the shapes disagree.
-
-    Attributes:
-        shares: B, shape (D, r), mostly zeros.
-        curves: A, shape (r, m); a row holds zeros from some satellite on.
     """
 
-    shares: Array
-    curves: Array
+    shares: Array  # B, shape (D, r), mostly zeros
+    curves: Array  # A, shape (r, m); a row holds zeros from some satellite on
 
     def __post_init__(self) -> None:
         if self.shares.ndim != 2 or self.curves.ndim != 2 or self.shares.shape[1] != len(self.curves):

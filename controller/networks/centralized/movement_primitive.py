@@ -31,19 +31,12 @@ REACH = 0.1  # of a bend on either side, in phase
 
 @dataclass(frozen=True, eq=False)
 class ViaPoints:
-    """Points that a motion passes through: the value of one channel at one phase each.
-
-    Attributes:
-        phase: shape (V,).
-        channel: shape (V,).
-        value: shape (V,).
-        deviation: standard deviation that is allowed, shape (V,).
-    """
+    """Points that a motion passes through: the value of one channel at one phase each; shape (V,)."""
 
     phase: Array
     channel: NDArray[np.int64]
     value: Array
-    deviation: Array
+    deviation: Array  # standard deviation that is allowed
 
 
 NOWHERE = ViaPoints(np.zeros(0), np.zeros(0, dtype=np.int64), np.zeros(0), np.zeros(0))
@@ -51,26 +44,16 @@ NOWHERE = ViaPoints(np.zeros(0), np.zeros(0, dtype=np.int64), np.zeros(0), np.ze
 
 @dataclass(frozen=True, eq=False)
 class MovementPrimitive:
-    """A motion of D channels that was demonstrated N times.
+    """A motion of D channels that was demonstrated N times."""
 
-    Attributes:
-        frequency, start: angular frequency and phase of its centers, rad per unit of phase and rad, shape (n,).
-        satellites: m of them, in the 2 n coordinates of the centers.
-        weights: of each demonstration, shape (N, D, m).
-        rest: shape (D,).
-        bend: standard deviation of a channel beyond the demonstrations, shape (D,).
-        seconds: of each demonstration, shape (N,).
-        via: points that it passes through.
-    """
-
-    frequency: Array
-    start: Array
-    satellites: GaussianSatellites
-    weights: Array
-    rest: Array
-    bend: Array
-    seconds: Array
-    via: ViaPoints = NOWHERE
+    frequency: Array  # angular frequency of its centers, shape (n,), rad per unit of phase
+    start: Array  # phase of its centers, shape (n,), rad
+    satellites: GaussianSatellites  # m of them, in the 2 n coordinates of the centers
+    weights: Array  # of each demonstration, shape (N, D, m)
+    rest: Array  # shape (D,)
+    bend: Array  # standard deviation of a channel beyond the demonstrations, shape (D,)
+    seconds: Array  # of each demonstration, shape (N,)
+    via: ViaPoints = NOWHERE  # points that it passes through
 
     def __repr__(self) -> str:
         demonstrations, channels = self.weights.shape[:2]

@@ -27,19 +27,12 @@ Centers = HarmonicCenters | NonlinearCenters
 
 @dataclass(eq=False)
 class SatelliteNetwork:
-    """A signal of D channels from m satellites.
+    """A signal of D channels from m satellites."""
 
-    Attributes:
-        centers: in their present state; change their frequency or control parameter to change the tempo.
-        satellites: functions of the centers' coordinates.
-        weights: W, shape (D, m).
-        rest: shape (D,).
-    """
-
-    centers: Centers
-    satellites: Satellites
-    weights: Array
-    rest: Array
+    centers: Centers  # in their present state; change their frequency or control parameter to change the tempo
+    satellites: Satellites  # functions of the centers' coordinates
+    weights: Array  # W, shape (D, m)
+    rest: Array  # shape (D,)
 
     @property
     def now(self) -> Array:

@@ -40,13 +40,10 @@ class GaussianSatellites:
     """Radial basis functions, each with its own place and sharpness.
 
     SatelliteError if the shapes disagree or a number is not finite or a sharpness not positive; it names the satellite.
-
-    Attributes:
-        places: q_j, shape (m, d).
-        sharpness: b_j > 0, shape (m,), or one for all; by default 1 over the spacing of m places in [-1, 1]^d.
     """
 
-    places: Array
+    places: Array  # q_j, shape (m, d)
+    # b_j > 0, shape (m,), or one for all; by default 1 over the spacing of m places in [-1, 1]^d.
     sharpness: Array = field(default_factory=lambda: np.empty(0))
 
     def __post_init__(self) -> None:
@@ -84,15 +81,10 @@ class GaussianSatellites:
 
 @dataclass(frozen=True, eq=False)
 class HarmonicSatellites:
-    """Cosines of the state (eq. 3).
+    """Cosines of the state (eq. 3)."""
 
-    Attributes:
-        orders: j, shape (m, d).
-        base: b, the common factor, rad.
-    """
-
-    orders: NDArray[np.int64]
-    base: float = 1.0
+    orders: NDArray[np.int64]  # j, shape (m, d)
+    base: float = 1.0  # b, the common factor, rad
 
     def __len__(self) -> int:
         return len(self.orders)
@@ -104,13 +96,9 @@ class HarmonicSatellites:
 
 @dataclass(frozen=True, eq=False)
 class PolynomialSatellites:
-    """Monomials of the state (eq. 6).
+    """Monomials of the state (eq. 6)."""
 
-    Attributes:
-        powers: the power of each coordinate, shape (m, d), >= 0.
-    """
-
-    powers: NDArray[np.int64]
+    powers: NDArray[np.int64]  # the power of each coordinate, shape (m, d), >= 0
 
     def __len__(self) -> int:
         return len(self.powers)

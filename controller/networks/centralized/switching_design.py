@@ -57,27 +57,16 @@ class Window:
 
 @dataclass(frozen=True, eq=False)
 class ModuleDesign:
-    """The constants of eqs 14 and 15 for m motions; made by `design_module`.
+    """The constants of eqs 14 and 15 for m motions; made by `design_module`."""
 
-    Attributes:
-        weights: a_j, shape (m,).
-        slope: b, the same for all satellites.
-        thresholds: h_j, shape (m,).
-        threshold: h.
-        decay: xi lambda.
-        kappa: time constant of the satellites.
-        beta: of Lemma 1: state k lies in (k - 1 + beta, k + beta), counted from 1.
-        targets: z_k, shape (m,).
-    """
-
-    weights: Array
-    slope: float
-    thresholds: Array
-    threshold: float
-    decay: float
-    kappa: float
-    beta: float
-    targets: Array
+    weights: Array  # a_j, shape (m,)
+    slope: float  # b, the same for all satellites
+    thresholds: Array  # h_j, shape (m,)
+    threshold: float  # h
+    decay: float  # xi lambda
+    kappa: float  # time constant of the satellites
+    beta: float  # of Lemma 1: state k lies in (k - 1 + beta, k + beta), counted from 1
+    targets: Array  # z_k, shape (m,)
 
     def __len__(self) -> int:
         return len(self.weights)

@@ -73,15 +73,7 @@ def advance_state(
 
 
 class SwitchingModule:
-    """A module in motion.
-
-    Args:
-        state: the motion it starts in, counted from 0.
-        time_scale: s that one unit of module time takes.
-
-    Attributes:
-        w: of the satellites, shape (m,).
-    """
+    """A module in motion, from a `state` on, counted from 0; one unit of its time takes `time_scale` s."""
 
     def __init__(self, design: ModuleDesign, state: int = 0, time_scale: float = 1.0) -> None:
         self.design, self.time_scale = design, time_scale

@@ -21,22 +21,14 @@ from motiondeck_base.errors import MotiondeckError
 
 @dataclass(frozen=True, eq=False)
 class Completion:
-    """A driven reservoir with a readout of the whole.
+    """A driven reservoir with a readout of the whole."""
 
-    Attributes:
-        reservoir: N neurons with C inputs.
-        mean, deviation: m and d of the measured signal, shape (C,), in its unit.
-        readout: (R, r), shape (D, N + 1).
-        rate: at which it was learned, Hz.
-        settling: frames in which the first measurement is held, until the reservoir has forgotten its start.
-    """
-
-    reservoir: Reservoir
-    mean: Array
-    deviation: Array
-    readout: Array
-    rate: float
-    settling: int
+    reservoir: Reservoir  # N neurons with C inputs
+    mean: Array  # m of the measured signal, shape (C,), in its unit
+    deviation: Array  # d of it, likewise
+    readout: Array  # (R, r), shape (D, N + 1)
+    rate: float  # at which it was learned, Hz
+    settling: int  # frames in which the first measurement is held, until the reservoir has forgotten its start
 
     def complete(self, measured: Array) -> Array:
         """The whole of a measured signal (T, C) at `rate`, shape (T, D); row n follows from the rows up to n.
@@ -57,18 +49,14 @@ class Completion:
 
 
 class LiveCompletion:
-    """A completion while measurements come in.
-
-    Attributes:
-        state: x, shape (N,).
-    """
+    """A completion while measurements come in."""
 
     def __init__(self, completion: Completion, measured: Array) -> None:
         first = _values(measured, len(completion.mean))
         if not np.isfinite(first).all():
             raise MotiondeckError("the first measurement has values that are not finite; begin with one that is whole")
         self.completion = completion
-        self.state = np.zeros(len(completion.reservoir))
+        self.state = np.zeros(len(completion.reservoir))  # x, shape (N,)
         self._last = first
         for _ in range(completion.settling):
             self._advance()

@@ -23,21 +23,13 @@ from motiondeck_base.errors import MotiondeckError, UnknownNameError
 
 @dataclass(frozen=True, eq=False)
 class LoadedSignals:
-    """N neurons that have learned signals of D channels.
+    """N neurons that have learned signals of D channels."""
 
-    Attributes:
-        reservoir: as it was drawn: W*, W_in and b.
-        weights: W, shape (N, N): W* with the signals loaded into it.
-        readout: W_out, shape (D, N), to normalised channels.
-        normalisation: between the signals' units and [-1, 1].
-        states: of each signal by its name, after the washout, shape (T, N).
-    """
-
-    reservoir: Reservoir
-    weights: Array
-    readout: Array
-    normalisation: Normalisation
-    states: Mapping[str, Array]
+    reservoir: Reservoir  # as it was drawn: W*, W_in and b
+    weights: Array  # W, shape (N, N): W* with the signals loaded into it
+    readout: Array  # W_out, shape (D, N), to normalised channels
+    normalisation: Normalisation  # between the signals' units and [-1, 1]
+    states: Mapping[str, Array]  # of each signal by its name, after the washout, shape (T, N)
 
     def correlation(self, signal: str) -> Array:
         """R = X' X / T of the states of a signal, shape (N, N) (Jaeger 2014, section 3.4).

@@ -22,19 +22,12 @@ Floats = NDArray[Any]  # double or single precision
 
 @dataclass(frozen=True)
 class Reservoir:
-    """N neurons with C inputs.
+    """N neurons with C inputs."""
 
-    Attributes:
-        weights: W, shape (N, N).
-        input_weights: W_in (or W_back), shape (N, C).
-        bias: b, shape (N,).
-        leak: a in (0, 1].
-    """
-
-    weights: Floats
-    input_weights: Floats
-    bias: Floats
-    leak: float = 1.0
+    weights: Floats  # W, shape (N, N)
+    input_weights: Floats  # W_in (or W_back), shape (N, C)
+    bias: Floats  # b, shape (N,)
+    leak: float = 1.0  # a in (0, 1]
 
     def __len__(self) -> int:
         return len(self.bias)

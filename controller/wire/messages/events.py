@@ -9,50 +9,34 @@ import msgspec
 from controller.wire.messages.command_row import Natural
 
 EventKind = Literal[
-    "motion",
-    "via",
-    "settled",
-    "overtaken",
-    "gave up",
+    "motion",  # another motion, or a blend, is commanded
+    "via",  # a motion on the way to it begins
+    "settled",  # nothing is left of the motion before
+    "overtaken",  # another command came first
+    "gave up",  # a blend was given up
     "paused",
     "resumed",
-    "mode",
-    "recognized",
-    "fault",
-    "servo",
-    "push",
+    "mode",  # the joints go home, are held, are stopped in an emergency, or play again
+    "recognized",  # it looks like another motion than before
+    "fault",  # of an output or the deck
+    "servo",  # something was done with a servo, or one is back
+    "push",  # the simulated robot was pushed
     "fell",
-    "stands",
-    "overrun",
-    "replayed",
-    "lost",
-    "ended",
+    "stands",  # it stands again
+    "overrun",  # ticks came more than a period late
+    "replayed",  # a recorded datagram was refused
+    "lost",  # a heartbeat is missing, and the deck was paused
+    "ended",  # the run is over
 ]
 
 
 class Event(msgspec.Struct, frozen=True, tag="event"):
-    """Something that happened on a deck.
-
-    Attributes:
-        kind: "motion": another motion, or a blend, is commanded; "via": one on the way to it begins; "settled": nothing
-            is left of the one before; "overtaken": another command came first; "gave up": a blend was given up;
-            "paused", "resumed"; "mode": the joints go home, are held, are stopped in an emergency, or play again;
-            "recognized": it looks like another motion than before; "fault": of an output or the deck; "servo":
-            something was done with a servo, or one is back; "push", "fell", "stands": the simulated robot was pushed,
-            has fallen, stands again; "overrun":
-            ticks came more than a period late; "replayed": a recorded datagram was refused; "lost": a heartbeat is
-            missing, and the deck was paused; "ended": the run is over.
-        motion: the motion that it is about, or "".
-        at: s since the deck's start.
-        number: rises by 1 from event to event of a deck; a gap means lost events.
-        id: always 0, as no command's.
-        presses: of a mode: how often the emergency stop was pressed so far, by any source.
-    """
+    """Something that happened on a deck."""
 
     kind: EventKind
     text: str
-    motion: str = ""
-    at: float = 0.0
-    number: Natural = 0
-    id: Natural = 0
-    presses: Natural = 0
+    motion: str = ""  # the motion that it is about, or ""
+    at: float = 0.0  # s since the deck's start
+    number: Natural = 0  # rises by 1 from event to event of a deck; a gap means lost events
+    id: Natural = 0  # always 0, as no command's
+    presses: Natural = 0  # of a mode: how often the emergency stop was pressed so far, by any source

@@ -13,15 +13,11 @@ LOCK_STAGES: tuple[LockStage, ...] = get_args(LockStage)
 
 
 class LockState(msgspec.Struct, frozen=True):
-    """What the phase is locked to.
-
-    Attributes:
-        state: "searching" before it is in step, "locked" when it is, "waiting" while the body is held.
-        error_ms: how far the motion is behind, ms; of a body how far the body is; None if that is not known.
-    """
+    """What the phase is locked to."""
 
     source: LockSource
-    state: LockStage
+    state: LockStage  # "searching" before it is in step, "locked" when it is, "waiting" while the body is held
+    # How far the motion is behind, ms; of a body how far the body is; None if that is not known.
     error_ms: float | None = None
     per_minute: float | None = None
 

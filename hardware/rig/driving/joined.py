@@ -16,22 +16,18 @@ _SETTLED = 0.5  # s: more than a watchdog waits, usually, and a joint needs to s
 
 
 class JoinedMeasurements:
-    """Joins the measurements of S servos into those of J joints.
-
-    Attributes:
-        firsts: the first servo of each joint.
-        waits: whether one of two servos of a joint is limp or silent, shape (J,); the other stays at its goal.
-        places: where it stays when both have come to rest, shape (J,), rad; NaN before.
-    """
+    """Joins the measurements of S servos into those of J joints."""
 
     def __init__(self, config: RigConfig, servos: Measurements, joints: Measurements) -> None:
         """Writes into `joints` in each `update`."""
         of = np.array(config.joint_of)
-        self.firsts = np.flatnonzero(np.diff(of, prepend=-1))
+        self.firsts = np.flatnonzero(np.diff(of, prepend=-1))  # the first servo of each joint
         self._count = np.bincount(of)
         self._fastest = np.array([joint.velocity for joint in config.joints])
         self._servos, self._joints = servos, joints
-        self.waits, self.places = np.zeros(len(self.firsts), dtype=np.bool_), np.full(len(self.firsts), np.nan)
+        # Whether one of two servos of a joint is limp or silent, shape (J,); the other stays at its goal.
+        self.waits = np.zeros(len(self.firsts), dtype=np.bool_)
+        self.places = np.full(len(self.firsts), np.nan)  # where it stays when both have come to rest, rad; NaN before
         self._since = np.zeros(len(self.firsts))
 
     def update(self) -> None:

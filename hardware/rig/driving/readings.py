@@ -64,12 +64,7 @@ class Measurements:
 
 
 class Readings:
-    """Reads the joints of one port into the measurements of their rig.
-
-    Attributes:
-        measured: of the whole rig.
-        register_readings: servos whose registers are to be read, in order.
-    """
+    """Reads the joints of one port into the measurements of their rig."""
 
     def __init__(
         self, config: RigConfig, joints: Sequence[int], scale: RigScale, measured: Measurements, faults: RigFaults
@@ -78,7 +73,8 @@ class Readings:
 
         In a rig with joints that two servos turn everything here is by servo, but `faults` are the joints'.
         """
-        self.measured, self._joint_of = measured, np.array(config.joint_of)
+        self.measured = measured  # of the whole rig
+        self._joint_of = np.array(config.joint_of)
         config = config.servos
         self._scale = scale
         self._faults = faults
@@ -99,7 +95,7 @@ class Readings:
         self._requests = 0
         self._alerted: set[int] = set()
         self._request: Request | None = None
-        self.register_readings: deque[RegisterReading] = deque()
+        self.register_readings: deque[RegisterReading] = deque()  # servos whose registers are to be read, in order
         self._register_reading: RegisterReading | None = None  # that the last request was for
         self._turns = _turns(config, self._line_of_all)
         self._ask_again = round(_ASK_AGAIN * (config.read_hz or config.rate_hz))  # requests

@@ -47,21 +47,6 @@ class ServoPort:
 
     `write`, `request_state` and `collect_state` neither wait nor raise, whatever state the servos are in; only a port
     that has vanished raises SerialPortError.
-
-    Attributes:
-        part: the joints of this port, as a rig of one port.
-        joints: their indices in the rig, shape (n,).
-        places: the same as an index of arrays.
-        servos: the servos of these joints (see `RigConfig.servos`), which are more where two turn one joint.
-        rows: their indices in the rig, shape (s,).
-        readings: their measurements.
-        bus: of this port.
-        gone: whether the rig has found the port gone, or it is closed.
-        pace: the part of its speed limit that each servo keeps on its own, shape (J,); see `keep_pace`.
-        left_out: the joints that the rig goes on without, shape (J,): their silence is expected.
-        goals: where the rig wants the joints, shape (J,), rad.
-        turns: where the turns of its joints are kept.
-        ended: called at the end with the bus, before it is closed.
     """
 
     def __init__(
@@ -74,7 +59,7 @@ class ServoPort:
         faults: RigFaults,
         turns: TurnFile | None,
     ) -> None:
-        """Switches the servos `part` of an open bus on, each where it stands.
+        """Switches the servos `part`, a rig of one port, of an open bus on, each where it stands.
 
         Readings are written into `measured`, faults counted in `faults`, and zeros kept in `scale`, of the whole rig.
         In `turns` it is kept in which turn joints stand; without, each counts from its zero in the rig file.
@@ -85,29 +70,31 @@ class ServoPort:
                 confirm that are named too.
         """
         self.part = part
-        self.joints = np.array([config.names.index(name) for name in part.names])
-        self.places = slice(None) if len(self.joints) == len(config.joints) else self.joints
-        self.servos, names = part.servos, config.servos.names
-        self.rows = np.array([names.index(name) for name in self.servos.names])
+        self.joints = np.array([config.names.index(name) for name in part.names])  # indices in the rig, shape (n,)
+        self.places = slice(None) if len(self.joints) == len(config.joints) else self.joints  # the same, of arrays
+        self.servos, names = part.servos, config.servos.names  # more than joints, where two turn one
+        self.rows = np.array([names.index(name) for name in self.servos.names])  # indices in the rig, shape (s,)
         self._joint_of = np.array(config.joint_of)
         self.bus = bus
         bus.families = part.families
         self._goals = list(_groups(self.servos, "goal_position", self.rows, len(names)))
         self._speeds = list(_groups(self.servos, "profile_velocity", self.rows, len(names)))
         count = len(config.joints)
+        # The part of its speed limit that each servo keeps on its own, shape (J,); see `keep_pace`.
         self.pace, self._paced = np.ones(count), True
         self._unproven = False  # whether not all have answered since speeds were sent
-        self.left_out = np.zeros(count, dtype=np.bool_)
+        self.left_out = np.zeros(count, dtype=np.bool_)  # the rig goes on without them: their silence is expected
         self._own = np.zeros(len(names), dtype=np.bool_)
         self._own[self.rows] = True
         self._last_sent, self._patience = 0.0, part.patience
-        self._armed = self._stopped = self.gone = self._closed = False
+        self.gone = False  # whether the rig has found the port gone, or it is closed
+        self._armed = self._stopped = self._closed = False
         self._arm_next = self._reads_next = 0.0
         self._switched_on = False
         self._scale = scale
         self.turns = turns
-        self.goals = np.zeros(count)
-        self.ended: Callable[[Bus], None] = lambda bus: None
+        self.goals = np.zeros(count)  # where the rig wants the joints, shape (J,), rad
+        self.ended: Callable[[Bus], None] = lambda bus: None  # called at the end, before the bus is closed
         try:
             servos = self.servos
             held = switch_on(servos, bus, turns)
