@@ -149,11 +149,8 @@ class Deck(Lockable):
         """Starts a switch at the next update, or when the present one-shot has ended; the queue is cleared.
 
         A switch to the loop that is playing settles at once; a repeated command leaves the switch under way as it is.
-        Where the motion is too far away, the switch goes by way of others. UnknownNameError if there is no such motion;
-        it names the nearest.
-
-        Args:
-            direct: whether to go straight there at the next update, whatever is played.
+        Where the motion is too far away, the switch goes by way of others; `direct` goes straight there at the next
+        update, whatever is played. UnknownNameError if there is no such motion; it names the nearest.
         """
         self._check(to)
         direct = direct or self.direct
@@ -225,13 +222,10 @@ class Deck(Lockable):
         self._inputs.command(name, value)
 
     def jump(self, phase: float) -> None:
-        """Fades to a phase of the present motion, from the next update on.
+        """Fades to a phase in [0, 1] of the present motion, from the next update on; in a loop 1 is 0.
 
         CommandError if the phase is out of its range. MotiondeckError if the network runs by itself, or motions are
         blended.
-
-        Args:
-            phase: in [0, 1]; in a loop 1 is 0.
         """
         PHASE.check(phase)
         self.require_phase()

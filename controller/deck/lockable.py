@@ -90,12 +90,9 @@ class Lockable(Paced, ABC):
         super().set_tempo(self.commanded_tempo)
 
     def beat(self, ago: float = 0.0) -> None:
-        """Takes a beat; without a lock to beats it begins one.
+        """Takes a beat of `ago` seconds ago, from -2 (still to come) to 2; without a lock to beats it begins one.
 
         CommandError if the time is out of its range. MotiondeckError if the network runs by itself.
-
-        Args:
-            ago: how long ago it was, s; negative for one that is still to come; from -2 to 2.
         """
         AGO.check(ago)
         if self._beats is None:

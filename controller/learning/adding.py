@@ -46,8 +46,7 @@ class Addition:
 def add_motion(library: MotionLibrary, path: Path, clip: Clip, motion: MotionRecipe) -> Addition:
     """Learns a clip, of any skeleton and rate, as one more motion of a library; `path` of the library is for messages.
 
-    Raises:
-        MotiondeckError: if the name is taken or cannot be typed, the clip does not fit, or the network takes no more.
+    MotiondeckError if the name is taken or cannot be typed, the clip does not fit, or the network takes no more.
     """
     info, network = library.info, library.network
     recipe = recipe_of(info.recipe, path)

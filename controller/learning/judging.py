@@ -20,10 +20,8 @@ from motiondeck_base.errors import MotiondeckError
 def judge_against(library: MotionLibrary, path: Path, file: Path) -> MotionInfo:
     """The verdict on a library's motion that was learned from a file of this name, by that file.
 
-    `path` of the library is for messages.
-
-    Raises:
-        MotiondeckError: if no motion was learned from it alone, or it cannot be read or compared.
+    `path` of the library is for messages. MotiondeckError if no motion was learned from it alone, or it cannot be read
+    or compared.
     """
     if not file.exists():
         raise MotiondeckError.missing(file, "file")

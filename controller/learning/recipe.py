@@ -117,10 +117,8 @@ def gesture_recipe(name: str, clips: Sequence[Path]) -> LibraryRecipe:
 
     A centralized network, because its state is a place on a closed curve: nothing can lead it away, and servos follow.
     Only the part of a loop is learned that comes back to its start best; with `loop_keeps` = 1 in the recipe all of it.
-
-    Raises:
-        FileFormatError: if a name cannot be typed or is used twice, a clip cannot be read, or clips are of different
-            joints; it names them.
+    FileFormatError if a name cannot be typed or is used twice, a clip cannot be read, or clips are of different joints;
+    it names them.
     """
     motions = [
         MotionRecipe(name=motion_of(first), file=str(first), plays=taught_mode(first), takes=tuple(map(str, more)))

@@ -33,15 +33,10 @@ SMALL_RESERVOIR = ConceptorRecipe(
 def load_signals(
     signals: Mapping[str, Array], recipe: ConceptorRecipe = SMALL_RESERVOIR, seed: int = 0
 ) -> LoadedSignals:
-    """Loads signals into one reservoir (Jaeger 2014, section 3.3), for computing with their conceptors.
+    """Loads signals (T, D) into one reservoir (Jaeger 2014, section 3.3), for computing with their conceptors.
 
-    Args:
-        signals: shape (T, D) each; the first `recipe.washout` frames are not learned.
-        recipe: sizes and scales; aperture, form and rank are ignored.
-        seed: of the random weights.
-
-    Raises:
-        MotiondeckError: if there is no signal, channels differ, a signal is too short, or a number is not finite.
+    The first `recipe.washout` frames are not learned; the recipe's aperture, form and rank are ignored. MotiondeckError
+    if there is no signal, channels differ, a signal is too short, or a number is not finite.
     """
     require_sizes(recipe)
     motions, normalisation = _motions(signals, (), recipe.washout)
@@ -58,18 +53,14 @@ def learn_signals(
     loops: Collection[str] = (),
     seed: int = 0,
 ) -> AnyNetwork:
-    """One network that plays all signals, of the kind that the recipe names, by default conceptors.
+    """One network that plays all signals (T, D), of the kind that the recipe names, by default conceptors.
+
+    What is learned in frames does not depend on the rate, Hz. MotiondeckError as `load_signals`, or if a name in
+    `loops` is no signal, or the rate is not from 0.001 Hz to 100 kHz.
 
     Args:
-        signals: shape (T, D) each.
-        recipe: kind, sizes and scales.
-        rate: frames per second, Hz; what is learned in frames does not depend on it.
         loops: the signals that are one period, whose first frame follows the last.
         seed: of everything random.
-
-    Raises:
-        MotiondeckError: as `load_signals`, or if a name in `loops` is no signal, or the rate is not from 0.001 Hz to
-            100 kHz.
     """
     require_sizes(recipe)
     hertz, drawn_with = number_within(rate, "the rate, Hz,", 1e-3, 1e5), whole_number(seed, "seed")
@@ -78,17 +69,10 @@ def learn_signals(
 
 
 def run_free(network: FrameNetwork, motion: str, frames: int, anchor: int = 0) -> Array:
-    """The output of a network without input from a stored state, shape (frames, C).
+    """The output of a network of `learn_signals` without input from a stored state, shape (frames, C).
 
-    Args:
-        network: of `learn_signals`.
-        motion: name of a signal.
-        frames: number of frames.
-        anchor: index of the stored state; 0 is at the start of the signal.
-
-    Raises:
-        UnknownNameError: if there is no such motion; it names the nearest.
-        MotiondeckError: if frames is no whole number, or there is no such anchor.
+    Anchor 0 is the state at the start of the signal. UnknownNameError if there is no such motion; it names the nearest.
+    MotiondeckError if frames is no whole number, or there is no such anchor.
     """
     count, start, anchors = whole_number(frames, "frames"), whole_number(anchor, "anchor"), len(network.anchors(motion))
     if start >= anchors:
@@ -106,8 +90,7 @@ class ReservoirResponse:
     def respond(self, inputs: Array) -> Array:
         """The outputs to inputs (T, C), shape (T, D), from x = 0; the first frames are a transient.
 
-        Raises:
-            MotiondeckError: if the inputs are not of that shape, or a number is not finite.
+        MotiondeckError if the inputs are not of that shape, or a number is not finite.
         """
         (states,) = drive(self.reservoir, [inputs])
         return states @ self.readout.T
@@ -118,8 +101,7 @@ def learn_response(
 ) -> ReservoirResponse:
     """Trains the output signal (T, D) to an input signal (T, C) by ridge regression on the driven states.
 
-    Raises:
-        MotiondeckError: if shapes do not fit, the washout leaves no frame, or a number is not finite.
+    MotiondeckError if shapes do not fit, the washout leaves no frame, or a number is not finite.
     """
     given, wanted = time_series(inputs, "the input"), time_series(outputs, "the output")
     first = whole_number(washout, "washout")

@@ -11,13 +11,8 @@ from motiondeck_base.errors import MotiondeckError
 def ridge(states: Array, targets: Array, regulariser: float) -> Array:
     """The W, shape (C, N), that minimises |targets - states W'|^2 + regulariser |W|^2.
 
-    Solved in whichever of the two equivalent forms is smaller, N x N or T x T. MotiondeckError if shapes differ, a
-    number is not finite, or the regulariser is too small to solve for W.
-
-    Args:
-        states: shape (T, N).
-        targets: shape (T, C).
-        regulariser: gamma > 0.
+    For states (T, N) and targets (T, C). Solved in whichever of the two equivalent forms is smaller, N x N or T x T.
+    MotiondeckError if shapes differ, a number is not finite, or the regulariser > 0 is too small to solve for W.
     """
     states, targets = np.asarray(states), np.asarray(targets)
     if states.ndim != 2 or targets.ndim not in (1, 2) or len(states) != len(targets):

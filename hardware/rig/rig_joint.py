@@ -207,8 +207,7 @@ class RigJoint(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     def slack(self, position_p_gain: int | None = None) -> float:
         """How far from its goal the servo drives with its full voltage, rad; infinite without a gain.
 
-        Args:
-            position_p_gain: as the servo keeps it; as delivered if None.
+        The gain is as the servo keeps it; as delivered if None.
         """
         traits, row = TRAITS[self.model], self.table.registers.get("position_p_gain")
         usual = row.default if row is not None else None

@@ -90,21 +90,18 @@ def learn_low_rank(
     iterations: int = 200,
     move_frequencies: bool = True,
 ) -> LowRankNetwork:
-    """A network with few weights for a motion; the error of its satellites is that of the network.
+    """A network with few weights for a motion (K, D) without its mean; its error is that of its satellites.
+
+    Columns count by their size; `time` is that of each frame, shape (K,), s. MotiondeckError if there are too few
+    frames for a satellite, or too few parameters for a curve, or nothing moves; FrequencyError names a bad center.
 
     Args:
-        target: the motion without its mean, shape (K, D); columns count by their size.
-        time: of each frame, shape (K,), s.
         starts: frequency vectors to try, shape (n,) each, rad/s.
         satellites: m at most.
         parameters: at most this many; by default Akaike's criterion chooses.
         independent: effective sample size K for Akaike's criterion (default: all frames).
         iterations: of L-BFGS for each of KEPT frequency vectors.
         move_frequencies: whether frequencies and phases are optimised too; not for closed loops.
-
-    Raises:
-        MotiondeckError: if there are too few frames for a satellite, or too few parameters for a curve, or nothing
-            moves; FrequencyError names a bad center.
     """
     most = min(satellites, len(target) - 2)
     if most < 1:
@@ -175,11 +172,8 @@ def _learn_at(
 def _path(by_channel: Array, energy: Array, explained: Array, whole: float, weight_price: float) -> list[_Plan]:
     """Networks of rising size, from parts of the sum of squares `whole`.
 
-    Args:
-        by_channel: part of each channel and curve, shape (D, r).
-        energy: of each curve, shape (r,).
-        explained: of each curve by each further satellite, shape (m, r).
-        weight_price: of a weight of a curve, in shares.
+    These are parts `by_channel` and curve, shape (D, r), `energy` of each curve, shape (r,), and what is `explained` of
+    each by each further satellite, shape (m, r). `weight_price` is that of a weight of a curve, in shares.
     """
     left = np.maximum(np.vstack([energy, energy - np.cumsum(explained, axis=0)]), 0.0)
     count = np.arange(len(left))[:, None]

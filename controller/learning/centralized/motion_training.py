@@ -46,19 +46,16 @@ def train_centralized(
     iterations: int = 150,
     seed: int = 0,
 ) -> CentralizedMotion:
-    """The network of one motion (K, D), of a loop one period.
+    """The network of one motion (K, D) at a rate, Hz, of a loop one period: its first frame follows the last.
+
+    MotiondeckError if the motion is not of that shape, a number is not finite, there are fewer frames than satellites,
+    or the weights grow beyond LARGEST_WEIGHT.
 
     Args:
-        rate: frames per second, Hz.
-        loop: whether the first frame follows the last.
         centers, satellites: n and m; with rank "auto", m at most.
         rank: of W; "auto" selects curves, satellites and shares by Akaike's criterion at 30 Hz.
         iterations: of the joint refinement of all satellites.
         seed: of the tried frequencies.
-
-    Raises:
-        MotiondeckError: if the motion is not of shape (K, D), a number is not finite, there are fewer frames than
-            satellites, or the weights grow beyond LARGEST_WEIGHT.
     """
     channels, rate = time_series(channels, "the motion"), sampling_rate(rate)
     if centers < 1 or satellites < 1:

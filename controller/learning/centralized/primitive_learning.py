@@ -20,16 +20,10 @@ BEND = 0.3
 def learn_primitive(
     demonstrations: Sequence[Array], rate: float, *, satellites: int = 30, iterations: int = 100
 ) -> MovementPrimitive:
-    """The primitive of some demonstrations of one motion.
+    """The primitive of demonstrations (K_i, D) of one motion at a rate, Hz, from the same first to the same last frame.
 
-    Args:
-        demonstrations: shape (K_i, D) each, from the same first to the same last frame.
-        rate: frames per second, Hz.
-        satellites: m, at most a third of the frames of the shortest demonstration.
-        iterations: of L-BFGS.
-
-    Raises:
-        MotiondeckError: if there is none, one is too short, their channels differ or a number is not finite.
+    It has `satellites`, at most a third of the frames of the shortest demonstration, and takes `iterations` of L-BFGS.
+    MotiondeckError if there is none, one is too short, their channels differ or a number is not finite.
     """
     if len(demonstrations) == 0:
         raise MotiondeckError("a movement primitive needs one demonstration at least, two for a spread")

@@ -80,10 +80,7 @@ def rank_satellites(
     """At most `count` satellites, each with the largest gain after those before it; fewer if all is explained.
 
     For states of the centers (K, d), a motion (K, D) and candidate `widths` of the sharpness; MotiondeckError unless K
-    is above `count`.
-
-    Returns:
-        The satellites in their order, and the sum of squares of each column that each explains, shape (m, D).
+    is above `count`. With them the sum of squares of each column that each explains, shape (m, D).
     """
     if count >= len(states):
         raise MotiondeckError(f"{count} satellites cannot be chosen from {len(states)} frames")
@@ -127,10 +124,8 @@ def learn_jointly(
 ) -> LearnedSatellites:
     """Variable projection from a start for a target (K, D) at times (K,), s; never worse than the start.
 
-    Args:
-        iterations: of L-BFGS at most.
-        move_frequencies: whether frequencies and phases are optimised too; not for closed loops.
-        read_out: the best W for responses and target, by default by ridge regression.
+    At most `iterations` of L-BFGS; without `move_frequencies` (for closed loops) frequencies and phases stay.
+    `read_out` finds the best W for responses and target, by default by ridge regression.
     """
     scores = target if read_out is not None else principal_scores(target)
     problem = _Projection(start, scores, time, move_frequencies, read_out or ridge_readout)
@@ -178,17 +173,11 @@ def learn(
     iterations: int = 200,
     move_frequencies: bool = True,
 ) -> LearnedSatellites:
-    """Ranks frequency vectors `starts` (n,), rad/s, then chooses and optimises satellites for the best few.
+    """Ranks frequency vectors `starts` (n,), rad/s, then chooses and optimises `count` satellites for the best few.
 
-    Args:
-        target: the motion, shape (K, D).
-        time: of each frame, shape (K,), s.
-        count: m satellites.
-        keep: number of frequency vectors for the full optimisation, each with `iterations` of L-BFGS.
-        move_frequencies: see `learn_jointly`.
-
-    Raises:
-        MotiondeckError: if there are fewer frames than satellites; FrequencyError names a bad center.
+    The target is a motion (K, D) at times (K,), s. The best `keep` vectors are optimised fully, each with `iterations`
+    of L-BFGS; `move_frequencies` as in `learn_jointly`. MotiondeckError if there are fewer frames than satellites;
+    FrequencyError names a bad center.
     """
     if count >= len(target):
         raise MotiondeckError(f"{count} satellites cannot be learned from {len(target)} frames")

@@ -67,13 +67,9 @@ def all_crossings(
 ) -> list[MeasuredTransition]:
     """All ordered pairs with all methods; one switch per pair, at a random moment of the source.
 
-    Args:
-        syllabus: the frames that the library's network learned, to judge by.
-        holds: whether one-shots were taught to hold their end.
-        tick: called after each source.
-
-    Raises:
-        MotiondeckError: if the motions were taught on a rig: they have no bones to be judged by.
+    `syllabus` has the frames that the library's network learned, to judge by; `holds` says whether one-shots were
+    taught to hold their end; `tick` is called after each source. MotiondeckError if the motions were taught on a rig:
+    they have no bones to be judged by.
     """
     if library.skeleton.is_rig:
         raise MotiondeckError(

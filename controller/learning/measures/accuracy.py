@@ -13,13 +13,7 @@ def nrmse(output: Array, target: Array) -> float:
     """Mean over channels of sqrt(mean squared error / mean of both variances), the measure behind the thesis's tables.
 
     Eq. 3.3 of Deliallisi 2017 as printed divides by the variance of the error itself and is always about 1; the tables
-    come from this definition. Channels that never move are left out.
-
-    Args:
-        output, target: shape (T, C).
-
-    Raises:
-        MotiondeckError: if their shapes differ.
+    come from this definition. Both have shape (T, C), else a MotiondeckError; channels that never move are left out.
     """
     output, target = np.asarray(output), np.asarray(target)
     if output.shape != target.shape:

@@ -44,15 +44,14 @@ def disturbed(
     watched: GuardKnowledge | None = None,
     weights: NDArray[np.float32] | None = None,
 ) -> NDArray[np.float32]:
-    """Disturbs R runs of a motion, each from its first anchor on; the network's own state is left alone.
+    """The frames, shape (R, STEPS, C), of R disturbed runs of a motion, each from its first anchor on.
+
+    The network's own state is left alone.
 
     Args:
         watched: for guarded runs, of a network that runs by itself.
         weights: W of a conceptor network, shape (N, N), of which it keeps only k directions; without it only the part
             of a displacement counts that lies in them.
-
-    Returns:
-        The frames, shape (R, STEPS, C).
     """
     player, size = network.twin(runs), network.noise_size(motion)
     player.cue(motion, 0)

@@ -85,11 +85,8 @@ def after_disturbance(network: FrameNetwork, judge: Judge, motion: str, run: Arr
 class Judge:
     """Judges whether a run is the intended motion, by comparing it with all motions.
 
-    Args:
-        references: the frames that each motion was learned from, shape (T_j, channels); loops as one period.
-        loops: whether each motion is a loop.
-        rate: frames per second, Hz.
-        holds: whether a one-shot was taught to hold its end.
+    `references` are the frames that each motion was learned from, shape (T_j, channels), at `rate` Hz, loops as one
+    period; `loops` says which are loops, `holds` whether a one-shot was taught to hold its end.
     """
 
     def __init__(

@@ -37,11 +37,8 @@ class BodyRecognizer:
     def update(self, root_position: Array, rotation: Array, dt: float) -> str | None:
         """Processes the pose dt >= 0 seconds after the last one and returns `seen`.
 
-        Frames for the experts are interpolated linearly. A pose that is not finite is skipped with its time.
-
-        Args:
-            root_position: shape (3,), m.
-            rotation: of the root and of each bone in the world, shape (1 + B, 4).
+        `rotation` is that of the root and of each bone in the world, shape (1 + B, 4), `root_position` in m. Frames for
+        the experts are interpolated linearly. A pose that is not finite is skipped with its time.
         """
         if not (np.isfinite(root_position).all() and np.isfinite(rotation).all()):
             self.online.skipped += 1

@@ -87,13 +87,9 @@ class FollowingWatch:
 
 
 class DeckWatch:
-    """Monitors J joints of a robot that plays a library.
+    """Monitors J joints of a robot that plays a library, by experts on them (see `deck_recognizer.teach_joints`).
 
-    Args:
-        bank: experts on these joints; see `deck_recognizer.teach_joints`.
-        joints: names, length J.
-        rate: of ticks, Hz.
-        patience: duration of another motion until an alarm, s.
+    It gets ticks at `rate` Hz; another motion has to last `patience` seconds until an alarm.
     """
 
     def __init__(self, bank: ExpertBank, joints: Sequence[str], rate: float, patience: float = PATIENCE) -> None:
@@ -131,13 +127,10 @@ class DeckWatch:
         return self._right / self._asked if self._asked else None
 
     def update(self, targets: Array, measured: Array, commanded: str, *, settled: bool, at: float) -> Sequence[Alarm]:
-        """Processes a tick and returns the alarms that begin with it.
+        """Processes a tick `at` a time of the deck, s, and returns the alarms that begin with it.
 
-        Args:
-            targets, measured: of the joints, shape (J,), rad; NaN if not measured.
-            commanded: motion.
-            settled: whether it is playing, and no switch is under way.
-            at: time of the deck, s.
+        `targets` and `measured` are of the joints, shape (J,), rad, NaN if not measured; `settled` says whether the
+        commanded motion is playing, and no switch is under way.
         """
         watch = self._mismatch
         self._watcher.update(measured, self._period)

@@ -41,12 +41,9 @@ class FrameTimes:
 
 
 class OnlineRecognizer:
-    """Recognizes a stream of feature frames.
+    """Recognizes a stream of feature frames, at the `rate` of the training, Hz, averaged over the time `memory`, s.
 
-    Args:
-        threshold: the confidence (`ExpertBank.confidences`) below which a motion is unknown.
-        rate: frames per second of the training, Hz.
-        memory: averaging time, s.
+    A motion is unknown where its confidence (`ExpertBank.confidences`) is below the threshold.
     """
 
     def __init__(self, bank: ExpertBank, threshold: float, rate: float, memory: float = MEMORY) -> None:

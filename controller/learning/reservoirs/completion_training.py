@@ -35,15 +35,10 @@ class CompletionRecipe(msgspec.Struct, forbid_unknown_fields=True, frozen=True, 
 def learn_completion(
     examples: Sequence[tuple[Array, Array]], rate: float, *, recipe: CompletionRecipe | None = None, seed: int = 0
 ) -> Completion:
-    """Trains the reconstruction of all channels (T, D) from measured ones (T, C).
+    """Trains the reconstruction of all channels (T, D) from measured ones (T, C) at a rate, Hz.
 
-    Args:
-        examples: measured and all channels of each recording; for noisy measurements give noisy ones.
-        rate: frames per second of all of them, Hz.
-        seed: of the reservoir.
-
-    Raises:
-        MotiondeckError: if there is no example, shapes do not fit, a number is not finite, or the rate is invalid.
+    Examples are measured and all channels of each recording; for noisy measurements give noisy ones. MotiondeckError if
+    there is none, shapes do not fit, a number is not finite, or the rate is invalid.
     """
     if len(examples) == 0:
         raise MotiondeckError("there are no recordings to learn to complete a body from")

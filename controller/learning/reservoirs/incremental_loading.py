@@ -73,10 +73,8 @@ def load_one_more(
 def quota(network: ConceptorNetwork, lengths: dict[str, int], recipe: ConceptorRecipe) -> float:
     """The share of the reservoir's space that the stored motions use, in [0, 1).
 
-    The mean eigenvalue of the conceptor of everything stored (Jaeger 2014, section 3.11).
-
-    Raises:
-        MotiondeckError: if the network has no memory.
+    The mean eigenvalue of the conceptor of everything stored (Jaeger 2014, section 3.11). MotiondeckError if the
+    network has no memory.
     """
     known = used_directions(network, lengths, recipe)
     values = np.linalg.eigvalsh(known.T @ known)

@@ -92,15 +92,10 @@ class MovementPrimitive:
     def through(
         self, phase: float, point: ArrayLike, *, channels: ArrayLike | None = None, deviation: float = 0.0
     ) -> MovementPrimitive:
-        """The same motion through one point more.
+        """The motion through one point more, at a phase in [0, 1]: a value for each of the channels (default: all).
 
-        MotiondeckError if the phase, a channel or a number makes no sense.
-
-        Args:
-            phase: when, in [0, 1].
-            point: the values there, shape (D,), or one for each of the channels.
-            channels: which ones are given; without it all.
-            deviation: standard deviation that is allowed, in the unit of the channels.
+        `deviation` is the standard deviation that is allowed, in their unit. MotiondeckError if the phase, a channel or
+        a number makes no sense.
         """
         phase = number_within(phase, "the phase of a point", 0.0, 1.0)
         deviation = number_within(deviation, "the deviation of a point", 0.0, 1e12)

@@ -60,17 +60,12 @@ def learn_weights(
     satellites: Satellites | None = None,
     regulariser: float = 1e-6,
 ) -> SatelliteNetwork:
-    """The network whose satellites, driven by the centers from where they are, follow a signal best.
+    """The network whose satellites, driven by centers from where they are, follow a signal (T, D) best.
 
-    MotiondeckError if the signal is not of shape (T, D), holds a number that is not finite, the rate is none, or the
-    satellites do not fit the centers.
-
-    Args:
-        signal: shape (T, D).
-        rate: frames per second, Hz.
-        centers: only W and the rest are learned, and the centers are not moved; by default one that turns once.
-        satellites: by default GRID Gaussian ones on a grid.
-        regulariser: of the ridge regression, as a share of the number of frames.
+    The rate is in Hz. Only W and the rest are learned: the centers, by default one that turns once, are not moved; the
+    satellites are by default GRID Gaussian ones on a grid. `regulariser` is that of the ridge regression, as a share of
+    the number of frames. MotiondeckError if the signal is not of that shape, holds a number that is not finite, the
+    rate is none, or the satellites do not fit the centers.
     """
     signal, rate = time_series(signal, "the signal"), sampling_rate(rate)
     if centers is None:

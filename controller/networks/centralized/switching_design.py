@@ -133,15 +133,10 @@ class ModuleDesign:
 
 @lru_cache(maxsize=32)
 def design_module(motions: int, beta: float = 0.5, slope: float = 24.0, kappa: float = 0.05) -> ModuleDesign:
-    """The module for a number of motions, checked against Lemma 1.
+    """The module for 1 to MOST_MOTIONS motions, checked against Lemma 1.
 
+    With beta in (0, 1), slope b from 6 to 48 (how steep the steps are), and kappa > 0 in module time.
     SwitchingModuleError if an argument is out of range, or a state is missing, unstable or out of its place.
-
-    Args:
-        motions: m, 1 to MOST_MOTIONS.
-        beta: in (0, 1).
-        slope: b, 6 to 48: how steep the steps are.
-        kappa: > 0, in module time.
     """
     if not 1 <= motions <= MOST_MOTIONS:
         raise SwitchingModuleError(

@@ -56,11 +56,7 @@ def advance_state(
 ) -> tuple[Array, Array]:
     """One exponential step of eqs 14 and 15: each decays exactly towards what drives it, stable for every dt.
 
-    Args:
-        z, w: shape (...,) and (..., m); many modules may be advanced at once.
-        dt: module time.
-        drive: the command.
-        kick: added to the drive's, shape (...,).
+    For modules with z of shape (...,) and w (..., m), dt in module time; `kick` is added to the drive's, shape (...,).
     """
     if drive is None:
         drive = CommandInput(np.zeros(len(design)))

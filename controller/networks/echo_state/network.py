@@ -37,13 +37,8 @@ class EchoStateMotion:
 class EchoStateNetwork(AutonomousReservoir[EchoStateMotion]):
     """Plays motions frame by frame; fits `base.AutonomousNetwork`.
 
-    Args:
-        weights: W, shape (N, N).
-        feedback: W_back, shape (N, C).
-        bias: b, shape (N,).
-        leak: a in (0, 1].
-        normalisation: between normalised channels and the encoding's units.
-        clipped: whether state and output are kept in the range of training (the thesis does not clip).
+    `weights` are W, shape (N, N), `feedback` W_back, shape (N, C), `bias` b, shape (N,), `leak` a in (0, 1]. Where
+    `clipped`, state and output are kept in the range of training (the thesis does not clip).
     """
 
     kind = "echo-state"

@@ -49,14 +49,10 @@ class _Knot:
 class PhaseMorph:
     """A phase-driven network that goes over from one loop to another; fits `base.Morph`.
 
-    Preparing it settles the mixture at every knot, which takes some ten ms each: not for a tick. MotiondeckError if one
-    of the motions is a one-shot, or fewer than two knots are given or do not rise. UnknownNameError if there is no such
-    motion.
-
-    Args:
-        network: plays the source, or either motion after `give_up` and `settle`.
-        source, target: two loops.
-        knots: rising mu at which the mixture is prepared; all mu have to lie within them.
+    Preparing it settles the mixture at every knot, which takes some ten ms each: not for a tick. Knots are rising mu,
+    and all mu have to lie within them. MotiondeckError if one of the motions is a one-shot, or fewer than two knots are
+    given or do not rise. UnknownNameError if there is no such motion. `network` plays the source, or either motion
+    after `give_up` and `settle`.
     """
 
     def __init__(

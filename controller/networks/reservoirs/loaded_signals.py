@@ -50,33 +50,19 @@ class LoadedSignals:
         return conceptor(self.correlation(signal), aperture)
 
     def run(self, c: Array, steps: int, start: Array | None = None) -> Array:
-        """Runs free with a conceptor.
+        """Runs free with a conceptor (N, N), of a signal or computed from others; a signal (steps, D) in its own units.
 
-        MotiondeckError if a shape is wrong, or steps is no whole number.
-
-        Args:
-            c: shape (N, N), of a signal or computed from others.
-            steps: their number.
-            start: the state before the first step, shape (N,); by default the first of the first signal. Where there
-                are several attractors it decides between them: `states[signal][0]` begins in a signal's own.
-
-        Returns:
-            The signal, shape (steps, D), in its own units.
+        `start` is the state before the first step, shape (N,), by default the first of the first signal. Where there
+        are several attractors it decides between them: `states[signal][0]` begins in a signal's own. MotiondeckError if
+        a shape is wrong, or steps is no whole number.
         """
         return self.morph(c, c, np.zeros(whole_number(steps, "steps")), start)
 
     def morph(self, first: Array, second: Array, shares: Array, start: Array | None = None) -> Array:
         """Runs free with the conceptor (1 - mu) C_1 + mu C_2 (Jaeger 2014, section 3.7; Deliallisi 2017, eq. 3.17).
 
-        MotiondeckError if a shape is wrong, or a share is not finite.
-
-        Args:
-            first, second: shape (N, N).
-            shares: mu of each step, shape (steps,); beyond [0, 1] it extrapolates.
-            start: as for `run`.
-
-        Returns:
-            The signal, shape (steps, D), in its own units.
+        The signal, shape (steps, D), in its own units, for `shares`, the mu of each step, shape (steps,); beyond [0, 1]
+        it extrapolates. `start` as for `run`. MotiondeckError if a shape is wrong, or a share is not finite.
         """
         shares = np.asarray(shares, dtype=np.float64)
         if shares.ndim != 1 or not np.isfinite(shares).all():

@@ -59,8 +59,7 @@ def random_reservoir(
         spectral_radius: of W, the largest |eigenvalue|; below 1 a reservoir with leak 1 forgets its start.
         input_scale, bias_scale: the largest weight of W_in and of b.
         leak: a in (0, 1]; the smaller, the slower.
-        seed: of the weights.
-        rng: their source in place of a seed.
+        rng: in place of a seed.
     """
     neurons, inputs = whole_number(neurons, "neurons", 1), whole_number(inputs, "inputs", 0)
     spectral_radius = number_within(spectral_radius, "spectral_radius", 0.0, 1e6)
@@ -108,22 +107,16 @@ def drive(
     starts: Floats | None = None,
     rng: np.random.Generator | None = None,
 ) -> list[Floats]:
-    """The states that signals leave in the reservoir, each started from x = 0 unless it is given a start.
+    """The states (T_j, N) that signals (T_j, C) leave in the reservoir: row n is the state after input n.
 
-    All signals run side by side, the longest first, so that every step is one product with W. Computed in the type of
-    the reservoir's weights. MotiondeckError if there is no signal, one is not of shape (T, C), or a number is not
-    finite.
+    Each begins at x = 0 unless it is given a start. All signals run side by side, the longest first, so that every step
+    is one product with W. Computed in the type of the reservoir's weights. MotiondeckError if there is no signal, one
+    is not of that shape, or a number is not finite.
 
     Args:
-        reservoir: that is driven.
-        signals: arrays (T_j, C); row n is the input of step n.
         state_noise: standard deviation of noise added to the state before each step, for all or for each signal; needs
             rng.
         starts: the states to start from, shape (signals, N).
-        rng: source of the noise.
-
-    Returns:
-        One array (T_j, N) a signal: row n is the state after input n.
     """
     if len(signals) == 0:
         raise MotiondeckError("there are no signals to drive the reservoir with")

@@ -101,12 +101,7 @@ class Readings:
         self._ask_again = round(_ASK_AGAIN * (config.read_hz or config.rate_hz))  # requests
 
     def start(self, joints: Sequence[int], positions: Array, blocks: Sequence[StateBlock], now: float) -> None:
-        """Takes joints as just switched on at these positions, rad, with torque and without an error.
-
-        Args:
-            joints: their indices.
-            positions, blocks: of these joints.
-        """
+        """Takes joints, as indices, as just switched on at their positions, rad, with torque and without an error."""
         where, measured = np.array(joints, dtype=np.int64), self.measured
         for index, block in zip(joints, blocks, strict=True):
             self._blocks[index] = block

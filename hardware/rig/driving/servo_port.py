@@ -62,12 +62,10 @@ class ServoPort:
         """Switches the servos `part`, a rig of one port, of an open bus on, each where it stands.
 
         Readings are written into `measured`, faults counted in `faults`, and zeros kept in `scale`, of the whole rig.
-        In `turns` it is kept in which turn joints stand; without, each counts from its zero in the rig file.
-
-        Raises:
-            RigError: if servos are missing, of another model, or not fit to be switched on; it names them all. Or if
-                the wire is too slow for the rate. Torque is taken off again, the bus closed, and joints that did not
-                confirm that are named too.
+        In `turns` it is kept in which turn joints stand; without, each counts from its zero in the rig file. RigError
+        if servos are missing, of another model, or not fit to be switched on; it names them all. Or if the wire is too
+        slow for the rate. Torque is taken off again, the bus closed, and joints that did not confirm that are named
+        too.
         """
         self.part = part
         self.joints = np.array([config.names.index(name) for name in part.names])  # indices in the rig, shape (n,)

@@ -24,13 +24,10 @@ _SHORT_DELAY = 20e-6  # s; a servo's answer that starts so soon costs nothing th
 
 
 def longest_tick(config: RigConfig, blocks: Sequence[StateBlock], fast: bool, return_delays: Sequence[float]) -> float:
-    """The longest time of goals, a request and its replies while all servos answer, s.
+    """The longest time of goals, a request and its replies while all servos of one port answer, s.
 
-    Args:
-        config: of one port.
-        blocks: what is read of each joint.
-        fast: whether servos that can answer in one joint reply.
-        return_delays: of each joint's servo, s.
+    For the block read of each joint and the return delay of its servo, s; `fast` if servos that can answer in one joint
+    reply.
     """
     config = config.servos
     count = len(config.joints)
@@ -55,8 +52,7 @@ def refuse_slow_wire(
 ) -> None:
     """Refuses a rig whose ticks do not fit on its wire; the arguments are those of `longest_tick`.
 
-    Raises:
-        RigError: it says how long a tick takes, and what makes it shorter.
+    The RigError says how long a tick takes, and what makes it shorter.
     """
     longest = longest_tick(config, blocks, fast, return_delays)
     if longest * config.rate_hz <= 1.0:
