@@ -1,7 +1,4 @@
-"""Named arrays with a JSON header in one safetensors file: written whole or not at all, checked when read.
-
-Reading executes nothing. The caller defines what the arrays mean: a motion library, a recognizer.
-"""
+"""Named arrays with a JSON header in one safetensors file: whole or not there, checked when read, nothing executed."""
 
 from __future__ import annotations
 
@@ -35,19 +32,13 @@ class Kind:
 
 
 def write_arrays(path: Path, kind: Kind, header: msgspec.Struct, arrays: dict[str, NDArray[Any]]) -> None:
-    """Writes under a temporary name and renames, so that the file is whole or not there.
-
-    FileFormatError if the folder cannot be written.
-    """
+    """Writes a temporary file and renames it, so that it is whole or not there; FileFormatError if it cannot be."""
     metadata = {kind.key: msgspec.json.encode(header).decode()}
     write_file(path, save({name: np.ascontiguousarray(a) for name, a in arrays.items()}, metadata=metadata))
 
 
 def read_arrays(path: Path, kind: Kind) -> tuple[object, StoredArrays]:
-    """The header as plain values, its version checked, and the arrays.
-
-    A FileFormatError has one line that names the file and what is wrong with it.
-    """
+    """The header as plain values, its version checked, and the arrays; a FileFormatError says what is wrong."""
     try:
         if not path.is_file():
             raise FileFormatError(f"{path}: there is no such file. Make one with {kind.made_by}.")

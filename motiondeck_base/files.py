@@ -149,10 +149,7 @@ def _replace(path: Path, content: bytes) -> None:
 
 
 def check_folder(*files: Path | None) -> None:
-    """Checks, before anything is computed, that there are folders that files can be written to.
-
-    MotiondeckError if there is none, or it takes no files.
-    """
+    """Checks, before anything is computed, that there are folders for files to write; else a MotiondeckError."""
     for file in files:
         if file is None:
             continue

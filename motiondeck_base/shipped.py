@@ -26,10 +26,7 @@ def shipped_configs() -> Path:
 
 
 def find_robot(name: str | Path) -> Path:
-    """The file of a robot: the path itself if `name` is one, else the shipped robot of this name.
-
-    MotiondeckError if there is none; it offers the nearest names.
-    """
+    """The file of a robot: the path itself, else the shipped one of this name; MotiondeckError has near names."""
     return _find("robot", "robots", ".toml", name)
 
 
@@ -42,18 +39,12 @@ def find_rig(name: str | Path, *, also: Sequence[str] = ()) -> Path:
 
 
 def find_library(name: str | Path) -> Path:
-    """The file of a motion library: the path itself if `name` is one, else the shipped library of this name.
-
-    MotiondeckError if there is none; it offers the nearest names.
-    """
+    """The file of a library: the path itself, else the shipped one of this name; MotiondeckError has near names."""
     return _find("library", "libraries", ".safetensors", name)
 
 
 def find_stage(name: str | Path) -> Path:
-    """A stage file: the path itself if `name` is one, else the shipped example of this name.
-
-    MotiondeckError if there is none; it offers the nearest names.
-    """
+    """A stage file: the path itself, else the shipped example of this name; MotiondeckError has near names."""
     return _find("stage", "stages", ".toml", name)
 
 

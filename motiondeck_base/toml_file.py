@@ -29,10 +29,7 @@ def read_toml(path: Path, shape: type[T]) -> T:
 
 
 def parse_toml(path: Path) -> tuple[str, dict[str, Any]]:
-    """The text of a TOML file, and its contents as plain values.
-
-    A FileFormatError has one line that names the file and what is wrong with it.
-    """
+    """The text of a TOML file, and its contents as plain values; a FileFormatError says in one line what is wrong."""
     try:
         text = path.read_text(encoding="utf-8-sig")
     except OSError as error:

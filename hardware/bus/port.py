@@ -122,10 +122,7 @@ class SerialPort:
 
 
 def lasting_name(name: str, folder: Path = _BY_ID) -> str:
-    """The name of a port that its adapter keeps when it is plugged in again: its link in /dev/serial/by-id.
-
-    Linux makes these links from maker, product and serial number. Where the port has none, its own name.
-    """
+    """The name of a port that its adapter keeps when plugged in again: its link in /dev/serial/by-id, if it has one."""
     try:
         links = sorted(folder.iterdir())
         return next((str(link) for link in links if link.resolve() == Path(name).resolve()), name)

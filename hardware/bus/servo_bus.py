@@ -1,7 +1,4 @@
-"""A bus of servos, of one family or several.
-
-Every call has a deadline from the wire time, and one dead servo costs one servo.
-"""
+"""A bus of servos, of one family or several: every call has a deadline, and one dead servo costs one servo."""
 
 from __future__ import annotations
 

@@ -56,10 +56,7 @@ class Handling:
         self._deeds: list[tuple[str, str, float]] = []
 
     def command(self, words: str) -> None:
-        """Replaces the movement under way, or does something to a servo.
-
-        HandlingError if the command is unknown; it names those that are.
-        """
+        """Replaces the movement under way, or does something to a servo; HandlingError if the command is unknown."""
         verb, *rest = words.split() or [""]
         if verb == "rest" and not rest:
             self._wanted, self._grips = {}, {}

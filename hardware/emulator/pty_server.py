@@ -37,10 +37,7 @@ class PtyServer:
     def __init__(
         self, bus: EmulatedBus, faults: FaultPlan | None = None, paced: bool = True, link: Path | None = None
     ) -> None:
-        """Opens a pseudo-terminal.
-
-        A `link` names the port and stays the same when it is unplugged and plugged in again.
-        """
+        """Opens a pseudo-terminal; a `link` names the port, and stays the same when it is plugged in again."""
         bus.longest_gap = None
         self._bus = bus
         self.wire = Wire(bus, faults, paced, half_duplex=False)  # between the pseudo-terminal and the servos

@@ -102,10 +102,7 @@ class GroupRead(NamedTuple):
     parts: Callable[[bytes], tuple[GroupReply, bool]]
 
     def understand(self, received: bytes, late: bool) -> GroupReply | None:
-        """An incomplete or damaged reply as far as it has come.
-
-        None while the rest may still be on its way, which it is not when `late`.
-        """
+        """An incomplete or damaged reply as far as it has come; None while the rest may come and is not `late`."""
         if len(received) < self.needed and not late:
             return None
         reply, ended = self.parts(received)

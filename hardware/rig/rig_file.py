@@ -88,10 +88,7 @@ class RigConfig(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
         return tuple(parts)
 
     def on_ports(self, ports: Sequence[str] = ()) -> tuple[RigConfig, ...]:
-        """The same as `parts`, on these ports in place of the rig file's own if there are any.
-
-        RigError if their number is not that of the rig's ports.
-        """
+        """As `parts`, on these ports in place of the rig file's own if any; RigError if their number is another one."""
         if ports and len(ports) != len(self.ports):
             raise RigError(f"the rig has {len(self.ports)} ports ({', '.join(self.ports)}), {len(ports)} were given.")
         return tuple(
@@ -158,10 +155,7 @@ class RigConfig(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
 
 
 def load_rig(path: str | Path) -> RigConfig:
-    """Reads a rig file.
-
-    RigFileError if it cannot be read, is not TOML, or has an unknown key or an impossible value.
-    """
+    """Reads a rig file; RigFileError if it cannot be read or is not TOML, for an unknown key or an impossible value."""
     try:
         text, tree = parse_toml(Path(path))
     except FileFormatError as error:

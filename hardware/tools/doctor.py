@@ -302,10 +302,7 @@ def latency_timer(port: str) -> int | None:
 
 
 def shorten_latency(port: str) -> str:
-    """Sets the latency timer of a USB adapter to 1 ms; what was done, or what to do for it, in words.
-
-    The adapter forgets it when it is unplugged.
-    """
+    """Sets the latency timer of a USB adapter to 1 ms until it is unplugged; what was done, or what to do, in words."""
     before, file = latency_timer(port), latency_file(port)
     if before is None:
         return f"{port} has no latency timer that could be set"

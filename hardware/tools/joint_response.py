@@ -55,10 +55,7 @@ class Chirp:
 
 
 def chirp_of(joint: RigJoint, position: float) -> Chirp:
-    """The chirp of a joint around where it stands, or as near to there as its limits (rad) allow.
-
-    RigError if its range is too small for any.
-    """
+    """The chirp of a joint around where it stands, or as near as its limits allow; RigError if there is no room."""
     low, high = joint.lower + _MARGIN, joint.upper - _MARGIN
     swing = min(_SWING, 0.5 * (high - low))
     if swing < _LEAST_SWING:
@@ -92,10 +89,7 @@ class Response(NamedTuple):
 
 
 def response(answers: ChirpAnswers) -> Response:
-    """Lag, gain and friction of a joint.
-
-    RigError if there are too few answers, or the shaft did not move with its targets.
-    """
+    """Lag, gain and friction of a joint; RigError if answers are too few, or the shaft did not follow its targets."""
     start = answers.sent_at[0] + LATEST
     known = answers.read_at >= start
     if np.count_nonzero(known) < 100:

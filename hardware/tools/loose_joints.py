@@ -1,7 +1,4 @@
-"""Joints without torque, moved by hand.
-
-With torque off a servo counts its position through whole turns, so a joint that passes its own zero is followed.
-"""
+"""Joints moved by hand: without torque a servo counts its position through whole turns, also past its own zero."""
 
 from __future__ import annotations
 

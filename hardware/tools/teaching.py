@@ -85,10 +85,7 @@ class Taught(NamedTuple):
 
 
 def taught(moments: Sequence[Moment], rate: float) -> Taught:
-    """What was written down, at a steady rate (Hz).
-
-    RigError if there are too few moments, a joint was never heard, or nothing moved.
-    """
+    """What was written down, at a steady rate (Hz); RigError for too few moments, a silent joint, or no movement."""
     times = np.array([moment.time for moment in moments])
     seen = np.array([moment.angles for moment in moments])
     window = round(_SMOOTHED_OVER * rate) | 1

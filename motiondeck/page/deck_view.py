@@ -36,10 +36,7 @@ SIDE_WIDTH = 340  # pixels
 
 
 class DeckView:
-    """All that is on the page of a deck; dropped recordings are kept in the folder `dropped`.
-
-    FileFormatError if MuJoCo refuses a model file of the deck.
-    """
+    """All that is on a deck's page, recordings kept in `dropped`; FileFormatError if MuJoCo refuses a model file."""
 
     def __init__(self, page: PrivatePage, about: PageDescription, commands: CommandClient, dropped: Path) -> None:
         self._page = page

@@ -219,10 +219,7 @@ def _wired_stop(opening: ExitStack, spec: RunSpec) -> WiredStop | None:
 
 
 def _servers(opening: ExitStack, spec: RunSpec) -> list[CommandServer]:
-    """The sockets where commands are taken, the local one last.
-
-    SocketError if the port or the address cannot be used.
-    """
+    """The sockets where commands are taken, the local one last; SocketError if a port or address cannot be used."""
     servers, port = list[CommandServer](), spec.command_port
     # A network knows which ports are free; the local socket then has the same number.
     if spec.listen is not None and spec.token_file is not None:
@@ -299,10 +296,7 @@ def _watch(spec: RunSpec, played: Played, first: RobotOnDeck, channel: Channel) 
 def _recorder(
     opening: ExitStack, spec: RunSpec, played: Played, robot: RobotOnDeck, deck: PlayableDeck, watch: Watch | None
 ) -> TickRecorder | None:
-    """Starts the recording, if there is one.
-
-    MotiondeckError if the robot is not simulated, or the file cannot be written.
-    """
+    """Starts the recording, if any; MotiondeckError if the robot is not simulated, or the file cannot be written."""
     if spec.record is None:
         return None
     simulation = robot.simulation

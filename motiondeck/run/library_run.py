@@ -17,10 +17,7 @@ from motiondeck.run.spec.run_spec import RunSpec
 
 @contextmanager
 def library_run(spec: RunSpec, program: Program, host: Host = ALONE) -> Iterator[Session]:
-    """An open run of a program while the block runs.
-
-    MotiondeckError if the network is too large for the rate, or a file, a port or a rig cannot be used.
-    """
+    """An open run of a program in the block; MotiondeckError if it is too fast for the network, or cannot be opened."""
     library, first = program.library, program.first
     rate = checked_rate(library, first, spec.rate, lower=spec.lower_rate)
     if rate != spec.rate:

@@ -18,10 +18,7 @@ _LEFT_OUT = ("motion", "library", "script", "page", "command_port")
 def play_again(
     context: typer.Context, library: str, motion: str, *, page_port: int | None, command_port: int
 ) -> NoReturn:
-    """Replaces this process by one that plays a motion of another library, on the same ports.
-
-    Where that library cannot be played, it says why and goes on with the one before.
-    """
+    """Replaces this process by one that plays another library on the same ports; if it cannot, this one goes on."""
     chosen: list[str] = ["--library", library, motion]
     try:
         if motion not in load_library(Path(library)).network.motions:

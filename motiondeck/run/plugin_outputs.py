@@ -70,10 +70,7 @@ class PluggedOutput:
             raise LateOutputError(f"a write took {1e3 * took:.1f} ms, more than {1e3 * self._longest:.1f} ms")
 
     def measured(self) -> Array | None:
-        """The measured joint positions, shape (J,), rad, if the output has any.
-
-        MotiondeckError if they have another shape.
-        """
+        """The measured joint positions, shape (J,), rad, if it has any; MotiondeckError if they have another shape."""
         measured = self._measured()
         if measured is None:
             return None

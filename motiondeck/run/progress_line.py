@@ -1,7 +1,4 @@
-"""The progress line of a run on a terminal: motion, time, and at once that the run is ending.
-
-A separate thread writes it: a terminal that blocks must not delay the loop.
-"""
+"""The progress line of a run, written by a thread: a terminal that blocks must not delay the loop."""
 
 from __future__ import annotations
 

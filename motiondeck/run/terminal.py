@@ -52,10 +52,7 @@ docs/deck.md has more about each."""
 
 
 def help_on(words: Sequence[str]) -> str:
-    """What `motiondeck send help` teaches: all commands, or the one that is named.
-
-    CommandError if there is no such command.
-    """
+    """What `motiondeck send help` teaches: all commands, or the one named; CommandError if there is no such command."""
     if not words:
         return _SEND_HELP
     command = BY_WORD.get(words[0])
@@ -176,10 +173,7 @@ def listen_to(client: CommandClient, enough: Callable[[], bool]) -> None:
 
 
 def follow(client: CommandClient, lines: Iterable[str]) -> None:
-    """Sends commands from lines, one after the other, and waits for each switch to settle.
-
-    SocketError if no deck is running.
-    """
+    """Sends commands from lines, and waits for each switch to settle; SocketError if no deck is running."""
     for line in lines:
         message = _message_in(line)
         if message is None:

@@ -1,7 +1,4 @@
-"""Certificates of a show: one authority, and a folder for each member with its certificate, key and addresses.
-
-The authority's key stays in the show's folder, where members can be added later; nothing else needs it.
-"""
+"""Certificates of a show: a folder for each member, and one authority, whose key stays in the show's folder."""
 
 from __future__ import annotations
 

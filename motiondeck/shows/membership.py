@@ -71,10 +71,7 @@ def check_name(name: str, what: str) -> str:
 
 
 def deck_in(text: str) -> Membership:
-    """The membership of a deck: SHOW/DECK on this machine, or a folder with certificates.
-
-    MotiondeckError if it is neither.
-    """
+    """The membership of a deck: SHOW/DECK on this machine, or a folder with certificates; else a MotiondeckError."""
     folder = Path(text)
     if folder.is_dir():
         return with_certificates(folder)

@@ -84,11 +84,7 @@ class SeenDecks:
         return [deck.name for deck in self.present]
 
     def named(self, names: list[str]) -> list[str]:
-        """The decks of some names, of which at least one is here.
-
-        UnknownNameError if there is no such deck or group; it names the nearest. MotiondeckError if none of them is
-        here.
-        """
+        """The decks of some names; UnknownNameError has the nearest name, MotiondeckError if none of them is here."""
         present = self.present_names
         known = [*dict.fromkeys([*present, *self._show.decks]), *self._show.groups, ALL]
         for name in names:

@@ -99,10 +99,7 @@ def show_command(line: str) -> DeckCommand:
 
 
 def read_show(path: Path) -> Show:
-    """Reads a show file.
-
-    A FileFormatError has one line per problem, with the file, the place, and what is allowed there.
-    """
+    """Reads a show file; a FileFormatError has one line per problem: the file, the place, what is allowed there."""
     show = read_toml(path, Show)
     problems = [*_wrong_names(show), *_wrong_cues(show)]
     if problems:

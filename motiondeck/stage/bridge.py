@@ -56,10 +56,7 @@ class Bridge:
         client.post(Subscribe())
 
     def run(self) -> None:
-        """Goes on until the deck has ended.
-
-        SocketError if the deck is gone without a word. MidiGoneError if a MIDI device is unplugged.
-        """
+        """Goes on until the deck has ended; SocketError if it is gone without a word, MidiGoneError if a device is."""
         while self.step(_POLL):
             pass
 

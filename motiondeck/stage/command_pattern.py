@@ -21,10 +21,7 @@ class CommandPattern:
     text: str
 
     def __post_init__(self) -> None:
-        """Checks what can be known before a signal comes.
-
-        CommandError if it is no command, or has too few or too many arguments.
-        """
+        """Checks what can be known before a signal comes; CommandError if it is no command, or lacks arguments."""
         words = self.text.split()
         if self.complete:
             parse_command(words)

@@ -117,10 +117,7 @@ class SystemPort:
 
 
 def open_midi_port(name: str) -> MidiPort:
-    """The port of a name, or the device of a path.
-
-    MotiondeckError if mido is not installed, or there is no such port; it names those that there are.
-    """
+    """The port of a name, or the device of a path; MotiondeckError without mido, or it names the ports there are."""
     try:
         import mido
     except ImportError:

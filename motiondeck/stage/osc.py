@@ -103,10 +103,7 @@ class OscInput:
 
 
 class OscOutput:
-    """Sends events and states of a deck by OSC.
-
-    MotiondeckError if python-osc is not installed, or there is no such host.
-    """
+    """Sends events and states of a deck by OSC; MotiondeckError without python-osc, or if there is no such host."""
 
     def __init__(self, host: str, port: int) -> None:
         _require_python_osc()

@@ -74,10 +74,7 @@ class StageMap:
 
 
 def read_stage(path: Path) -> StageMap:
-    """Reads a stage file.
-
-    A FileFormatError has one line per problem, with the file, the place, and what is allowed there.
-    """
+    """Reads a stage file; a FileFormatError has one line per problem: the file, the place, what is allowed there."""
     raw = read_toml(path, _StageFile)
     problems: list[str] = []
 

@@ -38,10 +38,7 @@ _LOWEST_VOLTAGE = 0.45  # of the nominal voltage: below, the servo restarts; an 
 
 
 class ServoBank:
-    """n servos of one model.
-
-    Of their motors (`drive`), `shaft`, `load`, `jammed`, `supply` and `temperature` may be set from outside.
-    """
+    """n servos of one model; of the `drive`, shaft, load, jammed, supply and temperature may be set from outside."""
 
     def __init__(self, table: ControlTable, ids: Sequence[int], shaft: Sequence[float]) -> None:
         """Switches the servos on, each horn at `shaft` pulses."""

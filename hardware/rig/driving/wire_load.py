@@ -50,10 +50,7 @@ def longest_tick(config: RigConfig, blocks: Sequence[StateBlock], fast: bool, re
 def refuse_slow_wire(
     config: RigConfig, blocks: Sequence[StateBlock], fast: bool, return_delays: Sequence[float]
 ) -> None:
-    """Refuses a rig whose ticks do not fit on its wire; the arguments are those of `longest_tick`.
-
-    The RigError says how long a tick takes, and what makes it shorter.
-    """
+    """Raises a RigError with the remedy if a rig's ticks do not fit on its wire; arguments as of `longest_tick`."""
     longest = longest_tick(config, blocks, fast, return_delays)
     if longest * config.rate_hz <= 1.0:
         return

@@ -18,10 +18,7 @@ TARGET_COLOUR = (0.11, 0.49, 0.84)
 
 
 class TargetPose:
-    """Drawn over the body of a height, m; its solids are sent to the browsers when it is first switched on.
-
-    `load` gives a model of the robot, which is changed.
-    """
+    """Drawn over the body of a height, m, and sent when first switched on; the model that `load` gives is changed."""
 
     def __init__(self, page: PrivatePage, load: Callable[[], mujoco.MjModel], height: float) -> None:
         self._page, self._load, self._height = page, load, height

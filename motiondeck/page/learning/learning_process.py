@@ -1,7 +1,4 @@
-"""The page's side of the learning process: one request, then its messages, line by line.
-
-The description of the page names its command line; here are the messages between the two.
-"""
+"""The page's side of the learning process, and the messages between the two: one request, then answers."""
 
 from __future__ import annotations
 

@@ -1,7 +1,4 @@
-"""Pictures of the motions of a library, and which motions can be blended.
-
-A thread computes both, because playing each motion once takes a moment.
-"""
+"""Pictures of a library's motions, and which can be blended; a thread plays each once, which takes a moment."""
 
 from __future__ import annotations
 

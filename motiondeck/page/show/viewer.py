@@ -29,10 +29,7 @@ _news = msgspec.json.Decoder(ShowState | ShowNotice)
 
 
 def view(conductor: socket.socket, port: int) -> None:
-    """Shows a show until its conductor is gone; prints the page's address on standard error when that answers.
-
-    MotiondeckError if the port is taken.
-    """
+    """Shows a show until its conductor is gone; prints the page's address. MotiondeckError if the port is taken."""
     page = PrivatePage(port, label="Motiondeck · show")
     print(f"page: {page.address}", file=sys.stderr, flush=True)
     shown = ShowView(page, lambda word: _send(conductor, word))

@@ -36,10 +36,7 @@ class PagePortError(MotiondeckError):
 
 
 class PrivatePage(viser.ViserServer):
-    """A viser server that listens on 127.0.0.1 alone, at this port or none, and refuses every request to share it.
-
-    PagePortError if the port is taken or not allowed.
-    """
+    """A viser server on 127.0.0.1 alone, which is never shared; PagePortError if the port is taken or not allowed."""
 
     def __init__(self, port: int, label: str) -> None:
         _check_free(port)

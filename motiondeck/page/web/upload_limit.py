@@ -1,7 +1,4 @@
-"""Uploads of a page up to a size: a larger file is refused when it is announced, and none of it is kept.
-
-viser keeps whatever parts arrive until a file is complete.
-"""
+"""Uploads of a page up to a size: a larger file, which viser would collect, is refused when it is announced."""
 
 from __future__ import annotations
 

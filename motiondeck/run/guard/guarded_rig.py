@@ -156,10 +156,7 @@ class GuardedRig:
         return self._collected != collected
 
     def write(self, targets: Array) -> None:
-        """Sends the targets of this tick, shape (J,), rad.
-
-        RigError if the rig has stopped for good, or its guard is gone.
-        """
+        """Sends the targets of this tick, shape (J,), rad; RigError if the rig has stopped, or its guard is gone."""
         now, stop, sent = time.monotonic(), self.stop, self._targets
         if self._failure:
             raise RigError(self._failure)

@@ -182,10 +182,7 @@ class GuardService:
 
 
 def guard(link: GuardLink[Request], begin: Begin) -> None:
-    """Connects the rig and guards it until the deck is gone or has closed it.
-
-    MotiondeckError if the rig, the stop door or the wired stop cannot be opened.
-    """
+    """Guards the rig until the deck is gone or closes it; MotiondeckError if the rig or a stop cannot be opened."""
     with ExitStack() as opening:
         ports = begin.ports
         if begin.emulated is not None:

@@ -73,10 +73,7 @@ def _curves(angles: NDArray[np.float64]) -> list[list[float]]:
 
 
 def learn(request: LearnRequest) -> Learned | NotLearned:
-    """Learns a recording as one more motion of a library, or as a new library if it cannot be added.
-
-    MotiondeckError if it cannot be learned.
-    """
+    """Learns a recording as one more motion of a library, or else as a new library; MotiondeckError if it cannot be."""
     from controller.learning.adding import add_motion
     from controller.learning.learn import learn as learn_library
     from controller.learning.recording_analysis import analyse_recording

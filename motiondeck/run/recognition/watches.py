@@ -45,10 +45,7 @@ MOST_KEPT = 1000  # times at which another motion was seen, the latest
 
 
 class BodyWatch:
-    """Feeds a `BodyRecognizer` with the poses from which the joints' targets are made.
-
-    MotiondeckError if the skeleton lacks a joint that the recognizer looks at.
-    """
+    """Feeds a `BodyRecognizer` with the poses that targets are made from; MotiondeckError if a joint is missing."""
 
     def __init__(self, recognizer: Recognizer, skeleton: Skeleton) -> None:
         from controller.learning.recognition.body_recognizer import BodyRecognizer

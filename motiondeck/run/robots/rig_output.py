@@ -194,10 +194,7 @@ class RigOutput:
             self._rig.switch_off(place)
 
     def restart(self, joint: str) -> None:
-        """Has the servo of a joint restarted, and set up again.
-
-        MotiondeckError if the rig has no such joint, or its servo cannot be restarted.
-        """
+        """Has the servo of a joint restarted and set up again; MotiondeckError if there is none, or it cannot be."""
         self._rig.restart(self._place(joint))
 
     def registers(self, joint: str, write: tuple[str, int] | None = None) -> RegisterQuery:

@@ -112,10 +112,7 @@ def open_robots(opening: ExitStack, spec: RunSpec, library: MotionLibrary) -> li
 
 
 def open_robot(opening: ExitStack, spec: RunSpec, library: MotionLibrary, prefix: str = "") -> RobotOnDeck:
-    """Opens the robot of a run, its simulation and its rig; `opening` closes them.
-
-    MotiondeckError if there is no such robot or rig, a file is wrong, or the rig cannot be connected.
-    """
+    """Opens robot, simulation and rig of a run, closed by `opening`; MotiondeckError if one cannot be opened."""
     from sim.models.robot_file import solver_named
     from sim.physics.kinematic_playback import KinematicPlayback
     from sim.physics.playback import PhysicsPlayback

@@ -88,10 +88,7 @@ def checked_rate(
 
 
 def first_motion(library: MotionLibrary, motion: str | None) -> str:
-    """What a library plays first: the given motion, else `walk`, else its first one.
-
-    UnknownNameError if the library has no such motion; it names the nearest.
-    """
+    """What a library plays first: the given motion, else `walk`, else its first; UnknownNameError names the nearest."""
     names = library.network.motions
     if motion is not None and motion not in names and Path(motion).is_file():
         if Path(motion).suffix.lower() == ".safetensors":

@@ -225,10 +225,7 @@ class RunSpec:
         return any(rig is not None and not is_emulated(rig) for rig in (self.rig, self.follow_rig))
 
     def check(self) -> None:
-        """Refuses, before anything is loaded, impossible values and options that contradict or lack each other.
-
-        MotiondeckError if there are any; it says what to change.
-        """
+        """Refuses impossible values, and options that exclude or need each other: a MotiondeckError says what to do."""
         for name, option in options().items():
             value = getattr(self, name)
             if isinstance(value, float) and not math.isfinite(value):
