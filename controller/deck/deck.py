@@ -187,10 +187,7 @@ class Deck(Lockable):
         return self.plan.command(CommandedSwitch(first, self.time, blend=blend), direct=self.direct)
 
     def enqueue(self, to: str) -> CommandedSwitch:
-        """Plays a motion after what is played and queued.
-
-        UnknownNameError if there is no such motion; it names the nearest. MotiondeckError if MOST_QUEUED are waiting.
-        """
+        """Plays a motion after all queued; UnknownNameError, or MotiondeckError if MOST_QUEUED are waiting."""
         self._check(to)
         if len(self.plan.queued) >= MOST_QUEUED:
             raise MotiondeckError(

@@ -40,10 +40,7 @@ class Retargeter(Protocol):
 
 
 class Output(Protocol):
-    """A receiver of joint targets that may measure positions.
-
-    A write may raise: the loop counts the fault and parks the output, and the others go on.
-    """
+    """A receiver of joint targets that may measure positions; one that raises is counted, and parked by the loop."""
 
     name: str
 

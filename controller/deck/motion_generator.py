@@ -70,10 +70,7 @@ class MotionGenerator:
 
     @property
     def phase(self) -> float:
-        """How far the motion is: [0, 1) in a loop, 0 to 1 in a one-shot.
-
-        MotiondeckError if the network runs by itself.
-        """
+        """How far it is: [0, 1) in a loop, 0 to 1 in a one-shot; MotiondeckError if the network runs by itself."""
         return self._player.phase
 
     def step(self, dt: float) -> Array:

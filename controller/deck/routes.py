@@ -50,10 +50,7 @@ class Routes:
         return Routes({name: dict.fromkeys(others, 0.0) for name, others in self.leaps.items()}, self.bridges)
 
     def way(self, start: str, goal: str) -> tuple[str, ...]:
-        """The motions on the cheapest way from one motion to another (both left out); empty where it is direct.
-
-        The way from a motion to itself is direct.
-        """
+        """The motions on the cheapest way from one motion to another, both left out; empty where it is direct."""
         ways: list[tuple[float, str, tuple[str, ...]]] = [(0.0, start, ())]
         closed: set[str] = set()
         while True:

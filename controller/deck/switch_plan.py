@@ -1,7 +1,4 @@
-"""The plan of a deck: the switch under way, the motions on its way, and the queue.
-
-Times are s since the start of the deck.
-"""
+"""The plan of a deck: the switch under way, motions on its way, and the queue; times are s since its start."""
 
 from __future__ import annotations
 

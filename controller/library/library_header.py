@@ -48,10 +48,7 @@ class LibraryInfo(NetworkHeader, frozen=True, kw_only=True):
 
 
 def read_header(path: Path, tree: object) -> LibraryInfo:
-    """The header of a library file, checked.
-
-    A FileFormatError has one line that names the file and what is wrong with it.
-    """
+    """The header of a library file, checked; a FileFormatError names in one line the file and what is wrong."""
     info = shaped(tree, LibraryInfo, f"{path} (header)")
     try:
         network_kind(info.network)

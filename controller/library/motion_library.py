@@ -61,19 +61,12 @@ def once_a_library(find: Callable[[MotionLibrary], Found]) -> Callable[[MotionLi
 
 
 def save_library(library: MotionLibrary, path: Path) -> None:
-    """Writes a library under a temporary name and renames it, so that a file is whole or not there.
-
-    FileFormatError if the folder cannot be written.
-    """
+    """Writes a library whole or not at all, by a temporary name; FileFormatError if the folder cannot be written."""
     write_arrays(path, KIND, library.info, library.network.arrays())
 
 
 def load_library(path: Path) -> MotionLibrary:
-    """Reads and checks a library.
-
-    Raises:
-        FileFormatError: one line that names the file and what is wrong with it.
-    """
+    """Reads and checks a library; a FileFormatError names in one line the file and what is wrong."""
     header, stored = read_arrays(path, KIND)
     info = read_header(path, header)
     encoding = encoding_in(path, info)

@@ -24,10 +24,7 @@ class TokenError(MotiondeckError):
 
 
 def read_token(path: Path) -> bytes:
-    """The token in a file that only its owner may read; white space around it is ignored.
-
-    TokenError if there is no such file, others may read or write it, or the token is too short.
-    """
+    """The token in a file, without white space around it; TokenError if it is missing, not private, or too short."""
     how = f"Make one with: (umask 077; openssl rand -hex 32 > {path})"
     try:
         with path.open("rb") as file:

@@ -233,10 +233,7 @@ class CommandClient:
         return reply
 
     def wait_settled(self, number: int, timeout_s: float = 10.0) -> SecondReply | None:
-        """Waits for the second reply to the command with this number; None if there is none in time.
-
-        SocketError if the deck is gone.
-        """
+        """The second reply to the command with this number; None if none comes in time, SocketError without a deck."""
         return self._wait_for(lambda: self._settled.get(number), time.monotonic() + timeout_s)
 
     def _wait_for(self, reply: Callable[[], T | None], until: float) -> T | None:
@@ -307,10 +304,7 @@ class CommandClient:
         return self._connection.receive(deadline - time.monotonic())
 
     def fileno(self) -> int:
-        """Readable when a reply has arrived, for `select`; a command must have been sent before.
-
-        SocketError if no deck is running there.
-        """
+        """Readable when a reply has arrived, for `select`, once a command was sent; SocketError if no deck is there."""
         return self._connection.fileno()
 
     def close(self) -> None:

@@ -125,10 +125,7 @@ class LocalConnection:
     """
 
     def __init__(self, port: int, patience: float) -> None:
-        """Prepares to talk to the deck of a number, which may keep a sender waiting for `patience` seconds.
-
-        SocketError if the number is out of range.
-        """
+        """For the deck of a number, which may keep a sender waiting `patience` s; SocketError if out of range."""
         check_port(port)
         self._patience = patience
         self._ready = select.epoll()
@@ -153,10 +150,7 @@ class LocalConnection:
             self._commands.send(data, patience)
 
     def receive(self, timeout_s: float) -> bytes | None:
-        """The next datagram, or None if none arrives in time; without any time it does not wait at all.
-
-        PeerGoneError if no deck is running there. SocketError if it is full.
-        """
+        """The next datagram, or None if none comes in time; PeerGoneError without a deck, SocketError if full."""
         until = time.monotonic() + timeout_s
         while self._commands.number >= 0 or (self._awaited and self._door.number >= 0):
             # Any time above 0 becomes at least a millisecond, in which a loop would give up its core.

@@ -77,10 +77,7 @@ class LocalSocket:
     """A listening socket in the folder of this user, under the number of a deck; it never blocks."""
 
     def __init__(self, port: int, ending: str, backlog: int) -> None:
-        """Takes a number, 0 for any free one.
-
-        SocketError if another deck has it, it is out of range, or the folder cannot be used.
-        """
+        """Takes a number, 0 for any free one; SocketError if another deck has it, or the folder cannot be used."""
         check_port(port)
         self._socket = socket.socket(socket.AF_UNIX, socket.SOCK_SEQPACKET)
         self._socket.setblocking(False)

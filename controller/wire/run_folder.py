@@ -21,10 +21,7 @@ _LOCK = "in-use"
 
 @contextmanager
 def run_folder() -> Iterator[Path]:
-    """A folder of the user's own (0700) in TMPDIR, gone after the block.
-
-    MotiondeckError if it cannot be made; it says what to do.
-    """
+    """A folder of the user's own (0700) in TMPDIR, gone after the block; MotiondeckError if it cannot be made."""
     try:
         root = Path(tempfile.gettempdir())
         _remove_abandoned(root)

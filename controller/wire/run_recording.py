@@ -91,10 +91,7 @@ class RecordingWriter:
 
 
 def check_replaceable(path: Path) -> None:
-    """Refuses to record over a file that is no recording of a run, such as one of motion capture.
-
-    FileFormatError if it is one, or cannot be read.
-    """
+    """Refuses to record over a file that is no recording of a run, or that cannot be read: FileFormatError."""
     try:
         with path.open("rb") as file:
             beginning = file.read(len(_MAGIC)) if path.is_file() else b""

@@ -16,10 +16,7 @@ if TYPE_CHECKING:
 
 
 class _Column(NamedTuple):
-    """How a value is sent as numbers: the fields with their sizes, and the two directions.
-
-    A plain number is sent as it is, without a call of `numbers`.
-    """
+    """How a value is sent: fields with their sizes, and the two directions; a plain number goes without `numbers`."""
 
     sizes: dict[str, int]
     numbers: Callable[[Any], list[float]]

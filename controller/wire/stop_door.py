@@ -41,10 +41,7 @@ class StopDoor:
     """Takes emergency stops; never blocks, and never raises once it is open."""
 
     def __init__(self, port: int) -> None:
-        """Opens the door of the deck with that command port.
-
-        SocketError if another deck has it, or the folder of the sockets is not this user's alone.
-        """
+        """Opens the door of the deck with that port; SocketError if it is taken, or its folder not private."""
         self._socket = LocalSocket(port, STOP_DOOR, _BACKLOG)
         self._holders: dict[int, _Holder] = {}  # the longest idle first
         self._ready = select.epoll()

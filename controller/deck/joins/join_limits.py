@@ -1,7 +1,4 @@
-"""The limits of a join: the speed and acceleration of body points, relative to those of its motions.
-
-Both are taken over the same time as those of the motions, PEAKS_OVER, so that they do not depend on the loop's rate.
-"""
+"""Limits of a join: speed and acceleration of body points relative to its motions', both over the time PEAKS_OVER."""
 
 from __future__ import annotations
 

@@ -77,10 +77,7 @@ class FramePlayer:
 
     @property
     def phase(self) -> float:
-        """How far the motion is: [0, 1) in a loop, 0 to 1 in a one-shot.
-
-        MotiondeckError if the network runs by itself and does not know.
-        """
+        """How far it is: [0, 1) in a loop, 0 to 1 in a one-shot; MotiondeckError if the network does not know."""
         self.require_phase()
         before, after = self._phases[1], self._phases[2]
         way = after - before

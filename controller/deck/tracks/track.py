@@ -20,10 +20,7 @@ AHEAD = 3  # frames by which a player is ahead of its output
 
 
 class Mixture:
-    """Plays a network alone, perhaps guarded, or a mixture of two of its motions by its core, which is not.
-
-    Fits `base.FrameNetwork`.
-    """
+    """A network alone, perhaps guarded, or its core's mixture of two motions, unguarded; fits `base.FrameNetwork`."""
 
     def __init__(self, network: FrameNetwork, core: AutonomousNetwork | None) -> None:
         self.motions, self.channels = network.motions, network.channels
@@ -49,10 +46,7 @@ class Mixture:
         self._end()
 
     def morph_to(self, other: str, frames: int) -> None:
-        """Morphs inside the network to another motion, within a number of frames.
-
-        UnknownNameError if there is no such motion.
-        """
+        """Morphs inside the network to another motion, within a number of frames; UnknownNameError if there is none."""
         assert self._core is not None, "only a network that runs by itself is morphed"
         self._morph, self._other = self._core.morph(self.motion, other), other
         self._frames, self._length = 0, max(1, frames)

@@ -1,7 +1,4 @@
-"""A recognizer of clips, whose verdict may be "unknown", and its file.
-
-The file is safetensors with a JSON header, checked on loading, which executes nothing.
-"""
+"""A recognizer of clips, whose verdict may be "unknown", and its file: checked when loaded, nothing executed."""
 
 from __future__ import annotations
 

@@ -15,10 +15,7 @@ CHANGE_COST = 0.67
 
 
 def frame_costs(bank: ExpertBank, signal: Array) -> Array:
-    """The centred log error of each expert on each frame of a stream, shape (T, M).
-
-    The first frame repeats the second's.
-    """
+    """The centred log error of each expert on each frame of a stream, shape (T, M); the first is as the second."""
     forced = bank.force([signal])[0]
     costs = np.log(np.maximum(frame_errors(bank.readouts, forced, bank.together), SMALLEST_ERROR)).mean(-1)
     costs = np.concatenate([np.repeat(costs[:1], len(signal) - len(costs), axis=0), costs])

@@ -20,10 +20,7 @@ from motiondeck_base.errors import MotiondeckError
 
 @dataclass(frozen=True, eq=False)
 class LowRankWeights:
-    """W of rank r for D channels and m satellites.
-
-    MotiondeckError if the shapes disagree.
-    """
+    """W of rank r for D channels and m satellites; MotiondeckError if the shapes disagree."""
 
     shares: Array  # B, shape (D, r), mostly zeros
     curves: Array  # A, shape (r, m); a row holds zeros from some satellite on

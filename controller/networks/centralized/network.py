@@ -23,10 +23,7 @@ ANCHOR_EVERY = 2
 
 
 class CentralizedNetwork(Network[CentralizedMotion]):
-    """Plays centralized motions frame by frame; fits `base.CrossingNetwork`.
-
-    Several runs are disturbed and read, and do not cross.
-    """
+    """Plays centralized motions frame by frame; fits `base.CrossingNetwork` (several runs do not cross)."""
 
     kind = "centralized"
 

@@ -45,10 +45,7 @@ class SatelliteNetwork:
         return self.now
 
     def run(self, steps: int, dt: float) -> Array:
-        """The signal now and at the following steps of dt seconds, shape (steps, D).
-
-        MotiondeckError if steps is no whole number, 1 or more.
-        """
+        """The signal now and at the next steps of dt seconds, shape (steps, D); MotiondeckError unless steps >= 1."""
         steps = whole_number(steps, "steps", 1)
         return np.array([self.now] + [self.step(dt) for _ in range(steps - 1)])
 

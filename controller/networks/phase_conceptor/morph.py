@@ -87,10 +87,7 @@ class PhaseMorph:
         self._z = seen[0][self._motions[0].course.frame_at(self._share)] - self._means[0]
 
     def advance(self, mu: float, out: Channels) -> None:
-        """Steps one frame on with the share mu of the target and writes it into out, shape (channels,).
-
-        MotiondeckError if mu lies outside of the knots.
-        """
+        """The next frame, with the share mu of the target, into `out`; MotiondeckError if mu is beyond the knots."""
         knots = self._knots
         if not knots[0].mu <= mu <= knots[-1].mu:
             raise MotiondeckError(f"mu {mu:g} lies outside of the knots from {knots[0].mu:g} to {knots[-1].mu:g}")

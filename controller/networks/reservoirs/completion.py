@@ -41,10 +41,7 @@ class Completion:
         return states[self.settling :] @ self.readout[:, :-1].T + self.readout[:, -1]
 
     def follow(self, measured: Array) -> LiveCompletion:
-        """The same frame by frame, from a first measurement (C,) on.
-
-        MotiondeckError if it has another number of values, or one is not finite.
-        """
+        """The same frame by frame, from a measurement (C,) on; MotiondeckError for one of another shape or NaN."""
         return LiveCompletion(self, measured)
 
 

@@ -26,10 +26,7 @@ def correlation(states: Array) -> Array:
 
 
 def conceptor(correlations: Array, aperture: float = 10.0) -> Array:
-    """C = R (R + alpha^-2 I)^-1 (eq. 3.10): eigenvalues in [0, 1).
-
-    MotiondeckError if the aperture is not a positive number, or R is not square.
-    """
+    """C = R (R + alpha^-2 I)^-1 (eq. 3.10), eigenvalues in [0, 1); MotiondeckError for a bad aperture or shape of R."""
     correlations = square(correlations, "a correlation matrix")
     if not (np.isfinite(aperture) and aperture > 0.0):
         raise MotiondeckError(f"aperture {aperture} is not a positive number")

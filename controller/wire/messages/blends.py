@@ -10,10 +10,7 @@ MOST_BLENDED = 4  # the most motions of a blend
 
 
 def blend_weights(first: str, second: str, weight: float, also: Sequence[tuple[str, float]] = ()) -> dict[str, float]:
-    """The weights of the motions of a blend, the first with what the others leave.
-
-    CommandError if a motion is named twice, there are too many, or a weight is not allowed; it says what is.
-    """
+    """The weights of the motions of a blend, the first with what is left; CommandError says what is allowed."""
     parts = [(second, weight), *also]
     names = [first, *(name for name, _ in parts)]
     for name in names:
