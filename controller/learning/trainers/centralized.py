@@ -81,7 +81,6 @@ class CentralizedTrainer(Trainer[CentralizedRecipe]):
         return CentralizedNetwork(motions, rate)
 
     def add(self, recipe: CentralizedRecipe, network: CentralizedNetwork, motion: NewMotion) -> CentralizedNetwork:
-        """The network with one more motion."""
         normalisation = Normalisation.fit([motion.frames])
         to_learn = TrainingMotion(motion.name, normalisation.apply(motion.frames), motion.loop)
         lessons = Lessons([to_learn], normalisation, motion.rate)

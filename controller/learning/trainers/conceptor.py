@@ -30,7 +30,6 @@ class ConceptorTrainer(Trainer[ConceptorRecipe]):
     stored_noise_note = "A library keeps only the directions of its conceptors; only noise along them has an effect."
 
     def problems(self, recipe: ConceptorRecipe, motions: Sequence[str]) -> Iterator[str]:
-        """Apertures of unknown motions, or out of range."""
         for name, aperture in recipe.apertures.items():
             if name not in motions:
                 yield f"network.apertures names '{name}', which is not one of its motions"
@@ -38,22 +37,18 @@ class ConceptorTrainer(Trainer[ConceptorRecipe]):
                 yield f"the aperture of '{name}' is {aperture}; it lies between 0 and 1e6"
 
     def train(self, recipe: ConceptorRecipe, lessons: Lessons, seed: int) -> ConceptorNetwork:
-        """One network that holds all motions, untested."""
         loaded = load_reservoir(lessons.motions, recipe, seed)
         return conceptor_network(loaded, lessons.motions, lessons.normalisation, recipe)
 
     def settle(self, recipe: ConceptorRecipe, lessons: Lessons, seed: int, judge: Judge) -> SettledNetwork:
-        """The network with the apertures that hold in trials."""
         loaded = load_reservoir(lessons.motions, recipe, seed)
         chosen = settled_network(loaded, lessons.motions, lessons.normalisation, recipe, judge, seed)
         return SettledNetwork(*chosen, loaded.weights.astype(np.float32))
 
     def quota(self, recipe: ConceptorRecipe, network: ConceptorNetwork, lengths: dict[str, int]) -> float:
-        """The share of the reservoir's space that its motions use."""
         return quota(network, lengths, recipe)
 
     def add(self, recipe: ConceptorRecipe, network: ConceptorNetwork, motion: NewMotion) -> ConceptorNetwork:
-        """The network with one more motion."""
         to_load = motion.scaled(memory_of(network).normalisation)
         grown = load_one_more(network, motion.lengths, to_load, recipe, motion.seed)
         if recipe.rank_tolerance_mm is not None:

@@ -115,7 +115,6 @@ class EchoStateTrainer(Trainer[EchoStateRecipe]):
     recipe = EchoStateRecipe
 
     def train(self, recipe: EchoStateRecipe, lessons: Lessons, seed: int) -> EchoStateNetwork:
-        """One network of all motions, with the recipe's noise."""
         to_learn = lessons.motions
         rng = np.random.default_rng(seed)
         reservoir = random_reservoir(
@@ -164,7 +163,6 @@ class EchoStateTrainer(Trainer[EchoStateRecipe]):
         return SettledNetwork(network, left)
 
     def add(self, recipe: EchoStateRecipe, network: EchoStateNetwork, motion: NewMotion) -> EchoStateNetwork:
-        """The network with one more readout."""
         reservoir = Reservoir(network.weights, network.feedback, network.bias, network.leak)
         # The noise is the same whenever this motion is added in this place.
         rng = np.random.default_rng([motion.seed, len(motion.lengths)])

@@ -52,7 +52,6 @@ class PhaseRecipe(PhaseDrivenRecipe, frozen=True, kw_only=True, tag="phase-conce
     rank: int = 40  # k, number of directions kept of a conceptor
 
     def scales(self, *, driven: bool) -> PhaseScales:
-        """The scales of the shared weights; driven, if a motion has an input besides the phase."""
         share = DRIVEN_INPUT_SHARE if driven else 1.0
         return msgspec.structs.replace(super().scales(driven=driven), input_scale=share * self.input_scale)
 
@@ -159,7 +158,6 @@ class PhaseConceptorTrainer(PhaseDrivenTrainer[PhaseRecipe]):
         normalisation: Normalisation,
         rate: float,
     ) -> PhaseConceptorMotion:
-        """One motion in a reservoir; `rate` in Hz."""
         course, washout = course_of(motion, recipe.piece_seconds * rate), round(WASHOUT_SECONDS * rate)
         if motion.driving is not None:
             stored = _learn_driven(motion, motion.driving, course, reservoir, recipe, washout)

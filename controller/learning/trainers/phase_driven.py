@@ -163,7 +163,6 @@ class PhaseDrivenTrainer(Trainer[Recipe]):
         return sized
 
     def train(self, recipe: Recipe, lessons: Lessons, seed: int) -> PhaseDrivenNetwork[Any]:
-        """One network of all motions, untested."""
         to_learn, normalisation = lessons.motions, lessons.normalisation
         scales = recipe.scales(driven=any(one.driving is not None for one in to_learn))
         reservoir = PhaseReservoir.draw(scales, to_learn[0].frames.shape[1], seed)
@@ -171,12 +170,10 @@ class PhaseDrivenTrainer(Trainer[Recipe]):
         return self.plays(scales, seed, normalisation, motions)
 
     def add(self, recipe: Recipe, network: PhaseDrivenNetwork[Any], motion: NewMotion) -> PhaseDrivenNetwork[Any]:
-        """The network with one more motion."""
         one = motion.scaled(network.normalisation)
         part = self.learn(recipe, one, network.reservoir, network.normalisation, motion.rate)
         return network.with_motions({motion.name: part})
 
     def readout_size(self, network: PhaseDrivenNetwork[Any], scaling: Array) -> float:
-        """The mean absolute readout, of channels scaled to [-1, 1]."""
         parts = [network[name].readout[:, :, :-1] for name in network.motions]
         return float(np.mean([mabs(readout * scaling[:, None]) for readout in parts]))

@@ -39,7 +39,6 @@ class PhaseEchoStateTrainer(PhaseDrivenTrainer[PhaseEchoStateRecipe]):
         normalisation: Normalisation,
         rate: float,
     ) -> PhaseEchoStateMotion:
-        """One motion in a reservoir; `rate` in Hz."""
         course = course_of(motion, recipe.piece_seconds * rate)
         shape = (int(course.piece[-1]) + 1, motion.frames.shape[1], recipe.neurons + 1)
         stored = StoredReadouts(np.zeros(shape, dtype=np.float32))

@@ -159,7 +159,6 @@ class RandomFeatureTrainer(Trainer[RandomFeatureRecipe]):
     recipe = RandomFeatureRecipe
 
     def problems(self, recipe: RandomFeatureRecipe, motions: Sequence[str]) -> Iterator[str]:
-        """Numbers with which the weights cannot be learned."""
         if recipe.features_each > recipe.features:
             yield f"network.features_each is {recipe.features_each}, but network.features is {recipe.features}"
         # A feature's energy is hardly ever above 1, so a step of the rule in `conception_weights` shrinks the error of
@@ -200,7 +199,6 @@ class RandomFeatureTrainer(Trainer[RandomFeatureRecipe]):
         return RandomFeatureNetwork(reservoir, motions)
 
     def readout_size(self, network: RandomFeatureNetwork, scaling: Array) -> float:
-        """The mean absolute readout, of channels scaled to [-1, 1]."""
         return mabs(network.reservoir.readout * scaling)
 
 

@@ -38,7 +38,6 @@ class CentralizedNetwork(Network[CentralizedMotion]):
         self.cue(self.motions[0], 0)
 
     def twin(self, runs: int | None = None) -> CentralizedNetwork:
-        """The same weights with an independent state, of one run or of several."""
         return CentralizedNetwork(self._of, self.rate, lead_shape(runs))
 
     def joined(self, other: CentralizedNetwork) -> CentralizedNetwork:
@@ -46,7 +45,6 @@ class CentralizedNetwork(Network[CentralizedMotion]):
         return CentralizedNetwork(self._of | other._of, self.rate)
 
     def anchors(self, motion: str) -> Channels:
-        """The frames at the anchors of a motion, shape (anchors, channels)."""
         return self[motion].at(self._anchor_times(motion))
 
     def _anchor_times(self, motion: str) -> Array:
@@ -55,14 +53,12 @@ class CentralizedNetwork(Network[CentralizedMotion]):
         return np.arange(0, frames, ANCHOR_EVERY) / self.rate
 
     def cue(self, motion: str, anchor: int) -> None:
-        """Goes to an anchor; the next `advance` gives the frame after it."""
         self._player = CentersPlayer(self[motion], anchor * ANCHOR_EVERY / self.rate, self.runs)
         self._source: CentersPlayer | None = None
         self._crossing.module.reset(self.motions.index(motion))
 
     @property
     def as_crossing(self) -> CrossingNetwork:
-        """The network itself."""
         return self
 
     def cross(self, motion: str, entries: int) -> int:
@@ -83,7 +79,6 @@ class CentralizedNetwork(Network[CentralizedMotion]):
         return self._source is not None
 
     def advance(self, out: Channels, noise: Activation | None = None) -> None:
-        """Steps one frame on and writes it into out, shape (*runs, channels); noise is added to the centers."""
         dt = 1.0 / self.rate
         self._player.advance(dt, noise)
         self._player.read(out)
@@ -105,19 +100,16 @@ class CentralizedNetwork(Network[CentralizedMotion]):
         self._player.displace(noise)
 
     def snapshot(self) -> tuple[CentersPlayer, CentersPlayer | None, tuple[object, float, float]]:
-        """A copy of the state."""
         source = self._source.copy() if self._source is not None else None
         return self._player.copy(), source, self._crossing.snapshot()
 
     def restore(self, snapshot: Any) -> None:
-        """Puts the state back to a snapshot."""
         player, source, crossing = snapshot
         self._player = player.copy()
         self._source = source.copy() if source is not None else None
         self._crossing.restore(crossing)
 
     def center_phases(self, motion: str) -> Array:
-        """The phases of a motion's centers at its beginning and end, shape (2, n), rad."""
         part = self[motion]
         return part.phase + np.array([[0.0], [part.seconds]]) * part.frequency
 
@@ -146,7 +138,6 @@ class CentralizedNetwork(Network[CentralizedMotion]):
 
     @classmethod
     def load(cls, stored: StoredNetwork) -> Self:
-        """The network that a file holds."""
         header, motions = stored.header, dict[str, CentralizedMotion]()
         for motion in header.motions:
             at, sizes, loop = f"motion/{motion.name}/", {"c": stored.channels}, motion.plays == "loop"

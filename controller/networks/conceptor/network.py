@@ -77,22 +77,18 @@ class ConceptorNetwork(DirectionReservoir[ConceptorMotion]):
         self.cue(self.motions[0], 0)
 
     def with_motions(self, more: dict[str, ConceptorMotion], runs: int | None = None) -> ConceptorNetwork:
-        """The same reservoir with further motions, of one run or of several."""
         return ConceptorNetwork(self._of | more, self.memory, lead_shape(runs))
 
     def anchors(self, motion: str) -> Channels:
-        """The frames at the anchors of a motion, shape (anchors, channels)."""
         net = self[motion]
         return (net.states @ net.readout.T + net.rest).astype(np.float64)
 
     def cue(self, motion: str, anchor: Any, rows: Rows = ...) -> None:
-        """Puts the network into the stored state of an anchor; of several runs, some of them, one anchor each."""
         super().cue(motion, anchor, rows)
         if self._push is not None:
             self._push[rows], self._outside[rows] = 0.0, False
 
     def start(self, part: ConceptorMotion, bound: float, state: Float32) -> None:
-        """Plays a motion from a state on."""
         super().start(part, bound, state)
         self._recurrent, self._project, self._readout = part.recurrent.T, part.project.T, part.readout.T
         self._push, self._outside = None, False
@@ -129,11 +125,9 @@ class ConceptorNetwork(DirectionReservoir[ConceptorMotion]):
         return super().astray() | self._outside
 
     def morph(self, source: str, target: str) -> _ConceptorMorph:
-        """A morph that starts where the network is in the source."""
         return _ConceptorMorph(self, source, target)
 
     def arrays(self) -> dict[str, NDArray[Any]]:
-        """The stored arrays by name."""
         found = super().arrays()
         if (memory := self.memory) is not None:
             found |= {f"memory/{name}": getattr(memory, name) for name in ("estimate", "readout", "means")}

@@ -71,12 +71,10 @@ class EchoStateNetwork(AutonomousReservoir[EchoStateMotion]):
         self.cue(self.motions[0], 0)
 
     def with_motions(self, more: dict[str, EchoStateMotion], runs: int | None = None) -> EchoStateNetwork:
-        """The same reservoir with further motions, of one run or of several."""
         shared = self.weights, self.feedback, self.bias, self.leak, self.normalisation
         return EchoStateNetwork(*shared, self._of | more, clipped=self.clipped, runs=lead_shape(runs))
 
     def anchors(self, motion: str) -> Channels:
-        """The frames at the anchors of a motion, shape (anchors, channels)."""
         return self.normalisation.invert(self[motion].outputs.astype(np.float64))
 
     def recall(self, motion: str) -> Channels:
@@ -122,21 +120,17 @@ class EchoStateNetwork(AutonomousReservoir[EchoStateMotion]):
         return ~(self._hidden.max(-1) <= 1.0 + 1e-4)
 
     def morph(self, source: str, target: str) -> _EchoStateMorph:
-        """A morph that starts where the network is in the source."""
         return _EchoStateMorph(self, source, target)
 
     def snapshot(self) -> tuple[EchoStateMotion, Float32, Float32]:
-        """A copy of the state."""
         return self._playing, self.activation.copy(), self._y.copy()
 
     def restore(self, snapshot: Any) -> None:
-        """Puts the state back to a snapshot."""
         part, x, y = snapshot
         self._play(part)
         self.activation[...], self._y[...] = x, y
 
     def arrays(self) -> dict[str, NDArray[Any]]:
-        """The stored arrays by name."""
         shared = {"weights": self.weights, "feedback": self.feedback, "bias": self.bias}
         return super().arrays() | shared | arrays_of(self.normalisation, "")
 
@@ -146,7 +140,6 @@ class EchoStateNetwork(AutonomousReservoir[EchoStateMotion]):
 
     @classmethod
     def load(cls, stored: StoredNetwork) -> Self:
-        """The network that a file holds."""
         sizes, header = {"c": stored.channels}, stored.header
         shared = stored.read("", sizes, bias="n", weights="nn", feedback="nc")
         normalisation = stored.normalisation()

@@ -84,7 +84,6 @@ class PhaseConceptorMotion(PhaseMotion):
         self.settle()
 
     def player(self, frame: int, state: Float32, level: float, runs: tuple[int, ...] = ()) -> PhaseConceptorPlayer:
-        """A player at a frame, in a state, the input at a level; of several runs with a leading shape."""
         return PhaseConceptorPlayer(self, frame, state, level, runs)
 
 
@@ -101,7 +100,6 @@ class PhaseConceptorPlayer(PhasePlayer[PhaseConceptorMotion]):
         self._new = np.zeros((*runs, rank), dtype=np.float32)
 
     def place(self, motion: PhaseConceptorMotion, frame: int, state: Float32) -> None:
-        """Goes to a frame of a motion, in a state."""
         super().place(motion, frame, state)
         # Noise on the neurons also reaches W outside the stored directions, within tanh of the next step.
         self._push: Float32 | None = None

@@ -48,7 +48,6 @@ class PhaseEchoStateMotion(PhaseMotion):
         self.settle()
 
     def player(self, frame: int, state: Float32, level: float, runs: tuple[int, ...] = ()) -> PhaseEchoStatePlayer:
-        """A player at a frame, in a state, the input at a level; of several runs with a leading shape."""
         return PhaseEchoStatePlayer(self, frame, state, level, runs)
 
 
@@ -82,7 +81,6 @@ class PhaseEchoStateNetwork(PhaseDrivenNetwork[PhaseEchoStateMotion]):
     def load_motion(
         cls, stored: StoredNetwork, motion: MotionHeader, sizes: dict[str, int], reservoir: PhaseReservoir
     ) -> PhaseEchoStateMotion:
-        """One motion of a file."""
         own = sizes | {"e": sizes["n"] + 1}
         readouts = StoredReadouts(**stored.read(f"motion/{motion.name}/", own, readout="pce"))
         return PhaseEchoStateMotion(readouts, stored_course(stored, motion, own["p"]), reservoir, motion.input)

@@ -68,11 +68,9 @@ class RandomFeatureNetwork(DirectionReservoir[FeatureMotion]):
         self.cue(self.motions[0], 0)
 
     def with_motions(self, more: dict[str, FeatureMotion], runs: int | None = None) -> RandomFeatureNetwork:
-        """The same reservoir with further motions, of one run or of several."""
         return RandomFeatureNetwork(self.reservoir, self._of | more, lead_shape(runs))
 
     def anchors(self, motion: str) -> Channels:
-        """The frames at the anchors of a motion, shape (anchors, channels)."""
         part = self[motion]
         frames = part.states @ self.reservoir.readout[part.uses] + self.reservoir.rest
         return frames.astype(np.float64)
@@ -102,11 +100,9 @@ class RandomFeatureNetwork(DirectionReservoir[FeatureMotion]):
         return self._gather(self[motion], self._second)
 
     def morph(self, source: str, target: str) -> _FeatureMorph:
-        """A morph that starts where the network is in the source."""
         return _FeatureMorph(self, source, target)
 
     def start(self, part: FeatureMotion, bound: float, state: Float32) -> None:
-        """Plays a motion from a state on."""
         super().start(part, bound, state)
         if part is not self._gathered:
             self._gathered, self._conception, self._offset = part, part.conception, part.offset
@@ -120,12 +116,10 @@ class RandomFeatureNetwork(DirectionReservoir[FeatureMotion]):
         return features, feedback, readout
 
     def arrays(self) -> dict[str, NDArray[Any]]:
-        """The stored arrays by name."""
         return super().arrays() | arrays_of(self.reservoir, "")
 
     @classmethod
     def load(cls, stored: StoredNetwork) -> Self:
-        """The network that a file holds."""
         sizes = {"c": stored.channels}
         reservoir = stored.read("", sizes, features="mn", feedback="mn", bias="n", readout="mc", rest="c")
         motions: dict[str, FeatureMotion] = {}

@@ -152,12 +152,10 @@ class PhaseDrivenNetwork(ReservoirNetwork[Motion]):
         self.activation = self._player.activation
 
     def with_motions(self, more: dict[str, Motion], runs: int | None = None) -> Self:
-        """The same reservoir with further motions, of one run or of several."""
         return type(self)(self.scales, self.seed, self.normalisation, self._of | more, lead_shape(runs))
 
     @property
     def as_phase_network(self) -> PhaseNetwork:
-        """The network itself."""
         return self
 
     @property
@@ -196,11 +194,9 @@ class PhaseDrivenNetwork(ReservoirNetwork[Motion]):
         self._player.place(motion, frame, motion.state_at(frame, self._player.level))
 
     def anchors(self, motion: str) -> Channels:
-        """The frames at the anchors of a motion, shape (anchors, channels)."""
         return self[motion].read(ANCHOR_EVERY)
 
     def settled(self, motion: str) -> Channels:
-        """The frames of a motion as it plays once transients have died away, shape (frames, channels)."""
         return self[motion].read()
 
     def moving(self, motion: str) -> Channels:
@@ -214,11 +210,9 @@ class PhaseDrivenNetwork(ReservoirNetwork[Motion]):
         return len(part) if part.course.loop else max(1, len(part) - part.course.held - 1)
 
     def cue(self, motion: str, anchor: int) -> None:
-        """Goes to an anchor; the next `advance` gives the frame after it."""
         self._place(self[motion], anchor * ANCHOR_EVERY)
 
     def advance(self, out: Channels, noise: Float32 | None = None) -> None:
-        """Steps one frame on and writes it into out, shape (*runs, channels); noise is added to the new state."""
         self._player.step(self._player.next, noise)
         self._player.read(self._frame)
         out[...] = self._frame
@@ -245,25 +239,20 @@ class PhaseDrivenNetwork(ReservoirNetwork[Motion]):
         self._place(part, part.course.frame_at(phase))
 
     def snapshot(self) -> tuple[Motion, int, Float32, dict[str, float]]:
-        """A copy of the state."""
         return self._player.motion, self._player.frame, self._player.state.copy(), dict(self._values)
 
     def restore(self, snapshot: Any) -> None:
-        """Puts the state back to a snapshot."""
         motion, frame, state, self._values = *snapshot[:3], dict(snapshot[3])
         self._player.level = self._level_of(motion)
         self._player.place(motion, frame, state)
 
     def driving(self, motion: str) -> DrivingInput | None:
-        """The input of a motion besides the phase; None without one."""
         return self[motion].driving
 
     def center_phases(self, motion: str) -> Array:
-        """The phase at the beginning and end of a motion, shape (2, 1), rad."""
         return np.array([[0.0], [self[motion].course.whole]])
 
     def arrays(self) -> dict[str, NDArray[Any]]:
-        """The stored arrays by name."""
         found = arrays_of(self.normalisation, "")
         for name in self.motions:
             part, at = self[name], f"motion/{name}/"
@@ -276,7 +265,6 @@ class PhaseDrivenNetwork(ReservoirNetwork[Motion]):
 
     @classmethod
     def load(cls, stored: StoredNetwork) -> Self:
-        """The network that a file holds."""
         header, normalisation = stored.header, stored.normalisation()
         if (scales := header.scales) is None:
             raise stored.error("its header has no scales for the weights that its motions share")

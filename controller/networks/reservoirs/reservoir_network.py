@@ -30,11 +30,9 @@ class ReservoirNetwork(Network[Motion]):
         """The same reservoir with further motions, of one run or of several."""
 
     def twin(self, runs: int | None = None) -> Self:
-        """The same weights with an independent state, of one run or of several."""
         return self.with_motions({}, runs)
 
     def noise_size(self, motion: str) -> int:
-        """N."""
         return self.neurons
 
 
@@ -43,7 +41,6 @@ class AutonomousReservoir(ReservoirNetwork[Motion]):
 
     @property
     def as_autonomous(self) -> AutonomousNetwork:
-        """The network itself."""
         return self
 
     @abstractmethod
@@ -83,7 +80,6 @@ class DirectionReservoir(AutonomousReservoir[States]):
         self._reach = {name: 4.0 * float(np.square(part.states).sum(1).max()) for name, part in motions.items()}
 
     def cue(self, motion: str, anchor: Any, rows: Rows = ...) -> None:
-        """Puts the network into the stored state of an anchor; of several runs, some of them, one anchor each."""
         part = self[motion]
         if rows is ...:
             self.start(part, self._reach[motion], part.states[anchor])
@@ -101,11 +97,9 @@ class DirectionReservoir(AutonomousReservoir[States]):
         return ~((np.dot(z, z) if z.ndim == 1 else np.square(z).sum(1)) <= self._bound)
 
     def snapshot(self) -> tuple[States, float, Float32]:
-        """A copy of the state."""
         return self._playing, self._bound, self._z.copy()
 
     def restore(self, snapshot: Any) -> None:
-        """Puts the state back to a snapshot."""
         self.start(*snapshot)
 
 

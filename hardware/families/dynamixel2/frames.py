@@ -87,7 +87,6 @@ class Parser(FrameParser):
     __slots__ = ()
 
     def _length(self, at: int) -> int:
-        """The LENGTH of the frame whose header is here in the buffer; 0 where it can be none."""
         length = self._buffer[at + 5] | self._buffer[at + 6] << 8
         if _SHORTEST <= length <= LONGEST:
             return length
@@ -95,7 +94,6 @@ class Parser(FrameParser):
         return 0
 
     def _frame_in(self, data: bytes) -> Frame | None:
-        """The frame that these bytes are, None if its checksum is bad."""
         if checksum(data[:-2]) != data[-2] | data[-1] << 8:
             return None
         id, instruction = data[4], data[_OVERHEAD]
