@@ -1,5 +1,7 @@
 """Interfaces of networks, for the deck and for training: frame by frame, and in continuous time."""
 
+# ruff: noqa: D102 (`Network` and `reservoirs.phase_driven.PhaseDrivenNetwork` document the methods of the protocols)
+
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
@@ -30,59 +32,28 @@ class FrameNetwork(Protocol):
     motions: tuple[str, ...]
     channels: int
 
-    def anchors(self, motion: str) -> Channels:
-        """The frames at the anchors of a motion, evenly spread over it in order, shape (anchors, channels)."""
-        ...
-
-    def cue(self, motion: str, anchor: int) -> None:
-        """Puts the network into a stored state; the next `advance` gives the frame after it."""
-
-    def advance(self, out: Channels) -> None:
-        """Steps one frame on and writes it into out, shape (channels,)."""
-
-    def snapshot(self) -> Any:
-        """A copy of the state: two runs from one snapshot are identical."""
-        ...
-
-    def restore(self, snapshot: Any) -> None:
-        """Puts the state back to a snapshot."""
-
+    def anchors(self, motion: str) -> Channels: ...
+    def cue(self, motion: str, anchor: int) -> None: ...
+    def advance(self, out: Channels) -> None: ...
+    def snapshot(self) -> Any: ...
+    def restore(self, snapshot: Any) -> None: ...
     @property
-    def as_phase_network(self) -> PhaseNetwork | None:
-        """The network itself, if a phase drives it."""
-        ...
+    def as_phase_network(self) -> PhaseNetwork | None: ...
 
 
 class PhaseNetwork(FrameNetwork, Protocol):
     """A network with a phase: it knows how far the motion is, can be sent elsewhere, and may have further inputs."""
 
     @property
-    def phase(self) -> float:
-        """The share of the motion that is played: [0, 1) in a loop, 0 to 1 in a one-shot, which then holds its end."""
-        ...
-
-    def seek(self, motion: str, phase: float) -> None:
-        """Goes to the frame of a motion that is nearest to a phase; the next `advance` gives the frame after it."""
-
-    def retreat(self, out: Channels) -> None:
-        """Steps one frame back and writes it into out, shape (channels,)."""
-
-    def period(self, motion: str) -> int:
-        """Frames of a round of a loop, or until the phase of a one-shot is 1."""
-        ...
-
+    def phase(self) -> float: ...
+    def seek(self, motion: str, phase: float) -> None: ...
+    def retreat(self, out: Channels) -> None: ...
+    def period(self, motion: str) -> int: ...
     @property
-    def inputs(self) -> dict[str, tuple[float, float]]:
-        """The inputs besides the phase, each with the least and the largest value that was learned."""
-        ...
-
+    def inputs(self) -> dict[str, tuple[float, float]]: ...
     @property
-    def pace(self) -> float:
-        """Rate factor implied by the input: frames played in the time of one."""
-        ...
-
-    def set_input(self, name: str, value: float) -> None:
-        """Sets an input, from the next step on."""
+    def pace(self) -> float: ...
+    def set_input(self, name: str, value: float) -> None: ...
 
 
 class Morph(Protocol):
@@ -163,7 +134,7 @@ class Network(NamedMotions[Motion], ABC):
 
     @abstractmethod
     def anchors(self, motion: str) -> Channels:
-        """The frames at the anchors of a motion, shape (anchors, channels)."""
+        """The frames at the anchors of a motion, evenly spread over it in order, shape (anchors, channels)."""
 
     def recall(self, motion: str) -> Channels:
         """The readout at the stored states, shape (anchors, channels): by default the anchors."""
@@ -171,7 +142,7 @@ class Network(NamedMotions[Motion], ABC):
 
     @abstractmethod
     def cue(self, motion: str, anchor: int) -> None:
-        """Puts the network into the stored state of an anchor."""
+        """Puts the network into the stored state of an anchor; the next `advance` gives the frame after it."""
 
     @abstractmethod
     def advance(self, out: Channels, noise: Activation | None = None) -> None:
@@ -179,7 +150,7 @@ class Network(NamedMotions[Motion], ABC):
 
     @abstractmethod
     def snapshot(self) -> Any:
-        """A copy of the state."""
+        """A copy of the state: two runs from one snapshot are identical."""
 
     @abstractmethod
     def restore(self, snapshot: Any) -> None:

@@ -1,6 +1,6 @@
 """The sender of a command, and protocols of what commands act on: a deck, servos, a body to be pushed, a clock."""
 
-# ruff: noqa: D102 (`controller.deck.deck.Deck` documents what those of decks do)
+# ruff: noqa: D102 (`controller.deck.deck.Deck`, `clock.Ticker` and `RigOutput` of a run document what these do)
 
 from __future__ import annotations
 
@@ -69,19 +69,10 @@ class Look(Protocol):
 class RigServos(Protocol):
     """The servos of a rig, as commands need them; no call waits."""
 
-    def switch(self, joint: str, *, on: bool) -> None:
-        """Switches the torque of a joint off, or sets the joint up again."""
-
-    def restart(self, joint: str) -> None:
-        """Restarts the servo of a joint."""
-
-    def registers(self, joint: str, write: tuple[str, int] | None = None) -> Look:
-        """Starts reading all registers of a servo, after writing one of them if given."""
-        ...
-
-    def scan(self) -> Look:
-        """Starts a scan of the ports."""
-        ...
+    def switch(self, joint: str, *, on: bool) -> None: ...
+    def restart(self, joint: str) -> None: ...
+    def registers(self, joint: str, write: tuple[str, int] | None = None) -> Look: ...
+    def scan(self) -> Look: ...
 
 
 @runtime_checkable
@@ -102,16 +93,9 @@ class RealTime(Protocol):
     """The clock of a loop in real time; no call waits."""
 
     @property
-    def period(self) -> float:
-        """Seconds from tick to tick."""
-        ...
-
-    def due(self) -> float:
-        """When the present tick was due, by the machine's steady clock, s."""
-        ...
-
-    def align(self, here: int, there: int) -> None:
-        """Moves them onto those of a clock that shows `there` when this one shows `here`, ns."""
+    def period(self) -> float: ...
+    def due(self) -> float: ...
+    def align(self, here: int, there: int) -> None: ...
 
 
 class Client(NamedTuple):

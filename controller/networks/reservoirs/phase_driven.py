@@ -230,11 +230,11 @@ class PhaseDrivenNetwork(ReservoirNetwork[Motion]):
 
     @property
     def phase(self) -> float:
-        """The share of the motion that is played: [0, 1) in a loop, 0 to 1 in a one-shot."""
+        """The share of the motion that is played: [0, 1) in a loop, 0 to 1 in a one-shot, which then holds its end."""
         return self._player.motion.course.share_at(self._player.frame)
 
     def seek(self, motion: str, phase: float) -> None:
-        """Goes to the frame nearest to a phase, in the settled state of the motion there."""
+        """Goes to the frame nearest to a phase, in the settled state there; `advance` gives the frame after it."""
         part = self[motion]
         self._place(part, part.course.frame_at(phase))
 
