@@ -1,5 +1,7 @@
 """The serial port of a bus: waits in poll(), never in a busy loop."""
 
+# ruff: noqa: D102 (`SerialPort` documents what the methods of a `Port` do)
+
 from __future__ import annotations
 
 import contextlib
@@ -26,24 +28,11 @@ class Port(Protocol):
 
     name: str
 
-    def send(self, data: bytes) -> bool:
-        """Hands the bytes over without waiting; False if the device would not take them all."""
-        ...
-
-    def receive(self, likely: bool = False) -> bytes:
-        """The bytes received since the last call, without waiting; `likely` if some have come."""
-        ...
-
-    def wait(self, seconds: float) -> bool:
-        """Sleeps until bytes can be received, at most `seconds`; whether they can."""
-        ...
-
-    def now(self) -> float:
-        """The time on the clock of `wait`, s."""
-        ...
-
-    def close(self) -> None:
-        """Closes the device; may be called twice."""
+    def send(self, data: bytes) -> bool: ...
+    def receive(self, likely: bool = False) -> bytes: ...
+    def wait(self, seconds: float) -> bool: ...
+    def now(self) -> float: ...  # the time on the clock of `wait`, s
+    def close(self) -> None: ...
 
 
 class SerialPort:

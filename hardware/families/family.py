@@ -1,5 +1,7 @@
 """A servo family as a value: its frames, group reads, identity and locks. The bus and the rig work on this alone."""
 
+# ruff: noqa: D102 (`plain_instructions` documents the instructions)
+
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable
@@ -13,21 +15,10 @@ from hardware.families.replies import Blocks, GroupRead
 class Instructions(Protocol):
     """The instructions that every family has, each as the bytes of one frame."""
 
-    def ping(self, id: int) -> bytes:
-        """Asks whether a servo is there."""
-        ...
-
-    def read(self, id: int, address: int, length: int) -> bytes:
-        """Asks one servo for `length` bytes of its control table."""
-        ...
-
-    def write(self, id: int, address: int, data: bytes) -> bytes:
-        """Writes bytes into a servo's control table."""
-        ...
-
-    def sync_write(self, address: int, length: int, entries: bytes) -> bytes:
-        """Writes the same registers of many servos at once, unanswered; entries are ID and `length` bytes, repeated."""
-        ...
+    def ping(self, id: int) -> bytes: ...
+    def read(self, id: int, address: int, length: int) -> bytes: ...
+    def write(self, id: int, address: int, data: bytes) -> bytes: ...
+    def sync_write(self, address: int, length: int, entries: bytes) -> bytes: ...
 
 
 @dataclass(frozen=True, slots=True)
