@@ -13,9 +13,10 @@ from typing import Any
 import numpy as np
 
 import controller.motion.encodings.bone_directions as bone_directions
+from benchmarks.simulated_time import VirtualClock
 from controller.deck.deck import Deck
 from controller.deck.tracks.frame_player import FramePlayer
-from controller.loop.clock import Ticker, VirtualClock
+from controller.loop.clock import Ticker
 from controller.loop.output_channel import Channel
 from controller.loop.safety.safety_envelope import SafetyEnvelope
 from controller.motion.rotations import Array

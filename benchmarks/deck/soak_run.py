@@ -18,12 +18,12 @@ import msgspec
 import numpy as np
 
 from benchmarks.deck.memory_growth import Growth, growth, memory_kb
+from benchmarks.simulated_time import VirtualClock
 from controller.deck.deck import Deck
 from controller.deck.interfaces import JointLimits, Retargeter
 from controller.deck.switch import CommandedSwitch
 from controller.deck.switch_plan import REMEMBERED_SWITCHES
 from controller.library.motion_library import MotionLibrary
-from controller.loop.clock import VirtualClock
 from controller.loop.commands.command_handler import CommandHandler
 from controller.loop.commands.commanded_run import CommandedRun
 from controller.loop.loop import LoopState, run

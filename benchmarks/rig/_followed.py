@@ -15,10 +15,10 @@ import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
+from benchmarks.simulated_time import EmulatedPort, VirtualClock
 from controller.deck.deck import Deck
 from controller.deck.interfaces import JointLimits
 from controller.library.motion_library import MotionLibrary
-from controller.loop.clock import VirtualClock
 from controller.loop.correction import Correction, Key
 from controller.loop.lead import Lead
 from controller.loop.loop import LoopState, run
@@ -27,7 +27,6 @@ from controller.loop.safety.safety_envelope import SafetyEnvelope
 from controller.motion.posture import Pose
 from hardware.bus.servo_bus import Bus
 from hardware.emulator.bus import EmulatedBus
-from hardware.emulator.port import EmulatedPort
 from hardware.rig.rig_file import RigConfig
 from hardware.rig.supervision.rig import Rig
 from hardware.tools.identify import JointTrials

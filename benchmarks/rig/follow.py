@@ -22,8 +22,8 @@ from dataclasses import asdict, dataclass, field
 import numpy as np
 
 from benchmarks.rig._followed import RATE, Array, Course, Stage, Timeline, at_times, lead_of
+from benchmarks.simulated_time import EmulatedPort
 from controller.deck.deck import Deck
-from hardware.emulator.port import EmulatedPort
 
 LIBRARIES = ("thesis15", "cmu86")
 MODES = ("open", "lead", "learned")

@@ -13,10 +13,10 @@ import numpy as np
 import typer
 
 from benchmarks import command
+from benchmarks.simulated_time import EmulatedPort
 from hardware.bus.servo_bus import Bus
 from hardware.emulator.bus import BOOT_TIME, EmulatedBus
 from hardware.emulator.faults import Fault, FaultPlan
-from hardware.emulator.port import EmulatedPort
 from hardware.emulator.servos.device import Device
 from hardware.errors import RigError
 from hardware.families.dynamixel2.p_series import P_SERIES

@@ -22,9 +22,9 @@ import numpy as np
 import typer
 
 from benchmarks import command
+from benchmarks.simulated_time import EmulatedPort
 from hardware.bus.servo_bus import Bus
 from hardware.emulator.bus import EmulatedBus
-from hardware.emulator.port import EmulatedPort
 from hardware.emulator.servos.device import Device
 from hardware.errors import RigError
 from hardware.families.models import MODELS

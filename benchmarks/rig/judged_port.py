@@ -5,9 +5,9 @@ from __future__ import annotations
 from collections.abc import Callable
 
 from benchmarks.rig.taking_turns import Turns
+from benchmarks.simulated_time import EmulatedPort
 from hardware.emulator.bus import Answer, EmulatedBus
 from hardware.emulator.faults import FaultPlan
-from hardware.emulator.port import EmulatedPort
 from hardware.rig.rig_file import RigConfig
 
 APART = 0.01  # s from one look at the shafts to the next, at most

@@ -20,18 +20,17 @@ from copy import deepcopy
 
 import numpy as np
 
+from benchmarks.simulated_time import EmulatedPort, VirtualClock
 from controller.deck.deck import Deck
 from controller.learning.recognition.deck_recognizer import joint_motions
 from controller.learning.recognition.deck_watch import PATIENCE, DeckWatch
 from controller.library.motion_library import load_library
-from controller.loop.clock import VirtualClock
 from controller.loop.loop import LoopState, run
 from controller.loop.output_channel import Channel
 from controller.loop.safety.safety_envelope import SafetyEnvelope
 from controller.loop.stop_requests import StopRequest
 from hardware.bus.servo_bus import Bus
 from hardware.emulator.bus import EmulatedBus
-from hardware.emulator.port import EmulatedPort
 from hardware.rig.rig_file import load_rig
 from hardware.rig.supervision.rig import Rig
 from motiondeck.run.recognition.watches import MismatchPolicy, RecognitionWatch

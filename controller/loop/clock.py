@@ -1,4 +1,4 @@
-"""Clocks that wait for the next tick: a real one with absolute deadlines, and a virtual one that never waits.
+"""The clock that waits for the next tick, with absolute deadlines.
 
 The deadline of tick k is the start plus k periods, whatever the ticks before it did, so that the rate cannot drift.
 """
@@ -112,37 +112,3 @@ class Ticker:
         part = min(max(self._shift, -round(EARLIER * self._period)), round(LATER * self._period))
         self._shift -= part
         return part
-
-
-@dataclass
-class VirtualClock:
-    """Ticks without waiting, each exactly on time: for tests and for rendering.
-
-    RateError if the rate is out of range.
-    """
-
-    rate: float
-    overruns: int = field(default=0, init=False)
-    skipped: int = field(default=0, init=False)
-
-    def __post_init__(self) -> None:
-        self._period = period_ns(self.rate)
-        self._time = 0
-
-    @property
-    def period(self) -> float:
-        """Virtual seconds from tick to tick."""
-        return self._period * 1e-9
-
-    def now(self) -> int:
-        """The virtual time, ns."""
-        return self._time
-
-    def start(self) -> None:
-        """Sets the virtual time to zero."""
-        self._time = 0
-
-    def wait(self) -> int:
-        """Advances by one period; returns 0, because a virtual tick is never late."""
-        self._time += self._period
-        return 0

@@ -5,9 +5,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import synthetic
+from benchmarks.simulated_time import VirtualClock
 from controller.deck.deck import Deck
 from controller.deck.interfaces import JointLimits
-from controller.loop.clock import VirtualClock
 from controller.loop.commands.command_handler import CommandHandler
 from controller.loop.commands.commanded_run import CommandedRun
 from controller.loop.ensemble import Ensemble, RobotOutput, all_limits

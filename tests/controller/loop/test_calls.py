@@ -2,9 +2,9 @@
 
 import sys
 
+from benchmarks.simulated_time import VirtualClock
 from controller.deck.deck import Deck
 from controller.library.motion_library import load_library
-from controller.loop.clock import VirtualClock
 from controller.loop.loop import run
 from controller.loop.output_channel import Channel
 from controller.loop.safety.safety_envelope import SafetyEnvelope

@@ -2,7 +2,8 @@ import itertools
 
 import pytest
 
-from controller.loop.clock import RateError, Ticker, VirtualClock
+from benchmarks.simulated_time import VirtualClock
+from controller.loop.clock import RateError, Ticker
 
 PERIOD = 5_000_000
 

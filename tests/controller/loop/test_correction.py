@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
+from benchmarks.simulated_time import VirtualClock
 from controller.deck.interfaces import JointLimits
 from controller.deck.locks.lock import LoopPlace
-from controller.loop.clock import VirtualClock
 from controller.loop.correction import LARGEST, Correction
 from controller.loop.lead import Lead
 from controller.loop.loop import run

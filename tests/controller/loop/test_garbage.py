@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 
 import synthetic
+from benchmarks.simulated_time import VirtualClock
 from controller.deck.deck import Deck
-from controller.loop.clock import VirtualClock
 from controller.loop.loop import run
 from controller.loop.output_channel import Channel
 from controller.loop.safety.safety_envelope import SafetyEnvelope

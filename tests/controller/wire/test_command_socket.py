@@ -12,8 +12,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from benchmarks.simulated_time import VirtualClock
 from controller.deck.interfaces import JointLimits
-from controller.loop.clock import VirtualClock
 from controller.loop.commands.command_handler import CommandHandler
 from controller.loop.commands.commanded_run import CommandedRun
 from controller.loop.loop import run

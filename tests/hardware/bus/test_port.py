@@ -10,10 +10,10 @@ import threading
 import msgspec
 import pytest
 
+from benchmarks.simulated_time import EmulatedPort
 from hardware.bus.port import SerialPort, lasting_name
 from hardware.bus.servo_bus import Bus
 from hardware.emulator.bus import EmulatedBus
-from hardware.emulator.port import EmulatedPort
 from hardware.errors import SerialPortError
 from hardware.rig.supervision.rig import Rig
 

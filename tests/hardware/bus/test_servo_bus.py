@@ -2,10 +2,10 @@
 
 import pytest
 
+from benchmarks.simulated_time import EmulatedPort
 from hardware.bus.servo_bus import Bus
 from hardware.emulator.bus import EmulatedBus
 from hardware.emulator.faults import Fault, FaultPlan
-from hardware.emulator.port import EmulatedPort
 from hardware.errors import NoReplyError, RefusedError, SerialPortError
 from hardware.families.dynamixel2.frames import build_status
 from hardware.families.dynamixel2.group_reply import WholeReply

@@ -9,11 +9,11 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from benchmarks.simulated_time import EmulatedPort
 from command_line import invoked
 from hardware.bus.servo_bus import Bus
 from hardware.emulator.bus import EmulatedBus
 from hardware.emulator.faults import KINDS, Fault, FaultError, FaultPlan, parse_fault
-from hardware.emulator.port import EmulatedPort
 from hardware.emulator.pty_server import PtyServer
 from hardware.errors import SerialPortError
 from hardware.families.models import MODELS

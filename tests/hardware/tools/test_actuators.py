@@ -2,9 +2,9 @@
 
 import pytest
 
+from benchmarks.simulated_time import EmulatedPort
 from hardware.bus.servo_bus import Bus
 from hardware.emulator.bus import EmulatedBus
-from hardware.emulator.port import EmulatedPort
 from hardware.rig.rig_file import RigConfig
 from hardware.rig.rig_joint import RigJoint, SecondServo
 from hardware.tools.actuators import describe_actuator

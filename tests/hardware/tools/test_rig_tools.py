@@ -7,9 +7,9 @@ import msgspec
 import pytest
 
 from benchmarks.rig._wire_time import rate_limit, read_time, write_time
+from benchmarks.simulated_time import EmulatedPort
 from hardware.bus.servo_bus import Bus, Identity
 from hardware.emulator.bus import EmulatedBus
-from hardware.emulator.port import EmulatedPort
 from hardware.errors import RigError
 from hardware.rig.supervision.rig import Rig
 from hardware.tools.doctor import examine, fix_settings, latency_timer, shorten_latency

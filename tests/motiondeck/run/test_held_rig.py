@@ -4,13 +4,13 @@ import msgspec
 import numpy as np
 import pytest
 
+from benchmarks.simulated_time import EmulatedPort
 from controller.deck.deck import Deck
 from controller.deck.locks.phase_lock import wrapped
 from controller.library.motion_library import load_library
 from controller.loop.safety.safety_envelope import SafetyEnvelope
 from hardware.bus.servo_bus import Bus
 from hardware.emulator.bus import EmulatedBus
-from hardware.emulator.port import EmulatedPort
 from hardware.rig.rig_file import load_rig
 from hardware.rig.supervision.rig import Rig
 from motiondeck.run.robots.rig_output import RigOutput, narrowed

@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 
 import synthetic
+from benchmarks.simulated_time import VirtualClock
 from controller.deck.deck import Deck
 from controller.library.motion_library import load_library
-from controller.loop.clock import VirtualClock
 from controller.loop.stop_requests import SIGNALS
 from controller.motion.posture import Pose
 from controller.wire.command_socket import CommandClient

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 import synthetic
+from benchmarks.simulated_time import VirtualClock
 from controller.deck.deck import Deck
-from controller.loop.clock import VirtualClock
 from controller.loop.output_channel import FAULTS_TO_PARK
 from controller.motion.posture import Pose
 from motiondeck.run.assembly import Host, Played, open_session

@@ -2,10 +2,10 @@
 
 import pytest
 
+from benchmarks.simulated_time import VirtualClock
 from command_line import motiondeck
 from controller.deck.deck import Deck
 from controller.library.motion_library import load_library
-from controller.loop.clock import VirtualClock
 from motiondeck.run.assembly import Host, Played, open_session
 from motiondeck.run.report import summary
 from motiondeck.run.robots.robot_on_deck import open_robots

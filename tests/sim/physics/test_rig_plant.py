@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
+from benchmarks.simulated_time import EmulatedPort
 from controller.motion.encodings.joint_angles import JointBody
 from hardware.emulator.bus import EmulatedBus
-from hardware.emulator.port import EmulatedPort
 from hardware.rig.rig_file import load_rig
 from motiondeck_base.errors import MotiondeckError, UnknownNameError
 from motiondeck_base.shipped import shipped_configs

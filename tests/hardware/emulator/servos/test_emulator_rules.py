@@ -7,8 +7,8 @@ import msgspec
 import numpy as np
 import pytest
 
+from benchmarks.simulated_time import EmulatedPort
 from hardware.emulator.bus import EmulatedBus
-from hardware.emulator.port import EmulatedPort
 from hardware.families import emulation
 from hardware.families.dynamixel2 import instructions as wire
 from hardware.families.dynamixel2.frames import BROADCAST, Parser, as_status, build, checksum

@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 
 from benchmarks.rig.health_table import OLD_MODELS, mixed_rig, run
+from benchmarks.simulated_time import EmulatedPort
 from hardware.bus.servo_bus import Bus
 from hardware.emulator.bus import EmulatedBus
-from hardware.emulator.port import EmulatedPort
 from hardware.errors import RigError
 from hardware.families.models import MODELS
 from hardware.rig.counters import RigFaults

@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
+from benchmarks.simulated_time import EmulatedPort
 from hardware.bus.servo_bus import Bus
 from hardware.emulator.bus import EmulatedBus
-from hardware.emulator.port import EmulatedPort
 from hardware.errors import RigError, ServoError
 from hardware.families.dynamixel2.p_series import P_SERIES
 from hardware.families.dynamixel2.sdk_models import model_file, model_numbers

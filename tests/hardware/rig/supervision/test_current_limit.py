@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
+from benchmarks.simulated_time import EmulatedPort
 from hardware.bus.servo_bus import Bus
 from hardware.emulator.bus import EmulatedBus
-from hardware.emulator.port import EmulatedPort
 from hardware.emulator.simulated_rig import SimulatedRig
 from hardware.families.models import MODELS, TRAITS
 from hardware.rig.rig_file import RigConfig, RigJoint

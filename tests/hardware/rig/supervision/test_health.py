@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 
 from benchmarks.rig.health_table import MODELS, mixed_rig, run
+from benchmarks.simulated_time import EmulatedPort
 from hardware.bus.servo_bus import Bus
 from hardware.emulator.bus import BOOT_TIME, EmulatedBus
-from hardware.emulator.port import EmulatedPort
 from hardware.errors import RigError
 from hardware.families.dynamixel2.frames import Parser
 from hardware.rig.state_block import arrange_state

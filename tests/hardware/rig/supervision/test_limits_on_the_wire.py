@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 
 import motiondeck.rigs
+from benchmarks.simulated_time import EmulatedPort
 from hardware.bus.servo_bus import Bus
 from hardware.emulator.bus import EmulatedBus
-from hardware.emulator.port import EmulatedPort
 from hardware.errors import RigError
 from hardware.families.dynamixel2.frames import Parser
 from hardware.families.dynamixel2.instructions import SYNC_WRITE

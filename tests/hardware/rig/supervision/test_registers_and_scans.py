@@ -4,10 +4,10 @@ import msgspec
 import numpy as np
 import pytest
 
+from benchmarks.simulated_time import EmulatedPort
 from hardware.bus.servo_bus import Bus
 from hardware.emulator.bus import EmulatedBus
 from hardware.emulator.faults import FaultPlan, parse_fault
-from hardware.emulator.port import EmulatedPort
 from hardware.errors import RigError
 from hardware.families.meanings import meaning
 from hardware.families.models import MODELS

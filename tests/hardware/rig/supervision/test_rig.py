@@ -7,10 +7,10 @@ import msgspec
 import numpy as np
 import pytest
 
+from benchmarks.simulated_time import EmulatedPort
 from hardware.bus.servo_bus import Bus
 from hardware.emulator.bus import EmulatedBus
 from hardware.emulator.faults import FaultPlan, parse_fault
-from hardware.emulator.port import EmulatedPort
 from hardware.errors import RigError, SerialPortError
 from hardware.families.dynamixel2.frames import Parser
 from hardware.families.models import MODELS

@@ -4,10 +4,10 @@ import msgspec
 import numpy as np
 import pytest
 
+from benchmarks.simulated_time import EmulatedPort
 from hardware.bus.servo_bus import Bus
 from hardware.emulator.bus import EmulatedBus
 from hardware.emulator.faults import Fault, FaultPlan
-from hardware.emulator.port import EmulatedPort
 from hardware.errors import RigError, SerialPortError
 from hardware.rig.supervision.recovery import PortRecovery
 from hardware.rig.supervision.rig import Rig

@@ -8,10 +8,10 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from benchmarks.simulated_time import EmulatedPort
 from hardware.bus.servo_bus import Bus
 from hardware.emulator.bus import EmulatedBus
 from hardware.emulator.faults import FaultPlan, parse_fault
-from hardware.emulator.port import EmulatedPort
 from hardware.errors import RigError
 from hardware.rig.rig_file import RigConfig
 from hardware.rig.rig_joint import RigJoint

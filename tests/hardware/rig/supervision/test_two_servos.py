@@ -5,11 +5,11 @@ import re
 import numpy as np
 import pytest
 
+from benchmarks.simulated_time import EmulatedPort
 from hardware.bus.servo_bus import Bus
 from hardware.emulator.bus import EmulatedBus
 from hardware.emulator.faults import FaultPlan, parse_fault
 from hardware.emulator.handling import Handling
-from hardware.emulator.port import EmulatedPort
 from hardware.emulator.simulated_rig import SimulatedRig
 from hardware.errors import RigError, RigFileError
 from hardware.rig.rig_file import RigConfig, load_rig

@@ -4,9 +4,9 @@ import msgspec
 import numpy as np
 import pytest
 
+from benchmarks.simulated_time import EmulatedPort
 from hardware.bus.servo_bus import Bus
 from hardware.emulator.bus import EmulatedBus
-from hardware.emulator.port import EmulatedPort
 from hardware.errors import RigError
 from hardware.families.models import TRAITS
 from hardware.rig.rig_file import RigConfig, RigJoint

@@ -8,11 +8,11 @@ import msgspec
 import numpy as np
 import pytest
 
+from benchmarks.simulated_time import EmulatedPort
 from command_line import invoked
 from hardware.bus.servo_bus import Bus
 from hardware.emulator.bus import EmulatedBus
 from hardware.emulator.handling import Handling
-from hardware.emulator.port import EmulatedPort
 from hardware.rig.rig_file import load_rig
 from hardware.tools.rig_writing import save_rig
 from motiondeck_base.shipped import find_rig

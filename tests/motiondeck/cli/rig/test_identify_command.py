@@ -7,10 +7,10 @@ from types import SimpleNamespace
 
 import pytest
 
+from benchmarks.simulated_time import EmulatedPort
 from command_line import invoked
 from hardware.bus.servo_bus import Bus
 from hardware.emulator.bus import EmulatedBus
-from hardware.emulator.port import EmulatedPort
 from hardware.rig.rig_file import load_rig
 from hardware.rig.supervision.rig import Rig
 

@@ -6,11 +6,11 @@ import pytest
 
 import recognition_examples as examples
 import synthetic
+from benchmarks.simulated_time import VirtualClock
 from controller.deck.deck import Deck
 from controller.learning.recognition.experts import STRETCHED_LEAK, STRETCHES, ExpertRecipe
 from controller.learning.recognition.features import FeatureRecipe
 from controller.learning.recognition.recognizer import load_recognizer, save_recognizer, train_recognizer
-from controller.loop.clock import VirtualClock
 from controller.loop.commands.command_handler import CommandHandler
 from controller.wire.messages.commands import SetTempo, Switch
 from motiondeck.run.assembly import Host, Played, open_session

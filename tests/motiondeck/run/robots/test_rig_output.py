@@ -5,6 +5,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
+from benchmarks.simulated_time import EmulatedPort
 from command_line import invoked
 from controller.deck.interfaces import JointLimits
 from controller.loop.loop import run
@@ -13,7 +14,6 @@ from controller.loop.safety.safety_envelope import SafetyEnvelope
 from controller.motion.posture import Pose
 from hardware.bus.servo_bus import Bus
 from hardware.emulator.bus import EmulatedBus
-from hardware.emulator.port import EmulatedPort
 from hardware.emulator.pty_server import PtyServer
 from hardware.families.dynamixel2.frames import Parser
 from hardware.families.dynamixel2.instructions import SYNC_WRITE

@@ -1,11 +1,45 @@
-"""A port straight onto an emulated bus, in simulated time: for tests that neither wait nor depend on the machine."""
+"""A clock and a port in simulated time: for tests and benchmarks that neither wait nor depend on the machine."""
 
 from __future__ import annotations
 
+from dataclasses import dataclass, field
+
+from controller.loop.clock import period_ns
 from hardware.emulator.bus import EmulatedBus
 from hardware.emulator.faults import FaultPlan
 from hardware.emulator.wire import Wire
 from hardware.errors import SerialPortError
+
+
+@dataclass
+class VirtualClock:
+    """Ticks without waiting, each exactly on time; RateError if the rate is out of range."""
+
+    rate: float
+    overruns: int = field(default=0, init=False)
+    skipped: int = field(default=0, init=False)
+
+    def __post_init__(self) -> None:
+        self._period = period_ns(self.rate)
+        self._time = 0
+
+    @property
+    def period(self) -> float:
+        """Virtual seconds from tick to tick."""
+        return self._period * 1e-9
+
+    def now(self) -> int:
+        """The virtual time, ns."""
+        return self._time
+
+    def start(self) -> None:
+        """Sets the virtual time to zero."""
+        self._time = 0
+
+    def wait(self) -> int:
+        """Advances by one period; returns 0, because a virtual tick is never late."""
+        self._time += self._period
+        return 0
 
 
 class EmulatedPort:
