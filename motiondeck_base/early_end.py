@@ -16,10 +16,8 @@ def take_signals() -> None:
 
 
 def end_if_asked() -> None:
-    """Ends the program if a signal has asked for it.
-
-    Where Python calls the handler from inside an import or a callback, what it raises may be caught there.
-    """
+    """Ends the program if a signal has asked for it."""
+    # Where Python calls the handler from inside an import or a callback, what it raises may be caught there.
     if _asked:
         sys.exit(128 + _asked)
 

@@ -132,10 +132,8 @@ def assemble(
 
 
 def judged(library: MotionLibrary, recorded: dict[str, RecordedPart]) -> MotionLibrary:
-    """The library with the errors of its motions against their recordings; too large ones fail a motion.
-
-    A network that runs by itself keeps no time, so its motions have no such errors.
-    """
+    """The library with the errors of its motions against their recordings; too large ones fail a motion."""
+    # A network that runs by itself keeps no time, so its motions have no such errors.
     if library.network.as_autonomous is not None:
         return library
     motions: list[MotionInfo] = []

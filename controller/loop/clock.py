@@ -50,10 +50,7 @@ def period_ns(rate: float) -> int:
 
 @dataclass
 class Ticker:
-    """Ticks on the monotonic clock: sleeps until shortly before the deadline, then spins.
-
-    RateError if the rate is out of range.
-    """
+    """Ticks on the monotonic clock: sleeps until shortly before the deadline, then spins. RateError if out of range."""
 
     rate: float
     # What an overrun does: `skip` drops the missed ticks, `catch_up` runs them without waiting.

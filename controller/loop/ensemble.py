@@ -37,10 +37,7 @@ class Ensemble:
 
 
 class RobotOutput:
-    """The output of one robot of an ensemble; fits `interfaces.Output`.
-
-    It is given its own joints only: their number, from the first on, out of all.
-    """
+    """The output of one robot of an ensemble, for its joints, the first of all given; fits `interfaces.Output`."""
 
     def __init__(self, output: Output, first: int, joints: int, of: int, called: str = "") -> None:
         self.name = called + output.name

@@ -42,10 +42,7 @@ class StopRequest:
         return self.state.phase != "running"
 
     def play(self) -> None:
-        """Lets the joints follow the deck, after a slow approach if they do not follow it already.
-
-        EmergencyStopError if the emergency stop is on.
-        """
+        """Lets the joints follow the deck, after a slow approach if needed; EmergencyStopError while it is on."""
         self.state.go_on()
         self.home = False
 

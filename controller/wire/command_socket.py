@@ -84,10 +84,8 @@ class CommandServer:
         return Traffic(counts.commands, counts.malformed + listener.unsigned, counts.flooded, listener.replayed)
 
     def poll(self, limit: int = 64) -> Iterator[tuple[DeckCommand, Address]]:
-        """The commands among the next `limit` datagrams, each with its sender; an emergency stop comes first.
-
-        Per sender a few are taken in a poll, and some more queue for the next polls.
-        """
+        """The commands among the next `limit` datagrams, each with its sender; an emergency stop comes first."""
+        # Per sender a few are taken in a poll, and some more queue for the next polls.
         self._refusals = 0
         self._take()
         share: Counter[Address] = Counter()

@@ -36,10 +36,7 @@ class LeaderLink:
 
     @classmethod
     def to(cls, port: str) -> LeaderLink:
-        """A link to a deck of this user by its command port; a request to another machine could block the loop.
-
-        CommandError if it is not a port number.
-        """
+        """A link to a deck of this user by its port, or a CommandError; a remote one could block the loop."""
         if not port.isdecimal() or not 0 < int(port) < 65536:
             raise CommandError(f"'{port}' is nothing to lock to: give beat, body, or the command port of another deck")
         return cls(CommandClient(int(port), patience=0.0))

@@ -153,10 +153,8 @@ class LocalListener:
         self._ready.register(self._door, select.EPOLLIN)
 
     def receive(self, most_bytes: int, limit: int) -> Iterator[tuple[bytes, socket.socket]]:
-        """The datagrams that have arrived, each with its sender; clients take turns.
-
-        A client that comes or goes counts as a datagram, so that no number of them makes this take long.
-        """
+        """The datagrams that have arrived, each with its sender; clients take turns."""
+        # A client that comes or goes counts as a datagram, so that no number of them makes this take long.
         while limit > 0 and (found := self._ready.poll(0)):
             limit -= len(found)
             for number, _ in found:

@@ -48,10 +48,8 @@ class StopDoor:
         self._ready.register(self._socket, select.EPOLLIN)
 
     def poll(self) -> int:
-        """Answers what has arrived; the number of new presses.
-
-        A stop that is sent again, with its number on its connection, counts once; one without a number always counts.
-        """
+        """Answers what has arrived; the number of new presses."""
+        # A stop that is sent again, with its number on its connection, counts once; one without a number always counts.
         presses, work, admitted = 0, _WORK, 0
         while work > 0 and (found := self._ready.poll(0)):
             work -= len(found)

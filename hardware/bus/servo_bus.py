@@ -259,11 +259,9 @@ class Bus:
         return [found[id] for id in sorted(found)]
 
     def ping_each(self) -> list[Identity]:
-        """The servos of the other families that answer, in order of ID.
-
-        A broadcast ping tells only whether there are any, since some families answer it all at once; then each ID is
-        asked.
-        """
+        """The servos of the other families that answer, in order of ID."""
+        # A broadcast ping tells only whether there are any, since some families answer it all at once; then each ID is
+        # asked.
         found: list[Identity] = []
         for dialect in dict.fromkeys(family.dialect for family in FAMILIES if not family.identification.by_ping):
             found += self._ping_each(next(family for family in FAMILIES if family.dialect == dialect))
@@ -332,10 +330,9 @@ class Bus:
             self._discard()
 
     def _exchange(self, frame: bytes, id: int, length: int, margin: float) -> StatusPacket | None:
-        """Sends a frame and waits until this servo has answered or the deadline is over.
-
-        An answer of an unexpected length and without an error number came too late for an earlier call; it is ignored.
-        """
+        """Sends a frame and waits until this servo has answered or the deadline is over."""
+        # An answer of an unexpected length and without an error number came too late for an earlier call; it is
+        # ignored.
         self._pending, self.garbled = None, False
         self.port.wait(0.0)  # what has arrived may still be on its way through the kernel; this waits for that
         self._discard()

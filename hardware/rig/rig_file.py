@@ -102,10 +102,8 @@ class RigConfig(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
 
     @property
     def patience(self) -> float:
-        """The silence after which the servos count as stopped, s.
-
-        It is one unit shorter than theirs: rather stopped here and not there than the reverse.
-        """
+        """The silence after which the servos count as stopped, s."""
+        # It is one unit shorter than theirs: rather stopped here and not there than the reverse.
         return self.watchdog_ms * 1e-3 - _WATCHDOG_UNIT
 
     @property

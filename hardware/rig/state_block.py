@@ -107,10 +107,8 @@ def _layout(names: tuple[str, ...], formats: tuple[str, ...], offsets: tuple[int
 
 
 def row_layout(layout: np.dtype[Any], stride: int, error: int, data: int) -> np.dtype[Any]:
-    """The layout of a row of a `WholeReply` whose data have this layout; its error byte is the field `error`.
-
-    A loop should keep it, and an array that has it: to make either takes longer than to read the rows.
-    """
+    """The layout of a row of a `WholeReply` whose data have this layout; its error byte is the field `error`."""
+    # A loop should keep it, and an array that has it: to make either takes longer than to read the rows.
     fields = {"error": (np.dtype(np.uint8), error)}
     fields |= {name: (field[0], data + field[1]) for name, field in (layout.fields or {}).items()}
     formats, offsets = zip(*fields.values(), strict=True)

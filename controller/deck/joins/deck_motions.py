@@ -120,10 +120,8 @@ class Motion:
 
 
 def rounds_beside(first: Motion, other: Motion) -> float:
-    """Rounds of a loop per round of the first, when both stay in step.
-
-    The shorter goes round a whole number of times in each round of the longer, as often as suits its own tempo best.
-    """
+    """Rounds of a loop per round of the first, when both stay in step."""
+    # The shorter goes round a whole number of times in each round of the longer, as often as suits its own tempo best.
     if first.seconds < other.seconds:
         return 1.0 / round(other.seconds / first.seconds)
     return float(round(first.seconds / other.seconds))

@@ -178,10 +178,8 @@ class Fading:
 
     @property
     def onset(self) -> float:
-        """The share of the tempo at which a one-shot is played: it gets going with the square of the progress.
-
-        At full tempo half of it would be over before it can be seen.
-        """
+        """The share of the tempo at which a one-shot is played: it gets going with the square of the progress."""
+        # At full tempo half of it would be over before it can be seen.
         progress = min(1.0, self._elapsed / self._fade.duration) if self._fade is not None else 0.0
         return self._onset + (1.0 - self._onset) * progress**2
 

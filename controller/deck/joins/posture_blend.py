@@ -154,10 +154,8 @@ class PostureBlend:
         self._weights = np.append(self._weights, 0.0)
 
     def hold_sides(self, points: Array) -> None:
-        """Has each bone stay on the sides of these points, (M, 1 + B, 4), near those of the motions, while it can.
-
-        That changes nothing that is shown while one motion has all the weight.
-        """
+        """Has each bone stay on the sides of these points, (M, 1 + B, 4), near those of the motions, while it can."""
+        # That changes nothing that is shown while one motion has all the weight.
         near = np.where(_product(self._points, points) < 0.0, -1.0, 1.0)
         self._points = near[0] * near * self._points
         self._held = True

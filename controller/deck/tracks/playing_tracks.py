@@ -59,10 +59,7 @@ class BlendCheck:
 
 
 class PlayingTracks:
-    """The tracks of a library, of which one plays or up to MOST_BLENDED, each with its weight.
-
-    Of those `playing` the first leads, unless another takes over.
-    """
+    """The tracks of a library, one or up to MOST_BLENDED by weight; the first leads, unless another takes over."""
 
     def __init__(self, library: MotionLibrary, motions: Mapping[str, Motion]) -> None:
         self._motions, self._names = motions, library.network.motions

@@ -171,10 +171,7 @@ def frame_errors(readouts: Array, forced: Forced, together: int) -> Array:
 
 
 def log_errors(readouts: Array, forced: list[Forced], together: int) -> Array:
-    """The logarithm of each expert's mean squared error on each motion, shape (motions, M).
-
-    Of a committee the mean over groups and joints.
-    """
+    """The logarithm of each expert's mean squared error on each motion, (motions, M); of a committee the mean."""
     means = np.array([frame_errors(readouts, f, together).mean(0) for f in forced])
     return np.log(np.maximum(means, SMALLEST_ERROR)).mean(-1)
 

@@ -106,10 +106,8 @@ def used_directions(network: ConceptorNetwork, lengths: dict[str, int], recipe: 
 
 
 def _aperture(states: Array, singular: Array, frames: int, recipe: ConceptorRecipe, name: str, neurons: int) -> float:
-    """The aperture of a stored motion; a chosen one follows from the stored states.
-
-    With l their mean energy along a direction,  aperture^-2 = l (1 - s) / s.
-    """
+    """The aperture of a stored motion; a chosen one follows from the stored states."""
+    # With l their mean energy along a direction,  aperture^-2 = l (1 - s) / s.
     # A motion at rest uses no direction.
     if name in recipe.apertures or not recipe.choose_apertures or not len(singular):
         return recipe.apertures.get(name, recipe.aperture)

@@ -138,10 +138,8 @@ class EchoStateTrainer(Trainer[EchoStateRecipe]):
         )
 
     def settle(self, recipe: EchoStateRecipe, lessons: Lessons, seed: int, judge: Judge) -> SettledNetwork:
-        """The network of a recipe and the number of failed trials of each motion, if it chooses the noise.
-
-        A motion that fails a trial gets the first noise with which it passes all, else that with the fewest failures.
-        """
+        """The network of a recipe and the number of failed trials of each motion, if it chooses the noise."""
+        # A motion that fails a trial gets the first noise with which it passes all, else that with the fewest failures.
         if not recipe.choose_noise:
             return super().settle(recipe, lessons, seed, judge)
         network = self.train(recipe, lessons, seed)

@@ -20,10 +20,7 @@ _REMEMBERED = 16  # emergency stops
 
 
 class CommandHandler:
-    """Carries out the commands that have arrived, once a tick; it never waits, and no client can make it raise.
-
-    `note` is called with each command and its reply.
-    """
+    """Carries out what has arrived, once a tick; it never waits or raises. `note` gets each command and its reply."""
 
     def __init__(
         self,

@@ -28,10 +28,7 @@ class Progress(Protocol):
 
 
 class Playback(DeckState, Protocol):
-    """The part of any deck that commands need, as `controller.deck.deck.Deck` describes it.
-
-    It raises a MotiondeckError for a command that it cannot carry out.
-    """
+    """What commands need of any deck, as `controller.deck.deck.Deck` has it; it refuses by a MotiondeckError."""
 
     events: deque[Event]  # what has happened and is still to be sent
     phase_at: float | None  # when the present phase was due by the machine's steady clock, s; None if that is not known

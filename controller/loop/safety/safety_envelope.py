@@ -205,10 +205,8 @@ def _catching_up(
     low: float,
     high: float,
 ) -> float:
-    """The acceleration between low and high whose stop, seen from the moving target, ends on it, or the nearest end.
-
-    By how far it would end beyond rises with the acceleration; its zero is found to one part in _STEPS.
-    """
+    """The acceleration between low and high whose stop, seen from the moving target, ends on it, or the nearest end."""
+    # By how far it would end beyond rises with the acceleration; its zero is found to one part in _STEPS.
     steady = abs(goal_a) <= a_max and abs(goal_v) <= v_max  # else it jumps: nothing to predict
     goal_v, goal_a = min(max(goal_v, -v_max), v_max), goal_a if steady else 0.0
     off, fast = p + v - goal, v - goal_v
@@ -236,10 +234,7 @@ def _catching_up(
 
 
 def check_limits(limits: JointLimits) -> None:
-    """Checks that a joint can obey the limits.
-
-    LimitError if lengths differ, a limit is not finite, a range is empty or a rate is not positive.
-    """
+    """Refuses limits that no joint can obey (LimitError): of other lengths, not finite, an empty range, a rate of 0."""
     rates = {"velocity": limits.velocity, "acceleration": limits.acceleration, "jerk": limits.jerk}
     joints = len(limits.lower)
     if any(values.shape != (joints,) for values in (limits.upper, *rates.values())):

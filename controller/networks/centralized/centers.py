@@ -231,10 +231,8 @@ class NonlinearCenters:
 
     @property
     def coordinates(self) -> Array:
-        """(q / amplitude, -p / p0) of each center, shape (2 n,): of unit size whatever z is.
-
-        Unscaled, q would shrink as z grows, out of the reach of the satellites.
-        """
+        """(q / amplitude, -p / p0) of each center, shape (2 n,): of unit size whatever z is."""
+        # Unscaled, q would shrink as z grows, out of the reach of the satellites.
         amplitude = self.spring.orbit(self.control, self.momentum)[1]
         return np.stack([self.q / amplitude, -self.p / self.momentum], axis=-1).ravel()
 

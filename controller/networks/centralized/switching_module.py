@@ -37,10 +37,8 @@ class Command:
         return sum(time for time, _ in self.phases)
 
     def spans(self, elapsed: float, time: float) -> Iterator[tuple[float, CommandInput | None]]:
-        """The pieces of module time in a step, each with its drive, None after the end.
-
-        A step is cut where a drive ends: a kick that lasts a step too long reaches the next state.
-        """
+        """The pieces of module time in a step, each with its drive, None after the end."""
+        # A step is cut where a drive ends: a kick that lasts a step too long reaches the next state.
         for lasts, drive in self.phases:
             span = min(time, lasts - elapsed)
             if span > 0.0:

@@ -36,10 +36,8 @@ class PhaseReservoir:
 
     @classmethod
     def draw(cls, scales: PhaseScales, channels: int, seed: int) -> PhaseReservoir:
-        """The weights of a seed, each from U[-1, 1] before it is scaled.
-
-        Drawn from the raw bits of the generator, whose stream never changes with the version of numpy.
-        """
+        """The weights of a seed, each from U[-1, 1] before it is scaled."""
+        # Drawn from the raw bits of the generator, whose stream never changes with the version of numpy.
         raw, neurons, inputs = np.random.PCG64(seed), scales.neurons, 2 * scales.harmonics
 
         def uniform(scale: float, *shape: int) -> Float32:

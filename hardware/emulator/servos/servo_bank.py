@@ -190,10 +190,8 @@ class ServoBank:
             self.drive.acceleration[row] = self._profile(row, 0.0)[1]
 
     def live_until(self, now: float, fed: float) -> None:
-        """Advances to `now` (or 1 ms less); the bus was last heard at `fed`.
-
-        A bus watchdog that has heard nothing for too long trips at its own time on the way.
-        """
+        """Advances to `now` (or 1 ms less); the bus was last heard at `fed`."""
+        # A bus watchdog that has heard nothing for too long trips at its own time on the way.
         while (due := self._next_trip(fed)) is not None and due[0] <= now:
             self._advance(due[0] - self._time)
             self._trip(due[1])

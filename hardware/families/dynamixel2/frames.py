@@ -34,11 +34,9 @@ _OVERHEAD = 7  # header, ID and length stand before what LENGTH counts
 
 
 def stuff(body: bytes) -> bytes:
-    """The body as it goes onto the wire: FF FF FD becomes FF FF FD FD, so that a header always means a new frame.
-
-    The pattern cannot overlap itself, and a stuffed FD follows an FD, so it never completes another pattern: one pass
-    from left to right is the same as scanning the output, and `unstuff` is the exact inverse for any bytes.
-    """
+    """The body as it goes onto the wire: FF FF FD becomes FF FF FD FD, so that a header always means a new frame."""
+    # The pattern cannot overlap itself, and a stuffed FD follows an FD, so it never completes another pattern: one pass
+    # from left to right is the same as scanning the output, and `unstuff` is the exact inverse for any bytes.
     return body.replace(STUFFED_PATTERN, _STUFFED)
 
 

@@ -259,11 +259,9 @@ class Readings:
         return request
 
     def _line(self, turn: NDArray[np.int64] | None) -> tuple[int, ...]:
-        """The joints to ask, in order: of all, or of the present turn.
-
-        A silent servo may silence all behind it, so one that missed a reply comes last; one that missed several is
-        asked only at intervals, alone, because waiting for it makes all states older.
-        """
+        """The joints to ask, in order: of all, or of the present turn."""
+        # A silent servo may silence all behind it, so one that missed a reply comes last; one that missed several is
+        # asked only at intervals, alone, because waiting for it makes all states older.
         missed = self.measured.missed_in_a_row
         if not np.logical_or.reduce(missed):
             return self._line_of_all if turn is None else tuple(turn.tolist())

@@ -87,10 +87,7 @@ class Reading:
     ] = None
 
     def options(self) -> ReadingOptions:
-        """The same for the readers.
-
-        MotiondeckError if a new name is not given as OLD=NEW, or the unit is impossible.
-        """
+        """The same for the readers; MotiondeckError if a new name is not OLD=NEW, or the unit is impossible."""
         from controller.motion.reading_options import ReadingOptions
 
         names = dict(pair.split("=", 1) for pair in self.rename or [] if "=" in pair)
@@ -112,20 +109,14 @@ def ground_of(given: str) -> float | Literal["auto", "none"]:
 
 
 def check_new(*files: Path, force: bool, hint: str = "") -> None:
-    """Checks that files do not exist or may be replaced; a hint ends the message.
-
-    MotiondeckError if a file exists, without `force`.
-    """
+    """Checks that files do not exist or may be replaced (`force`), else MotiondeckError; a hint ends its message."""
     for file in files:
         if file.exists() and not force:
             raise MotiondeckError(f"{file} exists already; give another --out, or --force to replace it{hint}")
 
 
 def check_ending(file: Path, what: str, ending: str = ".safetensors") -> None:
-    """Checks the ending of a file to write, so that a mistake cannot replace a recording.
-
-    MotiondeckError if the name has another ending.
-    """
+    """Checks the ending of a file to write, so that no mistake replaces a recording; MotiondeckError for another."""
     if file.suffix.lower() != ending:
         raise MotiondeckError(f"{file}: {what} ends in {ending}. Name the file so.")
 

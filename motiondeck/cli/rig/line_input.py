@@ -21,20 +21,14 @@ class LineInput:
             self._fd = None  # a stream without a descriptor never blocks
 
     def ask(self, prompt: str) -> str:
-        """Prompts and waits for a line, which is returned without surrounding spaces.
-
-        MotiondeckError if the input has ended.
-        """
+        """Prompts for a line, which is returned without surrounding spaces; MotiondeckError at the input's end."""
         print(prompt, end="", file=sys.stderr, flush=True)
         while (line := self.take(None)) is None:
             pass
         return line
 
     def take(self, seconds: float | None = 0.0) -> str | None:
-        """The next line, or None if there is none within `seconds` (None waits for ever).
-
-        MotiondeckError if the input has ended.
-        """
+        """The next line, or None if none comes within `seconds` (None: ever); MotiondeckError at the input's end."""
         if self._fd is None:
             return self._ended_or(sys.stdin.readline())
         if b"\n" not in self._partial:

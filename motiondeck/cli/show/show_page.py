@@ -49,10 +49,7 @@ class ShowPage:
 
 @contextmanager
 def show_page(port: int) -> Iterator[ShowPage]:
-    """The page while the block runs, on 127.0.0.1, at any free port for 0; it prints its address when it answers.
-
-    MotiondeckError if the port is taken.
-    """
+    """The page while the block runs, on 127.0.0.1, at any free port for 0; MotiondeckError if the port is taken."""
     port = free_port(port)
     ours, theirs = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
     with (

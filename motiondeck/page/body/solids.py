@@ -45,11 +45,9 @@ def thinned(mesh: Triangles, most: int) -> Triangles:
 
 
 def creased(mesh: Triangles) -> Triangles:
-    """The same mesh with separate vertices on both sides of its edges.
-
-    A page shades a corner by the mean direction of the triangles that share it: so what is round looks round, and what
-    is sharp sharp.
-    """
+    """The same mesh with separate vertices on both sides of its edges."""
+    # A page shades a corner by the mean direction of the triangles that share it: so what is round looks round, and
+    # what is sharp sharp.
     from scipy.sparse import coo_array  # 0.2 s; bodies of primitives need no edges
     from scipy.sparse.csgraph import connected_components
 
@@ -173,10 +171,8 @@ def sphere(rings: int, segments: int) -> Triangles:
 
 
 def cap(up: float, rings: int, segments: int) -> Triangles:
-    """The upper (up = 1) or lower (-1) half of a sphere of radius 1, and one ring more.
-
-    That ring lies within the mantle that the cap closes, and makes its shading go on smoothly there.
-    """
+    """The upper (up = 1) or lower (-1) half of a sphere of radius 1, and one ring more."""
+    # That ring lies within the mantle that the cap closes, and makes its shading go on smoothly there.
     polar = np.append(np.linspace(0.0, 0.5 * np.pi, rings + 1), 2.0 / 3.0 * np.pi)
     if up < 0.0:
         polar = np.pi - polar[::-1]

@@ -31,10 +31,7 @@ class Partners(msgspec.Struct, frozen=True):
 
 
 class LibraryGlance:
-    """The pictures and the blends of a library's motions; empty until they are known.
-
-    A `direct` deck plays no motions in between.
-    """
+    """The pictures and blends of a library's motions, empty until known; a `direct` deck plays none in between."""
 
     def __init__(self, file: Path, *, direct: bool = False) -> None:
         self.pictures: dict[str, str] = {}  # SVG by motion; none for joints that were taught to a rig

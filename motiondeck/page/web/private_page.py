@@ -89,11 +89,10 @@ def _taken(port: int) -> str:
 
 @contextlib.contextmanager
 def _own_pages_only(port: int) -> Iterator[None]:
-    """Makes a server started within refuse websockets that its own page has not opened, and frames around that page.
-
-    A browser lets any page open a websocket to any address, but says truthfully which page it was. And it takes a page
-    for one of a site whose name has been made to lead here (DNS rebinding), but says truthfully which name that was.
-    """
+    """Makes a server started within refuse websockets that its own page has not opened, and frames around that page."""
+    # A browser lets any page open a websocket to any address, but says truthfully which page it was. And it takes a
+    # page for one of a site whose name has been made to lead here (DNS rebinding), but says truthfully which name that
+    # was.
     serve = websockets.asyncio.server.serve
     hosts = [f"{host}:{port}" if port != _HTTP else host for host in (LOOPBACK, "localhost", "[::1]")]
     pages = [f"http://{host}" for host in hosts]

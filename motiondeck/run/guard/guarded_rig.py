@@ -68,10 +68,7 @@ class AwaitedScan:
 
     @property
     def found(self) -> list[tuple[str, FoundServo]] | None:
-        """Name of the joint ("" for a servo that is not in the rig file) and servo; None until all are asked.
-
-        RigError if the ports could not be scanned.
-        """
+        """Joint ("" if it is not in the rig file) and servo, None until all are asked; RigError if the scan failed."""
         if self.failure:
             raise RigError(self.failure)
         return self.servos
