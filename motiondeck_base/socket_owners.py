@@ -27,10 +27,8 @@ def owner_of_connection(here: End, there: End) -> int | None:
 
 
 def owners_of_datagrams(sender: End) -> set[int]:
-    """The users with a UDP socket from which datagrams of an IPv4 address and port of this machine can come.
-
-    A program that has sent its datagram and ended is not found any more.
-    """
+    """The users with a UDP socket from which datagrams of an IPv4 address and port of this machine can come."""
+    # A program that has sent its datagram and ended is not found any more.
     address, _, port = _as_listed(sender).partition(":")
     near = {f"{listed}:{port}" for listed in (address, _MAPPED + address, *_ANY)}
     return {user for table in ("udp", "udp6") for bound, _, user in _sockets(table) if bound in near}

@@ -118,10 +118,8 @@ class Performance:
         return self.pose
 
     def switch_to(self, motion: str) -> None:
-        """Starts a motion where it resembles the body most, and the join from what is shown to it.
-
-        While another switch is under way, or motions are blended, the join is a fade.
-        """
+        """Starts a motion where it resembles the body most, and the join from what is shown to it."""
+        # While another switch is under way, or motions are blended, the join is a fade.
         leaving, entering, joining = self.motion, self.motions[motion], self._joining
         anchor = self._best_anchor(motion, self.posture, self._shown)
         self._limit(leaving, entering)

@@ -60,11 +60,9 @@ def worst_join(library: MotionLibrary, *, phases: int = PHASES, played: int = PL
 
 
 def hardest_joins(library: MotionLibrary, count: int, phases: int = PHASES) -> list[tuple[str, str, float]]:
-    """The joins that look hardest, hardest first: source, target and the phase at which the source is left.
-
-    At most one join is taken of each pair that is joined directly. One-shots are left at their end, loops at a number
-    of `phases`.
-    """
+    """The joins that look hardest, hardest first: source, target and the phase at which the source is left."""
+    # At most one join is taken of each pair that is joined directly. One-shots are left at their end, loops at a number
+    # of `phases`.
     motions, routes = read_motions(library), Routes.of(library)
     found: list[tuple[float, tuple[str, str, float]]] = []
     for leaving, entering in product(motions.values(), repeat=2):

@@ -71,11 +71,9 @@ class LoopReport(msgspec.Struct, frozen=True):
 
 @contextmanager
 def undisturbed() -> Iterator[None]:
-    """Keeps the garbage collector off and BLAS at one thread inside; both are restored afterwards.
-
-    Existing objects are frozen, so that no collection visits them. Two BLAS threads wait for one another, which costs
-    the loop milliseconds at p99.
-    """
+    """Keeps the garbage collector off and BLAS at one thread inside; both are restored afterwards."""
+    # Existing objects are frozen, so that no collection visits them. Two BLAS threads wait for one another, which costs
+    # the loop milliseconds at p99.
     collecting = gc.isenabled()
     gc.collect()
     gc.freeze()

@@ -137,11 +137,9 @@ class Bus:
         return self.port.send(words.sync_write(address, length, entries))
 
     def bulk_read(self, blocks: Blocks, fast: bool = False) -> dict[int, StatusPacket]:
-        """Reads (id, address, length) of each servo, all in one reply if `fast`; silent ones are not in the result.
-
-        A servo waits for the one before it, so a silent one may silence all behind it: only the first in the line is
-        known to be silent itself. It goes to the back, and after `retries` more chances it is given up.
-        """
+        """Reads (id, address, length) of each servo, all in one reply if `fast`; silent ones are not in the result."""
+        # A servo waits for the one before it, so a silent one may silence all behind it: only the first in the line is
+        # known to be silent itself. It goes to the back, and after `retries` more chances it is given up.
         heard: dict[int, StatusPacket] = {}
         for line in self._lines(blocks):
             heard = heard | self._read_line(line, fast) if heard else self._read_line(line, fast)

@@ -223,10 +223,8 @@ class RigJoint(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
         return self.direction * self.gear * self.table.pulses_per_turn / (2.0 * math.pi)
 
     def whole_turns(self, pulses: float) -> int:
-        """The pulses of the whole turns between a position and the turn in which the joint is driven.
-
-        In position mode that is the servo's own one turn, else the one around the middle of the range.
-        """
+        """The pulses of the whole turns between a position and the turn in which the joint is driven."""
+        # In position mode that is the servo's own one turn, else the one around the middle of the range.
         turn = self.table.pulses_per_turn
         start = self.table.one_turn[0] if self.mode == POSITION_MODE else (sum(self.ends) - turn) / 2.0
         return math.floor((pulses - start) / turn) * turn

@@ -111,10 +111,8 @@ class Scene:
 
 
 def facing(turned: Array, rest: Array) -> float:
-    """The heading of a body, rad, of its rotation (4,) and that in which it faces along x (4,).
-
-    It is that of what points forward at rest; of a body that lies, that of what points up then: its head.
-    """
+    """The heading of a body, rad, of its rotation (4,) and that in which it faces along x (4,)."""
+    # It is that of what points forward at rest; of a body that lies, that of what points up then: its head.
     axes = np.empty(9)
     mujoco.mju_quat2Mat(axes, multiply(turned, conjugate(rest)))
     forward, _, up = axes.reshape(3, 3).T

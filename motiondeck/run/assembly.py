@@ -77,10 +77,8 @@ class Played:
         return self.source.info.name if isinstance(self.source, MotionLibrary) else self.source.name
 
     def human(self, deck: PlayableDeck) -> Skeleton | None:
-        """The skeleton whose motion the page shows beside the robot.
-
-        Of a recorded run only the human's root is known, and joints taught by hand were never a human's.
-        """
+        """The skeleton whose motion the page shows beside the robot."""
+        # Of a recorded run only the human's root is known, and joints taught by hand were never a human's.
         unknown = isinstance(deck, RecordedDeck) or self.source.skeleton.is_rig
         return None if unknown else self.source.skeleton
 

@@ -36,10 +36,8 @@ class Timecode(NamedTuple):
         return self.hours < 24 and self.minutes < 60 and self.seconds < 60 and self.frames < rate
 
     def number(self, kind: int) -> int:
-        """How many frames after 00:00:00:00 it is; kinds of rates are 24, 25, 30 drop-frame and 30 frames a second.
-
-        Drop-frame leaves out the first two numbers of each minute, but not of each tenth one.
-        """
+        """How many frames after 00:00:00:00 it is; kinds of rates are 24, 25, 30 drop-frame and 30 frames a second."""
+        # Drop-frame leaves out the first two numbers of each minute, but not of each tenth one.
         minutes = 60 * self.hours + self.minutes
         count = (60 * minutes + self.seconds) * _RATES[kind] + self.frames
         return count - 2 * (minutes - minutes // 10) if kind == _DROP else count

@@ -28,10 +28,8 @@ class Table:
 
 
 def failure_table(title: str, counts: Sequence[Count], notes: list[str]) -> Table:
-    """Failure rates by motion, then over all loops and over everything; percentages with 95 % intervals.
-
-    The runs of one motion of one network are a group: they are not independent of each other.
-    """
+    """Failure rates by motion, then over all loops and over everything; percentages with 95 % intervals."""
+    # The runs of one motion of one network are a group: they are not independent of each other.
     motions = list(dict.fromkeys(count.motion for count in counts))
     groups = {motion: [count for count in counts if count.motion == motion] for motion in motions}
     sums = {"all loops": [count for count in counts if count.loop], "everything": list(counts)}

@@ -9,10 +9,8 @@ Z_95 = 1.959964
 
 
 def wilson(failures: float, runs: float) -> tuple[float, float]:
-    """The 95 % interval (Wilson 1927) of a rate with `failures` in `runs`; (0, 1) without any run.
-
-    It stays within [0, 1] and does not shrink to nothing when nothing failed.
-    """
+    """The 95 % interval (Wilson 1927) of a rate with `failures` in `runs`; (0, 1) without any run."""
+    # It stays within [0, 1] and does not shrink to nothing when nothing failed.
     if runs == 0:
         return 0.0, 1.0
     rate, square = failures / runs, Z_95**2

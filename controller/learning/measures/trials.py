@@ -58,10 +58,8 @@ def failures(
 def stress_test(
     network: AnyNetwork, verdicts: dict[str, MotionVerdict], judge: Judge, seed: int
 ) -> dict[str, MotionVerdict]:
-    """The verdicts of `self_test`, failed for motions that do not survive a disturbance, with noise of a seed.
-
-    One-shots of autonomous networks are not tested: after a disturbance they may be at any phase.
-    """
+    """The verdicts of `self_test`, failed for motions that do not survive a disturbance, with noise of a seed."""
+    # One-shots of autonomous networks are not tested: after a disturbance they may be at any phase.
     knows_phase = network.as_phase_network is not None
     return {
         name: _stressed(network, name, verdict, judge, seed)

@@ -111,12 +111,10 @@ def _trained_bank(
 
 
 def rejection_threshold(signals: list[list[Array]], dataset: Dataset, experts: ExpertRecipe) -> float:
-    """The confidence below which a motion is called unknown, by cross-validation.
-
-    With several actors it is the FALSE_REJECTIONS quantile over all clips, tested on experts that were trained without
-    their actor. With one actor it rejects all but FALSE_ACCEPTANCES of the clips, tested on experts trained without
-    their class. LEAST_CONFIDENCE, which rejects nothing, if the set is too small to be split.
-    """
+    """The confidence below which a motion is called unknown, by cross-validation."""
+    # With several actors it is the FALSE_REJECTIONS quantile over all clips, tested on experts that were trained
+    # without their actor. With one actor it rejects all but FALSE_ACCEPTANCES of the clips, tested on experts trained
+    # without their class. LEAST_CONFIDENCE, which rejects nothing, if the set is too small to be split.
 
     def seen(learn: Iterable[int], ask: Iterable[int]) -> Array:
         bank = _trained_bank(signals, learn, dataset, experts)

@@ -47,11 +47,9 @@ def settled_network(
     judge: Judge,
     seed: int,
 ) -> tuple[ConceptorNetwork, dict[str, int]]:
-    """The network of a loaded reservoir, and the failed trials of each motion if the recipe chooses apertures.
-
-    A motion that fails a trial gets the first aperture with which it passes all, else that with the fewest failures.
-    Then all are cut to the rank that the recipe's tolerance allows, if it has one, and tested again.
-    """
+    """The network of a loaded reservoir, and the failed trials of each motion if the recipe chooses apertures."""
+    # A motion that fails a trial gets the first aperture with which it passes all, else that with the fewest failures.
+    # Then all are cut to the rank that the recipe's tolerance allows, if it has one, and tested again.
     network, failed = conceptor_network(loaded, to_learn, normalisation, recipe), {}
     if recipe.choose_apertures:
         network, failed = _tried(network, loaded, to_learn, normalisation, recipe, judge, seed)

@@ -154,11 +154,9 @@ def principal_directions(centred: Array, rank: int) -> tuple[Array, Array]:
 def cut_to_tolerance(
     network: ConceptorNetwork, encoding: Encoding, tolerance_mm: float, motions: Iterable[str] | None = None
 ) -> ConceptorNetwork:
-    """The network with some motions, or all, cut to the smallest rank within a tolerance of their joints, mm.
-
-    From each stored state the full and the cut conceptor take one step, and the joints are compared. A run would not
-    do: two correct networks at slightly different tempos soon differ.
-    """
+    """The network with some motions, or all, cut to the smallest rank within a tolerance of their joints, mm."""
+    # From each stored state the full and the cut conceptor take one step, and the joints are compared. A run would not
+    # do: two correct networks at slightly different tempos soon differ.
     parts = {name: network[name] for name in network.motions}
     for name in network.motions if motions is None else motions:
         parts[name] = cut(parts[name], rank_within(parts[name], encoding, tolerance_mm))

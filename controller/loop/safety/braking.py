@@ -39,10 +39,8 @@ def braked(v: float, a: float, most: float, j: float) -> float:
 
 
 def stopping_run(v: float, a: float, most: float, j: float) -> Run:
-    """How far a joint at velocity v and acceleration a still moves under the law of stopping.
-
-    Four stretches, each a closed sum: m ticks of full jerk, q ticks of full acceleration, then the release of h.
-    """
+    """How far a joint at velocity v and acceleration a still moves under the law of stopping."""
+    # Four stretches, each a closed sum: m ticks of full jerk, q ticks of full acceleration, then the release of h.
     # Letting go of a leaves the velocity v + G(a) - a; where that is negative everything happens mirrored.
     size = abs(a)
     n = ceil(size / j)

@@ -62,10 +62,8 @@ class CentralizedNetwork(Network[CentralizedMotion]):
         return self
 
     def cross(self, motion: str, entries: int) -> int:
-        """Starts to cross to one of the first anchors of a motion, by the switching module.
-
-        It is the anchor after which the motion is most like the course of the source.
-        """
+        """Starts to cross to one of the first anchors of a motion, by the switching module."""
+        # It is the anchor after which the motion is most like the course of the source.
         source, part = self._player, self[motion]
         anchor = self._entries.best(source.motion, source.time, motion, entries)
         self._player = CentersPlayer(part, anchor * ANCHOR_EVERY / self.rate)

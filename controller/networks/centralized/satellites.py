@@ -124,11 +124,9 @@ def _by_sum(dimensions: int, reach: int) -> NDArray[np.int64]:
 
 
 def grid_places(dimensions: int, count: int) -> Array:
-    """Places spread over [-1, 1]^d, shape (count, d): a regular grid where count allows one, else quasi-random.
-
-    One dimension takes any count; two take every count whose nearest factors are at most 1 : 2 (25 = 5 x 5,
-    50 = 5 x 10); more take whole powers.
-    """
+    """Places spread over [-1, 1]^d, shape (count, d): a regular grid where count allows one, else quasi-random."""
+    # One dimension takes any count; two take every count whose nearest factors are at most 1 : 2 (25 = 5 x 5, 50 = 5 x
+    # 10); more take whole powers.
     sides = _sides(dimensions, count)
     if sides is None:
         return quasi_random_places(dimensions, count, seed=0)

@@ -92,12 +92,10 @@ class SingleFormat:
 
 
 def fast_reply(received: bytes, ids: Sequence[int], lengths: Sequence[int]) -> GroupReply:
-    """Reads the joint reply of the servos `ids`, asked in this order for `lengths` bytes.
-
-    Behind FF FF FD 00 FE LENGTH 55 each servo sends  error, ID, data, CRC,  where its CRC covers everything on the wire
-    before it, the earlier CRCs included. So a reply that breaks off is good up to there; and because the next piece is
-    checked from the CRC as it arrived, a corrupt byte costs only the servo that it belongs to.
-    """
+    """Reads the joint reply of the servos `ids`, asked in this order for `lengths` bytes."""
+    # Behind FF FF FD 00 FE LENGTH 55 each servo sends  error, ID, data, CRC,  where its CRC covers everything on the
+    # wire before it, the earlier CRCs included. So a reply that breaks off is good up to there; and because the next
+    # piece is checked from the CRC as it arrived, a corrupt byte costs only the servo that it belongs to.
     statuses: dict[int, StatusPacket] = {}
     corrupt: list[int] = []
     silent: list[int] = []

@@ -86,11 +86,9 @@ class EventDevice(Protocol):
 
 
 def events(device: EventDevice) -> Iterator[Button | Stick]:
-    """Buttons as they are pressed, and positions of the left stick, until the device is unplugged (OSError).
-
-    Where the kernel drops events because they were read too slowly, an emergency stop must not be lost with them: B
-    counts as pressed if it is held down afterwards.
-    """
+    """Buttons as they are pressed, and positions of the left stick, until the device is unplugged (OSError)."""
+    # Where the kernel drops events because they were read too slowly, an emergency stop must not be lost with them: B
+    # counts as pressed if it is held down afterwards.
     stick = device.absinfo(ABS_Y)
     for event in device.read_loop():
         if event.type == EV_KEY and event.value == 1 and event.code in BUTTONS:

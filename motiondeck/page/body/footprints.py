@@ -47,11 +47,9 @@ def soles(model: mujoco.MjModel, frames: Array, feet: Sequence[Foot]) -> Array:
 
 
 def standing(corners: Array, rate: float, height: float) -> NDArray[np.bool_]:
-    """Which feet stand, shape (T, F), given their corners (T, F, 4, 3), m, at a rate in Hz, for a body so high, m.
-
-    The ground is where the lowest corners are most of the time: recordings know it only to some centimetres. A foot
-    that trembles off it for a moment goes on standing, one that brushes it does not stand.
-    """
+    """Which feet stand, shape (T, F), given their corners (T, F, 4, 3), m, at a rate in Hz, for a body so high, m."""
+    # The ground is where the lowest corners are most of the time: recordings know it only to some centimetres. A foot
+    # that trembles off it for a moment goes on standing, one that brushes it does not stand.
     low = corners[..., 2].min(axis=2)
     ground = np.quantile(low.min(axis=1), 0.2) if low.size else 0.0
     middle = corners.mean(axis=2)
