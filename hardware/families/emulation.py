@@ -1,6 +1,6 @@
 """What the answers of emulated servos are made of; those of a family are in the file `answers` of its folder."""
 
-# ruff: noqa: D102 (`Device` and `EmulatedBus` document what these methods do)
+# ruff: noqa: D102 (`Device`, `EmulatedBus` and the `answers` of a family document what these do)
 
 from __future__ import annotations
 
@@ -67,13 +67,8 @@ class EmulatedServos(Protocol):
 class Answers(Protocol):
     """The module `answers` of a family."""
 
-    def answer(self, bus: EmulatedServos, frame: Frame) -> list[Answer]:
-        """The servos' answers to one instruction."""
-        ...
-
-    def damaged(self, bus: EmulatedServos, id: int) -> list[Answer]:
-        """Their answers to a frame whose checksum was wrong."""
-        ...
+    def answer(self, bus: EmulatedServos, frame: Frame) -> list[Answer]: ...
+    def damaged(self, bus: EmulatedServos, id: int) -> list[Answer]: ...
 
 
 def answers_of(family: Family) -> Answers:

@@ -1,5 +1,7 @@
 """A phase lock: steers the tempo so that a loop keeps step with a reference that turns, a beat or another deck."""
 
+# ruff: noqa: D102 (`references` documents what its sources do)
+
 from __future__ import annotations
 
 import math
@@ -61,18 +63,10 @@ class ReferenceSource(Protocol):
     """A source of reference phases."""
 
     @property
-    def name(self) -> Literal["beat", "deck"]:
-        """What it is."""
-        ...
-
-    def reference(self, playhead: LoopPlace) -> Reference | None:
-        """The reference at the playhead's time, or None before there is one; called once a tick."""
-        ...
-
+    def name(self) -> Literal["beat", "deck"]: ...
+    def reference(self, playhead: LoopPlace) -> Reference | None: ...  # called once a tick; None before there is one
     @property
-    def per_minute(self) -> float | None:
-        """Beats a minute, if it has beats."""
-        ...
+    def per_minute(self) -> float | None: ...  # beats, if it has any
 
 
 class PhaseLock:

@@ -1,5 +1,7 @@
 """Recognition during a run: of motions that the measured joints show, or that a saved recognizer sees in the body."""
 
+# ruff: noqa: D102 (`BodyWatch` and `RecognitionWatch` document what the methods of a `Watch` do)
+
 from __future__ import annotations
 
 import sys
@@ -26,16 +28,9 @@ class Watch(RecognitionState, Protocol):
     """Recognizes motions while they are played."""
 
     @property
-    def names(self) -> Sequence[str]:
-        """The motions that it knows."""
-        ...
-
-    def update(self, state: LoopState, deck: DeckState, stop: StopRequest) -> None:
-        """Takes in one tick; it may end the run."""
-
-    def report(self) -> dict[str, Any]:
-        """Its part of the report of the run."""
-        ...
+    def names(self) -> Sequence[str]: ...
+    def update(self, state: LoopState, deck: DeckState, stop: StopRequest) -> None: ...
+    def report(self) -> dict[str, Any]: ...
 
 
 if TYPE_CHECKING:
