@@ -40,10 +40,7 @@ class Paced:
         self._step_left = 0.0
 
     def step_on(self, seconds: float = 0.0) -> None:
-        """Goes on in a pause for some seconds at the commanded tempo, at least for one update.
-
-        CommandError if the time is out of its range. MotiondeckError if there is no pause.
-        """
+        """Goes on in a pause for some seconds, at least an update; CommandError, or MotiondeckError without a pause."""
         STEP_SECONDS.check(seconds)
         if not self.paused:
             raise MotiondeckError("a step goes on in a pause: pause first")

@@ -103,10 +103,7 @@ class StopState:
             self.phase = "latched" if self.demanded else "held"
 
     def reset(self) -> None:
-        """Releases all presses so far; the joints stay where they are.
-
-        EmergencyStopError if the stop is not on, the joints have not come to rest, or a wire is still pulled.
-        """
+        """Releases all presses so far; EmergencyStopError if it is off, joints are not at rest, or a wire is pulled."""
         if not self.stopped:
             raise EmergencyStopError("the emergency stop is not on, so there is nothing to reset")
         if self.phase == "braking":

@@ -209,10 +209,7 @@ class LocalListener:
 
 
 def refuse_second_deck(port: int) -> None:
-    """Refuses a command port that another deck has; nothing is taken.
-
-    SocketError if a deck answers there; it says how to reach that one and how to start another beside it.
-    """
+    """Refuses a command port at which another deck answers: a SocketError says how to reach it or start another."""
     if port and _answers(command_folder() / str(port)):
         raise _another_deck(port)
 

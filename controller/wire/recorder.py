@@ -1,7 +1,4 @@
-"""The recorder: a process that copies every tick from shared memory into a file, so that no disk can delay the loop.
-
-python -m controller.wire.recorder --state FILE --out FILE
-"""
+"""The recorder: a process that copies every tick from shared memory into a file, so that no disk can delay the loop."""
 
 from __future__ import annotations
 

@@ -50,10 +50,7 @@ def _locked_folder(root: Path) -> tuple[Path, int]:
 
 
 def allocate(file: int, size: int, path: Path) -> None:
-    """Allocates an open file on the disk; writing to a sparse map on a full disk would kill the process.
-
-    MotiondeckError if there is no such room.
-    """
+    """Allocates an open file, as writing to a sparse map on a full disk would kill; MotiondeckError if it is full."""
     try:
         os.posix_fallocate(file, 0, size)
     except OSError as error:

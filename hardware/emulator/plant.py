@@ -1,7 +1,4 @@
-"""The mechanism that the horns of an emulated rig turn, with masses and contacts.
-
-The emulator gives torques and takes angles back, and knows no simulator; `sim.physics.rig_plant` provides one.
-"""
+"""The mechanism that the horns of an emulated rig turn, with masses and contacts; `sim.physics.rig_plant` has one."""
 
 from __future__ import annotations
 

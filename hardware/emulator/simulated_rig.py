@@ -1,7 +1,4 @@
-"""A rig in this process: the emulator's servos with their rules and motors, but no bytes, no wire and no clock.
-
-For fast tests of what drives a rig. Time passes in `elapse` only; a state asked for is there at once.
-"""
+"""A rig in this process: the emulator's servos with their rules and motors. Time passes in `elapse` only."""
 
 from __future__ import annotations
 

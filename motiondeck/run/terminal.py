@@ -1,7 +1,4 @@
-"""The prompt of a run: type a motion's name and the deck plays it. A client of the command socket, in a child process.
-
-python -m motiondeck.run.terminal --command-port 47810
-"""
+"""The prompt of a run: type a motion's name and the deck plays it. A client of the deck, in a child process."""
 
 from __future__ import annotations
 

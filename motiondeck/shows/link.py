@@ -34,10 +34,7 @@ class Link:
     """Connected to a show; keys are below `motiondeck/SHOW/`."""
 
     def __init__(self, member: Membership) -> None:
-        """Opens it; others that are not there yet are dialled until they are.
-
-        MotiondeckError if zenoh is not installed, the address cannot be had, or the certificates are no good.
-        """
+        """Opens it; absent members are dialled. MotiondeckError without zenoh, an address or good certificates."""
         # Zenoh blocks a thread that receives for up to 10 s while it closes a lost link; with its usual two, one cut
         # link can keep all others from being heard.
         os.environ.setdefault("ZENOH_RUNTIME", f"(rx: (worker_threads: {_RECEIVING_THREADS}))")

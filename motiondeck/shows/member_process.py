@@ -1,7 +1,4 @@
-"""The process in which a deck takes part in a show; `motiondeck play --show` starts it.
-
-python -m motiondeck.shows.member_process --show SHOW/DECK --command-port N --leader-port N --about JSON
-"""
+"""The process in which a deck takes part in a show; `motiondeck play --show` starts it."""
 
 from __future__ import annotations
 

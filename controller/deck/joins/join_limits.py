@@ -1,4 +1,4 @@
-"""Limits of a join: speed and acceleration of body points relative to its motions', both over the time PEAKS_OVER."""
+"""Limits of a join: speed and acceleration of body points relative to its motions', taken over the time PEAKS_OVER."""
 
 from __future__ import annotations
 

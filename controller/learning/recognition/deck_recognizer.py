@@ -1,7 +1,4 @@
-"""Recognition on a robot: experts on its joint angles, trained on the library that it plays.
-
-With one body, whose angles do not flip, the measured joint positions are the features.
-"""
+"""Recognition on a robot: experts on its joint angles, which do not flip here, trained on the library it plays."""
 
 from __future__ import annotations
 

@@ -1,7 +1,4 @@
-"""Detects that the robot does not do the commanded motion: by recognition of its joints, and by joints that lag.
-
-One call a tick, at constant cost. While the targets stand still (a pause, the end of a one-shot) nothing is recognized.
-"""
+"""Detects, at constant cost, that the robot does not do what is commanded: by recognition, and by joints that lag."""
 
 from __future__ import annotations
 

@@ -39,10 +39,7 @@ class SafetyEnvelope:
     """Turns targets into safe targets for J joints, one call a tick."""
 
     def __init__(self, limits: JointLimits, dt: float) -> None:
-        """An envelope for ticks of dt seconds; the joints rest in the middle of their range until `start`.
-
-        LimitError if a limit is not finite, a range is empty, or a rate is not positive.
-        """
+        """For ticks of dt seconds; joints rest mid-range until `start`. LimitError as of `check_limits`."""
         check_limits(limits)
         self.limits = limits
         inset = np.minimum(1e-10, 0.5 * (limits.upper - limits.lower))  # insets keep rounding inside the limits

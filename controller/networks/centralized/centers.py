@@ -199,20 +199,14 @@ class NonlinearCenters:
     def at_rest(
         cls, spring: Spring, control: Array | float, momentum: float = 1.0, damping: float = 1.0
     ) -> NonlinearCenters:
-        """Centers with control parameters (n,), or one center with one, at q = 0, p = p0 (eq. 10).
-
-        FrequencyError if a control parameter gives no oscillation; it names the center.
-        """
+        """Centers with control parameters (n,), or one, at q = 0, p = p0 (eq. 10); FrequencyError names a bad one."""
         controls = np.atleast_1d(np.asarray(control, dtype=np.float64))
         centers = cls(spring, controls, momentum, damping, np.zeros(len(controls)), np.full(len(controls), momentum))
         centers.set_control(controls)
         return centers
 
     def set_control(self, control: Array) -> None:
-        """Changes z in flight; the energy term leads every center to its new orbit.
-
-        FrequencyError if a control parameter gives no oscillation; it names the center.
-        """
+        """Changes z in flight; the energy term leads each center to its new orbit. FrequencyError names a bad one."""
         least = self.spring.least_control(self.momentum)
         for center, z in enumerate(control):
             if not (np.isfinite(z) and z > least):

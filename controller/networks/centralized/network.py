@@ -1,7 +1,4 @@
-"""A centralized network frame by frame: entered at anchors, advanced one frame at a time.
-
-A switch is the switching module's: while z goes from one motion to the other both play, mixed by how far it has come.
-"""
+"""A centralized network frame by frame: entered at anchors, and crossing to other motions by its switching module."""
 
 from __future__ import annotations
 

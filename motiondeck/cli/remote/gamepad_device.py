@@ -109,10 +109,7 @@ def deflection(value: int, lowest: int, highest: int) -> float:
 
 
 def open_gamepad(path: Path | None) -> EventDevice:
-    """The gamepad at a path (/dev/input/event7), or the first one that is plugged in.
-
-    MotiondeckError if evdev is not installed, there is no gamepad, or it may not be read.
-    """
+    """The gamepad at a path (/dev/input/event7), or the first one found; MotiondeckError without evdev or gamepad."""
     try:
         import evdev
     except ImportError:

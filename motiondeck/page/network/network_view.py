@@ -1,7 +1,4 @@
-"""The network beside the body: the orbit of its neurons in each motion, and a ball for their present state.
-
-A small card over the scene shows how far the motions overlap, and the phases of the centers that drive them.
-"""
+"""The network beside the body: orbits of its neurons, a ball for their state, and a card with overlaps and phases."""
 
 from __future__ import annotations
 

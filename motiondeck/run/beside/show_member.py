@@ -56,10 +56,7 @@ class ShowMember:
 
 @contextmanager
 def show_member(show: str, command_port: int, library: MotionLibrary, robot: str, rate: float) -> Iterator[ShowMember]:
-    """Takes part in a show (SHOW/DECK, or a folder of certificates) while the block runs, as the deck of that port.
-
-    MotiondeckError if there is no such show, or zenoh is not installed.
-    """
+    """Takes part in a show (SHOW/DECK, or certificates) in the block, as the deck of that port; MotiondeckError."""
     deck_in(show)
     if find_spec("zenoh") is None:
         raise MotiondeckError("a show needs Eclipse zenoh: pip install 'motiondeck[fleet]'")

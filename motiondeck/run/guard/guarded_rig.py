@@ -127,10 +127,7 @@ class GuardedRig:
         return self._state.recoveries
 
     def watch_stops(self, door: int, wired: str | None) -> None:
-        """Has the guard take emergency stops at the stop door of a command port, and of a wired stop; waits for it.
-
-        RigError if one cannot be opened.
-        """
+        """Has the guard take stops at a stop door and at a wired stop, and waits for that; RigError if one fails."""
         self._link.send(messages.WatchStops(door, wired))
         self._await(lambda: self._watching or bool(self._failure), _WATCHES_WITHIN)
         if not self._watching:

@@ -183,10 +183,7 @@ class RigOutput:
         return RigDescription(list(CONDITIONS), self._hz, servos)
 
     def switch(self, joint: str, *, on: bool) -> None:
-        """Takes the torque off a joint, or has it set up again and switched on where it stands.
-
-        UnknownNameError if the rig has no such joint; it names the nearest.
-        """
+        """Takes a joint's torque off, or has it set up and switched on where it stands; UnknownNameError without it."""
         place = self._place(joint)
         if on:
             self._rig.set_up_again(place)
@@ -198,10 +195,7 @@ class RigOutput:
         self._rig.restart(self._place(joint))
 
     def registers(self, joint: str, write: tuple[str, int] | None = None) -> RegisterQuery:
-        """Has all registers of a joint's servo read, and before that a count written into one of them.
-
-        MotiondeckError if the rig has no such joint, or the register cannot be written.
-        """
+        """Has a servo's registers read, after a count is written into one of them; MotiondeckError if it cannot."""
         place = self._place(joint)
         return RegisterQuery(self._rig.config.joints[place], self._rig.registers(place, write))
 
