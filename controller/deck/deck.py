@@ -212,10 +212,7 @@ class Deck(Lockable):
         super().set_tempo(factor, over)
 
     def set_input(self, name: str, value: float) -> None:
-        """Changes an input of the motions, such as speed; the value is reached within a second.
-
-        UnknownNameError if no motion has such an input. MotiondeckError if the value is outside the learned range.
-        """
+        """Changes an input, such as speed, within a second; UnknownNameError, or MotiondeckError out of range."""
         self._inputs.command(name, value)
 
     def jump(self, phase: float) -> None:

@@ -143,10 +143,7 @@ class Performance:
         self._fade_to_first(motion)
 
     def blend_in(self, weights: Mapping[str, float]) -> None:
-        """Goes over to a blend, at MORPH_SECONDS for a weight that changes by 1.
-
-        The weights of its motions sum to 1; with those that play they are at most MOST_BLENDED.
-        """
+        """Goes over to a blend of weights with sum 1, MORPH_SECONDS for a change by 1; at most MOST_BLENDED play."""
         tracks = self.tracks
         for name in sorted(weights.keys() - {track.motion.name for track in tracks.playing}):
             tracks.add(name, self._best_anchor(name, self._before, self.posture), self._tempo)

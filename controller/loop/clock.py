@@ -1,7 +1,4 @@
-"""The clock that waits for the next tick, with absolute deadlines.
-
-The deadline of tick k is the start plus k periods, whatever the ticks before it did, so that the rate cannot drift.
-"""
+"""The clock of ticks with absolute deadlines: that of tick k is k periods after the start, so the rate cannot drift."""
 
 # ruff: noqa: D102 (`Ticker` documents what the methods of a `Clock` do)
 

@@ -137,10 +137,8 @@ class LocalConnection:
         self._commands.send(data, self._patience)
 
     def send_stop(self, data: bytes) -> None:
-        """Sends an emergency stop to the door, or as a command where there is none or it is held up; raises as `send`.
-
-        An older deck has no door, and neither has a loop of one's own.
-        """
+        """Sends an emergency stop to the door, or as a command where that is missing or held up; raises as `send`."""
+        # An older deck has no door, and neither has a loop of one's own.
         patience = min(self._patience, _STOP_PATIENCE)
         self._awaited += 1
         try:

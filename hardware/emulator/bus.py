@@ -32,10 +32,7 @@ class EmulatedBus:
         longest_gap: float | None = LONGEST_GAP,
         plant: JointPlant | None = None,
     ) -> None:
-        """Switches the rig on, every servo at its zero and set to the rig's baud rate.
-
-        With a plant the horns are where its joints are, and feel what they turn.
-        """
+        """Switches all servos on at their zeros and the rig's baud rate; with a plant, where its joints are."""
         self.strict = strict  # whether a servo keeps silent when the one before it in a sync read does
         self.baud = config.baud  # the host's, bits/s; a servo set to another hears nothing
         self.longest_gap = longest_gap  # the silence inside an instruction that the servos forgive, s; None for any

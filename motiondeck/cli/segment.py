@@ -71,10 +71,7 @@ def by_planes(clip: Clip, count: int | None) -> list[dict[str, Any]]:
 
 
 def by_recognizer(clip: Clip, file: Path) -> list[dict[str, Any]]:
-    """Segments of one recognized motion each, by the most likely sequence (Viterbi).
-
-    MotiondeckError if the recognizer cannot be read, or the recording is too short.
-    """
+    """Segments of one recognized motion each, by the most likely sequence (Viterbi); MotiondeckError if too short."""
     from controller.learning.recognition.features import features
     from controller.learning.recognition.recognizer import load_recognizer
     from controller.learning.recognition.viterbi_segmentation import CHANGE_COST, borders_of, frame_costs, viterbi

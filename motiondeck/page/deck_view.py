@@ -108,7 +108,7 @@ class DeckView:
 
     def _draw(self, chosen: Picture, latest: Picture, dt: float) -> None:
         """Draws the bodies of one picture, and the network and the rig as they are now, dt seconds after the last."""
-        view, bodies = self._panel.view, chosen.arrays
+        view, bodies = self._panel.view.now, chosen.arrays
         if view.follows:
             self._centre = self._camera.follow(bodies.qpos[:2], dt)
         centre = self._centre

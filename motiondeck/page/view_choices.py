@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from typing import NamedTuple
 
 import viser
 
@@ -16,6 +17,17 @@ FORCES = "Of the floor on the body; an arrow half as long as the robot is its we
 NETWORK = "The orbits of its neurons, in the three directions that show most"
 
 
+class View(NamedTuple):
+    """What is drawn besides the robot, and how."""
+
+    human: str  # where
+    target: bool  # the pose that the servos are to reach
+    network: bool
+    steps: bool  # prints and contacts of the feet
+    forces: bool  # of the floor on the body
+    follows: bool  # whether the camera follows the robot
+
+
 class ViewChoices:
     """The choices of the viewer, as far as the run has something to show; `look_from` moves the camera of a browser."""
 
@@ -26,11 +38,13 @@ class ViewChoices:
         human, forces = about.human is not None, about.weight is not None
         with gui.add_folder("view", expand_by_default=False):
             self._human = gui.add_dropdown("human", WAYS, hint="The pose that the network plays") if human else None
-            self._target = gui.add_checkbox("target pose", False, hint=TARGET) if "target" in about.shapes else None
-            self._network = gui.add_checkbox("network", False, hint=NETWORK) if about.has_network else None
-            self._steps = gui.add_checkbox("footprints and contacts", False)
-            self._forces = gui.add_checkbox("contact forces", False, hint=FORCES) if forces else None
-            self._follow = gui.add_checkbox("camera follows", True)
+            self._boxes = (
+                gui.add_checkbox("target pose", False, hint=TARGET) if "target" in about.shapes else None,
+                gui.add_checkbox("network", False, hint=NETWORK) if about.has_network else None,
+                gui.add_checkbox("footprints and contacts", False),
+                gui.add_checkbox("contact forces", False, hint=FORCES) if forces else None,
+                gui.add_checkbox("camera follows", True),
+            )
             cameras = gui.add_button_group("camera", tuple(CAMERAS))
 
         @cameras.on_click
@@ -39,31 +53,7 @@ class ViewChoices:
                 look_from(event.client, str(cameras.value))
 
     @property
-    def human(self) -> str:
-        """Where the human is shown."""
-        return str(self._human.value) if self._human is not None else WAYS[0]
-
-    @property
-    def network(self) -> bool:
-        """Whether the network is shown beside the body."""
-        return self._network is not None and bool(self._network.value)
-
-    @property
-    def target(self) -> bool:
-        """Whether the pose that the servos are to reach is shown."""
-        return self._target is not None and bool(self._target.value)
-
-    @property
-    def steps(self) -> bool:
-        """Whether prints and contacts of the feet are shown."""
-        return bool(self._steps.value)
-
-    @property
-    def forces(self) -> bool:
-        """Whether the forces of the floor on the body are shown."""
-        return self._forces is not None and bool(self._forces.value)
-
-    @property
-    def follows(self) -> bool:
-        """Whether the camera follows the robot."""
-        return bool(self._follow.value)
+    def now(self) -> View:
+        """What is chosen now."""
+        human = str(self._human.value) if self._human is not None else WAYS[0]
+        return View(human, *(box is not None and bool(box.value) for box in self._boxes))

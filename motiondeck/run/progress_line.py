@@ -34,10 +34,7 @@ def words_of(deck: DeckState, stop: StopRequest, seconds: float | None) -> str:
 def progress_line(
     deck: DeckState, stop: StopRequest, seconds: float | None, *, prompt: bool, stream: TextIO | None = None
 ) -> Iterator[None]:
-    """Shows the line while the block runs, if the stream is a terminal; nothing is left of it afterwards.
-
-    With a prompt in its place only the end is shown.
-    """
+    """Shows the line in the block, if the stream is a terminal; with a prompt in its place only the end is shown."""
     out = sys.stderr if stream is None else stream
     if not out.isatty():
         yield

@@ -136,10 +136,7 @@ class Conductor:
         return f"waits for go: {self._next_name}"
 
     def command(self, names: list[str], line: str) -> str:
-        """Has decks and groups carry out a command together, also when they join later; what was done.
-
-        MotiondeckError if there is no such deck, or no such command, or an emergency stop is on.
-        """
+        """Has decks and groups carry out a command together, also later ones; what was done, else MotiondeckError."""
         decks = self._seen.named(names)
         if self.stopped_by:
             raise MotiondeckError("the emergency stop is on; reset it at each deck, then: go")

@@ -87,10 +87,7 @@ class FramePlayer:
         return phase % 1.0 if way and not 0.0 <= phase <= 1.0 else phase
 
     def step(self, dt: float) -> Channels:
-        """Advances by dt seconds; the channels there, shape (channels,), overwritten by the next step.
-
-        MotiondeckError if dt is negative and the network runs by itself, which cannot be played backwards.
-        """
+        """Advances by dt s; the channels, overwritten by the next step. MotiondeckError if it cannot go back."""
         if dt < 0.0 or not self._forwards:
             self.require_phase()
             if dt and (dt > 0.0) is not self._forwards:

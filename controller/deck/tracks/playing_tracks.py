@@ -181,10 +181,7 @@ class PlayingTracks:
         self._check = None
 
     def change_weights(self, goal: Mapping[str, float], seconds: float) -> None:
-        """Has the weights of the motions that play change to those given, which sum to 1, or else to 0.
-
-        A change by 1 takes these seconds; all take as long as the largest.
-        """
+        """Has the playing motions' weights change to these, of sum 1, others to 0; a change by 1 takes `seconds`."""
         motions = [track.motion for track in self.playing]
         present, goals = self._weights.values, [goal.get(motion.name, 0.0) for motion in motions]
         change = max(abs(after - before) for after, before in zip(goals, present, strict=True))

@@ -58,10 +58,7 @@ class CentralizedTrainer(Trainer[CentralizedRecipe]):
     stored_noise_note = noise_note
 
     def train(self, recipe: CentralizedRecipe, lessons: Lessons, seed: int) -> CentralizedNetwork:
-        """One network of motions that are trained independently (see `train_centralized`).
-
-        SwitchingModuleError before anything is trained, if there are more motions than can be switched between.
-        """
+        """One network of motions trained independently; SwitchingModuleError, at once, if they are too many."""
         normalisation, rate = lessons.normalisation, lessons.rate
         design_module(len(lessons.motions))
         motions = {}

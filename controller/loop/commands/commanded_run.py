@@ -1,7 +1,4 @@
-"""Carries out commands on a run: on its deck, its servos, its simulated body, or its end.
-
-The dispatcher is closed: a command without a case in it is a type error.
-"""
+"""Carries out commands on a run: on its deck, servos, body, or its end. A command without a case is a type error."""
 
 from __future__ import annotations
 

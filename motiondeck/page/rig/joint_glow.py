@@ -20,10 +20,7 @@ OPACITY = 0.55
 
 
 class JointGlow:
-    """Balls about the joints of a robot, of a height, m, that have something the matter, as far as it has them.
-
-    They are copies of one mesh, as the robot's own shapes are, so that a browser moves them in the same picture.
-    """
+    """Balls about the joints of a robot, of a height, m, that have something the matter, as far as it has them."""
 
     def __init__(self, page: PrivatePage, model: mujoco.MjModel, joints: Sequence[str], height: float) -> None:
         self._page, self._radius = page, RADIUS * height
@@ -45,7 +42,9 @@ class JointGlow:
         if self.balls is not None:
             self.balls.remove()
             self.balls = None
-        if wanted:
+        if (
+            wanted
+        ):  # copies of one mesh, as the robot's own shapes are, so that a browser moves them in the same picture
             self.balls = self._page.scene.add_batched_meshes_simple(
                 "/glow",
                 *sphere(10, 18),

@@ -60,10 +60,8 @@ class PrivatePage(viser.ViserServer):
     def move_copies(
         self, copies: viser.BatchedMeshHandle, position: NDArray[np.float32], turn: NDArray[np.float32]
     ) -> None:
-        """Moves and turns the copies of a mesh, shapes (N, 3), m, and (N, 4); nothing may change these arrays any more.
-
-        Set one by one, these properties would be two messages, each of which costs again for every browser.
-        """
+        """Moves and turns copies of a mesh, shapes (N, 3), m, and (N, 4); nothing may change these arrays any more."""
+        # Set one by one, these properties would be two messages, each of which costs again for every browser.
         places = {"batched_positions": position, "batched_wxyzs": turn}
         vars(copies._impl.props).update(places)
         self.scene._queue_scene_message(viser._messages.SceneNodeUpdateMessage(copies.name, places))

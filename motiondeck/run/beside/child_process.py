@@ -107,10 +107,7 @@ class Children:
 
 @contextmanager
 def kept_tty() -> Iterator[Callable[[], None]]:
-    """Restores the settings of the terminal after the block, whatever a killed prompt has done to them.
-
-    Yields a function that restores them before that.
-    """
+    """Restores the terminal's settings after the block, as a killed prompt changes them; yields what restores them."""
     before = None
     with contextlib.suppress(termios.error, ValueError, OSError):
         before = termios.tcgetattr(sys.stdin)

@@ -105,10 +105,7 @@ class RigOutput:
         self._lost = ""
 
     def write(self, targets: Array, pose: Pose) -> None:
-        """Takes the state asked for a tick ago, sends the targets, and asks for the next; never waits for the wire.
-
-        MotiondeckError if the rig has stopped for good, at this and every later write.
-        """
+        """Takes the last state, sends targets, asks for the next, and never waits; MotiondeckError once it stopped."""
         if self._lost:
             raise MotiondeckError(self._lost)
         try:
