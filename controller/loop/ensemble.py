@@ -1,7 +1,4 @@
-"""An ensemble: several robots that play the same poses, combined into one robot with the joints of all.
-
-They approach, stop and go home together, within the limits of each; the slowest determines how long an approach takes.
-"""
+"""An ensemble: robots that play the same poses, as one robot with the joints of all, which goes as the slowest does."""
 
 from __future__ import annotations
 

@@ -7,7 +7,7 @@ import sys
 from contextlib import ExitStack
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any, NoReturn
 
 import typer
 
@@ -21,6 +21,8 @@ if TYPE_CHECKING:
     from motiondeck.run.beside.child_process import PageProcess
     from motiondeck.run.session import Session
     from motiondeck.run.spec.program import Program
+
+_LEFT_OUT = ("motion", "library", "script", "page", "command_port")  # when the command starts again
 
 
 @with_run_options()
@@ -88,8 +90,6 @@ def play(
         library, motion = session.stop.then
         if session.stop.emergency:
             raise MotiondeckError(f"the emergency stop is on, so {motion} is not started. Start it when all is clear.")
-        from motiondeck.run.play_again import play_again
-
         play_again(context, library, motion, page_port=session.page_port, command_port=session.command_port)
 
 
@@ -126,6 +126,42 @@ def _play_live(spec: RunSpec, program: Program, page: PageProcess | None, *, qui
     if incomplete or any(o["parked"] for o in report["outputs"]) or report.get("recognition", {}).get("stopped"):
         raise typer.Exit(1)
     return session
+
+
+def play_again(
+    context: typer.Context, library: str, motion: str, *, page_port: int | None, command_port: int
+) -> NoReturn:
+    """Replaces this process by one that plays another library on the same ports; if it cannot, this one goes on."""
+    from controller.library.motion_library import load_library
+
+    chosen: list[str] = ["--library", library, motion]
+    try:
+        if motion not in load_library(Path(library)).network.motions:
+            raise MotiondeckError(f"{library} has no motion '{motion}'")
+    except MotiondeckError as error:
+        print(f"motiondeck: {error} The library before is played.", file=sys.stderr)
+        chosen = ["--library", str(context.params["library"])]
+    ports = ["--command-port", str(command_port)]
+    if page_port is not None:
+        ports += ["--port", str(page_port)]
+    sys.stdout.flush()
+    words = [*chosen, *_typed_options(context), *ports]
+    os.execv(sys.executable, [sys.executable, "-P", "-m", "motiondeck", "play", *words])
+
+
+def _typed_options(context: typer.Context) -> list[str]:
+    words: list[str] = []
+    for parameter in context.command.params:
+        name = parameter.name or ""
+        source = context.get_parameter_source(name)
+        if name in _LEFT_OUT or source is None or source.name != "COMMANDLINE":
+            continue
+        value: Any = context.params[name]
+        for one in value if isinstance(value, list | tuple) else [value]:
+            words.append(parameter.opts[0])
+            if one is not True:
+                words.append(str(getattr(one, "value", one)))
+    return words
 
 
 def name_failing(library: MotionLibrary) -> None:

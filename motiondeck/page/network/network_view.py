@@ -58,10 +58,7 @@ BACKGROUND = np.array([238.0, 242.0, 247.0])
 
 
 class NetworkView:
-    """The orbits of a network beside a robot of a height, m; hidden until they are switched on.
-
-    They are computed in a thread, because playing each motion once takes a moment; until then nothing is drawn.
-    """
+    """The orbits of a network beside a robot of a height, m; hidden until they are switched on."""
 
     def __init__(self, page: PrivatePage, parts: PageParts, library: Path, height: float) -> None:
         self._page, self._height = page, height
@@ -83,6 +80,7 @@ class NetworkView:
         if not visible and self._worker is None:
             return
         if self._worker is None:
+            # Playing each motion once takes a moment; until then nothing is drawn.
             self._worker = Thread(target=self._compute, daemon=True)
             self._worker.start()
         if self._inside is None:

@@ -9,7 +9,7 @@ from benchmarks.stop.hostile import running_deck
 from controller.wire.messages.commands import EmergencyStop, LoadLibrary
 from controller.wire.messages.replies import Accepted
 from motiondeck.cli.main import command_line
-from motiondeck.run.play_again import play_again
+from motiondeck.cli.play import play_again
 from motiondeck_base.shipped import find_library
 
 
