@@ -19,7 +19,7 @@ class Paced:
         self._rate_to_commanded = TEMPO_RATE  # 1/s
 
     def set_tempo(self, factor: float, over: float = 0.0) -> None:
-        """Changes the tempo within `over` s, by at most TEMPO_RATE; in a pause, after it. CommandError by its range."""
+        """Changes the tempo within `over` s, by at most TEMPO_RATE; in a pause, after it. CommandError out of range."""
         TEMPO.check(factor)
         TEMPO_SECONDS.check(over)
         self.commanded_tempo = factor

@@ -42,7 +42,7 @@ class StopRequest:
         return self.state.phase != "running"
 
     def play(self) -> None:
-        """Lets the joints follow the deck, after a slow approach if needed; EmergencyStopError while it is on."""
+        """Lets the joints follow the deck, after a slow approach if needed; EmergencyStopError if that stop is on."""
         self.state.go_on()
         self.home = False
 

@@ -168,7 +168,7 @@ class NetworkConnection:
         self._put()
 
     def receive(self, timeout_s: float) -> bytes | None:
-        """The next reply, or None if none comes in time; PeerGoneError without a deck, SocketError by its token."""
+        """The next reply, or None if none comes in time; PeerGoneError without a deck, SocketError if tokens differ."""
         deadline = time.monotonic() + timeout_s
         while (body := self._take(deadline - time.monotonic())) is not None:
             if body[:1] == b"K" and self._pending:  # the deck has started anew, or forgotten us

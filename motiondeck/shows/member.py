@@ -108,7 +108,7 @@ class Member:
         self._arrived.put((key, data))
 
     def step(self, longest: float) -> bool:
-        """Handles messages for at most `longest` seconds; False when the deck has ended, SocketError without a word."""
+        """Handles messages for at most `longest` seconds; False when the deck has ended, SocketError if it is gone."""
         due = [self._ask_at, *(self._due(cue) for cue in self._cues), self._stop_repeater.due]
         wait = min(max(min(due) - self._now(), 0.0), longest)
         select.select([self._arrived, self._answers, self._leader, self._deck], [], [], wait)

@@ -32,7 +32,7 @@ class LoadedSignals:
     states: Mapping[str, Array]  # of each signal by its name, after the washout, shape (T, N)
 
     def correlation(self, signal: str) -> Array:
-        """R = X' X / T of a signal's states, shape (N, N) (Jaeger 2014, section 3.4); UnknownNameError."""
+        """R = X' X / T of a signal's states, shape (N, N) (Jaeger 2014, section 3.4); UnknownNameError if none."""
         if signal not in self.states:
             raise UnknownNameError.among("signal", signal, self.states)
         states = self.states[signal]

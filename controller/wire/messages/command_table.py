@@ -37,7 +37,7 @@ def usages() -> str:
 
 
 def read_command(data: bytes) -> DeckCommand:
-    """The command in a datagram; CommandError if it is none, or names what an argument out of range may be."""
+    """The command in a datagram; CommandError, with what is allowed, if it is none or an argument is out of range."""
     if len(data) > MOST_BYTES:
         raise CommandError(f"this message is too long; {MOST_BYTES} bytes are the most")
     try:

@@ -28,7 +28,7 @@ class LineInput:
         return line
 
     def take(self, seconds: float | None = 0.0) -> str | None:
-        """The next line, or None if none comes within `seconds` (None: ever); MotiondeckError at the input's end."""
+        """The next line, or None if none comes within `seconds` (None: for ever); MotiondeckError at the end."""
         if self._fd is None:
             return self._ended_or(sys.stdin.readline())
         if b"\n" not in self._partial:

@@ -56,7 +56,7 @@ class ShowMember:
 
 @contextmanager
 def show_member(show: str, command_port: int, library: MotionLibrary, robot: str, rate: float) -> Iterator[ShowMember]:
-    """Takes part in a show (SHOW/DECK, or certificates) in the block, as the deck of that port; MotiondeckError."""
+    """Takes part in a show (SHOW/DECK, or certificates) in the block, as the deck of that port, or MotiondeckError."""
     deck_in(show)
     if find_spec("zenoh") is None:
         raise MotiondeckError("a show needs Eclipse zenoh: pip install 'motiondeck[fleet]'")
