@@ -47,6 +47,7 @@ class _Start(NamedTuple):
 
     measured: NDArray[np.float64]
     held: None = None
+    at_rest: bool = True
 
 
 class Deck(DeckCommands[CommandedSwitch]):

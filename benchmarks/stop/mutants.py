@@ -61,6 +61,11 @@ OWN, LOADED = SWITCHED + "test_own_settings.py", "tests/hardware/rig/supervision
 
 MUTANTS = (
     Mutant(
+        "guard: it follows a deck that brakes", GUARD, GUARDS,
+        "        self._rests |= targets.braking\n",
+        "",
+    ),
+    Mutant(
         "envelope: acceleration is let go late, upwards", ENVELOPE, SAFETY,
         "        high = min(high, held_back(v_max - v, j_max))",
         "        pass",

@@ -68,6 +68,11 @@ class RobotOutput:
         return self._held
 
     @property
+    def at_rest(self) -> bool:
+        """Whether the output, if it brakes joints on its own, holds them."""
+        return getattr(self._output, "at_rest", True)
+
+    @property
     def incidents(self) -> Sequence[str]:
         """What has happened to the output's servos lately, in words, if it has any."""
         return getattr(self._output, "incidents", ())

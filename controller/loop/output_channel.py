@@ -38,6 +38,11 @@ class Channel:
         """Whether the output gets corrected targets, since its joints teach a correction."""
         return getattr(self.output, "correction", None) is not None
 
+    @property
+    def at_rest(self) -> bool:
+        """Whether an output that brakes joints on its own holds them."""
+        return self.parked or getattr(self.output, "at_rest", True)
+
     def read(self, tick: int) -> None:
         """Reads the joint positions, if it is the output's turn."""
         if self.parked or tick % self.every:

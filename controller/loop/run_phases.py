@@ -18,6 +18,7 @@ from controller.motion.posture import Pose
 from controller.motion.rotations import Array
 
 _FOLLOWS_WITHIN = 0.1  # s, from the targets being where an output holds its joints
+_RESTS_WITHIN = 0.5  # s, from when the deck brakes at its end, joints that an output brakes on its own
 _TRIES = 5  # of moving there: an output may come to rest later
 
 
@@ -43,6 +44,11 @@ class Measuring(Protocol):
 
         It follows again once its targets are there.
         """
+        ...
+
+    @property
+    def at_rest(self) -> bool:
+        """Whether it holds its joints, if it brakes them on its own."""
         ...
 
 
@@ -132,6 +138,15 @@ def safe_targets(
             phase = phases[stop.mode]()
         yield next(phase)
 
+    # Outputs that brake on their own do so too, at once: those that follow may be behind.
+    stop.state.lose()
+    waits = math.ceil(_RESTS_WITHIN / source.dt)
+    while not (envelope.at_rest and (waits <= 0 or all(channel.at_rest for channel in channels))):
+        yield envelope.brake()
+        waits -= 1
+    stop.state.rested()
+    if not stop.emergency:
+        stop.state.go_on()
     homeward = _end(channels, envelope, rest, source.dt)
     while not stop.emergency:
         targets = next(homeward, None)

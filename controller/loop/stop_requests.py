@@ -29,7 +29,7 @@ class StopRequest:
         """Whether the joints follow the deck, stand at home, are held, or are held by the emergency stop."""
         if self.state.phase == "running":
             return "home" if self.home else "playing"
-        return "held" if self.state.phase == "held" else "emergency stop"
+        return "emergency stop" if self.state.stopped else "held"
 
     @property
     def emergency(self) -> bool:

@@ -5,7 +5,7 @@ follows the targets: it is moved, little by little, to shortly after they usuall
 and in the next, the joints go on as the targets did; then they brake and are held, unless the targets stood still: to
 those they come first. Targets that come back before the joints are at rest are caught up with; later ones have to come
 to where the joints are held, to be followed from there. So they have to where servos were set up again, which stand
-where they were. Through ticks that the guard itself has lost the joints go on, if they were few.
+where they were, and after a deck has braked: the joints brake with it at once, wherever they were on their way. Through ticks that the guard itself has lost the joints go on, if they were few.
 
 The emergency stop is kept here (see `stop_state`): the stop door, the wired stop and the deck demand it, each on its
 own. A reset comes from the deck, and names the presses that it releases.
@@ -64,7 +64,7 @@ class RigGuard:
         self._latest = [rig.goals.copy() for _ in range(3)]  # the latest targets, the last first
         self._recoveries, self._collected = rig.recoveries, 0
         self._asked = self._measured_at = now  # when servos were asked last, and for what was measured last
-        self._set_up = False  # whether joints were set up again and the others still brake
+        self._rests = False  # whether the joints come to rest, whatever targets come
         envelope.start(rig.goals)
 
     @property
@@ -83,6 +83,7 @@ class RigGuard:
         stop, targets = self.stop, self._targets
         door, wire = targets.released
         stop.pull(DECK, targets.stopped)
+        self._rests |= targets.braking
         stop.release({STOP_DOOR: door, DECK: stop.presses.get(DECK, 0)})  # while it is pulled nothing releases it
         if self.wired is not None:
             stop.release({self.wired.name: wire})
@@ -186,14 +187,15 @@ class RigGuard:
         stop, envelope = self.stop, self._envelope
         if self._rig.recoveries != self._recoveries:
             # Joints that were set up again begin where they stand. The others brake, and the deck comes to all of them.
-            self._recoveries, self._set_up = self._rig.recoveries, True
+            self._recoveries, self._rests = self._rig.recoveries, True
             envelope.restart(np.abs(self._rig.goals - envelope.position) > AT, self._rig.goals)
-        if self._set_up or (self._missed > MISSED and not self._is_on_its_way):
+        if self._rests or (self._missed > MISSED and not self._is_on_its_way):
             stop.lose()
         elif fresh:
             stop.regain()
         last, before, first = self._latest
-        if stop.phase == "held" and fresh and bool(np.all(np.abs(last - envelope.position) < AT)):
+        near = bool(np.all(np.abs(last - envelope.position) < AT))
+        if stop.phase == "held" and fresh and near and not self._rests:
             stop.go_on()
             before[:] = first[:] = last
         if stop.phase == "running":
@@ -204,5 +206,5 @@ class RigGuard:
         goals = envelope.brake()
         if envelope.at_rest:
             stop.rested()
-            self._set_up = False
+            self._rests = False
         return goals

@@ -114,7 +114,12 @@ class GuardedRig:
     @property
     def held(self) -> Array | None:
         """Where the guard holds the joints on its own, shape (J,), rad; None while it follows targets."""
-        return self._state.servos[0] if self._state.phase in ("held", "latched") else None
+        return self._state.servos[0] if self.at_rest else None
+
+    @property
+    def at_rest(self) -> bool:
+        """Whether the guard has brought the joints to rest, and holds them."""
+        return self._state.phase in ("held", "latched")
 
     @property
     def age(self) -> float:
@@ -159,7 +164,7 @@ class GuardedRig:
             raise RigError(_GONE)
         released = stop.released
         wire = self.wire.name if self.wire is not None else ""
-        sent.set(now, stop.stopped, released.get(STOP_DOOR, 0), released.get(wire, 0))
+        sent.set(now, stop.stopped, stop.phase == "braking", released.get(STOP_DOOR, 0), released.get(wire, 0))
         sent.joints[:] = targets
         self._link.send_numbers(sent.values)
 

@@ -135,15 +135,15 @@ class Targets:
     """The targets of one tick, from the deck; all numbers are views of one array, as it is sent."""
 
     def __init__(self, joints: int) -> None:
-        self.values = np.zeros(4 + joints)  # shape (4 + J,)
-        self.joints = self.values[4:]  # shape (J,), rad
+        self.values = np.zeros(5 + joints)  # shape (5 + J,)
+        self.joints = self.values[5:]  # shape (J,), rad
 
-    def set(self, now: float, stopped: bool, door: int, wire: int) -> None:
+    def set(self, now: float, stopped: bool, braking: bool, door: int, wire: int) -> None:
         """Sets all but the joints, at a time of the machine's steady clock, s; `stopped` is the deck's emergency stop.
 
         `door` and `wire` count the presses there and the pulls of the wire that resets have released.
         """
-        self.values[:4] = now, stopped, door, wire
+        self.values[:5] = now, stopped, braking, door, wire
 
     @property
     def sent(self) -> float:
@@ -156,9 +156,14 @@ class Targets:
         return bool(self.values[1])
 
     @property
+    def braking(self) -> bool:
+        """Whether the deck brakes, for whatever reason: its joints are to come to rest."""
+        return bool(self.values[2])
+
+    @property
     def released(self) -> tuple[int, int]:
         """Presses at the stop door and pulls of the wire that resets have released."""
-        return int(self.values[2]), int(self.values[3])
+        return int(self.values[3]), int(self.values[4])
 
 
 class States:

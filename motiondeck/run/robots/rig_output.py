@@ -148,6 +148,11 @@ class RigOutput:
         return self._held
 
     @property
+    def at_rest(self) -> bool:
+        """Whether the guard, if there is one, holds the joints."""
+        return self.guarded is None or self.guarded.at_rest
+
+    @property
     def config(self) -> RigConfig:
         """What its rig file says."""
         return self._rig.config

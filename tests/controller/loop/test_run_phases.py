@@ -278,7 +278,7 @@ class Holding:
 
     def __init__(self, place, joints=2):
         self.measured = np.zeros(JOINTS)
-        self.place, self.joints, self.follows = np.array(place), joints, False
+        self.place, self.joints, self.follows, self.at_rest = np.array(place), joints, False, True
 
     @property
     def held(self):
@@ -362,6 +362,33 @@ def test_a_stop_holds_wherever_an_output_holds_its_joints():
     assert tick_with(run, output, 3000) is not None
     run.settle()
     run.tick(600)
+    np.testing.assert_allclose(run.written[-1], REST, atol=1e-6)
+    assert_safe(run.written)
+
+
+@pytest.mark.parametrize("rests_after", [1, 20, None])
+def test_the_end_waits_for_joints_that_an_output_brakes_on_its_own(rests_after):
+    output = Holding(np.zeros(JOINTS))
+    run = Run(Wild(5), channels=[output])
+    tick_with(run, output, 100)
+    run.tick(400)
+    run.stop.ask("over")
+    output.at_rest = False
+    run.tick()
+    assert run.stop.state.phase == "braking", "the output is not asked to brake"
+    assert run.stop.mode == "held"
+    run.settle()
+    first = len(run.written)
+    if rests_after is not None:
+        run.tick(rests_after)
+        output.at_rest = True
+        output.lose(run.written[-1] + 0.1)
+        place = output.place
+        assert tick_with(run, output, 3000) is not None
+        np.testing.assert_allclose(run.written[-1][:2], place[:2], atol=1e-3)
+    run.finish()
+    stood = next(k for k, row in enumerate(run.written[first:]) if np.abs(row - run.written[first]).max() > 1e-9)
+    assert (rests_after or 60) <= stood <= 0.5 / DT
     np.testing.assert_allclose(run.written[-1], REST, atol=1e-6)
     assert_safe(run.written)
 

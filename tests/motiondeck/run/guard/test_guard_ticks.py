@@ -46,7 +46,7 @@ class Bench:
         self.guard = RigGuard(self.rig, SafetyEnvelope(limits, T), self.targets, T, self.now)
         self.envelope = SafetyEnvelope(limits, T)
         self.envelope.start(np.zeros(JOINTS))
-        self.time, self.stopped, self.seen = 0.0, False, 0
+        self.time, self.stopped, self.braking, self.seen = 0.0, False, False, 0
         self.times, self.pulls_seen = [], 0
 
     @property
@@ -57,7 +57,7 @@ class Bench:
         """The deck sends targets after a time, s; until then the guard ticks when it is due."""
         self.pass_time(wait)
         self.time += T
-        self.targets.set(self.now, self.stopped, self.seen, self.pulls_seen)
+        self.targets.set(self.now, self.stopped, self.braking, self.seen, self.pulls_seen)
         self.targets.joints[:] = self.envelope(self.wave if targets is None else targets)
         self.guard.receive(self.now)
         self.pass_time(0.0)
@@ -211,6 +211,28 @@ def test_a_deck_that_ends_in_motion_is_braked(bench):
     bench.pass_time(1.0)
     assert bench.guard.at_rest
     assert_safe(bench.rig.sent)
+
+
+@pytest.mark.parametrize("behind", [0.0, 2.0, 3.0])
+def test_joints_brake_with_the_deck_as_for_a_stop_and_stay_until_it_comes_there(behind):
+    benches = Bench(), Bench()
+    for bench in benches:
+        bench.play()
+        bench.pass_time(behind * T)  # the joints may have braked for a tick, and catch up since
+        bench.deck_tick()
+    braking, stopped = benches
+    braking.braking = True
+    stopped.stopped = True
+    for bench in benches:
+        bench.deck_tick()
+        bench.braking = False
+        for _ in range(60):
+            bench.deck_tick()
+    np.testing.assert_array_equal(braking.rig.sent, stopped.rig.sent)
+    assert (braking.phase, stopped.phase) == ("held", "latched")
+    braking.play()
+    assert braking.phase == "running"
+    assert_safe(braking.rig.sent)
 
 
 def test_a_deck_that_comes_back_later_has_to_come_to_the_joints(bench):

@@ -124,7 +124,7 @@ class Pair:
                 stop.rested()
         else:
             self.deck_rests = 0
-        self.targets.set(self.now, stop.stopped, stop.released.get(STOP_DOOR, 0), 0)
+        self.targets.set(self.now, stop.stopped, stop.phase == "braking", stop.released.get(STOP_DOOR, 0), 0)
         moves = stop.phase == "running" and self.states.phase == "running"
         self.targets.joints[:] = self.joint.position + (0.5 if moves else 0.0)
 
