@@ -77,10 +77,10 @@ def nod(t):
     ("model", "load", "rate", "baud"),
     [
         ("XL330-M288", 0.0, 100.0, 1_000_000),
-        ("MX-28(1.0)", 0.0, 100.0, 1_000_000),
         *(
             pytest.param(*each, marks=pytest.mark.thorough)
             for each in (
+                ("MX-28(1.0)", 0.0, 100.0, 1_000_000),
                 ("XL330-M288", 0.03, 50.0, 57600),
                 ("XM430-W350", 0.0, 50.0, 57600),
                 ("MX-64", 0.0, 100.0, 1_000_000),
@@ -101,7 +101,9 @@ def test_the_lag_is_that_of_the_true_shaft_in_a_motion(model, load, rate, baud):
     assert found.gain == pytest.approx(1.0, abs=0.05)
 
 
-@pytest.mark.parametrize("model", ["XL330-M288", "MX-64", "MX-106"])
+@pytest.mark.parametrize(
+    "model", ["MX-64", *(pytest.param(model, marks=pytest.mark.thorough) for model in ("XL330-M288", "MX-106"))]
+)
 def test_friction_is_about_the_current_that_turns_the_joint_slowly(model):
     bench = Bench(model, lower=-3.0, upper=3.0)
     found = bench.identify()
