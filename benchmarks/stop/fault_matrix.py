@@ -152,8 +152,10 @@ def run(stage: Stage, repetitions: int, seed: int) -> tuple[list[Trial], list[st
                         source, number = left.pop(0)
                         trial = around.trial(source, number)
                         _judge(rig, trial)
-                        stands = trial.at + 0.1 + (trial.still_after or 0.0)  # later nothing can come late
-                        if not rig.disturbed(trial.at - _BEFORE, trial.end if trial.still_after is None else stands):
+                        watched = trial.end
+                        if trial.still_after is not None and not trial.goes_home:
+                            watched = trial.at + 0.1 + trial.still_after  # later nothing can come late
+                        if not rig.disturbed(trial.at - _BEFORE, watched):
                             trials.append(trial)
                         elif repeated < _MOST_REPEATED * repetitions:
                             left.append((source, number))
