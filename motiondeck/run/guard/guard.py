@@ -5,7 +5,8 @@ follows the targets: it is moved, little by little, to shortly after they usuall
 and in the next, the joints go on as the targets did; then they brake and are held, unless the targets stood still: to
 those they come first. Targets that come back before the joints are at rest are caught up with; later ones have to come
 to where the joints are held, to be followed from there. So they have to where servos were set up again, which stand
-where they were, and after a deck has braked: the joints brake with it at once, wherever they were on their way. Through ticks that the guard itself has lost the joints go on, if they were few.
+where they were, and after a deck has braked: the joints brake with it at once, wherever they were on their way. Through
+ticks that the guard itself has lost the joints go on, if they were few.
 
 The emergency stop is kept here (see `stop_state`): the stop door, the wired stop and the deck demand it, each on its
 own. A reset comes from the deck, and names the presses that it releases.
