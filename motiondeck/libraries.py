@@ -156,7 +156,7 @@ def learn(
     recording, none can be used, or no network can have these sizes.
 
     Args:
-        recordings: files, and folders of them; each motion has its file's name.
+        recordings: files, and folders of them; each motion has its file's name, or one of several a name with a number.
         name: of the library.
         network: its kind and sizes: a `PhaseRecipe`, `PhaseEchoStateRecipe`, `ConceptorRecipe`, `EchoStateRecipe`,
             `RandomFeatureRecipe` or `CentralizedRecipe` of `motiondeck.networks`; None for the default.

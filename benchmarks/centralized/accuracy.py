@@ -1,7 +1,7 @@
 """Whole-body errors of every method at the same number of parameters.
 
 Mean absolute error of a coordinate in mm, joints (or markers) in the world, mean over pieces of about 3.5 s that
-`find_segments` cuts a recording into. What is counted is every number that a method needs to play its piece: means,
+`plane_segments` cuts a recording into. What is counted is every number that a method needs to play its piece: means,
 weights, knots, places, frequencies. Every method that has a choice takes it with the error in view: PCA its rank,
 Fourier its period; free knots move by L-BFGS. movement_primitives (DMP, ProMP; BSD) is measured where it is installed:
 pip install movement-primitives.
@@ -21,11 +21,11 @@ from threadpoolctl import threadpool_limits
 
 from benchmarks import command
 from benchmarks.centralized.centralized_filling import places_of
+from benchmarks.centralized.plane_segments import plane_segments
 from benchmarks.papers.segment_network import play_segment
 from controller.learning.centralized.low_rank_learning import learn_low_rank
 from controller.learning.centralized.satellite_learning import principal_scores, slow_and_fast
 from controller.motion.rotations import Array
-from controller.motion.segmentation import find_segments
 
 PIECE_S = 3.5
 PARAMETERS = [10, 18, 35]
@@ -194,7 +194,7 @@ def pieces_of(path: Path) -> tuple[list[Array], float]:
     flat = places.reshape(len(places), -1)
     flat = flat[:, np.isfinite(flat).all(axis=0)]
     count = max(1, round(len(flat) / rate / PIECE_S))
-    cuts = find_segments(flat - flat.mean(0), rate, count) if count > 1 else [(0, len(flat))]
+    cuts = plane_segments(flat - flat.mean(0), rate, count) if count > 1 else [(0, len(flat))]
     return [flat[first:end] for first, end in cuts], rate
 
 

@@ -13,10 +13,10 @@ import numpy as np
 import typer
 
 from benchmarks import command
+from benchmarks.centralized.plane_segments import Bounds, body_features, plane_segments
 from benchmarks.recognition.border_score import BorderScore, score_borders
 from benchmarks.recognition.segment_labels import read_labels
 from controller.motion.formats.reading import read_clip
-from controller.motion.segmentation import Bounds, body_features, find_segments
 
 RATE = 120.0
 
@@ -44,8 +44,8 @@ def main(
     print("|---|---|---|---|---|---|---|---|")
     for name, trial, features, plane in trials:
         marked = read_labels(data / "labels" / f"barbic_{trial}_ground_truth.txt").borders
-        told = find_segments(features, RATE, len(marked) + 1, plane)
-        free = find_segments(features, RATE, None, plane)
+        told = plane_segments(features, RATE, len(marked) + 1, plane)
+        free = plane_segments(features, RATE, None, plane)
         strict = score(free, marked)
         print(
             f"| {name} | {len(marked)} | {score(told, marked).f1:.2f}, {score(told, marked, 50).f1:.2f} "

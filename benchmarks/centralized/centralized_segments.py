@@ -15,11 +15,11 @@ import numpy as np
 import typer
 
 from benchmarks import command
+from benchmarks.centralized.plane_segments import body_features, plane_segments
 from benchmarks.papers.segment_network import play_segment
 from benchmarks.papers.vakulenko_plots import draw_lines
 from controller.learning.centralized.model_choice import mean_absolute, mean_distance
 from controller.motion.formats.reading import read_clip
-from controller.motion.segmentation import body_features, find_segments
 from motiondeck.pictures.figures import check_picture
 
 SEGMENTS = 11
@@ -44,7 +44,7 @@ def main(
         check_picture(picture)
     clip = read_clip(folder / "86_01.amc")
     places = 1e3 * clip.joints()
-    segments = find_segments(body_features(clip), clip.rate, SEGMENTS)
+    segments = plane_segments(body_features(clip), clip.rate, SEGMENTS)
     print(f"{SEGMENTS} segments end at {[end for _, end in segments]}", flush=True)
     parts = [places[first:end] for first, end in segments]
 

@@ -11,6 +11,7 @@ import numpy as np
 import typer
 
 from benchmarks import command
+from benchmarks.centralized.plane_segments import body_features, plane_segments
 from benchmarks.papers.hidden_joints import fill_hidden
 from benchmarks.papers.segment_network import play_segment
 from benchmarks.papers.vakulenko_plots import draw_coordinates, draw_hidden, draw_lines, draw_segment_errors
@@ -21,7 +22,6 @@ from controller.learning.evaluation.tables import Table, Value
 from controller.motion.anatomy import anatomy
 from controller.motion.clip import Clip
 from controller.motion.formats.reading import read_clip
-from controller.motion.segmentation import body_features, find_segments
 from controller.motion.skeleton import Skeleton
 from motiondeck.cli.common.tables import deliver
 from motiondeck.pictures.figures import check_picture
@@ -81,7 +81,7 @@ def segments(clip: Clip) -> tuple[Table, Draw]:
     """Errors of all joints in each segment (figures 14 to 16)."""
     places = 1e3 * clip.joints()
     names = ("root", *clip.skeleton.bones)
-    cuts = find_segments(body_features(clip), clip.rate, PAPER_SEGMENTS.get(clip.name))
+    cuts = plane_segments(body_features(clip), clip.rate, PAPER_SEGMENTS.get(clip.name))
     rows: list[dict[str, Value]] = []
     details: list[dict[str, Value]] = []
     with progress("networks", len(cuts) * len(SEGMENT_SATELLITES)) as tick:
@@ -126,7 +126,7 @@ def models(clip: Clip) -> tuple[Table, Draw]:
     """Akaike's criterion over centers and satellites (figure 13), summed over the segments that are long enough."""
     bones = [0, *(bone + 1 for bone in hands_and_feet(clip.skeleton))]
     places = clip.joints()[:, bones].reshape(len(clip), -1)
-    cuts = [cut for cut in find_segments(body_features(clip), clip.rate) if _frames(cut, clip) > 1.2 * SATELLITES[-1]]
+    cuts = [cut for cut in plane_segments(body_features(clip), clip.rate) if _frames(cut, clip) > 1.2 * SATELLITES[-1]]
     if not cuts:
         raise MotiondeckError(
             f"{clip.source or clip.name}: no segment lasts longer than {1.2 * SATELLITES[-1] / RATE} s"
@@ -170,7 +170,7 @@ def coordinates(clip: Clip) -> tuple[Table, Draw]:
     bones = hands_and_feet(clip.skeleton)
     names = [clip.skeleton.bones[bone] for bone in bones]
     places = 1e3 * clip.joints()[:, [bone + 1 for bone in bones]]
-    cuts = find_segments(body_features(clip), clip.rate)
+    cuts = plane_segments(body_features(clip), clip.rate)
     shown = [cut for cut in cuts if cut[1] <= max(SHOWN_SECONDS * clip.rate, cuts[0][1])]
     end = shown[-1][1]
     played = {}
@@ -198,7 +198,7 @@ def reconstruction(clip: Clip) -> tuple[Table, Draw]:
     """How far off joints are that were hidden for a while and filled in from the others."""
     bones = hands_and_feet(clip.skeleton)
     places = 1e3 * clip.joints()
-    cuts = find_segments(body_features(clip), clip.rate)
+    cuts = plane_segments(body_features(clip), clip.rate)
     rows: list[dict[str, Value]] = []
     with progress("gaps", len(bones) * len(GAPS_S)) as tick:
         for bone in bones:

@@ -27,6 +27,7 @@ import scipy.io
 import typer
 
 from benchmarks import command
+from benchmarks.centralized.plane_segments import body_features, plane_segments
 from benchmarks.recognition.border_score import score_borders
 from benchmarks.recognition.change_points import (
     BORDER_PRICE,
@@ -50,7 +51,6 @@ from controller.learning.recognition.features import ANGLE_UNIT, FeatureRecipe, 
 from controller.learning.recognition.viterbi_segmentation import CHANGE_COST, borders_of, frame_costs, viterbi
 from controller.motion.formats.acclaim.amc import read_amc
 from controller.motion.formats.acclaim.asf import AcclaimSkeleton, read_asf
-from controller.motion.segmentation import body_features, find_segments
 
 RATE = 120.0
 
@@ -151,8 +151,8 @@ def exercising_bodies(path: Path, folder: Path, skeleton: AcclaimSkeleton) -> No
         accepted = np.column_stack([best - RATE, best, best + RATE]).astype(np.int64)
         places = body_features(clip)
         found = {
-            "planes": find_segments(places, RATE),
-            "planes, number told": find_segments(places, RATE, len(best) + 1),
+            "planes": plane_segments(places, RATE),
+            "planes, number told": plane_segments(places, RATE, len(best) + 1),
         }
         cuts = {way: np.array([end for _, end in bounds[:-1]]) for way, bounds in found.items()}
         for way, (cut, rate) in WAYS.items():

@@ -77,9 +77,9 @@ def judged(spoilt: Spoilt, path: Path) -> tuple[str, str]:
     path.write_text(spoilt.content)
     try:
         try:
-            found = {"": analyse_recording(path, "spoilt", AS_FOUND)}
+            found = {"": analyse_recording(path, "spoilt", AS_FOUND)[0]}
         except SeveralPeopleError as error:
-            found = {one: analyse_recording(path, "spoilt", ReadingOptions(person=one)) for one in error.people}
+            found = {one: analyse_recording(path, "spoilt", ReadingOptions(person=one))[0] for one in error.people}
     except MotiondeckError as error:
         reason = str(error).replace(f"{path}", path.name)
         return "x" if any(word in reason for word in spoilt.refusal) else "X", reason

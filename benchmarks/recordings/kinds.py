@@ -70,14 +70,18 @@ def main(
     as_json: Annotated[bool, typer.Option("--json", help="Print one JSON object.")] = False,
 ) -> None:
     rows: list[dict[str, str | bool]] = []
+    several: list[str] = []
     for file in recordings_in([data]):
         name = file.relative_to(data).as_posix()
         try:
-            found = analyse_recording(file, "motion").motion.plays
+            motions = analyse_recording(file, "motion")
+            if len(motions) > 1:
+                several.append(f"{name}: cut into {len(motions)} motions, {motions[0].take.decisions[-2]}")
+                motions = analyse_recording(file, "motion", whole=True)
         except MotiondeckError:
             continue
         chosen = any(fnmatch.fnmatch(name, pattern) for pattern in CHOSEN_ON)
-        label = label_of(name)
+        label, found = label_of(name), motions[0].motion.plays
         rows.append(
             {"file": name, "label": label, "found": found, "chosen_on": chosen, "right": label in (found, "either")}
         )
@@ -88,13 +92,14 @@ def main(
     }
     right = {words: (sum(bool(row["right"]) for row in some), len(some)) for words, some in halves.items()}
     if as_json:
-        print(json.dumps({"rows": rows, **right}))
+        print(json.dumps({"rows": rows, "cut": several, **right}))
         return
     for row in rows:
         if not row["right"]:
             print(f"{row['file']}: {row['label']}, found {row['found']}")
     for words, (good, many) in right.items():
         print(f"{words}: {good} of {many} right ({good / max(1, many):.1%})")
+    print(f"{len(several)} of {len(rows)} are cut", *several, sep="\n")
     print(f"{len(rows) - len(definite)} recordings may play either way")
 
 

@@ -7,17 +7,20 @@ be edited and trained again.
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Collection, Iterable
+from collections.abc import Collection, Iterable, Sequence
 from dataclasses import dataclass, field, replace
+from functools import partial
+from itertools import chain, count
 from pathlib import Path
 
+import msgspec
 from joblib import delayed
 
 from controller.learning.fit import fit_prepared
 from controller.learning.preparation.kind import LOOP_KEEPS, Plays
 from controller.learning.preparation.takes import by_motion
 from controller.learning.recipe import LibraryRecipe, NetworkRecipe, check_recipe, typeable
-from controller.learning.recording_analysis import AnalysedRecording, analyse_recording
+from controller.learning.recording_analysis import AnalysedRecording, analyse_recording, numbered
 from controller.learning.trainers.phase_conceptor import PhaseRecipe
 from controller.learning.training_set import COMMON_RATE, LearnedPart, Progress, TrainingSet, prepare
 from controller.library.library_header import MotionInfo
@@ -108,8 +111,11 @@ def learn(
     jobs: Jobs = ALONE,
     accept: Collection[str] | None = None,
     plays: Plays | None = None,
+    whole: bool = False,
 ) -> LearnedLibrary:
     """Learns every recording of some files and folders as one library; unusable ones are listed with the reason.
+
+    A long recording of several behaviours is several motions, with numbers behind its name.
 
     Args:
         options: override all files.
@@ -119,6 +125,7 @@ def learn(
         progress: called with each step.
         accept: motions, or "all", that are learned in spite of doubts about their anatomy; None is "all".
         plays: how all of them play; None decides for each.
+        whole: each recording is one motion.
         jobs: where recordings are read; the network is trained here.
 
     Raises:
@@ -129,16 +136,18 @@ def learn(
     names = _names(files)
     examined: list[AnalysedRecording] = []
     left_out: list[LearnedMotion] = []
-    tasks = (delayed(_examined)(file, names[file], options, takes[file], within, plays) for file in files)
-    for file, read in zip(files, spread(tasks, jobs, ordered=True), strict=True):
+    tasks = (delayed(_examined)(file, names[file], options, takes[file], within, plays, whole) for file in files)
+    results = spread(tasks, jobs, ordered=True)
+    for file in files:
         progress(f"reading {file.name}")
-        for one in read:
+        for one in next(results):
             if isinstance(one, LearnedMotion):
                 left_out.append(one)
-            elif accept is not None and one.take.anatomy and not {one.motion.name, "all"} & set(accept):
-                left_out.append(_doubted(one))
+            elif accept is not None and one.take.anatomy and not {one.name, "all"} & set(accept):
+                left_out += [] if one.name in {other.name for other in left_out} else [_doubted(one)]
             else:
                 examined.append(one)
+    examined = _unlike(examined)
     if not examined:
         none = f"none of {len(files)} recordings can be learned. " if len(files) > 1 else ""
         raise MotiondeckError(f"{none}{_named(left_out[0])}")
@@ -168,7 +177,13 @@ def _shared_body(training_set: TrainingSet, clips: dict[str, Clip]) -> list[Shar
     found: list[SharedBody] = []
     for actor in training_set.actors:
         own = actor.body is body
-        off = 0.0 if own else max(hands_off(clips[motion], body) for motion in actor.motions)
+        off = (
+            0.0
+            if own
+            else max(
+                hands_off(clip, body) for clip in {id(clips[name]): clips[name] for name in actor.motions}.values()
+            )
+        )
         found.append(SharedBody(actor.name, len(actor.motions), off))
     return sorted(found, key=lambda one: one.hands_mm)
 
@@ -178,9 +193,9 @@ def _named(one: LearnedMotion) -> str:
 
 
 def _doubted(one: AnalysedRecording) -> LearnedMotion:
-    remedy = f"{' '.join(one.take.anatomy)} If that is right: --accept {one.motion.name}"
+    remedy = f"{' '.join(one.take.anatomy)} If that is right: --accept {one.name}"
     return LearnedMotion(
-        one.motion.name, Path(one.motion.file), remedy=remedy, doubts=one.take.doubts, decisions=one.take.decisions
+        one.name, Path(one.motion.file), remedy=remedy, doubts=one.take.doubts, decisions=one.take.decisions
     )
 
 
@@ -226,15 +241,29 @@ def _examined(
     takes: list[Path],
     within: tuple[float, float] | None,
     plays: Plays | None,
-) -> list[AnalysedRecording | LearnedMotion]:
+    whole: bool,
+) -> Sequence[AnalysedRecording | LearnedMotion]:
     """What is to be learned of a file, of each of several people in it; or why not."""
     try:
-        return [analyse_recording(file, name, options, within, takes, plays)]
+        return analyse_recording(file, name, options, within, takes, plays, whole=whole)
     except SeveralPeopleError as error:
         people = [(typeable(f"{name}-{person}"), replace(options, person=person)) for person in error.people]
-        return [one for name, own in people for one in _examined(file, name, own, takes, within, plays)]
+        return [one for name, own in people for one in _examined(file, name, own, takes, within, plays, whole)]
     except MotiondeckError as error:
         return [LearnedMotion(name, file, remedy=str(error).removeprefix(f"{file}: "))]
+
+
+def _unlike(examined: list[AnalysedRecording]) -> list[AnalysedRecording]:
+    """Motions with other numbers where a motion has the name of another recording."""
+    taken = {one.name for one in examined}
+    found: list[AnalysedRecording] = []
+    for one in examined:
+        name = one.motion.name
+        if name != one.name:
+            name = next(other for other in chain([name], map(partial(numbered, name), count(2))) if other not in taken)
+            taken.add(name)
+        found.append(replace(one, motion=msgspec.structs.replace(one.motion, name=name)))
+    return found
 
 
 def _names(files: list[Path]) -> dict[Path, str]:

@@ -1,15 +1,16 @@
-"""Analyses a recording for training: the frames to learn, and whether they are a loop.
+"""Analyses a recording for training: its motions, the frames of each, and whether they are a loop.
 
-Still ends, and parts beyond a jump, are trimmed; `preparation/kind` decides whether a motion is a loop.
+`take/cuts` finds the motions; `preparation/kind` decides whether a motion is a loop.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from itertools import pairwise
 from pathlib import Path
 from typing import Literal
+
+import msgspec
 
 from controller.learning.preparation.kind import FoundKind, Plays, kind_of
 from controller.learning.preparation.loops import SLOPE_SECONDS
@@ -18,7 +19,7 @@ from controller.learning.recipe import MotionRecipe
 from controller.learning.training_set import COMMON_RATE, SHORTEST_SECONDS, seam_error
 from controller.motion.canonical.body_doubts import anatomy_doubts, other_doubts
 from controller.motion.canonical.canonical_body import to_canonical
-from controller.motion.canonical.clip_edits import STILL_SPEED, breaks, moving_part, resampled, span
+from controller.motion.canonical.clip_edits import moving_part, resampled, span
 from controller.motion.clip import Clip
 from controller.motion.decision import Decision
 from controller.motion.encodings.encoding import encoding_of
@@ -27,16 +28,19 @@ from controller.motion.formats.acclaim.amc import skeleton_of
 from controller.motion.formats.markers.marker_fit import misplaced
 from controller.motion.formats.reading import FittedClip, read_fitted
 from controller.motion.reading_options import AS_FOUND, ReadingOptions
+from controller.motion.take.cuts import cuts_of
 from motiondeck_base.errors import FileFormatError
 
-LONGEST_SECONDS = 120.0
+# A motion that is cut out may turn into the next one for so long, s; a loop without that lasts as long as the other, s.
+CHANGE_SECONDS, SHORTEST_LOOP = 0.5, 1.0
 Given = float | Literal["auto", "none"] | None
 
 
 @dataclass(frozen=True)
 class AnalysedRecording:
-    """A recording that can be learned."""
+    """A motion of a recording that can be learned."""
 
+    name: str  # of the recording; that of a motion has a number behind it where there are several
     motion: MotionRecipe
     clip: Clip  # all of its frames
     take: DecidedTake
@@ -49,17 +53,20 @@ def analyse_recording(
     within: tuple[float, float] | None = None,
     takes: Sequence[Path] = (),
     plays: Plays | None = None,
-) -> AnalysedRecording:
-    """Reads a recording and determines its frames to learn and whether they are a loop.
+    *,
+    whole: bool = False,
+) -> list[AnalysedRecording]:
+    """Reads a recording and finds its motions, the frames to learn of each, and whether they are a loop.
 
     Args:
         options: override the file.
         within: part to use, from and to, s; by default all.
         takes: further takes of a motion taught to a rig.
         plays: overrules what is found, not what was taught.
+        whole: the recording is one motion.
 
     Raises:
-        MotiondeckError: if it cannot be read, is too short or too long, or nothing moves in it.
+        MotiondeckError: if it cannot be read, is too short, or nothing moves in it.
     """
     own = with_steps(replace(options, skeleton=find_skeleton(file, options)))
     recording = read_fitted(file, own)
@@ -67,27 +74,43 @@ def analyse_recording(
     if file.suffix.lower() == ".clip":
         clip, taught = read_takes([file, *takes])
         recording = replace(recording, clip=clip)
-    found = decided(recording, file, within, taught, plays)
+    found = decided(recording, file, within, taught, plays, whole=whole)
     motion = MotionRecipe(
         name=name,
         file=str(file.absolute()),
-        plays="loop" if found.loop else "once",
-        frames=found.frames,
         skeleton=None if own.skeleton is None else str(own.skeleton.absolute()),
         unit=own.unit,
         up=own.up,
         rename=dict(own.rename),
         person=own.person,
-        rate=_to_repeat("rate", options.rate, found.decisions),
-        ground=_to_repeat("ground", options.ground, found.decisions),
+        rate=_to_repeat("rate", options.rate, found[0].decisions),
+        ground=_to_repeat("ground", options.ground, found[0].decisions),
         takes=tuple(str(take.absolute()) for take in takes),
     )
-    return AnalysedRecording(motion, recording.clip, found)
+    return [
+        AnalysedRecording(
+            name,
+            msgspec.structs.replace(
+                motion,
+                name=numbered(name, number) if len(found) > 1 else name,
+                plays="loop" if take.loop else "once",
+                frames=take.frames,
+            ),
+            recording.clip,
+            take,
+        )
+        for number, take in enumerate(found, 1)
+    ]
+
+
+def numbered(name: str, number: int) -> str:
+    """The name with a number, short enough to be typed."""
+    return f"{name[:36]}-{number}"
 
 
 @dataclass(frozen=True)
 class DecidedTake:
-    """What is learned of a recording, and why."""
+    """What is learned of a recording as one motion, and why."""
 
     frames: tuple[int, int]
     loop: bool
@@ -104,58 +127,47 @@ def decided(
     within: tuple[float, float] | None = None,
     taught: str | None = None,
     plays: Plays | None = None,
-) -> DecidedTake:
-    """Runs the steps of a take in their order: the part to learn, and whether it is a loop.
+    *,
+    whole: bool = False,
+) -> list[DecidedTake]:
+    """Runs the steps of a take in their order: its motions, and whether each is a loop.
 
-    `within` is the part to use, s, `taught` how a taught clip plays, and `plays` how any other plays. Raises
-    FileFormatError if the recording is too short or too long, or nothing moves in it.
+    `within` is the part to use, s, `taught` how a taught clip plays, which is one motion, and `plays` how any other
+    plays. Raises FileFormatError if the recording is too short, or nothing moves in it.
     """
     clip = recording.clip
-    decisions = list(clip.decisions)
     first, end = moving_part(clip)
     if within is not None and end:
         first, end = max(first, round(within[0] * clip.rate)), min(end, round(within[1] * clip.rate))
     if end == 0:
         raise FileFormatError(f"{file}: nothing moves in it. Give a recording with a motion.")
-    at, jumped = breaks(clip, first, end)
-    first, end = max(pairwise([first, *at, end]), key=lambda part: part[1] - part[0])
-    seconds = (end - first) / clip.rate
-    if seconds < SHORTEST_SECONDS:
-        between = f"{', '.join(jumped)}; the longest piece between, " if jumped else ""
+    cuts = cuts_of(clip, first, end, whole=whole or taught is not None)
+    first, end = cuts.motions[0]
+    if (seconds := (end - first) / clip.rate) < SHORTEST_SECONDS:
+        between = f"{', '.join(cuts.jumps)}; the longest piece between, " if cuts.jumps else ""
         raise FileFormatError(f"{file}: {between}{seconds:.2f} s are too short; {SHORTEST_SECONDS:g} s are the least.")
-    if seconds > LONGEST_SECONDS:
-        raise FileFormatError(
-            f"{file}: {seconds:.0f} s are more than one motion ({LONGEST_SECONDS:g} s are the most). "
-            "Cut a piece out with `motiondeck clip convert FILE PIECE.bvh --from SECONDS --to SECONDS`."
-        )
-    loop, seam_mm, seam_degrees = (taught == "loop", 0.0, 0.0)
-    if taught is None:
-        kind, seam_mm, seam_degrees = _kind(span(clip, first, end), plays)
-        loop = kind.plays == "loop"
-        if kind.one_round:
-            first, end = _one_round(clip, first, end, kind)
-        whole = ["one round returns better than several"] if kind.one_round else []
-        decisions += [_part_decision(clip, first, end, [*jumped, *whole]), kind.decision]
-    else:
-        decisions.append(_part_decision(clip, first, end, jumped))
     anatomy = [] if clip.skeleton.is_rig else anatomy_doubts(clip)
     body = [] if clip.skeleton.is_rig else [*anatomy, *other_doubts(clip)]
     body += [] if recording.fit is None else misplaced(recording.fit)
-    cut = [f"{what}: only {first / clip.rate:.2f} to {end / clip.rate:.2f} s were learned." for what in jumped]
-    return DecidedTake((first, end), loop, seam_mm, seam_degrees, [*cut, *body], decisions, anatomy)
+    found: list[DecidedTake] = []
+    several = len(cuts.motions) > 1
+    for frames in cuts.motions:
+        loop, seam_mm, seam_degrees = (taught == "loop", 0.0, 0.0)
+        decisions = [*clip.decisions, replace(cuts.decision, notable=cuts.decision.notable and not found)]
+        if taught is None:
+            frames, (kind, seam_mm, seam_degrees) = _kind_within(clip, frames, plays, cut_out=several)
+            loop = kind.plays == "loop"
+            words = kind.decision.decided + (", one round" if kind.one_round else "")
+            words += f" from {_times(clip, frames)}" if several or kind.one_round else ""
+            decisions.append(replace(kind.decision, decided=words, notable=kind.one_round))
+        times = f"only {_times(clip, frames)} were learned."
+        doubts = [*(what if several else f"{what}: {times}" for what in cuts.jumps), *body]
+        found.append(DecidedTake(frames, loop, seam_mm, seam_degrees, doubts, decisions, anatomy))
+    return found
 
 
-def _part_decision(clip: Clip, first: int, end: int, jumped: list[str]) -> Decision:
-    what = f"{first / clip.rate:.2f} to {end / clip.rate:.2f} s of {clip.duration:.2f} s"
-    why = ", ".join(jumped) or f"joints are slower than {STILL_SPEED:g} m/s before and after, or the recording ends"
-    return Decision("cuts", what, why, "frames in the recipe", notable=bool(jumped))
-
-
-def _one_round(clip: Clip, first: int, end: int, kind: FoundKind) -> tuple[int, int]:
-    """The frames from `first` to `end` in which a loop finds one round, with those that show its slopes."""
-    begin, until = (at / COMMON_RATE * clip.rate for at in kind.seam)
-    margin = 1.0 + SLOPE_SECONDS * clip.rate
-    return max(first, int(first + begin - margin)), min(end, int(first + until + margin) + 1)
+def _times(clip: Clip, frames: tuple[int, int]) -> str:
+    return f"{frames[0] / clip.rate:.2f} to {frames[1] / clip.rate:.2f} s"
 
 
 def with_steps(options: ReadingOptions) -> ReadingOptions:
@@ -176,6 +188,27 @@ def find_skeleton(file: Path, options: ReadingOptions) -> Path | None:
     if options.skeleton is not None and unfit and options.skeleton.suffix.lower() != unfit:
         return options.skeleton
     return skeleton_of(file, file.parent.parent)
+
+
+def _kind_within(
+    clip: Clip, frames: tuple[int, int], plays: Plays | None, *, cut_out: bool
+) -> tuple[tuple[int, int], tuple[FoundKind, float, float]]:
+    """How some frames of a clip play, and those to learn: of a loop one round, if that returns better.
+
+    The changes at both ends of a motion that was cut out may hide a loop.
+    """
+    found = frames, _kind(span(clip, *frames), plays)
+    change = round(CHANGE_SECONDS * clip.rate)
+    inner = frames[0] + change, frames[1] - change
+    if cut_out and plays is None and found[1][0].plays == "once" and inner[1] - inner[0] >= SHORTEST_LOOP * clip.rate:
+        loop = _kind(span(clip, *inner), None)
+        found = (inner, loop) if loop[0].plays == "loop" else found
+    (first, end), kind = found[0], found[1][0]
+    if kind.one_round:  # with the frames that show its slopes
+        begin, until = (at / COMMON_RATE * clip.rate for at in kind.seam)
+        margin = 1.0 + SLOPE_SECONDS * clip.rate
+        first, end = max(first, int(first + begin - margin)), min(end, int(first + until + margin) + 1)
+    return (first, end), found[1]
 
 
 def _kind(clip: Clip, plays: Plays | None) -> tuple[FoundKind, float, float]:

@@ -6,6 +6,7 @@ from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 
+import msgspec
 import numpy as np
 
 from controller.learning.measures.recording_errors import RecordedPart, recorded_part
@@ -114,11 +115,12 @@ def prepare(
     a line for each recording that is missing, damaged or lacks frames of the recipe.
     """
     clips: dict[str, Clip] = {}
+    read = read or _reader(data)
     problems: list[str] = []
     for motion in recipe.motions:
         progress(f"reading {motion.name}")
         try:
-            clips[motion.name] = read_motion(data, motion) if read is None else read(motion)
+            clips[motion.name] = read(motion)
             cut(clips[motion.name], motion)
         except FileFormatError as error:
             problems.append(str(error))
@@ -164,6 +166,19 @@ def _of_one_person(motion: MotionRecipe, recorded: list[Variant]) -> list[Varian
         return recorded
     values = list(dict.fromkeys(one.value for one in recorded))
     return person_variants(motion.people[0], recorded, motion.people, values)
+
+
+def _reader(data: Path) -> Reader:
+    """Reads each recording once, however many motions it holds."""
+    known: dict[bytes, Clip] = {}
+
+    def read(motion: MotionRecipe) -> Clip:
+        recording = msgspec.json.encode(msgspec.structs.replace(motion, name="", plays="loop", frames=None))
+        if recording not in known:
+            known[recording] = read_motion(data, motion)
+        return known[recording]
+
+    return read
 
 
 def read_motion(data: Path, motion: MotionRecipe) -> Clip:

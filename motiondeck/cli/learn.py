@@ -67,15 +67,17 @@ class LearnOptions:
         Literal["loop", "once"] | None,
         typer.Option("--as", help="How recordings play; default: each as its motion suggests."),
     ] = None
+    whole: Annotated[bool, typer.Option("--whole", help="Learn each recording as one motion, however long.")] = False
 
 
 @grouped
 def learn(options: LearnOptions, reading: Reading, as_json: JsonOption = False) -> None:
     """Learn a library from recordings, or from a recipe.
 
-    Recordings need no settings. Still ends are trimmed; a recording that returns, and is repeated or moves on there,
-    becomes a loop, any other a one-shot that ends in its last pose (--as overrules); all are resampled to 120 Hz and
-    carried to one body. Every motion is tested. The reason why a recording is left out, and doubts about a body, are
+    Recordings need no settings. One of 12 s and more is cut into motions where the behaviour changes or the body rests
+    (--whole overrules). Still ends are trimmed; a motion that returns, and is repeated or moves on there, becomes a
+    loop, any other a one-shot that ends in its last pose (--as overrules); all are resampled to 120 Hz and carried to
+    one body. Every motion is tested. The reason why a recording is left out, and doubts about a body, are
     printed. The recipe is written beside the library.
 
     Clips of `motiondeck rig teach` become loops or one-shots as they were taught; NAME.clip, NAME.2.clip ... are takes
@@ -105,6 +107,8 @@ def learn(options: LearnOptions, reading: Reading, as_json: JsonOption = False) 
         raise MotiondeckError("--unit and other options of reading are for recordings; in a recipe they are keys")
     if options.plays is not None and endings & {".toml", ".clip"}:
         raise MotiondeckError("--as is for recordings; a recipe says it by plays, and clips were taught with it")
+    if options.whole and endings & {".toml", ".clip"}:
+        raise MotiondeckError("--whole is for recordings; a recipe says by frames what it takes of one")
     if ".toml" not in endings and options.data is not None:
         raise MotiondeckError(f"--data {options.data} is the folder of a recipe's recordings; no recipe is given")
     if ".toml" in endings:
@@ -154,7 +158,8 @@ def _learn_recordings(options: LearnOptions, out: Path, reading: ReadingOptions,
         task = bar.add_task("", total=2 * len(learning.recordings_in(options.what)) + 2)
 
         def progress(step: str) -> None:
-            bar.update(task, advance=1, description=step)
+            done = bar.tasks[0].completed  # a recording may hold more motions than one
+            bar.update(task, advance=1, description=step, total=max(bar.tasks[0].total or 0, done + 3))
 
         learned = learning.learn(
             options.what,
@@ -164,6 +169,7 @@ def _learn_recordings(options: LearnOptions, out: Path, reading: ReadingOptions,
             jobs=jobs,
             accept=options.accept or [],
             plays=options.plays,
+            whole=options.whole,
         )
     save_library(learned.library, out)
     recipe = out.with_suffix(".toml")

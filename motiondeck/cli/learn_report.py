@@ -29,6 +29,7 @@ from motiondeck.cli.common.library_report import (
 )
 from motiondeck.cli.common.tables import show_table
 from motiondeck_base.counted import counted
+from motiondeck_base.files import listed
 
 
 def report_recipe(
@@ -180,13 +181,12 @@ def _print(learned: LearnedLibrary) -> None:
             print(f"{motion.name}: learned from {motion.file.name}")
     for motion in learned.failed:
         print(f"{motion.name} ({motion.file.name}): {motion.remedy}")
+    said: dict[tuple[str, str], list[str]] = {}  # each once, with the motions that it is about
     for motion in learned.motions:
-        for decision in motion.decisions:
-            if decision.notable:
-                print(f"{motion.name}: {decision}")
-    doubtful: dict[str, list[str]] = {}
+        for decision in (decision for decision in motion.decisions if decision.notable):
+            said.setdefault(("", str(decision)), []).append(motion.name)
     for motion in learned.motions:
         for doubt in motion.doubts:
-            doubtful.setdefault(doubt, []).append(motion.name)
-    for doubt, names in doubtful.items():
-        print(f"doubt: {', '.join(names)}: {doubt}")
+            said.setdefault(("doubt: ", doubt), []).append(motion.name)
+    for (kind, words), names in said.items():
+        print(f"{kind}{listed(names)}: {words}")

@@ -32,7 +32,7 @@ def segment(
 ) -> None:
     """Cut a recording into its behaviours.
 
-    Each segment is as near as possible to a plane of four dimensions, over all segmentations. With --recognizer every
+    A border lies where the distribution of poses changes, moved to a slow moment beside it. With --recognizer every
     frame is recognized instead, and segments have the names of motions. `clip convert --from --to` writes a segment.
 
     [bold]Examples[/]
@@ -49,8 +49,8 @@ def segment(
         raise MotiondeckError("--segments sets the number of segments; --recognizer finds it: give one of them")
     check_plot(plot)
     clip = read_clip(file, ReadingOptions(skeleton))
-    segments = by_planes(clip, count) if recognizer is None else by_recognizer(clip, recognizer)
-    method = "planes" if recognizer is None else "experts"
+    segments = by_changes(clip, count) if recognizer is None else by_recognizer(clip, recognizer)
+    method = "changes" if recognizer is None else "experts"
     report = {"file": str(file), "method": method, "frames": len(clip), "segments": segments}
     if plot is not None:
         from motiondeck.pictures.clip_plot import draw_segments
@@ -63,11 +63,11 @@ def segment(
         print(f"{one['from_s']:8.2f} to {one['to_s']:8.2f} s  frame {one['from_frame']:6d}  {one['motion'] or ''}")
 
 
-def by_planes(clip: Clip, count: int | None) -> list[dict[str, Any]]:
-    """Segments near planes of four dimensions; by default as many as reduce the residual enough."""
-    from controller.motion.segmentation import body_features, find_segments
+def by_changes(clip: Clip, count: int | None) -> list[dict[str, Any]]:
+    """Segments between changes of the distribution of poses; by default as many as are likely."""
+    from controller.motion.take.segmentation import segments_of
 
-    return [_row(None, *ends, clip.rate) for ends in find_segments(body_features(clip), clip.rate, count)]
+    return [_row(None, *ends, clip.rate) for ends in segments_of(clip, count)]
 
 
 def by_recognizer(clip: Clip, file: Path) -> list[dict[str, Any]]:

@@ -19,6 +19,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 
@@ -102,7 +103,10 @@ class Judge:
         # Of each motion, shape (T_j, F).
         self.features = {name: joint_features(encoding, frames) for name, frames in references.items()}
         self._names = list(references)
-        self._matcher = Matcher(list(self.features.values()), [loops[name] for name in references], rate)
+
+    @cached_property
+    def _matcher(self) -> Matcher:
+        return Matcher(list(self.features.values()), [self.loops[name] for name in self._names], self.rate)
 
     def share_passed(self, motion: str, run: Array) -> float:
         """The share of a motion's windows that a run with channels (T, C) passes within LOST_MM."""

@@ -39,8 +39,9 @@ def actors_of(clips: Mapping[str, Clip]) -> list[Actor]:
     """The actors of recordings, by motion, sorted by name; FileFormatError without two legs."""
     takes = sorted(((clip.skeleton.name, motion, clip) for motion, clip in clips.items()), key=lambda take: take[:2])
     alike: list[list[tuple[str, Skeleton, list[str]]]] = []  # motion, canonical body and what it lacks, by actor
+    bodies = {id(clip): to_canonical(clip).skeleton for clip in {id(clip): clip for clip in clips.values()}.values()}
     for _, motion, clip in takes:
-        body = to_canonical(clip).skeleton
+        body = bodies[id(clip)]
         lacking = [] if clip.skeleton is body else landmarks_of(clip.skeleton).lacking
         for known in alike:
             if np.abs(body.length[_RIGID] - known[0][1].length[_RIGID]).max() < SAME_ACTOR:

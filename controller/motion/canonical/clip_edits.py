@@ -193,6 +193,12 @@ def span(clip: Clip, first: int, end: int) -> Clip:
     return replace(clip, root_position=clip.root_position[first:end], rotation=clip.rotation[first:end])
 
 
+def thinned(clip: Clip, rate: float) -> Clip:
+    """Every n-th frame of a clip, so that about `rate` of them, Hz, are left."""
+    n = max(1, round(clip.rate / rate))
+    return replace(clip, rate=clip.rate / n, root_position=clip.root_position[::n], rotation=clip.rotation[::n])
+
+
 def seconds_of(clip: Clip, begin: float, end: float | None = None) -> Clip:
     """The piece of a clip between two times, s, by default up to its end (FileFormatError beyond it)."""
     frames = len(clip) if end is None else round(end * clip.rate)

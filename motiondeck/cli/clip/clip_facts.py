@@ -97,7 +97,8 @@ def facts(recording: FittedClip) -> Facts:
 def decisions_of(recording: FittedClip) -> list[Decision]:
     """What `motiondeck learn` decides about a recording; only what reading decided, where nothing could be learned."""
     try:
-        return decided(recording, Path(recording.clip.source)).decisions
+        motions = decided(recording, Path(recording.clip.source))
+        return [*motions[0].decisions[:-1], *(motion.decisions[-1] for motion in motions)]
     except FileFormatError:
         return list(recording.clip.decisions)
 

@@ -35,7 +35,7 @@ def inspect(request: LearnRequest) -> Seen:
         return _inspect_hands(file)
     if file.suffix.lower() in MARKERS:
         send(LearningStep(f"reading {file.name}: a body is fitted to its markers, which takes some seconds"))
-    recording = analyse_recording(file, "recording")
+    (recording,) = analyse_recording(file, "recording", whole=True)
     motion, clip = recording.motion, recording.clip
     if file.suffix.lower() in MARKERS:
         # The fit takes long and is not repeated: read from BVH it is the same clip.
@@ -83,7 +83,7 @@ def learn(request: LearnRequest) -> Learned | NotLearned:
     send(LearningStep(f"reading {file.name}"))
     if file.suffix == ".clip" and within is not None:
         file, within = _cut(file, request.name, within), None
-    recording = analyse_recording(file, request.name, within=within)
+    (recording,) = analyse_recording(file, request.name, within=within, whole=True)
     motion, clip = recording.motion, recording.clip
     deck = load_library(library)
     out = _free_name(f"{library.stem}-{request.name}")
@@ -100,7 +100,7 @@ def learn(request: LearnRequest) -> Learned | NotLearned:
         note = f" It is in a new library, because {error}"
         send(LearningStep("learning it as a new library"))
         out = _free_name(request.name)
-        alone = learn_library([file], request.name, within=within)
+        alone = learn_library([file], request.name, within=within, whole=True)
         grown, passed, reason = alone.library, not alone.failed, alone.motions[0].remedy
         motion = msgspec.structs.replace(motion, name=alone.motions[0].name)
     if not passed:

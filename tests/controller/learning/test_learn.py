@@ -144,12 +144,52 @@ def test_a_limb_that_is_elsewhere_for_a_moment_is_learned_up_to_there(folder, fr
         prepare(whole, folder)
 
 
-def test_a_recording_of_minutes_is_refused_with_the_way_to_cut_it(folder, monkeypatch):
-    monkeypatch.setattr("controller.learning.recording_analysis.LONGEST_SECONDS", 2.0)
-    with pytest.raises(
-        MotiondeckError, match=r"swing\.bvh: . s are more than one motion .*clip convert FILE PIECE\.bvh"
-    ):
-        learn([folder / "swing.bvh"], "mine")
+@pytest.fixture
+def long(tmp_path):
+    """A recording of 13 s: the swing, a rest, a gesture, a rest, and the swing again."""
+    rest, swing = waving(30.0, 1.5, hertz=0.0), waving(30.0, 4.0)
+    takes = [swing, rest, waving(30.0, 2.0, hertz=0.25), rest, swing]
+    rotation = np.concatenate([take.rotation for take in takes])
+    file = tmp_path / "session.bvh"
+    file.write_text(
+        bvh_text(replace(swing, root_position=np.tile(swing.root_position[0], (len(rotation), 1)), rotation=rotation))
+    )
+    return file
+
+
+def test_a_long_recording_is_learned_as_its_motions_and_its_recipe_learns_them_again(long, tmp_path):
+    learned = learn([long], "mine", network=QUICK, seeds=[0])
+    assert [motion.name for motion in learned.motions] == ["session-1", "session-2", "session-3"]
+    assert [motion.plays for motion in learned.motions] == ["loop", "once", "loop"]
+    first, second, third = ((motion.part.first, motion.part.end) for motion in learned.motions)
+    assert 0.0 <= first[0] < first[1] < 4.3 < 5.2 < second[0] < second[1] < 7.8 < 8.7 < third[0]
+    cuts = [[one.notable for one in motion.decisions if one.step == "cuts"] for motion in learned.motions]
+    assert cuts == [[True], [False], [False]]  # said once
+    (tmp_path / "mine.toml").write_text(recipe_text(learned.recipe))
+    assert fit(read_recipe(tmp_path / "mine.toml"), tmp_path).info == learned.library.info
+
+
+def test_a_recipe_reads_a_recording_once_for_all_of_its_motions(long, monkeypatch):
+    read = []
+    clip = waving(30.0, 9.0)
+    monkeypatch.setattr("controller.learning.training_set.read_clip", lambda *given: read.append(given) or clip)
+    motions = [MotionRecipe(name=f"part-{n}", file=str(long), frames=(90 * n, 90 * n + 90)) for n in range(3)]
+    other = MotionRecipe(name="other", file=str(long), frames=(0, 90), rate=60.0)
+    prepare(LibraryRecipe(name="parts", network=QUICK, motions=[*motions, other]), Path())
+    assert len(read) == 2
+
+
+def test_a_long_recording_can_be_kept_whole(long):
+    (motion,) = learn([long], "mine", network=QUICK, seeds=[0], whole=True).recipe.motions
+    assert (motion.name, motion.frames) == ("session", (0, 390))
+
+
+@pytest.mark.thorough
+def test_a_motion_never_takes_the_name_of_another_recording(long):
+    other = long.with_name("session-2.bvh")
+    other.write_text(bvh_text(waving(30.0, 3.0)))
+    learned = learn([long, other], "mine", network=QUICK, seeds=[0])
+    assert [motion.name for motion in learned.motions] == ["session-1", "session-2-2", "session-3", "session-2"]
 
 
 def test_files_with_the_same_name_get_names_of_their_own(folder):

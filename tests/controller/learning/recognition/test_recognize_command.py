@@ -148,6 +148,6 @@ def test_segment_cuts_without_labels_from_beginning_to_end(long_recording):
     starts = [one["from_s"] for one in report["segments"]]
     assert starts == sorted(starts)
     assert starts[0] == 0.0
-    assert report["method"] == "planes"
+    assert report["method"] == "changes"
     three = json.loads(invoke("segment", long_recording / "P1_all.amc", "--segments", "3", "--json").stdout)
     assert len(three["segments"]) == 3

@@ -37,7 +37,7 @@ def body_features(clip: Clip) -> Array:
     return np.concatenate([places, 0.1 * clip.rate * np.asarray(np.gradient(places, axis=0))], axis=1)
 
 
-def find_segments(features: Array, rate: float, count: int | None = None, plane: int = PLANE) -> Bounds:
+def plane_segments(features: Array, rate: float, count: int | None = None, plane: int = PLANE) -> Bounds:
     """The segments (first frame, end) of a recording with the least residual from a plane each.
 
     Args:

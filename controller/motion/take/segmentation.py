@@ -1,0 +1,150 @@
+"""Segments a recording into motions where the distribution of its poses and their rates changes.
+
+A segment of n seconds with covariance S, of poses and their rates in a few principal directions, costs
+
+    n / 2 log det(S + NOISE^2 I)
+
+(the Gaussian likelihood of a change of mean and covariance: Srivastava and Worsley 1986; for motions, with a subspace
+in place of the covariance, Barbic et al. 2004), and every border a price. The least total is found by dynamic
+programming over moments STEP apart. A start that can no longer be best is dropped (PELT: Killick, Fearnhead and Eckley
+2012), and so is one more than REACH seconds ago that has not been best since: time grows with the length of a
+recording, memory by 1 MB a minute.
+"""
+
+from __future__ import annotations
+
+from contextlib import suppress
+from itertools import pairwise
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.ndimage import uniform_filter1d
+
+from controller.motion.canonical.canonical_body import to_canonical
+from controller.motion.canonical.clip_edits import thinned
+from controller.motion.clip import Clip
+from controller.motion.encodings.joint_angles import angles_of
+from controller.motion.rotations import Array, conjugate, multiply, rotate, yaw
+from motiondeck_base.errors import FileFormatError
+
+FRAMES_PER_SECOND = 30.0  # of a clip that are looked at
+STEP = 0.1  # s between moments that may be borders
+SHORTEST_SECONDS = 1.0
+DIRECTIONS = 12
+NOISE = 0.01  # m, of a principal direction
+PRICE = 0.5  # s: of a border, for each of the d (d + 3) / 2 figures of a mean and a covariance in d directions
+REACH = 60.0  # s
+RATE_SECONDS = 0.1  # weight of a velocity
+SLOW_WITHIN, SLOW_OVER = 0.3, 0.2  # s: a border moves to the slowest moment so near, with speeds averaged so long
+
+Bounds = tuple[tuple[int, int], ...]
+
+
+def segments_of(clip: Clip, count: int | None = None) -> Bounds:
+    """The segments of a clip by `find_segments`, FileFormatError as there."""
+    seen = thinned(clip, FRAMES_PER_SECOND)
+    found, stride = find_segments(poses_of(seen), seen.rate, count), round(clip.rate / seen.rate)
+    return tuple((stride * first, min(stride * end, len(clip))) for first, end in found)
+
+
+def poses_of(clip: Clip) -> Array:
+    """Joints relative to the root in its heading frame, and its height, shape (T, 3 B + 3), m; angles of a rig, rad.
+
+    Of a body with two legs these are the joints of the canonical body, so that fingers do not count.
+    """
+    if clip.skeleton.is_rig:
+        return angles_of(clip.rotation[:, 1:])
+    with suppress(FileFormatError):  # without legs
+        clip = to_canonical(clip)
+    forward = rotate(clip.rotation[:, 0], np.array([1.0, 0.0, 0.0]))
+    heading = np.arctan2(forward[:, 1], forward[:, 0])
+    turned = multiply(conjugate(yaw(heading))[:, None, :], clip.rotation)
+    root = np.zeros((len(clip), 3))
+    root[:, 2] = clip.root_position[:, 2]
+    return clip.skeleton.joints(root, turned).reshape(len(clip), -1)
+
+
+def find_segments(poses: Array, rate: float, count: int | None = None) -> Bounds:
+    """The segments (first frame, end) of a recording.
+
+    Args:
+        poses: of each frame, shape (T, P), m or rad; `poses_of`, or others in which a motion spreads as far.
+        rate: frames per second, Hz.
+        count: of segments; None adds borders by PRICE.
+
+    Raises:
+        FileFormatError: if the recording is too short for that many segments of a second each.
+    """
+    steps = int(len(poses) / rate / max(STEP, 1.0 / rate) + 1e-6)
+    shortest = max(1, round(SHORTEST_SECONDS / max(STEP, 1.0 / rate)))
+    if not 1 <= (wanted := 1 if count is None else count) <= steps // shortest:
+        raise FileFormatError(
+            f"{len(poses) / rate:.1f} s cannot be cut into {wanted} segments of a second or more each"
+        )
+    rates = RATE_SECONDS * rate * np.asarray(np.gradient(poses, axis=0))
+    edges = np.linspace(0, len(poses), steps + 1).round().astype(np.int64)
+    costs = _Costs(np.concatenate([poses, rates], axis=1), edges, rate)
+    price = least = PRICE * costs.figures
+    borders = _best_borders(costs, price, shortest)
+    while count is not None and len(borders) < count - 1:
+        price *= 0.7
+        borders = _best_borders(costs, price, shortest) if price > 1e-3 * least else [*range(shortest, steps, shortest)]
+    while count is not None and len(borders) >= count:
+        borders.pop(int(np.argmin(_gains(costs, borders, steps))))
+    speed = uniform_filter1d(np.sqrt(np.square(rates).sum(1)), max(1, round(SLOW_OVER * rate)))
+    near = round(SLOW_WITHIN * rate)
+    slow = [int(max(0, edge - near) + speed[max(0, edge - near) : edge + near + 1].argmin()) for edge in edges[borders]]
+    return tuple(pairwise([0, *slow, len(poses)]))
+
+
+class _Costs:
+    """What a segment costs between any two of N + 1 moments."""
+
+    def __init__(self, seen: Array, edges: NDArray[np.int64], rate: float) -> None:
+        centred = seen - seen.mean(0)
+        axes = np.linalg.eigh(centred.T @ centred)[1][:, ::-1][:, :DIRECTIONS]
+        reduced = centred @ axes
+        parts = [reduced[first:end] for first, end in pairwise(edges)]
+        self.edges, self.rate, size = edges, rate, reduced.shape[1]
+        self.figures = size * (size + 3) / 2
+        self._sums = np.cumsum([np.zeros(size), *(part.sum(0) for part in parts)], axis=0)
+        self._squares = np.cumsum([np.zeros((size, size)), *(part.T @ part for part in parts)], axis=0)
+
+    def __call__(self, starts: NDArray[np.int64], end: int) -> Array:
+        count = (self.edges[end] - self.edges[starts]).astype(float)
+        mean = (self._sums[end] - self._sums[starts]) / count[:, None]
+        spread = (self._squares[end] - self._squares[starts]) / count[:, None, None]
+        spread -= mean[:, :, None] * mean[:, None, :] - NOISE**2 * np.eye(mean.shape[1])
+        return 0.5 * count / self.rate * np.linalg.slogdet(spread)[1]
+
+
+def _best_borders(costs: _Costs, price: float, shortest: int) -> list[int]:
+    """The borders, as numbers of moments, with the least total of costs and prices."""
+    moments, reach = len(costs.edges), round(REACH / STEP)
+    best, before = np.full(moments, np.inf), np.zeros(moments, dtype=np.int64)
+    best[0] = 0.0
+    starts, until = np.empty(0, dtype=np.int64), np.empty(0, dtype=np.int64)
+    for end in range(shortest, moments):
+        starts, until = np.append(starts, end - shortest), np.append(until, moments)
+        totals = best[starts] + costs(starts, end)
+        chosen = int(totals.argmin())
+        best[end], before[end] = totals[chosen] + price, starts[chosen]
+        # A start that is worse than a border here is so for all later ends that are a segment away.
+        until = np.where(totals > best[end], np.minimum(until, end + shortest), until)
+        kept = (until > end) & ((end - starts < reach) | (starts == starts[chosen]))
+        starts, until = starts[kept], until[kept]
+    borders: list[int] = []
+    at = int(before[-1])
+    while at > 0:
+        borders.append(at)
+        at = int(before[at])
+    return borders[::-1]
+
+
+def _gains(costs: _Costs, borders: list[int], last: int) -> list[float]:
+    """What each border saves."""
+    ends = [0, *borders, last]
+    return [
+        float((costs(np.array([a]), c) - costs(np.array([a]), b) - costs(np.array([b]), c))[0])
+        for a, b, c in zip(ends, ends[1:], ends[2:], strict=False)
+    ]
