@@ -20,7 +20,7 @@ REMEDIES = {
     "self-collision": "`play --check-collisions` keeps the bodies apart; if they are slimmer than in the model file, "
     "correct their shapes there",
     "torque": "a stronger servo or a lighter limb; or, if the figure is wrong, the right one: `effort` in a URDF, "
-    "`forcerange` in an MJCF, \\[servo] in the robot file",
+    "`forcerange` in an MJCF, `torque` under \\[limits.joints.NAME] or \\[servo] in the robot file",
     "servo lag": "a faster servo; or, if the figure is wrong, the right `speed` under \\[servo] in the robot file",
     "heat in 10 min": "a stronger servo, a lighter limb, or pauses between the motions",
     "held back": "if the hardware can do more, raise `velocity`, `acceleration` and `jerk` under \\[limits] in the "
@@ -88,17 +88,15 @@ def print_summary(verdicts: Sequence[PreflightVerdict], motions: int, report: di
 
 def strength_notes(robot: Robot) -> list[str]:
     """What is not judged because the robot's files have no strength of its servos."""
-    from sim.models.servo_motor import strength
-
     if robot.servo is not None:
         return []
-    unknown = [name for name, most in zip(robot.joints, strength(robot.model), strict=True) if not np.isfinite(most)]
+    unknown = [name for name, most in zip(robot.joints, robot.strength, strict=True) if not np.isfinite(most)]
     notes = []
     if unknown:
         which = "any joint" if len(unknown) == len(robot.joints) else f"{len(unknown)} of {len(robot.joints)} joints"
         notes.append(
             f"Torque is not judged for {which}: the files of {robot.name} give no limit (URDF: effort; MJCF: "
-            "forcerange; robot file: \\[servo]), so unlimited torque is assumed."
+            "forcerange; robot file: `torque`, \\[servo]), so unlimited torque is assumed."
         )
     return [*notes, f"Heat is not judged: the robot file of {robot.name} has no table \\[servo]."]
 

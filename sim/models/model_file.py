@@ -24,7 +24,7 @@ from pathlib import Path
 import mujoco
 import numpy as np
 
-from motiondeck_base.errors import FileFormatError
+from motiondeck_base.errors import FileFormatError, UnknownNameError
 from sim.models.ball_joints import hinges_for_balls, unplayed_balls, unused
 from sim.models.coupled_joints import followers
 from sim.models.formats.mesh_files import compiled, read_solids
@@ -57,7 +57,12 @@ SWINGS = 200.0  # natural frequency of a servo without its limb, by the rotor's 
 STANCE, STANCE_BANDWIDTH, STANCE_SWINGS = 4.0, 60.0, 100.0
 
 
-def read_model(path: Path, packages: Mapping[str, Path] | None = None, feet: Sequence[str] = ()) -> mujoco.MjSpec:
+def read_model(
+    path: Path,
+    packages: Mapping[str, Path] | None = None,
+    feet: Sequence[str] = (),
+    masses: Mapping[str, float] | None = None,
+) -> mujoco.MjSpec:
     """The robot in an MJCF or URDF file, without scenery, its root free and its joints driven by position servos.
 
     Played are the hinges with actuators, also by tendons, or all in a file without actuators, except joints that an
@@ -65,7 +70,8 @@ def read_model(path: Path, packages: Mapping[str, Path] | None = None, feet: Seq
     `spec.compiler.balanceinertia` is set.
 
     `packages` are folders of the packages that a URDF names; others are searched beside and above the file. `feet` are
-    known bodies that it stands on: missing servos then carry its weight. FileFormatError if MuJoCo refuses the file, it
+    known bodies that it stands on: missing servos then carry its weight. `masses` of bodies, kg, replace the file's;
+    UnknownNameError for another body. FileFormatError if MuJoCo refuses the file, it
     has no body or no solid, or its base turns on a joint.
     """
     is_urdf = model_kind(path) == "robot"
@@ -84,6 +90,7 @@ def read_model(path: Path, packages: Mapping[str, Path] | None = None, feet: Seq
         _mend_ranges(spec)
         free_root(path, spec)
         _name_all(spec)
+        _set_masses(path, spec, masses or {})
         model = compiled(spec)
         if not len(Surface.of(model).body):
             raise FileFormatError(
@@ -147,13 +154,29 @@ def _scale_masses(spec: mujoco.MjSpec) -> None:
     if not wanted > 0.0:
         return
     factor = wanted / float(compiled(spec).body_subtreemass[0])
-    for geom in spec.geoms:
+    for body in spec.bodies:
+        _make_heavier(body, factor)
+
+
+def _set_masses(path: Path, spec: mujoco.MjSpec, masses: Mapping[str, float]) -> None:
+    """Gives bodies other masses, distributed as before."""
+    model = compiled(spec) if masses else None
+    bodies = [body.name for body in spec.bodies[1:]]
+    for name, mass in masses.items():
+        if model is None or name not in bodies:
+            raise UnknownNameError(f"{path}: its robot file: masses: {UnknownNameError.among('body', name, bodies)}")
+        if not (own := float(model.body(name).mass[0])) > 0.0:
+            raise FileFormatError(f"{path}: body '{name}' has no mass, which its robot file could change: give it one")
+        _make_heavier(spec.body(name), mass / own)
+
+
+def _make_heavier(body: mujoco.MjsBody, factor: float) -> None:
+    for geom in body.geoms:
         geom.density, geom.mass = factor * geom.density, factor * geom.mass
-    for body in spec.bodies[1:]:
-        body.mass, body.inertia, body.fullinertia = (
-            factor * np.array(part) if np.ndim(part) else factor * part
-            for part in (body.mass, body.inertia, body.fullinertia)
-        )
+    body.mass, body.inertia, body.fullinertia = (
+        factor * np.array(part) if np.ndim(part) else factor * part
+        for part in (body.mass, body.inertia, body.fullinertia)
+    )
 
 
 def _mend_inertias(spec: mujoco.MjSpec) -> None:

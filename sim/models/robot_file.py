@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from pathlib import Path
-from typing import Literal
+from typing import Annotated, Literal
 
 import msgspec
 
@@ -39,14 +39,18 @@ def solver_named(name: str | None) -> Solver | None:
     raise UnknownNameError.among("solver", name, SOLVERS)
 
 
+_Positive = Annotated[float, msgspec.Meta(gt=0.0)]
+
+
 class JointLimit(msgspec.Struct, forbid_unknown_fields=True, frozen=True):
-    """Limits of one joint: rad/s, rad/s^2, rad/s^3; positions, rad, in place of the model's range."""
+    """Limits of one joint: rad/s, rad/s^2, rad/s^3; positions, rad, and torque, N m, in place of the model's."""
 
     velocity: float | None = None
     acceleration: float | None = None
     jerk: float | None = None
     lower: float | None = None
     upper: float | None = None
+    torque: _Positive | None = None
 
 
 class LimitTable(msgspec.Struct, forbid_unknown_fields=True, frozen=True):
@@ -80,6 +84,7 @@ class RobotFile(msgspec.Struct, forbid_unknown_fields=True, frozen=True):
     root_rotation: tuple[float, float, float, float] = (1.0, 0.0, 0.0, 0.0)  # of the root upright and facing x
     parts: dict[str, str] = {}  # body part to body of the model, for inverse kinematics and for the feet
     angles: dict[str, Angle] = {}  # the angle solver's joints to the model's; empty where they have the same names
+    masses: dict[str, _Positive] = {}  # of bodies, kg, in place of the model's
     rest: dict[str, float] = {}  # joint positions of the rest pose, rad; other joints rest at zero
     servo: ServoMotor | None = None  # without it the model's own limits hold
     walk: WalkSettings = WalkSettings()
@@ -118,6 +123,8 @@ def _check_numbers(path: Path, robot: RobotFile) -> None:
     if (robot.model is None) != (robot.kind == "mannequin"):
         needs = f"a robot of kind '{robot.kind}' needs its MJCF or URDF file"
         raise FileFormatError(f"{path}: model: {'a mannequin is built, not loaded' if robot.model else needs}")
+    if robot.kind == "mannequin" and robot.masses:
+        raise FileFormatError(f"{path}: masses: those of a mannequin follow from its skeleton")
     if robot.kind == "mannequin" and robot.solver == "ik":
         raise FileFormatError(f"{path}: solver: a mannequin plays its skeleton's joints exactly and needs no 'ik'")
 

@@ -12,6 +12,7 @@ The gears have backlash, and the bus has latency.
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from typing import Annotated
 
 import msgspec
@@ -39,24 +40,34 @@ class ServoMotor(msgspec.Struct, forbid_unknown_fields=True, frozen=True):
     cooling: _Positive = 240.0  # time constant towards the room's temperature, s, likewise
     hottest: _Positive = 80.0  # temperature of the shutdown, degC
 
-    @property
-    def most(self) -> float:
-        """The torque that the current limit leaves, N m."""
-        limit = self.current if self.current_limit is None else min(self.current_limit, self.current)
-        return self.torque * limit / self.current
-
-    def line(self, velocity: Array) -> Array:
-        """The torque-speed line without its ends, backwards and forwards, shape (J, 2), N m."""
-        return self.torque * (np.array([-1.0, 1.0]) - (velocity / self.speed)[:, None])
-
-    def drawn(self, torque: Array) -> Array:
-        """The current for torques of any shape, A."""
-        return self.current / self.torque * np.abs(torque)
-
     def temperature(self, square: Array, seconds: float, start: float = ROOM) -> Array:
         """Temperature after some seconds at a mean square current (of any shape), A^2; degC."""
         settled = ROOM + self.cooling * self.warming * square / self.current**2
         return settled + (start - settled) * np.exp(-seconds / self.cooling)
+
+
+@dataclass(frozen=True)
+class Motors:
+    """The servos of J joints."""
+
+    servo: ServoMotor  # the data that they share
+    torque: Array  # at stall, shape (J,), N m
+    speed: Array  # without load, shape (J,), rad/s
+    allowed: Array  # torque limits of the model, shape (J,), N m
+
+    @property
+    def most(self) -> Array:
+        """The torques that the current limit and the model leave, shape (J,), N m."""
+        share = min(self.servo.current_limit or np.inf, self.servo.current) / self.servo.current
+        return np.minimum(share * self.torque, self.allowed)
+
+    def line(self, velocity: Array) -> Array:
+        """The torque-speed lines without their ends, backwards and forwards, shape (J, 2), N m."""
+        return self.torque[:, None] * (np.array([-1.0, 1.0]) - (velocity / self.speed)[:, None])
+
+    def drawn(self, torque: Array) -> Array:
+        """The currents for torques (..., J), A."""
+        return self.servo.current / self.torque * np.abs(torque)
 
 
 def strength(model: mujoco.MjModel) -> Array:

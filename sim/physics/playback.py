@@ -83,7 +83,8 @@ class PhysicsPlayback:
         self._walker = Walker(robot, own, feet_of(robot), self._dt, gravity, sensors) if walk else None
         self._legs = self._balance or self._walker
         self.behind_s = AHEAD if walk else 0.0  # delay of the body
-        self._servos = Servos(robot.servo, model, self._dt) if robot.servo is not None else None
+        motors = robot.motors
+        self._servos = Servos(motors, model, self._dt) if motors is not None else None
         late = round(robot.servo.latency / self._dt) * self._dt if robot.servo is not None else 0.0
         self.lag = np.full(len(robot.rest), late) if late else None  # latency of each joint's servo, shape (J,), s
         self._lead = lead_of(model)

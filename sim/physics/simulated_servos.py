@@ -8,7 +8,7 @@ import mujoco
 import numpy as np
 
 from controller.motion.rotations import Array
-from sim.models.servo_motor import ROOM, ServoMotor
+from sim.models.servo_motor import ROOM, Motors
 
 _AT_THE_LIMIT = 0.999  # share of the present limit from which a servo counts as at its limit
 
@@ -18,20 +18,17 @@ _NOTES = 64  # steps buffered before the statistics are updated
 class Servos:
     """One servo an actuator."""
 
-    def __init__(self, servo: ServoMotor, model: mujoco.MjModel, dt: float) -> None:
-        """Args: data of each servo; the simulated model, whose force ranges are overwritten; the tick, s."""
-        self._servo, self._model = servo, model
-        own = model.actuator_forcerange.copy()
-        own[~model.actuator_forcelimited.astype(bool)] = (-np.inf, np.inf)
-        # The torque-speed line without ends lies between (-most, 0) and (0, most), and within what the model allows.
-        most = servo.most
-        self._floor = np.column_stack([np.maximum(-most, own[:, 0]), np.minimum(0.0, own[:, 1])])
-        self._ceiling = np.column_stack([np.maximum(0.0, own[:, 0]), np.minimum(most, own[:, 1])])
+    def __init__(self, motors: Motors, model: mujoco.MjModel, dt: float) -> None:
+        """Args: the servos; the simulated model, whose force ranges are overwritten; the tick, s."""
+        self._motors, self._servo, self._model = motors, motors.servo, model
+        # The torque-speed line without ends lies between (-most, 0) and (0, most).
+        most, none = motors.most, np.zeros(model.nu)
+        self._floor, self._ceiling = np.column_stack([-most, none]), np.column_stack([none, most])
         model.actuator_forcelimited[:] = 1
         # The same line as  stall + slope velocity,  backwards and forwards.
-        self._stall = servo.line(np.zeros(1))
-        self._slope = servo.line(np.ones(1)) - self._stall
-        self._late = round(servo.latency / dt)
+        self._stall = motors.line(none)
+        self._slope = motors.line(np.ones(model.nu)) - self._stall
+        self._late = round(self._servo.latency / dt)
         self.start()
 
     def start(self) -> None:
@@ -79,7 +76,7 @@ class Servos:
         """Statistics of load."""
         self._add_notes()
         servo, steps = self._servo, max(self._steps, 1)
-        square = np.square(servo.drawn(np.sqrt(self._square / steps)))  # A^2, the mean of each servo
+        square = np.square(self._motors.drawn(np.sqrt(self._square / steps)))  # A^2, the mean of each servo
         seconds = self._steps * self._model.opt.timestep
         return {
             "peak_torque_nm": float(self._peak.max(initial=0.0)),

@@ -114,7 +114,7 @@ class Calibration:
             f"root_rotation = [{turned}]",
             "",
             "# Limits of all joints: rad/s, rad/s^2, rad/s^3. Correct those that the model does not have.",
-            "# Limits of one joint: [limits.joints.NAME] velocity = ..., lower = ..., upper = ...",
+            "# Limits of one joint: [limits.joints.NAME] velocity = ..., lower = ..., upper = ..., torque = ... (N m)",
             "[limits]",
             f"velocity = {VELOCITY}",
             f"acceleration = {ACCELERATION}",

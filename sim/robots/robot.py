@@ -10,7 +10,7 @@ A robot is a file, not code (`sim/models/robot_file.py` lists its keys). From it
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from copy import deepcopy
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -32,9 +32,10 @@ from sim.models.joint_layout import JointLayout
 from sim.models.kinematic_tree import UprightPelvis
 from sim.models.mannequin.mannequin import build_mannequin
 from sim.models.model_file import read_model
-from sim.models.robot_file import RobotFile, Row, Solver, read_robot_file
+from sim.models.own_figures import motors_of, set_joints
+from sim.models.robot_file import JointLimit, RobotFile, Row, Solver, read_robot_file
 from sim.models.scenery import add_gantry, add_lamp, set_stage
-from sim.models.servo_motor import ServoMotor
+from sim.models.servo_motor import Motors, ServoMotor, strength
 from sim.models.walk_settings import WalkSettings
 from sim.retargeting.footing import Footing
 from sim.retargeting.human_stance import HumanStance
@@ -73,11 +74,23 @@ class Robot:
     footing: Footing | None = None  # places the root; None for a mannequin, whose root follows the human's
     walk: WalkSettings = field(default_factory=WalkSettings)
     rise: Rise | None = None  # postures of getting up; None without them, or for motions taught on joints
+    own: Mapping[str, JointLimit] = field(default_factory=dict[str, JointLimit])  # limits of single joints, by name
 
     @property
     def joints(self) -> tuple[str, ...]:
         """The names of its J joint coordinates."""
         return self.layout.joints
+
+    @property
+    def motors(self) -> Motors | None:
+        """Its servos; None if its file has no data of them."""
+        return motors_of(self.servo, self.model, self.own) if self.servo is not None else None
+
+    @property
+    def strength(self) -> Array:
+        """The torque limits of its joints, shape (J,), N m; inf without one."""
+        motors = self.motors
+        return strength(self.model) if motors is None else motors.most
 
     @property
     def root_height(self) -> float:
@@ -132,6 +145,7 @@ class RobotLoader:
                     "motiondeck rig play."
                 )
             spec = build_mannequin(skeleton)
+            set_joints(path, spec, file.limits.joints)
             body = _FittedModel.of(path, file, spec, spec.compile())
             return _humanoid(file, body, skeleton, MannequinRetargeter(skeleton), 1.0, None)
         body = self._body = self._body or _FittedModel.of(path, file, *_load_model(path, file))
@@ -139,7 +153,7 @@ class RobotLoader:
         scale = height / leg if height and leg > 0.0 else 1.0
         if skeleton.is_rig:
             retarget = JointRetargeter(skeleton, body.layout.joints, body.rest)
-            return Robot(file.name, *body, body.rest, retarget, scale, file.servo)
+            return Robot(file.name, *body, body.rest, retarget, scale, file.servo, own=file.limits.joints)
         stance = HumanStance(skeleton, dt)
         retarget = _retargeter(path, file, body, skeleton, solver or file.solver, dt, stance)
         return _humanoid(file, body, skeleton, retarget, *_footing(file, body.model, stance, scale))
@@ -174,7 +188,8 @@ def _humanoid(
         return tuple((row[0], bent(Bends(*row[1:]))) for row in rows)
 
     rise = Rise(postures(file.rise.front), postures(file.rise.back)) if file.rise.front else None
-    return Robot(file.name, *body, bent(TUCKED), retarget, scale, file.servo, footing, file.walk, rise)
+    settings = file.servo, footing, file.walk, rise, file.limits.joints
+    return Robot(file.name, *body, bent(TUCKED), retarget, scale, *settings)
 
 
 def _footing(file: RobotFile, model: mujoco.MjModel, stance: HumanStance, scale: float) -> tuple[float, Footing]:
@@ -213,7 +228,8 @@ def _load_model(path: Path, file: RobotFile) -> tuple[mujoco.MjSpec, mujoco.MjMo
     if not model_path.exists():
         raise FileFormatError(f"{path}: its model {model_path} is missing; put it there, or correct `model`")
     packages = {name: path.parent / Path(folder).expanduser() for name, folder in file.packages.items()}
-    spec = read_model(model_path, packages, [file.parts[foot] for foot in FEET if foot in file.parts])
+    feet = [file.parts[foot] for foot in FEET if foot in file.parts]
+    spec = read_model(model_path, packages, feet, file.masses)
     root = next(body for body in spec.worldbody.bodies if body.joints)
     height = file.root_height or max(float(root.pos[2]), 0.05)
     root.pos = [0.0, 0.0, height]
@@ -222,6 +238,7 @@ def _load_model(path: Path, file: RobotFile) -> tuple[mujoco.MjSpec, mujoco.MjMo
         set_stage(spec, height)
         add_lamp(root, height)
         add_gantry(spec, root)
+        set_joints(path, spec, file.limits.joints)
         return spec, spec.compile()
     except ValueError as error:
         raise FileFormatError(f"{model_path}: MuJoCo refuses it: {' '.join(str(error).split())}") from error
@@ -245,12 +262,11 @@ def _limits(path: Path, file: RobotFile, model: mujoco.MjModel, layout: JointLay
     table = {"lower": lower, "upper": upper}
     for key in ("velocity", "acceleration", "jerk"):
         table[key] = np.full(count, getattr(file.limits, key))
+    if file.servo is not None:
+        table["velocity"] = np.minimum(table["velocity"], file.servo.speed)
     for key, values in table.items():
         own = {name: value for name, joint in file.limits.joints.items() if (value := getattr(joint, key)) is not None}
         _by_joint(path, layout, "limits.joints", own, values)
-    if np.any(table["lower"] >= table["upper"]):
-        joint = layout.joints[int(np.argmax(table["lower"] >= table["upper"]))]
-        raise FileFormatError(f"{path}: limits.joints.{joint}: lower must be less than upper")
     return JointLimits(**table)
 
 

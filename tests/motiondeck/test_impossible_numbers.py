@@ -132,7 +132,7 @@ def move(path):
     approach = Approach.within(robot.limits, robot.rest, robot.limits.upper)
     assert np.isfinite(approach.at(0.3)).all()
     if robot.servo is not None:
-        assert np.isfinite(robot.servo.line(np.zeros(len(robot.joints)))).all()
+        assert np.isfinite(robot.motors.line(np.zeros(len(robot.joints)))).all()
 
 
 def play(path):

@@ -17,7 +17,7 @@ import numpy as np
 
 from controller.deck.interfaces import JointLimits
 from controller.motion.rotations import Array
-from sim.models.servo_motor import ROOM, strength
+from sim.models.servo_motor import ROOM
 from sim.physics.loads import Loads, loads_of
 from sim.physics.physics_model import feet_of, physics_model
 from sim.physics.playback import PhysicsPlayback
@@ -90,8 +90,7 @@ class Preflight:
         if finding.check not in ("torque", "physics: off target") or finding.where not in self.robot.joints:
             return ""
         joint = self.robot.joints.index(finding.where)
-        needs, servo = float(torque[joint]), self.robot.servo
-        most = float(strength(self.robot.model)[joint]) if servo is None else servo.most
+        needs, most = float(torque[joint]), float(self.robot.strength[joint])
         stiffness = float(self.robot.model.actuator_gainprm[joint, 0])
         if needs > most:
             return f"it needs {needs:.3g} N m to carry its limb and has {most:.3g}"

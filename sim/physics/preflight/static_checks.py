@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from controller.deck.interfaces import JointLimits
 from controller.motion.rotations import Array
 from sim.models.overlaps import OVERLAP
-from sim.models.servo_motor import ROOM, strength
+from sim.models.servo_motor import ROOM
 from sim.physics.loads import Loads
 from sim.physics.played_motions import DT, PlayedMotion, targets_at
 from sim.physics.preflight.findings import Finding, limited, of_joints
@@ -105,25 +105,24 @@ class StaticChecks:
         return sustained_until(off, until)
 
     def _servos(self, loads: Loads, tempo: float) -> list[Finding]:
-        servo, joints = self._robot.servo, self._robot.joints
+        motors, joints = self._robot.motors, self._robot.joints
         torque = loads.torque(tempo)
-        if servo is None:
-            share = sustained(np.abs(torque), DT) / strength(self._robot.model)
+        share = sustained(np.abs(torque), DT) / self._robot.strength
+        if motors is None:
             if share.any():
                 return [of_joints("torque", 100.0 * share, 100.0, "%", joints)]
             peak = np.abs(torque).max(axis=0)
             return [of_joints("torque", peak, None, "N m", joints)]
         velocity = np.clip(tempo * loads.velocity, -self._limits.velocity, self._limits.velocity)
-        share = sustained(np.abs(torque), DT) / servo.most
-        lag = servo_lag(torque / servo.torque + velocity / servo.speed, DT / tempo) * servo.speed
-        drawn = servo.drawn(np.clip(torque, -servo.most, servo.most))
+        lag = servo_lag(torque / motors.torque + velocity / motors.speed, DT / tempo) * motors.speed
+        drawn = motors.drawn(np.clip(torque, -motors.most, motors.most))
         rms = np.sqrt(np.square(drawn).mean(axis=0))
-        warm = servo.temperature(rms**2, TEN_MINUTES, ROOM)
+        warm = motors.servo.temperature(rms**2, TEN_MINUTES, ROOM)
         return [
             of_joints("torque", 100.0 * share, 100.0, "%", joints),
             of_joints("servo lag", lag, ASTRAY, "rad", joints),
             of_joints("current (rms)", rms, None, "A", joints),
-            of_joints("heat in 10 min", warm, servo.hottest, "degC", joints),
+            of_joints("heat in 10 min", warm, motors.servo.hottest, "degC", joints),
         ]
 
     def standing(self, loads: Loads, tempo: float) -> list[Finding]:

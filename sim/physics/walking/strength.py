@@ -22,7 +22,6 @@ from motiondeck_base.errors import MotiondeckError
 from sim.models.feet import Foot
 from sim.models.gravity import GRAVITY
 from sim.models.kinematic_tree import path_to
-from sim.models.servo_motor import strength
 from sim.physics.walking.whole_body import WholeBody
 from sim.robots.robot import Robot
 
@@ -37,10 +36,7 @@ def check_legs(robot: Robot, model: mujoco.MjModel, body: WholeBody, feet: tuple
     _check_ankles(robot, model, feet)
     plan, root = body.plan, int(model.jnt_bodyid[0])
     weight, centre = float(model.body_subtreemass[root]) * GRAVITY, plan.subtree_com[root]
-    joints, dof = model.actuator_trnid[:, 0], robot.layout.dof
-    most = strength(model)
-    if robot.servo is not None:
-        most = np.minimum(most, robot.servo.most)
+    joints, dof, most = model.actuator_trnid[:, 0], robot.layout.dof, robot.strength
     for number, foot in enumerate(feet):
         own = body.bodies[number]
         frame = plan.xmat[own].reshape(3, 3)

@@ -8,12 +8,16 @@ from controller.loop.loop import run
 from controller.loop.output_channel import Channel
 from controller.loop.safety.safety_envelope import SafetyEnvelope
 from motiondeck_base.errors import FileFormatError
-from sim.models.servo_motor import ROOM, ServoMotor
+from sim.models.servo_motor import ROOM, Motors, ServoMotor
 from sim.physics.playback import PhysicsPlayback
 from sim.robots.robot import load_robot
 from simulated_bodies import ROBOTS, bent_pose, human
 
 XM430 = ServoMotor(torque=4.1, speed=4.8, current=2.3)
+
+
+def one_of(servo, allowed=np.inf):
+    return Motors(servo, np.array([servo.torque]), np.array([servo.speed]), np.array([allowed]))
 
 
 def servo20(tmp_path, extra):
@@ -25,15 +29,16 @@ def servo20(tmp_path, extra):
 
 @given(st.floats(-20.0, 20.0))
 def test_the_torque_falls_along_a_line_from_stall_to_the_no_load_speed(velocity):
-    ((back, forth),) = XM430.line(np.array([velocity]))
+    ((back, forth),) = one_of(XM430).line(np.array([velocity]))
     assert forth == pytest.approx(4.1 * (1.0 - velocity / 4.8))
     assert back == pytest.approx(-4.1 * (1.0 + velocity / 4.8))
 
 
 def test_a_current_limit_is_a_torque_limit():
     limited = ServoMotor(torque=4.1, speed=4.8, current=2.3, current_limit=1.15)
-    assert (XM430.most, limited.most) == pytest.approx((4.1, 2.05))
-    assert limited.drawn(np.array([-2.05]))[0] == pytest.approx(1.15)
+    most = [float(one_of(*which).most[0]) for which in ((XM430,), (limited,), (XM430, 3.0))]
+    assert most == pytest.approx([4.1, 2.05, 3.0])
+    assert one_of(limited).drawn(np.array([-2.05]))[0] == pytest.approx(1.15)
 
 
 def test_it_warms_up_towards_where_warming_and_cooling_meet():
