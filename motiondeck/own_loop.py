@@ -33,8 +33,9 @@ from motiondeck.robots import Robot
 from motiondeck.run.live_deck import with_right_types
 from motiondeck.run.spec.program import first_motion
 from motiondeck_base.errors import MotiondeckError
-from motiondeck_base.shipped import find_library, find_robot
+from motiondeck_base.shipped import find_library
 from sim.models.robot_file import solver_named
+from sim.robots.catalogue import find_robot
 from sim.robots.robot import load_robot
 
 __all__ = ["CommandedSwitch", "Deck"]

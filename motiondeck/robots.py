@@ -11,9 +11,9 @@ from typing import Literal
 from controller.motion.clip import Clip
 from motiondeck.recordings import the_clip
 from motiondeck_base.jobs import Jobs
-from motiondeck_base.shipped import find_robot
 from sim.models.mannequin.mannequin import reference_body
 from sim.models.robot_file import read_robot_file, solver_named
+from sim.robots.catalogue import find_robot
 from sim.robots.joint_motion import JointMotion, retargeted
 from sim.robots.retarget_files import RetargetedFile
 from sim.robots.retarget_files import retarget_files as carry_files

@@ -38,7 +38,7 @@ class PreflightRun:
     library: Annotated[str, typer.Argument(metavar="LIBRARY", help="A library file, or a shipped one by its name.")] = (
         "thesis15"
     )
-    robot: Annotated[str, typer.Option("--robot", metavar="ROBOT", help="A robot file, or: mannequin, servo20.")] = (
+    robot: Annotated[str, typer.Option("--robot", metavar="ROBOT", help="A robot file or a name (`robot list`).")] = (
         "servo20"
     )
     rig: Annotated[
@@ -211,9 +211,10 @@ def loaded(run: PreflightRun) -> tuple[MotionLibrary, Preflight]:
     """The library, and the judge of its motions on the robot; raises a MotiondeckError if a file cannot be used."""
     from controller.library.motion_library import load_library
     from controller.loop.safety.safety_envelope import SafetyEnvelope
-    from motiondeck_base.shipped import find_library, find_robot
+    from motiondeck_base.shipped import find_library
     from sim.physics.played_motions import load_sampled_robot
     from sim.physics.preflight.preflight import Preflight
+    from sim.robots.catalogue import find_robot
 
     library = load_library(find_library(run.library))
     body, limits = on_rig(load_sampled_robot(find_robot(run.robot), library.skeleton), run.rig)

@@ -50,7 +50,8 @@ def replay(
     from motiondeck.run.assembly import Host, Played, open_session
     from motiondeck.run.report import summary
     from motiondeck.run.robots.robot_on_deck import open_robots
-    from motiondeck_base.shipped import find_library, find_robot
+    from motiondeck_base.shipped import find_library
+    from sim.robots.catalogue import find_robot
 
     recording = load_recording(file)
     if not recording.complete:

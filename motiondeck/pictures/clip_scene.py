@@ -100,9 +100,9 @@ def _alone(clip: Clip) -> tuple[mujoco.MjModel, Array, Array, list[Foot]]:
 def _beside(clip: Clip, robot: Path) -> tuple[mujoco.MjModel, Array, Array, list[Foot]]:
     """A human of the robot's size and the robot, their qpos (T, nq), the human's joints and the feet of both."""
     from motiondeck.pictures.side_by_side import PREFIX, SideBySide
-    from motiondeck_base.shipped import find_robot
     from sim.models.feet import find_feet
     from sim.physics.physics_model import feet_of
+    from sim.robots.catalogue import find_robot
 
     both = SideBySide(clip.skeleton, find_robot("mannequin"), robot, 1.0 / clip.rate)
     qpos = np.array([both.qpos(pose, own_path=True).copy() for pose in poses_of(clip)])

@@ -25,7 +25,8 @@ from motiondeck.run.spec.program import Program
 from motiondeck.run.spec.run_spec import RunSpec
 from motiondeck.run.spec.script import Timed
 from motiondeck_base.errors import MotiondeckError, UnknownNameError
-from motiondeck_base.shipped import find_library, find_robot
+from motiondeck_base.shipped import find_library
+from sim.robots.catalogue import find_robot
 
 if TYPE_CHECKING:
     from motiondeck.pictures.offscreen import Camera

@@ -14,8 +14,9 @@ from controller.motion.posture import Pose
 from controller.motion.rotations import Array
 from controller.motion.skeleton import Skeleton
 from motiondeck_base.errors import UnknownNameError
-from motiondeck_base.shipped import find_library, find_robot
+from motiondeck_base.shipped import find_library
 from sim.models.formats.urdf_visuals import spec_with_visuals
+from sim.robots.catalogue import find_robot
 from sim.robots.robot import load_robot
 
 PREFIX = "robot/"

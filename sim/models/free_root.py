@@ -5,13 +5,20 @@ from __future__ import annotations
 from pathlib import Path
 
 import mujoco
+import numpy as np
 
+from controller.motion.rotations import Array
 from motiondeck_base.errors import FileFormatError
 from sim.models.formats.mesh_files import compiled
 from sim.models.formats.urdf_visuals import MOVED_ORIGIN
-from sim.models.kinematic_tree import path_to
+from sim.models.kinematic_tree import below, path_to
+from sim.models.surface import Surface
 
 ROOT_JOINT = "(root)"
+ON_THE_FLOOR, STANDS = (
+    0.05,
+    0.12,
+)  # largest height of a root on the floor, and of a limb that stands, in robots' heights
 
 _CLOSING = (mujoco.mjtEq.mjEQ_CONNECT, mujoco.mjtEq.mjEQ_WELD)
 _OF_ROBOTS = (*_CLOSING, mujoco.mjtEq.mjEQ_JOINT, mujoco.mjtEq.mjEQ_TENDON)  # the others are about cloth
@@ -102,11 +109,12 @@ def _move_origin(spec: mujoco.MjSpec, root: mujoco.MjsBody) -> None:
     shared = [bodies[0] for bodies in zip(*(path[:-1] for path in movers), strict=False) if len(set(bodies)) == 1]
     own, pelvis = model.body(root.name).id, shared[-1] if shared else 0
     parts = [*root.bodies, *root.geoms, *root.sites, *root.cameras, *root.lights]
-    if pelvis == own or not pelvis or any(part.frame is not None for part in parts):
-        return
     data = mujoco.MjData(model)
     mujoco.mj_kinematics(model, data)
-    offset = data.xmat[own].reshape(3, 3).T @ (data.xpos[pelvis] - data.xpos[own])
+    place = data.xpos[pelvis] if pelvis != own else _hips(model, data, own)
+    if place is None or not pelvis or any(part.frame is not None for part in parts):
+        return
+    offset = data.xmat[own].reshape(3, 3).T @ (place - data.xpos[own])
     spec.add_numeric(name=MOVED_ORIGIN, size=3, data=offset)
     for part in parts:
         part.pos = part.pos - offset
@@ -115,4 +123,19 @@ def _move_origin(spec: mujoco.MjSpec, root: mujoco.MjsBody) -> None:
     for equality in spec.equalities:
         if equality.type == mujoco.mjtEq.mjEQ_CONNECT and equality.name1 == root.name:
             equality.data[:3] -= offset
-    root.pos = data.xpos[pelvis]
+    root.pos = place
+
+
+def _hips(model: mujoco.MjModel, data: mujoco.MjData, root: int) -> Array | None:
+    """The middle of the first joints of the limbs that reach the floor, shape (3,), if the root is no higher than it."""
+    skin = Surface.of(model)
+    heights = skin.positions(data)[:, 2] - skin.radius
+    if not len(heights) or data.xpos[root, 2] > (floor := float(heights.min())) + ON_THE_FLOOR * float(np.ptp(heights)):
+        return None
+    hips: list[Array] = []
+    for child in np.flatnonzero(model.body_parentid == root).tolist():
+        limb = below(model, child)
+        joints, mine = np.flatnonzero(np.isin(model.jnt_bodyid, limb)), np.isin(skin.body, limb)
+        if len(joints) and mine.any() and heights[mine].min() < floor + STANDS * float(np.ptp(heights)):
+            hips.append(data.xanchor[joints[0]])
+    return np.mean(hips, axis=0) if hips else None

@@ -27,7 +27,7 @@ import numpy as np
 from motiondeck_base.errors import FileFormatError, UnknownNameError
 from sim.models.ball_joints import hinges_for_balls, unplayed_balls, unused
 from sim.models.coupled_joints import followers
-from sim.models.formats.mesh_files import compiled, read_solids
+from sim.models.formats.mesh_files import compiled, find_meshes, read_solids
 from sim.models.formats.model_text import has_collision_shapes, model_kind, readable_urdf
 from sim.models.formats.urdf_visuals import note_source
 from sim.models.free_root import free_root
@@ -77,6 +77,7 @@ def read_model(
     is_urdf = model_kind(path) == "robot"
     try:
         spec = _read_urdf(path, packages or {}) if is_urdf else mujoco.MjSpec.from_file(str(path.resolve()))
+        find_meshes(spec, path.resolve().parent / spec.meshdir)
         _clear_stage(spec)
         spec.compiler.fusestatic = False
         spec.compiler.discardvisual = False  # a URDF's spec would drop the floor of the stage, too
@@ -118,6 +119,7 @@ def _read_urdf(path: Path, packages: Mapping[str, Path]) -> mujoco.MjSpec:
     text = readable_urdf(path, packages)
     spec = mujoco.MjSpec.from_string(text)
     note_source(spec, path, packages)
+    find_meshes(spec, path.resolve().parent / spec.meshdir)
     touches = has_collision_shapes(text)
     for geom in [*spec.geoms]:
         sizes = _SIZES.get(geom.type, 0)

@@ -26,6 +26,7 @@ from controller.motion.rotations import Array
 from motiondeck_base.counted import counted
 from motiondeck_base.errors import FileFormatError
 from sim.models.coupled_joints import followers
+from sim.models.formats.mesh_files import MISSING
 from sim.models.formats.model_text import model_kind, urdf_speeds, visual_packages
 from sim.models.formats.urdf_visuals import missing_visuals
 from sim.models.joint_layout import JointLayout
@@ -139,15 +140,17 @@ class Calibration:
         return "\n".join(lines) + "\n"
 
 
-def _missing_visuals(path: Path, packages: Mapping[str, Path]) -> list[Doubt]:
-    missing = missing_visuals(path, packages) if model_kind(path) == "robot" else []
+def _missing_visuals(path: Path, spec: mujoco.MjSpec, packages: Mapping[str, Path]) -> list[Doubt]:
+    """A warning about meshes that only draw the robot and are missing."""
+    boxed = [line for text in spec.texts if text.name == MISSING for line in text.data.splitlines()]
+    missing = boxed or (missing_visuals(path, packages) if model_kind(path) == "robot" else [])
     if not missing:
         return []
     named = visual_packages(path)
     where = f", or say where the package is with --package {named[0]}=FOLDER" if named else ""
     are = f"{counted(len(missing), 'mesh')} of its looks {'is' if len(missing) == 1 else 'are'} missing"
-    words = f"{are} ({missing[0]}): it is drawn by its collision shapes. Copy them there{where}"
-    return [Doubt("", words, False)]
+    drawn = "boxes are in their place" if boxed else "it is drawn by its collision shapes"
+    return [Doubt("", f"{are} ({missing[0]}): {drawn}. Copy them there{where}", False)]
 
 
 def calibrate(path: Path, packages: Mapping[str, Path] | None = None) -> Calibration:
@@ -187,7 +190,7 @@ def calibrate(path: Path, packages: Mapping[str, Path] | None = None) -> Calibra
     }
     tall = float((limbs.surface.positions(limbs.data)[:, 2] + limbs.surface.radius).max() + height)
     segments = segments_of(model, found.parts, limbs, tall)
-    unsure = _missing_visuals(path, packages or {}) + unit_doubts(model, tall)
+    unsure = _missing_visuals(path, spec, packages or {}) + unit_doubts(model, tall)
     unsure += [Doubt("", words, False) for words in found.doubts]
     coupled = {model.joint(follower).name for follower in followers(model)}
     hinges, unplayed = (

@@ -165,7 +165,7 @@ def view(
     from motiondeck.pictures.clip_scene import act_of
     from motiondeck.pictures.library_pictures import film_frames, film_look
     from motiondeck.run.page.page import show_act
-    from motiondeck_base.shipped import find_robot
+    from sim.robots.catalogue import find_robot
 
     clip = _read(file, reading.options()).clip
     body = None if robot is None else find_robot(robot)

@@ -127,8 +127,8 @@ def _hands(config: RigConfig) -> Callable[[Sequence[EmulatedBus]], None]:
 
 def _plant(config: RigConfig, robot: str, root: str) -> JointPlant:
     from controller.motion.encodings.joint_angles import JointBody
-    from motiondeck_base.shipped import find_robot
     from sim.physics.rig_plant import RigPlant
+    from sim.robots.catalogue import find_robot
     from sim.robots.robot import load_robot
 
     body = load_robot(find_robot(robot), JointBody.of(config.names))

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from importlib import import_module
 from pathlib import Path
 from typing import Any
 
@@ -16,7 +15,7 @@ from motiondeck.cli.common.tables import show_table
 from motiondeck.cli.robot.check import WHY
 from motiondeck.run.sampled_motions import as_clip
 from motiondeck_base.counted import counted
-from motiondeck_base.errors import MotiondeckError, UnknownNameError
+from motiondeck_base.errors import MotiondeckError
 from motiondeck_base.shipped import find_library
 from sim.models.robot_file import read_robot_file
 from sim.robots.calibrate import Calibration
@@ -194,29 +193,3 @@ def packages(pairs: list[str]) -> dict[str, Path]:
             raise MotiondeckError(f"--package {pair}: give NAME=DIR with a folder that exists")
         found[name] = Path(folder)
     return found
-
-
-def model_file(model: str) -> Path:
-    """The file of a model: a path, or a name of the catalogue, which is downloaded.
-
-    MotiondeckError if there is neither, or the download fails.
-    """
-    if Path(model).exists() or "/" in model or Path(model).suffix:
-        return Path(model)
-    menagerie = catalogue_of_robots()
-    names = [robot.name for robot in menagerie.robots()]
-    if model not in names:
-        raise UnknownNameError(f"there is no file {model}, and {UnknownNameError.among('robot', model, names)}")
-    entry = menagerie.get(model)
-    try:
-        return Path(entry.xml(entry.default_model))
-    except (menagerie.MenagerieError, OSError) as error:
-        raise MotiondeckError(f"{model}: cannot be downloaded ({error})") from None
-
-
-def catalogue_of_robots() -> Any:
-    """The package of MuJoCo Menagerie; raises a MotiondeckError if it is not installed."""
-    try:
-        return import_module("mujoco_menagerie")
-    except ImportError:
-        raise MotiondeckError('the catalogue of robots is an extra: pip install "motiondeck[menagerie]"') from None

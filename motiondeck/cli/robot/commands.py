@@ -15,7 +15,9 @@ from motiondeck_base.jobs import Jobs
 
 app = typer.Typer(help="List, show, calibrate and check robots.", no_args_is_help=True)
 
-RobotArgument = Annotated[str, typer.Argument(metavar="ROBOT", help="A robot file (.toml), or: mannequin, servo20.")]
+RobotArgument = Annotated[
+    str, typer.Argument(metavar="ROBOT", help="A robot file (.toml), or a name of `robot list --catalogue`.")
+]
 
 CATALOGUE_KINDS = ("humanoid", "biped")
 PICTURE_SECONDS, VIEW_SECONDS = 2.0, 8.0
@@ -35,9 +37,9 @@ def list_robots(
 
     Example:  motiondeck robot list --catalogue
     """
-    from motiondeck.cli.robot.calibration import catalogue_of_robots
     from motiondeck_base.shipped import shipped_configs
     from sim.models.robot_file import read_robot_file
+    from sim.robots.catalogue import menagerie_package
 
     rows: list[dict[str, Any]] = []
     for path in sorted((shipped_configs() / "robots").glob("*.toml")):
@@ -46,7 +48,7 @@ def list_robots(
     if catalogue:
         rows += [
             {"name": robot.name, "kind": robot.category, "solver": "", "from": f"menagerie ({robot.license})"}
-            for robot in catalogue_of_robots().robots()
+            for robot in menagerie_package().robots()
             if robot.category in CATALOGUE_KINDS
         ]
     if as_json:
@@ -63,9 +65,9 @@ def show(robot: RobotArgument, as_json: JsonOption = False) -> None:
     Example:  motiondeck robot show servo20
     """
     from motiondeck.cli.common.tables import show_table
-    from motiondeck_base.shipped import find_robot
     from sim.models.mannequin.mannequin import reference_body
     from sim.models.robot_file import read_robot_file
+    from sim.robots.catalogue import find_robot
     from sim.robots.robot import load_robot
 
     path = find_robot(robot)
@@ -142,9 +144,10 @@ def calibrate(
       motiondeck play walk --robot op3.toml
     """
     from motiondeck.cli.common.options import check_new
-    from motiondeck.cli.robot.calibration import model_file, packages, print_report, report_of, try_robot
+    from motiondeck.cli.robot.calibration import packages, print_report, report_of, try_robot
     from motiondeck_base.files import write_file
     from sim.robots.calibrate import calibrate as calibrate_model
+    from sim.robots.catalogue import model_file
 
     found = calibrate_model(model_file(model), packages(package or []))
     file = out or Path(f"{found.name}.toml")
@@ -196,7 +199,7 @@ def tune_walk(
     """
     from motiondeck.cli.robot.tune_walk import report_text, tune
     from motiondeck.run.spec.run_spec import check_seconds
-    from motiondeck_base.shipped import find_robot
+    from sim.robots.catalogue import find_robot
 
     check_seconds(seconds)
     file = find_robot(robot)
@@ -240,8 +243,8 @@ def check(
     from motiondeck.cli.robot.check import faults, print_rows, recordings, verdict
     from motiondeck.run.spec.run_spec import check_seconds
     from motiondeck_base.progress import progress
-    from motiondeck_base.shipped import find_robot
     from sim.models.robot_file import solver_named
+    from sim.robots.catalogue import find_robot
 
     check_seconds(seconds)
     named = solver_named(solver)

@@ -23,7 +23,8 @@ def retarget(
         typer.Argument(metavar="FILE_OR_FOLDER...", help="Recordings in any format, and folders that hold some."),
     ],
     robot: Annotated[
-        str, typer.Option("--robot", metavar="ROBOT", help="A robot file (.toml), or: mannequin, servo20.")
+        str,
+        typer.Option("--robot", metavar="ROBOT", help="A robot file (.toml) or a name (`robot list`)."),
     ],
     out: Annotated[Path, typer.Option("--out", metavar="DIR", help="The folder for the files; created if missing.")],
     format: Annotated[
@@ -58,8 +59,8 @@ def retarget(
     from controller.learning.learn import recordings_in
     from motiondeck_base.jobs import Jobs
     from motiondeck_base.progress import progress
-    from motiondeck_base.shipped import find_robot
     from sim.models.robot_file import solver_named
+    from sim.robots.catalogue import find_robot
     from sim.robots.retarget_files import retarget_files
     from sim.robots.training_files import format_named
 

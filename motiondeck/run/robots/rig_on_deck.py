@@ -42,7 +42,7 @@ def open_rig_alone(
         return _open_taught(opening, config, ports, source)
     if isinstance(source, Clip):
         raise MotiondeckError(f"clip '{source.name}' shows a human body. Learn it first: motiondeck learn")
-    from motiondeck_base.shipped import find_robot
+    from sim.robots.catalogue import find_robot
     from sim.robots.robot import load_robot
 
     try:

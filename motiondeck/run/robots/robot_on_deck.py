@@ -16,7 +16,8 @@ from controller.loop.output_channel import Channel
 from controller.motion.rotations import Array
 from motiondeck.run.spec.run_spec import EMULATED, RunSpec, is_emulated
 from motiondeck_base.errors import MotiondeckError
-from motiondeck_base.shipped import find_rig, find_robot
+from motiondeck_base.shipped import find_rig
+from sim.robots.catalogue import find_robot
 
 if TYPE_CHECKING:
     from sim.robots.robot import Robot

@@ -95,7 +95,7 @@ class RunSpec:
         None, "", "The motion to play first; default: `walk`, or the library's first.", "MOTION"
     )
     _: KW_ONLY
-    robot: File = option("mannequin", "--robot", "A robot file, or: mannequin, servo20.", "ROBOT")
+    robot: File = option("mannequin", "--robot", "A robot file or a name (`robot list --catalogue`).", "ROBOT")
     solver: Literal["angles", "ik"] | None = option(
         None, "--solver", "Retargeting solver; default: as the robot's file says.", panel=_SIMULATION
     )

@@ -10,9 +10,10 @@ from pathlib import Path
 import mujoco
 import numpy as np
 
-from controller.motion.rotations import Array, rotate
+from controller.motion.rotations import Array, from_matrix, rotate
 from motiondeck_base.errors import FileFormatError
 from sim.models.formats.collada import TriangleMesh, read_collada
+from sim.models.formats.model_text import file_named
 
 READABLE = (".stl", ".obj", ".msh", ".dae")
 SHELL = mujoco.mjtMeshInertia.mjMESH_INERTIA_SHELL  # of a mesh that need not enclose a volume
@@ -23,6 +24,55 @@ _VERTEX = re.compile(rb"vertex\s+(\S+)\s+(\S+)\s+(\S+)")
 _Y_UP = np.array([[1.0, 0.0, 0.0], [0.0, 0.0, -1.0], [0.0, 1.0, 0.0]])  # turns what has y up
 _NO_VOLUME = re.compile(r"mesh volume is (?:too small|negative)[^:]*: (\S+)")
 _CORNERS = np.array([[x, y, z] for x in (-0.5, 0.5) for y in (-0.5, 0.5) for z in (-0.5, 0.5)])
+
+
+MISSING = "(missing meshes)"  # a model's custom text: the files of meshes that boxes replace, a line each
+_CUBE = np.full(3, 0.02)  # half a side of the box of a body without a known inertia, m
+
+
+def find_meshes(spec: mujoco.MjSpec, folder: Path) -> None:
+    """Corrects the case of letters in the names of mesh files in a folder; missing ones that only draw become boxes.
+
+    The boxes have the inertia of their bodies; the model's text MISSING names the files.
+    """
+    missing: dict[str, Path] = {}
+    for mesh in spec.meshes:
+        named = folder / mesh.file
+        found = file_named(named.absolute()) if mesh.file else named
+        if not found.is_file() and mesh.file:
+            missing[mesh.name] = named
+        elif mesh.file and found != named.absolute():
+            mesh.file = str(found)
+    for geom in spec.geoms:
+        if geom.meshname in missing and not geom.contype and not geom.conaffinity:
+            _box(geom)
+    boxed = missing.keys() - {geom.meshname for geom in spec.geoms}
+    if boxed:
+        spec.add_text(name=MISSING, data="\n".join(str(missing[name]) for name in sorted(boxed)))
+    for name in boxed:
+        spec.delete(spec.mesh(name))
+
+
+def _box(geom: mujoco.MjsGeom) -> None:
+    """Makes a geom a box with the mass and the inertia of its body, or a small cube in place."""
+    body = geom.parent
+    geom.meshname, geom.type, geom.size = "", mujoco.mjtGeom.mjGEOM_BOX, _CUBE
+    if not body.explicitinertial or not body.mass > 0.0:
+        return
+    xx, yy, zz, xy, xz, yz = body.fullinertia.tolist()
+    moments, turned = body.inertia, body.iquat
+    if not np.isnan(xx):
+        moments, axes = np.linalg.eigh(np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]]))
+        turned = from_matrix(axes * np.linalg.det(axes))
+    half = box_sides(moments, body.mass)
+    if half.max() > 0.0:
+        geom.pos, geom.quat, geom.size = body.ipos, turned, np.maximum(half, _THIN * half.max())
+
+
+def box_sides(moments: Array, mass: float) -> Array:
+    """Half the sides of an even box with principal moments of inertia (3,), kg m^2, and a mass, kg; shape (3,), m."""
+    halves: Array = np.sqrt(np.maximum(1.5 * (moments.sum() - 2.0 * moments) / mass, 0.0))
+    return halves
 
 
 def read_solids(spec: mujoco.MjSpec, folder: Path) -> None:

@@ -144,7 +144,8 @@ def readable_urdf(path: Path, packages: Mapping[str, Path], visuals: bool = Fals
         folders = [packages[name]] if name in packages else []
         for above in path.resolve().parents if not folders else ():
             folders += [above] if above.name == name else [above / name]
-        found = next((folder / inside for folder in folders if (folder / inside).exists()), None)
+        files = (file_named(folder.resolve() / inside) for folder in folders)
+        found = next((file for file in files if file.exists()), None)
         if found is None and any(start < uri.start() < end for start, end in looks):
             return (folders[0] / inside).as_posix()
         if found is None:
@@ -155,7 +156,7 @@ def readable_urdf(path: Path, packages: Mapping[str, Path], visuals: bool = Fals
         return found.resolve().as_posix()
 
     def in_folder(name: re.Match[str]) -> str:
-        found = path.resolve().parent / name[2]
+        found = file_named(path.resolve().parent / name[2])
         return f"{name[1]}{found.as_posix()}" if found.is_file() else name[0]
 
     text = _NO_NUMBER.sub("", _COMMENT.sub("", text))  # MuJoCo would write a file of warnings
@@ -166,6 +167,19 @@ def readable_urdf(path: Path, packages: Mapping[str, Path], visuals: bool = Fals
         # MuJoCo takes the folders off the meshes of a URDF, unless the file says otherwise.
         text = _with_setting(resolved, "strippath", "false")
     return _with_setting(text, "discardvisual", "false") if visuals or not has_collision_shapes(text) else text
+
+
+def file_named(path: Path) -> Path:
+    """The file of a path, also where the case of letters differs; the path itself if there is none, or several."""
+    here = Path(path.anchor)
+    for part in path.parts[1:]:
+        if not (here / part).exists():
+            alike = [one for one in here.iterdir() if one.name.lower() == part.lower()] if here.is_dir() else []
+            if len(alike) != 1:
+                return path
+            part = alike[0].name
+        here = here / part
+    return here
 
 
 def visual_packages(path: Path) -> list[str]:

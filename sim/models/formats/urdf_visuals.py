@@ -15,7 +15,7 @@ import numpy as np
 
 from motiondeck_base.errors import MotiondeckError
 from sim.models.formats.mesh_files import READABLE, SHELL, fill, read_meshes
-from sim.models.formats.model_text import readable_urdf
+from sim.models.formats.model_text import file_named, readable_urdf
 
 MOVED_ORIGIN = "(moved origin)"  # a model's custom number: displacement of its root's origin, in its frame, m
 _SOURCE = "(urdf)"
@@ -56,7 +56,8 @@ def missing_visuals(file: Path, packages: Mapping[str, Path]) -> list[Path]:
     except (MotiondeckError, ValueError):  # reported elsewhere
         return []
     folder = file.resolve().parent / looks.meshdir
-    return [folder / mesh.file for mesh in looks.meshes if mesh.file and not (folder / mesh.file).is_file()]
+    files = [file_named(folder / mesh.file) for mesh in looks.meshes if mesh.file]
+    return [file for file in files if not file.is_file()]
 
 
 def _with_visuals(spec: mujoco.MjSpec) -> tuple[mujoco.MjSpec, mujoco.MjModel] | None:
@@ -79,7 +80,7 @@ def _add_visuals(spec: mujoco.MjSpec, file: Path, packages: Mapping[str, Path]) 
     offsets = {text.name: np.array(text.data) for text in spec.numerics if text.name == MOVED_ORIGIN}
     root = next(body.name for body in spec.worldbody.bodies if body.joints)
     names = {body.name for body in spec.bodies}
-    files = {mesh.name: folder / mesh.file for mesh in looks.meshes}
+    files = {mesh.name: file_named(folder / mesh.file) for mesh in looks.meshes}
     files = {name: file for name, file in files.items() if _is_readable(file)}
     read = read_meshes(looks, files)
     meshes = {mesh.name: mesh for mesh in looks.meshes}

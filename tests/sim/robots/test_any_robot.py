@@ -257,15 +257,22 @@ def test_a_root_that_lies_on_the_floor_is_moved_to_the_pelvis(tmp_path):
     assert calibrate(path).root_height == pytest.approx(0.4 * np.cos(0.08) + 0.03, abs=0.01)
 
 
-def test_a_root_that_would_be_below_the_floor_is_refused(tmp_path):
+@pytest.mark.parametrize("free", ["<freejoint/>", ""])
+def test_a_root_below_the_floor_gets_a_new_origin_between_its_hips(tmp_path, free):
     text = (
-        humanoid(body='pos="0 0 -0.2"')
+        humanoid(free, body='pos="0 0 -0.2"')
         .replace('pos="0 0.06 0"', 'pos="0 0.06 0.7"')
         .replace('pos="0 -0.06 0"', 'pos="0 -0.06 0.7"')
     )
     text = text.replace("0.25", "0.95").replace("0 0 0.13", "0 0 0.83")
-    with pytest.raises(FileFormatError, match=r"'trunk' would be -0.*above the floor"):
-        calibrate(model_file(tmp_path, text))
+    found = calibrated(model_file(tmp_path, text))
+    assert found.root_height == pytest.approx(0.4 * np.cos(0.08) + 0.03, abs=0.01)
+    model = read_model(found.model).compile()
+    data = mujoco.MjData(model)
+    mujoco.mj_kinematics(model, data)
+    assert data.body("trunk").xpos == pytest.approx([0.0, 0.0, 0.5])
+    assert data.body("left_sole").xpos == pytest.approx([0.0, 0.06, 0.1])
+    assert data.geom_xpos[model.geom_bodyid == data.body("trunk").id][0] == pytest.approx([0.0, 0.0, 0.63])
 
 
 def test_a_urdf_stands_on_its_legs(tmp_path):

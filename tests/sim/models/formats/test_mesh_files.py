@@ -10,7 +10,7 @@ from sim.models.formats.mesh_files import read_triangles
 from sim.models.formats.urdf_visuals import with_visuals
 from sim.models.model_file import read_model
 from sim.models.surface import LowestPoint
-from small_robots import urdf
+from small_robots import calibrated, humanoid, urdf
 
 CORNERS = [(x, y, z) for x in (-0.03, 0.11) for y in (-0.03, 0.03) for z in (-0.04, -0.02)]
 # Each side of the box, seen from outside.
@@ -136,3 +136,55 @@ def test_a_flat_mesh_is_a_thin_plate(tmp_path):
     assert read_triangles(path) is not None
     model = read_model(legs(tmp_path, "sole.dae", path.read_text())).compile()
     assert lowest(model) == pytest.approx(-0.4, abs=1e-3)
+
+
+@pytest.mark.parametrize("file", ["legs.urdf", "small.xml"])
+def test_a_mesh_whose_name_differs_in_the_case_of_its_letters_is_found(tmp_path, file):
+    if file.endswith(".urdf"):
+        path = legs(tmp_path, "sole.stl", stl_text())
+    else:
+        path = tmp_path / file
+        mesh = '<geom type="mesh" mesh="sole"/>'
+        path.write_text(
+            humanoid(trunk=mesh, extra='<asset><mesh name="sole" file="sole.stl"/></asset>').replace(
+                "<compiler ", '<compiler meshdir="meshes" '
+            )
+        )
+        (tmp_path / "meshes").mkdir()
+        (tmp_path / "meshes" / "sole.stl").write_text(stl_text())
+    expected = read_model(path).compile()
+    path.write_text(path.read_text().replace("sole.stl", "Sole.STL"))
+    found = read_model(path).compile()
+    assert found.nmesh == expected.nmesh == 1
+    assert found.mesh_vert == pytest.approx(expected.mesh_vert)
+
+
+LOOK = '<geom type="mesh" mesh="hull" contype="0" conaffinity="0" group="2" pos="0.3 0 0"/>'
+
+
+def test_a_missing_mesh_that_only_draws_becomes_the_box_of_its_bodys_inertia_with_a_word(tmp_path):
+    path = tmp_path / "small.xml"
+    inertial = '<inertial pos="0.01 0 0.1" mass="2" diaginertia="0.0166667 0.0083333 0.0216667"/>'
+    text = humanoid(trunk=LOOK + inertial, extra='<asset><mesh name="hull" file="hull.stl"/></asset>')
+    path.write_text(text)
+    model = read_model(path).compile()
+    (box,) = (geom for geom in range(model.ngeom) if model.geom_group[geom] == 2)
+    assert model.geom_type[box] == mujoco.mjtGeom.mjGEOM_BOX
+    assert model.geom_size[box] == pytest.approx([0.1, 0.15, 0.05], abs=1e-3)
+    assert model.geom_pos[box] == pytest.approx([0.01, 0.0, 0.1])
+    assert not model.geom_contype[box]
+    (said,) = (doubt for doubt in calibrated(path).doubts if "hull.stl" in doubt.words)
+    assert "1 mesh of its looks is missing" in said.words
+    assert "boxes" in said.words
+    path.write_text(text.replace('contype="0" conaffinity="0"', ""))
+    with pytest.raises(FileFormatError, match=r"hull\.stl, which it needs, is missing"):
+        read_model(path)  # what it stands on is not guessed
+
+
+def test_a_missing_mesh_of_a_urdf_without_collision_shapes_becomes_a_box(tmp_path):
+    path = legs(tmp_path, "sole.stl", stl_text())
+    text = path.read_text().replace("collision>", "visual>")
+    path.write_text(text.replace("sole.stl", "none.stl"))
+    model = read_model(path).compile()
+    assert model.nmesh == 0
+    assert (model.geom_type == mujoco.mjtGeom.mjGEOM_BOX).all()
