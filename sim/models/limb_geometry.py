@@ -30,6 +30,16 @@ def farthest(points: Sequence[Array], start: Array) -> Array:
     return max(points, key=lambda point: float(np.linalg.norm(point - start)))
 
 
+def start_of(data: mujoco.MjData, hinges: Sequence[int], knee: Array) -> Array:
+    """The beginning of a limb, shape (3,): of the points of its hinges' axes nearest to a knee (3,) the farthest.
+
+    Where along its axis a file has a hinge is arbitrary.
+    """
+    axes, anchors = data.xaxis[list(hinges)], data.xanchor[list(hinges)]
+    along = np.einsum("hi,hi->h", knee - anchors, axes)
+    return farthest([*(anchors + along[:, None] * axes)], knee)
+
+
 def centre_of(data: mujoco.MjData, hinges: Sequence[int], knee: Array) -> Array:
     """The centre of a hip or shoulder, shape (3,), m, in a pose, for the hinges above the knee (elbow) at `knee`."""
     across = [j for j in hinges if sine(data.xaxis[j], knee - data.xanchor[j]) >= ACROSS] or [hinges[-1]]

@@ -19,6 +19,10 @@ _HIGH = 1.0 - np.arange(1.0, 400.0, 2.0) / 200.0
 _ROUND = np.stack([*(np.sqrt(1.0 - _HIGH**2) * f(2.4 * np.arange(200.0)) for f in (np.cos, np.sin)), _HIGH], axis=1)
 _RING = np.array([(np.cos(a), np.sin(a)) for a in np.linspace(0.0, 2.0 * np.pi, 12, endpoint=False)])
 
+FARTHER = 2.0  # reach of solids that do not collide, in that of those that do, from which they count
+BEYOND = 1.2  # least reach of a body's solids, in distances of its centre of mass from its joint: a rod reaches 2
+AWAY, LIGHT = 0.005, 0.01  # least such distance, m, and mass, kg, that tell how far a body reaches
+
 
 @dataclass(frozen=True)
 class Surface:
@@ -30,13 +34,26 @@ class Surface:
 
     @classmethod
     def of(cls, model: mujoco.MjModel) -> Surface:
-        """The skin of all moving bodies: of their colliding solids, if any, else of all."""
-        found: list[tuple[int, Array, float]] = []
-        for geom in solids(model):
-            body = int(model.geom_bodyid[geom])
-            points, radius = _balls(model, int(geom))
-            at = model.geom_pos[geom] + rotate(model.geom_quat[geom], points)
-            found += [(body, point, radius) for point in at]
+        """The skin of all moving bodies: of their colliding solids, if any, else of all.
+
+        The other solids of a body count too where they reach much farther, or its colliding ones end at its centre of
+        mass or before, seen from its joint, as a bumper at an elbow does; and where those end there as well, the box of
+        its inertia.
+        """
+        balls: dict[int, list[tuple[Array, float]]] = {body: [] for body in range(model.nbody)}
+        touching = solids(model)
+        for geom in touching:
+            balls[int(model.geom_bodyid[geom])] += _skin(model, int(geom))
+        for body in np.flatnonzero(model.body_weldid != 0).tolist():
+            others = np.setdiff1d(np.flatnonzero(model.geom_bodyid == body), touching)
+            joint = _joint(model, body)
+            far = max((float(np.linalg.norm(at - joint)) + radius for at, radius in balls[body]), default=0.0)
+            away = np.linalg.norm(model.geom_pos[others] - joint, axis=1) + model.geom_rbound[others]
+            if _ends_early(model, body, balls[body]) or away.max(initial=0.0) > FARTHER * far:
+                balls[body] += [ball for geom in others for ball in _skin(model, int(geom))]
+            if _ends_early(model, body, balls[body]):
+                balls[body] += [(corner, 0.0) for corner in _inertia_box(model, body)]
+        found = [(body, point, radius) for body, mine in balls.items() for point, radius in mine]
         bodies, centres, radii = zip(*found, strict=True) if found else ((), (), ())
         return cls(np.array(bodies, np.int64), np.array(centres).reshape(-1, 3), np.array(radii, np.float64))
 
@@ -50,6 +67,38 @@ class Surface:
         # By MuJoCo's matrices: quaternions would take 1.5 times as long.
         turned = np.matmul(data.xmat[self.body].reshape(-1, 3, 3), self.centre[:, :, None])
         return data.xpos[self.body] + turned[:, :, 0]
+
+
+def _skin(model: mujoco.MjModel, geom: int) -> list[tuple[Array, float]]:
+    """The balls of a solid in its body."""
+    points, radius = _balls(model, geom)
+    return [(point, radius) for point in model.geom_pos[geom] + rotate(model.geom_quat[geom], points)]
+
+
+def _joint(model: mujoco.MjModel, body: int) -> Array:
+    """The place (3,) of a body's first joint in its frame, m; its origin without one."""
+    return model.jnt_pos[model.body_jntadr[body]] if model.body_jntnum[body] else np.zeros(3)
+
+
+def _ends_early(model: mujoco.MjModel, body: int, balls: list[tuple[Array, float]]) -> bool:
+    joint, way = _joint(model, body), model.body_ipos[body] - _joint(model, body)
+    away = float(np.linalg.norm(way))
+    if away < AWAY or model.body_mass[body] < LIGHT:
+        return False
+    return max((float((at - joint) @ way) / away + radius for at, radius in balls), default=0.0) < BEYOND * away
+
+
+def _inertia_box(model: mujoco.MjModel, body: int) -> Array:
+    """The corners (8, 3) of the box of a body's inertia, cut to the size of the way from its joint to its centre."""
+    halves = box_sides(model.body_inertia[body], float(model.body_mass[body]))
+    halves = np.minimum(halves, np.linalg.norm(model.body_ipos[body] - _joint(model, body)))
+    return model.body_ipos[body] + rotate(model.body_iquat[body], _CORNERS * halves)
+
+
+def box_sides(moments: Array, mass: float) -> Array:
+    """Half the sides of an even box with principal moments of inertia (3,), kg m^2, and a mass, kg; shape (3,), m."""
+    halves: Array = np.sqrt(np.maximum(1.5 * (moments.sum() - 2.0 * moments) / mass, 0.0))
+    return halves
 
 
 class LowestPoint:

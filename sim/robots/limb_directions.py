@@ -15,7 +15,7 @@ import numpy as np
 
 from controller.motion.rotations import Array
 from sim.models.kinematic_tree import below, hinges_at, hinges_between, path_to
-from sim.models.limb_geometry import centre_of, end_hinge, level_with
+from sim.models.limb_geometry import centre_of, end_hinge, level_with, start_of
 from sim.models.surface import Surface
 from sim.retargeting.human_limbs import LIMBS
 
@@ -111,8 +111,8 @@ class LimbDirections:
         if len(hinges) < 2:
             return []
         tip = self._tip(end, data.xanchor[hinges[0]])
-        fold = [self._fold(joint, hinges[0], end, tip) for joint in hinges]
-        middle = max(range(1, len(hinges)), key=lambda k: fold[k])
+        fold = [self._fold(joint, hinges[:k], end, tip) for k, joint in enumerate(hinges) if k]
+        middle = 1 + int(np.argmax(fold))
         joint = hinges[middle]
         knee, axis = data.xanchor[joint].copy(), data.xaxis[joint].copy()
         start = level_with(centre_of(data, hinges[:middle], knee), knee, axis)
@@ -139,20 +139,20 @@ class LimbDirections:
                 return palm
         return end
 
-    def _fold(self, joint: int, first: int, end: int, tip: Array) -> float:
-        """Change of the distance from a limb's first hinge to its tip by a hinge, m."""
+    def _fold(self, joint: int, above: list[int], end: int, tip: Array) -> float:
+        """Change of the distance from a limb's beginning, by the hinges above, to its tip by a hinge, m."""
         model, data = self.model, mujoco.MjData(self.model)
         lower, upper = np.clip(model.jnt_range[joint], -TURN, TURN) if model.jnt_limited[joint] else (-TURN, TURN)
         # Half of a hand or foot counts, so that one that is long does not pass for a shank.
         middle = 0.5 * (tip + self.standing.xanchor[hinges_at(model, end)[-1]])
         local = self.standing.xmat[end].reshape(3, 3).T @ (middle - self.standing.xpos[end])
-        reach = []
+        start, reach = start_of(self.standing, above, self.standing.xanchor[joint]), []
         for q in np.linspace(lower, upper, STEPS):
             data.qpos[:] = self.standing.qpos
             data.qpos[model.jnt_qposadr[joint]] = q
             mujoco.mj_kinematics(model, data)
             at = data.xpos[end] + data.xmat[end].reshape(3, 3) @ local
-            reach.append(float(np.linalg.norm(at - data.xanchor[first])))
+            reach.append(float(np.linalg.norm(at - start)))
         return float(np.ptp(reach))
 
     def _tip(self, end: int, start: Array) -> Array:

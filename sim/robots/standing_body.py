@@ -15,7 +15,7 @@ import numpy as np
 
 from controller.motion.rotations import Array, multiply
 from sim.models.kinematic_tree import below, hinges_at, path_to
-from sim.models.limb_geometry import ACROSS, end_hinge, farthest, folds, sine
+from sim.models.limb_geometry import ACROSS, end_hinge, farthest, folds, sine, start_of
 from sim.models.surface import Surface
 
 STANDS = 0.12  # largest height of a standing limb's end, in heights of the robot
@@ -172,7 +172,10 @@ def bend_index(body: StandingBody, limb: RobotLimb, twin: RobotLimb) -> int:
     for k in range(1, len(at)):
         if body.model.jnt_bodyid[limb.joints[k]] == body.model.jnt_bodyid[limb.joints[0]]:
             continue  # it would leave no body for the upper segment
-        up, down = farthest(at[:k], at[k]) - at[k], farthest([*at[k + 1 :], limb.tip], at[k]) - at[k]
+        up, down = (
+            start_of(body.data, limb.joints[:k], at[k]) - at[k],
+            farthest([*at[k + 1 :], limb.tip], at[k]) - at[k],
+        )
         axis = body.data.xaxis[limb.joints[k]]
         share = min(float(np.linalg.norm(up)), float(np.linalg.norm(down)))
         across = min(sine(axis, up), sine(axis, down)) >= ACROSS
@@ -187,7 +190,7 @@ def bend_index(body: StandingBody, limb: RobotLimb, twin: RobotLimb) -> int:
 def end_joint(body: StandingBody, limb: RobotLimb, knee: int) -> int | None:
     """The first joint of the ankle (wrist), for the index of the knee; None without one."""
     at = body.data.xanchor[limb.joints[knee]]
-    upper = float(np.linalg.norm(farthest([body.data.xanchor[j] for j in limb.joints[:knee]], at) - at))
+    upper = float(np.linalg.norm(start_of(body.data, limb.joints[:knee], at) - at))
     return end_hinge(body.data, limb.joints[knee + 1 :], at, upper)
 
 
@@ -195,7 +198,7 @@ def front_direction(body: StandingBody, limb: RobotLimb, knee: int) -> Array:
     """The front of a leg without an ankle, shape (3,), m: away from the fold of its knee."""
     joint = limb.joints[knee]
     axis, at = body.data.xaxis[joint], body.data.xanchor[joint]
-    up, down = at - farthest([body.data.xanchor[j] for j in limb.joints[:knee]], at), limb.tip - at
+    up, down = at - start_of(body.data, limb.joints[:knee], at), limb.tip - at
     return -folds(body.model, joint, axis, up, down) * np.cross(axis, down)
 
 
