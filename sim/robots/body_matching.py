@@ -12,7 +12,8 @@ With every joint at zero, for any heading and any axis up:
 from __future__ import annotations
 
 import re
-from dataclasses import dataclass
+from collections.abc import Collection
+from dataclasses import dataclass, field
 from itertools import combinations
 from pathlib import Path
 
@@ -34,6 +35,7 @@ from sim.robots.standing_body import (
     end_joint,
     front_direction,
     limb_bodies,
+    rival_bends,
 )
 
 # Least length of a leg, in heights of the robot, and least cosine of its angle to the vertical.
@@ -68,17 +70,18 @@ class BodyMatch:
     parts: dict[str, str]
     root_rotation: Array  # the quaternion of the root body that stands upright and faces x, shape (4,)
     doubts: tuple[str, ...] = ()  # uncertain decisions, a line each
+    rivals: dict[str, list[tuple[str, ...]]] = field(default_factory=dict)  # of "leg" and "arm": `rival_bends`
 
 
-def match(path: Path, model: mujoco.MjModel) -> BodyMatch:
-    """Matches the bodies of a model with a free root; `path` is for errors.
+def match(path: Path, model: mujoco.MjModel, bends: Collection[str] = ()) -> BodyMatch:
+    """Matches the bodies of a model with a free root; `path` is for errors, `bends` are known knees and elbows.
 
     FileFormatError, which lists the limbs found, without two legs, on wheels, or if ahead and behind are unclear.
     """
     refusal: FileFormatError | None = None
     found: dict[float, BodyMatch] = {}
     for turn in _TURNS:
-        matcher = _Matcher(path, model, from_rotation_vector(np.array(turn, dtype=float)))
+        matcher = _Matcher(path, model, from_rotation_vector(np.array(turn, dtype=float)), bends)
         try:
             here = matcher.match()
         except FileFormatError as error:
@@ -107,8 +110,8 @@ class _Matcher:
     leg_share = 0.0  # length of its legs over its arms; 0 without arms; set by `match`
     limbs_alike = False  # whether arms and legs are equal in length and hinges; set by `match`
 
-    def __init__(self, path: Path, model: mujoco.MjModel, turn: Array) -> None:
-        self.path, self.model, self.body = path, model, StandingBody(model, turn)
+    def __init__(self, path: Path, model: mujoco.MjModel, turn: Array, bends: Collection[str]) -> None:
+        self.path, self.model, self.body, self.bends = path, model, StandingBody(model, turn), bends
         self.data, self.root, self.ends = self.body.data, self.body.root, self.body.ends
         self.points, self.heights, self.surface = self.body.points, self.body.heights, self.body.surface
         self.floor, self.tall = self.body.floor, self.body.tall
@@ -127,7 +130,8 @@ class _Matcher:
         own = hinges_between(self.model, self.root, pelvis) if pelvis != self.root else []
         parts = {"pelvis": self.body.name(pelvis if own else self.root)}
         stands = [self.body.limb(end, pelvis) for end in legs]
-        parts |= limb_bodies(self.body, LEG, dict(zip("rl", stands, strict=True)), ahead)
+        parts |= limb_bodies(self.body, LEG, dict(zip("rl", stands, strict=True)), ahead, self.bends)
+        rivals = {"leg": rival_bends(self.body, dict(zip("rl", stands, strict=True)))}
 
         branches = {self.body.branch(leg, pelvis) for leg in legs}
         rest = [e for e in self.ends if self.body.branch(e, pelvis) not in branches]
@@ -137,7 +141,8 @@ class _Matcher:
         if arms:
             chest = self._chest([*arms.values()], left)
             limbs = {side: self._beside(self.body.limb(end, chest), left) for side, end in arms.items()}
-            parts |= limb_bodies(self.body, ARM, limbs, ahead)
+            parts |= limb_bodies(self.body, ARM, limbs, ahead, self.bends)
+            rivals["arm"] = rival_bends(self.body, limbs)
             self.leg_share = max(map(self.body.length, stands)) / max(map(self.body.length, limbs.values()))
             hinges = {len(limb.joints) for limb in (*stands, *limbs.values())}
             self.limbs_alike = len(hinges) == 1 and abs(self.leg_share - 1.0) < ALIKE
@@ -149,7 +154,8 @@ class _Matcher:
         if head is not None:
             parts["head"] = self.body.name(head)
         facing = float(np.arctan2(ahead[1], ahead[0]))
-        return BodyMatch(parts, multiply(conjugate(yaw(facing)), self.data.xquat[self.root]), tuple(self.doubts))
+        upright = multiply(conjugate(yaw(facing)), self.data.xquat[self.root])
+        return BodyMatch(parts, upright, tuple(self.doubts), rivals)
 
     def _legs(self) -> list[int]:
         """The ends of the two limbs that stand on the floor."""

@@ -13,7 +13,7 @@ from __future__ import annotations
 
 import json
 import re
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -87,6 +87,7 @@ class Calibration:
     mended: bool  # whether impossible masses or inertias were balanced
     segments: tuple[SegmentPair, ...]  # lengths of its limbs, beside a human's
     doubts: tuple[Doubt, ...]  # implausible findings
+    rivals: dict[str, list[tuple[str, ...]]]  # by "leg" and "arm": other hinges that may be knees and elbows
 
     @property
     def sound(self) -> bool:
@@ -153,15 +154,16 @@ def _missing_visuals(path: Path, spec: mujoco.MjSpec, packages: Mapping[str, Pat
     return [Doubt("", f"{are} ({missing[0]}): {drawn}. Copy them there{where}", False)]
 
 
-def calibrate(path: Path, packages: Mapping[str, Path] | None = None) -> Calibration:
+def calibrate(path: Path, packages: Mapping[str, Path] | None = None, bends: Collection[str] = ()) -> Calibration:
     """Calibrates the robot in an MJCF or URDF file; FileFormatError if it cannot be used or its legs are not found.
 
-    `packages` are folders of the packages that a URDF names, unless beside or above it.
+    `packages` are folders of the packages that a URDF names, unless beside or above it; `bends` are hinges that are
+    knees or elbows, in place of those that their axes tell.
     """
     spec = read_model(path, packages)
     model = spec.compile()
     layout = JointLayout.of(model)
-    found = match(path, model)
+    found = match(path, model, bends)
     limbs = RobotLimbs(path, model, found.parts, found.root_rotation, layout.joints)
     joint = [model.joint(name).id for name in layout.joints]
     limited = model.jnt_limited[joint].astype(bool)
@@ -220,6 +222,7 @@ def calibrate(path: Path, packages: Mapping[str, Path] | None = None) -> Calibra
         mended=bool(spec.compiler.balanceinertia),
         segments=tuple(segments),
         doubts=tuple(unsure),
+        rivals=found.rivals,
     )
 
 

@@ -2,7 +2,8 @@
 
 The landmarks are found independently of the matcher and of the points of inverse kinematics, because this checks them:
 the knee (elbow) is the hinge that, turned through its range, changes the distance from the limb's beginning to its end
-most. Of the robot file only one body of each limb, the pelvis and the chest are used.
+most. Of the robot file only one body of each limb, the pelvis and the chest are used; and between hinges that fold it
+about as much, the body below the knee.
 """
 
 from __future__ import annotations
@@ -23,6 +24,7 @@ SEGMENTS = {"leg": ("thigh", "shank"), "arm": ("upper_arm", "forearm")}
 MEAN_LIMIT, WORST_LIMIT = 15.0, 45.0  # largest angle of a limb on average over a recording, and in one frame, degrees
 TURN, STEPS = 2.6, 11  # largest turn of a hinge either way, rad, and the number of steps through it
 TIP = 0.1  # of a limb without an end hinge, as a share of its length
+FOLDS_ALIKE = 0.6  # least fold of a limb, in that by the hinge that folds it most, by which it may be the knee
 CLAVICLE = 0.03  # largest distance of its joint from the middle of the body, in heights of the robot
 
 
@@ -52,10 +54,12 @@ class LimbDirections:
         chest = model.body(parts["chest"]).id if "chest" in parts else pelvis
         self._trunk, trunks = (chest, pelvis), {"leg": pelvis, "arm": chest}
         self.limbs: list[list[LimbSegment]] = []
+        # By limb ("r_arm") its trunk, and the bodies of its beginning and its end with these points in their frames.
+        self._ends: dict[str, tuple[int, tuple[int, Array], tuple[int, Array]]] = {}
         for side in "rl":
             for limb, names in SEGMENTS.items():
-                upper = parts.get(f"{side}_{names[0]}")
-                found = self._found(side, names, model.body(upper).id, trunks[limb]) if upper is not None else []
+                bodies = [model.body(parts[part]).id for name in names if (part := f"{side}_{name}") in parts]
+                found = self._found(side, names, bodies, trunks[limb]) if bodies else []
                 self.limbs += [found] if found else []
         self.segments = [segment for limb in self.limbs for segment in limb]  # length K
 
@@ -66,6 +70,22 @@ class LimbDirections:
         now, stood = self._data.xmat.reshape(-1, 3, 3), self.standing.xmat.reshape(-1, 3, 3)
         there = [stood[s.trunk] @ now[s.trunk].T @ now[s.body] @ s.direction for s in self.segments]
         return np.array(there).reshape(-1, 3)
+
+    def reaches(self, qpos: Array) -> dict[str, Array]:
+        """The way from beginning to end of each limb ("r_arm"), seen from the trunk, shape (T, 3), m, for qpos (T, nq).
+
+        It does not depend on the knee or elbow.
+        """
+        found = {name: np.empty((len(qpos), 3)) for name in self._ends}
+        stood = self.standing.xmat.reshape(-1, 3, 3)
+        for frame, q in enumerate(qpos):
+            self._data.qpos[:] = q
+            mujoco.mj_kinematics(self.model, self._data)
+            now = self._data.xmat.reshape(-1, 3, 3)
+            for name, (trunk, *ends) in self._ends.items():
+                start, end = (self._data.xpos[body] + now[body] @ point for body, point in ends)
+                found[name][frame] = stood[trunk] @ now[trunk].T @ (end - start)
+        return found
 
     def errors(self, qpos: Array, limbs: Array) -> dict[str, tuple[float, float]]:
         """Mean and worst angle to a human's limbs (T, 14, 3) by segment ("r_thigh"), degrees, for qpos (T, nq)."""
@@ -98,8 +118,8 @@ class LimbDirections:
         """The segments' directions for a human's limbs (T, 14, 3), shape (T, K, 3)."""
         return limbs[:, [LIMBS.index(segment.name) for segment in self.segments]]
 
-    def _found(self, side: str, names: tuple[str, str], body: int, trunk: int) -> list[LimbSegment]:
-        model, data = self.model, self.standing
+    def _found(self, side: str, names: tuple[str, str], parts: list[int], trunk: int) -> list[LimbSegment]:
+        model, data, body = self.model, self.standing, parts[0]
         ends = [b for b in below(model, body) if hinges_at(model, b)] or [body]
         end = max(ends, key=lambda b: len(hinges_between(model, trunk, b)))
         if names is SEGMENTS["arm"]:
@@ -111,8 +131,13 @@ class LimbDirections:
         if len(hinges) < 2:
             return []
         tip = self._tip(end, data.xanchor[hinges[0]])
+        limb = "arm" if names is SEGMENTS["arm"] else "leg"
+        first = int(model.body_parentid[model.jnt_bodyid[hinges[0]]])
+        self._ends[f"{side}_{limb}"] = trunk, self._local(first, start_of(data, hinges, tip)), self._local(end, tip)
         fold = [self._fold(joint, hinges[:k], end, tip) for k, joint in enumerate(hinges) if k]
-        middle = 1 + int(np.argmax(fold))
+        # The robot file decides between hinges that fold the limb about as much.
+        alike = [1 + k for k, change in enumerate(fold) if change >= FOLDS_ALIKE * max(fold)]
+        middle = next((k for k in alike if model.jnt_bodyid[hinges[k]] in parts[1:]), 1 + int(np.argmax(fold)))
         joint = hinges[middle]
         knee, axis = data.xanchor[joint].copy(), data.xaxis[joint].copy()
         start = level_with(centre_of(data, hinges[:middle], knee), knee, axis)
@@ -127,6 +152,9 @@ class LimbDirections:
                 direction = data.xmat[on].reshape(3, 3).T @ way / length
                 found.append(LimbSegment(f"{side}_{part}", name, axis, on, direction, length, trunk))
         return found
+
+    def _local(self, body: int, point: Array) -> tuple[int, Array]:
+        return body, self.standing.xmat[body].reshape(3, 3).T @ (point - self.standing.xpos[body])
 
     def _palm(self, upper: int, end: int) -> int:
         """The last body of an arm that a hinge moves, from its upper segment to where fingers part, or else its end."""
@@ -145,7 +173,7 @@ class LimbDirections:
         lower, upper = np.clip(model.jnt_range[joint], -TURN, TURN) if model.jnt_limited[joint] else (-TURN, TURN)
         # Half of a hand or foot counts, so that one that is long does not pass for a shank.
         middle = 0.5 * (tip + self.standing.xanchor[hinges_at(model, end)[-1]])
-        local = self.standing.xmat[end].reshape(3, 3).T @ (middle - self.standing.xpos[end])
+        _, local = self._local(end, middle)
         start, reach = start_of(self.standing, above, self.standing.xanchor[joint]), []
         for q in np.linspace(lower, upper, STEPS):
             data.qpos[:] = self.standing.qpos

@@ -7,7 +7,7 @@ hinge across the limb is the ankle (wrist); toes and fingers are ignored.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass
 
 import mujoco
@@ -138,17 +138,23 @@ class StandingBody:
 
 
 def limb_bodies(
-    body: StandingBody, names: tuple[str, str, str], limbs: dict[str, RobotLimb], ahead: Array
+    body: StandingBody,
+    names: tuple[str, str, str],
+    limbs: dict[str, RobotLimb],
+    ahead: Array,
+    bends: Collection[str] = (),
 ) -> dict[str, str]:
     """Part, such as "l_shank", to the name of its body, for the three parts of each limb, or two without an end hinge.
 
-    `names` is LEG or ARM, `limbs` "l" and "r" to limbs that can bend, and `ahead` (3,) the robot's heading.
+    `names` is LEG or ARM, `limbs` "l" and "r" to limbs that can bend, `ahead` (3,) the robot's heading, and `bends` the
+    names of hinges that are knees or elbows.
     """
     parts, data, moved = {}, body.data, body.model.jnt_bodyid
     for side, limb in limbs.items():
-        bend = bend_index(body, limb, limbs.get("l" if side == "r" else "r", limb))
+        bend = next((k for k, joint in enumerate(limb.joints) if body.model.joint(joint).name in bends), 0)
+        bend = bend or bend_index(body, limb, limbs.get("l" if side == "r" else "r", limb))
         knee = limb.joints[bend]
-        upper = next(joint for joint in reversed(limb.joints[:bend]) if moved[joint] != moved[knee])
+        upper = next((joint for joint in reversed(limb.joints[:bend]) if moved[joint] != moved[knee]), limb.joints[0])
         found = [upper, knee]
         end = end_joint(body, limb, bend)
         if end is not None:
@@ -164,7 +170,15 @@ def limb_bodies(
 
 
 def bend_index(body: StandingBody, limb: RobotLimb, twin: RobotLimb) -> int:
-    """The index of the knee (elbow) among a limb's joints; a limb without a twin is its own."""
+    """The index of the knee (elbow) among a limb's joints: the first of `possible_bends`."""
+    return possible_bends(body, limb, twin)[0]
+
+
+def possible_bends(body: StandingBody, limb: RobotLimb, twin: RobotLimb) -> list[int]:
+    """The indices of a limb's joints that may be its knee (elbow), from the trunk on: much of the limb on both sides.
+
+    A limb without a twin is its own.
+    """
     at = [body.data.xanchor[j] for j in limb.joints]
     between = at[0] - body.data.xanchor[twin.joints[0]]
     mirror = between / max(float(np.linalg.norm(between)), 1e-9)
@@ -184,7 +198,21 @@ def bend_index(body: StandingBody, limb: RobotLimb, twin: RobotLimb) -> int:
         # Other hinges are knees only if there is no better one.
         score[k] = share * (1.0 if across and abs(axis @ other) >= PARALLEL else 0.1)
     most = max(score.values())
-    return next(k for k, value in score.items() if value >= BEND_SHARE * most)
+    return [k for k, value in score.items() if value >= BEND_SHARE * most]
+
+
+def rival_bends(body: StandingBody, limbs: dict[str, RobotLimb]) -> list[tuple[str, ...]]:
+    """Other hinges that may be the knees (elbows) of a limb and its twin, right and left, by name."""
+    sides = [side for side in "rl" if side in limbs]
+    possible = [
+        possible_bends(body, limbs[side], limbs.get("l" if side == "r" else "r", limbs[side])) for side in sides
+    ]
+    joints, moved = [limbs[side].joints for side in sides], body.model.jnt_bodyid
+    return [
+        tuple(body.model.joint(mine[k]).name for mine in joints)
+        for k in possible[0][1:]
+        if all(k in other for other in possible) and moved[joints[0][k]] != moved[joints[0][possible[0][0]]]
+    ]
 
 
 def end_joint(body: StandingBody, limb: RobotLimb, knee: int) -> int | None:

@@ -2,15 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
+from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import Any
 
 import numpy as np
 
 from controller.library.motion_library import load_library
 from controller.loop.safety.safety_envelope import SafetyEnvelope
+from controller.motion.rotations import Array
 from motiondeck.cli.common.tables import show_table
 from motiondeck.cli.robot.check import WHY
 from motiondeck.run.sampled_motions import as_clip
@@ -18,17 +21,20 @@ from motiondeck_base.counted import counted
 from motiondeck_base.errors import MotiondeckError
 from motiondeck_base.shipped import find_library
 from sim.models.robot_file import read_robot_file
-from sim.robots.calibrate import Calibration
-from sim.robots.fidelity import carry
+from sim.retargeting.human_limbs import LIMBS
+from sim.robots.calibrate import Calibration, calibrate
+from sim.robots.fidelity import Carried, carry
 from sim.robots.limb_causes import Cause, limb_causes
-from sim.robots.limb_directions import MEAN_LIMIT, WORST_LIMIT, LimbDirections, beyond_limits
-from sim.robots.robot import load_robot
+from sim.robots.limb_directions import MEAN_LIMIT, SEGMENTS, WORST_LIMIT, LimbDirections, beyond_limits
+from sim.robots.proportions import HUMAN
+from sim.robots.robot import Robot, load_robot
 
 Directions = Mapping[str, tuple[float, float]]
 
 # A calibrated robot is tried on these motions of a shipped library, for SECONDS each, at RATE Hz.
 LIBRARY, MOTIONS, SECONDS, RATE = "thesis15", ("walk", "box1"), 1.5, 30.0
 LOST = 60.0  # degrees on average
+BETTER = 0.9  # in how far hands are off with one elbow: how far they may be with another that replaces it
 WORDS = ("body (left)", "hinge (left)", "axis")  # columns of text
 
 
@@ -52,20 +58,65 @@ class CalibrationTrial:
 
 def try_robot(file: Path) -> CalibrationTrial:
     """Measures how the robot of a robot file walks and boxes."""
-    robot_file, library = read_robot_file(file), load_library(find_library(LIBRARY))
     off: dict[str, tuple[float, float]] = {}
     causes: dict[str, Cause] = {}
+    for robot, carried, directions in _carried(file):
+        for name, (mean, worst) in directions.errors(carried.qpos, carried.limbs).items():
+            before = off.get(name, (0.0, 0.0))
+            off[name] = (before[0] + mean / len(MOTIONS), max(before[1], worst))
+        for limb in limb_causes(robot, directions, carried.wanted, carried.played, carried.limbs, RATE):
+            causes |= {name: limb.cause for name in limb.best if causes.get(name) != "carried wrongly"}
+    return CalibrationTrial(off, causes)
+
+
+def _carried(file: Path) -> Iterator[tuple[Robot, Carried, LimbDirections]]:
+    """The robot of a robot file with each of the motions carried onto it, and its landmarks."""
+    robot_file, library = read_robot_file(file), load_library(find_library(LIBRARY))
     for motion in MOTIONS:
         clip = as_clip(library, motion, SECONDS, RATE)
         robot = load_robot(file, clip.skeleton, dt=1.0 / clip.rate)
         carried = carry(clip, robot, SafetyEnvelope)
-        directions = LimbDirections(robot.model, robot_file.parts, np.array(robot_file.root_rotation))
-        for name, (mean, worst) in directions.errors(carried.qpos, carried.limbs).items():
-            before = off.get(name, (0.0, 0.0))
-            off[name] = (before[0] + mean / len(MOTIONS), max(before[1], worst))
-        for limb in limb_causes(robot, directions, carried.wanted, carried.played, carried.limbs, clip.rate):
-            causes |= {name: limb.cause for name in limb.best if causes.get(name) != "carried wrongly"}
-    return CalibrationTrial(off, causes)
+        yield robot, carried, LimbDirections(robot.model, robot_file.parts, np.array(robot_file.root_rotation))
+
+
+def decided(model: Path, packages: Mapping[str, Path]) -> Calibration:
+    """The calibration of a model; where several hinges may be its knees or elbows, with those that do best.
+
+    Feet and hands tell: a robot with the right ones walks and boxes with them about where the human has them.
+    FileFormatError as of `calibrate`.
+    """
+    found = calibrate(model, packages)
+    chosen = dict[str, tuple[str, ...]]()
+    if any(found.rivals.values()):
+        least = off_reach(found)
+        for limb, pairs in found.rivals.items():
+            for pair in pairs:
+                with suppress(MotiondeckError):  # a hinge that cannot be one
+                    off = off_reach(calibrate(model, packages, pair))[limb]
+                    if off < BETTER * least[limb]:
+                        least[limb], chosen[limb] = off, pair
+    return calibrate(model, packages, [hinge for pair in chosen.values() for hinge in pair]) if chosen else found
+
+
+def off_reach(found: Calibration) -> dict[str, float]:
+    """How far feet ("leg") and hands ("arm") are from the human's on average, to scale, in lengths of the limb."""
+    robots, humans = ({limb: list[Array]() for limb in SEGMENTS} for _ in range(2))
+    with TemporaryDirectory() as folder:
+        file = Path(folder) / "robot.toml"
+        file.write_text(found.to_toml(Path(folder)), encoding="utf-8")
+        for _, carried, directions in _carried(file):
+            for name, ways in directions.reaches(carried.qpos).items():
+                side, _, limb = name.partition("_")
+                robots[limb].append(ways)
+                parts = [HUMAN[part] * carried.limbs[:, LIMBS.index(f"{side}_{part}")] for part in SEGMENTS[limb]]
+                humans[limb].append(sum(parts) / sum(HUMAN[part] for part in SEGMENTS[limb]))
+    off = {}
+    for limb in SEGMENTS:
+        if robots[limb]:
+            ways, human = np.concatenate(robots[limb]), np.concatenate(humans[limb])
+            scale = float(np.sum(ways * human) / np.sum(ways * ways))
+            off[limb] = float(np.linalg.norm(scale * ways - human, axis=1).mean())
+    return off
 
 
 def report_of(found: Calibration, file: Path, trial: CalibrationTrial) -> dict[str, Any]:

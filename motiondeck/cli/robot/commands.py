@@ -144,12 +144,11 @@ def calibrate(
       motiondeck play walk --robot op3.toml
     """
     from motiondeck.cli.common.options import check_new
-    from motiondeck.cli.robot.calibration import packages, print_report, report_of, try_robot
+    from motiondeck.cli.robot.calibration import decided, packages, print_report, report_of, try_robot
     from motiondeck_base.files import write_file
-    from sim.robots.calibrate import calibrate as calibrate_model
     from sim.robots.catalogue import model_file
 
-    found = calibrate_model(model_file(model), packages(package or []))
+    found = decided(model_file(model), packages(package or []))
     file = out or Path(f"{found.name}.toml")
     check_new(file, force=force)
     write_file(file, found.to_toml(file.parent).encode())

@@ -4,11 +4,13 @@ import mujoco
 import numpy as np
 import pytest
 
+from motiondeck.cli.robot.calibration import decided, off_reach
 from sim.models.joint_layout import JointLayout
 from sim.models.model_file import read_model
 from sim.models.surface import BEYOND, LowestPoint, Surface
 from sim.retargeting.robot_limbs import RobotLimbs
 from sim.robots.body_matching import match
+from sim.robots.calibrate import calibrate
 from sim.robots.limb_directions import LimbDirections
 from sim.robots.proportions import limb_doubts, segments_of
 from small_robots import ARM, humanoid
@@ -100,3 +102,29 @@ def test_a_solid_that_ends_at_the_centre_of_mass_is_no_skin_of_its_own(tmp_path)
     assert reaches["capsule"] == pytest.approx(-0.17)
     assert reaches["ball"] == reaches["rod"] == pytest.approx(-0.15, abs=0.01)
     assert -reaches["ball"] > BEYOND * 0.075
+
+
+def with_a_high_shoulder():
+    """A shoulder that rolls first and pitches 0.1 m above that: by its axes this could be the elbow."""
+    text = humanoid()
+    for side in ("left", "right"):
+        text = text.replace(f'name="{side}_arm_pitch" axis="0 1 0"', f'name="{side}_arm_pitch" axis="1 0 0"')
+        text = text.replace(f'name="{side}_arm_roll" axis="1 0 0"', f'name="{side}_arm_roll" axis="0 1 0"')
+        text = text.replace(f'<body name="{side}_upper">', f'<body name="{side}_upper" pos="0 0 0.1">')
+    return text
+
+
+@pytest.mark.thorough
+def test_where_axes_and_folding_disagree_hands_that_walk_and_box_decide(tmp_path):
+    path = tmp_path / "high.xml"
+    path.write_text(with_a_high_shoulder())
+    by_axes = calibrate(path)
+    found = decided(path, {})
+    hinges = [{s.part: s.hinge[1] for s in one.segments}["forearm"] for one in (by_axes, found)]
+    assert hinges == ["left_arm_roll", "left_elbow"]
+    assert by_axes.rivals == {"leg": [], "arm": [("right_elbow", "left_elbow")]}
+    assert found.sound
+    # Asked of the right one, hands do not choose the wrong one either.
+    wrong = calibrate(path, bends=["left_arm_roll", "right_arm_roll"])
+    off = [off_reach(one)["arm"] for one in (wrong, found)]
+    assert off[1] < 0.7 * off[0]
