@@ -186,10 +186,8 @@ def possible_bends(body: StandingBody, limb: RobotLimb, twin: RobotLimb) -> list
     for k in range(1, len(at)):
         if body.model.jnt_bodyid[limb.joints[k]] == body.model.jnt_bodyid[limb.joints[0]]:
             continue  # it would leave no body for the upper segment
-        up, down = (
-            start_of(body.data, limb.joints[:k], at[k]) - at[k],
-            farthest([*at[k + 1 :], limb.tip], at[k]) - at[k],
-        )
+        up = start_of(body.data, limb.joints[:k], at[k]) - at[k]
+        down = farthest([*at[k + 1 :], limb.tip], at[k]) - at[k]
         axis = body.data.xaxis[limb.joints[k]]
         share = min(float(np.linalg.norm(up)), float(np.linalg.norm(down)))
         across = min(sine(axis, up), sine(axis, down)) >= ACROSS
@@ -204,9 +202,8 @@ def possible_bends(body: StandingBody, limb: RobotLimb, twin: RobotLimb) -> list
 def rival_bends(body: StandingBody, limbs: dict[str, RobotLimb]) -> list[tuple[str, ...]]:
     """Other hinges that may be the knees (elbows) of a limb and its twin, right and left, by name."""
     sides = [side for side in "rl" if side in limbs]
-    possible = [
-        possible_bends(body, limbs[side], limbs.get("l" if side == "r" else "r", limbs[side])) for side in sides
-    ]
+    pairs = zip([limbs[side] for side in sides], [limbs[side] for side in reversed(sides)], strict=True)
+    possible = [possible_bends(body, *pair) for pair in pairs]
     joints, moved = [limbs[side].joints for side in sides], body.model.jnt_bodyid
     return [
         tuple(body.model.joint(mine[k]).name for mine in joints)

@@ -108,8 +108,9 @@ def off_reach(found: Calibration) -> dict[str, float]:
             for name, ways in directions.reaches(carried.qpos).items():
                 side, _, limb = name.partition("_")
                 robots[limb].append(ways)
-                parts = [HUMAN[part] * carried.limbs[:, LIMBS.index(f"{side}_{part}")] for part in SEGMENTS[limb]]
-                humans[limb].append(sum(parts) / sum(HUMAN[part] for part in SEGMENTS[limb]))
+                shares = np.array([HUMAN[part] for part in SEGMENTS[limb]])
+                parts = carried.limbs[:, [LIMBS.index(f"{side}_{part}") for part in SEGMENTS[limb]]]
+                humans[limb].append(np.einsum("p,tpi->ti", shares / shares.sum(), parts))
     off = {}
     for limb in SEGMENTS:
         if robots[limb]:
