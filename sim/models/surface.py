@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from controller.motion.rotations import Array, rotate
+from sim.models.formats.mesh_files import box_sides
 
 # Corners, edges and sides of a cube: directions of a mesh's farthest vertices.
 _DIRECTIONS = np.array([d for d in product((-1.0, 0.0, 1.0), repeat=3) if any(d)])
@@ -93,12 +94,6 @@ def _inertia_box(model: mujoco.MjModel, body: int) -> Array:
     halves = box_sides(model.body_inertia[body], float(model.body_mass[body]))
     halves = np.minimum(halves, np.linalg.norm(model.body_ipos[body] - _joint(model, body)))
     return model.body_ipos[body] + rotate(model.body_iquat[body], _CORNERS * halves)
-
-
-def box_sides(moments: Array, mass: float) -> Array:
-    """Half the sides of an even box with principal moments of inertia (3,), kg m^2, and a mass, kg; shape (3,), m."""
-    halves: Array = np.sqrt(np.maximum(1.5 * (moments.sum() - 2.0 * moments) / mass, 0.0))
-    return halves
 
 
 class LowestPoint:

@@ -14,7 +14,6 @@ from controller.motion.rotations import Array, from_matrix, rotate
 from motiondeck_base.errors import FileFormatError
 from sim.models.formats.collada import TriangleMesh, read_collada
 from sim.models.formats.model_text import file_named
-from sim.models.surface import box_sides
 
 READABLE = (".stl", ".obj", ".msh", ".dae")
 SHELL = mujoco.mjtMeshInertia.mjMESH_INERTIA_SHELL  # of a mesh that need not enclose a volume
@@ -68,6 +67,12 @@ def _box(geom: mujoco.MjsGeom) -> None:
     half = box_sides(moments, body.mass)
     if half.max() > 0.0:
         geom.pos, geom.quat, geom.size = body.ipos, turned, np.maximum(half, _THIN * half.max())
+
+
+def box_sides(moments: Array, mass: float) -> Array:
+    """Half the sides of an even box with principal moments of inertia (3,), kg m^2, and a mass, kg; shape (3,), m."""
+    halves: Array = np.sqrt(np.maximum(1.5 * (moments.sum() - 2.0 * moments) / mass, 0.0))
+    return halves
 
 
 def read_solids(spec: mujoco.MjSpec, folder: Path) -> None:
