@@ -47,7 +47,7 @@ def set_joints(path: Path, spec: mujoco.MjSpec, own: Mapping[str, JointLimit]) -
 
 
 def motors_of(servo: ServoMotor, model: mujoco.MjModel, own: Mapping[str, JointLimit]) -> Motors:
-    """The servos of a model's joints: one with a torque of its own stalls there, a faster one turns so without load."""
+    """The servos of a model: with the own torques of joints at stall, and own speeds above the servo's without load."""
     none = JointLimit()
     limits = [own.get(model.actuator(index).name, none) for index in range(model.nu)]
     torque = np.array([limit.torque or servo.torque for limit in limits])
