@@ -148,6 +148,16 @@ def _replace(path: Path, content: bytes) -> None:
         temporary.unlink(missing_ok=True)
 
 
+def way_from(folder: Path, file: str) -> str:
+    """A path as it is written into a file of a folder: relative to that, with /; a relative one stays as it is."""
+    path = Path(file)
+    if not path.is_absolute():
+        return file
+    if path.is_relative_to(folder.absolute()):
+        return path.relative_to(folder.absolute()).as_posix()
+    return Path(os.path.relpath(path.parent.resolve() / path.name, folder.resolve())).as_posix()
+
+
 def check_folder(*files: Path | None) -> None:
     """Checks, before anything is computed, that there are folders for files to write; else a MotiondeckError."""
     for file in files:

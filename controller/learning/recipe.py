@@ -6,6 +6,7 @@ import json
 import re
 import unicodedata
 from collections.abc import Iterator, Sequence
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal, Union
 
@@ -16,10 +17,12 @@ from controller.learning.trainers.centralized import CentralizedRecipe
 from controller.learning.trainers.phase_conceptor import PhaseRecipe
 from controller.learning.trainers.registry import network_recipes, trainer_of
 from controller.learning.trainers.trainer import NetworkRecipe
+from controller.library.library_header import with_ways
 from controller.motion.formats.reading import read_clip
 from controller.motion.formats.taught_clip import taught_mode
 from controller.motion.up_axis import Up
 from motiondeck_base.errors import FileFormatError, MotiondeckError
+from motiondeck_base.files import way_from
 from motiondeck_base.toml_file import read_toml, shaped
 
 if not TYPE_CHECKING:  # msgspec reads one of these
@@ -271,12 +274,11 @@ def _network_problems(recipe: LibraryRecipe) -> Iterator[str]:
 def recipe_text(recipe: LibraryRecipe, folder: Path | None = None) -> str:
     """The TOML text of a recipe, without fields at their defaults except for the network.
 
-    Recordings and skeletons below its folder, if it is given, are named relative to that, so that both can be moved.
+    Recordings and skeletons are named relative to its folder, if it is given, so that all can be moved together.
     """
     tree = msgspec.to_builtins(recipe)
-    for motion in tree["motions"] if folder is not None else ():
-        below = {key: _below(folder, motion[key]) for key in ("file", "skeleton")}
-        motion.update(below, takes=[_below(folder, take) for take in motion["takes"]])
+    if folder is not None:
+        tree = with_ways(tree, partial(way_from, folder))
     network, motions = tree.pop("network"), tree.pop("motions")
     defaults = {field.name: field.default for field in msgspec.structs.fields(LibraryRecipe) if not field.required}
     set_fields = {key: value for key, value in tree.items() if value is not None and value != defaults.get(key)}
@@ -291,13 +293,6 @@ def recipe_text(recipe: LibraryRecipe, folder: Path | None = None) -> str:
             *(_toml_line(key, value) for key, value in motion.items() if value not in (None, False, {}, (), [])),
         ]
     return "\n".join(lines) + "\n"
-
-
-def _below(folder: Path | None, file: str | None) -> str | None:
-    folder = None if folder is None else folder.absolute()
-    if file is None or folder is None or not Path(file).is_relative_to(folder):
-        return file
-    return Path(file).relative_to(folder).as_posix()
 
 
 def _toml_line(key: str, value: Any) -> str:

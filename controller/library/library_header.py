@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -13,6 +14,7 @@ from controller.motion.skeleton import SkeletonInfo
 from controller.networks.registry import network_kind
 from controller.networks.storage import FEWEST_ANCHORS, MotionHeader, NetworkHeader
 from motiondeck_base.errors import FileFormatError, UnknownNameError
+from motiondeck_base.files import way_from
 from motiondeck_base.toml_file import shaped
 
 VERSION = 6
@@ -25,7 +27,7 @@ MOST_NEURONS, MOST_HARMONICS = 20_000, 100
 class MotionInfo(MotionHeader, frozen=True, kw_only=True):
     """A motion in the header of a library."""
 
-    source: str  # the file that it was learned from
+    source: str  # the file that it was learned from, without the way to it outside the library's folder
     nrmse: float  # of the readout over training, mean over channels (Jaeger's nrmse.m)
     error_mm: float  # of the self-test: distance to what was trained at the end of the free run, mm
     passed: bool  # whether it passed the self-test, and is as near to its recording as it must be
@@ -77,6 +79,29 @@ def read_header(path: Path, tree: object) -> LibraryInfo:
         ):
             raise FileFormatError(f"{path}: motion '{motion.name}' cannot have the input {motion.input}")
     return info
+
+
+def portable(info: LibraryInfo, folder: Path) -> LibraryInfo:
+    """The header for a file in a folder: recordings below it by their way from there, others by their names alone."""
+
+    def named(file: str) -> str:
+        way = way_from(folder, file)
+        return Path(file).name if way.startswith("../") else way
+
+    motions = [msgspec.structs.replace(motion, source=named(motion.source)) for motion in info.motions]
+    return msgspec.structs.replace(info, motions=motions, recipe=with_ways(info.recipe, named))
+
+
+def with_ways(recipe: dict[str, Any], named: Callable[[str], str]) -> dict[str, Any]:
+    """A recipe, as plain values, whose files are named otherwise."""
+    motions: list[dict[str, Any]] = recipe.get("motions", [])
+    changed = [
+        motion
+        | {key: named(motion[key]) for key in ("file", "skeleton") if motion.get(key)}
+        | {"takes": [named(take) for take in motion.get("takes", ())]}
+        for motion in motions
+    ]
+    return recipe | {"motions": changed, "body": named(recipe.get("body", ""))}
 
 
 def encoding_in(path: Path, info: LibraryInfo) -> Encoding:

@@ -16,7 +16,7 @@ from weakref import WeakKeyDictionary
 
 import numpy as np
 
-from controller.library.library_header import OLDER, VERSION, LibraryInfo, encoding_in, read_header
+from controller.library.library_header import OLDER, VERSION, LibraryInfo, encoding_in, portable, read_header
 from controller.motion.encodings.encoding import Encoding
 from controller.motion.skeleton import Skeleton
 from controller.networks.base import AnyNetwork
@@ -61,8 +61,8 @@ def once_a_library(find: Callable[[MotionLibrary], Found]) -> Callable[[MotionLi
 
 
 def save_library(library: MotionLibrary, path: Path) -> None:
-    """Writes a library whole or not at all, by a temporary name; FileFormatError if the folder cannot be written."""
-    write_arrays(path, KIND, library.info, library.network.arrays())
+    """Writes a library whole or not at all, without absolute paths; FileFormatError if the folder cannot be written."""
+    write_arrays(path, KIND, portable(library.info, path.parent), library.network.arrays())
 
 
 def load_library(path: Path) -> MotionLibrary:

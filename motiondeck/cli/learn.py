@@ -200,7 +200,7 @@ def _learn_recipe(
     if written:
         save_library(library, out)
     if taught:
-        write_file(file, recipe_text(recipe).encode())
+        write_file(file, recipe_text(recipe, file.parent).encode())
     report_recipe(library, recipe, training_set, out if written else None, file if taught else None, as_json)
     if not written:
         raise MotiondeckError(

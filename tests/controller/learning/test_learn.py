@@ -18,11 +18,12 @@ from controller.learning.recipe import LibraryRecipe, MotionRecipe, read_recipe,
 from controller.learning.trainers.echo_state import EchoStateRecipe
 from controller.learning.trainers.phase_conceptor import PhaseRecipe
 from controller.learning.training_set import prepare
-from controller.library.motion_library import load_library, save_library
+from controller.library.motion_library import KIND, load_library, save_library
 from controller.motion.formats.reading import FittedClip
 from controller.motion.formats.writing import bvh_text
 from controller.motion.reading_options import ReadingOptions
 from controller.motion.rotations import multiply
+from motiondeck_base.arrays_file import write_arrays
 from motiondeck_base.errors import MotiondeckError
 
 QUICK = EchoStateRecipe(neurons=60, washout=60, drives=1)
@@ -356,14 +357,34 @@ def test_a_folder_of_archives_says_that_they_are_packed(tmp_path):
         learn([tmp_path], "takes")
 
 
-def test_a_recipe_and_the_recordings_below_it_can_be_moved(tmp_path):
-    here, there = tmp_path / "here", tmp_path / "there"
+def test_a_recipe_and_its_recordings_can_be_moved_together(tmp_path):
+    here, there = tmp_path / "all" / "here", tmp_path / "moved" / "here"
     (here / "takes").mkdir(parents=True)
-    elsewhere = tmp_path / "elsewhere.bvh"
-    for file in (here / "takes" / "swing.bvh", elsewhere):
+    aside = tmp_path / "all" / "aside.bvh"
+    for file in (here / "takes" / "swing.bvh", aside):
         file.write_text(bvh_text(waving(60.0, 2.0)))
-    motions = [MotionRecipe(name=file.stem, file=str(file)) for file in (here / "takes" / "swing.bvh", elsewhere)]
-    (here / "mine.toml").write_text(recipe_text(LibraryRecipe(motions=motions), here))
-    here.rename(there)
+    motions = [MotionRecipe(name=file.stem, file=str(file)) for file in (here / "takes" / "swing.bvh", aside)]
+    (here / "mine.toml").write_text(recipe_text(LibraryRecipe(motions=motions, body=str(aside)), here))
+    (tmp_path / "all").rename(tmp_path / "moved")
     read = read_recipe(there / "mine.toml", there)
-    assert [motion.file for motion in read.motions] == ["takes/swing.bvh", str(elsewhere)]
+    assert [motion.file for motion in read.motions] == ["takes/swing.bvh", "../aside.bvh"]
+    assert read.body == "../aside.bvh"
+
+
+def test_a_library_holds_no_absolute_paths(tmp_path):
+    (tmp_path / "mine" / "takes").mkdir(parents=True)
+    files = [tmp_path / "mine" / "takes" / "swing.bvh", tmp_path / "elsewhere.bvh"]
+    for file in files:
+        file.write_text(bvh_text(waving(60.0, 2.0)))
+    learned = learn(files, "mine", network=PhaseRecipe(neurons=50, rank=10), seeds=[0])
+    out = tmp_path / "mine" / "mine.safetensors"
+    save_library(learned.library, out)
+    assert str(tmp_path).encode() not in out.read_bytes()
+    header = load_library(out).info
+    assert [motion.source for motion in header.motions] == ["takes/swing.bvh", "elsewhere.bvh"]
+    assert [motion["file"] for motion in header.recipe["motions"]] == ["takes/swing.bvh", "elsewhere.bvh"]
+    # An older library, which has absolute paths, is read, and has none when it is written again.
+    write_arrays(out, KIND, learned.library.info, learned.library.network.arrays())
+    assert str(tmp_path).encode() in out.read_bytes()
+    save_library(load_library(out), out)
+    assert str(tmp_path).encode() not in out.read_bytes()
