@@ -11,7 +11,7 @@ from __future__ import annotations
 import re
 import warnings
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from decimal import Decimal
 from pathlib import Path
 
@@ -20,6 +20,7 @@ import numpy as np
 from controller.motion.clip import Clip
 from controller.motion.file_format import Format
 from controller.motion.joint_tree import MOST_POSES, JointTree, clip_of, free_name, played
+from controller.motion.people import one_body
 from controller.motion.reading_options import AS_FOUND, ReadingOptions
 from controller.motion.rotations import Array, about, multiply
 from motiondeck_base.errors import FileFormatError
@@ -38,7 +39,7 @@ _AXES = dict(zip("xyz", np.eye(3), strict=True))
 class Joint:
     """A joint of the file; an end site is a joint without channels."""
 
-    name: str
+    name: str  # unique within its ROOT
     parent: int
     offset: list[float] | None = None
     channels: tuple[str, ...] = ()
@@ -63,7 +64,9 @@ def read_bvh(path: str | Path, options: ReadingOptions = AS_FOUND) -> Clip:
             f"{lines_left} frames of {len(joints)} joints are more than fit into memory. Cut the recording into pieces."
         )
     values = _values(rows, at, width, announced)
-    return clip_of(_tree(joints, values), rate, path, options)
+    tree, decisions = one_body(_tree(joints, values), path, options.person)
+    clip = clip_of(tree, rate, path, options)
+    return replace(clip, decisions=(*decisions, *clip.decisions))
 
 
 def _split(text: str) -> tuple[str, str, int]:
@@ -137,10 +140,8 @@ def _one_brace_a_line(lines: list[Line]) -> Iterator[Line]:
 
 def _named(line: Line, joints: list[Joint], open_joints: list[int]) -> Joint:
     kind, *words = line.words
-    if (kind.upper() == "ROOT") == bool(joints):
-        raise line.error("expected one ROOT, and every joint below it. Split a file with several bodies.")
-    if joints and not open_joints:
-        raise line.error("the root has ended before this joint. Fetch the file again.")
+    if (kind.upper() == "ROOT") == bool(open_joints):
+        raise line.error("expected a ROOT outside of all joints, and each other joint within one. Fetch it again.")
     if len(joints) >= MOST_JOINTS:
         raise line.error(f"more than {MOST_JOINTS} joints, which no body has. Is it the right file?")
     parent = open_joints[-1] if open_joints else -1
@@ -149,7 +150,8 @@ def _named(line: Line, joints: list[Joint], open_joints: list[int]) -> Joint:
         name = f"{joints[parent].name} end"
     elif not name:
         raise line.error(f"{kind.upper()} has no name. Add one.")
-    joints.append(Joint(free_name(name, {joint.name for joint in joints}), parent))
+    same_body = joints[open_joints[0] :] if open_joints else []
+    joints.append(Joint(free_name(name, {joint.name for joint in same_body}), parent))
     return joints[-1]
 
 
@@ -263,8 +265,7 @@ FORMAT = Format(
     suffixes=(".bvh",),
     read=read_bvh,
     supported="each joint's own order of channels, End Sites, position channels on any joint, braces and line ends "
-    "anywhere, any unit and axis, any zero pose",
-    unsupported="several bodies in one file; bones that change their length (the median is taken); more than 30 "
-    "million numbers",
+    "anywhere, any unit and axis, any zero pose, several people",
+    unsupported="bones that change their length (the median is taken); more than 30 million numbers",
     magic=b"HIERARCHY",
 )

@@ -13,12 +13,11 @@ from pathlib import Path
 
 import numpy as np
 
-from controller.motion.bone_names import named_parts
 from controller.motion.clip import Clip
 from controller.motion.file_format import Format
 from controller.motion.formats.gltf_buffers import Accessors, Animation, Asset, Sampler, open_gltf
-from controller.motion.joint_tree import MOST_POSES, JointTree, clip_of, distinct, free_name
-from controller.motion.people import chosen_person
+from controller.motion.joint_tree import MOST_POSES, JointTree, clip_of, distinct
+from controller.motion.people import chosen_person, people_in
 from controller.motion.reading_options import AS_FOUND, ReadingOptions
 from controller.motion.rotations import (
     Array,
@@ -170,26 +169,11 @@ def _joints(asset: Asset, parents: list[int], human: dict[int, str], driven: set
 
 
 def _people(asset: Asset, parents: list[int], joints: list[int]) -> dict[str, list[int]]:
-    """The joints of each body with two thighs by name, with all above it; by the topmost node that is its own."""
-
-    def above(node: int) -> list[int]:
-        return [] if node == -1 else [node, *above(parents[node])]
-
-    def is_body(node: int) -> bool:
-        named = named_parts([asset.nodes[one].name or "" for one in joints if node in above(one)])
-        return {("thigh", "left"), ("thigh", "right")} <= {(of.part, of.side) for of in named if of is not None}
-
-    found: dict[str, list[int]] = {}
-    waiting = [-1]
-    while waiting:
-        node = waiting.pop(0)
-        bodies = [child for child in joints if parents[child] == node and is_body(child)]
-        if len(bodies) > 1 or node == -1:
-            waiting += bodies
-        else:
-            name = free_name(asset.nodes[node].name or f"node {node}", found)
-            found[name] = [one for one in joints if node in above(one) or one in above(node)]
-    return found
+    """The joints of each body."""
+    place = {node: index for index, node in enumerate(joints)}
+    names = [asset.nodes[node].name or f"node {node}" for node in joints]
+    people = people_in(names, [place.get(parents[node], -1) for node in joints])
+    return {name: [joints[one] for one in own] for name, own in people.items()}
 
 
 def _posed(

@@ -7,6 +7,7 @@ segments. Sensors, joint angles and contacts are ignored.
 
 from __future__ import annotations
 
+from dataclasses import dataclass, field
 from pathlib import Path
 from xml.parsers import expat
 
@@ -14,24 +15,25 @@ import numpy as np
 
 from controller.motion.clip import Clip
 from controller.motion.file_format import Format
-from controller.motion.joint_tree import MOST_POSES, JointTree, clip_of
+from controller.motion.joint_tree import MOST_POSES, JointTree, clip_of, free_name
+from controller.motion.people import chosen_person
 from controller.motion.reading_options import AS_FOUND, ReadingOptions
 from controller.motion.rotations import Array, normalise, rotate
 from motiondeck_base.errors import FileFormatError
 from motiondeck_base.files import shortened
 from motiondeck_base.mistaken_files import what_it_is
 
-MOST_SEGMENTS = 200
+MOST_SEGMENTS, MOST_SUBJECTS = 200, 100
 FARTHEST = 1e5  # m
 _POSES = ("identity", "tpose", "npose", "tpose-isb")  # frames that are no part of the motion
 
 
 def read_mvnx(path: str | Path, options: ReadingOptions = AS_FOUND) -> Clip:
     """The motion in an MVNX file."""
-    contents = _Contents(path)
+    contents = _subject(path, _Contents(path).people, options.person)
     names = list(contents.points)
     try:
-        rate = float(contents.rate or "")
+        rate = float(contents.rate)
     except ValueError:
         rate = 0.0
     if not 0.1 <= rate <= 1e5:
@@ -51,7 +53,15 @@ def read_mvnx(path: str | Path, options: ReadingOptions = AS_FOUND) -> Clip:
     return clip_of(tree, rate, path, options, unit=1.0, up="z")
 
 
-def _tree(path: str | Path, contents: _Contents, names: list[str], turn: Array, place: Array) -> JointTree:
+def _subject(path: str | Path, people: dict[str, _Subject], wanted: str | None) -> _Subject:
+    """The subject to read; those without frames are none."""
+    moving = {name: one for name, one in people.items() if one.orientation or one.position}
+    if len(moving) > 1:
+        return moving[chosen_person(path, moving, wanted)]
+    return next(iter((moving or people).values()), _Subject())
+
+
+def _tree(path: str | Path, contents: _Subject, names: list[str], turn: Array, place: Array) -> JointTree:
     """The segments from the pelvis on, parents first, and the ends of the last ones."""
     parent = {child: above for above, child in contents.joints}
     children: dict[str, list[str]] = {name: [] for name in names}
@@ -83,15 +93,24 @@ def _tree(path: str | Path, contents: _Contents, names: list[str], turn: Array, 
     return JointTree(tuple(labels), np.array(above), np.stack(where, axis=1), np.stack(turned, axis=1), turns)
 
 
+@dataclass
+class _Subject:
+    """The parts of one subject."""
+
+    rate: str = ""
+    points: dict[str, dict[str, list[float]]] = field(default_factory=dict[str, dict[str, list[float]]])  # by segment
+    joints: list[tuple[str, str]] = field(default_factory=list[tuple[str, str]])  # parent and child segment
+    orientation: list[Array] = field(default_factory=list[Array])  # of each frame
+    position: list[Array] = field(default_factory=list[Array])
+
+
 class _Contents:
-    """The parts of a file, parsed in one pass; entities and document types are refused."""
+    """The subjects of a file by name, parsed in one pass; entities and document types are refused."""
 
     def __init__(self, path: str | Path) -> None:
-        self.rate: str | None = None
-        self.points: dict[str, dict[str, list[float]]] = {}  # by segment
-        self.joints: list[tuple[str, str]] = []  # parent and child segment
-        self.orientation: list[Array] = []  # of each frame
-        self.position: list[Array] = []
+        self.people: dict[str, _Subject] = {}
+        self._one = _Subject()
+        self._poses = 0  # segments times frames of all subjects
         self._path = path
         self._text: list[str] | None = None
         self._segment = self._point = self._connector = ""
@@ -125,14 +144,15 @@ class _Contents:
     def _start(self, tag: str, attributes: dict[str, str]) -> None:
         match tag.rpartition(" ")[2]:
             case "subject":
-                if self.rate is not None:
-                    raise self._error("a second subject begins, but one is read. Export each alone.")
-                self.rate = attributes.get("frameRate", "")
+                if len(self.people) >= MOST_SUBJECTS:
+                    raise self._error("more subjects than one take has. Export it again.")
+                self._one, self._segment = _Subject(attributes.get("frameRate", "")), ""
+                self.people[free_name(attributes.get("label") or "subject", self.people)] = self._one
             case "segment":
                 self._segment = attributes.get("label", "")
-                if not self._segment or self._segment in self.points or len(self.points) >= MOST_SEGMENTS:
+                if not self._segment or self._segment in self._one.points or len(self._one.points) >= MOST_SEGMENTS:
                     raise self._error(f"segment '{shortened(self._segment)}' has no unique name. Export it again.")
-                self.points[self._segment] = {}
+                self._one.points[self._segment] = {}
             case "point":
                 self._point = attributes.get("label", "")
             case "frame":
@@ -154,17 +174,18 @@ class _Contents:
         text, self._text = "".join(self._text), None
         match tag.rpartition(" ")[2]:
             case "pos_b" | "pos_s" if self._segment:
-                self.points[self._segment][self._point] = self._numbers(text, 3).tolist()
+                self._one.points[self._segment][self._point] = self._numbers(text, 3).tolist()
             case "connector1":
                 self._connector = text.strip().partition("/")[0]
             case "connector2":
-                self.joints.append((self._connector, text.strip().partition("/")[0]))
+                self._one.joints.append((self._connector, text.strip().partition("/")[0]))
             case "orientation":
-                self.orientation.append(self._numbers(text, 4 * len(self.points)).reshape(-1, 4))
-                if len(self.orientation) * len(self.points) > MOST_POSES:
+                self._one.orientation.append(self._numbers(text, 4 * len(self._one.points)).reshape(-1, 4))
+                self._poses += len(self._one.points)
+                if self._poses > MOST_POSES:
                     raise self._error("more frames than fit into memory. Export a part of it.")
             case "position":
-                self.position.append(self._numbers(text, 3 * len(self.points)).reshape(-1, 3))
+                self._one.position.append(self._numbers(text, 3 * len(self._one.points)).reshape(-1, 3))
             case _:
                 pass
 
@@ -182,6 +203,7 @@ FORMAT = Format(
     name="Xsens MVN",
     suffixes=(".mvnx",),
     read=read_mvnx,
-    supported="orientation and position of every segment, ends of head, hands and toes; props are left out",
-    unsupported="sensors, joint angles, finger tracking; several subjects; files exported without positions",
+    supported="orientation and position of every segment, ends of head, hands and toes; several subjects; props are "
+    "left out",
+    unsupported="sensors, joint angles, finger tracking; files exported without positions",
 )

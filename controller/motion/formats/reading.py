@@ -91,13 +91,14 @@ def read_fitted(path: str | Path, options: ReadingOptions = AS_FOUND) -> FittedC
     if row is None:
         ending = f"'{suffix}' files are not read" if suffix else "a recording is known by its ending, and this has none"
         raise FileFormatError(f"{path}: {ending}. Give one of {', '.join(sorted(FORMATS))}.")
-    found = row.read(path, options)
-    if isinstance(found, Clip):
-        return FittedClip(taken(found, options), None)
-    if len(people := _people_in(found)) > 1:
-        found = people[chosen_person(path, people, options.person)]
-    fitted = _body_of_markers(found, Path(path).stem)
-    return replace(fitted, clip=taken(fitted.clip, options))
+    found, fit = row.read(path, options), None
+    if isinstance(found, Markers):
+        if len(people := _people_in(found)) > 1:
+            found = people[chosen_person(path, people, options.person)]
+        found, fit = _body_of_markers(found, Path(path).stem)
+    if options.person is not None:
+        found = replace(found, skeleton=replace(found.skeleton, name=f"{found.skeleton.name}-{options.person}"))
+    return FittedClip(taken(found, options), fit)
 
 
 def recordings_below(folder: Path) -> list[Path]:
@@ -142,12 +143,12 @@ def _people_in(markers: Markers) -> dict[str, Markers]:
     return found
 
 
-def _body_of_markers(markers: Markers, name: str) -> FittedClip:
+def _body_of_markers(markers: Markers, name: str) -> tuple[Clip, Fit | None]:
     """A body fitted to a full set of markers on its skin, or drawn through its joints."""
     joints = joint_points(markers)
     if not joints and not wears_full_set(markers):
         joints = joints_under_skin(markers)
     if joints:
-        return FittedClip(jointed_body(joints, markers, name), None)
+        return jointed_body(joints, markers, name), None
     fit = fit_markers(markers, name)
-    return FittedClip(fit.clip, fit)
+    return fit.clip, fit

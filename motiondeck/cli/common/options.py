@@ -93,7 +93,7 @@ class Reading:
         names = dict(pair.split("=", 1) for pair in self.rename or [] if "=" in pair)
         if len(names) < len(self.rename or []):
             raise MotiondeckError("--rename takes OLD=NEW, once for each joint")
-        if self.skeleton is not None and not self.skeleton.suffix:
+        if self.skeleton is not None and (not self.skeleton.suffix or self.skeleton.suffix[1:].isdigit()):
             return ReadingOptions(None, self.unit, self.up, names, str(self.skeleton))
         return ReadingOptions(self.skeleton, self.unit, self.up, names)
 

@@ -255,6 +255,6 @@ FORMAT = Format(
     suffixes=(".c3d",),
     read=read_c3d,
     supported="Intel, DEC and MIPS numbers, int16 and float32, more than 255 points, more than 65535 frames, gaps, "
-    "several people (the one with most markers)",
+    "several people",
     unsupported="analog channels, force plates, events; markers whose labels [mean nothing known](#c3d-and-trc)",
 )

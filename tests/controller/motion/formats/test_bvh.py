@@ -115,7 +115,7 @@ def test_exporters_files_are_read_to_the_last_joint(mocap_data, file, unit, off)
         (("CHANNELS 3 Xrotation", "CHANNELS 3 Wrotation"), "line 9: 'wrotation' is no channel"),
         (("OFFSET 10 0 0", "OFFSET 10 0"), "line 8: expected 3 numbers"),
         (("    OFFSET 10 0 0\n", ""), "line 18: joint 'LeftUpLeg' has no OFFSET"),
-        (("JOINT LeftLeg", "ROOT LeftLeg"), "line 10: expected one ROOT"),
+        (("JOINT LeftLeg", "ROOT LeftLeg"), "line 10: expected a ROOT outside of all joints"),
         (("JOINT LeftLeg", "JOINT"), "line 10: JOINT has no name"),
         (("JOINT LeftLeg", "JOIN LeftLeg"), "line 10: 'JOIN' cannot stand here"),
         (("  }\n}\nMOTION", "  }\nMOTION"), "not closed"),
@@ -155,7 +155,7 @@ def test_position_channels_on_every_joint_move_it(tmp_path):
 @pytest.mark.parametrize(
     ("change", "complaint"),
     [
-        (lambda t: t.replace("MOTION", "ROOT Other { OFFSET 0 0 0 CHANNELS 0 }\nMOTION"), "one ROOT"),  # two roots
+        (lambda t: t.replace("MOTION", "JOINT Other { OFFSET 0 0 0 CHANNELS 0 }\nMOTION"), "within one"),  # no ROOT
         (lambda t: re.sub(r"(Frame Time.*\n)(.*\n)*", r"\1", t).replace("Frames: 2", "Frames: 0"), "no frames follow"),
         (lambda t: re.sub(r"\n(\S+)( \S+){30,}\n", r"\nnan\2\n", t, count=1), "number"),
         (lambda t: re.sub(r"(?m)^(-?\d+)\.(\d)", r"\1,\2", t), "expected a number, found"),  # comma decimals

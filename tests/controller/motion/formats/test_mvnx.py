@@ -60,7 +60,7 @@ ENTITIES = '<!DOCTYPE m [<!ENTITY a "aaaaaaaaaa"><!ENTITY b "&a;&a;&a;&a;">]>\n<
         (TEXT.replace("Pelvis/jL5", "Nowhere/jL5"), "a joint leads from 'Nowhere' to 'L5', no segments"),
         (TEXT.replace("<connector1>T8/jNeck", "<connector1>Head/jNeck"), "do not connect all segments to one root"),
         (TEXT.replace("connector2", "connector3"), "no <joints> connect its segments"),
-        (TEXT.replace("</mvnx>", '<subject label="B" frameRate="60"/></mvnx>'), "a second subject begins"),
+        (TEXT.replace("</mvnx>", 101 * '<subject label="B" frameRate="60"/>' + "</mvnx>"), "more subjects than"),
         (TEXT.replace('label="L5"', 'label="Pelvis"'), "segment 'Pelvis' has no unique name"),
         ("<mvnx/>", "a frame rate of ''"),
     ],

@@ -208,7 +208,10 @@ def beginning_with(word):
 
 SECOND_ROOT = HEAD.partition("MOTION")[0].replace("HIERARCHY\n", "")
 REFUSED = {
-    "two roots": (TEXT.replace("MOTION", SECOND_ROOT + "MOTION"), "expected one ROOT"),
+    "two roots and channels of one": (
+        TEXT.replace("MOTION", SECOND_ROOT + "MOTION"),
+        "20 frames are announced, but 10 follow",
+    ),
     "no frame": (HEAD.replace("Frames: 20", "Frames: 0") + TIME, "no frames follow. Export the motion again"),
     "fewer frames than announced": (
         TEXT.replace("Frames: 20", "Frames: 21"),
