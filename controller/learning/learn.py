@@ -31,6 +31,7 @@ from controller.motion.decision import Decision
 from controller.motion.formats.reading import CONVERTIBLE, FORMATS, recordings_below
 from controller.motion.people import SeveralPeopleError
 from controller.motion.reading_options import AS_FOUND, ReadingOptions
+from controller.motion.upper_body import ACCEPTED
 from motiondeck_base.errors import MotiondeckError
 from motiondeck_base.jobs import ALONE, Jobs, spread
 
@@ -123,7 +124,8 @@ def learn(
         network: its kind and sizes; None is the default of a recipe.
         seeds: tried until every motion passes the self-test.
         progress: called with each step.
-        accept: motions, or "all", that are learned in spite of doubts about their anatomy; None is "all".
+        accept: motions, or "all", that are learned in spite of doubts about their anatomy; None is "all". With
+            "upper-body" recordings without legs get some that rest.
         plays: how all of them play; None decides for each.
         whole: each recording is one motion.
         jobs: where recordings are read; the network is trained here.
@@ -131,6 +133,7 @@ def learn(
     Raises:
         MotiondeckError: if no recording can be used, or bodies and rigs are mixed.
     """
+    options = replace(options, upper_body=options.upper_body or ACCEPTED in (accept or ()))
     takes = _takes(recordings_in(paths))
     files = list(takes)
     names = _names(files)

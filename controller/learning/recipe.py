@@ -52,6 +52,7 @@ class MotionRecipe(msgspec.Struct, forbid_unknown_fields=True, frozen=True, kw_o
     person: str | None = None
     rate: float | Literal["auto", "none"] | None = None  # `frames` count at this one
     ground: float | Literal["auto", "none"] | None = None
+    upper_body: bool = False  # what was recorded without legs gets some that rest
     mirrored: bool = False  # whether left and right are exchanged
     # Further recordings of the same motion. Clips taught to a rig are joined with the first; with an input, they are
     # other values of it.

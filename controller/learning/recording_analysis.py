@@ -29,6 +29,7 @@ from controller.motion.formats.markers.marker_fit import misplaced
 from controller.motion.formats.reading import FittedClip, read_fitted
 from controller.motion.reading_options import AS_FOUND, ReadingOptions
 from controller.motion.take.cuts import cuts_of
+from controller.motion.upper_body import RESTS
 from motiondeck_base.errors import FileFormatError
 
 # A motion that is cut out may turn into the next one for so long, s; a loop without that lasts as long as the other, s.
@@ -85,6 +86,7 @@ def analyse_recording(
         person=own.person,
         rate=_to_repeat("rate", options.rate, found[0].decisions),
         ground=_to_repeat("ground", options.ground, found[0].decisions),
+        upper_body=RESTS in found[0].decisions,
         takes=tuple(str(take.absolute()) for take in takes),
     )
     return [

@@ -196,7 +196,8 @@ def read_motion(data: Path, motion: MotionRecipe) -> Clip:
 def reading_options(data: Path, path: Path, motion: MotionRecipe) -> ReadingOptions:
     """The reading options of a motion."""
     skeleton = skeleton_of(path, data) if motion.skeleton is None else find_recording(data, motion.skeleton)
-    return ReadingOptions(skeleton, motion.unit, motion.up, motion.rename, motion.person, motion.rate, motion.ground)
+    more = motion.person, motion.rate, motion.ground, motion.upper_body
+    return ReadingOptions(skeleton, motion.unit, motion.up, motion.rename, *more)
 
 
 def _body(recipe: LibraryRecipe, data: Path, clips: dict[str, Clip], actors: list[Actor]) -> Skeleton:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Literal
 
-Step = Literal["people", "unit", "up axis", "rate", "ground", "cuts", "kind", "ends"]
+Step = Literal["people", "body", "unit", "up axis", "rate", "ground", "cuts", "kind", "ends"]
 
 
 @dataclass(frozen=True)

@@ -26,6 +26,7 @@ class ReadingOptions:
     rate: float | Literal["auto", "none"] | None = None
     # The height of its floor, m, or "auto" to find it where feet stand; None and "none" keep the file's.
     ground: float | Literal["auto", "none"] | None = None
+    upper_body: bool = False  # whether a body without legs gets some that rest
 
     def __post_init__(self) -> None:
         if self.unit is not None and not (isinstance(self.unit, int | float) and 1e-6 < self.unit < 1e3):

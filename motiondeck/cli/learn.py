@@ -61,7 +61,11 @@ class LearnOptions:
     ground: GroundOption = "auto"
     accept: Annotated[
         list[str] | None,
-        typer.Option("--accept", metavar="NAME", help="Learn a recording in spite of doubts about its body; or all."),
+        typer.Option(
+            "--accept",
+            metavar="NAME",
+            help="Learn a recording in spite of doubts about its body; all; or upper-body: what has no legs.",
+        ),
     ] = None
     plays: Annotated[
         Literal["loop", "once"] | None,

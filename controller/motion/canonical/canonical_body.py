@@ -38,6 +38,7 @@ from controller.motion.rotations import (
 )
 from controller.motion.skeleton import Skeleton
 from controller.motion.thesis_body import JAEGER_BONES, JAEGER_PARENT, JAEGER_REST, thesis_skeleton
+from controller.motion.upper_body import ACCEPTED, lacks_legs
 from motiondeck_base.errors import FileFormatError
 from motiondeck_base.files import listed
 
@@ -132,9 +133,10 @@ def _moves(joint: Array, hips: Array) -> bool:
 
 
 def _no_leg(skeleton: Skeleton, side: Side) -> FileFormatError:
+    upper = f" `learn --accept {ACCEPTED}` learns it as an upper body." if lacks_legs(skeleton.bones) else ""
     return FileFormatError(
         f"skeleton '{skeleton.name}': no {side} leg was found (bones: {listed(skeleton.bones)}). "
-        f"Name its joints with --rename OLD={side.capitalize()}UpLeg and so on."
+        f"Name its joints with --rename OLD={side.capitalize()}UpLeg and so on.{upper}"
     )
 
 

@@ -17,6 +17,7 @@ from controller.motion.clip import Clip
 from controller.motion.decision import Decision
 from controller.motion.markers import runs
 from controller.motion.rotations import Array, between, dot, multiply, normalise, rotate
+from controller.motion.upper_body import RESTS
 from motiondeck_base.errors import FileFormatError
 
 LOW, SLOW, STANDS = 0.05, 0.3, 0.1  # m above the body's lowest joint, m/s, s: a foot that stands
@@ -89,6 +90,10 @@ def grounded(clip: Clip, wanted: float | str) -> tuple[Clip, Decision]:
     joints, leg = own.joints(), own.skeleton.leg_length
     hips = 0.5 * (joints[:, _index("lhip"), 2] + joints[:, _index("rhip"), 2])
     lowest = _lowest(joints, leg)
+    if RESTS in clip.decisions:
+        height = float(np.median(lowest))
+        evidence = f"the feet of the legs that were added are at {height:.2f} m in the median"
+        return _raised(clip, -height), Decision("ground", f"at {height:.3f} m of the file", evidence, OVERRULE, True)
     rises = min(float(np.ptp(hips)), float(np.ptp(clip.root_position[:, 2])))
     deep = np.median(lowest) < -BELOW * leg and abs(float(hips.mean())) < BELOW * leg
     if (deep and rises < NO_HEIGHT * leg) or (rises < FIXED and np.ptp(lowest) > RISES):

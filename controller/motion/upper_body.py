@@ -1,0 +1,94 @@
+"""Legs for a recording of an upper body: below the pelvis, straight and vertical, in the proportions of the arms.
+
+They are added to the joints of the file, so that all that follows finds a whole body in it, and stand still: feet move
+with the pelvis and turn with its heading.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from itertools import chain, pairwise
+from pathlib import Path
+
+import numpy as np
+
+from controller.motion.bone_names import NamedPart, Part, Side, named_parts
+from controller.motion.clip import Clip
+from controller.motion.decision import Decision
+from controller.motion.rotations import Array, conjugate, cross, normalise, rotate, yaw
+from motiondeck_base.errors import FileFormatError
+
+ACCEPTED = "upper-body"
+"""What `motiondeck learn --accept` takes to have legs added."""
+RESTS = Decision("body", "an upper body, to which legs that rest are added", "as given", "", notable=True)
+_LEGS = {"thigh", "shank", "foot", "toes"}
+_ARM: tuple[Part, ...] = ("upper arm", "forearm", "hand")
+_CHAIN = ("UpLeg", "Leg", "Foot", "ToeBase")
+SIDES: tuple[Side, Side] = ("left", "right")
+# Over thigh and shank (Winter 2009, fig. 4.1): upper arm and forearm; half the hips' width; toes ahead of the ankle.
+ARM_PER_LEG, HALF_HIPS_PER_LEG, TOES_AHEAD, TOES_BELOW = 0.68, 0.19, 0.25, 0.045
+SHORTEST_TRUNK = 0.35  # over thigh and shank, usually 0.58: with less the pelvis is not in the file
+
+
+def lacks_legs(names: tuple[str, ...]) -> bool:
+    """Whether joints or bones are those of arms by name, and none of a leg."""
+    parts = {of.part for of in named_parts(names) if of is not None}
+    return "forearm" in parts and not parts & _LEGS
+
+
+@dataclass(frozen=True, eq=False)
+class RestingLegs:
+    """The joints of two legs, from hip to toes each."""
+
+    names: tuple[str, ...]
+    parent: list[int]  # of each, among all joints with these at the end
+    position: Array  # (T, 8, 3)
+    pelvis: int  # the joint with whose rotation they move
+
+
+def legs_for(names: tuple[str, ...], position: Array, rotation: Array, path: str | Path) -> RestingLegs:
+    """Legs for an upper body with the joints (T, J, 3) and rotations (T, J, 4), in the axes and the unit of its file.
+
+    FileFormatError if a joint of trunk or arms is not known by name, or the pelvis is not in the file.
+    """
+    first: dict[NamedPart, int] = {}
+    for joint, of in enumerate(named_parts(names)):
+        if of is not None:
+            first.setdefault(of, joint)
+    arms = [[first.get(NamedPart(part, side), -1) for part in _ARM] for side in SIDES]
+    pelvis = first.get(NamedPart("pelvis", "middle"), first.get(NamedPart("trunk", "middle"), -1))
+    if min(pelvis, *chain(*arms)) < 0:
+        raise FileFormatError(
+            f"{path}: an upper body needs a pelvis and both arms with names that are understood, from shoulder to hand "
+            "(--rename OLD=LeftForeArm and so on)."
+        )
+    away = position - position[:, [pelvis]]
+    (left, *_), (right, *_) = arms
+    bones = [away[:, other] - away[:, one] for arm in arms for one, other in pairwise(arm)]
+    leg = 0.5 * float(np.median(np.linalg.norm(bones, axis=-1), axis=-1).sum()) / ARM_PER_LEG
+    back = conjugate(rotation[:, pelvis])
+    spine = rotate(back, 0.5 * (away[:, left] + away[:, right])).mean(axis=0)
+    if np.linalg.norm(spine) < SHORTEST_TRUNK * leg:
+        raise FileFormatError(f"{path}: the trunk is too short for an upper body: no joint of it is in the pelvis.")
+    up = normalise(spine)
+    aside = rotate(back, away[:, left] - away[:, right]).mean(axis=0)
+    aside = normalise(aside - (aside @ up) * up)
+    shank, toes = -0.5 * leg * up, leg * (TOES_AHEAD * cross(aside, up) - TOES_BELOW * up)
+    hips = (HALF_HIPS_PER_LEG * leg * aside, -HALF_HIPS_PER_LEG * leg * aside)
+    places = np.concatenate([np.cumsum([hip, shank, shank, toes], axis=0) for hip in hips])
+    return RestingLegs(
+        tuple(side + name for side in ("Left", "Right") for name in _CHAIN),
+        [pelvis if joint % 4 == 0 else len(names) + joint - 1 for joint in range(8)],
+        position[:, [pelvis]] + rotate(rotation[:, [pelvis]], places),
+        pelvis,
+    )
+
+
+def legs_at_rest(clip: Clip) -> Clip:
+    """The clip of such a tree with its legs vertical, below hips that move with the pelvis."""
+    ahead = rotate(clip.rotation[:, 0], np.array([1.0, 0.0, 0.0]))
+    rotation = clip.rotation.copy()
+    for side in ("Left", "Right"):
+        for name in _CHAIN[:-1]:
+            rotation[:, 1 + clip.skeleton.index(side + name)] = yaw(np.arctan2(ahead[:, 1], ahead[:, 0]))
+    return replace(clip, rotation=rotation)
