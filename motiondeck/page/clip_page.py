@@ -7,6 +7,7 @@ import os
 import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
+from html import escape
 from pathlib import Path
 
 import mujoco
@@ -14,8 +15,10 @@ import numpy as np
 import viser
 from numpy.typing import NDArray
 
+from controller.motion.decision import Decision
 from controller.motion.rotations import Array
 from motiondeck.page.body.footprints import Print
+from motiondeck.page.figures import BAD, UNSURE
 from motiondeck.page.scene import Follower, Scene
 from motiondeck.page.web.private_page import PrivatePage
 
@@ -76,6 +79,8 @@ class Act:
     stands: NDArray[np.bool_] = field(default_factory=lambda: np.zeros((0, 0), dtype=bool))
     # Where their corners are, shape (T, F, 4, 3), m.
     soles: Array = field(default_factory=lambda: np.zeros((0, 0, 4, 3)))
+    decisions: Sequence[Decision] = ()  # about the recording
+    doubts: Sequence[str] = ()
 
 
 def show(act: Act, port: int, ends: Callable[[], bool] = lambda: False) -> None:
@@ -93,6 +98,22 @@ def show(act: Act, port: int, ends: Callable[[], bool] = lambda: False) -> None:
             time.sleep(max(0.0, now + 1.0 / PICTURES_PER_SECOND - time.monotonic()))
     finally:
         page.stop()
+
+
+def _decided(act: Act) -> str:
+    """What was decided about the recording, each with its figures and what overrules it; then the doubts."""
+    rows: list[str] = []
+    for one in act.decisions:
+        step, decided, evidence, overrule = map(escape, (one.step, one.decided, one.evidence, one.overrule))
+        colour = UNSURE if one.notable else "transparent"
+        otherwise = f'<div style="opacity:.65">otherwise: {overrule}</div>' if overrule else ""
+        rows.append(
+            f'<div style="border-left:3px solid {colour};padding-left:6px;margin-bottom:6px"><b>{step}</b>: {decided}'
+            f'<div style="opacity:.65">{evidence}</div>{otherwise}</div>'
+        )
+    for doubt in act.doubts:
+        rows.append(f'<div style="color:{BAD};padding-left:9px;margin-bottom:6px">doubt: {escape(doubt)}</div>')
+    return f'<div id="decided" style="padding:2px 8px;font-size:12px;line-height:1.35">{"".join(rows)}</div>'
 
 
 class _Stage:
@@ -119,6 +140,9 @@ class _Stage:
         self._follow = gui.add_checkbox("camera follows", True)
         self._prints_on = gui.add_checkbox("footprints and contacts", True)
         self._bones_on = gui.add_checkbox("bones", True)
+        if act.decisions or act.doubts:
+            with gui.add_folder("decided"):
+                gui.add_html(_decided(act))
         scene = page.scene
         self._ground = scene.add_frame("/act", show_axes=False)
         self._bones = None

@@ -69,6 +69,7 @@ def facts(recording: FittedClip) -> Facts:
     parts = anatomy(clip.skeleton)
     human = all(parts.first("thigh", side) is not None for side in SIDES)
     missing = [f"{side} {part}" for part in LIMBS for side in SIDES if parts.first(part, side) is None]
+    decisions, doubtful = decided_of(recording)
     return Facts(
         name=clip.name,
         source=clip.source,
@@ -76,8 +77,8 @@ def facts(recording: FittedClip) -> Facts:
         bones=len(clip.skeleton),
         lacks=missing + ([] if parts.first("head") is not None else ["head"]),
         taken_for=recorded_parts(clip) if human else {},
-        doubts=[*doubts(clip), *([] if recording.fit is None else misplaced(recording.fit))],
-        decisions=[asdict(decision) for decision in decisions_of(recording)],
+        doubts=doubtful,
+        decisions=[asdict(decision) for decision in decisions],
         leg=clip.skeleton.leg_length,
         frames=len(clip),
         rate=clip.rate,
@@ -94,13 +95,18 @@ def facts(recording: FittedClip) -> Facts:
     )
 
 
-def decisions_of(recording: FittedClip) -> list[Decision]:
-    """What `motiondeck learn` decides about a recording; only what reading decided, where nothing could be learned."""
+def decided_of(recording: FittedClip) -> tuple[list[Decision], list[str]]:
+    """What `motiondeck learn` decides about a recording, and its doubts.
+
+    Only those of reading and of the body, where nothing could be learned.
+    """
     try:
         motions = decided(recording, Path(recording.clip.source))
-        return [*motions[0].decisions[:-1], *(motion.decisions[-1] for motion in motions)]
     except FileFormatError:
-        return list(recording.clip.decisions)
+        misfits = [] if recording.fit is None else misplaced(recording.fit)
+        return list(recording.clip.decisions), [*doubts(recording.clip), *misfits]
+    decisions = [*motions[0].decisions[:-1], *(motion.decisions[-1] for motion in motions)]
+    return decisions, list(dict.fromkeys(doubt for motion in motions for doubt in motion.doubts))
 
 
 def gaps(fit: Fit) -> Gaps:

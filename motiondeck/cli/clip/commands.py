@@ -155,28 +155,32 @@ def view(
 ) -> None:
     """View a recording in the browser, alone or beside a robot.
 
-    The robot follows the human. The page has a time bar, single steps, a tempo, footprints and contacts, and a camera
-    that follows. It is served on 127.0.0.1 only; Ctrl-C ends it.
+    The robot follows the human. The page has a time bar, single steps, a tempo, footprints and contacts, a camera that
+    follows, and what `motiondeck learn` decides about the recording, which is shown so. It is served on 127.0.0.1 only;
+    Ctrl-C ends it.
 
     Example:  motiondeck clip view dance.c3d --robot servo20
     """
     import numpy as np
 
+    from controller.learning.recording_analysis import with_steps
+    from motiondeck.cli.clip.clip_facts import decided_of
     from motiondeck.pictures.clip_scene import act_of
     from motiondeck.pictures.library_pictures import film_frames, film_look
     from motiondeck.run.page.page import show_act
     from sim.robots.catalogue import find_robot
 
-    clip = _read(file, reading.options()).clip
+    recording = _read(file, with_steps(reading.options()))
     body = None if robot is None else find_robot(robot)
-    act = act_of(clip, body, ghost=video is None or body is not None)
+    act = act_of(recording.clip, body, ghost=video is None or body is not None)
     if video is not None:
         look = film_look(video, None, None, "follow")
         shown = np.arange(0.0, len(act.qpos), act.rate / look.fps).astype(int)
         film_frames(act.model, act.qpos[shown], len(shown), video, look)
         print(f"wrote {video} ({len(shown)} frames)")
         return
-    show_act(act, port)
+    decisions, doubtful = decided_of(recording)
+    show_act(replace(act, decisions=decisions, doubts=doubtful), port)
 
 
 def _read(file: Path, options: ReadingOptions) -> FittedClip:

@@ -52,4 +52,7 @@ def test_the_bar_the_steps_and_the_button(browser, address):
     page.get_by_text("frame 61 of 120").wait_for()
     page.get_by_role("button", name="Play").click()
     page.get_by_role("button", name="Pause").wait_for()
+    decided = page.locator("#decided").inner_text()
+    assert "unit: cm" in decided
+    assert "otherwise: --ground none" in decided
     page.close()
