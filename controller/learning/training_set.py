@@ -14,6 +14,7 @@ from controller.learning.measures.self_test import Judge
 from controller.learning.preparation.cycles import aligned_cycles
 from controller.learning.preparation.loops import best_seam, close_loop, hold_end
 from controller.learning.preparation.person_styles import person_variants
+from controller.learning.preparation.pins import pinned
 from controller.learning.preparation.takes import read_takes
 from controller.learning.preparation.training_motion import TrainingMotion, Variant
 from controller.learning.recipe import LibraryRecipe, MotionRecipe, find_recording
@@ -229,7 +230,8 @@ def to_learn(
         recorded,
         *seam_error(encoding, channels, features, (seam.start, seam.end)),
     )
-    return close_loop(channels, seam, encoding.velocities, rate), part
+    loop = close_loop(channels, seam, encoding.velocities, rate)
+    return pinned(encoding, loop, channels, seam, rate), part
 
 
 def seam_error(encoding: Encoding, channels: Array, features: Array, ends: tuple[int, int]) -> tuple[float, float]:
