@@ -1,4 +1,4 @@
-"""Judges a motion of a library anew against a recording."""
+"""Judges motions of a library anew against a recording."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ import msgspec
 
 from controller.learning.fit import judged
 from controller.learning.measures.recording_errors import recorded_part
-from controller.learning.recipe import MotionRecipe, recipe_of
+from controller.learning.recipe import LibraryRecipe, MotionRecipe, recipe_of
 from controller.learning.recording_analysis import find_skeleton
 from controller.learning.training_set import read_motion, to_learn
 from controller.library.library_header import MotionInfo
@@ -17,8 +17,8 @@ from controller.motion.reading_options import AS_FOUND
 from motiondeck_base.errors import MotiondeckError
 
 
-def judge_against(library: MotionLibrary, path: Path, file: Path) -> MotionInfo:
-    """The verdict on a library's motion that was learned from a file of this name, by that file.
+def judge_against(library: MotionLibrary, path: Path, file: Path) -> list[MotionInfo]:
+    """The verdicts on the library's motions that were learned from a file of this name, by that file.
 
     `path` of the library is for messages. MotiondeckError if no motion was learned from it alone, or it cannot be read
     or compared.
@@ -26,10 +26,14 @@ def judge_against(library: MotionLibrary, path: Path, file: Path) -> MotionInfo:
     if not file.exists():
         raise MotiondeckError.missing(file, "file")
     recipe = recipe_of(library.info.recipe, path)
-    plan = next((one for one in recipe.motions if Path(one.file).name == file.name), None)
-    if plan is None:
-        known = ", ".join(sorted(Path(one.file).name for one in recipe.motions))
+    plans = [one for one in recipe.motions if Path(one.file).name == file.name]
+    if not plans:
+        known = ", ".join(sorted({Path(one.file).name for one in recipe.motions}))
         raise MotiondeckError(f"{path}: no motion in it was learned from {file.name}; give one of {known}")
+    return [_judge(library, path, file, recipe, plan) for plan in plans]
+
+
+def _judge(library: MotionLibrary, path: Path, file: Path, recipe: LibraryRecipe, plan: MotionRecipe) -> MotionInfo:
     info = next(one for one in library.info.motions if one.name == plan.name)
     clip = read_motion(Path(), _of_file(plan, file))
     if (known_part := info.against_recording) is not None:

@@ -61,14 +61,14 @@ def list_libraries(as_json: JsonOption = False) -> None:
 def show(
     library: LibraryArgument,
     recording: Annotated[
-        Path | None, typer.Argument(metavar="[RECORDING]", help="Judge the motion of this recording anew by it.")
+        Path | None, typer.Argument(metavar="[RECORDING]", help="Judge the motions of this recording anew by it.")
     ] = None,
     as_json: JsonOption = False,
 ) -> None:
     """Show the motions, the network, and the origin of a library.
 
-    With a recording only the motion that was learned from a file of this name: it runs free and is compared with the
-    recording again. The exit code is 1 if it does not pass.
+    With a recording only the motions that were learned from a file of this name: each runs free and is compared with
+    the recording again. The exit code is 1 if one does not pass.
 
     [bold]Examples[/]
 
@@ -100,13 +100,14 @@ def _judge_anew(library: MotionLibrary, path: Path, recording: Path, as_json: bo
     from controller.learning.judging import judge_against
     from motiondeck.cli.common.library_report import print_errors
 
-    motion = judge_against(library, path, recording)
+    motions = judge_against(library, path, recording)
     if as_json:
-        print(json.dumps(msgspec.to_builtins(motion)))
+        print(json.dumps({"motions": msgspec.to_builtins(motions)}))
     else:
-        print_errors([motion])
-        print(f"{motion.name}: {'passed' if motion.passed else motion.reason}")
-    if not motion.passed:
+        print_errors(motions)
+        for motion in motions:
+            print(f"{motion.name}: {'passed' if motion.passed else motion.reason}")
+    if not all(motion.passed for motion in motions):
         raise typer.Exit(1)
 
 

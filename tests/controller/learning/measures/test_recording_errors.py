@@ -242,7 +242,8 @@ def test_the_command_line_shows_the_errors_and_judges_anew(recordings, tmp_path)
     library = recordings / "two.safetensors"
     again = motiondeck("library", "show", library, recordings / "bow.bvh", "--json")
     assert again.returncode == 0
-    assert json.loads(again.stdout)["against_recording"] == rows["bow"]["against_recording"]
+    (judged_anew,) = json.loads(again.stdout)["motions"]
+    assert judged_anew["against_recording"] == rows["bow"]["against_recording"]
     assert "against the recording" in motiondeck("library", "show", library).stdout
     (tmp_path / "bow.bvh").write_text(bvh_text(with_arm_turned(waving(120.0, 2.0, ends=True), 60.0)))
     worse = motiondeck("library", "show", library, tmp_path / "bow.bvh")
@@ -268,9 +269,9 @@ def test_what_the_self_test_said_stays_when_a_motion_is_judged_anew(library, rec
     bow, *others = library.info.motions
     failed = msgspec.structs.replace(bow, passed=False, reason="the network ran away")
     broken = replace(library, info=msgspec.structs.replace(library.info, motions=[failed, *others]))
-    again = judge_against(broken, tmp_path / "two.safetensors", recordings / "bow.bvh")
+    (again,) = judge_against(broken, tmp_path / "two.safetensors", recordings / "bow.bvh")
     assert (again.passed, again.reason) == (False, "the network ran away")
-    assert judge_against(library, tmp_path / "two.safetensors", recordings / "bow.bvh").passed
+    assert judge_against(library, tmp_path / "two.safetensors", recordings / "bow.bvh")[0].passed
 
 
 def test_a_missing_file_is_named(library, tmp_path):
