@@ -92,16 +92,12 @@ def portable(info: LibraryInfo, folder: Path) -> LibraryInfo:
     return msgspec.structs.replace(info, motions=motions, recipe=with_ways(info.recipe, named))
 
 
-def with_ways(recipe: dict[str, Any], named: Callable[[str], str]) -> dict[str, Any]:
+def with_ways(tree: dict[str, Any], named: Callable[[str], str]) -> dict[str, Any]:
     """A recipe, as plain values, whose files are named otherwise."""
-    motions: list[dict[str, Any]] = recipe.get("motions", [])
-    changed = [
-        motion
-        | {key: named(motion[key]) for key in ("file", "skeleton") if motion.get(key)}
-        | {"takes": [named(take) for take in motion.get("takes", ())]}
-        for motion in motions
-    ]
-    return recipe | {"motions": changed, "body": named(recipe.get("body", ""))}
+    files = {key: named(tree[key]) for key in ("body", "file", "skeleton") if tree.get(key)}
+    many = {"takes": [named(take) for take in tree["takes"]]} if tree.get("takes") else {}
+    below = {"motions": [with_ways(motion, named) for motion in tree["motions"]]} if tree.get("motions") else {}
+    return tree | files | many | below
 
 
 def encoding_in(path: Path, info: LibraryInfo) -> Encoding:
