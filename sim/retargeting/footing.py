@@ -20,6 +20,7 @@ from controller.motion.rotations import IDENTITY, Array
 from sim.models.kinematic_tree import Scratch, UprightPelvis, below
 from sim.models.surface import LowestPoint, Surface
 from sim.retargeting.human_stance import FlatFeet, HumanStance
+from sim.retargeting.robot_trunk import RobotTrunk
 
 # Height of a touching point of the skin, lengths of the leg, and the multiple of it from which a point is ignored.
 TOUCHES, CLOSE = 0.006, 3.0
@@ -38,17 +39,18 @@ class Footing:
         root_rotation: Array,
         scale: float,
         pelvis: UprightPelvis | None = None,
+        trunk: RobotTrunk | None = None,
     ) -> None:
         """Args: stance of the human; robot; its right and left foot, if any; rotation (4,) of a root that faces x.
 
         The stance is shared with the retargeter; `scale` is the robot's size over the human's; `pelvis` is that of a
-        robot whose root is above its waist.
+        robot whose root is above its waist; `trunk` turns the pelvis, by default as the human's root.
         """
         self.stance = stance
         self._model, self._data = model, Scratch(model)
         # A root whose own axes are those of an upright robot is turned as the human's.
         self._turned = root_rotation.tolist() if np.any(root_rotation != IDENTITY) else None
-        self._scale, self._pelvis = scale, pelvis
+        self._scale, self._pelvis, self._trunk = scale, pelvis, trunk
         self._touches = TOUCHES * stance.leg * scale
         self._surface, self._lowest = Surface.of(model), LowestPoint(model)
         self._find_soles(feet)
@@ -90,6 +92,8 @@ class Footing:
     def place(self, pose: Pose, qpos: Array) -> None:
         """Writes the root's position and rotation into qpos (nq,), whose joints are placed."""
         human = pose.rotation[0]
+        if self._trunk is not None and len(pose.rotation) > 1:
+            human = self._trunk.rotation(pose)
         qpos[3:7] = human if self._turned is None else _product(human.tolist(), self._turned)
         if len(pose.rotation) == 1:
             # Runs recorded by version 1 have the human's root only.

@@ -1,10 +1,15 @@
-"""Directions of a human's limbs in the frame of the trunk: the input of retargeting.
+"""Directions of a human's limbs and trunk in the world, from joint points: the input of retargeting.
 
-Arms and head are seen from the chest, legs and chest from the pelvis (the root): a robot without a waist then holds its
-arms to its trunk as the human does.
+The chest is the frame of the trunk's line, from the middle of the hips to that of the shoulders, and of the line
+through the shoulders. The pelvis is turned back from it about the line through the hips as far as both thighs are
+raised towards the trunk, because spines round in sitting and bending. The zero of a recorded root or chest has no part
+in them: recordings differ in it by up to 20 degrees.
 """
 
 from __future__ import annotations
+
+from collections.abc import Sequence
+from math import cos, sin, sqrt
 
 import numpy as np
 
@@ -14,21 +19,20 @@ from controller.motion.rotations import Array, conjugate, multiply
 from controller.motion.skeleton import ROOT, Skeleton
 from motiondeck_base.errors import FileFormatError
 
-# The rows of a view; the last four are axes of head and chest.
+# The rows of a view; the last six are axes of head, chest and pelvis.
 LIMBS = (
     *("r_upper_arm", "r_forearm", "l_upper_arm", "l_forearm"),
     *("r_thigh", "r_shank", "r_foot", "l_thigh", "l_shank", "l_foot"),
-    *("head_ahead", "head_left", "chest_ahead", "chest_left"),
+    *("head_ahead", "head_left", "chest_ahead", "chest_left", "pelvis_ahead", "pelvis_left"),
 )
-AHEAD, LEFT = np.array([1.0, 0.0, 0.0]), np.array([0.0, 1.0, 0.0])
-
-# conj(p) q = (left multiplication by conj(p)) q: where each entry of that 4 x 4 matrix sits in p, and its sign.
-ENTRY = np.array([[0, 1, 2, 3], [1, 0, 3, 2], [2, 3, 0, 1], [3, 2, 1, 0]])
-SIGN = np.array([[1.0, 1.0, 1.0, 1.0], [-1.0, 1.0, 1.0, -1.0], [-1.0, -1.0, 1.0, 1.0], [-1.0, 1.0, -1.0, 1.0]])
+Vector = Sequence[float]
+AHEAD, LEFT, UP = np.eye(3)
+BEND = 0.4  # between pelvis and chest when sitting upright with level thighs, rad
+FAINT = 1e-3  # m: weight of the root's or chest's own axes where a skeleton's hips or shoulders are in one place
 
 
 class LimbView:
-    """Directions of one skeleton's limbs with their `length` (14,), m; FileFormatError if a limb is missing."""
+    """Directions of one skeleton's limbs with their `length` (16,), m; FileFormatError if a limb is missing."""
 
     def __init__(self, skeleton: Skeleton) -> None:
         lacks = leg_without_name(skeleton)
@@ -42,32 +46,65 @@ class LimbView:
                 raise FileFormatError(f"skeleton '{skeleton.name}' has no {side} {part}; the robot needs one")
             return found
 
-        shoulder = parts.first("clavicle", "right")
-        chest = int(skeleton.parent[bone("upper arm", "right") if shoulder is None else shoulder])
         arms = [bone(part, side) for side in ("right", "left") for part in ("upper arm", "forearm")]
         legs = [bone(part, side) for side in ("right", "left") for part in ("thigh", "shank", "foot")]
-        head = parts.first("head")
-        bones = [*arms, *legs, *([chest if head is None else head] * 2), chest, chest]
-        seen_from = [chest] * len(arms) + [ROOT] * len(legs) + [chest, chest, ROOT, ROOT]
-        vector = [*skeleton.rest_direction[[*arms, *legs]], AHEAD, LEFT, AHEAD, LEFT]
-        self.length = np.concatenate([skeleton.length[[*arms, *legs]], np.ones(4)])
-        # Indices of the quaternions' entries, and of their matrices', in a pose's flat rotations.
-        self._quaternions = (4 * (np.array(bones) + 1)[:, None] + np.arange(4))[:, :, None]
-        self._entries = 4 * (np.array(seen_from) + 1)[:, None, None] + ENTRY
-        self._turn = np.stack([turning(v) for v in vector])
+        bones, head = [*arms, *legs], parts.first("head")
+        chest = int(skeleton.parent[arms[0]])
+        self.length = np.concatenate([skeleton.length[bones], np.ones(len(LIMBS) - len(bones))])
+        # Each row is a sum of vectors that turn with the root and the bones.
+        vectors = np.zeros((len(bones) + 5, 1 + len(skeleton), 3))
+        vectors[np.arange(len(bones)), 1 + np.array(bones)] = skeleton.rest_direction[bones]
+        vectors[[-5, -4], 1 + (chest if head is None else head)] = AHEAD, LEFT
+        right, left, right_hip, left_hip = (_way_to(skeleton, one) for one in (arms[0], arms[2], legs[0], legs[3]))
+        lines = 0.5 * (right + left - right_hip - left_hip), left - right, left_hip - right_hip
+        for row, line, at, axis in zip((-3, -2, -1), lines, (0, 1 + chest, 0), (UP, LEFT, LEFT), strict=True):
+            vectors[row, 1:] = line[:, None] * skeleton.rest_direction * skeleton.length[:, None]
+            vectors[row, at] += FAINT * axis
+        moves = np.flatnonzero(vectors.any(axis=(0, 2)))
+        self._entries = (4 * moves[:, None] + np.arange(4)).ravel()
+        turns = np.einsum("pvo,rbv->bpro", _TURNS, vectors[:, moves])
+        self._turn = turns.reshape(16 * len(moves), -1)
 
     def __call__(self, pose: Pose) -> Array:
-        """The unit vectors of LIMBS, shape (14, 3)."""
-        flat = pose.rotation.ravel()
-        q = np.matmul(flat.take(self._entries) * SIGN, flat.take(self._quaternions))
-        products = np.matmul(q, q.transpose(0, 2, 1)).reshape(len(q), 1, 16)
-        return np.matmul(products, self._turn)[:, 0]
+        """The unit vectors of LIMBS in the world, shape (16, 3)."""
+        q = pose.rotation.ravel().take(self._entries).reshape(-1, 4)
+        rows = ((q[:, :, None] * q[:, None, :]).ravel() @ self._turn).reshape(-1, 3)
+        found = np.empty((len(LIMBS), 3))
+        found[:12] = rows[:12]
+        line, shoulders, hips = rows[12:].tolist()
+        up = _unit(line)
+        left = _across(shoulders, up)
+        ahead = _cross(left, up)
+        bend = 0.5 * BEND * float((rows[4] + rows[7]) @ ahead)
+        c, s = cos(bend), sin(bend)
+        ux, uy, uz = (c * u - s * a for u, a in zip(up, ahead, strict=True))
+        hips_left = _across(hips, (ux, uy, uz))
+        found[12:] = ahead, left, _cross(hips_left, (ux, uy, uz)), hips_left
+        return found
 
 
-def up_of(pose: Pose) -> tuple[float, float, float]:
-    """The vertical in the frame of the root."""
-    w, x, y, z = pose.rotation[0].tolist()
-    return 2.0 * (x * z - w * y), 2.0 * (y * z + w * x), 1.0 - 2.0 * (x * x + y * y)
+def _way_to(skeleton: Skeleton, bone: int) -> Array:
+    """Which bones lie between the root and the beginning of a bone, shape (B,)."""
+    parent = int(skeleton.parent[bone])
+    return np.zeros(len(skeleton)) if parent == ROOT else skeleton.chain[parent].astype(float)
+
+
+def _unit(v: Vector) -> Vector:
+    x, y, z = v
+    length = max(sqrt(x * x + y * y + z * z), 1e-12)
+    return x / length, y / length, z / length
+
+
+def _across(v: Vector, up: Vector) -> Vector:
+    """The unit vector of the part of v at right angles to a unit vector."""
+    (x, y, z), (ux, uy, uz) = v, up
+    along = x * ux + y * uy + z * uz
+    return _unit((x - along * ux, y - along * uy, z - along * uz))
+
+
+def _cross(a: Vector, b: Vector) -> Vector:
+    (ax, ay, az), (bx, by, bz) = a, b
+    return ay * bz - az * by, az * bx - ax * bz, ax * by - ay * bx
 
 
 # e_i v e_j* for the units of quaternions e_i, e_j and each axis v: shape (16, 3, 3), the last of the vector.

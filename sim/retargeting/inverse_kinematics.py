@@ -25,12 +25,13 @@ from controller.motion.posture import Pose
 from controller.motion.rest_pose import FOOT_SLOPE
 from controller.motion.rotations import Array
 from controller.motion.skeleton import Skeleton
-from sim.retargeting.human_limbs import LIMBS, LimbView, up_of
+from sim.retargeting.human_limbs import LIMBS
 from sim.retargeting.human_stance import HumanStance
 from sim.retargeting.limb_finder import FEET, PLANE
 from sim.retargeting.planted_feet import PlantedFeet
 from sim.retargeting.robot_limbs import RobotLimbs
 from sim.retargeting.robot_parts import SIDES
+from sim.retargeting.robot_trunk import RobotTrunk
 from sim.retargeting.stuck_limbs import StuckLimbs
 
 # Weights of vectors as long as a leg. A hand may be in place on a mirrored arm, so both segments of an arm count as
@@ -65,13 +66,14 @@ class InverseKinematics:
         rest: Array,
         dt: float,
         stance: HumanStance | None = None,
+        trunk: RobotTrunk | None = None,
     ) -> None:
         """As of `LimbSolver`, for a skeleton with its stance; FileFormatError if it lacks a limb."""
-        self._view, self._stance = LimbView(skeleton), stance
+        self._trunk, self._stance = trunk or RobotTrunk(skeleton, limbs.waist(limits)), stance
         self.solver = LimbSolver(limbs, limits, rest, dt)
         self._planted = None
         if stance is not None and stance.feet == 2 and FEET in limbs.vectors.names:
-            leg = float(self._view.length[[LIMBS.index("r_thigh"), LIMBS.index("r_shank")]].sum())
+            leg = float(self._trunk.view.length[[LIMBS.index("r_thigh"), LIMBS.index("r_shank")]].sum())
             self._planted = PlantedFeet(stance, limbs, limbs.reach["r_leg"] / leg, dt)
 
     def reset(self) -> None:
@@ -82,13 +84,13 @@ class InverseKinematics:
 
     def __call__(self, pose: Pose) -> Array:
         """Targets (N,), rad, within the robot's range and pace."""
-        directions = self._view(pose)
+        directions = self._trunk(pose)
         if self._stance is not None:
             self._stance(pose, "joints")
             directions = self._stance.flat(directions)
         if self._planted is not None:
-            self._planted(pose, self.solver.q)
-        return self.solver(directions, np.array(up_of(pose)), self._planted)
+            self._planted(pose, self.solver.q, self._trunk.pelvis)
+        return self.solver(directions, self._trunk.pelvis[2], self._planted)
 
 
 class LimbSolver:
@@ -112,8 +114,8 @@ class LimbSolver:
         self._toes = [k for k, kind in enumerate(kinds) if kind == "foot_ahead"]
         self._soles = [k for k, kind in enumerate(kinds) if kind == "foot_up"]
         self._hold = np.zeros((3, 3))
-        # Goals of arms and head turn with the chest, so joints of the chest do not count for them.
-        along = np.outer(self._goals.with_chest, limbs.turns_chest)
+        # The trunk does not bend for what an arm cannot reach: joints of the chest do not count for arms and head.
+        along = np.outer(self._goals.on_chest, limbs.turns_chest)
         self._slope = self._weight[:, :, None] * ~along[:, None, :]
         self._no_rows = np.zeros((0, len(rest)))
         self._any_sense = np.zeros(len(rest), dtype=np.int32)
@@ -129,7 +131,7 @@ class LimbSolver:
         self._count, self._square, self._worst = 0, np.zeros(len(self.names)), np.zeros(len(self.names))
 
     def __call__(self, directions: Array, up: Array, planted: PlantedFeet | None = None) -> Array:
-        """Targets (N,), rad, for directions of the limbs (14, 3) and the vertical (3,), in the frame of the root."""
+        """Targets (N,), rad, for directions of the limbs (16, 3) and the vertical (3,), in the frame of the root."""
         lower, upper = self._limits.lower, self._limits.upper
         goals, q = self._goals(directions, up), self.q
         for row in self._soles:
@@ -221,8 +223,8 @@ class Goals:
                     self._mix[k, LIMBS.index(segment)] = limbs.segments[segment].length
             elif name in LIMBS:
                 self._mix[k, LIMBS.index(name)] = vectors.length[k]
-        # Whether they turn with the chest, shape (K,).
-        self.with_chest = np.array(["arm" in name or name.startswith("head") for name in names])
+        # Whether they hang from the chest, shape (K,).
+        self.on_chest = np.array(["arm" in name or name.startswith("head") for name in names])
         self._feet = [
             (names.index(f"{side}_foot_ahead"), *(LIMBS.index(f"{side}_{part}") for part in ("thigh", "shank", "foot")))
             for side in SIDES
@@ -235,9 +237,10 @@ class Goals:
         self._length = vectors.length
         starts = np.array([name.endswith("_start") for name in names])
         self._held = np.where(starts[:, None], vectors.rest, 0.0)
+        self._turned = np.flatnonzero(self.on_chest & starts)  # the goals that turn with the chest
 
     def __call__(self, directions: Array, up: Array) -> Array:
-        """The goals (K, 3), m, for directions (14, 3) and the vertical (3,); arms and head as the chest sees them."""
+        """The goals (K, 3), m, for directions (16, 3) and the vertical (3,); shoulders as the chest sees them."""
         goals = self._held + self._mix @ directions
         for k, thigh, shank, foot in self._feet:
             goals[k], goals[k + 1] = self._length[k] * sole(directions[thigh], directions[shank], directions[foot], up)
@@ -253,7 +256,7 @@ class Goals:
     def seen_from_root(self, goals: Array, chest: Array) -> Array:
         """The goals (K, 3) of a robot whose chest is turned by (3, 3)."""
         turned = goals.copy()
-        turned[self.with_chest] = goals[self.with_chest] @ chest.T
+        turned[self._turned] = goals[self._turned] @ chest.T
         return turned
 
 

@@ -12,7 +12,7 @@ from math import exp
 import numpy as np
 
 from controller.motion.posture import Pose
-from controller.motion.rotations import Array, to_matrix
+from controller.motion.rotations import Array
 from sim.retargeting.human_stance import HumanStance
 from sim.retargeting.limb_finder import FEET
 from sim.retargeting.robot_limbs import RobotLimbs
@@ -51,8 +51,8 @@ class PlantedFeet:
         self._held, self.root = np.zeros((3, 3)), np.eye(3)
         self._shares, self.higher = np.zeros(3), 0.0
 
-    def __call__(self, pose: Pose, q: Array) -> None:
-        """Updates the held values for the next pose and the last joints q (N,), rad."""
+    def __call__(self, pose: Pose, q: Array, root: Array) -> None:
+        """Updates the held values for the next pose, the last joints q (N,), rad, and the root's rotation (3, 3)."""
         stance, limbs = self._stance, self._limbs
         if stance.begun:
             self.reset()
@@ -75,7 +75,7 @@ class PlantedFeet:
             self._held += (1.0 - np.exp((self._shares - 1.0) * self._ticks))[:, None] * (now - self._held)
         self._begun = not stance.begun
         self._held[0, 2] = self._scale * (stance.heights[1] - stance.heights[0])
-        self.root = to_matrix(pose.rotation[0])
+        self.root = root
         seen = self._held @ self.root
         self.between, self.ahead = seen[0], seen[1:]
         self.apart, self.turned = float(self._shares[0]), self._shares[1:]

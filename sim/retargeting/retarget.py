@@ -18,8 +18,8 @@ from motiondeck_base.errors import FileFormatError, UnknownNameError
 from sim.models.joint_layout import nearest_turn
 from sim.models.robot_file import Angle
 from sim.retargeting.arm_angles import UNCERTAIN, ThreeServoArm, Vector
-from sim.retargeting.human_limbs import ENTRY, SIGN, LimbView, up_of
 from sim.retargeting.human_stance import FlatFeet
+from sim.retargeting.robot_trunk import RobotTrunk
 
 _ARM = ("shoulder_pitch", "shoulder_roll", "elbow")
 _LEG = ("hip_yaw", "hip_roll", "hip_pitch", "knee", "ankle_pitch", "ankle_roll")
@@ -36,6 +36,11 @@ ROUNDING = 1e-9  # rad
 CLOSE = 0.05  # rad from another pitch at which an arm has arrived there
 PAUSE = 0.04  # s between trials of other pitches
 WAIT = 0.6  # distance of a goal past the end of a range, rad, at which the joint goes the other way round
+
+
+# conj(p) q = (left multiplication by conj(p)) q: where each entry of that 4 x 4 matrix sits in p, and its sign.
+ENTRY = np.array([[0, 1, 2, 3], [1, 0, 3, 2], [2, 3, 0, 1], [3, 2, 1, 0]])
+SIGN = np.array([[1.0, 1.0, 1.0, 1.0], [-1.0, 1.0, 1.0, -1.0], [-1.0, -1.0, 1.0, 1.0], [-1.0, 1.0, -1.0, 1.0]])
 
 
 class MannequinRetargeter:
@@ -64,7 +69,7 @@ class MannequinRetargeter:
 class ServoHumanoidRetargeter:
     """A pose as the angles of a humanoid with two servos at each shoulder, one at each elbow and six in each leg.
 
-    Arms are seen from the chest, legs from the pelvis; all angles are closed forms of bone directions. Near a
+    The trunk is rigid; all angles are closed forms of bone directions. Near a
     singularity (the pitch of an arm held out sideways) an angle moves at most GAIN times as far as the bones of its
     limb, so that it never jumps.
     """
@@ -79,6 +84,7 @@ class ServoHumanoidRetargeter:
         rest: Array | None = None,
         flat: FlatFeet | None = None,
         dt: float = 0.005,
+        trunk: RobotTrunk | None = None,
     ) -> None:
         """Finds the limbs of a skeleton, and the joints of the angles among a robot's J joints with their ranges, rad.
 
@@ -100,7 +106,7 @@ class ServoHumanoidRetargeter:
                 raise UnknownNameError(f"angles: {UnknownNameError.among('angle', name, SERVO_HUMANOID_JOINTS)}")
             if angle.joint not in joints:
                 raise UnknownNameError(f"angles.{name}: {UnknownNameError.among('joint', angle.joint, joints)}")
-        self._view, self._flat = LimbView(skeleton), flat
+        self._trunk, self._flat = trunk or RobotTrunk(skeleton), flat
         self._angle = np.array([SERVO_HUMANOID_JOINTS.index(name) for name in angles], np.int64)
         self._joint = np.array([list(joints).index(angle.joint) for angle in angles.values()], np.int64)
         self._sign = np.array([float(angle.sign) for angle in angles.values()])
@@ -125,10 +131,10 @@ class ServoHumanoidRetargeter:
 
     def __call__(self, pose: Pose) -> Array:
         """Targets (J,), rad, within the robot's range; overwritten by the next call."""
-        directions = self._view(pose)
+        directions = self._trunk(pose)
         if self._flat is not None:
             directions = self._flat(directions)
-        angles = np.array(self._limbs(directions, up_of(pose)))
+        angles = np.array(self._limbs(directions, self._trunk.pelvis[2].tolist()))
         if self._same:
             return angles
         self._targets[self._joint] = self._zero + self._sign * angles[self._angle]
@@ -155,7 +161,7 @@ class LimbAngles:
         self._since_look: dict[int, float] = dict.fromkeys(ARMS, 0.0)  # s
 
     def __call__(self, direction: Array, up: Vector) -> list[float]:
-        """The angles of SERVO_HUMANOID_JOINTS for limbs that point in the directions (14, 3), seen from the root."""
+        """The angles of SERVO_HUMANOID_JOINTS for limbs that point in the directions (16, 3), seen from the root."""
         self._started = self._direction is not None
         if self._direction is None:
             moved = [10.0] * len(direction)

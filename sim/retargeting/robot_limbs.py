@@ -2,21 +2,25 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
+from math import inf
 from pathlib import Path
 
 import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
+from controller.deck.interfaces import JointLimits
 from controller.motion.rest_pose import FOOT_SLOPE
 from controller.motion.rotations import Array
 from sim.models.coupled_joints import LedJoints, followers
 from sim.models.kinematic_tree import Scratch, UprightPelvis, below, joints_above
+from sim.models.limb_geometry import ACROSS
 from sim.models.surface import Surface
-from sim.retargeting.human_limbs import LIMBS
+from sim.retargeting.human_limbs import AHEAD, LEFT, LIMBS
 from sim.retargeting.limb_finder import LimbFinder
 from sim.retargeting.robot_parts import SIDES, bodies_of_parts
+from sim.retargeting.robot_trunk import Waist
 
 
 class RobotLimbs:
@@ -43,6 +47,7 @@ class RobotLimbs:
         finder = LimbFinder(path, model, self.data, self._parts, self.surface)
         self.vectors, self.sole_ends = finder.find(), finder.sole_ends  # as of `LimbFinder`
         self.reach, self.segments = finder.reach, finder.segments  # as of `LimbFinder`
+        self._pelvis_at_rest = self.data.xmat[self._parts["pelvis"]].reshape(3, 3).copy()
         self._chest_at_rest = self.data.xmat[self._parts["chest"]].reshape(3, 3).copy()
 
         index = [model.joint(name).id for name in joints]
@@ -55,7 +60,11 @@ class RobotLimbs:
         self._placed = LedJoints.of(led)
         self._placed_leader = np.array([index.index(leader) for leader in self._placed.leader], np.int64)
         self._placed_qpos = model.jnt_qposadr[self._placed.follower]
-        self.turns_chest = moves[self._parts["chest"]] != 0.0  # whether the N joints move the chest, shape (N,)
+        turns = moves[self._parts["chest"]]
+        self.turns_chest = turns != 0.0  # whether the N joints move the chest, shape (N,)
+        self._waist = turns[self.turns_chest, None] * self.data.xaxis[self._joint[self.turns_chest]]
+        self._back = self._back_at_rest()
+        self._hips = list(self._hips_at_rest(moves))
         self._moves = moves[self.vectors.body][:, :, None, :]
         self._difference = self._moves[1] - self._moves[0]
         self._cross = np.zeros((3, len(index), 3))
@@ -69,6 +78,35 @@ class RobotLimbs:
         self._swung_leader = [index.index(leader) for leader in self._swung.leader.tolist()]
         self._swung_moves = np.array([*swung.values()]).reshape(-1, 2, len(self.vectors.names))
         self._slides = model.jnt_type[self._swung.follower] == mujoco.mjtJoint.mjJNT_SLIDE
+
+    def _back_at_rest(self) -> Array:
+        """From the middle of the hips to the waist, and from there to that of the shoulders, shape (2, 3), m."""
+        names, start = self.vectors.names, self.positions()[0]
+        if not all(f"{side}_upper_arm" in names for side in SIDES):
+            return np.array([[0.0, 0.0, 0.0], [0.0, 0.0, 1.0]])
+        hips, shoulders = (
+            0.5 * (start[names.index(f"r_{part}")] + start[names.index(f"l_{part}")]) for part in ("thigh", "upper_arm")
+        )
+        waist = self._joint[self.turns_chest]
+        middle = self.data.xanchor[waist].mean(axis=0) if len(waist) else hips
+        return np.array([middle - hips, shoulders - middle])
+
+    def _hips_at_rest(self, moves: Array) -> Iterator[tuple[int, float, float]]:
+        """Of each leg the joint that raises it: index, sense of its axis, and how far ahead the thigh hangs, rad."""
+        for side in SIDES:
+            thigh = self.vectors.names.index(f"{side}_thigh")
+            x, _, z = self.vectors.rest[thigh]
+            across = self.data.xaxis[self._joint, 1] * moves[int(self.vectors.body[0, thigh])]
+            joint = int(np.argmax(np.abs(across)))
+            if abs(across[joint]) > ACROSS:
+                yield joint, float(across[joint]), float(np.arctan2(x, -z))
+
+    def waist(self, limits: JointLimits, *, stiff: bool = False) -> Waist:
+        """Its waist, with the limits of its N joints; `stiff` if it stays at rest."""
+        turns = self.turns_chest & (not stiff)
+        hips = min((_raised(*leg, limits) for leg in self._hips), default=inf)
+        below, above = self._back
+        return Waist(self._waist[: turns.sum()], limits.lower[turns], limits.upper[turns], below, above, hips)
 
     @property
     def moved(self) -> NDArray[np.bool_]:
@@ -84,6 +122,14 @@ class RobotLimbs:
             self._pelvis.place(self.data)
         else:
             mujoco.mj_kinematics(self.model, self.data)
+
+    def pelvis_rotation(self, qpos: Array) -> Array:
+        """The rotation of the pelvis since the robot stood straight, shape (3, 3), for a robot at qpos (nq,)."""
+        root = self.data.qpos[:7].copy()
+        self.data.qpos[:] = qpos
+        mujoco.mj_kinematics(self.model, self.data)
+        self.data.qpos[:7] = root
+        return self.data.xmat[self._parts["pelvis"]].reshape(3, 3) @ self._pelvis_at_rest.T
 
     def chest_rotation(self) -> Array:
         """The rotation of the chest since the robot stood straight, shape (3, 3)."""
@@ -136,24 +182,25 @@ class RobotLimbs:
         return slope[:, None, None] * np.where(self._slides[:, None, None], slid, swept)
 
 
+def _raised(joint: int, sign: float, rest: float, limits: JointLimits) -> float:
+    """How far a joint raises a thigh ahead, which hangs `rest` rad ahead of straight down, rad."""
+    return rest + float(limits.upper[joint] if sign < 0.0 else -limits.lower[joint])
+
+
 def limb_directions(limbs: RobotLimbs) -> Array:
-    """Directions of a robot's limbs, as of LimbView, shape (14, 3); zero for missing limbs."""
+    """Directions of a robot's limbs seen from its pelvis, as of LimbView, shape (16, 3); zero for missing limbs."""
     start, end = limbs.positions()
     vector = dict(zip(limbs.vectors.names, end - start, strict=True))
     chest = limbs.chest_rotation()
-    found: dict[str, Array] = {}
+    found: dict[str, Array] = {axis: vector[axis] for axis in ("head_ahead", "head_left") if axis in vector}
     for side in SIDES:
         for whole, first, second in (("leg", "thigh", "shank"), ("arm", "upper_arm", "forearm")):
             if f"{side}_{whole}" in vector:
-                frame = chest if whole == "arm" else np.eye(3)
-                found[f"{side}_{first}"] = vector[f"{side}_{first}"] @ frame
-                found[f"{side}_{second}"] = (vector[f"{side}_{whole}"] - vector[f"{side}_{first}"]) @ frame
+                found[f"{side}_{first}"] = vector[f"{side}_{first}"]
+                found[f"{side}_{second}"] = vector[f"{side}_{whole}"] - vector[f"{side}_{first}"]
         if f"{side}_foot_ahead" in vector:
             ahead, above = vector[f"{side}_foot_ahead"], vector[f"{side}_foot_up"]
             found[f"{side}_foot"] = np.cos(FOOT_SLOPE) * ahead - np.sin(FOOT_SLOPE) * above
-    for axis in ("head_ahead", "head_left"):
-        if axis in vector:
-            found[axis] = vector[axis] @ chest
-    found |= {"chest_ahead": chest[:, 0], "chest_left": chest[:, 1]}
+    found |= {"chest_ahead": chest[:, 0], "chest_left": chest[:, 1], "pelvis_ahead": AHEAD, "pelvis_left": LEFT}
     directions = np.array([found.get(name, np.zeros(3)) for name in LIMBS])
     return directions / np.maximum(np.linalg.norm(directions, axis=1), 1e-9)[:, None]

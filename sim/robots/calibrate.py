@@ -227,9 +227,10 @@ def calibrate(path: Path, packages: Mapping[str, Path] | None = None, bends: Col
 
 
 def standing_human() -> Array:
-    """The limbs of a standing human with hanging arms, shape (14, 3)."""
+    """The limbs of a standing human with hanging arms, shape (16, 3)."""
     out, bent, knee = 0.12, 0.25, 0.08
-    directions = {"head_ahead": (1, 0, 0), "head_left": (0, 1, 0), "chest_ahead": (1, 0, 0), "chest_left": (0, 1, 0)}
+    directions: dict[str, tuple[float, ...]] = {f"{part}_ahead": (1, 0, 0) for part in ("head", "chest", "pelvis")}
+    directions |= {f"{part}_left": (0, 1, 0) for part in ("head", "chest", "pelvis")}
     for side, left in zip(SIDES, (-1.0, 1.0), strict=True):
         directions |= {
             f"{side}_upper_arm": (0.0, left * np.sin(out), -np.cos(out)),
@@ -320,7 +321,7 @@ def _key(name: str) -> str:
 
 
 def rest_pose(limbs: RobotLimbs, limits: JointLimits, stand: Array) -> Array:
-    """The joints (N,), rad, that match the limbs (14, 3) of a standing human."""
+    """The joints (N,), rad, that match the limbs (16, 3) of a standing human."""
     poses = stand, _bent(stand)
     rest = np.clip(np.zeros(len(limits.lower)), limits.lower, limits.upper)
     found, missed = _tried(limbs, limits, rest, poses)

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from controller.motion.anatomy import Side, anatomy
 from controller.motion.clip import Clip
 from controller.motion.posture import poses_of
-from controller.motion.rotations import Array
+from controller.motion.rotations import Array, normalise
 from sim.models.kinematic_tree import below
 from sim.models.surface import LowestPoint, Surface
 from sim.retargeting.human_limbs import LIMBS, LimbView
@@ -20,12 +20,14 @@ from sim.retargeting.retarget import ServoHumanoidRetargeter
 from sim.retargeting.robot_limbs import RobotLimbs
 from sim.robots.robot import Limiter, Robot
 
+SIDES: tuple[tuple[str, Side], ...] = (("r", "right"), ("l", "left"))
 ENDS = {"leg": ("thigh", "shank"), "arm": ("upper_arm", "forearm")}
 # Height of what touches the floor, lengths of the leg, and speed of a standing foot's ball, lengths of the leg a
 # second.
 STANDS, STILL = 0.01, 0.15
 # A joint jumps by this in one frame, rad, although no limb of the human turns by a tenth of it.
 JUMP = 0.5
+APART = 0.02  # m between shoulders that show where the chest faces
 ROUNDING = 1e-9
 
 
@@ -36,16 +38,15 @@ class Carried:
     wanted: Array  # retargeted joints, clipped to their ranges, shape (T, J), rad
     played: Array  # the same after the target limiter, shape (T, J), rad
     qpos: Array  # the robot that plays them, shape (T, nq)
-    limbs: Array  # directions of the human's limbs, shape (T, 14, 3)
+    limbs: Array  # directions of the human's limbs in the world, as of `human_lines`, shape (T, 16, 3)
     altered: float  # share of the joint targets that the limiter changed
 
 
 def carry(clip: Clip, robot: Robot, limiter: Limiter) -> Carried:
     """Plays a clip on a robot frame by frame: retargeter, target limiter, footing."""
-    view = LimbView(clip.skeleton)
     limits = robot.limits
     limited = limiter(limits, 1.0 / clip.rate)
-    wanted, played, qpos, limbs = [], [], [], []
+    wanted, played, qpos = [], [], []
     state = np.zeros(robot.model.nq)
     if robot.footing is not None:
         robot.footing.flat.learn(clip)
@@ -58,15 +59,37 @@ def carry(clip: Clip, robot: Robot, limiter: Limiter) -> Carried:
         wanted.append(targets.copy())
         played.append(safe.copy())
         qpos.append(state.copy())
-        limbs.append(view(pose))
     altered = sum(limited.changed) / max(len(clip) * len(robot.joints), 1)
-    return Carried(np.array(wanted), np.array(played), np.array(qpos), np.array(limbs), altered)
+    return Carried(np.array(wanted), np.array(played), np.array(qpos), human_lines(clip), altered)
 
 
 def followed(clip: Clip, angles: Array, qpos: Array) -> Carried:
     """A clip that was retargeted without a limiter: joints (T, J), rad, and robot (T, nq)."""
-    view = LimbView(clip.skeleton)
-    return Carried(angles, angles, qpos, np.array([view(pose) for pose in poses_of(clip)]), 0.0)
+    return Carried(angles, angles, qpos, human_lines(clip), 0.0)
+
+
+def human_lines(clip: Clip) -> Array:
+    """Directions of LIMBS in the world, shape (T, 16, 3): limbs and the chest's axes from the joints' positions alone.
+
+    The chest is the frame of the line from the middle of the hips to that of the shoulders and of the line through the
+    shoulders. Feet, head and pelvis are those of `LimbView`.
+    """
+    view, parts, joints = LimbView(clip.skeleton), anatomy(clip.skeleton), clip.joints()
+    found = np.array([view(pose) for pose in poses_of(clip)])
+    starts = {}
+    for side, name in SIDES:
+        for part in ("thigh", "shank", "upper arm", "forearm"):
+            bone = parts.first(part, name)
+            if bone is not None:
+                starts[f"{side}_{part}"] = start = joints[:, clip.skeleton.parent[bone] + 1]
+                found[:, LIMBS.index(f"{side}_{part.replace(' ', '_')}")] = joints[:, bone + 1] - start
+    across = starts["l_upper arm"] - starts["r_upper arm"]
+    line = starts["r_upper arm"] + starts["l_upper arm"] - starts["r_thigh"] - starts["l_thigh"]
+    chest = LIMBS.index("chest_ahead")
+    if np.linalg.norm(across, axis=1).min() > APART:
+        found[:, chest] = np.cross(across, line)
+        found[:, chest + 1] = np.cross(line, found[:, chest])
+    return normalise(found)
 
 
 def joint_measures(clip: Clip, robot: Robot, carried: Carried) -> dict[str, float]:
@@ -118,22 +141,22 @@ def limb_errors(limbs: RobotLimbs, carried: Carried) -> dict[str, float]:
     """
     names = limbs.vectors.names
     square: dict[str, list[Array]] = {"knee": [], "ankle": [], "elbow": [], "wrist": []}
-    for q, directions in zip(carried.wanted, carried.limbs, strict=True):
+    for q, placed, world in zip(carried.wanted, carried.qpos, carried.limbs, strict=True):
+        directions = world @ limbs.pelvis_rotation(placed)
         limbs.place(q)
         start, end = limbs.positions()
-        vector, chest = end - start, limbs.chest_rotation()
+        vector = end - start
         for side in "rl":
             for whole, (first, second) in ENDS.items():
                 if f"{side}_{whole}" not in names:
                     continue
                 rows = [LIMBS.index(f"{side}_{first}"), LIMBS.index(f"{side}_{second}")]
-                frame = chest if whole == "arm" else np.eye(3)
                 middle, far = names.index(f"{side}_{first}"), names.index(f"{side}_{whole}")
                 goal = limbs.vectors.length[middle] * directions[rows[0]]
-                square["knee" if whole == "leg" else "elbow"].append(vector[middle] - frame @ goal)
+                square["knee" if whole == "leg" else "elbow"].append(vector[middle] - goal)
                 length = np.array([limbs.segments[f"{side}_{part}"].length for part in (first, second)])
                 goal = length @ directions[rows]
-                square["ankle" if whole == "leg" else "wrist"].append(vector[far] - frame @ goal)
+                square["ankle" if whole == "leg" else "wrist"].append(vector[far] - goal)
     return {name: float(np.sqrt(np.mean(np.sum(np.square(miss), axis=1)))) for name, miss in square.items() if miss}
 
 
@@ -170,8 +193,7 @@ def floor_measures(clip: Clip, robot: Robot, qpos: Array, feet: dict[str, int]) 
 def standing_feet(clip: Clip) -> dict[str, NDArray[np.bool_]]:
     """Whether the human's right and left foot stand, by the speed of their ball, shape (T,) each."""
     found = {}
-    sides: tuple[tuple[str, Side], ...] = (("r", "right"), ("l", "left"))
-    for side, name in sides:
+    for side, name in SIDES:
         foot, speed = anatomy(clip.skeleton).first("foot", name), np.zeros(len(clip))
         if foot is None:
             speed += np.inf

@@ -50,13 +50,14 @@ class LimbCause:
 
 
 def limb_causes(
-    robot: Robot, directions: LimbDirections, wanted: Array, played: Array, limbs: Array, rate: float
+    robot: Robot, directions: LimbDirections, wanted: Array, played: Array, goals: Array, rate: float
 ) -> list[LimbCause]:
     """The limbs beyond the limits, each with its cause, for T frames at a rate, Hz.
 
-    `wanted` and `played` are retargeted and played joints (T, J), rad, and `limbs` the human's, (T, 14, 3).
+    `wanted` and `played` are retargeted and played joints (T, J), rad, and `goals` the human's limbs as the
+    robot's trunk sees them, (T, K, 3).
     """
-    goals, there = directions.goals(limbs), _pointing(robot, directions, played)
+    there = _pointing(robot, directions, played)
     off = degrees_between(there, goals)
     found = []
     for limb in directions.limbs:

@@ -1,4 +1,4 @@
-"""Limb directions: angles between a robot's limbs and the human's.
+"""Limb directions: angles between a robot's limbs and trunk and the human's, in the world.
 
 The landmarks are found independently of the matcher and of the points of inverse kinematics, because this checks them:
 the knee (elbow) is the hinge that, turned through its range, changes the distance from the limb's beginning to its end
@@ -25,6 +25,7 @@ MEAN_LIMIT, WORST_LIMIT = 15.0, 45.0  # largest angle of a limb on average over 
 TURN, STEPS = 2.6, 11  # largest turn of a hinge either way, rad, and the number of steps through it
 TIP = 0.1  # of a limb without an end hinge, as a share of its length
 FOLDS_ALIKE = 0.6  # least fold of a limb, in that by the hinge that folds it most, by which it may be the knee
+UP = np.array([0.0, 0.0, 1.0])
 CLAVICLE = 0.03  # largest distance of its joint from the middle of the body, in heights of the robot
 
 
@@ -52,16 +53,21 @@ class LimbDirections:
         mujoco.mj_kinematics(model, self.standing)
         pelvis = model.body(parts["pelvis"]).id
         chest = model.body(parts["chest"]).id if "chest" in parts else pelvis
-        self._trunk, trunks = (chest, pelvis), {"leg": pelvis, "arm": chest}
+        trunks = {"leg": pelvis, "arm": chest}
+        self._starts: dict[str, list[Array]] = {"arm": [], "leg": []}  # of limbs, standing, m
         self.limbs: list[list[LimbSegment]] = []
-        # By limb ("r_arm") its trunk, and the bodies of its beginning and its end with these points in their frames.
-        self._ends: dict[str, tuple[int, tuple[int, Array], tuple[int, Array]]] = {}
+        # By limb ("r_arm") the bodies of its beginning and its end with these points in their frames.
+        self._ends: dict[str, tuple[tuple[int, Array], tuple[int, Array]]] = {}
         for side in "rl":
             for limb, names in SEGMENTS.items():
                 bodies = [model.body(parts[part]).id for name in names if (part := f"{side}_{name}") in parts]
                 found = self._found(side, names, bodies, trunks[limb]) if bodies else []
                 self.limbs += [found] if found else []
         self.segments = [segment for limb in self.limbs for segment in limb]  # length K
+        # The ends of the trunk's line, each in the frame of its body; without both arms it is the vertical.
+        hips = np.mean(self._starts["leg"] or [self.standing.xpos[pelvis]], axis=0)
+        shoulders = self._starts["arm"] if len(self._starts["arm"]) == 2 else [hips + UP]
+        self._line = self._local(chest, np.mean(shoulders, axis=0)), self._local(pelvis, hips)
 
     def __call__(self, qpos: Array) -> Array:
         """The directions of the K segments seen from the trunk, shape (K, 3), for a robot at qpos (nq,)."""
@@ -72,23 +78,22 @@ class LimbDirections:
         return np.array(there).reshape(-1, 3)
 
     def reaches(self, qpos: Array) -> dict[str, Array]:
-        """The way from beginning to end of each limb ("r_arm"), seen from the trunk, shape (T, 3), m, for qpos (T, nq).
+        """The way from beginning to end of each limb ("r_arm") in the world, shape (T, 3), m, for qpos (T, nq).
 
         It does not depend on the knee or elbow.
         """
         found = {name: np.empty((len(qpos), 3)) for name in self._ends}
-        stood = self.standing.xmat.reshape(-1, 3, 3)
         for frame, q in enumerate(qpos):
             self._data.qpos[:] = q
             mujoco.mj_kinematics(self.model, self._data)
             now = self._data.xmat.reshape(-1, 3, 3)
-            for name, (trunk, *ends) in self._ends.items():
+            for name, ends in self._ends.items():
                 start, end = (self._data.xpos[body] + now[body] @ point for body, point in ends)
-                found[name][frame] = stood[trunk] @ now[trunk].T @ (end - start)
+                found[name][frame] = end - start
         return found
 
     def errors(self, qpos: Array, limbs: Array) -> dict[str, tuple[float, float]]:
-        """Mean and worst angle to a human's limbs (T, 14, 3) by segment ("r_thigh"), degrees, for qpos (T, nq)."""
+        """Mean and worst angle to a human's limbs (T, 16, 3) by segment ("r_thigh"), degrees, for qpos (T, nq)."""
         degrees = self.degrees(qpos, limbs)
         return {
             segment.name: (float(degrees[:, k].mean()), float(degrees[:, k].max()))
@@ -97,26 +102,32 @@ class LimbDirections:
 
     def degrees(self, qpos: Array, limbs: Array) -> Array:
         """The same for each frame and segment, shape (T, K), degrees."""
-        return degrees_between(np.array([self(q) for q in qpos]), self.goals(limbs))
+        return degrees_between(np.array([self(q) for q in qpos]), self.goals(limbs, qpos))
 
     def trunk_errors(self, qpos: Array, limbs: Array) -> Array:
-        """Angle of the chest to the human's, both seen from the pelvis, shape (T,), degrees, for qpos (T, nq)."""
+        """Angle of the line from hips to shoulders to the human's, shape (T,), degrees, for qpos (T, nq)."""
         ahead, left = (limbs[:, LIMBS.index(f"chest_{axis}")] for axis in ("ahead", "left"))
-        human = np.stack([ahead, left, np.cross(ahead, left)], axis=-1)
-        stood, (chest, pelvis) = self.standing.xmat.reshape(-1, 3, 3), self._trunk
-        traces = np.empty(len(qpos))
+        lines = np.empty((len(qpos), 3))
         for frame, q in enumerate(qpos):
             self._data.qpos[:] = q
             mujoco.mj_kinematics(self.model, self._data)
-            now = self._data.xmat.reshape(-1, 3, 3)
-            turned = stood[pelvis] @ now[pelvis].T @ now[chest] @ stood[chest].T
-            traces[frame] = np.sum(turned * human[frame])
-        angles: Array = np.degrees(np.arccos(np.clip(0.5 * (traces - 1.0), -1.0, 1.0)))
-        return angles
+            upper, lower = (
+                self._data.xpos[body] + self._data.xmat[body].reshape(3, 3) @ point for body, point in self._line
+            )
+            lines[frame] = (upper - lower) / np.linalg.norm(upper - lower)
+        return degrees_between(lines, np.cross(ahead, left))
 
-    def goals(self, limbs: Array) -> Array:
-        """The segments' directions for a human's limbs (T, 14, 3), shape (T, K, 3)."""
-        return limbs[:, [LIMBS.index(segment.name) for segment in self.segments]]
+    def goals(self, limbs: Array, qpos: Array) -> Array:
+        """A human's limbs (T, 16, 3), in the world, seen from the trunk of a robot at qpos (T, nq): shape (T, K, 3)."""
+        rows = [LIMBS.index(segment.name) for segment in self.segments]
+        trunks = [segment.trunk for segment in self.segments]
+        stood, found = self.standing.xmat.reshape(-1, 3, 3)[trunks], np.empty((len(qpos), len(rows), 3))
+        for frame, q in enumerate(qpos):
+            self._data.qpos[:] = q
+            mujoco.mj_kinematics(self.model, self._data)
+            turned = np.matmul(stood, self._data.xmat.reshape(-1, 3, 3)[trunks].transpose(0, 2, 1))
+            found[frame] = np.matmul(turned, limbs[frame, rows, :, None])[..., 0]
+        return found
 
     def _found(self, side: str, names: tuple[str, str], parts: list[int], trunk: int) -> list[LimbSegment]:
         model, data, body = self.model, self.standing, parts[0]
@@ -133,7 +144,7 @@ class LimbDirections:
         tip = self._tip(end, data.xanchor[hinges[0]])
         limb = "arm" if names is SEGMENTS["arm"] else "leg"
         first = int(model.body_parentid[model.jnt_bodyid[hinges[0]]])
-        self._ends[f"{side}_{limb}"] = trunk, self._local(first, start_of(data, hinges, tip)), self._local(end, tip)
+        self._ends[f"{side}_{limb}"] = self._local(first, start_of(data, hinges, tip)), self._local(end, tip)
         fold = [self._fold(joint, hinges[:k], end, tip) for k, joint in enumerate(hinges) if k]
         # The robot file decides between hinges that fold the limb about as much.
         alike = [1 + k for k, change in enumerate(fold) if change >= FOLDS_ALIKE * max(fold)]
@@ -141,6 +152,7 @@ class LimbDirections:
         joint = hinges[middle]
         knee, axis = data.xanchor[joint].copy(), data.xaxis[joint].copy()
         start = level_with(centre_of(data, hinges[:middle], knee), knee, axis)
+        self._starts[limb].append(start)
         ankle = end_hinge(data, hinges[middle + 1 :], knee, float(np.linalg.norm(knee - start)))
         far = level_with(tip if ankle is None else data.xanchor[ankle], knee, axis)
         upper, lower = int(model.body_parentid[model.jnt_bodyid[joint]]), int(model.jnt_bodyid[joint])

@@ -41,6 +41,7 @@ from sim.retargeting.footing import Footing
 from sim.retargeting.human_stance import HumanStance
 from sim.retargeting.retarget import MannequinRetargeter, ServoHumanoidRetargeter
 from sim.retargeting.robot_limbs import RobotLimbs
+from sim.retargeting.robot_trunk import STIFF, RobotTrunk
 
 DT = 0.005  # default time from pose to pose, s
 FEET = ("r_foot", "l_foot")  # the parts that a robot stands on, as a robot file names them
@@ -155,8 +156,8 @@ class RobotLoader:
             retarget = JointRetargeter(skeleton, body.layout.joints, body.rest)
             return Robot(file.name, *body, body.rest, retarget, scale, file.servo, own=file.limits.joints)
         stance = HumanStance(skeleton, dt)
-        retarget = _retargeter(path, file, body, skeleton, solver or file.solver, dt, stance)
-        return _humanoid(file, body, skeleton, retarget, *_footing(file, body.model, stance, scale))
+        retarget, trunk = _retargeter(path, file, body, skeleton, solver or file.solver, dt, stance)
+        return _humanoid(file, body, skeleton, retarget, *_footing(file, body.model, stance, scale, trunk))
 
 
 class _FittedModel(NamedTuple):
@@ -192,7 +193,9 @@ def _humanoid(
     return Robot(file.name, *body, bent(TUCKED), retarget, scale, *settings)
 
 
-def _footing(file: RobotFile, model: mujoco.MjModel, stance: HumanStance, scale: float) -> tuple[float, Footing]:
+def _footing(
+    file: RobotFile, model: mujoco.MjModel, stance: HumanStance, scale: float, trunk: RobotTrunk
+) -> tuple[float, Footing]:
     """The size of a robot over the human's, to its pelvis, and what puts its feet on the ground."""
     feet = [model.body(file.parts[foot]).id for foot in FEET if foot in file.parts]
     turned, waist = np.array(file.root_rotation), None
@@ -201,12 +204,12 @@ def _footing(file: RobotFile, model: mujoco.MjModel, stance: HumanStance, scale:
         if pelvis.below_a_waist:
             waist = pelvis
             scale *= 1.0 + pelvis.above_root / file.root_height if file.root_height else 1.0
-    return scale, Footing(stance, model, feet, turned, scale, waist)
+    return scale, Footing(stance, model, feet, turned, scale, waist, trunk)
 
 
 def _retargeter(
     path: Path, file: RobotFile, body: _FittedModel, skeleton: Skeleton, solver: Solver, dt: float, stance: HumanStance
-) -> Retargeter:
+) -> tuple[Retargeter, RobotTrunk]:
     joints, limits = body.layout.joints, body.limits
     if solver == "ik" and not file.parts:
         raise FileFormatError(f"{path}: solver 'ik' needs a table [parts]: `motiondeck robot calibrate` writes one")
@@ -215,10 +218,13 @@ def _retargeter(
     if solver == "ik" and limbs is not None:
         from sim.retargeting.inverse_kinematics import InverseKinematics
 
-        return InverseKinematics(skeleton, limbs, limits, body.rest, dt, stance)
+        trunk = RobotTrunk(skeleton, limbs.waist(limits))
+        return InverseKinematics(skeleton, limbs, limits, body.rest, dt, stance, trunk), trunk
     try:
+        trunk = RobotTrunk(skeleton, limbs.waist(limits, stiff=True) if limbs else STIFF)
         ranges = limits.lower, limits.upper
-        return ServoHumanoidRetargeter(skeleton, joints, *ranges, file.angles, body.rest, stance.flat, dt)
+        retarget = ServoHumanoidRetargeter(skeleton, joints, *ranges, file.angles, body.rest, stance.flat, dt, trunk)
+        return retarget, trunk
     except UnknownNameError as error:
         raise UnknownNameError(f"{path}: {error}") from None
 

@@ -64,7 +64,8 @@ def try_robot(file: Path) -> CalibrationTrial:
         for name, (mean, worst) in directions.errors(carried.qpos, carried.limbs).items():
             before = off.get(name, (0.0, 0.0))
             off[name] = (before[0] + mean / len(MOTIONS), max(before[1], worst))
-        for limb in limb_causes(robot, directions, carried.wanted, carried.played, carried.limbs, RATE):
+        goals = directions.goals(carried.limbs, carried.qpos)
+        for limb in limb_causes(robot, directions, carried.wanted, carried.played, goals, RATE):
             causes |= {name: limb.cause for name in limb.best if causes.get(name) != "carried wrongly"}
     return CalibrationTrial(off, causes)
 

@@ -43,6 +43,8 @@ REMEDY: dict[str, str] = {
     "carried wrongly": "a wrong body under [parts] is off in every recording, by far: see `robot calibrate --picture`. "
     "In some recordings only, it is what holding soles where they stand or turning arms round costs: leave these out",
 }
+REACH_LIMIT = 25.0  # largest mean angle of a limb that its joints cannot reach, degrees
+TRUNK_MEAN, TRUNK_WORST = 8.0, 20.0  # largest angles of the trunk, degrees
 NAMED = 3  # recordings that the verdict names
 
 
@@ -86,7 +88,25 @@ def faults(row: dict[str, Any]) -> list[str]:
     if "error" in row:
         return ["cannot be carried onto the robot"]
     found = [words for name, words in MUST_BE_ZERO.items() if row[name]]
-    return found + [f"limbs point elsewhere {WHY[cause]}" for cause in off_limits(row) if cause != OUT_OF_REACH]
+    found += ["the trunk leans elsewhere"] * bool(_leaning(row))
+    return found + [f"limbs point elsewhere {WHY[cause]}" for cause in off_limits(row) if _fails(row, cause)]
+
+
+def _fails(row: dict[str, Any], cause: str) -> bool:
+    """Whether limbs that point elsewhere for a cause fail the check."""
+    far = (off["mean"] > REACH_LIMIT for off in row["limbs_deg"].values() if off.get("cause") == cause)
+    return cause != OUT_OF_REACH or any(far)
+
+
+def _leaning(row: dict[str, Any]) -> str:
+    """A phrase for a trunk beyond its limits, or nothing."""
+    off = row.get("trunk_deg", {"mean": 0.0, "worst": 0.0})
+    within = off["mean"] <= TRUNK_MEAN and off["worst"] <= TRUNK_WORST
+    return (
+        ""
+        if within
+        else f"the trunk leans elsewhere, {off['mean']:.0f} degrees on average, {off['worst']:.0f} at worst"
+    )
 
 
 def verdict(rows: Sequence[dict[str, Any]]) -> str:
@@ -127,9 +147,10 @@ def remarks(rows: Sequence[dict[str, Any]]) -> list[str]:
         if row["left_out"]:
             found.append(f"a pose before the motion is left out: {clip}, frames: {row['left_out']}")
         found += [f"fails: {clip}: {row[name]:.0f} x {words}" for name, words in MUST_BE_ZERO.items() if row[name]]
+        found += [f"fails: {clip}: {words}"] if (words := _leaning(row)) else []
         for cause, phrases in off_limits(row).items():
             causes.add(cause)
-            kind = "passes" if cause == OUT_OF_REACH else "fails"
+            kind = "fails" if _fails(row, cause) else "passes"
             found.append(f"{kind}: {clip}: limbs point elsewhere, {cause}: {'; '.join(phrases)}")
     return found + [f"{cause}: {what}" for cause, what in REMEDY.items() if cause in causes]
 
@@ -186,7 +207,8 @@ def _measured(robot: Path, load: RobotLoader, clip: Clip, left_out: int, solver:
             }
             for segment, off in zip(directions.segments, degrees.T, strict=True)
         }
-        for limb in limb_causes(loaded, directions, carried.wanted, carried.played, carried.limbs, clip.rate):
+        goals = directions.goals(carried.limbs, carried.qpos)
+        for limb in limb_causes(loaded, directions, carried.wanted, carried.played, goals, clip.rate):
             for name, (mean, worst) in limb.best.items():
                 segments[name] |= {"cause": limb.cause, "best_mean": mean, "best_worst": worst}
         trunk = directions.trunk_errors(carried.qpos, carried.limbs)

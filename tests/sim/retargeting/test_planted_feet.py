@@ -53,7 +53,7 @@ def spread(limbs, standing, planted=None):
     apart, q = [], solver.q
     for k in range(80):
         stance.begun = k == 0
-        feet(UPRIGHT, solver.q)
+        feet(UPRIGHT, solver.q, np.eye(3))
         q = solver(straddling(0.1 * min(max(k - 30, 0) / 40.0, 1.0)), UP, feet)
         limbs.place(q)
         apart.append(np.linalg.norm(limbs.feet_apart()[:2]))
@@ -83,7 +83,7 @@ def test_a_sole_that_rolls_from_heel_to_ball_stays_where_it_is(limbs):
     (feet, stance), places = planted_feet(limbs, [1.0, 1.0], rolled=[0.0, 0.0]), []
     for k in range(60):
         stance.begun, stance.rolled = k == 0, [min(k / 40.0, 1.0), 0.0]
-        feet(UPRIGHT, solver.q)
+        feet(UPRIGHT, solver.q, np.eye(3))
         q = solver(straddling(0.05), UP, feet)
         limbs.place(q)
         ankles = [limbs.data.xpos[limbs.vectors.body[end, -1]] for end in (0, 1)]
@@ -97,7 +97,7 @@ def test_a_sole_turns_slowly_to_where_the_leg_points_when_it_is_let_go(limbs):
     (feet, stance), shares = planted_feet(limbs, [1.0, 1.0], rolled=[1.0, 1.0]), []
     for k in range(60):
         stance.begun, stance.planted = k == 0, [1.0, 1.0 if k < 30 else 0.0]
-        feet(UPRIGHT, solver.q)
+        feet(UPRIGHT, solver.q, np.eye(3))
         shares.append(feet.turned.copy())
     right, left = np.array(shares).T
     assert left[29] > 0.99
@@ -115,7 +115,7 @@ def test_only_for_a_foot_near_the_floor_the_leg_that_stands_bends(limbs, lifted,
             stands[LIMBS.index(f"{side}_{part}")] = [np.sin(ahead), 0.0, -np.cos(ahead)]
     for k in range(80):
         stance.begun = k == 0
-        feet(UPRIGHT, solver.q)
+        feet(UPRIGHT, solver.q, np.eye(3))
         q = solver(stands, UP, feet)
     assert (abs(q[SERVOS.index("left_knee")] - 0.6) > 0.03) == bends
 

@@ -9,7 +9,7 @@ from controller.motion.rotations import between, conjugate, from_rotation_vector
 from controller.motion.skeleton import Skeleton
 from motiondeck_base.errors import FileFormatError
 from sim.retargeting.arm_angles import FOREARM
-from sim.retargeting.human_limbs import LIMBS, LimbView, up_of
+from sim.retargeting.human_limbs import LIMBS, LimbView
 from sim.retargeting.retarget import (
     GAIN,
     SERVO_HUMANOID_JOINTS,
@@ -278,12 +278,6 @@ def test_goals_out_of_range_are_waited_for_at_the_end_and_counted(servo20):
     assert servo20.retarget.beyond > 0
     angles(servo20, bent_pose(human()))
     assert servo20.retarget.beyond == 0
-
-
-@given(st.integers(0, 2**32 - 1))
-def test_the_vertical_is_seen_from_the_root(seed):
-    pose = random_pose(human(), np.random.default_rng(seed))
-    assert up_of(pose) == pytest.approx(rotate(conjugate(pose.rotation[0]), np.array([0.0, 0.0, 1.0])), abs=1e-12)
 
 
 def test_a_body_without_a_leg_is_refused_by_that_leg():

@@ -168,11 +168,10 @@ def test_a_robot_does_as_a_human_whose_waist_bends_whatever_body_is_its_free_roo
     directions = LimbDirections(robot.model, file.parts, np.array(file.root_rotation))
     human_limbs = LimbView(body)(pose)[None]
     assert max(worst for _, worst in directions.errors(qpos[None], human_limbs).values()) < 5.0
-    assert directions.trunk_errors(qpos[None], human_limbs)[0] < 5.0
+    assert directions.trunk_errors(qpos[None], human_limbs)[0] < 1.0
     data = mujoco.MjData(robot.model)
     data.qpos[:] = qpos
     mujoco.mj_kinematics(robot.model, data)
-    assert abs(data.body(file.parts["pelvis"]).xquat @ lean) == pytest.approx(1.0, abs=1e-6)
     assert LowestPoint(robot.model)(data) == pytest.approx(0.0, abs=1e-6)
     assert robot.path_scale * body.leg_length == pytest.approx(data.body(file.parts["pelvis"]).xpos[2], rel=0.1)
 

@@ -72,22 +72,26 @@ def test_what_is_found_is_within_reach_and_no_grid_of_angles_is_better(tmp_path)
     assert found.min() < 1.5
 
 
+def seen(directions, limbs):
+    return limbs[:, [LIMBS.index(segment.name) for segment in directions.segments]]
+
+
 def test_a_limb_is_out_of_reach_held_back_or_carried_wrongly(tmp_path):
     robot, directions = loaded(tmp_path)
     right = np.tile(random_poses(robot, 1), (9, 1))
     own, limbs = pointing(robot, directions, right), np.zeros((9, len(LIMBS), 3))
     for k, segment in enumerate(directions.segments):
         limbs[:, LIMBS.index(segment.name)] = own[:, k]
-    assert limb_causes(robot, directions, right, right, limbs, 30.0) == []
+    assert limb_causes(robot, directions, right, right, seen(directions, limbs), 30.0) == []
     wrong = right.copy()
     elbow = SERVOS.index("right_elbow")
     wrong[:, elbow] += (
         -1.2 if wrong[0, elbow] > np.mean([robot.limits.lower[elbow], robot.limits.upper[elbow]]) else 1.2
     )
-    (held,) = limb_causes(robot, directions, right, wrong, limbs, 30.0)
+    (held,) = limb_causes(robot, directions, right, wrong, seen(directions, limbs), 30.0)
     assert held.cause == "held back"
     assert held.best["r_forearm"][1] < 1.5
-    (carried,) = limb_causes(robot, directions, wrong, wrong, limbs, 30.0)
+    (carried,) = limb_causes(robot, directions, wrong, wrong, seen(directions, limbs), 30.0)
     assert carried.cause == "carried wrongly"
     # A knee that bends forwards is out of reach: halfway there with a straight leg is the best.
     limbs[:, LIMBS.index("l_thigh")], limbs[:, LIMBS.index("l_shank")] = [0.0, 0.0, -1.0], [1.0, 0.0, 0.0]
@@ -98,13 +102,13 @@ def test_a_limb_is_out_of_reach_held_back_or_carried_wrongly(tmp_path):
         -0.785,
         0,
     ]
-    (cannot,) = limb_causes(robot, directions, halfway, halfway, limbs, 30.0)
+    (cannot,) = limb_causes(robot, directions, halfway, halfway, seen(directions, limbs), 30.0)
     assert cannot.cause == "out of reach"
     assert cannot.best["l_shank"][0] > 30.0
     # Next to so much, a little more is no mistake of the retargeter.
     for more, cause in ((0.25, "out of reach"), (0.9, "carried wrongly")):
         halfway[:, SERVOS.index("left_knee")] = more
-        assert limb_causes(robot, directions, halfway, halfway, limbs, 30.0)[0].cause == cause
+        assert limb_causes(robot, directions, halfway, halfway, seen(directions, limbs), 30.0)[0].cause == cause
 
 
 def test_an_arm_of_three_joints_shares_what_it_cannot_reach(tmp_path):
@@ -118,7 +122,7 @@ def test_an_arm_of_three_joints_shares_what_it_cannot_reach(tmp_path):
                 goals[LIMBS.index(f"{side}_{part}")] = way / np.linalg.norm(way)
         solver.reset()
         there = pointing(robot, directions, [solver(goals, np.array([0.0, 0.0, 1.0]))])
-        wanted = directions.goals(goals[None])
+        wanted = seen(directions, goals[None])
         for limb in directions.limbs:
             rows = [directions.segments.index(segment) for segment in limb]
             best = ReachableLimb(robot.model, directions, limb, robot.joints, robot.limits).best(wanted[:, rows])

@@ -19,7 +19,7 @@ FOLLOWS = '<equality><joint joint1="lid" joint2="left_knee" polycoef="0.1 -0.5 0
 
 
 def swinging(count=30):
-    poses = smooth_poses(human(), np.random.default_rng(3), count, reach=0.3)
+    poses = smooth_poses(human(), np.random.default_rng(3), count, reach=0.2)
     path = np.array([pose.root_position for pose in poses]) + np.arange(count)[:, None] * [0.01, 0.002, 0.0]
     return Clip("swing", human(), RATE, path, np.array([pose.rotation for pose in poses]))
 

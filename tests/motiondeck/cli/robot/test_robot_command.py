@@ -35,7 +35,7 @@ def files(tmp_path_factory):
     folder = tmp_path_factory.mktemp("robot")
     (folder / "small.xml").write_text(humanoid())
     run("calibrate", folder / "small.xml", "--out", folder / "small.toml")
-    poses = smooth_poses(human(), np.random.default_rng(1), 40, reach=0.6)
+    poses = smooth_poses(human(), np.random.default_rng(1), 40, reach=0.4)
     clip = Clip(
         "swing", human(), 60.0, *(np.array([getattr(p, k) for p in poses]) for k in ("root_position", "rotation"))
     )
