@@ -25,17 +25,13 @@ class DeckProcess:
     Args:
         process: with pipes to its standard input, which keeps it alive while it is open, and from its output.
         opened: what is closed when it has ended.
-
-    Attributes:
-        ready: the port for commands, the page's, and the motions.
-        report: how the run went; None until it has ended.
     """
 
     def __init__(self, process: subprocess.Popen[bytes], opened: contextlib.ExitStack) -> None:
         """Waits until it plays. MotiondeckError if it cannot begin, and why."""
         self._process, self._opened = process, opened
         self._starter = os.getpid()
-        self.report: dict[str, Any] | None = None
+        self.report: dict[str, Any] | None = None  # how the run went; None until it has ended
         assert process.stdout is not None
         self._stdout = process.stdout
         first = self._stdout.readline()
@@ -46,7 +42,7 @@ class DeckProcess:
         if not isinstance(ready, Ready):
             self.end()
             raise MotiondeckError(ready.reason if isinstance(ready, Failed) else self.how_it_ended)
-        self.ready = ready
+        self.ready = ready  # the port for commands, the page's, and the motions
 
     @property
     def in_fork(self) -> bool:

@@ -166,10 +166,8 @@ def _name_limb(
 
 
 def _level(skeleton: Skeleton, spine: list[int], arm: int) -> int:
-    """The index in the spine of the last bone of the trunk, from an arm that branches off.
-
-    Bones "A-B" and "A-C" begin in one joint (`joint_tree`): beside a collar bone the spine is still trunk.
-    """
+    """The index in the spine of the last bone of the trunk, from an arm that branches off."""
+    # Bones "A-B" and "A-C" begin in one joint (`joint_tree`): beside a collar bone the spine is still trunk.
     place = spine.index(_parent(skeleton, arm))
     start, way, _ = skeleton.bones[arm].partition("-")
     beside = place + 1 < len(spine) and skeleton.bones[spine[place + 1]].partition("-")[0] == start
@@ -254,10 +252,8 @@ def shaped_anatomy(skeleton: Skeleton) -> Anatomy:
 
 
 def _limb_pairs(skeleton: Skeleton, leaves: list[int]) -> list[tuple[int, int]]:
-    """The pair of legs and the pair of arms; empty if they are ambiguous.
-
-    The limbs of a pair have the same length, in any pose. Legs fork off at the root, arms further up.
-    """
+    """The pair of legs and the pair of arms; empty if they are ambiguous."""
+    # The limbs of a pair have the same length, in any pose. Legs fork off at the root, arms further up.
     length = {bone: skeleton.length[_main_path(skeleton, bone, leaves)] for bone in range(len(skeleton))}
     least = SHORTEST_LIMB * max((float(way.sum()) for way in length.values()), default=0.0)
     found: list[tuple[int, int]] = []

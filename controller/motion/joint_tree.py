@@ -247,10 +247,8 @@ class _Joints:
         return [above for above in way[:trunk] if self._apart[above]]
 
     def ways_on(self, ends: dict[int, list[int]]) -> dict[int, Array]:
-        """Directions of bones that continue those before them, in their own joints: in the zero pose, or on average.
-
-        A zero pose that bends one of them is not that of a body: there the axes of joints are arbitrary.
-        """
+        """Directions of bones that continue those before them, in their own joints: in the zero pose, or on average."""
+        # A zero pose that bends one of them is not that of a body: there the axes of joints are arbitrary.
         tree = self._tree
         straight = {joint: normalise(self.rigid[before[0]]) for joint, before in ends.items()}
         mean: dict[int, Array] = {}

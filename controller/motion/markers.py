@@ -27,10 +27,8 @@ class Markers:
 
 
 def unit_of_size(position: Array) -> float:
-    """The unit, m, mm or cm, in which points (T, M, 3), NaN where not seen, have the size of a person.
-
-    Judged by the median frame; millimetres if no two points were seen.
-    """
+    """The unit, m, mm or cm, in which points (T, M, 3), NaN where not seen, have the size of a person."""
+    # Judged by the median frame; millimetres if no two points were seen.
     there = np.isfinite(position)
     highest = np.where(there, position, -np.inf).max(axis=1)
     lowest = np.where(there, position, np.inf).min(axis=1)

@@ -41,11 +41,9 @@ def poses_of(clip: Clip) -> Iterator[Pose]:
 
 
 def walk_path(posture: Posture, dt: float, speed: float = 1.0) -> Pose:
-    """The poses of a posture sequence of shape (T, ...) that starts at the origin facing x.
-
-    Heading and path integrate the turn rates and velocities in steps of dt seconds, the first frame included, as in
-    Jaeger's patterns.
-    """
+    """The poses of a posture sequence of shape (T, ...) that starts at the origin facing x."""
+    # Heading and path integrate the turn rates and velocities in steps of dt seconds, the first frame included, as in
+    # Jaeger's patterns.
     heading = np.cumsum(posture.turn_rate * dt * speed)
     step = posture.velocity * dt * speed
     cos, sin = np.cos(heading), np.sin(heading)

@@ -20,10 +20,7 @@ def unit_name(unit: float) -> str:
 
 
 def unit_decision(unit: float, other: float | None, leg: float, given: float | None, fixed: float | None) -> Decision:
-    """The decision about the unit of a file, m, with a leg of `leg` m; `given` by option or `fixed` by the format.
-
-    `other` is another unit that fits.
-    """
+    """Of a file's unit, m, with a leg of `leg` m, `given` by option or `fixed` by the format; `other` fits too."""
     why = "as given" if given else "the format's" if fixed else f"a leg is then {leg:.2f} m long"
     if other is not None:
         why += f"; in {unit_name(other)} it is {leg * other / unit:.2f} m, which fits too"

@@ -86,10 +86,7 @@ class RestedBody(NamedTuple):
 
 
 def rest_skeleton(name: str, body: RecordedBody, unit: float | None = None, up: Up | None = None) -> RestedBody:
-    """The skeleton and the motion of a body with at least one bone.
-
-    None detects the unit of length, m, or the vertical axis of the file.
-    """
+    """Skeleton and motion of a body with a bone or more; None detects the unit of length, m, or the vertical axis."""
     zero = np.tile(IDENTITY, (1 + len(body.bones), 1))
     stances = [_stance(body, axis, zero) for axis in AXES]
     best = max(stances, key=lambda stance: stance.upright)

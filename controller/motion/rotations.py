@@ -115,10 +115,8 @@ def to_rotation_vector(q: Array) -> Array:
 
 
 def nearest_rotation_vector(vector: Array, other: Array) -> Array:
-    """Of the two rotation vectors (|angle| < 2 pi) of one rotation the one nearer to another, shapes (..., 3).
-
-    Keeps differences continuous when they pass half a turn, where the smaller angle changes sign.
-    """
+    """Of the two rotation vectors (|angle| < 2 pi) of one rotation the one nearer to another, shapes (..., 3)."""
+    # Keeps differences continuous when they pass half a turn, where the smaller angle changes sign.
     angle = np.linalg.norm(vector, axis=-1, keepdims=True)
     around = vector * (1.0 - 2.0 * np.pi / np.maximum(angle, 1e-9))
     far = np.linalg.norm(vector - other, axis=-1, keepdims=True)
@@ -144,11 +142,9 @@ def between(a: Array, b: Array) -> Array:
 
 
 def _nearly_opposite(a: Array, b: Array) -> Array:
-    """As `between`, for b near -a, where 1 + a . b and a x b are inaccurate.
-
-    With p a unit vector across a such that b = cos t a + sin t p, rotating by t about a x p gives b to the last digit
-    even if p itself is inaccurate.
-    """
+    """As `between`, for b near -a, where 1 + a . b and a x b are inaccurate."""
+    # With p a unit vector across a such that b = cos t a + sin t p, rotating by t about a x p gives b to the last digit
+    # even if p itself is inaccurate.
     cosine = dot(a, b)
     across = b - cosine[..., None] * a
     sine = np.sqrt(dot(across, across))
@@ -176,11 +172,10 @@ _DAVENPORT = _davenport(np.eye(9).reshape(9, 3, 3)).reshape(9, 16)
 
 
 def best_fit(m: Array) -> Array:
-    """Quaternions (..., 4), w >= 0, that maximise trace(R' m) for matrices m (..., 3, 3).
-
-    With m = sum_i d_i r_i' this is the best rotation of directions r_i onto d_i (Wahba's problem, solved by Davenport's
-    q-method: the largest eigenvector of a symmetric 4 x 4 matrix). There is no division, so half turns are safe.
-    """
+    """Quaternions (..., 4), w >= 0, that maximise trace(R' m) for matrices m (..., 3, 3)."""
+    # With m = sum_i d_i r_i' this is the best rotation of directions r_i onto d_i (Wahba's problem, solved by
+    # Davenport's q-method: the largest eigenvector of a symmetric 4 x 4 matrix). There is no division, so half turns
+    # are safe.
     if m.ndim == 2 and (found := _best_fit_of_one(m)) is not None:
         return found
     k = (m.reshape(*m.shape[:-2], 9) @ _DAVENPORT).reshape(*m.shape[:-2], 4, 4)
@@ -189,11 +184,9 @@ def best_fit(m: Array) -> Array:
 
 
 def _best_fit_of_one(m: Array) -> Array | None:
-    """As `best_fit` for one matrix, in plain numbers, twice as fast; None where that is inexact.
-
-    Newton's method from above on the characteristic polynomial of Davenport's matrix K, without a cubic term, finds its
-    largest eigenvalue (Theobald 2005); the eigenvector is the first column of the adjugate of K - lambda.
-    """
+    """As `best_fit` for one matrix, in plain numbers, twice as fast; None where that is inexact."""
+    # Newton's method from above on the characteristic polynomial of Davenport's matrix K, without a cubic term, finds
+    # its largest eigenvalue (Theobald 2005); the eigenvector is the first column of the adjugate of K - lambda.
     a, b, c, d, e, f, g, h, i = m.ravel().tolist()
     ca, cb, cc = e * i - f * h, f * g - d * i, d * h - e * g
     cd, ce, cf = c * h - b * i, a * i - c * g, b * g - a * h

@@ -127,10 +127,7 @@ def film_look(
 
 
 def film_run(spec: RunSpec, program: Program, video: Path, look: FilmLook) -> tuple[dict[str, Any], str]:
-    """Films a run, by default as long as its timeline; its report, and a line for the terminal.
-
-    MotiondeckError if a command of the timeline is not for a film.
-    """
+    """Films a run, by default all its timeline: report and line for the terminal. MotiondeckError by its commands."""
     for timed in program.timeline:
         try:
             timed.message.row.check_use("film")

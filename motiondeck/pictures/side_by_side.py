@@ -54,10 +54,8 @@ class SideBySide:
         self._qpos = np.zeros(self.model.nq)
 
     def qpos(self, pose: Pose, own_path: bool = False) -> Array:
-        """The qpos (nq,) of both in a pose; overwritten by the next call.
-
-        The robot is kept beside the human, or goes as far as its own steps carry it: then its feet do not slide.
-        """
+        """The qpos (nq,) of both in a pose; overwritten by the next call."""
+        # The robot is kept beside the human, or goes as far as its own steps carry it: then its feet do not slide.
         split = self.human.model.nq
         small = replace(pose, root_position=pose.root_position * self.scale)
         self.human.place(self.human.retarget(small), small, self._qpos[:split])

@@ -28,11 +28,9 @@ def unplayed_balls(model: mujoco.MjModel) -> str:
 
 
 def hinges_for_balls(spec: mujoco.MjSpec) -> None:
-    """Replaces each driven ball joint, or all in a model without actuators, by three hinges with the ball's range.
-
-    The first axis goes from side to side, the last along the limb, the second across both: they are singular only if
-    the limb points straight to the side.
-    """
+    """Replaces each driven ball joint, or all in a model without actuators, by three hinges with the ball's range."""
+    # The first axis goes from side to side, the last along the limb, the second across both: they are singular only if
+    # the limb points straight to the side.
     balls = [joint for joint in spec.joints if joint.type == mujoco.mjtJoint.mjJNT_BALL]
     for ball in balls:
         ball.range = (0.0, float(np.abs(ball.range).max()))  # a URDF's goes both ways, which MuJoCo refuses

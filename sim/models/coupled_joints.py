@@ -49,10 +49,8 @@ def led_joints(model: mujoco.MjModel) -> tuple[LedJoints, ...]:
 
 
 def followers(model: mujoco.MjModel) -> dict[int, tuple[int, np.ndarray]]:
-    """Joints with an active equality constraint: joint -> (leader, the five coefficients of its polynomial).
-
-    A joint that is held leads itself, by a constant.
-    """
+    """Joints with an active equality constraint: joint -> (leader, the five coefficients of its polynomial)."""
+    # A joint that is held leads itself, by a constant.
     coupled = {}
     for equality in np.flatnonzero((model.eq_type == mujoco.mjtEq.mjEQ_JOINT) & (model.eq_active0 != 0)):
         follower, leader = int(model.eq_obj1id[equality]), int(model.eq_obj2id[equality])

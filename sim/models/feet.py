@@ -95,10 +95,8 @@ def _foot(model: mujoco.MjModel, data: mujoco.MjData, body: int) -> Foot:
 
 
 def _flat_side(model: mujoco.MjModel, geoms: NDArray[np.intp], down: Array) -> tuple[Array, Array] | None:
-    """The largest side of the hull of solids that faces down (3,): its upward normal (3,) and corners (N, 3).
-
-    None for a rounded foot, whose flat side is small beside the hull.
-    """
+    """The largest side of the hull of solids that faces down (3,): its upward normal (3,) and corners (N, 3)."""
+    # None for a rounded foot, whose flat side is small beside the hull.
     from scipy.spatial import ConvexHull, QhullError  # slow to import
 
     points = np.concatenate([outline(model, int(geom)) for geom in geoms])

@@ -85,10 +85,8 @@ def _tied(spec: mujoco.MjSpec, equality: mujoco.MjsEquality) -> list[str]:
 
 
 def _clear_rails(spec: mujoco.MjSpec, root: mujoco.MjsBody) -> None:
-    """Removes undriven joints by which the root slides and turns against the world.
-
-    Some files have three, or six, in place of a free joint, perhaps each on a body without solids.
-    """
+    """Removes undriven joints by which the root slides and turns against the world."""
+    # Some files have three, or six, in place of a free joint, perhaps each on a body without solids.
     rails, body = [*root.joints], root
     while not body.geoms and len(body.bodies) == 1:
         body = body.bodies[0]

@@ -31,10 +31,8 @@ def farthest(points: Sequence[Array], start: Array) -> Array:
 
 
 def start_of(data: mujoco.MjData, hinges: Sequence[int], knee: Array) -> Array:
-    """The beginning of a limb, shape (3,): of the points of its hinges' axes nearest to a knee (3,) the farthest.
-
-    Where along its axis a file has a hinge is arbitrary.
-    """
+    """The beginning of a limb, shape (3,): of the points of its hinges' axes nearest to a knee (3,) the farthest."""
+    # Where along its axis a file has a hinge is arbitrary.
     axes, anchors = data.xaxis[list(hinges)], data.xanchor[list(hinges)]
     along = np.einsum("hi,hi->h", knee - anchors, axes)
     return farthest([*(anchors + along[:, None] * axes)], knee)
@@ -88,10 +86,8 @@ def folds(model: mujoco.MjModel, joint: int, axis: Array, upper: Array, lower: A
 
 
 def level_with(point: Array, knee: Array, axis: Array) -> Array:
-    """A point moved along the axis of a knee level with it, shape (3,), as offsets along it do not turn the limb.
-
-    An axis along the limb moves nothing.
-    """
+    """A point moved along the axis of a knee level with it, shape (3,), as offsets along it do not turn the limb."""
+    # An axis along the limb moves nothing.
     aside = float((point - knee) @ axis)
     if abs(aside) > CENTRE_SHARE * float(np.linalg.norm(point - knee)):
         return point.copy()

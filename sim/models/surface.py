@@ -35,12 +35,10 @@ class Surface:
 
     @classmethod
     def of(cls, model: mujoco.MjModel) -> Surface:
-        """The skin of all moving bodies: of their colliding solids, if any, else of all.
-
-        The other solids of a body count too where they reach much farther, or its colliding ones end at its centre of
-        mass or before, seen from its joint, as a bumper at an elbow does; and where those end there as well, the box of
-        its inertia.
-        """
+        """The skin of all moving bodies: of their colliding solids, if any, else of all."""
+        # The other solids of a body count too where they reach much farther, or its colliding ones end at its centre of
+        # mass or before, seen from its joint, as a bumper at an elbow does; and where those end there as well, the box
+        # of its inertia.
         balls: dict[int, list[tuple[Array, float]]] = {body: [] for body in range(model.nbody)}
         touching = solids(model)
         for geom in touching:

@@ -132,10 +132,8 @@ class Recovery:
         return self.phase in (Phase.RISES, Phase.LIES) or (self.phase is Phase.FALLS and self.seconds > GIVEN_UP)
 
     def adjust(self, legs: Legs, data: mujoco.MjData, before: Array, goal: Array, *, held: bool = False) -> None:
-        """Replaces the joints of a goal (nq,), given the last goal and the robot's state.
-
-        A held robot pauses on its way up, but still protects itself in a fall.
-        """
+        """Replaces the joints of a goal (nq,), given the last goal and the robot's state."""
+        # A held robot pauses on its way up, but still protects itself in a fall.
         if not (held and self.phase in (Phase.RISES, Phase.JOINS)) or self.stands:
             self._ticks += 1
         if legs.falling and self.phase in (Phase.PLAYS, Phase.JOINS):

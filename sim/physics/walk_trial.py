@@ -69,10 +69,8 @@ def play_course(robot: Robot, play: Callable[[float], tuple[Array, Pose]], secon
 
 
 def pushes(impulse: float, seed: int) -> Callable[[float], Array]:
-    """The force (3,), N, on the root over time, s: pushes of an impulse, N s, from one side after another.
-
-    The first one comes from behind with seed 0, at a random time from a random side with others.
-    """
+    """The force (3,), N, on the root over time, s: pushes of an impulse, N s, from one side after another."""
+    # The first one comes from behind with seed 0, at a random time from a random side with others.
     random = np.random.default_rng(seed)
     first, late = (random.uniform(0.0, 2.0 * np.pi), random.uniform(0.0, 0.5 * PERIOD)) if seed else (0.0, 0.0)
 

@@ -302,10 +302,8 @@ class _Matcher:
 
 
 def is_left(name: str, other: str) -> bool | None:
-    """Whether the first of two names that differ by a word for left and right is the left one; None if unclear.
-
-    One of the words may be missing, as in "foot" and "foot_left"; numbers do not count.
-    """
+    """Whether the first of two names that differ by a word for left and right is the left one; None if unclear."""
+    # One of the words may be missing, as in "foot" and "foot_left"; numbers do not count.
     name, other = (re.sub(r"\d+", "", one.lower()) for one in (name, other))
     for left, right in SIDES:
         for at in range(len(name)):

@@ -133,10 +133,7 @@ def unit_doubts(model: mujoco.MjModel, height: float) -> list[Doubt]:
 
 
 def range_doubts(model: mujoco.MjModel, parts: dict[str, str], standing: mujoco.MjData) -> list[Doubt]:
-    """Hinges of a left leg or arm whose ranges do not mirror the right one, such as a knee with the wrong sign.
-
-    `standing` is the robot that faces x.
-    """
+    """Hinges of a left leg or arm whose ranges do not mirror the right one, for a robot `standing` along x."""
     found = []
     for trunk, ends in (("pelvis", ("foot", "shank")), ("chest", ("hand", "forearm"))):
         end = next((end for end in ends if f"r_{end}" in parts and f"l_{end}" in parts), None)

@@ -54,10 +54,7 @@ def by_motion(files: Iterable[Path]) -> list[list[Path]]:
 
 
 def read_takes(files: Sequence[Path]) -> tuple[Clip, Plays]:
-    """The motion of some takes, and whether it loops.
-
-    FileFormatError if one cannot be read, or joints, rates, motions or modes differ.
-    """
+    """The motion of some takes, and whether it loops; FileFormatError if one is unreadable, or unlike the others."""
     clips = [read_clip(file) for file in files]
     plays: list[Plays] = [taught_mode(file) for file in files]
     for file, clip, how in zip(files, clips, plays, strict=True):

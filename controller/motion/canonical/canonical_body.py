@@ -302,10 +302,9 @@ def _from_canonical(clip: Clip, skeleton: Skeleton) -> Clip:
 
 
 def _rest_places(skeleton: Skeleton, marks: Landmarks, recorded: Array | None = None) -> tuple[Array, Array]:
-    """Positions of root and landmarks in the rest pose, (20, 3), and directions of the canonical bones, (19, 3).
-
-    The guess of a rest pose may bend the pelvis, whose bones are rigid: a recorded frame (1, 1 + B, 4) straightens it.
-    """
+    """Positions of root and landmarks in the rest pose, (20, 3), and directions of the canonical bones, (19, 3)."""
+    # The guess of a rest pose may bend the pelvis, whose bones are rigid: a recorded frame (1, 1 + B, 4) straightens
+    # it.
     rotation = np.tile(IDENTITY, (1, 1 + len(skeleton), 1))
     joints = [marks.joint["lhip"], marks.joint["rhip"], *([] if marks.root is None else [marks.root])]
     if recorded is not None:

@@ -21,10 +21,7 @@ _FLOAT32 = np.finfo(np.float32)
 
 @dataclass(frozen=True, eq=False)
 class Normalisation:
-    """The map of C channels to [-1, 1] and back.
-
-    MotiondeckError if the shapes disagree, a number is not finite or a scaling is negative.
-    """
+    """The map of C channels to [-1, 1] and back; MotiondeckError for other shapes, NaN or a negative scaling."""
 
     shift: Array  # shape (C,), in the channels' units
     scaling: Array  # shape (C,); 0 for a channel that is constant, which maps to 0 and back to its constant

@@ -40,10 +40,7 @@ class Variable:
 
 
 def read_mat(path: str | Path) -> dict[str, Variable]:
-    """The variables of a MAT file by name.
-
-    FileFormatError if it cannot be read, is of another format, damaged, or unpacks beyond LARGEST_UNPACKED.
-    """
+    """The variables of a MAT file by name; FileFormatError if it is of another format, damaged, or too large."""
     content = read_bytes(path, LARGEST)
     if content.startswith(b"MATLAB 7.3"):
         raise FileFormatError(f"{path}: this MAT file is in the 7.3 format. Save it in MATLAB with the option -v7.")

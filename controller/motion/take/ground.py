@@ -75,10 +75,7 @@ def contacts_of(joints: Array, rate: float) -> Contacts:
 
 
 def grounded(clip: Clip, wanted: float | str) -> tuple[Clip, Decision]:
-    """A clip of a body with legs on a floor at height 0.
-
-    `wanted` is "auto", "none", or the height of the floor in the file, m.
-    """
+    """A clip of a body with legs on a floor at height 0; `wanted` is "auto", "none", or its height in the file, m."""
     if wanted == "none":
         return clip, Decision("ground", "as in the file", "as given", OVERRULE)
     if isinstance(wanted, float | int):
@@ -176,10 +173,8 @@ def _levelled(clip: Clip, feet: Contacts) -> tuple[Clip, str, str] | None:
 
 
 def _fitted(places: Array, height: Array, weight: Array, wide: float = 0.0) -> tuple[Array, Array]:
-    """What remains of heights (K,) over a plane or a line through places (K, D), and its slope (D,).
-
-    There is no slope in directions in which the places extend less than `wide`.
-    """
+    """What remains of heights (K,) over a plane or a line through places (K, D), and its slope (D,)."""
+    # There is no slope in directions in which the places extend less than `wide`.
     aside = places - np.average(places, axis=0, weights=weight**2)
     axes = np.linalg.svd(aside, full_matrices=False)[2]
     axes = axes[np.ptp(aside @ axes.T, axis=0) > wide]

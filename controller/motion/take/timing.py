@@ -37,20 +37,13 @@ MOST_MISSING = 5  # frames; more are a jump
 
 @dataclass(frozen=True)
 class Timing:
-    """Which frames of a file were recorded, and when.
+    """Which frames of a file were recorded, and when."""
 
-    Attributes:
-        frames: the frames that were recorded, shape (K,).
-        at: when, in frames of the file, shape (K,).
-        rate: at which they were recorded, Hz.
-        evidence: the figures; empty if the file is right.
-    """
-
-    frames: NDArray[np.int64]
-    at: Array
-    rate: float
+    frames: NDArray[np.int64]  # the frames that were recorded, shape (K,)
+    at: Array  # when, in frames of the file, shape (K,)
+    rate: float  # at which they were recorded, Hz
     decided: str = ""
-    evidence: str = ""
+    evidence: str = ""  # the figures; empty if the file is right
 
 
 def timing_of(points: Array, rate: float) -> Timing:

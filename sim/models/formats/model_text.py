@@ -32,10 +32,8 @@ _FILE = re.compile(r"""(<mesh\b[^>]*\bfilename\s*=\s*["'])(?:file://)?([^"':]+)(
 
 
 def xml_text(path: Path) -> str:
-    """The text of a file without its XML declaration; FileFormatError if it cannot be read.
-
-    The encoding is that of its first bytes or declaration, else UTF-8 or Latin-1.
-    """
+    """The text of a file without its XML declaration; FileFormatError if it cannot be read."""
+    # The encoding is that of its first bytes or declaration, else UTF-8 or Latin-1.
     try:
         content = path.read_bytes()
     except OSError as error:

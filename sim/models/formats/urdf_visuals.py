@@ -35,10 +35,8 @@ def note_source(spec: mujoco.MjSpec, file: Path, packages: Mapping[str, Path]) -
 
 
 def with_visuals(spec: mujoco.MjSpec) -> mujoco.MjModel:
-    """A model with the visual shapes of its URDF in place of the collision shapes of the same bodies.
-
-    Bodies with unreadable or missing meshes keep their collision shapes, and so do all without a readable URDF.
-    """
+    """A model with the visual shapes of its URDF in place of the collision shapes of the same bodies."""
+    # Bodies with unreadable or missing meshes keep their collision shapes, and so do all without a readable URDF.
     shown = _with_visuals(spec)
     return spec.compile() if shown is None else shown[1]
 

@@ -89,10 +89,8 @@ class StaticChecks:
         ]
 
     def _held_back(self, played: PlayedMotion, tempo: float, until: float = np.inf) -> Array:
-        """Distance at which the limiter keeps each joint from its target for longer than BRIEFLY, shape (J,), rad.
-
-        It ends once a joint exceeds `until`, rad, for that long.
-        """
+        """Distance at which the limiter keeps each joint from its target for longer than BRIEFLY, shape (J,), rad."""
+        # It ends once a joint exceeds `until`, rad, for that long.
         targets = targets_at(played, tempo, TICK)
         inside = np.clip(targets, self._limits.lower, self._limits.upper)
         limited = self._limiter(self._limits, TICK)

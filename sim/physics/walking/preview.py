@@ -60,10 +60,8 @@ class Preview:
         self.travel = Travel(dt)  # distance of the motion up to the body's tick
 
     def add(self, goal: Array, heading: float, soles: Array, yaws: Array, pitches: Array) -> None:
-        """Adds the next tick, a posture (nq,) with heading, rad, soles (2, 3), m, their yaws and pitches (2,), rad.
-
-        Before the first one, the motion stood still.
-        """
+        """Adds the next tick, a posture (nq,) with heading, rad, soles (2, 3), m, their yaws and pitches (2,), rad."""
+        # Before the first one, the motion stood still.
         for _ in range(1 if self._ring else self._ring.maxlen or 1):
             self._ring.append((goal.copy(), heading))
         self._newest += self._dt

@@ -95,10 +95,8 @@ def _between(one: Knot, other: Knot, share: float) -> Knot:
 
 
 def swing_path(share: float) -> tuple[float, float]:
-    """Share of a swinging foot's way and of its lift, at a share of its time.
-
-    The speed is a trapezoid, because its joints have hardly any speed to spare.
-    """
+    """Share of a swinging foot's way and of its lift, at a share of its time."""
+    # The speed is a trapezoid, because its joints have hardly any speed to spare.
     u = min(max(share, 0.0), 1.0)
     near = min(u, 1.0 - u)
     way = near**2 / (2.0 * RAMP * (1.0 - RAMP)) if near < RAMP else (near - 0.5 * RAMP) / (1.0 - RAMP)

@@ -230,10 +230,8 @@ class Walker:
         return turning @ (np.array([ahead, aside]) / max(far, 1.0) - lasting)
 
     def _feet(self, tilt: Array) -> tuple[list[Array], list[Array]]:
-        """Goals of the soles and rotations of the feet; the swinging foot is raised against the trunk's tilt.
-
-        It is not turned: a sole that lands flat under a tilted trunk keeps it tilted, step after step.
-        """
+        """Goals of the soles and rotations of the feet; the swinging foot is raised against the trunk's tilt."""
+        # It is not turned: a sole that lands flat under a tilted trunk keeps it tilted, step after step.
         gait, step = self._gait, self._gait.step
         places, yaws = [np.array([*place, 0.0]) for place in gait.places], gait.yaws.copy()
         if step is not None:

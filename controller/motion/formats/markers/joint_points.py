@@ -75,10 +75,8 @@ def joint_points(markers: Markers) -> dict[str, Array]:
 
 
 def turned_over(points: Markers) -> Markers:
-    """Points in camera axes (vertical axis down), rotated by half a turn about x; others unchanged.
-
-    Legs that point up may be those of a handstand: then the arms are stretched away from them.
-    """
+    """Points in camera axes (vertical axis down), rotated by half a turn about x; others unchanged."""
+    # Legs that point up may be those of a handstand: then the arms are stretched away from them.
     joints = joint_points(points)
     if not all(joint in joints for joint in (*LEGS, *ARMS)):
         return points
