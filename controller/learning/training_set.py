@@ -12,7 +12,7 @@ import numpy as np
 from controller.learning.measures.recording_errors import RecordedPart, recorded_part
 from controller.learning.measures.self_test import Judge
 from controller.learning.preparation.cycles import aligned_cycles
-from controller.learning.preparation.loops import best_seam, close_loop, hold_end
+from controller.learning.preparation.loops import best_seam, close_loop, hold_end, in_place
 from controller.learning.preparation.person_styles import person_variants
 from controller.learning.preparation.pins import pinned
 from controller.learning.preparation.takes import read_takes
@@ -223,7 +223,7 @@ def to_learn(
         part = LearnedPart(begin, begin + len(channels) / rate, recorded)
         return hold_end(channels, encoding.velocities, rate), part
     features = joint_features(encoding, channels)
-    seam = best_seam(features, rate, at_least=loop_keeps)
+    seam = best_seam(in_place(features), rate, at_least=loop_keeps)
     part = LearnedPart(
         begin + seam.start / rate,
         begin + seam.end / rate,

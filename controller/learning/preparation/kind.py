@@ -14,6 +14,7 @@ from controller.learning.preparation.loops import (
     Seam,
     best_seam,
     close_loop,
+    in_place,
     largest_omission,
     with_velocities,
 )
@@ -28,9 +29,8 @@ LOOP_KEEPS = 0.5  # a loop keeps at least this share of its recording
 # periods is kept, if that deviates by LESS of it.
 EASED_MM, ROUND, LESS = 10.0, 0.85, 0.8
 # Largest mismatch at the seam of a loop: of joints, mm, and with velocities, relative to the spread of the motion; of
-# the joints of a repeated motion any, if that share is below LARGE_MOTION; and largest distance of omitted frames from
-# the loop, likewise.
-SEAM_MM, SEAM_SHARE, LARGE_MOTION, LEFT_OUT_SHARE = 45.0, 0.5, 0.4, 0.6
+# joints any, if that share is below LARGE_MOTION; and largest distance of omitted frames from the loop, likewise.
+SEAM_MM, SEAM_SHARE, LARGE_MOTION, LEFT_OUT_SHARE = 45.0, 0.5, 0.33, 0.6
 # A repeated motion has at least PERIODS. Poses a period apart differ by at most ALIKE of what poses at any two times
 # do, and those at a shorter lag by RISES more.
 PERIODS, ALIKE, RISES = 1.4, 0.35, 0.25
@@ -50,39 +50,39 @@ class FoundKind(NamedTuple):
 
 def kind_of(features: Array, rate: float, given: Plays | None = None) -> FoundKind:
     """How a motion with joint positions (T, F), mm, at a rate in Hz plays; `given` overrules the figures."""
-    seam = best_seam(features, rate, at_least=LOOP_KEEPS)
+    places = in_place(features)
+    seam = best_seam(places, rate, at_least=LOOP_KEEPS)
     ends = features[seam.end] - features[seam.start]
     apart = float(np.sqrt(np.square(ends).sum() / (features.shape[1] / 3.0)))
     seen = with_velocities(features, rate)
     spread = spread_of(seen)
-    mismatch, omitted = seam.mismatch / spread, largest_omission(seen, seam) / spread
+    mismatch = float(np.linalg.norm(seen[seam.end] - seen[seam.start])) / spread
+    omitted = largest_omission(seen, seam) / spread
     found, pace = periods(features, rate), pace_at_ends(features, rate)
-    meets = (apart < SEAM_MM and mismatch < SEAM_SHARE) or (found >= PERIODS and mismatch < LARGE_MOTION)
+    meets = (apart < SEAM_MM and mismatch < SEAM_SHARE) or mismatch < LARGE_MOTION
     returns = meets and omitted < LEFT_OUT_SHARE
     plays: Plays = given or ("loop" if returns and (found >= PERIODS or pace >= MOVES_ON) else "once")
     why = (
         f"{found:.1f} periods of at least {PERIODS:g}, or a speed at the ends of {pace:.2f} of at least {MOVES_ON:g} "
         f"of the mean; seam {apart:.0f} mm of at most {SEAM_MM:.0f}, and {mismatch:.2f} of {SEAM_SHARE:g} of the "
-        f"motion's spread ({LARGE_MOTION:g} alone suffices if it is repeated); left out {omitted:.2f} of "
+        f"motion's spread ({LARGE_MOTION:g} alone suffices); left out {omitted:.2f} of "
         f"{LEFT_OUT_SHARE:g} of it"
     )
     words = ("a loop" if plays == "loop" else "once") + (", as given" if given else "")
     decision = Decision("kind", words, why, "--as, or plays in the recipe")
-    if plays == "loop" and found >= PERIODS and (off := eased_mm(features, seam, rate)) > EASED_MM:
-        one = best_seam(features, rate, at_least=min(LOOP_KEEPS, ROUND / found))
-        if eased_mm(features, one, rate) < LESS * off:
+    if plays == "loop" and found >= PERIODS and (off := eased_mm(places, seam, rate)) > EASED_MM:
+        one = best_seam(places, rate, at_least=min(LOOP_KEEPS, ROUND / found))
+        if eased_mm(places, one, rate) < LESS * off:
             return FoundKind(plays, (one.start, one.end), decision, one_round=True)
     return FoundKind(plays, (seam.start, seam.end), decision)
 
 
-def eased_mm(features: Array, seam: Seam, rate: float) -> float:
-    """How far a closed loop deviates from its recording near the seam: 95 % of joints and frames, mm."""
-    off = close_loop(features, seam, slice(0), rate) - features[seam.start : seam.end]
-    joints = off[:, : 3 * (off.shape[1] // 3)].reshape(len(off), -1, 3)
-    if off.shape[1] % 3:
-        joints[..., 2] += off[:, -1:]  # the height of the body
+def eased_mm(places: Array, seam: Seam, rate: float) -> float:
+    """How far joints (T, 3 B), mm, of a closed loop deviate from the recording near the seam: 95 % of them, mm."""
+    off = close_loop(places, seam, slice(0), rate) - places[seam.start : seam.end]
     few = min(round(SEAM_SECONDS * rate), len(off) // 4)
-    return float(np.quantile(np.linalg.norm(np.concatenate([joints[:few], joints[-few:]]), axis=-1), 0.95))
+    near = np.concatenate([off[:few], off[-few:]]).reshape(2 * few, -1, 3)
+    return float(np.quantile(np.linalg.norm(near, axis=-1), 0.95))
 
 
 def periods(features: Array, rate: float) -> float:

@@ -49,6 +49,14 @@ def best_seam(features: Array, rate: float, *, at_least: float) -> Seam:
     return best
 
 
+def in_place(features: Array) -> Array:
+    """Joint positions (T, 3 B) above the ground; features (T, 3 B + 1) have them from the root, and its height last."""
+    joints = features[:, : 3 * (features.shape[1] // 3)].copy()
+    if joints.shape != features.shape:
+        joints[:, 2::3] += features[:, -1:]
+    return joints
+
+
 def with_velocities(features: Array, rate: float) -> Array:
     """Features (T, F) at a rate in Hz, and their velocities times VELOCITY_SECONDS, shape (T, 2 F)."""
     return np.concatenate([features, VELOCITY_SECONDS * rate * slopes(features, rate)], axis=1)
