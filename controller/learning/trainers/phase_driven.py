@@ -34,6 +34,9 @@ from controller.networks.ridge import ridge
 # Frames on either side of a seam and their weight for a readout, so that both pieces meet there.
 SEAM_FRAMES, SEAM_WEIGHT = 3, 100.0
 
+# Steps after the end of a one-shot, of which every HELD_EVERY-th counts for the readout of the pose that it holds.
+HELD_STEPS, HELD_EVERY = 600, 10
+
 FEWEST_PIECE_FRAMES = 8  # a shorter piece does not determine its directions
 
 Motion = TypeVar("Motion", bound=PhaseMotion)
@@ -96,6 +99,11 @@ def with_readouts(unread: Motion, motion: TrainingMotion, normalisation: Normali
         states = np.concatenate([unread.settled_at(driving.level(variant.value)) for variant in motion.variants])
         frames = np.concatenate([variant.frames for variant in motion.variants])
         piece = np.tile(piece, len(motion.variants))
+    elif not motion.loop:
+        # The end may settle slowly, or in another state than the one in which it was learned.
+        later = unread.held_on(HELD_STEPS)[HELD_EVERY - 1 :: HELD_EVERY]
+        states = np.concatenate([states, later])
+        frames, piece = (np.concatenate([a, np.repeat(a[-1:], len(later), axis=0)]) for a in (frames, piece))
     readout = learn_readouts(states, piece, normalisation.invert(frames), regulariser)
     return type(unread)(replace(unread.stored, readout=readout), unread.course, unread.reservoir, driving)
 

@@ -84,6 +84,15 @@ class PhaseMotion(ABC):
             states[frame] = player.state
         return states
 
+    def held_on(self, steps: int) -> Float32:
+        """The states of a one-shot that goes on holding its end, shape (steps, k)."""
+        player = self.player(len(self) - 1, self.states[-1], self.usual)
+        states = np.empty((steps, self.states.shape[1]), dtype=np.float32)
+        for state in states:
+            player.step(len(self) - 1)
+            state[:] = player.state
+        return states
+
     def read(self, every: int = 1) -> Channels:
         """Every n-th frame as its settled states are read out, shape (frames, C)."""
         frames = np.arange(0, len(self), every)

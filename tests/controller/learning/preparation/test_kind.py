@@ -60,7 +60,7 @@ def test_of_rounds_that_drift_one_is_kept(rate):
     walk = steps(rate, 3.3)
     assert not kind_of(walk, rate).one_round
     drift = np.arange(len(walk))[:, None] / rate
-    for drifting in (walk + 25.0 * drift, np.hstack([walk, 900.0 + 30.0 * drift])):  # joints, or the height of the body
+    for drifting in (walk + 15.0 * drift, np.hstack([walk, 900.0 + 30.0 * drift])):  # joints, or the height of the body
         found = kind_of(drifting, rate)
         assert found.plays == "loop"
         assert found.one_round
