@@ -59,12 +59,10 @@ def test_what_is_given_overrules_the_figures(plays):
 def test_of_rounds_that_drift_one_is_kept(rate):
     walk = steps(rate, 3.3)
     assert not kind_of(walk, rate).one_round
-    drift = np.arange(len(walk))[:, None] / rate
-    for drifting in (walk + 15.0 * drift, np.hstack([walk, 900.0 + 30.0 * drift])):  # joints, or the height of the body
-        found = kind_of(drifting, rate)
-        assert found.plays == "loop"
-        assert found.one_round
-        assert found.seam[1] - found.seam[0] == pytest.approx(rate, abs=0.06 * rate)
+    found = kind_of(walk + 15.0 * np.arange(len(walk))[:, None] / rate, rate)
+    assert found.plays == "loop"
+    assert found.one_round
+    assert found.seam[1] - found.seam[0] == pytest.approx(rate, abs=0.06 * rate)
 
 
 @RATES

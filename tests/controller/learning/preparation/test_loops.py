@@ -10,6 +10,7 @@ from controller.learning.preparation.loops import (
     best_seam,
     close_loop,
     hold_end,
+    in_place,
     slopes,
 )
 
@@ -141,3 +142,11 @@ def test_a_jump_is_shared_by_both_sides_of_a_seam():
     assert off[0] == pytest.approx(0.05, abs=0.002)
     assert off[-1] == pytest.approx(-0.05, abs=0.01)
     assert np.abs(off[30:-30]).max() < 0.003
+
+
+def test_the_height_of_a_body_lifts_every_joint():
+    features = np.arange(14.0).reshape(2, 7)
+    joints = in_place(features)
+    assert np.array_equal(joints[:, [2, 5]], features[:, [2, 5]] + features[:, 6:])
+    assert np.array_equal(joints[:, [0, 1, 3, 4]], features[:, [0, 1, 3, 4]])
+    assert np.array_equal(in_place(joints), joints)
