@@ -46,6 +46,13 @@ def test_a_one_shot_ends_where_it_was_learned_to_and_holds(network):
     assert network.phase == 1.0
 
 
+def test_an_end_is_held_on_in_the_states_that_its_readout_is_learned_from(network):
+    bow = network["bow"]
+    network.seek("bow", 1.0)
+    run(network, bow.course.held + 40)
+    assert np.array_equal(network.snapshot()[2], bow.held_on(40)[-1])
+
+
 def test_a_one_shot_that_was_cut_out_of_a_movement_begins_in_its_first_frame():
     _, normalisation = synthetic.lessons()
     taught = synthetic.bow()[60:]
