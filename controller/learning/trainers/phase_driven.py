@@ -103,7 +103,8 @@ def with_readouts(unread: Motion, motion: TrainingMotion, normalisation: Normali
         # The end may settle slowly, or in another state than the one in which it was learned.
         later = unread.held_on(HELD_STEPS)[HELD_EVERY - 1 :: HELD_EVERY]
         states = np.concatenate([states, later])
-        frames, piece = (np.concatenate([a, np.repeat(a[-1:], len(later), axis=0)]) for a in (frames, piece))
+        frames = np.concatenate([frames, np.repeat(frames[-1:], len(later), axis=0)])
+        piece = np.concatenate([piece, np.repeat(piece[-1:], len(later))])
     readout = learn_readouts(states, piece, normalisation.invert(frames), regulariser)
     return type(unread)(replace(unread.stored, readout=readout), unread.course, unread.reservoir, driving)
 
