@@ -27,7 +27,7 @@ _CHAIN = ("UpLeg", "Leg", "Foot", "ToeBase")
 SIDES: tuple[Side, Side] = ("left", "right")
 # Over thigh and shank (Winter 2009, fig. 4.1): upper arm and forearm; half the hips' width; toes ahead of the ankle.
 ARM_PER_LEG, HALF_HIPS_PER_LEG, TOES_AHEAD, TOES_BELOW = 0.68, 0.19, 0.25, 0.045
-SHORTEST_TRUNK = 0.35  # over thigh and shank, usually 0.58: with less the pelvis is not in the file
+SHORTEST_TRUNK, LONGEST_TRUNK = 0.35, 0.9  # over thigh and shank, usually 0.58, from the pelvis to the shoulders
 
 
 def lacks_legs(names: tuple[str, ...]) -> bool:
@@ -49,18 +49,19 @@ class RestingLegs:
 def legs_for(names: tuple[str, ...], position: Array, rotation: Array, path: str | Path) -> RestingLegs:
     """Legs for an upper body with the joints (T, J, 3) and rotations (T, J, 4), in the axes and the unit of its file.
 
-    FileFormatError if a joint of trunk or arms is not known by name, or the pelvis is not in the file.
+    The pelvis is the first joint of pelvis or trunk by name, or else the first one. FileFormatError if that is not as
+    far from the shoulders as a pelvis, or a joint of the arms is not known by name.
     """
     first: dict[NamedPart, int] = {}
     for joint, of in enumerate(named_parts(names)):
         if of is not None:
             first.setdefault(of, joint)
     arms = [[first.get(NamedPart(part, side), -1) for part in _ARM] for side in SIDES]
-    pelvis = first.get(NamedPart("pelvis", "middle"), first.get(NamedPart("trunk", "middle"), -1))
-    if min(pelvis, *chain(*arms)) < 0:
+    pelvis = first.get(NamedPart("pelvis", "middle"), first.get(NamedPart("trunk", "middle"), 0))
+    if min(chain(*arms)) < 0:
         raise FileFormatError(
-            f"{path}: an upper body needs a pelvis and both arms with names that are understood, from shoulder to hand "
-            "(--rename OLD=LeftForeArm and so on)."
+            f"{path}: an upper body needs both arms with names that are understood, from shoulder to hand (--rename "
+            "OLD=LeftForeArm and so on)."
         )
     away = position - position[:, [pelvis]]
     (left, *_), (right, *_) = arms
@@ -68,8 +69,11 @@ def legs_for(names: tuple[str, ...], position: Array, rotation: Array, path: str
     leg = 0.5 * float(np.median(np.linalg.norm(bones, axis=-1), axis=-1).sum()) / ARM_PER_LEG
     back = conjugate(rotation[:, pelvis])
     spine = rotate(back, 0.5 * (away[:, left] + away[:, right])).mean(axis=0)
-    if np.linalg.norm(spine) < SHORTEST_TRUNK * leg:
-        raise FileFormatError(f"{path}: the trunk is too short for an upper body: no joint of it is in the pelvis.")
+    if not SHORTEST_TRUNK * leg < np.linalg.norm(spine) < LONGEST_TRUNK * leg:
+        raise FileFormatError(
+            f"{path}: an upper body needs a joint in its pelvis; '{names[pelvis]}' is too near to or too far "
+            "from the shoulders (--rename OLD=Hips)."
+        )
     up = normalise(spine)
     aside = rotate(back, away[:, left] - away[:, right]).mean(axis=0)
     aside = normalise(aside - (aside @ up) * up)

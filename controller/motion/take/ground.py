@@ -88,9 +88,8 @@ def grounded(clip: Clip, wanted: float | str) -> tuple[Clip, Decision]:
     hips = 0.5 * (joints[:, _index("lhip"), 2] + joints[:, _index("rhip"), 2])
     lowest = _lowest(joints, leg)
     if RESTS in clip.decisions:
-        height = float(np.median(lowest))
-        evidence = f"the feet of the legs that were added are at {height:.2f} m in the median"
-        return _raised(clip, -height), Decision("ground", f"at {height:.3f} m of the file", evidence, OVERRULE, True)
+        decided, evidence = "the feet of the legs that rest stand on it at all times", "they were not recorded"
+        return _raised(clip, -_smoothed(lowest, clip.rate)), Decision("ground", decided, evidence, OVERRULE, True)
     rises = min(float(np.ptp(hips)), float(np.ptp(clip.root_position[:, 2])))
     deep = np.median(lowest) < -BELOW * leg and abs(float(hips.mean())) < BELOW * leg
     if (deep and rises < NO_HEIGHT * leg) or (rises < FIXED and np.ptp(lowest) > RISES):
