@@ -1,6 +1,7 @@
 """The judge of what joints of a fault schedule are: two servos on one horn, several turns, grippers.
 
-pair       the two servos of a joint never work against each other for more than 0.3 s
+pair       the two servos of a joint never work against each other for more than 0.3 s; nor do goals go on for that long
+           to one of them while the other is cut off, listens to another ID or has no torque
 turn       the goal register of a joint that goes through several turns is within its limits, in the true turn of its
            horn; and so is what is kept on disk in the end
 grip       a gripper that presses towards its target with its limit of current does so for as long as something holds
@@ -24,7 +25,7 @@ Note = Callable[[str, Mask, Array], None]
 """Takes what was wrong, with which servos (S,), and how much (S,)."""
 
 _AGAINST = 0.15  # of the stall current
-_AGAINST_FOR = 0.3  # s
+_AGAINST_FOR = _ALONE_FOR = 0.3  # s
 _PRESSES, _LETS_GO = 0.9, 0.6  # of the limit of current
 _PRESSED_FOR, _LET_GO_FOR = 0.2, 0.1  # s
 _BEYOND = 0.3  # rad of the target behind what a gripper holds
@@ -50,6 +51,7 @@ class ActuatorJudge:
         self._against, self._pressed, self._let_go = np.zeros(count), np.zeros(count), np.zeros(count)
         # When a target was last near what a gripper holds, or on its other side, s; and on which side it is.
         self._near, self._side = np.zeros(count), np.zeros(count)
+        self._goals, self._alone = np.full(count, np.nan), np.zeros(count)
         self._astray = np.zeros(count, dtype=np.bool_)
         self._targets = np.full(count, np.nan)
 
@@ -81,6 +83,12 @@ class ActuatorJudge:
         against = (opposed > _AGAINST) & well & well[self._others]
         self._against = np.where(against, self._against + passed, 0.0)
         note("has two servos that work against each other, of the stall current", self._against > _AGAINST_FOR, opposed)
+        joints = zip(self._config.joints, devices, strict=True)
+        away = np.array([device.dead or not device.torque or device.id != joint.id for joint, device in joints])
+        alone = away[self._others] & ~away
+        self._alone = np.where(alone, self._alone + passed * (goals != self._goals), 0.0)
+        self._goals = goals
+        note("was driven on without its other servo, s", self._alone > _ALONE_FOR, self._alone)
         self._astray = self._several & (self._astray | cut_off) & ((goals < self._lower) | (goals > self._upper))
         beyond = (goals < self._lower - PLAY) | (goals > self._upper + PLAY)
         note("has a goal in another turn, rad", self._several & beyond & powered & ~self._astray, goals)

@@ -42,6 +42,7 @@ _TICK = 0.01
 _FOLLOWS = 0.15  # rad
 _CATCHES_UP = 0.1  # part of its speed limit at which a joint that is still far off must turn towards its target
 _BLAME = 5.0  # s after a fault in which it may stop the rig
+_GIVEN_UP = 3.0  # s after a fault in which a servo that it has put elsewhere has been given up
 _RELEASED = 1.5  # s after a jam in which a shaft may snap back to its path
 _MISLED = 0.5  # s after a servo was cut off, or took another's ID, until it is set up again
 
@@ -127,6 +128,8 @@ def _play(plan: Schedule, seed: int, until_wrong: bool, turns: Turns, folder: Pa
             rig.write(targets)
         except RigError as error:
             outcome.stopped = str(error)
+            for judge in judges:
+                judge.stopped()
             break
         if stalls and now >= stalls[0].at:
             elapse(stalls.pop(0).lasts)
@@ -243,6 +246,14 @@ def _judge_stop(plan: Schedule, outcome: Outcome, at: float) -> None:
     if "rad apart" in outcome.stopped:
         # Two servos are on one shaft; one can seem elsewhere only where another answers in its name.
         about = [fault for fault in about if fault.kind == "duplicate"]
+    if "another turn" in outcome.stopped:
+        # A servo without power stands; only goals of another joint, or another servo, put it elsewhere.
+        about = [
+            one
+            for one in about
+            if one.kind in ("duplicate", "swap") and f"(id {one.id})" in outcome.stopped
+            if one.at + one.lasts > at - _GIVEN_UP
+        ]
     if not any(_names(outcome.stopped, fault) for fault in about):
         outcome.problems.append(f"stopped without a reason: {outcome.stopped}")
 

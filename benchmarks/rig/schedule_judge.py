@@ -8,7 +8,7 @@ rest       a shaft that is held while it turns comes to rest at its goal, not be
 torque     comes on only where the goal is the present position, and only on the model that the rig file names
 watchdog   is armed on every servo with torque that has been driven for more than a second
 end        2 s after it every shaft with torque, or without a load, stands; at a close torque is off and stays off, or
-           the joints hold, and the port is closed
+           the joints hold but for those without torque when a rig has stopped, and the port is closed
 burdens, actuators    see `burden_judge` and `actuator_judge`
 """
 
@@ -91,7 +91,7 @@ class ShaftJudge:
         self._renamed = np.full(count, np.inf)  # when a servo has taken another's ID, s
         # A servo ignores its position limits in other modes, also if it is misled by goals for another with its ID.
         self._unbounded = np.array([joint.mode != POSITION_MODE for joint in config.joints])
-        self._misled = np.zeros(count, dtype=bool)
+        self._misled, self._limp = np.zeros((2, count), dtype=bool)
         self._problems: dict[tuple[str, str], str] = {}
         self.fastest = self.hardest = 0.0
         self._holds = {_single_goal(joint): index for index, joint in enumerate(config.joints)}
@@ -263,6 +263,10 @@ class ShaftJudge:
         self.hardest = max(self.hardest, float((change / self._acceleration)[smooth].max(initial=0.0)))
         self._note("was accelerated too hard", smooth & (change > most), change)
 
+    def stopped(self) -> None:
+        """Notes which servos have no torque when the rig has stopped, because it gives none any more."""
+        self._limp = ~np.array([device.torque for device in self._bus.devices])
+
     def end(self, closed: bool, hold: bool, turns: TurnFile | None) -> None:
         """Judges the two seconds after the end, of silence, and the turns that were kept, if they can be known."""
         self._burdened.end(self._note)
@@ -286,7 +290,7 @@ class ShaftJudge:
         alive = np.array([not device.dead for device in self._bus.devices])
         on = np.array([device.torque for device in self._bus.devices])
         down = np.array([device.shut_down for device in self._bus.devices])
-        alive &= ~(hold & (down | self._misled))
+        alive &= ~(hold & (down | self._misled | self._limp))
         self._note("had the wrong torque after the close", alive & (on != hold), on)
 
     def _note(self, what: str, where: NDArray[np.bool_], values: NDArray[Any]) -> None:

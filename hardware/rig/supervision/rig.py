@@ -42,6 +42,7 @@ from hardware.rig.switching.identities import PortScan
 from hardware.rig.turn_file import TurnFile
 
 _RECOVERED_WITHIN = 2.0  # s, for all but a vanished port
+_UNSEEN = 3  # replies in a row missed by a joint of several turns, which after a restart is looked for near its goal
 _MOST_READINGS = 8  # servos whose registers wait to be read
 _NO_ANSWER = CONDITIONS.index("does not answer")
 
@@ -98,6 +99,8 @@ class Rig:
         self.currents, self.temperatures = self.measured.currents, self.measured.temperatures
         self.voltages = self.measured.voltages
         self.write_us, self.read_us = Timings(), Timings()
+        several = np.array([joint.several_turns for joint in config.joints])
+        self._several = several if several.any() else None
         self._scale = RigScale(config.servos)
         self._stopped = False
         self.turn_keepers: list[TurnKeeper] = []
@@ -196,6 +199,10 @@ class Rig:
             if np.logical_or.reduce(held):
                 self.faults.refused[:] += held
                 targets = np.where(held, self.goals, targets)
+            if self._several is not None:
+                unseen = self._several & (self.measured.missed_in_a_row >= _UNSEEN)
+                held |= unseen
+                targets = np.where(unseen, self.goals, targets)
             if self._joined is not None:
                 held |= self._joined.waits
                 stay = np.where(np.isnan(self._joined.places), self.goals, self._joined.places)

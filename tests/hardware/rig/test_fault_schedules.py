@@ -42,6 +42,7 @@ def test_a_random_schedule_of_faults_ends_well(seed):
         (701777976, "torque on one of two servos while the other one still moved"),
         (701778160, "a path that had gone after another joint's goals, against the other servo's"),
         (701778032, "a gripper that shall open, taken for one that lets go"),
+        (810000097, "a joint of several turns whose power was off while its goal went on"),
         (701778053, "a restart after the end, taken for a joint that does not hold"),
     ],
 )
@@ -94,6 +95,7 @@ def _to_and_fro(reach, now):
         ("caught up while it waits", 701777939, "caught up too fast"),
         ("torque beside a moving partner", 701777976, "work against each other"),
         ("path of one of two astray", 701778160, "work against each other"),
+        ("goals run away from a silent joint", 810000097, "may stand in another turn"),
         ("old place of one of two", 900075, "rad apart"),
         ("one of two goes on alone", 900099, "work against each other"),
         ("times of two unlike", 900220, "rad apart"),

@@ -211,6 +211,18 @@ def test_a_servo_that_restarts_while_it_plays_comes_back_in_its_turn(tmp_path):
     assert waist.angle == pytest.approx(-1.2, abs=0.02)
 
 
+def test_one_without_power_for_a_while_comes_back_in_its_turn(tmp_path):
+    """Its goal went on without it, and it was then looked for near the goal, half a turn away."""
+    waist = Waist(tmp_path, faults=["brownout:at=2.0,for=1.2"])
+    store_turns(waist.config, waist.bus, waist.file)
+    waist.open()
+    waist.play(-1.5, 1.9)
+    seen = waist.play(0.5, 3.0)
+    assert waist.rig.recoveries == 1
+    assert seen.min() > -1.6
+    assert seen[-1] > seen[-50] + 0.1
+
+
 def test_a_kill_right_after_such_a_restart_does_no_harm(tmp_path):
     """The servo has its indirect addresses again, so what is kept must already be of its new count."""
     waist = Waist(tmp_path, faults=["reboot:id=1,at=3.0"])
