@@ -10,10 +10,10 @@ from tempfile import TemporaryDirectory
 from typing import Any
 
 import numpy as np
+from scipy.optimize import nnls
 
 from controller.library.motion_library import load_library
 from controller.loop.safety.safety_envelope import SafetyEnvelope
-from controller.motion.rotations import Array
 from motiondeck.cli.common.tables import show_table
 from motiondeck.cli.robot.check import WHY
 from motiondeck.run.sampled_motions import as_clip
@@ -26,7 +26,6 @@ from sim.robots.calibrate import Calibration, calibrate
 from sim.robots.fidelity import Carried, carry
 from sim.robots.limb_causes import Cause, limb_causes
 from sim.robots.limb_directions import MEAN_LIMIT, SEGMENTS, WORST_LIMIT, LimbDirections, beyond_limits
-from sim.robots.proportions import HUMAN
 from sim.robots.robot import Robot, load_robot
 
 Directions = Mapping[str, tuple[float, float]]
@@ -34,7 +33,9 @@ Directions = Mapping[str, tuple[float, float]]
 # A calibrated robot is tried on these motions of a shipped library, for SECONDS each, at RATE Hz.
 LIBRARY, MOTIONS, SECONDS, RATE = "thesis15", ("walk", "box1"), 1.5, 30.0
 LOST = 60.0  # degrees on average
-BETTER = 0.9  # in how far hands are off with one elbow: how far they may be with another that replaces it
+# Other knees and elbows are tried if hands or feet are farther off than this, in lengths of the limb; one replaces the
+# first if they are then no farther off than this, in how far they were.
+OFF, BETTER = 0.2, 0.7
 WORDS = ("body (left)", "hinge (left)", "axis")  # columns of text
 
 
@@ -91,7 +92,7 @@ def decided(model: Path, packages: Mapping[str, Path]) -> Calibration:
     if any(found.rivals.values()):
         least = off_reach(found)
         for limb, pairs in found.rivals.items():
-            for pair in pairs:
+            for pair in pairs if least.get(limb, 0.0) > OFF else ():
                 with suppress(MotiondeckError):  # a hinge that cannot be one
                     off = off_reach(calibrate(model, packages, pair))[limb]
                     if off < BETTER * least[limb]:
@@ -100,25 +101,25 @@ def decided(model: Path, packages: Mapping[str, Path]) -> Calibration:
 
 
 def off_reach(found: Calibration) -> dict[str, float]:
-    """How far feet ("leg") and hands ("arm") are from the human's on average, to scale, in lengths of the limb."""
-    robots, humans = ({limb: list[Array]() for limb in SEGMENTS} for _ in range(2))
+    """How far feet ("leg") and hands ("arm") are from where the human's limbs lead, on average, in lengths of the limb.
+
+    The lengths of the two segments are fitted to the robot's way from hip to foot or shoulder to hand.
+    """
+    off: dict[str, list[float]] = {limb: [] for limb in SEGMENTS}
     with TemporaryDirectory() as folder:
         file = Path(folder) / "robot.toml"
         file.write_text(found.to_toml(Path(folder)), encoding="utf-8")
-        for _, carried, directions in _carried(file):
-            for name, ways in directions.reaches(carried.qpos).items():
-                side, _, limb = name.partition("_")
-                robots[limb].append(ways)
-                shares = np.array([HUMAN[part] for part in SEGMENTS[limb]])
-                parts = carried.limbs[:, [LIMBS.index(f"{side}_{part}") for part in SEGMENTS[limb]]]
-                humans[limb].append(np.einsum("p,tpi->ti", shares / shares.sum(), parts))
-    off = {}
-    for limb in SEGMENTS:
-        if robots[limb]:
-            ways, human = np.concatenate(robots[limb]), np.concatenate(humans[limb])
-            scale = float(np.sum(ways * human) / np.sum(ways * ways))
-            off[limb] = float(np.linalg.norm(scale * ways - human, axis=1).mean())
-    return off
+        tried = [(directions.reaches(carried.qpos), carried.limbs) for _, carried, directions in _carried(file)]
+    for name in tried[0][0]:
+        side, _, limb = name.partition("_")
+        ways = np.concatenate([reaches[name] for reaches, _ in tried])
+        human = np.concatenate(
+            [limbs[:, [LIMBS.index(f"{side}_{one}") for one in SEGMENTS[limb]]] for _, limbs in tried]
+        )
+        lengths = nnls(human.transpose(0, 2, 1).reshape(-1, 2), ways.ravel())[0]
+        missed = np.linalg.norm(ways - np.einsum("p,tpi->ti", lengths, human), axis=1)
+        off[limb].append(float(missed.mean() / np.linalg.norm(ways, axis=1).mean()))
+    return {limb: float(np.mean(values)) for limb, values in off.items() if values}
 
 
 def report_of(found: Calibration, file: Path, trial: CalibrationTrial) -> dict[str, Any]:
