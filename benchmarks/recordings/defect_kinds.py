@@ -236,12 +236,12 @@ def duo(between: str, size: float = 0.9) -> Defect:
 
 
 def two_roots(body: Body) -> Spoilt:
-    text = bvh(hahne(body))
-    head, mark, rows = text.partition("MOTION")
-    lines = rows.strip().splitlines()
-    twice = lines[:2] + [f"{line} {line}" for line in lines[2:]]
-    again = head.replace("HIERARCHY\n", "").replace("ROOT Hips", "ROOT Hips2")
-    return Spoilt("\n".join([head.rstrip(), again.rstrip(), mark, *twice]) + "\n", {}, ("several bodies",))
+    """Two people in a BVH, with joints of the same names."""
+    people = {"Hips": hahne(body), "Hips 2": moved(scaled(hahne(body), 0.9), [1.5, 0.0, 0.5])}
+    (head, rows), (second, more) = (bvh(one).split("MOTION\n") for one in people.values())
+    lines = [" ".join(both) for both in zip(rows.splitlines()[2:], more.splitlines()[2:], strict=True)]
+    text = [head + second.removeprefix("HIERARCHY\n") + "MOTION", *rows.splitlines()[:2], *lines]
+    return Spoilt("\n".join(text) + "\n", people)
 
 
 ISSUE: dict[str, Defect] = {

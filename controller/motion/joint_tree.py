@@ -29,7 +29,7 @@ from controller.motion.reading_options import ReadingOptions
 from controller.motion.rest_pose import RecordedBody, rest_skeleton
 from controller.motion.rotations import Array, between, conjugate, continuous, dot, multiply, normalise, rotate
 from controller.motion.up_axis import Up
-from controller.motion.upper_body import RESTS, lacks_legs, legs_at_rest, legs_for
+from controller.motion.upper_body import RESTS, lacks_legs, legs_at_rest, with_legs
 from motiondeck_base.errors import FileFormatError
 
 MOST_POSES = 15_000_000  # joints times frames that fit into the memory of a laptop
@@ -93,7 +93,8 @@ def clip_of(
     name = Path(path).stem
     tree = replace(tree, names=options.renamed(tree.names, path))
     rests = options.upper_body and lacks_legs(tree.names)
-    tree = _with_legs(tree, path) if rests else tree
+    if rests:
+        tree = JointTree(*with_legs(tree.names, tree.parent, tree.position, tree.rotation, tree.turns, path))
     body = rest_skeleton(name, _body_of(tree, path), options.unit or unit, options.up or up)
     decisions = (
         unit_decision(body.unit, body.other_unit, body.skeleton.leg_length, options.unit, unit),
@@ -102,18 +103,6 @@ def clip_of(
     rotation = continuous(body.rotation)
     clip = Clip(name, body.skeleton, rate, body.position, rotation, Path(path).name, decisions)
     return replace(legs_at_rest(clip), decisions=(RESTS, *decisions)) if rests else clip
-
-
-def _with_legs(tree: JointTree, path: str | Path) -> JointTree:
-    legs = legs_for(tree.names, tree.position, tree.rotation, path)
-    turn = np.repeat(tree.rotation[:, [legs.pelvis]], len(legs.names), axis=1)
-    return JointTree(
-        (*tree.names, *legs.names),
-        np.append(tree.parent, legs.parent),
-        np.concatenate([tree.position, legs.position], axis=1),
-        np.concatenate([tree.rotation, turn], axis=1),
-        np.append(tree.turns, np.arange(len(legs.names)) % 4 < 3),
-    )
 
 
 def _body_of(tree: JointTree, path: str | Path) -> RecordedBody:

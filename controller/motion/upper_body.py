@@ -6,11 +6,12 @@ with the pelvis and turn with its heading.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from itertools import chain, pairwise
 from pathlib import Path
 
 import numpy as np
+from numpy.typing import NDArray
 
 from controller.motion.bone_names import NamedPart, Part, Side, named_parts
 from controller.motion.clip import Clip
@@ -36,18 +37,15 @@ def lacks_legs(names: tuple[str, ...]) -> bool:
     return "forearm" in parts and not parts & _LEGS
 
 
-@dataclass(frozen=True, eq=False)
-class RestingLegs:
-    """The joints of two legs, from hip to toes each."""
-
-    names: tuple[str, ...]
-    parent: list[int]  # of each, among all joints with these at the end
-    position: Array  # (T, 8, 3)
-    pelvis: int  # the joint with whose rotation they move
-
-
-def legs_for(names: tuple[str, ...], position: Array, rotation: Array, path: str | Path) -> RestingLegs:
-    """Legs for an upper body with the joints (T, J, 3) and rotations (T, J, 4), in the axes and the unit of its file.
+def with_legs(
+    names: tuple[str, ...],
+    parent: NDArray[np.int64],
+    position: Array,
+    rotation: Array,
+    turns: NDArray[np.bool_],
+    path: str | Path,
+) -> tuple[tuple[str, ...], NDArray[np.int64], Array, Array, NDArray[np.bool_]]:
+    """The fields of the tree of joints of an upper body, in the axes and the unit of its file, with legs.
 
     The pelvis is the first joint of pelvis or trunk by name, or else the first one. FileFormatError if that is not as
     far from the shoulders as a pelvis, or a joint of the arms is not known by name.
@@ -80,11 +78,13 @@ def legs_for(names: tuple[str, ...], position: Array, rotation: Array, path: str
     shank, toes = -0.5 * leg * up, leg * (TOES_AHEAD * cross(aside, up) - TOES_BELOW * up)
     hips = (HALF_HIPS_PER_LEG * leg * aside, -HALF_HIPS_PER_LEG * leg * aside)
     places = np.concatenate([np.cumsum([hip, shank, shank, toes], axis=0) for hip in hips])
-    return RestingLegs(
-        tuple(side + name for side in ("Left", "Right") for name in _CHAIN),
-        [pelvis if joint % 4 == 0 else len(names) + joint - 1 for joint in range(8)],
-        position[:, [pelvis]] + rotate(rotation[:, [pelvis]], places),
-        pelvis,
+    added = [side + name for side in ("Left", "Right") for name in _CHAIN]
+    return (
+        (*names, *added),
+        np.append(parent, [pelvis if joint % 4 == 0 else len(names) + joint - 1 for joint in range(8)]),
+        np.concatenate([position, position[:, [pelvis]] + rotate(rotation[:, [pelvis]], places)], axis=1),
+        np.concatenate([rotation, np.repeat(rotation[:, [pelvis]], 8, axis=1)], axis=1),
+        np.append(turns, [joint % 4 < 3 for joint in range(8)]),
     )
 
 

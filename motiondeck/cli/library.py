@@ -165,10 +165,11 @@ def add(
         file=str(clip),
         plays="once" if once else "loop",
         frames=frames,
-        skeleton=None if reading.skeleton is None else str(reading.skeleton),
+        skeleton=None if options.skeleton is None else str(options.skeleton),
         unit=reading.unit,
         up=reading.up,
         rename=dict(options.rename),
+        person=options.person,
     )
     found = add_motion(load_library(path), path, read_clip(clip, options), plan)
     passed = found.motion.passed

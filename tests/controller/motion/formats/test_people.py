@@ -3,9 +3,11 @@
 import numpy as np
 import pytest
 
+from command_line import invoked
 from controller.learning.judging import judge_against
 from controller.learning.learn import learn
 from controller.learning.training_set import read_motion
+from controller.library.motion_library import load_library, save_library
 from controller.motion.formats.reading import read_clip
 from controller.motion.people import SeveralPeopleError
 from controller.motion.reading_options import ReadingOptions
@@ -136,6 +138,11 @@ def test_a_person_of_a_bvh_is_learned_by_name_and_read_again_by_the_recipe(tmp_p
     again = [read_motion(tmp_path, motion) for motion in learned.recipe.motions]
     assert np.abs(again[0].root_position - again[1].root_position).max() < 1e-6  # their paths are alike
     assert np.abs(again[0].joints() - again[1].joints()).max() > 0.05
+    save_library(learned.library, out := tmp_path / "pair.safetensors")
+    added = invoked(*f"library add {out} {path} --name again --allow-failing --skeleton".split(), "Hips 2")
+    assert added.exit_code == 0
+    motion = load_library(out).info.recipe["motions"][-1]
+    assert (motion["person"], motion["skeleton"]) == ("Hips 2", None)
     judged = judge_against(learned.library, tmp_path / "pair.safetensors", path)
     assert [motion.name for motion in judged] == ["pair-Hips", "pair-Hips-2"]
     assert [motion.against_recording for motion in judged] == [one.info.against_recording for one in learned.motions]
