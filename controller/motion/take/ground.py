@@ -101,7 +101,7 @@ def grounded(clip: Clip, wanted: float | str) -> tuple[Clip, Decision]:
     feet = contacts_of(joints, clip.rate)
     if len(feet.at) < FEWEST or feet.lasts.sum() < SHARE * clip.duration:
         evidence = "no foot stands" if not len(feet.at) else f"feet stand for {feet.lasts.sum():.2f} s only"
-        return clip, Decision("ground", "as in the file", evidence, OVERRULE)
+        return clip, Decision("ground", "as in the file, not checked", evidence, OVERRULE, notable=True)
     levelled = _levelled(clip, feet)
     if levelled is not None:
         taken, decided, evidence = levelled
@@ -111,6 +111,8 @@ def grounded(clip: Clip, wanted: float | str) -> tuple[Clip, Decision]:
             return _raised(taken, -height), Decision("ground", decided, evidence, OVERRULE, notable=True)
     height = _height(feet)
     evidence = f"feet stand for {feet.lasts.sum():.1f} s, the lowest of them at {height:.3f} m"
+    if len(feet.at) < CONTACTS or np.ptp(feet.place[:, :2], axis=0).max() < WIDE:
+        evidence += "; too seldom, or in one place, to show a slope"
     if AT_ZERO[0] < height < AT_ZERO[1]:
         doubt = _unlevel(joints, feet, clip.rate)
         decided = "at 0, but it may slope or drift, or there are steps" if doubt else "at 0"

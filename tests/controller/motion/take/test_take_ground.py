@@ -40,6 +40,13 @@ def test_a_floor_at_0_stays():
     found, decision = grounded(clip, "auto")
     assert found is clip
     assert (decision.decided, decision.notable) == ("at 0", False)
+    assert "slope" not in decision.evidence
+
+
+def test_feet_in_one_place_do_not_show_a_slope():
+    clip = hops()
+    in_place = Clip("hops", clip.skeleton, RATE, clip.root_position * [0.1, 0.1, 1.0], clip.rotation, "hops.bvh")
+    assert "or in one place, to show a slope" in grounded(in_place, "auto")[1].evidence
 
 
 @given(st.floats(0.2, 30.0) | st.floats(-30.0, -0.2))
@@ -107,14 +114,14 @@ def test_hips_without_height_are_raised_by_the_lowest_foot(height):
     assert "hips stay at" in decision.evidence
 
 
-def test_what_never_stands_stays_as_it_is():
+def test_what_never_stands_stays_as_it_is_and_that_is_said():
     clip = hops()
     time = np.arange(len(clip)) / RATE
     swims = clip.root_position * [1, 1, 0] + np.column_stack([time, 0 * time, 2.0 + 0.3 * np.sin(4.0 * time)])
     swimming = Clip("swims", clip.skeleton, RATE, swims, clip.rotation, "swims.bvh")
     found, decision = grounded(swimming, "auto")
     assert found is swimming
-    assert not decision.notable
+    assert (decision.decided, decision.notable) == ("as in the file, not checked", True)
 
 
 def test_a_given_height_and_none_overrule():
