@@ -34,15 +34,17 @@ class Surface:
     radius: Array  # shape (N,), m
 
     @classmethod
+    def touching(cls, model: mujoco.MjModel) -> Surface:
+        """What of all moving bodies can touch the floor: their colliding solids, if any, else all."""
+        return cls._joined(_touching_balls(model))
+
+    @classmethod
     def of(cls, model: mujoco.MjModel) -> Surface:
-        """The skin of all moving bodies: of their colliding solids, if any, else of all."""
+        """The skin of all moving bodies: how far they reach."""
         # The other solids of a body count too where they reach much farther, or its colliding ones end at its centre of
         # mass or before, seen from its joint, as a bumper at an elbow does; and where those end there as well, the box
         # of its inertia.
-        balls: dict[int, list[tuple[Array, float]]] = {body: [] for body in range(model.nbody)}
-        touching = solids(model)
-        for geom in touching:
-            balls[int(model.geom_bodyid[geom])] += _skin(model, int(geom))
+        balls, touching = _touching_balls(model), solids(model)
         for body in np.flatnonzero(model.body_weldid != 0).tolist():
             others = np.setdiff1d(np.flatnonzero(model.geom_bodyid == body), touching)
             joint = _joint(model, body)
@@ -52,6 +54,10 @@ class Surface:
                 balls[body] += [ball for geom in others for ball in _skin(model, int(geom))]
             if _ends_early(model, body, balls[body]):
                 balls[body] += [(corner, 0.0) for corner in _inertia_box(model, body)]
+        return cls._joined(balls)
+
+    @classmethod
+    def _joined(cls, balls: dict[int, list[tuple[Array, float]]]) -> Surface:
         found = [(body, point, radius) for body, mine in balls.items() for point, radius in mine]
         bodies, centres, radii = zip(*found, strict=True) if found else ((), (), ())
         return cls(np.array(bodies, np.int64), np.array(centres).reshape(-1, 3), np.array(radii, np.float64))
@@ -66,6 +72,13 @@ class Surface:
         # By MuJoCo's matrices: quaternions would take 1.5 times as long.
         turned = np.matmul(data.xmat[self.body].reshape(-1, 3, 3), self.centre[:, :, None])
         return data.xpos[self.body] + turned[:, :, 0]
+
+
+def _touching_balls(model: mujoco.MjModel) -> dict[int, list[tuple[Array, float]]]:
+    balls: dict[int, list[tuple[Array, float]]] = {body: [] for body in range(model.nbody)}
+    for geom in solids(model):
+        balls[int(model.geom_bodyid[geom])] += _skin(model, int(geom))
+    return balls
 
 
 def _skin(model: mujoco.MjModel, geom: int) -> list[tuple[Array, float]]:

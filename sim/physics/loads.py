@@ -74,7 +74,7 @@ def loads_of(
     model, data = robot.model, mujoco.MjData(robot.model)
     qpos, qvel, qacc = _motion(robot, played)
     count = len(qpos)
-    dof, lowest_point, surface = robot.layout.dof, LowestPoint(model), Surface.of(model)
+    dof, lowest_point, surface = robot.layout.dof, LowestPoint(model), Surface.touching(model)
     soles = [body for foot in feet for body in below(model, model.body(foot.body).id)]
     rest = surface.part(np.setdiff1d(surface.body, soles))
     near = TOUCHES * robot.root_height

@@ -52,7 +52,7 @@ class Footing:
         self._turned = root_rotation.tolist() if np.any(root_rotation != IDENTITY) else None
         self._scale, self._pelvis, self._trunk = scale, pelvis, trunk
         self._touches = TOUCHES * stance.leg * scale
-        self._surface, self._lowest = Surface.of(model), LowestPoint(model)
+        self._surface, self._lowest = Surface.touching(model), LowestPoint(model)
         self._find_soles(feet)
         self.reset()
 

@@ -167,7 +167,7 @@ def floor_measures(clip: Clip, robot: Robot, qpos: Array, feet: dict[str, int]) 
     the floor, m; `floating`: share of frames without contact.
     """
     model = robot.model
-    data, surface, lowest_point = mujoco.MjData(model), Surface.of(model), LowestPoint(model)
+    data, surface, lowest_point = mujoco.MjData(model), Surface.touching(model), LowestPoint(model)
     soles = {side: np.flatnonzero(np.isin(surface.body, below(model, foot))) for side, foot in feet.items()}
     stands = standing_feet(clip)
     near = STANDS * robot.path_scale * clip.skeleton.leg_length

@@ -52,6 +52,23 @@ def placed(footing, model, poses, joints=None):
     return np.array(places), np.array(lowest)
 
 
+def test_what_does_not_collide_moves_no_root_though_it_is_below_the_floor(tmp_path):
+    fore = '<body name="left_fore" pos="0 0 -0.15">'
+    rod = '<geom type="capsule" fromto="0 0 0 0 0 -.9" size=".01" contype="0" conaffinity="0"/>'
+    path = tmp_path / "rod.xml"
+    path.write_text(humanoid().replace(fore, fore + rod))
+    model = read_model(path).compile()
+    feet = [model.body(f"{side}_sole").id for side in ("right", "left")]
+    footing, elbow = Footing(HumanStance(human(), DT), model, feet, UPRIGHT, SCALE), model.joint("left_elbow")
+    data = mujoco.MjData(model)
+    for tick in range(60):
+        data.qpos[elbow.qposadr[0]] = 0.01 * tick
+        footing.place(bent_pose(human(), **FLAT), data.qpos)
+    mujoco.mj_kinematics(model, data)
+    assert data.geom_xpos[model.geom_contype == 0, 2].min() < 0.3  # of a rod of 0.9 m
+    assert np.abs(data.qpos[:2]).max() < 1e-6
+
+
 @settings(max_examples=15, deadline=None)
 @given(st.integers(0, 2**32 - 1))
 def test_nothing_is_below_the_floor_however_the_body_lies(model, seed):
