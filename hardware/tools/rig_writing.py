@@ -88,10 +88,7 @@ def save_rig(config: RigConfig, path: Path) -> None:
 
 
 def set_port(path: Path, port: str) -> str:
-    """Writes another port into a rig file, and leaves all else in it as it is, comments too.
-
-    Returns the port that stood there before; raises RigError if the file has several.
-    """
+    """Writes another port into a rig file, and keeps all else, comments too; the port before. RigError if several."""
     config = load_rig(path)
     if config.ports != (config.port,):
         raise RigError(f"{path} has the ports {', '.join(config.ports)}: write {port} where it belongs.")

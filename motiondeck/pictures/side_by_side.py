@@ -28,10 +28,7 @@ _SIZES = ("memory", "nconmax", "njmax", "nstack", "nkey", "nuserdata", *(f"nuser
 
 
 class SideBySide:
-    """A mannequin of the robot's size on the left, the robot on the right, on one floor.
-
-    `model` has both; the robot's names begin with PREFIX there.
-    """
+    """A mannequin of the robot's size on the left, the robot (with PREFIX in `model`) on the right, on one floor."""
 
     def __init__(self, skeleton: Skeleton, human: Path, robot: Path, dt: float) -> None:
         """Loads both from their robot files, for poses of a skeleton dt seconds apart."""

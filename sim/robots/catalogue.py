@@ -41,10 +41,7 @@ def find_robot(name: str | Path) -> Path:
 
 
 def model_file(model: str) -> Path:
-    """The file of a model: a path, or a name of the catalogue, which is downloaded.
-
-    MotiondeckError if there is neither, or the download fails.
-    """
+    """The file of a model: a path, or a catalogue name, which is downloaded; MotiondeckError if there is neither."""
     if Path(model).exists() or "/" in model or Path(model).suffix:
         return Path(model)
     menagerie, names = menagerie_package(), _names()

@@ -56,10 +56,7 @@ class Ramps(Weights):
 
 
 class Crossing(Weights):
-    """A take-over along a quintic, which begins when its duration is found, and never where there is none.
-
-    `begin` is called when it begins, with the `sides` that were found.
-    """
+    """A take-over along a quintic once its duration is found, if it is; `begin` is called then, with the `sides`."""
 
     def __init__(self, search: CrossingSearch, begin: Callable[[Array], None]) -> None:
         self._search, self._begin = search, begin

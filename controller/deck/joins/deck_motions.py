@@ -57,10 +57,7 @@ class BodyCourse:
         return self.rows[:, -1]
 
     def at(self, place: Array, rate: Array, *, loop: bool) -> BodyCourse:
-        """The course at places (S,) counted in moments, played at these rates (S,), 1 being its own.
-
-        A loop goes round, any other stays at its ends.
-        """
+        """The course at places (S,) in moments, at rates (S,), 1 its own; a loop goes round, others stay at an end."""
         low = np.floor(place).astype(np.int64)
         mode = "wrap" if loop else "clip"
         first, second = self.rows.take(low, 0, mode=mode), self.rows.take(low + 1, 0, mode=mode)

@@ -124,10 +124,7 @@ def score_models(
     satellites: Iterable[int] = SATELLITES,
     seed: int = 0,
 ) -> list[Scored]:
-    """Every choice of sizes with enough frames for a motion (K, D), the best first by Akaike's criterion.
-
-    As fig. 13 of Vakulenko et al. 2017; MotiondeckError if there is none.
-    """
+    """Every choice of sizes with enough frames for a motion (K, D), the best first by Akaike's criterion (fig. 13)."""
     stride = max(1, round(rate / RATE))
     seen = channels[::stride]
     time = np.arange(len(seen)) * stride / rate

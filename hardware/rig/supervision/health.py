@@ -77,19 +77,13 @@ class Incident(NamedTuple):
 
 
 class Health:
-    """The health of a rig's J joints on one port.
-
-    Attributes:
-        incidents: the latest, in order of time.
-        mend: joints that need setting up again, shape (J,).
-        fatal: joints that cannot be mended, shape (J,).
-        lost: joints that the rig goes on without, shape (J,).
-        off: those of them that were switched off on command, shape (J,).
-    """
+    """The health of a rig's J joints on one port."""
 
     def __init__(self, config: RigConfig, now: float) -> None:
         count = len(config.joints)
-        self.incidents: deque[Incident] = deque(maxlen=_KEPT)
+        self.incidents: deque[Incident] = deque(maxlen=_KEPT)  # the latest, in order of time
+        # Joints that need setting up again, that cannot be mended, that the rig goes on without, and those of them that
+        # were switched off on command, shape (J,).
         self.mend, self.fatal, self.lost, self.off = (np.zeros(count, dtype=np.bool_) for _ in range(4))
         self._names = [joint.label for joint in config.joints]
         self._patience = config.patience
@@ -113,11 +107,8 @@ class Health:
     ) -> None:
         """Judges the joints by their latest measurements at the time `now`, s; sets `mend` and `fatal`.
 
-        Args:
-            measured: of the joints.
-            goals: last sent, shape (J,), rad.
-            yielding: joints that give way to what they push against, shape (J,).
-            recovering: the indices of joints, port by port, that stay as they were judged.
+        Goals are the last sent, shape (J,), rad; `yielding` joints give way to what they push against. Those that are
+        `recovering`, as indices, port by port, stay as they were judged.
         """
         missing = measured.missed_in_a_row > 0
         silence = now - self._heard

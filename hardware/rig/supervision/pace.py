@@ -30,13 +30,7 @@ _MOST = 0.8  # of the stall current, where the rig file has no limit: about wher
 
 
 class JointPace:
-    """Bounds the goals of J joints while a loop drives them.
-
-    Attributes:
-        ease: of hot joints and a weak supply.
-        strain: of joints that push against something.
-        catching_up: joints that catch up with their targets after a recovery.
-    """
+    """Bounds the goals of J joints while a loop drives them."""
 
     def __init__(self, config: RigConfig, scale: RigScale, own: Measurements, now: float, spare: float = 0.0) -> None:
         """Bounds goals from the time `now`, s; joints keep up to `spare` ticks of time that they did not use.
@@ -60,19 +54,14 @@ class JointPace:
 
     @property
     def of_servos(self) -> Array:
-        """The part that the servos themselves keep, shape (J,): a servo would hurry after a goal that turns back.
-
-        A yielding joint gets full speed, because it must let go at once.
-        """
+        """The part that the servos themselves keep, shape (J,): a servo would hurry after a goal that turns back."""
+        # A yielding joint gets full speed, because it must let go at once.
         return np.where(self.strain.yielding, 1.0, self.catching_up.pace)
 
     def bound(self, targets: Array, goals: Array, positions: Array, now: float) -> tuple[Array, NDArray[np.bool_]]:
         """The next goals (J,), within the limits of position and of speed in real time; and the targets beyond a limit.
 
-        Args:
-            targets: asked for, shape (J,), rad, finite.
-            goals: last sent, shape (J,), rad, within the limits.
-            positions: last measured, shape (J,), rad.
+        For targets (J,), rad, finite, the goals that were sent last, within the limits, and measured positions.
         """
         passed = self._passed = max(0.0, now - self._last)
         self._last = now
@@ -94,10 +83,8 @@ class JointPace:
         return bounded, targets != within
 
     def sent(self, targets: Array, goals: Array, positions: Array, held: NDArray[np.bool_]) -> None:
-        """Ends the catching up of joints that have: from the targets, the goals sent and the positions, rad.
-
-        It goes on in joints that are `held`, whose targets are not where they shall go.
-        """
+        """Ends the catching up of joints that have: from the targets, the goals sent and the positions, rad."""
+        # It goes on in joints that are `held`, whose targets are not where they shall go.
         # A joint that stands at a limit has caught up with a target beyond it.
         within = self._scale.within(targets)
         kept = self.strain.yielding | held
@@ -137,12 +124,9 @@ class CatchingUp:
     def note(
         self, targets: Array, goals: Array, positions: Array, kept: NDArray[np.bool_], passed: float, now: float
     ) -> None:
-        """Ends it for the joints that have caught up.
+        """Ends it for the joints that have caught up, by their targets (within the limits), goals and positions, rad.
 
-        Args:
-            targets, goals, positions: asked for (within the limits), sent and measured, shape (J,), rad.
-            kept: joints that go on catching up, shape (J,).
-            passed: since the last call, s.
+        Joints that are `kept` go on catching up; `passed` is the time since the last call, s.
         """
         arrived = np.abs(targets - goals) < _ARRIVED
         self._since = np.where(arrived & self.joints, np.minimum(self._since, now), np.inf)

@@ -38,13 +38,7 @@ class Recovered(NamedTuple):
 
 
 class PortRecovery:
-    """The recovery of one port.
-
-    Attributes:
-        under_way: whether it runs, or its result was not taken yet.
-        failure: why the last try has failed.
-        to_do: another task that waits for answers; it is done first.
-    """
+    """The recovery of one port."""
 
     def __init__(
         self, port: ServoPort, health: Health, open_bus: Callable[[], Bus], beside: bool, sleep: Callable[[float], None]
@@ -52,10 +46,11 @@ class PortRecovery:
         """Does nothing yet; without `beside` the loop waits for it."""
         self.port, self._health, self._open_bus = port, health, open_bus
         self._beside, self._sleep = beside, sleep
-        self._cancelled = self.under_way = False
+        self.under_way = False  # whether it runs, or its result was not taken yet
+        self._cancelled = False
         self._recovered: Recovered | None = None
-        self.failure: MotiondeckError | None = None
-        self.to_do: Callable[[Bus], object] | None = None
+        self.failure: MotiondeckError | None = None  # why the last try has failed
+        self.to_do: Callable[[Bus], object] | None = None  # another task that waits for answers; it is done first
         self.job: threading.Thread | None = None
 
     def start(self, patience: float) -> None:

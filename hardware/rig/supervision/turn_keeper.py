@@ -44,15 +44,10 @@ class TurnKeeper:
         joint_of: NDArray[np.int64],
         report: Callable[[str], None],
     ) -> None:
-        """Looks at the joints of a port from now on, and at its end.
+        """Looks at the joints of a port that go through several turns, kept in `file`, from now on, and at its end.
 
-        Args:
-            port: with joints that go through several turns.
-            file: where their turns are kept.
-            scale: of the servos of the whole rig.
-            positions: of them, last measured, shape (S,), rad.
-            joint_of: the joint of each.
-            report: takes what has failed.
+        The `scale` and `positions` (S,), rad, last measured, are of the servos of the whole rig, `joint_of` the joint
+        of each; `report` takes what has failed.
         """
         several = port.servos.through_turns
         self._port, self._file, self._report = port, file, report

@@ -48,10 +48,8 @@ def raise_answer_level(config: RigConfig, bus: Bus) -> None:
 
 
 def raise_answer_level_in_eeprom(config: RigConfig, bus: Bus) -> None:
-    """The same for servos with this level in EEPROM; where it is too low, the ping does not tell the model.
-
-    EEPROM cells wear out, so it is written only where it is wrong.
-    """
+    """The same for servos with this level in EEPROM; where it is too low, the ping does not tell the model."""
+    # EEPROM cells wear out, so it is written only where it is wrong.
     newer = _answer_by_ram(config)
     for index, joint in enumerate(config.joints):
         if index in newer:

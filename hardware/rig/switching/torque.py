@@ -1,7 +1,4 @@
-"""Switching a rig on and off: torque comes on only where the joint already stands.
-
-These functions wait for each servo's answer; they are not for use inside a loop.
-"""
+"""Switching a rig on and off: torque comes on only where the joint stands. These functions wait; none is for a loop."""
 
 from __future__ import annotations
 
@@ -51,17 +48,9 @@ def switch_on(
 ) -> Held:
     """Checks identities, takes torque off, audits and sets registers, makes each position the goal, takes torque on.
 
-    Torque does not come on if it is `cancelled` meanwhile.
-
-    Args:
-        config: the rig.
-        bus: of its servos.
-        believed: see `find_zeros`; or the file for `recall`.
-        cancelled: whether torque shall stay off.
-
-    Raises:
-        RigError: if servos are missing, of another model, shut down, set so that they could move wrongly (see `audit`),
-            outside their limits, or in an unknown turn, it names them all; or if it was cancelled.
+    Torque does not come on if it is `cancelled` meanwhile. `believed` is as for `find_zeros`, or the file for `recall`.
+    RigError if servos are missing, of another model, shut down, set so that they could move wrongly (see `audit`),
+    outside their limits, or in an unknown turn, it names them all; or if it was cancelled.
     """
     raise_answer_level_in_eeprom(config, bus)
     check_identities(config, bus)
@@ -283,13 +272,11 @@ def _refuse_disagreement(config: RigConfig, positions: Array) -> None:
 
 
 def places_of_rest(config: RigConfig, bus: Bus, scale: RigScale) -> tuple[Array, Array, NDArray[np.bool_]]:
-    """Present positions, where each joint would come to rest if it braked now, (J,), rad, and whether it has torque.
-
-    With an acceleration limit a servo runs past any goal nearer than its braking distance v^2 / (2 a), and hurries back
-    to it at up to its speed limit. It brakes along its own path (position and velocity trajectory). A load keeps a
-    joint off its path, by at most its slack; holding where the path stands, it does not sink any further. A joint
-    without torque, or that is held off its path, rests where it is; but a gripper holds on where its path leads.
-    """
+    """Present positions, where each joint would come to rest if it braked now, (J,), rad, and whether it has torque."""
+    # With an acceleration limit a servo runs past any goal nearer than its braking distance v^2 / (2 a), and hurries
+    # back to it at up to its speed limit. It brakes along its own path (position and velocity trajectory). A load keeps
+    # a joint off its path, by at most its slack; holding where the path stands, it does not sink any further. A joint
+    # without torque, or that is held off its path, rests where it is; but a gripper holds on where its path leads.
     torque = np.array(read_each(config, bus, "torque_enable")) != 0
     velocity, angles, path_velocity, path = _read_path(config, bus, scale)
     rates = np.array([joint.acceleration for joint in config.joints])

@@ -32,13 +32,8 @@ _REMEDY = "Store where it stands with motiondeck rig turns RIG."
 def find_zeros(config: RigConfig, bus: Bus, believed: Array) -> Array:
     """The position of each servo at angle 0 as it counts now, shape (J,), pulses.
 
-    Args:
-        config: the rig.
-        bus: of its servos.
-        believed: where joints that go through several turns stand, roughly, shape (J,), rad.
-
-    Raises:
-        RigError: if such a joint stands elsewhere; it is named with the remedy.
+    `believed` is where joints that go through several turns stand, roughly, shape (J,), rad. RigError if such a joint
+    stands elsewhere; it is named with the remedy.
     """
     zeros = RigScale(config).zero
     for index, joint in enumerate(config.joints):
@@ -58,15 +53,10 @@ def _whole_turns(joint: RigJoint, pulses: int, believed: float) -> int:
 
 
 def recall(config: RigConfig, bus: Bus, file: TurnFile | None) -> Array:
-    """Where joints that go through several turns stand, shape (J,), rad; 0 for others.
+    """Where joints that go through several turns stand, shape (J,), rad, before anything is written; 0 for others.
 
-    Args:
-        config: the rig.
-        bus: of its servos, before anything is written to them.
-        file: what was kept; without one, servos are taken to count from the rig file's zero.
-
-    Raises:
-        RigError: if nothing was kept of such a joint, or it stands elsewhere; it is named with the remedy.
+    Without a file of what was kept, servos are taken to count from the rig file's zero. RigError if nothing was kept of
+    such a joint, or it stands elsewhere; it is named with the remedy.
     """
     places = np.zeros(len(config.joints))
     kept = file.read() if config.through_turns and file is not None else {}
@@ -98,10 +88,8 @@ def _zero_by(turn: Turn | None, joint: RigJoint, bus: Bus, pulses: int) -> int:
 
 
 def keep_zeros(config: RigConfig, zeros: Array, file: TurnFile | None) -> None:
-    """Keeps the zeros of servos that count otherwise than before, as of joints that move.
-
-    This comes before their indirect addresses are set, which would make older zeros believed.
-    """
+    """Keeps the zeros of servos that count otherwise than before, as of joints that move."""
+    # This comes before their indirect addresses are set, which would make older zeros believed.
     if file is None or not config.through_turns:
         return
     kept, found = file.read(), {config.joints[index].id: round(zeros[index]) for index in config.through_turns}
