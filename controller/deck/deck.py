@@ -218,8 +218,7 @@ class Deck(Lockable):
     def jump(self, phase: float) -> None:
         """Fades to a phase in [0, 1] of the present motion, from the next update on; in a loop 1 is 0.
 
-        CommandError if the phase is out of its range. MotiondeckError if the network runs by itself, or motions are
-        blended.
+        CommandError if the phase is out of its range. MotiondeckError if the network runs by itself or blends.
         """
         PHASE.check(phase)
         self.require_phase()

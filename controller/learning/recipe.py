@@ -75,8 +75,7 @@ class LibraryRecipe(msgspec.Struct, forbid_unknown_fields=True, frozen=True, kw_
     # The recording whose own skeleton all motions are carried to; without it, the canonical body of the actor nearest
     # to those of all recordings.
     body: str = ""
-    # Frames per second that recordings are brought to, Hz; without it that of the recordings, or 120 Hz where they
-    # differ.
+    # Frames per second that recordings are brought to, Hz; without it that of the recordings, or 120 Hz if several.
     rate: float | None = None
     # Of the channels; joint rotations keep the twist of bones.
     encoding: Literal["bone directions", "joint rotations"] = "bone directions"
@@ -121,8 +120,7 @@ def gesture_recipe(name: str, clips: Sequence[Path]) -> LibraryRecipe:
 
     A centralized network, because its state is a place on a closed curve: nothing can lead it away, and servos follow.
     Only the part of a loop is learned that comes back to its start best; with `loop_keeps` = 1 in the recipe all of it.
-    FileFormatError if a name cannot be typed or is used twice, a clip cannot be read, or clips are of different joints;
-    it names them.
+    FileFormatError if a name cannot be typed or is used twice, a clip cannot be read, or joints differ; it names them.
     """
     motions = [
         MotionRecipe(name=motion_of(first), file=str(first), plays=taught_mode(first), takes=tuple(map(str, more)))

@@ -1,8 +1,7 @@
 """A motion library: one file with the networks, the skeleton, and where it all comes from.
 
 The file is safetensors: a JSON header and plain arrays, so that loading executes nothing. What is not an array lies in
-the header under "motiondeck" (see docs/library-format.md). Every name, shape and number is checked before anything is
-used.
+the header under "motiondeck" (see docs/library-format.md). Every name, shape and number is checked before it is used.
 """
 
 from __future__ import annotations

@@ -3,8 +3,7 @@
 A zero pose may be usable (the usual T or A pose) or arbitrary (bones along their own axes, as in iClone's files). Then
 the most upright frame of the recording is straightened: legs down, trunk up, arms out. For a body that never stands (it
 lies, crawls, does a handstand) frames are first rotated until the pelvis is upright, if its limbs have usual names. The
-vertical axis is detected from standing and ground contact (`up_axis`), the heading from the feet, the unit from the
-size.
+vertical axis is detected from standing and ground contact (`up_axis`), the heading from feet, the unit from size.
 
 With K the rotation of a bone from its zero pose to the rest pose, P that of the file's axes to ours and R the recorded
 rotation, the bone rests along K v and moves by P R K^-1, which keeps every joint where the file has it.

@@ -174,8 +174,7 @@ _DAVENPORT = _davenport(np.eye(9).reshape(9, 3, 3)).reshape(9, 16)
 def best_fit(m: Array) -> Array:
     """Quaternions (..., 4), w >= 0, that maximise trace(R' m) for matrices m (..., 3, 3)."""
     # With m = sum_i d_i r_i' this is the best rotation of directions r_i onto d_i (Wahba's problem, solved by
-    # Davenport's q-method: the largest eigenvector of a symmetric 4 x 4 matrix). There is no division, so half turns
-    # are safe.
+    # Davenport's q-method: the largest eigenvector of a symmetric 4 x 4 matrix). No division: half turns are safe.
     if m.ndim == 2 and (found := _best_fit_of_one(m)) is not None:
         return found
     k = (m.reshape(*m.shape[:-2], 9) @ _DAVENPORT).reshape(*m.shape[:-2], 4, 4)

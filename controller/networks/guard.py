@@ -115,8 +115,7 @@ class LossWatch:
 class Guard:
     """Plays a network and restarts it where it is lost; fits `base.FrameNetwork`.
 
-    The lengths of motions are in frames, the rate in Hz. `recues` counts the restarts, `anchor` is that of the last
-    one.
+    The lengths of motions are in frames, the rate in Hz. `recues` counts the restarts, `anchor` is the last one's.
     """
 
     def __init__(

@@ -27,8 +27,7 @@ class _Column(NamedTuple):
 class SnapshotNumbers:
     """Snapshots as numbers in fields of telemetry and recordings; the fields follow from `DeckSnapshot`.
 
-    A name is its place in a list of names, -1 for none; None is NaN; a struct has a field for each of its fields, such
-    as `lock_error_ms`.
+    A name is its place in a list of names, -1 for none; None is NaN; a struct has its fields, such as `lock_error_ms`.
     """
 
     def __init__(self, motions: Sequence[str], *, recognizable: Sequence[str] = (), joints: Sequence[str] = ()) -> None:

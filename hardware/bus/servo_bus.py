@@ -57,8 +57,7 @@ class Bus:
         self.baud = baud  # bits/s, 10 of which carry a byte
         self._byte_time = 10.0 / baud
         self.families: Mapping[int, Family] = {}  # of servos by ID; an ID that is not in it is of the usual family
-        # Whether the adapter returns what is sent, which is then dropped (see `echo`); None while nothing has looked
-        # like it.
+        # Whether the adapter returns what is sent, which is then dropped (see `echo`); None until known.
         self.echoes: bool | None = None
         # Whether bytes have come instead of the last answer that was waited for, or between those of a ping to all: two
         # servos may have answered at the same time.
@@ -329,8 +328,7 @@ class Bus:
 
     def _exchange(self, frame: bytes, id: int, length: int, margin: float) -> StatusPacket | None:
         """Sends a frame and waits until this servo has answered or the deadline is over."""
-        # An answer of an unexpected length and without an error number came too late for an earlier call; it is
-        # ignored.
+        # An answer of an unexpected length and without an error number came too late for an earlier call.
         self._pending, self.garbled = None, False
         self.port.wait(0.0)  # what has arrived may still be on its way through the kernel; this waits for that
         self._discard()

@@ -234,8 +234,7 @@ def _egl_device_works() -> bool:
 
 def with_less_detail(model: mujoco.MjModel, finest: float) -> mujoco.MjModel:
     """A copy of a model for drawing only, whose meshes have no detail finer than `finest` m."""
-    # Vertices within one cell of a grid become one of them, and triangles without an area go (Rossignac and Borrel
-    # 1993).
+    # Vertices within one cell of a grid become one of them, without empty triangles (Rossignac and Borrel 1993).
     drawn = copy.copy(model)
     for mesh in range(drawn.nmesh):
         first, count = drawn.mesh_vertadr[mesh], drawn.mesh_vertnum[mesh]

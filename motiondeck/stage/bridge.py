@@ -33,8 +33,7 @@ Answered = Callable[[str, DeckCommand, Reply], None]
 class Bridge:
     """Commands a deck by signals until the deck has ended; an output receives events and states.
 
-    What is refused here, and changes of the lock, are passed to `notify` as lines of text. SocketError if no deck is
-    running.
+    What is refused here, and changes of the lock, are passed to `notify` as lines of text. SocketError without a deck.
     """
 
     def __init__(

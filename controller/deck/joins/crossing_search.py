@@ -3,8 +3,7 @@
 Both motions go on while their weights change, so a trial mixes what both do next, as `posture_blend` will. Which way
 round each bone goes is chosen for all of the crossing: the one that is shorter on the whole. (Chosen at its beginning,
 it may turn out the longer one, and a bone that has to go back the other way half through is fast.) From SHORTEST on the
-time grows until the mixture is within bounds. Where it is not even with LONGEST, these motions are not to be mixed from
-here.
+time grows until the mixture is within bounds. Where it is not even with LONGEST, these motions cannot be mixed here.
 
 As in the search for a fade there is one trial in TRIAL_EVERY seconds; until the time is found, nothing is mixed.
 """

@@ -19,8 +19,7 @@ from motiondeck_base.errors import MotiondeckError, UnknownNameError
 class FramePlayer:
     """Plays a frame network in continuous time, at the frames per second of its training; fits `base.Generator`.
 
-    One that a center drives is also sent to any phase and played backwards. Another player of the same library may
-    share its anchors.
+    One that a center drives is also sent to any phase and played backwards. Players of one library may share anchors.
     """
 
     def __init__(self, network: FrameNetwork, rate: float, beside: FramePlayer | None = None) -> None:

@@ -4,8 +4,7 @@ The thesis ramps mu from 0 to 1 over RAMP frames inside the network (eqs 3.7, 3.
 resembles the body most and turns the bones there (`controller/deck/joins/transition.py`). For each pair the joints'
 peak velocity, acceleration and jerk during the transition are divided by the larger of both motions' own peaks: 1 means
 no brisker than what was recorded. Joints are seen relative to the root, with its height, from a place in the world that
-does not turn: where one motion turns and the other does not, a body that goes on smoothly jerks as seen from its own
-heading.
+does not turn: where only one motion turns, a body that goes on smoothly jerks as seen from its own heading.
 """
 
 from __future__ import annotations

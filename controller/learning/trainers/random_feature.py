@@ -161,8 +161,7 @@ class RandomFeatureTrainer(Trainer[RandomFeatureRecipe]):
     def problems(self, recipe: RandomFeatureRecipe, motions: Sequence[str]) -> Iterator[str]:
         if recipe.features_each > recipe.features:
             yield f"network.features_each is {recipe.features_each}, but network.features is {recipe.features}"
-        # A feature's energy is hardly ever above 1, so a step of the rule in `conception_weights` shrinks the error of
-        # c.
+        # A feature's energy is hardly ever above 1, so a step in `conception_weights` shrinks the error of c.
         if recipe.aperture > 0.0 and recipe.learning_rate * (1.0 + recipe.aperture**-2) >= 1.0:
             yield (
                 f"network.learning_rate = {recipe.learning_rate} is too large for network.aperture = "

@@ -37,8 +37,7 @@ SMOOTHED = 0.1  # s over which speeds are averaged: marker noise is fast
 def resampled(clip: Clip, rate: float) -> Clip:
     """The same motion at another rate, Hz: cubics through four frames (Catmull-Rom), for rotations in tangent space.
 
-    The first frame stays; the last one is the last within the recording, which its outermost three frames extrapolate
-    as a parabola.
+    The first frame stays; the last one is the last within the recording, extrapolated by a parabola of its last three.
     """
     if abs(rate - clip.rate) <= 1e-6 * rate:
         return clip

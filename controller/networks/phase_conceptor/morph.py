@@ -6,8 +6,7 @@ Each loop a is known by the states X_a in which it settles: their mean m_a and c
 
 V and the readout learned from the states of both together (as one W_out serves all motions in Deliallisi 2017, eq.
 3.13), and p = (1 - mu) p_a + mu p_b at a phase that turns once in the mixed period T_a^(1 - mu) T_b^mu. mu = 0 is the
-source, mu = 1 the target, beyond them lies extrapolation: there R may lose its sign in some direction, which C then
-closes.
+source, mu = 1 the target, beyond them lies extrapolation: there R may lose its sign in some direction, closed by C.
 
 C takes away what belongs to one motion alone, and a mixture moves less or more than both played in step. So its
 deviation from its own mean is scaled until its channels move as much as those of both in step do.

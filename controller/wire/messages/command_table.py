@@ -64,8 +64,7 @@ def number_in(data: bytes) -> int:
 def parse_command(words: Sequence[str]) -> DeckCommand:
     """The message of typed words: a command and its arguments, or a motion's name alone, which switches to it.
 
-    A single word may be a whole command, such as "switch jog". CommandError if they are no command; it names the
-    commands.
+    A single word may be a whole command, such as "switch jog". CommandError, with all commands, if they are none.
     """
     if len(words) == 1 and words[0].split()[:1] and words[0].split()[0] in BY_WORD:
         words = words[0].split()

@@ -1,8 +1,7 @@
 """A bank of servos of one model: their memories side by side, and their behaviour in time.
 
 The memory of all servos is one block of bytes. numpy sees it as a table with a column for each register, so motion is
-computed on columns (see `drive`), and the bus reads and writes rows as plain bytes: nothing is ever copied between the
-two.
+computed on columns (see `drive`), and the bus reads and writes rows as plain bytes: nothing is ever copied.
 """
 
 from __future__ import annotations

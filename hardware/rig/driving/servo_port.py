@@ -3,11 +3,10 @@
 A tick is  collect_state, write(counts):  one read and one write. The goals leave with a request for the state, whose
 reply travels while the loop does other things, and is collected a tick later.
 
-Some servos have no watchdog: they go to their last goal, which is near, and hold.
-Each other servo's bus watchdog is armed by the first write, since nothing moves before, and again once a second, with
-the speed that each keeps: a sync write is not answered, so a lost one would go unnoticed. When the loop falls silent
-for longer, the servos stop and hold, and get no more goals until `attach`: a rig never runs after targets that went on
-without it.
+Some servos have no watchdog: they go to their last goal, which is near, and hold. Each other servo's bus watchdog is
+armed by the first write, since nothing moves before, and again once a second, with the speed that each keeps: a sync
+write is not answered, so a lost one would go unnoticed. When the loop falls silent for longer, the servos stop and
+hold, and get no more goals until `attach`: a rig never runs after targets that went on.
 
 A servo that is silent under its own ID may listen to another's, and would take the speed of that joint for its own. So
 speeds are sent only while every servo answers, and again as soon as all do after a silence. Where a servo turns out to
@@ -64,8 +63,7 @@ class ServoPort:
         Readings are written into `measured`, faults counted in `faults`, and zeros kept in `scale`, of the whole rig.
         In `turns` it is kept in which turn joints stand; without, each counts from its zero in the rig file. RigError
         if servos are missing, of another model, or not fit to be switched on; it names them all. Or if the wire is too
-        slow for the rate. Torque is taken off again, the bus closed, and joints that did not confirm that are named
-        too.
+        slow for the rate. Torque is taken off again, the bus closed, and joints that did not confirm it named.
         """
         self.part = part
         self.joints = np.array([config.names.index(name) for name in part.names])  # indices in the rig, shape (n,)

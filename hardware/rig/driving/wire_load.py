@@ -26,8 +26,7 @@ _SHORT_DELAY = 20e-6  # s; a servo's answer that starts so soon costs nothing th
 def longest_tick(config: RigConfig, blocks: Sequence[StateBlock], fast: bool, return_delays: Sequence[float]) -> float:
     """The longest time of goals, a request and its replies while all servos of one port answer, s.
 
-    For the block read of each joint and the return delay of its servo, s; `fast` if servos that can answer in one joint
-    reply.
+    For the block read of each joint and the return delay of its servo, s; `fast` if servos may answer in a joint reply.
     """
     config = config.servos
     count = len(config.joints)

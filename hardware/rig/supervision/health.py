@@ -9,8 +9,7 @@
     silent     no answer for 1.6 s                                                                         lost
     restless   set up again five times in ten seconds                                                      lost
 
-Each of these, and each warning (pushing against something, getting hot, low voltage), is an incident that names the
-joint.
+Each of these, and each warning (pushing against something, getting hot, low voltage), is an incident of a joint.
 """
 
 from __future__ import annotations

@@ -14,8 +14,7 @@ from controller.motion.rotations import Array
 from sim.models.feet import Foot
 from sim.models.scenery import body_height
 
-# A foot stands if its lowest corner is this near the ground, in heights of the body, and moves slower than this many
-# heights a second.
+# A foot stands if its lowest corner is so near the ground, in heights of the body, and so slow, in heights a second.
 NEAR = 0.025
 STILL = 0.3
 MOMENT = 0.1  # s

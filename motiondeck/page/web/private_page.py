@@ -89,8 +89,7 @@ def _taken(port: int) -> str:
 def _own_pages_only(port: int) -> Iterator[None]:
     """Makes a server started within refuse websockets that its own page has not opened, and frames around that page."""
     # A browser lets any page open a websocket to any address, but says truthfully which page it was. And it takes a
-    # page for one of a site whose name has been made to lead here (DNS rebinding), but says truthfully which name that
-    # was.
+    # page for one of a site whose name has been made to lead here (DNS rebinding), but says truthfully which.
     serve = websockets.asyncio.server.serve
     hosts = [f"{host}:{port}" if port != _HTTP else host for host in (LOOPBACK, "localhost", "[::1]")]
     pages = [f"http://{host}" for host in hosts]

@@ -14,8 +14,7 @@ mass:
 
 with the effect s of swinging legs (`leg_swing`). Other quick turns of the body are played softer (`momentum`).
 
-All is planned on a plane where feet never slip, and the robot is seen from its standing feet: its place in the world is
-not needed.
+All is planned on a plane where feet never slip, and the robot is seen from its standing feet: its place is not needed.
 """
 
 from __future__ import annotations
