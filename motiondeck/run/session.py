@@ -11,21 +11,13 @@ from typing import TYPE_CHECKING, Any, Protocol
 import numpy as np
 
 from controller.deck.recorded_deck import RecordedDeck
+from controller.loop import permissions
 from controller.loop.clock import Clock
 from controller.loop.commands.command_handler import CommandHandler
 from controller.loop.correction import Correction
 from controller.loop.lead import Lead
 from controller.loop.loop import LoopState, run
 from controller.loop.output_channel import Channel
-from controller.loop.permissions import (
-    FIFO_PRIORITY,
-    Permission,
-    handed_back,
-    permission_lines,
-    request_core,
-    request_one_blas_thread,
-    request_realtime,
-)
 from controller.loop.safety.safety_envelope import SafetyEnvelope
 from controller.loop.stop_requests import StopRequest
 from controller.loop.stop_state import STOP_DOOR, StopState, WiredStop
@@ -116,13 +108,13 @@ class Session:
         self._first = self.robots[0]
         self._ticks_a_picture = max(1, round(self.spec.rate / PICTURE_HZ))
         self._refused: list[dict[str, object]] = []
-        self._permissions: list[Permission] = []
+        self._permissions: list[permissions.Permission] = []
 
     def run(self) -> dict[str, Any]:
         """Plays until the time is over or the run is stopped; the report."""
         spec = self.spec
         rests = [robot.rest for robot in self.robots if robot.rest is not None]
-        with handed_back(), ExitStack() as shown:
+        with permissions.handed_back(), ExitStack() as shown:
             self._request_permissions()
             if self.progress:
                 shown.enter_context(progress_line(self.deck, self.stop, spec.seconds, prompt=self.prompt))
@@ -156,13 +148,13 @@ class Session:
 
     def _request_permissions(self) -> None:
         if self.spec.core is not None:
-            self._permissions.append(request_core(self.spec.core))
+            self._permissions.append(permissions.request_core(self.spec.core))
         rig_alone = any(robot.simulation is None for robot in self.robots)
         if self.spec.realtime or self.spec.drives_servos or rig_alone:
             # The guard of a rig goes before the deck.
-            priority = FIFO_PRIORITY - bool(self.guarded)
-            self._permissions += [*request_realtime(priority), request_one_blas_thread()]
-        for line in permission_lines(self._permissions):
+            priority = permissions.FIFO_PRIORITY - bool(self.guarded)
+            self._permissions += [*permissions.request_realtime(priority), permissions.request_one_blas_thread()]
+        for line in permissions.permission_lines(self._permissions):
             print(line, file=sys.stderr)
 
     def _kept_apart(self) -> dict[str, Any]:

@@ -9,21 +9,11 @@ from collections.abc import Callable
 
 from controller.wire.messages.arguments import CommandError
 from controller.wire.messages.commands import DeckCommand
+from motiondeck.shows import messages
 from motiondeck.shows.cue_list import CueList
 from motiondeck.shows.known_stops import KnownStops
 from motiondeck.shows.link import Link, Mailbox, StopRepeater
 from motiondeck.shows.membership import CONDUCTOR
-from motiondeck.shows.messages import (
-    About,
-    CommonRound,
-    DeckHealth,
-    EmergencyStopAll,
-    StopAt,
-    Time,
-    TimedCue,
-    encode,
-    read,
-)
 from motiondeck.shows.seen_decks import SeenDeck, SeenDecks
 from motiondeck.shows.show_file import Condition, Show, ShowCue, show_command
 from motiondeck_base.errors import MotiondeckError
@@ -149,7 +139,7 @@ class Conductor:
 
     def stop(self) -> None:
         """Stops all decks at once."""
-        stop = EmergencyStopAll(CONDUCTOR, os.urandom(8).hex())
+        stop = messages.EmergencyStopAll(CONDUCTOR, os.urandom(8).hex())
         self._stop_repeater.start(stop, self.now())
         self._note_stop(stop)
 
@@ -159,7 +149,9 @@ class Conductor:
         self._arrived.put((key, data))
 
     def _time(self) -> bytes:
-        return encode(Time(self._run, self.now(), self.show.if_lost, self.show.lost_after, self._stops.latest))
+        return messages.encode(
+            messages.Time(self._run, self.now(), self.show.if_lost, self.show.lost_after, self._stops.latest)
+        )
 
     def _take(self, key: str, data: bytes) -> None:
         kind, _, name = key.partition("/")
@@ -168,16 +160,20 @@ class Conductor:
             self._seen.see(name, here=bool(data))
             if data:
                 self._link.ask(f"deck/{name}", self._receive)
-        elif kind == "deck" and (about := read(data, About)) is not None:
+        elif kind == "deck" and (about := messages.read(data, messages.About)) is not None:
             self._seen.introduce(name, about)
-        elif kind == "health" and (health := read(data, DeckHealth)) is not None:
+        elif kind == "health" and (health := messages.read(data, messages.DeckHealth)) is not None:
             self._seen.note_health(name, health)
             for stop in health.stops:  # some may have been given while another conductor ran, or none
                 self._note_stop(stop)
-        elif kind == "stop" and (stop := read(data, EmergencyStopAll)) is not None and self._note_stop(stop):
+        elif (
+            kind == "stop"
+            and (stop := messages.read(data, messages.EmergencyStopAll)) is not None
+            and self._note_stop(stop)
+        ):
             self._link.publish("stop", data)
 
-    def stop_at(self, deck: SeenDeck) -> StopAt:
+    def stop_at(self, deck: SeenDeck) -> messages.StopAt:
         """How far a deck is with the emergency stop that stands; a deck that has not said so is not reset."""
         standing = self._stops.standing
         if not standing:
@@ -187,7 +183,7 @@ class Conductor:
             return "not reached"
         return "holds" if health.mode == "emergency stop" else "reset"
 
-    def _note_stop(self, stop: EmergencyStopAll) -> bool:
+    def _note_stop(self, stop: messages.EmergencyStopAll) -> bool:
         """Notes a stop, or that it is over; whether it is new."""
         new = self._stops.add(stop)
         if new and not stop.over:
@@ -223,14 +219,14 @@ class Conductor:
         self._send(name, at, cue.receivers, decks, say, self._step_of(cue, decks, at))
         self._notify(f"{name}: {_receivers(decks, present)}")
 
-    def _step_of(self, cue: ShowCue, decks: list[str], at: float) -> CommonRound | None:
+    def _step_of(self, cue: ShowCue, decks: list[str], at: float) -> messages.CommonRound | None:
         if cue.in_step is False:
             return None
         if cue.in_step is not True:
-            return CommonRound(at, cue.in_step)
+            return messages.CommonRound(at, cue.in_step)
         seconds = self._seen.round_of(cue.motions, decks)
         if seconds is not None:
-            return CommonRound(at, seconds)
+            return messages.CommonRound(at, seconds)
         self._notify(f"{cue.name or 'the cue'}: no deck knows how long a round takes, so none are in step")
         return None
 
@@ -241,12 +237,12 @@ class Conductor:
         to: list[str],
         decks: list[str],
         say: list[DeckCommand],
-        step: CommonRound | None = None,
+        step: messages.CommonRound | None = None,
     ) -> None:
         self._number += 1
-        cue = TimedCue(self._run, self._number, name, at, decks, say, step)
+        cue = messages.TimedCue(self._run, self._number, name, at, decks, say, step)
         self._seen.note_sent(cue, to)
-        self._link.publish("cue", encode(cue))
+        self._link.publish("cue", messages.encode(cue))
 
     def _bring_in(self, now: float) -> None:
         """Sends decks that have missed cues, or are new, the sum of all cues."""
@@ -258,7 +254,7 @@ class Conductor:
             since = now - max(cues.at, deck.joined)
             if done < cues.number and since > JOINS_EVERY and deck.heard > cues.at:
                 deck.joined = _on_grid(now + self.show.lead)
-                self._link.publish("cue", encode(cues.cue(self._run, deck.name, deck.joined)))
+                self._link.publish("cue", messages.encode(cues.cue(self._run, deck.name, deck.joined)))
                 self._notify(f"{deck.name} joins")
 
     def _holds(self, condition: Condition, cue: ShowCue) -> bool:

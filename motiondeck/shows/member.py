@@ -21,22 +21,11 @@ from controller.wire.messages import commands
 from controller.wire.messages.arguments import CommandError
 from controller.wire.messages.events import Event
 from controller.wire.messages.replies import Accepted, PhaseNow, Refused, State
+from motiondeck.shows import messages
 from motiondeck.shows.clock_estimate import ClockEstimate, RoundTrip
 from motiondeck.shows.known_stops import MOST_SENT, KnownStops, StopMemory
 from motiondeck.shows.link import Link, Mailbox, StopRepeater
 from motiondeck.shows.membership import CONDUCTOR
-from motiondeck.shows.messages import (
-    About,
-    ClockHealth,
-    CommonRound,
-    DeckHealth,
-    EmergencyStopAll,
-    Lost,
-    Time,
-    TimedCue,
-    encode,
-    read,
-)
 
 ASKS_EVERY = 0.25  # the mean period of requests for the conductor's time and the deck's state, s; shorter at first
 LATEST = 0.25  # a cue that comes later than this is not carried out, s; the conductor then sends the sum of all cues
@@ -49,7 +38,7 @@ _JOINS_WITHIN = 3.0  # s at the start for a conductor or a standing stop to be h
 _LISTENS = 0.4  # s after a conductor's first answer before the deck moves, for stops that it does not know yet
 _REMEMBERED = 64  # emergency stops that were passed on
 
-_THEN: dict[Lost, str] = {
+_THEN: dict[messages.Lost, str] = {
     "go on": "the deck plays on",
     "hold": "the deck pauses until it is back",
     "stop": "emergency stop of this deck",
@@ -67,7 +56,7 @@ class Member:
     def __init__(
         self,
         name: str,
-        about: About,
+        about: messages.About,
         link: Link,
         deck: CommandClient,
         leader: CommandServer,
@@ -80,17 +69,17 @@ class Member:
         self._notify, self._now, self._memory = notify, now, memory
         self._arrived = Mailbox[tuple[str, bytes]]()
         self._answers = Mailbox[tuple[float, float, bytes]]()
-        self._clock, self._time = ClockEstimate(), Time("", 0.0, "go on", 0.0)
+        self._clock, self._time = ClockEstimate(), messages.Time("", 0.0, "go on", 0.0)
         self._asked, self._ask_at, self._answered_at = 0, now(), now()
         self._lost = self._holds = self._reported_alone = False
-        self._cues: list[TimedCue] = []
+        self._cues: list[messages.TimedCue] = []
         self._done = ("", 0)
-        self._step: CommonRound | None = None
+        self._step: messages.CommonRound | None = None
         self._state: State | None = None
         self._problem, self._problems = "", 0
         self._stops = KnownStops()
-        self._held: list[EmergencyStopAll] = []  # those that the deck has carried out and was not reset from
-        self._stopping: dict[int, EmergencyStopAll | None] = {}  # what the deck has not accepted yet
+        self._held: list[messages.EmergencyStopAll] = []  # those that the deck has carried out and was not reset from
+        self._stopping: dict[int, messages.EmergencyStopAll | None] = {}  # what the deck has not accepted yet
         self._own_presses = self._passed_on = 0  # of the deck: those of this member, and the others as far as handled
         self._joined_at = now() + _JOINS_WITHIN
         self._resumes_at = -math.inf
@@ -99,7 +88,7 @@ class Member:
         deck.post(commands.Subscribe())
         link.subscribe("cue", self._receive)
         link.subscribe("stop", self._receive)
-        link.answer(f"deck/{name}", lambda: encode(about))
+        link.answer(f"deck/{name}", lambda: messages.encode(about))
         link.announce(f"deck/{name}")
         for stop in memory.read() if memory is not None else ():
             self._take_stop(stop)
@@ -151,7 +140,7 @@ class Member:
         self._ask_at = now + (_ASKS_FIRST if self._asked < _FIRST else ASKS_EVERY) * random.uniform(*_IRREGULAR)
         sent = self._now()
         for stop in self._held:
-            self._link.publish("stop", encode(stop))
+            self._link.publish("stop", messages.encode(stop))
         self._link.ask("clock", lambda _, data: self._answers.put((sent, self._now(), data)), _PATIENCE)
         if self._asked % 5 == 0 or self._asked >= _FIRST:
             self._deck.post(commands.GetStatus())
@@ -159,7 +148,7 @@ class Member:
                 self._deck.post(commands.AlignTicks(now, self._clock.remote(now)))
 
     def _take_time(self, sent: float, received: float, data: bytes) -> None:
-        answer = read(data, Time)
+        answer = messages.read(data, messages.Time)
         if answer is None:
             return
         if not self._time.run:
@@ -203,13 +192,13 @@ class Member:
     # Cues.
 
     def _take(self, key: str, data: bytes) -> None:
-        if key == "stop" and (stop := read(data, EmergencyStopAll)) is not None:
+        if key == "stop" and (stop := messages.read(data, messages.EmergencyStopAll)) is not None:
             self._take_stop(stop)
-        cue = read(data, TimedCue) if key == "cue" else None
+        cue = messages.read(data, messages.TimedCue) if key == "cue" else None
         if cue is not None and self._name in cue.decks and cue.run == self._time.run:
             self._take_cue(cue)
 
-    def _take_cue(self, cue: TimedCue) -> None:
+    def _take_cue(self, cue: messages.TimedCue) -> None:
         """Gives the deck a cue ahead of its time: its loop is punctual, and this process may not get a core then."""
         late = self._now() - self._due(cue)
         if late > LATEST:
@@ -233,11 +222,11 @@ class Member:
             self._step = _step_after(self._step, cue)
             self._done = max(self._done, (cue.run, cue.number)) if self._done[0] == cue.run else (cue.run, cue.number)
 
-    def _due(self, cue: TimedCue) -> float:
+    def _due(self, cue: messages.TimedCue) -> float:
         """When a cue is carried out at the earliest, local time, s: half a tick before its time."""
         return self._clock.local(cue.at) - self._early
 
-    def _give(self, cue: TimedCue) -> None:
+    def _give(self, cue: messages.TimedCue) -> None:
         step = self._step
         for earlier in self._cues:
             step = _step_after(step, earlier)
@@ -248,7 +237,7 @@ class Member:
         if cue.step is not None:
             self._post(commands.LockPhase("deck"), cue)
 
-    def _post(self, command: commands.DeckCommand, cue: TimedCue) -> None:
+    def _post(self, command: commands.DeckCommand, cue: messages.TimedCue) -> None:
         timed = commands.AtTime(self._clock.local(cue.at), command)
         self._commands[self._deck.post(timed)] = cue.name
         if len(self._commands) > _REMEMBERED:
@@ -291,8 +280,8 @@ class Member:
         now, clock, known = self._now(), self._clock, None
         if clock.known and self._asked >= _FIRST and not self._lost:
             uncertain, shortest = 1e3 * clock.uncertainty(now), 1e3 * clock.shortest
-            known = ClockHealth(uncertain, shortest, 1e6 * clock.drift, clock.offset(now))
-        health = DeckHealth(
+            known = messages.ClockHealth(uncertain, shortest, 1e6 * clock.drift, clock.offset(now))
+        health = messages.DeckHealth(
             run=self._done[0],
             cue=self._done[1],
             motion=state.motion,
@@ -306,7 +295,7 @@ class Member:
             problems=self._problems,
             stops=[stop for stop in self._stops.latest if stop not in self._stopping.values()],
         )
-        self._link.publish(f"health/{self._name}", encode(health))
+        self._link.publish(f"health/{self._name}", messages.encode(health))
 
     def _note_problem(self, problem: str) -> None:
         self._problem, self._problems = problem, self._problems + 1
@@ -315,23 +304,23 @@ class Member:
     # Emergency stops. One stands at the deck until it is reset there; meanwhile it is repeated for members and a
     # conductor that have not heard it.
 
-    def _take_stop(self, stop: EmergencyStopAll) -> None:
+    def _take_stop(self, stop: messages.EmergencyStopAll) -> None:
         """Stops the deck, and passes the stop on once: other members may have no link to its sender."""
         if not self._stops.add(stop):
             return
         self._stop_deck(stop)
         self._joined_at = self._now()
         self._notify(f"emergency stop by {'the conductor' if stop.by == CONDUCTOR else stop.by}")
-        self._link.publish("stop", encode(stop))
+        self._link.publish("stop", messages.encode(stop))
 
-    def _take_known_stop(self, stop: EmergencyStopAll) -> None:
+    def _take_known_stop(self, stop: messages.EmergencyStopAll) -> None:
         """Takes a stop that the conductor knows; one that is over still stops a deck that was cut meanwhile."""
         if stop in self._stops or (stop.over and not self._time.run):  # it was over before this deck took part
             self._stops.add(stop)
         else:
             self._take_stop(msgspec.structs.replace(stop, over=False))
 
-    def _note_stopped(self, stop: EmergencyStopAll | None) -> None:
+    def _note_stopped(self, stop: messages.EmergencyStopAll | None) -> None:
         """Notes that the deck has accepted an emergency stop of this member; the next event counts it too."""
         self._own_presses += 1
         if stop is not None:
@@ -341,7 +330,7 @@ class Member:
         if mode != "emergency stop" and self._held:
             self._hold([])
 
-    def _hold(self, stops: list[EmergencyStopAll]) -> None:
+    def _hold(self, stops: list[messages.EmergencyStopAll]) -> None:
         self._held = stops[-MOST_SENT:]
         if self._memory is not None:
             self._memory.write(self._held)
@@ -352,24 +341,24 @@ class Member:
         if others <= self._passed_on:
             return
         self._passed_on = others
-        stop = EmergencyStopAll(self._name, os.urandom(8).hex())
+        stop = messages.EmergencyStopAll(self._name, os.urandom(8).hex())
         self._stops.add(stop)
         self._hold([*self._held, stop])
         self._holds = False
         self._cues.clear()
         self._stop_repeater.start(stop, self._now())
 
-    def _stop_deck(self, stop: EmergencyStopAll | None) -> None:
+    def _stop_deck(self, stop: messages.EmergencyStopAll | None) -> None:
         self._holds = False
         self._cues.clear()
         self._stopping[self._deck.post(commands.EmergencyStop())] = stop
 
 
-def _plays(cue: TimedCue) -> bool:
+def _plays(cue: messages.TimedCue) -> bool:
     return any(command.motions for command in cue.say)
 
 
-def _step_after(step: CommonRound | None, cue: TimedCue) -> CommonRound | None:
+def _step_after(step: messages.CommonRound | None, cue: messages.TimedCue) -> messages.CommonRound | None:
     """What loops keep step with after a cue; a tempo and an unlocking end the deck's lock."""
     if cue.step is not None:
         return cue.step

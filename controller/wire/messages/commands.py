@@ -9,23 +9,7 @@ from typing import Annotated, Literal, get_args
 
 import msgspec
 
-from controller.wire.messages.arguments import (
-    AGO,
-    PART,
-    PHASE,
-    STEP_SECONDS,
-    STEPS,
-    TEMPO,
-    TEMPO_SECONDS,
-    WEIGHT,
-    Choice,
-    Flag,
-    MotionName,
-    Number,
-    Text,
-    WeightedMotions,
-    WholeCommand,
-)
+from controller.wire.messages import arguments as arg
 from controller.wire.messages.blends import MOST_BLENDED, blend_weights
 from controller.wire.messages.command_row import ALWAYS, CommandMessage, CommandRow
 from controller.wire.messages.lock_state import LOCK_SOURCES, LockSource
@@ -34,34 +18,36 @@ MOST_BYTES = 2048  # the longest command, bytes
 encode = msgspec.json.Encoder().encode  # a command, a reply or an event as it is sent
 
 _CLOCK = -1e12, 1e12  # s
-_JOINT = Text("JOINT", "the name of a joint")
+_JOINT = arg.Text("JOINT", "the name of a joint")
 
 
 class Switch(CommandMessage, frozen=True, tag="switch"):
     """Play a motion now, or when a one-shot has ended; direct: at once, without motions in between."""
 
     row = CommandRow(("timed", "cue", "script", "film"), record=1, second_reply="settled")
-    to: Annotated[str, MotionName()]
-    direct: Annotated[bool, Flag("direct")] = False
+    to: Annotated[str, arg.MotionName()]
+    direct: Annotated[bool, arg.Flag("direct")] = False
 
 
 class Queue(CommandMessage, frozen=True, tag="queue"):
     """Play a motion after the present and the queued ones: a loop finishes its round, a one-shot its motion."""
 
     row = CommandRow(("timed", "cue", "script", "film"), record=2, second_reply="settled")
-    to: Annotated[str, MotionName()]
+    to: Annotated[str, arg.MotionName()]
 
 
 class Blend(CommandMessage, frozen=True, tag="blend"):
     """Play a blend of loops with the WEIGHT of B; of three or four motions each has its own, and A the rest."""
 
     row = CommandRow(("timed", "cue", "script", "film"), record=10, second_reply="settled")
-    first: Annotated[str, MotionName("A")]  # the motion that is switched to first, if it is not playing
-    second: Annotated[str, MotionName("B")]  # the motion that is blended in then
+    first: Annotated[str, arg.MotionName("A")]  # the motion that is switched to first, if it is not playing
+    second: Annotated[str, arg.MotionName("B")]  # the motion that is blended in then
     # The blend weight of the second, from -0.3 to 1.3; "share" on the wire.
-    weight: Annotated[float, WEIGHT] = msgspec.field(name="share")
+    weight: Annotated[float, arg.WEIGHT] = msgspec.field(name="share")
     # Further motions that are blended in, each with its weight; then no weight is below 0 or above 1.
-    also: Annotated[tuple[tuple[str, float], ...], WeightedMotions(MotionName("C"), PART, MOST_BLENDED - 2)] = ()
+    also: Annotated[
+        tuple[tuple[str, float], ...], arg.WeightedMotions(arg.MotionName("C"), arg.PART, MOST_BLENDED - 2)
+    ] = ()
 
     @property
     def motions(self) -> tuple[str, ...]:
@@ -78,39 +64,39 @@ class SetTempo(CommandMessage, frozen=True, tag="tempo"):
     """Play at -3 to 3 times the recorded tempo, reached smoothly or within SECONDS; below 0 backwards."""
 
     row = CommandRow(("timed", "cue", "script", "film", "replay"), record=3)
-    factor: Annotated[float, TEMPO]
-    over: Annotated[float, TEMPO_SECONDS] = 0.0
+    factor: Annotated[float, arg.TEMPO]
+    over: Annotated[float, arg.TEMPO_SECONDS] = 0.0
 
 
 class SetInput(CommandMessage, frozen=True, tag="input"):
     """Change an input that motions were learned with, such as speed 1.4 (m/s); it is reached smoothly."""
 
     row = CommandRow(("timed", "cue", "script"), record=12)
-    name: Annotated[str, Text("INPUT", "the name of an input")]
-    value: Annotated[float, Number("VALUE", -1000.0, 1000.0)]
+    name: Annotated[str, arg.Text("INPUT", "the name of an input")]
+    value: Annotated[float, arg.Number("VALUE", -1000.0, 1000.0)]
 
 
 class Jump(CommandMessage, frozen=True, tag="jump"):
     """Go to a phase (0 to 1) of the present motion, by a transition."""
 
     row = CommandRow(("timed", "cue", "script", "film"), record=11)
-    phase: Annotated[float, PHASE]
+    phase: Annotated[float, arg.PHASE]
 
 
 class GiveBeat(CommandMessage, frozen=True, tag="beat"):
     """A beat, now or AGO seconds ago (-2 to 2); the first one locks the motion to the beats."""
 
     row = CommandRow(("script",), aliases=("tap",), record=13)
-    ago: Annotated[float, AGO] = 0.0
+    ago: Annotated[float, arg.AGO] = 0.0
 
 
 class LockPhase(CommandMessage, frozen=True, tag="lock"):
     """Lock the phase to: beat (PHASE falls on it, STEPS beats a round, 0: automatic), deck (PHASE ahead), body."""
 
     row = CommandRow(("timed", "script"), record=14)
-    source: Annotated[LockSource, Choice("SOURCE", LOCK_SOURCES)]
-    phase: Annotated[float, PHASE] = 0.0
-    steps: Annotated[int, STEPS] = 0  # beats in a round of the motion; 0 for what keeps the tempo nearest to 1
+    source: Annotated[LockSource, arg.Choice("SOURCE", LOCK_SOURCES)]
+    phase: Annotated[float, arg.PHASE] = 0.0
+    steps: Annotated[int, arg.STEPS] = 0  # beats in a round of the motion; 0 for what keeps the tempo nearest to 1
 
 
 class Unlock(CommandMessage, frozen=True, tag="unlock"):
@@ -129,7 +115,7 @@ class StepOn(CommandMessage, frozen=True, tag="step"):
     """In a pause: go on for one tick, or for SECONDS (up to 1), and stand still again."""
 
     row = CommandRow(("script", "replay"), record=22)
-    seconds: Annotated[float, STEP_SECONDS] = 0.0
+    seconds: Annotated[float, arg.STEP_SECONDS] = 0.0
 
 
 class Resume(CommandMessage, frozen=True, tag="resume"):
@@ -155,7 +141,7 @@ class Reset(CommandMessage, frozen=True, tag="reset"):
 
     row = CommandRow(("script", "replay"), frozenset({"emergency stop"}), record=8)
     # Needed from another machine; the refusal of a reset without one names it, anew for each emergency stop.
-    code: Annotated[float, Number("CODE", 0.0, 999999.0)] = 0.0
+    code: Annotated[float, arg.Number("CODE", 0.0, 999999.0)] = 0.0
 
 
 class Stop(CommandMessage, frozen=True, tag="stop"):
@@ -168,16 +154,16 @@ class Heartbeat(CommandMessage, frozen=True, tag="heartbeat"):
     """Pause when the sender ends or sends nothing for SECONDS (up to 60); 0 ends that."""
 
     row = CommandRow(("script", "replay"), ALWAYS)
-    within: Annotated[float, Number("SECONDS", 0.0, 60.0)]
+    within: Annotated[float, arg.Number("SECONDS", 0.0, 60.0)]
 
 
 class AlignTicks(CommandMessage, frozen=True, tag="align"):
     """Move ticks onto those of a clock that shows THERE when this machine's shows HERE, s (for programs)."""
 
     row = CommandRow(("script", "replay"), ALWAYS)
-    here: Annotated[float, Number("HERE", *_CLOCK)]  # a time of this machine's steady clock, s
+    here: Annotated[float, arg.Number("HERE", *_CLOCK)]  # a time of this machine's steady clock, s
     # The time of the other clock then, s; the ticks become multiples of their period on that clock.
-    there: Annotated[float, Number("THERE", *_CLOCK)]
+    there: Annotated[float, arg.Number("THERE", *_CLOCK)]
 
 
 class Subscribe(CommandMessage, frozen=True, tag="subscribe"):
@@ -203,7 +189,7 @@ class ServoTorque(CommandMessage, frozen=True, tag="torque"):
 
     row = CommandRow(("script", "replay"), ALWAYS, record=16)
     joint: Annotated[str, _JOINT]
-    to: Annotated[Literal["on", "off"], Choice("on|off", ("on", "off"))]
+    to: Annotated[Literal["on", "off"], arg.Choice("on|off", ("on", "off"))]
 
 
 class RestartServo(CommandMessage, frozen=True, tag="restart"):
@@ -225,8 +211,8 @@ class WriteRegister(CommandMessage, frozen=True, tag="write"):
 
     row = CommandRow(("script", "replay"), record=20, second_reply="servos")
     joint: Annotated[str, _JOINT]
-    register: Annotated[str, Text("REGISTER", "the name of a register")]
-    count: Annotated[int, Number("COUNT", -32768, 65535, whole=True)]  # the new value, in the register's own counts
+    register: Annotated[str, arg.Text("REGISTER", "the name of a register")]
+    count: Annotated[int, arg.Number("COUNT", -32768, 65535, whole=True)]  # the new value, in the register's own counts
 
 
 class ScanPorts(CommandMessage, frozen=True, tag="scan"):
@@ -243,8 +229,8 @@ class Push(CommandMessage, frozen=True, tag="push"):
     """Push the simulated body from its front, back, left or right with IMPULSE N s (default: forces a step)."""
 
     row = CommandRow(("timed", "cue", "script", "replay"), ALWAYS, record=19)
-    side: Annotated[Side, Choice("SIDE", SIDES)]
-    impulse: Annotated[float, Number("IMPULSE", 0.0, 1000.0)] = 0.0  # N s; 0 for one that forces a step
+    side: Annotated[Side, arg.Choice("SIDE", SIDES)]
+    impulse: Annotated[float, arg.Number("IMPULSE", 0.0, 1000.0)] = 0.0  # N s; 0 for one that forces a step
     # Direction of the push, rad from the world's x to its y axis; None for straight away from that side.
     towards: float | None = None
 
@@ -253,8 +239,8 @@ class LoadLibrary(CommandMessage, frozen=True, tag="load"):
     """Come to rest, and start again with another library file (path from the deck's folder)."""
 
     row = CommandRow(("script", "replay"), record=18)
-    library: Annotated[str, Text("LIBRARY", "a path", longest=1500)]
-    to: Annotated[str, Text("MOTION", "the name of a motion")]
+    library: Annotated[str, arg.Text("LIBRARY", "a path", longest=1500)]
+    to: Annotated[str, arg.Text("MOTION", "the name of a motion")]
 
 
 class AtTime(CommandMessage, frozen=True, tag="at"):
@@ -265,8 +251,8 @@ class AtTime(CommandMessage, frozen=True, tag="at"):
     """
 
     row = CommandRow(("replay",))
-    when: Annotated[float, Number("WHEN", *_CLOCK)]  # by this machine's steady clock, s
-    say: Annotated[DeckCommand, WholeCommand("'COMMAND'")]
+    when: Annotated[float, arg.Number("WHEN", *_CLOCK)]  # by this machine's steady clock, s
+    say: Annotated[DeckCommand, arg.WholeCommand("'COMMAND'")]
 
     def check(self) -> None:
         """Raises a CommandError also where the command is invalid or not for a later time."""
