@@ -115,7 +115,7 @@ class LossWatch:
 class Guard:
     """Plays a network and restarts it where it is lost; fits `base.FrameNetwork`.
 
-    The lengths of motions are in frames, the rate in Hz. `recues` counts the restarts, `anchor` is the last one's.
+    The lengths of motions are in frames, the rate in Hz. `recues` counts the restarts, `anchor` belongs to the last.
     """
 
     def __init__(

@@ -33,7 +33,7 @@ def person_variants(
 ) -> list[Variant]:
     """The predicted motion of a person at `values` of the input; an unknown name gives the average person.
 
-    `variants` are aligned recordings, at two different values at least, and `people` the name of each one's person.
+    `variants` are aligned recordings, at two different values at least, and `people` their persons' names.
     """
     known = np.array([variant.value for variant in variants])
     least, most = known.min(), known.max()
