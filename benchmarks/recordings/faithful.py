@@ -12,7 +12,9 @@ heights as they are, scaled by the leg. Of each motion, over all frames, joints 
     path        the length of the played path over that of the recorded one
     delay       by how much it is late, ms; below 0, its first frames are left out
     said        p95 as the library itself has it, mm and degrees, and how far that is from p95 here
+    own body    p95 in mm as if the played limbs were as long as in the file: what is not here is the library's body
     seam        the same as p95 within 0.4 s of a loop's seam, where its recording does not return to itself exactly
+    gap         half of what the recording's ends differ by there (95 % of the joints): no loop can deviate less
 
     end         the same over the 0.5 s after the end of a one-shot, in which it comes to rest
 
@@ -165,7 +167,10 @@ def summary(rows: list[Row]) -> Row:
         "degrees_worst": [row["degrees_worst"] for row in own],
         **{
             name: [row[name] for row in own if name in row]
-            for name in ("seam_mm_p95", "seam_degrees_p95", "end_mm_p95", "end_degrees_p95")
+            for name in (
+                *("own_body_mm", "seam_mm_p95", "seam_degrees_p95", "gap_mm", "gap_degrees"),
+                *("end_mm_p95", "end_degrees_p95"),
+            )
         },
         "hand_degrees": [hand for row in own if (hand := _hand(row)) is not None],
         "held_degrees": [row["held_degrees"] for row in own if "held_degrees" in row],
@@ -209,6 +214,13 @@ def _print(rows: list[Row]) -> None:
                 f" {row['degrees_worst']:5.1f} ({row['degrees_joint']} {row['degrees_time']:.2f} s)"
                 f"  held {held}  floor {floor}  delay {delay}"
                 f"  said {row.get('said_mm', np.nan):.1f} {row.get('said_degrees', np.nan):.1f}"
+                f"  own body {row['own_body_mm']:.1f}"
+                + (
+                    f"  seam {row['seam_mm_p95']:.1f} {row['seam_degrees_p95']:.1f}"
+                    f" (gap {row['gap_mm']:.1f} {row['gap_degrees']:.1f})"
+                    if "gap_mm" in row
+                    else ""
+                )
             )
         for reason in ("left_out", "not_judged"):
             for row in own:

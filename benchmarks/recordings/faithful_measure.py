@@ -23,7 +23,8 @@ LIMBS = {  # each with the landmark where it starts
     "wri": "elb",
     "han": "wri",
 }
-TRUNK = {"neck": "root", "head": "neck"}
+TRUNK = {"neck": "root", "back": "root", "head": "neck"}
+HANGS = LIMBS | {"hip": "root", "sho": "neck"}  # where each landmark begins, for its distance
 SHORTEST = 0.02  # m: shorter limbs point nowhere
 SEAM = 0.4  # s on either side of a loop's seam, a quarter of the loop at most, whose errors are figures of their own
 STOPS_WITHIN = 0.5  # s before and after the end of a one-shot in which it may be late, as one that slows down is
@@ -93,7 +94,10 @@ def measure(file: Recorded, played: Played, part: Part, lengths: int = 3) -> dic
         for unit, off, names in (("mm", mm, bones), ("degrees", degrees, ends))
         for name, value in _figures(unit, off[apart], names, when[apart]).items()
     }
+    own = 1000.0 * np.linalg.norm(_with_lengths_of(theirs, ours, bones) - theirs, axis=-1)
     found |= {
+        "own_body_mm": float(np.quantile(own[~apart], 0.95)),
+        **(_gap(wanted, bones, limbs, frames[0], round(part.end * file.rate)) if part.plays == "loop" else {}),
         **_figures("mm", mm[~apart], bones, when[~apart]),
         **_figures("degrees", degrees[~apart], ends, when[~apart]),
         "size": 1.0 / scale,
@@ -147,6 +151,38 @@ def _limbs(bones: list[str], places: dict[str, Array]) -> list[tuple[str, str]]:
         if np.median(np.linalg.norm(places[bone] - places[start], axis=-1)) > SHORTEST:
             found.append((bone, start))
     return found
+
+
+def _with_lengths_of(theirs: Array, ours: Array, bones: list[str]) -> Array:
+    """Played landmarks (T, B, 3) as far from each other as recorded ones, the lowest as high as it was."""
+    out = ours.copy()
+    middle = [0.5 * (seen[:, bones.index("lhip")] + seen[:, bones.index("rhip")]) for seen in (theirs, ours)]
+    for index, bone in enumerate(bones):  # starts come before their ends
+        start = TRUNK.get(bone) or (
+            HANGS[bone[1:]] if HANGS[bone[1:]] in ("root", "neck") else bone[0] + HANGS[bone[1:]]
+        )
+        if start != "root" and start not in bones:
+            continue
+        at = bones.index(start) if start != "root" else None
+        begins = [middle[turn] if at is None else seen[:, at] for turn, seen in enumerate((theirs, ours))]
+        line = ours[:, index] - begins[1]
+        length = np.linalg.norm(theirs[:, index] - begins[0], axis=-1, keepdims=True)
+        out[:, index] = (middle[1] if at is None else out[:, at]) + line * (
+            length / np.maximum(np.linalg.norm(line, axis=-1, keepdims=True), 1e-9)
+        )
+    out[..., 2] += (ours[..., 2].min(axis=1) - out[..., 2].min(axis=1))[:, None]
+    return out
+
+
+def _gap(
+    wanted: dict[str, Array], bones: list[str], limbs: list[tuple[str, str]], first: int, end: int
+) -> dict[str, object]:
+    """Half of what a recording lacks of a loop at its ends: the least by which a seam can deviate there."""
+    last = min(end, len(wanted["root"]) - 1)
+    one, other = (_seen({bone: track[at : at + 1] for bone, track in wanted.items()}, bones) for at in (first, last))
+    mm = 500.0 * np.linalg.norm(one - other, axis=-1)
+    degrees = 0.5 * _between(one, other, bones, limbs)
+    return {"gap_mm": float(np.quantile(mm, 0.95)), "gap_degrees": float(np.quantile(degrees, 0.95))}
 
 
 def _between(ours: Array, theirs: Array, bones: list[str], limbs: list[tuple[str, str]]) -> Array:

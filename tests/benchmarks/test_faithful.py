@@ -68,6 +68,27 @@ def test_a_perfect_run_has_no_error(file, part):
     assert with_seam(row)
 
 
+def test_longer_arms_are_the_body_and_not_the_motion(file):
+    run = played(ONCE)
+    for side in "lr":
+        shoulder = run.places[f"{side}sho"]
+        for end in ("elb", "wri", "han"):
+            run.places[f"{side}{end}"] = shoulder + 1.2 * (run.places[f"{side}{end}"] - shoulder)
+    row = measure(file, run, ONCE)
+    assert row["mm_p95"] > 50.0
+    assert row["degrees_worst"] < 1e-5
+    assert row["own_body_mm"] < 1e-3
+
+
+def test_a_recording_that_does_not_return_is_said_to_have_a_gap(file):
+    assert measure(file, played(LOOP), LOOP)["gap_mm"] < 10.0
+    rising = {
+        bone: track + np.linspace(0.0, 0.1, len(track))[:, None] * [0.0, 0.0, 1.0]
+        for bone, track in file.places.items()
+    }
+    assert measure(Recorded(rising, RATE), played(LOOP), LOOP)["gap_mm"] == pytest.approx(50.0, abs=10.0)
+
+
 def test_an_arm_turned_by_five_degrees_is_found_with_its_name(file):
     run = played(ONCE)
     angle, pivot = np.radians(5.0), run.places["lsho"]  # about a level axis, not quite across the arm's swing
