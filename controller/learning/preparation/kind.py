@@ -9,15 +9,7 @@ from typing import Literal, NamedTuple
 
 import numpy as np
 
-from controller.learning.preparation.loops import (
-    SEAM_SECONDS,
-    Seam,
-    best_seam,
-    close_loop,
-    in_place,
-    largest_omission,
-    with_velocities,
-)
+from controller.learning.preparation.loops import best_seam, eased_mm, in_place, largest_omission, with_velocities
 from controller.learning.preparation.takes import spread_of
 from controller.motion.decision import Decision
 from controller.motion.rotations import Array
@@ -75,14 +67,6 @@ def kind_of(features: Array, rate: float, given: Plays | None = None) -> FoundKi
         if eased_mm(places, one, rate) < LESS * off:
             return FoundKind(plays, (one.start, one.end), decision, one_round=True)
     return FoundKind(plays, (seam.start, seam.end), decision)
-
-
-def eased_mm(places: Array, seam: Seam, rate: float) -> float:
-    """How far joints (T, 3 B), mm, of a closed loop deviate from the recording near the seam: 95 % of them, mm."""
-    off = close_loop(places, seam, slice(0), rate) - places[seam.start : seam.end]
-    few = min(round(SEAM_SECONDS * rate), len(off) // 4)
-    near = np.concatenate([off[:few], off[-few:]]).reshape(2 * few, -1, 3)
-    return float(np.quantile(np.linalg.norm(near, axis=-1), 0.95))
 
 
 def periods(features: Array, rate: float) -> float:
