@@ -63,12 +63,8 @@ def interpolated(clip: Clip, low: NDArray[np.int64], between: Callable[[list[Arr
 
 def cubic(start: Array, slope: Array, end: Array, slope_end: Array, s: Array) -> Array:
     """The cubic between two points with slopes over all of the way between them, at shares `s` of it (Hermite)."""
-    return (
-        (1.0 + 2.0 * s) * (1.0 - s) ** 2 * start
-        + s * (1.0 - s) ** 2 * slope
-        + s**2 * (3.0 - 2.0 * s) * end
-        + s**2 * (s - 1.0) * slope_end
-    )
+    before, after = (1.0 - s) ** 2, s**2
+    return before * ((1.0 + 2.0 * s) * start + s * slope) + after * ((3.0 - 2.0 * s) * end + (s - 1.0) * slope_end)
 
 
 def _beyond(points: list[Array], at_first: NDArray[np.bool_], at_last: NDArray[np.bool_]) -> list[Array]:
@@ -172,16 +168,9 @@ def mirrored(clip: Clip) -> Clip:
     swapped = {"l" + end: "r" + end for end in _SIDED} | {"r" + end: "l" + end for end in _SIDED}
     partner = np.array([CANONICAL_BONES.index(swapped.get(bone, bone)) for bone in CANONICAL_BONES])
     rotation = own.rotation[:, np.concatenate([[0], 1 + partner])] * np.array([1.0, -1.0, 1.0, -1.0])
-    return replace(
-        own,
-        skeleton=replace(
-            own.skeleton,
-            length=own.skeleton.length[partner],
-            rest_direction=own.skeleton.rest_direction[partner] * np.array([1.0, -1.0, 1.0]),
-        ),
-        root_position=own.root_position * np.array([1.0, -1.0, 1.0]),
-        rotation=rotation,
-    )
+    aside, body = np.array([1.0, -1.0, 1.0]), own.skeleton
+    body = replace(body, length=body.length[partner], rest_direction=body.rest_direction[partner] * aside)
+    return replace(own, skeleton=body, root_position=own.root_position * aside, rotation=rotation)
 
 
 _SIDED = {bone[1:] for bone in CANONICAL_BONES if bone[0] == "l"}
