@@ -111,15 +111,15 @@ def close_loop(channels: Array, cut: Seam, velocities: slice, rate: float) -> Ar
 
         e(t) = sign(t) d/2 exp(-s) cos s + v tau / sqrt(8) exp(-s) (sin s - cos s)
 
-    and accelerates by at most 0.161 |d| / tau^2 + 0.354 |v| / tau. Each channel gets the tau with which that is its
-    usual acceleration in the clip, so that a seam is eased as quickly as the motion itself moves.
+    and accelerates by at most 0.161 |d| / tau^2 + 0.354 |v| / tau. Each channel gets the tau with which that is the
+    amplitude of its acceleration in the clip, so that a seam is eased as quickly as the motion itself swings.
     """
     loop = channels[cut.start : cut.end].copy()
     (value, slope), (end_value, end_slope) = (
         _course(channels, frame, velocities, rate) for frame in (cut.start, cut.end)
     )
     apart, turned = end_value - value, rate * (end_slope - slope)
-    usual = rate**2 * np.sqrt(np.square(slopes(slopes(channels, rate), rate)).mean(0)) + TINY
+    usual = rate**2 * np.sqrt(2.0 * np.square(slopes(slopes(channels, rate), rate)).mean(0)) + TINY
     tau = (0.354 * np.abs(turned) + np.sqrt((0.354 * turned) ** 2 + 0.644 * usual * np.abs(apart))) / (2.0 * usual)
     tau[velocities] = np.inf
     softest = min(SEAM_SECONDS / 4.0, len(loop) / rate / 8.0)
