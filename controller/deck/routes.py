@@ -51,18 +51,24 @@ class Routes:
 
     def way(self, start: str, goal: str) -> tuple[str, ...]:
         """The motions on the cheapest way from one motion to another, both left out; empty where it is direct."""
+        if (cheapest := (self.leaps[start][goal] / LEAP_M) ** 2 + 1.0) < 2.0:
+            return ()  # any other way has two legs
         ways: list[tuple[float, str, tuple[str, ...]]] = [(0.0, start, ())]
         closed: set[str] = set()
         while True:
             cost, here, way = heapq.heappop(ways)
             if here == goal and way:
                 return way[:-1]
-            if here in closed:
+            if here in closed or cost + 1.0 > cheapest:
                 continue
             closed.add(here)
             for following, leap_m in self.leaps[here].items():
-                if following == goal or (following in self.bridges and following not in closed):
-                    heapq.heappush(ways, (cost + (leap_m / LEAP_M) ** 2 + 1.0, following, (*way, following)))
+                total = cost + (leap_m / LEAP_M) ** 2 + 1.0
+                # From a bridge at least one motion more is needed.
+                bridge = following in self.bridges and following not in closed and total + 1.0 <= cheapest
+                if following == goal or bridge:
+                    heapq.heappush(ways, (total, following, (*way, following)))
+                    cheapest = min(cheapest, total) if following == goal else cheapest
 
     def between_blended(self, one: str, other: str) -> str:
         """The first motion that lies between two others, in either direction; "" if they can play side by side."""

@@ -65,10 +65,11 @@ def hardest_joins(library: MotionLibrary, count: int, phases: int = PHASES) -> l
     # of `phases`.
     motions, routes = read_motions(library), Routes.of(library)
     found: list[tuple[float, tuple[str, str, float]]] = []
+    exits = {name: _exits(motion, phases) for name, motion in motions.items()}
     for leaving, entering in product(motions.values(), repeat=2):
         if routes.way(leaving.name, entering.name) or (leaving is entering and leaving.loop):
             continue
-        phase, places, velocities = _exits(leaving, phases)
+        phase, places, velocities = exits[leaving.name]
         apart = _apart(places, velocities, entering) / max(leaving.acceleration, entering.acceleration)
         hardest = int(apart.argmax())
         found.append((float(apart[hardest]), (leaving.name, entering.name, float(phase[hardest]))))

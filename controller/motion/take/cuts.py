@@ -17,7 +17,7 @@ from controller.motion.clip import Clip
 from controller.motion.decision import Decision
 from controller.motion.markers import runs
 from controller.motion.rotations import Array
-from controller.motion.take.segmentation import FRAMES_PER_SECOND, PRICE, SHORTEST_SECONDS, find_segments, poses_of
+from controller.motion.take.segmentation import CHANGE, FRAMES_PER_SECOND, SHORTEST_SECONDS, find_segments, poses_of
 from motiondeck_base.files import listed
 
 LONG = 12.0  # s
@@ -83,5 +83,6 @@ def _decision(clip: Clip, motions: list[Part], jumped: list[str]) -> Decision:
         why = ", ".join(jumped) or f"joints are slower than {STILL_SPEED:g} m/s before and after, or the recording ends"
         return Decision("cuts", what, why, overrule, notable=bool(jumped))
     times = listed(f"{first / clip.rate:.2f}" for first, _ in motions)
-    why = ", ".join([*jumped, f"poses are distributed otherwise, by {PRICE:g} s a figure, or rest for {REST:g} s"])
+    why = f"between them the distribution of poses changes by a log likelihood of {CHANGE:g} s or more, or they rest"
+    why = ", ".join([*jumped, f"{why} for {REST:g} s"])
     return Decision("cuts", f"{len(motions)} motions, from {times} s on", why, f"--whole, or {overrule}", notable=True)

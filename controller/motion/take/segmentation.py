@@ -33,6 +33,7 @@ SHORTEST_SECONDS = 1.0
 DIRECTIONS = 12
 NOISE = 0.01  # m, of a principal direction
 PRICE = 0.5  # s: of a border, for each of the d (d + 3) / 2 figures of a mean and a covariance in d directions
+CHANGE = PRICE * DIRECTIONS * (DIRECTIONS + 3) / 2
 REACH = 60.0  # s
 RATE_SECONDS = 0.1  # weight of a velocity
 SLOW_WITHIN, SLOW_OVER = 0.3, 0.2  # s: a border moves to the slowest moment so near, with speeds averaged so long

@@ -1,10 +1,14 @@
+from itertools import pairwise, permutations
+
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
 import synthetic
 from controller.deck.deck import Deck
 from controller.deck.joins.deck_motions import BodyCourse, Motion, read_motions
-from controller.deck.routes import Routes
+from controller.deck.routes import LEAP_M, Routes
 from controller.library.motion_library import load_library
 from controller.motion.posture import Posture
 from motiondeck_base.shipped import shipped_configs
@@ -120,3 +124,17 @@ def test_from_crawl_to_waltz_the_body_stands_up_first(shipped):
         assert deck.time < 15.0
     assert switch.first_change_s is not None
     assert switch.first_change_s - switch.commanded_s <= 2.01 * DT
+
+
+@given(st.integers(0, 10_000))
+def test_no_other_way_is_cheaper(seed):
+    names, rng = ("a", "b", "c", "d", "e"), np.random.default_rng(seed)
+    leaps = {one: {other: float(rng.uniform(0.0, 0.6)) for other in names} for one in names}
+    bridges = {name for name in names if rng.uniform() < 0.8}
+
+    def cost(way):
+        return sum((leaps[one][other] / LEAP_M) ** 2 + 1.0 for one, other in pairwise(("a", *way, "b")))
+
+    others = sorted(bridges - {"a", "b"})
+    ways = [way for count in range(len(others) + 1) for way in permutations(others, count)]
+    assert cost(Routes(leaps, frozenset(bridges)).way("a", "b")) == pytest.approx(min(map(cost, ways)))
