@@ -21,7 +21,9 @@ _ROUND = np.stack([*(np.sqrt(1.0 - _HIGH**2) * f(2.4 * np.arange(200.0)) for f i
 _RING = np.array([(np.cos(a), np.sin(a)) for a in np.linspace(0.0, 2.0 * np.pi, 12, endpoint=False)])
 
 FARTHER = 2.0  # reach of solids that do not collide, in that of those that do, from which they count
-BEYOND = 1.2  # least reach of a body's solids, in distances of its centre of mass from its joint: a rod reaches 2
+# In distances of a body's centre of mass from its joint: least reach of its solids (a rod's is 2), and half the longest
+# side of the box of an inertia that tells how far it reaches (1 for a rod; many files have any numbers there).
+BEYOND, LONG = 1.0, (0.5, 1.3)
 AWAY, LIGHT = 0.005, 0.01  # least such distance, m, and mass, kg, that tell how far a body reaches
 
 
@@ -101,9 +103,10 @@ def _ends_early(model: mujoco.MjModel, body: int, balls: list[tuple[Array, float
 
 
 def _inertia_box(model: mujoco.MjModel, body: int) -> Array:
-    """The corners (8, 3) of the box of a body's inertia, cut to the size of the way from its joint to its centre."""
+    """The corners (8, 3) of the box of a body's inertia; none if it is much longer or shorter than a rod."""
     halves = box_sides(model.body_inertia[body], float(model.body_mass[body]))
-    halves = np.minimum(halves, np.linalg.norm(model.body_ipos[body] - _joint(model, body)))
+    if not LONG[0] <= halves.max() / np.linalg.norm(model.body_ipos[body] - _joint(model, body)) <= LONG[1]:
+        return np.zeros((0, 3))
     return model.body_ipos[body] + rotate(model.body_iquat[body], _CORNERS * halves)
 
 
