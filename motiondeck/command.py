@@ -23,12 +23,9 @@ def main() -> None:
 
 
 def shadowed(beside: Path = HOME) -> Iterator[str]:
-    """A line for each of our packages that Python would import from elsewhere, and what to do about it.
+    """A line for each of our packages that Python would import from elsewhere than `beside`, and what to do about it.
 
     Nothing is imported to find out.
-
-    Args:
-        beside: the folder that our packages are in.
     """
     for package in PACKAGES:
         spec = importlib.util.find_spec(package)

@@ -22,9 +22,8 @@ _news = msgspec.json.Decoder(LiveMessage)
 class DeckProcess:
     """A process that has been started to play.
 
-    Args:
-        process: with pipes to its standard input, which keeps it alive while it is open, and from its output.
-        opened: what is closed when it has ended.
+    It has pipes to its standard input, which keeps it alive, and from its output. When it has ended, what was `opened`
+    for it is closed.
     """
 
     def __init__(self, process: subprocess.Popen[bytes], opened: contextlib.ExitStack) -> None:

@@ -30,9 +30,8 @@ __all__ = ["Library", "MotionGenerator", "learn", "learn_recipe", "load_library"
 class Library:
     """Motions that a network has learned; made by `learn` or `load_library`.
 
-    Attributes:
-        model: all that is in the file: networks, skeleton, provenance, results of the self-test.
-        left_out: the recordings that `learn` could not use, and why.
+    `model` is all that is in the file: networks, skeleton, provenance, results of the self-test. `left_out` are the
+    recordings that `learn` could not use, and why.
     """
 
     model: MotionLibrary

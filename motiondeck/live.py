@@ -36,10 +36,8 @@ _MOST_AT_ONCE = 32  # commands of all threads that await their reply; a deck tak
 class CommandedMotion:
     """A motion that a deck has been commanded to play.
 
-    Attributes:
-        motion: its name, or "walk + jog" for a blend of these.
-        after: the one-shot that has to end first, or "".
-        via: the motions on the way.
+    `motion` is its name, or "walk + jog" for a blend, `via` are the motions on the way, and `after` is the one-shot
+    that has to end first, or "".
     """
 
     motion: str
@@ -59,10 +57,8 @@ class CommandedMotion:
 class LiveDeck(DeckCommands[CommandedMotion]):
     """A deck that is playing; made by `play`. Use it as a context manager, or `close` it; any thread may use it.
 
-    Attributes:
-        motions: all that can be played.
-        command_port: where `motiondeck send` reaches it as well.
-        page: the address of its page, or None.
+    `motions` are all that can be played, `page` is the address of its page, or None, and `motiondeck send` reaches it
+    at its `command_port`.
     """
 
     # A misspelt name, as in `deck.tmpo = 2`, is an error and not an attribute more.
@@ -97,10 +93,8 @@ class LiveDeck(DeckCommands[CommandedMotion]):
     def beat(self, at: float | None = None) -> None:
         """Gives the deck one beat, and locks it to beats if it is not.
 
-        CommandError if the network has no phase, or the time is further away.
-
-        Args:
-            at: when it was by `time.monotonic()`, s, up to 2 s ago or ahead; None for now.
+        `at` is its time by `time.monotonic()`, s, up to 2 s ago or ahead; None for now. CommandError if it is further
+        away, or the network has no phase.
         """
         self._request(commands.GiveBeat(ago=time.monotonic() - at if at is not None else 0.0))
 

@@ -190,12 +190,9 @@ class Deck(DeckCommands[CommandedSwitch]):
         return self._request(parse_command([command]) if isinstance(command, str) else command)
 
     def beat(self, ago: float = 0.0) -> None:
-        """Gives the deck one beat, and locks it to beats if it is not.
+        """Gives the deck one beat, `ago` seconds before `time`, from -2 to 2 s, and locks it to beats if it is not.
 
         CommandError if the network has no phase, or the time is further away.
-
-        Args:
-            ago: how long before `time` it was, from -2 to 2 s.
         """
         self._request(commands.GiveBeat(ago=ago))
 

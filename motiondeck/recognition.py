@@ -31,13 +31,9 @@ LONGEST_STEP = 10.0  # s
 
 @dataclass(frozen=True)
 class Recognizer:
-    """Recognizes motions; made by `learn_recognizer` or `load_recognizer`.
+    """Recognizes motions; made by `learn_recognizer` or `load_recognizer`."""
 
-    Attributes:
-        model: its features, experts and threshold.
-    """
-
-    model: TrainedRecognizer
+    model: TrainedRecognizer  # its features, experts and threshold
 
     @property
     def motions(self) -> tuple[str, ...]:
@@ -176,11 +172,7 @@ def learn_recognizer(
 
 
 def load_recognizer(path: str | Path) -> Recognizer:
-    """A recognizer that was saved, by its path.
-
-    Raises:
-        MotiondeckError: one line that names the file and what is wrong with it.
-    """
+    """A recognizer that was saved, by its path. MotiondeckError says in one line which file is wrong, and why."""
     return Recognizer(load_recognizer_file(Path(path)))
 
 

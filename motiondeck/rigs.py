@@ -35,13 +35,9 @@ _LOOK_AGAIN = 0.5e-3  # s
 class Rig:
     """A rig that is switched on, each servo where it stands; made by `open_rig`.
 
-    Every target is kept within the limits of the rig file; the servos keep to its speed limits themselves. When
-    nothing is heard for the rig file's `watchdog_ms` the servos stop: write, read or `wait` at least that often.
-
-    Attributes:
-        config: the rig file.
-        joints: the names of the J joints, the order of every array.
-        lower, upper: position limits, shape (J,), rad.
+    Every target is kept within the limits of the rig file (`config`), `lower` and `upper`, shape (J,), rad, in the
+    order of `joints`; the servos keep to its speed limits themselves. When nothing is heard for the rig file's
+    `watchdog_ms` the servos stop: write, read or `wait` at least that often.
     """
 
     def __init__(self, connected: ConnectedRig | SimulatedRig) -> None:
@@ -103,14 +99,10 @@ class Rig:
             time.sleep(min(left, 1.0 / self.config.rate_hz))
 
     def move_to(self, angles: ArrayLike | Mapping[str, float], seconds: float = 2.0) -> None:
-        """Moves smoothly from the present targets to others, and returns when the time is over.
+        """Moves smoothly from the present targets to others, given as for `write`, and returns when the time is over.
 
-        Args:
-            angles: as for `write`.
-            seconds: duration, s; position, speed and acceleration have no jump.
-
-        Raises:
-            UnknownNameError, RigError: as `write`, or if the time is not above 0.
+        Position, speed and acceleration have no jump. UnknownNameError and RigError as `write`, or if the time is not
+        above 0 s.
         """
         if not 0.0 < seconds < np.inf:
             raise RigError(f"move_to: seconds must be > 0, not {seconds:g}")

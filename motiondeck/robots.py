@@ -24,12 +24,9 @@ __all__ = ["JointMotion", "RetargetedFile", "Robot", "load_robot", "retarget_fil
 
 @dataclass(frozen=True)
 class Robot:
-    """A robot; made by `load_robot`.
+    """A robot and its file; made by `load_robot`.
 
-    Attributes:
-        file: the robot file.
-        name: what it is called.
-        solver: how motions are carried onto it, "angles" or "ik"; overrides its file.
+    `solver` is how motions are carried onto it, "angles" or "ik"; it overrides its file.
     """
 
     file: Path

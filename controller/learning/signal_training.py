@@ -55,12 +55,9 @@ def learn_signals(
 ) -> AnyNetwork:
     """One network that plays all signals (T, D), of the kind that the recipe names, by default conceptors.
 
-    What is learned in frames does not depend on the rate, Hz. MotiondeckError as `load_signals`, or if a name in
-    `loops` is no signal, or the rate is not from 0.001 Hz to 100 kHz.
-
-    Args:
-        loops: the signals that are one period, whose first frame follows the last.
-        seed: of everything random.
+    In `loops` are the signals that are one period, whose first frame follows the last. What is learned in frames does
+    not depend on the rate, Hz. MotiondeckError as `load_signals`, or if a name in `loops` is no signal, or the rate is
+    not from 0.001 Hz to 100 kHz.
     """
     require_sizes(recipe)
     hertz, drawn_with = number_within(rate, "the rate, Hz,", 1e-3, 1e5), whole_number(seed, "seed")

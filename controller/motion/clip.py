@@ -16,24 +16,16 @@ from motiondeck_base.errors import FileFormatError
 class Clip:
     """T frames of a skeleton with B bones.
 
-    Attributes:
-        rate: frames per second, Hz.
-        root_position: shape (T, 3), m; z up.
-        rotation: world rotation of the root and of each bone, shape (T, 1 + B, 4).
-        source: file name, for provenance.
-        decisions: what was decided while it was read.
-
-    Raises:
-        FileFormatError: if shapes disagree, a number is not finite, the rate is not positive, or there are no frames.
+    FileFormatError if shapes disagree, a number is not finite, the rate is not positive, or there are no frames.
     """
 
     name: str
     skeleton: Skeleton
-    rate: float
-    root_position: Array
-    rotation: Array
-    source: str = ""
-    decisions: tuple[Decision, ...] = ()
+    rate: float  # frames per second, Hz
+    root_position: Array  # shape (T, 3), m; z up
+    rotation: Array  # the world rotation of the root and of each bone, shape (T, 1 + B, 4)
+    source: str = ""  # file name, for provenance
+    decisions: tuple[Decision, ...] = ()  # what was decided while it was read
 
     def __post_init__(self) -> None:
         frames = len(self.root_position)

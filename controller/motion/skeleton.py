@@ -32,23 +32,15 @@ class SkeletonInfo(msgspec.Struct, forbid_unknown_fields=True, frozen=True):
 class Skeleton:
     """B bones, each parent before its children.
 
-    A bone starts where its parent ends (or at the root) and ends in the joint of its name.
-
-    Attributes:
-        parent: index of each bone's parent, shape (B,); ROOT at the root.
-        rest_direction: unit vectors in the rest pose, arms out sideways, shape (B, 3); x forward, y left, z up.
-        length: shape (B,), m.
-
-    Raises:
-        FileFormatError: if the shapes disagree, a parent follows its child, a name is used twice, or a number is not
-            finite.
+    A bone starts where its parent ends (or at the root) and ends in the joint of its name. FileFormatError if the
+    shapes disagree, a parent follows its child, a name is used twice, or a number is not finite.
     """
 
     name: str
     bones: tuple[str, ...]
-    parent: NDArray[np.int64]
-    rest_direction: Array
-    length: Array
+    parent: NDArray[np.int64]  # the index of each bone's parent, shape (B,); ROOT at the root
+    rest_direction: Array  # unit vectors in the rest pose, arms out sideways, shape (B, 3); x forward, y left, z up
+    length: Array  # shape (B,), m
 
     is_rig: ClassVar[bool] = False
     """Whether its bones stand for the joints of a rig, and it has no body."""

@@ -18,19 +18,13 @@ from sim.robots.robot import Robot
 
 @dataclass(frozen=True, eq=False)
 class JointMotion:
-    """T frames of a robot with J joints.
-
-    Attributes:
-        rate: frames per second, Hz.
-        angles: shape (T, J), rad, within the robot's position limits.
-        qpos: the robot in each frame as MuJoCo has it, shape (T, nq).
-    """
+    """T frames of a robot with J joints."""
 
     name: str
     joints: tuple[str, ...]
-    rate: float
-    angles: Array
-    qpos: Array
+    rate: float  # frames per second, Hz
+    angles: Array  # shape (T, J), rad, within the robot's position limits
+    qpos: Array  # the robot in each frame as MuJoCo has it, shape (T, nq)
 
     @property
     def root(self) -> Array:

@@ -40,35 +40,22 @@ MARK = ".infeasible"  # before the suffix of files that a robot cannot do unchan
 
 @dataclass(frozen=True)
 class RetargetedFile:
-    """The result for one recording.
+    """The result for one recording."""
 
-    Attributes:
-        recording: the file it was read from.
-        file: the file that was written; None with an `error`.
-        frames, fps: of what was written; Hz.
-        limbs_deg: mean and worst angle of each limb to the human's, by name ("r_thigh"), degrees.
-        too_fast: steps faster than a joint may go.
-        sunk_m: largest depth in the floor, m.
-        slide_m_s: mean speed of the soles while the human's feet stand, m/s.
-        infeasible: reasons why the robot cannot do it unchanged.
-        notes: changes to the recording.
-        error: why nothing was written.
-        size, changed: of the recording, bytes and ns, to detect changes.
-    """
-
-    recording: str
-    file: str | None = None
-    frames: int = 0
-    fps: float = 0.0
+    recording: str  # the file it was read from
+    file: str | None = None  # the file that was written; None with an `error`
+    frames: int = 0  # of what was written
+    fps: float = 0.0  # of what was written, Hz
+    # The mean and the worst angle of each limb to the human's, by name ("r_thigh"), degrees.
     limbs_deg: dict[str, tuple[float, float]] = field(default_factory=dict)
-    too_fast: int = 0
-    sunk_m: float = 0.0
-    slide_m_s: float = 0.0
-    infeasible: tuple[str, ...] = ()
-    notes: tuple[str, ...] = ()
-    error: str | None = None
-    size: int = 0
-    changed: int = 0
+    too_fast: int = 0  # steps faster than a joint may go
+    sunk_m: float = 0.0  # the largest depth in the floor, m
+    slide_m_s: float = 0.0  # the mean speed of the soles while the human's feet stand, m/s
+    infeasible: tuple[str, ...] = ()  # reasons why the robot cannot do it unchanged
+    notes: tuple[str, ...] = ()  # changes to the recording
+    error: str | None = None  # why nothing was written
+    size: int = 0  # of the recording, bytes, to detect changes
+    changed: int = 0  # when the recording was, ns, to detect changes
 
 
 class _Settings(msgspec.Struct, forbid_unknown_fields=True):

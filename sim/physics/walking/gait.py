@@ -28,15 +28,7 @@ TOO_FAR, QUICK = 0.12, 0.35
 
 
 class Gait:
-    """Plans one step after another, on a plane where the feet never slip.
-
-    Attributes:
-        places, yaws: of the standing soles, shape (2, 2), m, and (2,), rad.
-        step: the present one.
-        coming: that one and those to come.
-        rolling: pitches of the soles.
-        recoveries: number of steps that are not the motion's.
-    """
+    """Plans one step after another, on a plane where the feet never slip."""
 
     def __init__(self, settings: WalkSettings, height: float, sole: float, sides: Array, widest: float) -> None:
         """Args: walk settings; height of the root, m; length of a sole, m; sides (2,), 1 for left; widest stance, m."""
@@ -50,18 +42,18 @@ class Gait:
     def start(self, middle: Array, facing: float, yaws: Array) -> None:
         """Stands with both feet beside a point (2,), m, facing a direction, rad, with the feet at yaws (2,), rad."""
         apart = 0.5 * self._width * np.array([-np.sin(facing), np.cos(facing)])
-        self.places = np.array([middle + side * apart for side in self._sides])
+        self.places = np.array([middle + side * apart for side in self._sides])  # of the standing soles, (2, 2), m
         self.yaws = facing + np.array([_clipped(yaw - facing) for yaw in yaws])
-        self.step: Step | None = None
+        self.step: Step | None = None  # the present one
         self._swing: Swing | None = None
         self._longer = np.zeros(2)
         self._from = self.places[0].copy(), 0.0
         self._now = self._tick = 0.0
         self._landed: tuple[float, Array] | None = None
-        self._count = self.recoveries = 0
+        self._count = self.recoveries = 0  # recoveries: steps that are not the motion's
         self._heading, self._astray = facing, 0.0
         self._own: list[Swing] = []
-        self.rolling = Rolling(self._set.toe, self._set.heel, self._set.longest * self._height)
+        self.rolling = Rolling(self._set.toe, self._set.heel, self._set.longest * self._height)  # pitches of the soles
 
     def advance(self, now: float, swings: Sequence[Swing], preview: float) -> Swing | None:
         """Advances to a time, s, with the motion's swings until `preview` later; the swing that ended, if any."""
@@ -80,6 +72,7 @@ class Gait:
                 self.step = self._swing = None
         if ended in self._own:
             self._own.remove(ended)
+        # The present step and those to come.
         self.coming = self._chain(now, self._own + [swing for swing in swings if swing is not ended])
         self.rolling.advance(now, self.places, self.step, self.coming)
         return ended
