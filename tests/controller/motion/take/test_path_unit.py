@@ -8,16 +8,18 @@ from controller.motion.take.path_unit import in_one_unit
 from simulated_bodies import human
 
 
-def walk(times=1.0, height=0.9):
+def walk(times=1.0, height=0.9, hops=0.0):
     time = np.arange(60) / 30.0
-    path = np.column_stack([time, 0.1 * np.sin(time), height + 0.03 * np.sin(6.0 * time)])
+    rises = 0.03 * np.sin(6.0 * time) + hops * np.maximum(0.0, np.sin(4.0 * time))
+    path = np.column_stack([time, 0.1 * np.sin(time), height + rises])
     return Clip("walk", human(), 30.0, times * path, np.tile([1.0, 0.0, 0.0, 0.0], (60, 20, 1)), "walk.bvh")
 
 
+@pytest.mark.parametrize("hops", [0.0, 0.4])
 @pytest.mark.parametrize("times", [0.01, 0.001, 100.0, 0.0254])
-def test_a_path_in_another_unit_is_scaled(times):
-    found, decision = in_one_unit(walk(times))
-    np.testing.assert_allclose(found.root_position, walk().root_position, rtol=1e-9)
+def test_a_path_in_another_unit_is_scaled(times, hops):
+    found, decision = in_one_unit(walk(times, hops=hops))
+    np.testing.assert_allclose(found.root_position, walk(hops=hops).root_position, rtol=1e-9)
     assert decision is not None
     assert decision.notable
 
