@@ -29,10 +29,7 @@ class DeckCommands(ABC, Generic[Commanded]):
         """Carries out a command that plays a motion."""
 
     def status(self) -> DeckStatus:
-        """What is played now, at which tempo, what comes next, and in which mode the deck is.
-
-        MotiondeckError if a live deck has ended; it says why.
-        """
+        """What is played now, at which tempo, what is next, and the mode. MotiondeckError if a live deck has ended."""
         reply = self._request(commands.GetStatus())
         assert isinstance(reply, DeckStatus), "a status is answered by a state"
         return reply
@@ -89,10 +86,7 @@ class DeckCommands(ABC, Generic[Commanded]):
         return self.status().phase
 
     def jump(self, phase: float) -> None:
-        """Goes to a phase, from 0 to 1, of the present motion, by a transition.
-
-        CommandError if the network has no phase, or motions are blended.
-        """
+        """Goes to a phase (0 to 1) of the motion by a transition. CommandError without a phase, or in a blend."""
         self._request(commands.Jump(phase))
 
     @property
@@ -101,10 +95,7 @@ class DeckCommands(ABC, Generic[Commanded]):
         return self.status().inputs
 
     def set_input(self, name: str, value: float) -> None:
-        """Changes an input; the new value is reached within a second.
-
-        CommandError if no motion has such an input, or the value is outside the learned range.
-        """
+        """Changes an input within a second. CommandError if no motion has it, or for a value that was not learned."""
         self._request(commands.SetInput(name, value))
 
     def lock(self, source: Literal["beat", "deck", "body"], phase: float = 0.0, steps: int = 0) -> None:

@@ -110,10 +110,7 @@ class LiveDeck(DeckCommands[CommandedMotion]):
         self._request(commands.StepOn(seconds=seconds))
 
     def events(self) -> Iterator[DeckEvent]:
-        """The events of the deck from this call on, as they happen, until it has ended.
-
-        MotiondeckError if the deck has ended already.
-        """
+        """The events of the deck from this call on, as they come, until it ends. MotiondeckError if it has ended."""
         self._refuse_fork()
         client = CommandClient(self.command_port)
         try:

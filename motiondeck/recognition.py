@@ -53,10 +53,7 @@ class Recognizer:
         return RecognitionStream(self, OnlineRecognizer(model.bank, model.threshold, model.recipe.rate))
 
     def watch(self, skeleton: Skeleton) -> PoseStream:
-        """Recognizes the poses of a body one by one, at any rate.
-
-        MotiondeckError if the skeleton lacks a joint that is compared.
-        """
+        """Recognizes the poses of a body one by one, at any rate. MotiondeckError if a compared joint is missing."""
         return PoseStream(BodyRecognizer(self.model, skeleton), len(skeleton))
 
     def frames(self, clip: Clip) -> NDArray[np.float64]:
@@ -81,10 +78,7 @@ class RecognitionStream:
     _online: OnlineRecognizer = field(repr=False)
 
     def update(self, frame: NDArray[np.float64]) -> str | None:
-        """Takes the next frame of features, shape (C,); the motion that is seen, or None while nothing is sure.
-
-        MotiondeckError if it has another shape.
-        """
+        """The motion that is seen at the next frame (C,), or None while unsure. MotiondeckError for another shape."""
         channels = self._online.channels
         if np.shape(frame) != (channels,):
             takes = f"this recognizer takes ({channels},): rows of Recognizer.frames(clip)"

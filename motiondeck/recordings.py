@@ -42,10 +42,7 @@ def read_recording(
 
 
 def the_clip(given: object) -> Clip:
-    """What was given for a clip, if it is one.
-
-    MotiondeckError if it is something else, such as the path of a recording.
-    """
+    """What was given for a clip, if it is one. MotiondeckError for anything else, such as a recording's path."""
     if not isinstance(given, Clip):
         kind = f"{str(given)!r}" if isinstance(given, str | Path) else f"a {type(given).__name__}"
         raise MotiondeckError(f"{kind} is no clip. Read the recording first: motiondeck.read_recording(path)")

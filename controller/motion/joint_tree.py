@@ -53,10 +53,7 @@ class JointTree:
 def played(
     names: Sequence[str], parent: Sequence[int], place: Array, turn: Array, turns: NDArray[np.bool_]
 ) -> JointTree:
-    """Forward kinematics: the tree of joints with positions (T, J, 3) and rotations (T, J, 4) in their parents.
-
-    World positions and rotations overwrite both arrays.
-    """
+    """Overwrites positions (T, J, 3) and rotations (T, J, 4) of joints in their parents by those in the world."""
     for joint, above in enumerate(parent):
         if above >= 0:
             place[:, joint] = place[:, above] + rotate(turn[:, above], place[:, joint])

@@ -24,10 +24,7 @@ def need_matplotlib() -> None:
 
 
 def check_picture(path: Path) -> None:
-    """Checks, before anything is computed, that a picture can be drawn.
-
-    MotiondeckError if matplotlib is not installed, the file ends otherwise, or its folder does not exist.
-    """
+    """Checks early that a picture can be drawn: MotiondeckError without matplotlib or folder, or for another ending."""
     need_matplotlib()
     if path.suffix.lower() not in ENDINGS:
         raise MotiondeckError(f"{path}: pictures end in {', '.join(ENDINGS)}")

@@ -28,10 +28,7 @@ class Input(Protocol):
         ...
 
     def read(self, now: float) -> Iterator[Signal]:
-        """The signals that have come, at a time of the bridge's clock, s; never waits.
-
-        MidiGoneError if a device is gone.
-        """
+        """The signals up to a time of the bridge's clock, s; never waits. MidiGoneError if a device is gone."""
         ...
 
     def close(self) -> None:

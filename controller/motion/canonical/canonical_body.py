@@ -177,10 +177,7 @@ def to_canonical(clip: Clip) -> Clip:
 
 
 def landmark_places(clip: Clip) -> tuple[Array, NDArray[np.bool_]]:
-    """Positions of root and landmarks as recorded, (T, 20, 3), m, and which of them the recording has, (20,).
-
-    FileFormatError without two legs.
-    """
+    """Positions of root and landmarks (T, 20, 3), m, and which are recorded (20,). FileFormatError without two legs."""
     if is_canonical(clip.skeleton):
         return clip.joints(), np.full(1 + len(CANONICAL_BONES), True)
     marks = landmarks_of(clip.skeleton, clip.joints())

@@ -178,10 +178,7 @@ class PhaseDrivenNetwork(ReservoirNetwork[Motion]):
         return found
 
     def set_input(self, name: str, value: float) -> None:
-        """Sets an input, from the next step on; a value beyond what a motion was learned at counts as its end.
-
-        UnknownNameError if no motion has such an input.
-        """
+        """Sets an input from the next step on, within the learned values. UnknownNameError if no motion has it."""
         if name not in self.inputs:
             raise UnknownNameError.among("input", name, tuple(self.inputs))
         self._values[name] = value

@@ -102,10 +102,7 @@ class PhaseCourse:
 
     @property
     def with_lead_in(self) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
-        """Phase and piece of each frame, and after them those of SETTLING_STEPS frames before a one-shot.
-
-        So frame -1 is the one before frame 0.
-        """
+        """Phase and piece of each frame, then of the SETTLING_STEPS before a one-shot: frame -1 precedes frame 0."""
         before = np.zeros(SETTLING_STEPS, dtype=np.int64)
         return np.concatenate([self.phase, self.before(len(before))]), np.concatenate([self.piece, before])
 
