@@ -35,7 +35,7 @@ LIBRARY, MOTIONS, SECONDS, RATE = "thesis15", ("walk", "box1"), 1.5, 30.0
 LOST = 60.0  # degrees on average
 # Other knees and elbows are tried if hands or feet are farther off than this, in lengths of the limb; one replaces the
 # first if they are then no farther off than this, in how far they were.
-OFF, BETTER = 0.2, 0.7
+OFF, BETTER = 0.28, 0.7
 WORDS = ("body (left)", "hinge (left)", "axis")  # columns of text
 
 
