@@ -22,8 +22,7 @@ _news = msgspec.json.Decoder(LiveMessage)
 class DeckProcess:
     """A process that has been started to play.
 
-    It has pipes to its standard input, which keeps it alive, and from its output. When it has ended, what was `opened`
-    for it is closed.
+    It has pipes to its standard input, which keeps it alive, and from its output. Its end closes what was `opened`.
     """
 
     def __init__(self, process: subprocess.Popen[bytes], opened: contextlib.ExitStack) -> None:

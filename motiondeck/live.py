@@ -48,8 +48,7 @@ class CommandedMotion:
     def wait(self, timeout: float = 30.0) -> float:
         """Waits until the switch has settled, in any thread and as often as you like; the seconds since the command.
 
-        CommandError if another command overtook this one. MotiondeckError if it has not settled in time, or the deck
-        has ended.
+        CommandError if another one overtook it. MotiondeckError if it has not settled in time, or the deck has ended.
         """
         return self._wait(timeout)
 
@@ -172,8 +171,7 @@ class LiveDeck(DeckCommands[CommandedMotion]):
     def _request(self, message: DeckCommand) -> Accepted | DeckStatus:
         """Sends a command and takes its answer.
 
-        CommandError if it is refused, or an argument is of another type. SocketError if the deck has ended; it says
-        why.
+        CommandError if it is refused, or an argument has another type. SocketError says why a deck has ended.
         """
         if not self.running:
             self._process.end()

@@ -77,8 +77,7 @@ from motiondeck_base.errors import MotiondeckError
 def morph(network: AnyNetwork, source: str, target: str) -> Morph:
     """Inside a network that runs by itself: a morph that starts where it is in the source (Deliallisi 2017, eq. 3.16).
 
-    MotiondeckError if the network does not play the source, or a center drives it. UnknownNameError if there is no such
-    motion.
+    MotiondeckError if it does not play the source, or a center drives it. UnknownNameError if there is no such motion.
     """
     if (autonomous := network.as_autonomous) is None:
         raise MotiondeckError(

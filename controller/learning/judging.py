@@ -20,8 +20,7 @@ from motiondeck_base.errors import MotiondeckError
 def judge_against(library: MotionLibrary, path: Path, file: Path) -> list[MotionInfo]:
     """The verdicts on the library's motions that were learned from a file of this name, by that file.
 
-    `path` of the library is for messages. MotiondeckError if no motion was learned from it alone, or it cannot be read
-    or compared.
+    `path` is for messages. MotiondeckError if no motion was learned from it alone, or it cannot be read or compared.
     """
     if not file.exists():
         raise MotiondeckError.missing(file, "file")

@@ -49,8 +49,7 @@ class LearnedPart:
     first: float
     end: float
     recorded: float
-    # Mean distance of joints, and largest angle of a bone, at the seam of a loop before the mismatch is eased out; None
-    # for a one-shot.
+    # Mean distance of joints, and largest angle of a bone, at a loop's seam before it is eased; None for a one-shot.
     seam_mm: float | None = None
     seam_degrees: float | None = None
 

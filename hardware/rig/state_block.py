@@ -27,8 +27,7 @@ FIELDS = ("force", "present_velocity", "present_position", "hardware_error_statu
           "torque_enable", "present_input_voltage", "torque_limit")  # fmt: skip
 """Of a block with health, as far as a model has them; the first three alone without.
 
-`force` is current, or load where no current is measured. In some families every reply has the error. A torque limit
-of 0 means no torque.
+`force` is current, or load without it. In some families every reply has the error. Torque limit 0 is no torque.
 """
 
 _ALIKE = {"hardware_error_status": 0, "torque_enable": 0, "present_temperature": 3, "present_input_voltage": 10}

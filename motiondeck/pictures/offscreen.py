@@ -50,8 +50,7 @@ class OffScreen:
     """Draws one or more robots of one model into images; a context manager, because OpenGL contexts are freed in order.
 
     The size, pixels, is within the model's off-screen buffer (1920 x 1080). Shadows double the cost. The camera "three"
-    divides the image into the views of the other three. PictureError where there is no off-screen OpenGL, or the size
-    does not fit.
+    divides the image into the views of the other three. PictureError without off-screen OpenGL, or for a wrong size.
     """
 
     def __init__(

@@ -120,8 +120,7 @@ def contact_sheet(
 ) -> None:
     """Draws one row a motion into one picture of a type that pillow writes: a label, and a model at up to 8 qpos (nq,).
 
-    `tile` is width and height of one picture, pixels. PictureError for no rows, for another file type, and where OpenGL
-    is missing.
+    `tile` is width and height of one picture, pixels. PictureError for no rows, other file types, or without OpenGL.
     """
     if not rows:
         raise PictureError(f"{path}: there are no motions to show")

@@ -96,8 +96,7 @@ class PluggedOutput:
 def open_outputs(opening: ExitStack, specs: Sequence[str], joints: Sequence[str], rate: float) -> list[Channel]:
     """Opens outputs by their specification, NAME or NAME:ARGUMENT; `opening` closes them.
 
-    UnknownNameError if no installed package provides the name; it names the nearest. MotiondeckError if one cannot be
-    imported or opened.
+    UnknownNameError if no installed package has the name; it names the nearest. MotiondeckError if one does not open.
     """
     from importlib.metadata import entry_points  # slow to import
 

@@ -17,8 +17,7 @@ from sim.models.servo_motor import Motors, ServoMotor, strength
 def set_joints(path: Path, spec: mujoco.MjSpec, own: Mapping[str, JointLimit]) -> None:
     """Sets ranges of hinges and torque limits of joints in a model; joints that follow these get no range.
 
-    `path` is the robot file, for errors: UnknownNameError for a joint that is not played, FileFormatError for an empty
-    range.
+    `path` is for errors: UnknownNameError for a joint that is not played, FileFormatError for an empty range.
     """
     if not own:
         return

@@ -17,8 +17,7 @@ from sim.models.robot_file import read_robot_file
 def find_robot(name: str | Path) -> Path:
     """The file of a robot: as `shipped.find_robot`, or of a robot of the catalogue, which is kept in the user's cache.
 
-    MotiondeckError if there is none (it offers the nearest names), or a robot of the catalogue cannot be downloaded or
-    calibrated.
+    MotiondeckError if there is none (it offers the nearest names), or one cannot be downloaded or calibrated.
     """
     try:
         return shipped.find_robot(name)

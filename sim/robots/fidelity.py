@@ -22,8 +22,7 @@ from sim.robots.robot import Limiter, Robot
 
 SIDES: tuple[tuple[str, Side], ...] = (("r", "right"), ("l", "left"))
 ENDS = {"leg": ("thigh", "shank"), "arm": ("upper_arm", "forearm")}
-# Height of what touches the floor, lengths of the leg, and speed of a standing foot's ball, lengths of the leg a
-# second.
+# Height of what touches the floor, leg lengths, and speed of a standing foot's ball, leg lengths a second.
 STANDS, STILL = 0.01, 0.15
 # A joint jumps by this in one frame, rad, although no limb of the human turns by a tenth of it.
 JUMP = 0.5

@@ -38,8 +38,7 @@ class JointMotion:
         """Writes it as .csv (time, root and every joint, one line a frame) or as .clip (the joints alone).
 
         A .clip can be played with `motiondeck rig play RIG FILE` or learned with `motiondeck learn FILE`; it says
-        whether the motion is a loop or ends in a pose. FileFormatError for another ending, or if the file cannot be
-        written.
+        whether the motion is a loop or ends in a pose. FileFormatError for another ending, or if it cannot be written.
         """
         path = Path(path)
         check_ending(path)

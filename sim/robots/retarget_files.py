@@ -73,8 +73,7 @@ def retarget_files(
     """Retargets recordings and writes a training file of each; yields each result as soon as it is done.
 
     Names and folders below `out` are those of the recordings. MotiondeckError if a path does not exist or two
-    recordings would be written to one file; if `out` holds motions of another robot, format or solver, or cannot be
-    written.
+    recordings have one file to write; if `out` holds motions of another robot, format or solver, or cannot be written.
 
     Args:
         paths: recordings, and folders of recordings.

@@ -73,8 +73,7 @@ def difference(
 ) -> tuple[Array, Array]:
     """What leads from a target to what is shown, and its rate: value and rate of a fade, shape (rows, 3).
 
-    Each is given by its postures dt seconds ago and now. Rest directions of the bones, (B, 3), are for twists that
-    follow a rule.
+    Each is given by its postures dt seconds ago and now; rest directions (B, 3) are for twists that follow a rule.
     """
     now = _side_by_side(shown[1], target[1])
     before = _from_now(_side_by_side(shown[0], target[0]), now, dt)

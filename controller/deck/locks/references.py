@@ -64,8 +64,7 @@ FORGOTTEN_AFTER = 1.0  # without sightings for so long the other deck is lost, a
 class OtherDeck:
     """A loop of another deck, to be ahead of by a part of a round, in [0, 1]; fits `phase_lock.ReferenceSource`.
 
-    Between sightings the phase goes on at the rate that was seen last. A motion of another length is brought to the
-    same rounds a second.
+    Between sightings the phase goes on at the last rate. A motion of another length gets the same rounds a second.
     """
 
     name: Literal["deck"] = "deck"

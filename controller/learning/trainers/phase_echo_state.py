@@ -1,7 +1,6 @@
 """Trains phase-driven echo-state networks: ridge readouts from the states that follow from the phase alone.
 
-The channels are not fed back, so the states of the playing network are known before training, and one regression a
-piece is all of it.
+The channels are not fed back, so the states in playing are known before training, and one regression a piece suffices.
 """
 
 from __future__ import annotations

@@ -200,8 +200,7 @@ def _point(rotation: Array, rests: Array, line: Array) -> None:
 def carried(clip: Clip, skeleton: Skeleton) -> Clip:
     """A recording on a given body: the canonical one with other proportions, or the skeleton of a library.
 
-    Limbs keep their recorded directions. The path is scaled by the ratio of leg lengths. FileFormatError without two
-    legs.
+    Limbs keep their directions. The path is scaled by the ratio of leg lengths. FileFormatError without two legs.
     """
     same = set(clip.skeleton.bones) == set(skeleton.bones)
     if (skeleton.is_rig or clip.skeleton.is_rig) and not same:
@@ -300,8 +299,7 @@ def _from_canonical(clip: Clip, skeleton: Skeleton) -> Clip:
 
 def _rest_places(skeleton: Skeleton, marks: Landmarks, recorded: Array | None = None) -> tuple[Array, Array]:
     """Positions of root and landmarks in the rest pose, (20, 3), and directions of the canonical bones, (19, 3)."""
-    # The guess of a rest pose may bend the pelvis, whose bones are rigid: a recorded frame (1, 1 + B, 4) straightens
-    # it.
+    # The guess of a rest pose may bend the rigid pelvis: a recorded frame (1, 1 + B, 4) straightens it.
     rotation = np.tile(IDENTITY, (1, 1 + len(skeleton), 1))
     joints = [marks.joint["lhip"], marks.joint["rhip"], *([] if marks.root is None else [marks.root])]
     if recorded is not None:

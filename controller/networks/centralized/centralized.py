@@ -39,8 +39,7 @@ ENTRIES = 50  # entry points of a loop that are compared
 class CentralizedMotion:
     """One motion with n centers, m satellites and D channels.
 
-    MotiondeckError if the shapes disagree, or a loop does not close: after its seconds every center must have made a
-    whole number of turns.
+    MotiondeckError if shapes disagree, or a loop does not close: in its seconds every center must make whole turns.
     """
 
     frequency: Array  # of the centers, shape (n,), rad/s

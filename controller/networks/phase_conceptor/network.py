@@ -53,8 +53,7 @@ class PhaseConceptorMotion(PhaseMotion):
         super().__init__(stored, course, reservoir, driving)
         phase, self.piece = course.with_lead_in
         usual = np.full((len(phase), reservoir.drive_weights.shape[1]), self.usual, dtype=np.float32)
-        # (p, u) at each frame and before, u at its usual value, shape (T + SETTLING_STEPS, I); I is 2 H, or 2 H + 1
-        # with inputs.
+        # (p, u) at each frame and before, u as usual, shape (T + SETTLING_STEPS, I); I is 2 H, or 2 H + 1 with inputs.
         self.inputs = np.hstack([reservoir.harmonics_of(phase), usual])
         directions, mean, estimate = (a.astype(np.float32) for a in (stored.directions, stored.mean, stored.estimate))
         pieces, neurons, rank = directions.shape

@@ -46,8 +46,7 @@ def thinned(mesh: Triangles, most: int) -> Triangles:
 
 def creased(mesh: Triangles) -> Triangles:
     """The same mesh with separate vertices on both sides of its edges."""
-    # A page shades a corner by the mean direction of the triangles that share it: so what is round looks round, and
-    # what is sharp sharp.
+    # A page shades a corner by the mean direction of its triangles: so what is round looks round, what is sharp sharp.
     from scipy.sparse import coo_array  # 0.2 s; bodies of primitives need no edges
     from scipy.sparse.csgraph import connected_components
 

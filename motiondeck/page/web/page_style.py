@@ -1,8 +1,7 @@
 """The style of the panel: the state line and the emergency stop stay in sight, and some buttons share a line.
 
 viser lays a panel out in one column that scrolls as a whole; on a phone it is a sheet at the lower edge. These rules go
-by marks of our own in that column; where a browser or another version of viser does not match them, the panel is as
-viser makes it.
+by marks of our own in that column; where a browser or another viser does not match them, the panel is viser's own.
 """
 
 from __future__ import annotations

@@ -60,8 +60,7 @@ NEEDED = (
     *(side + name for side in "LR" for name in ("KNE", "ANK", "HEE", "TOE", "SHO", "ELB", "WRA", "WRB", "FIN")),
 )
 
-# From the middle of the front waist markers to a hip joint, in widths between them (Bell et al. 1990): back, sideways,
-# down.
+# From the middle of the front waist markers to a hip, in widths between them (Bell et al. 1990): back, sideways, down.
 HIP = (-0.19, 0.36, -0.30)
 # From a marker inwards to the centre of its joint, m: half the joint's width and the marker's radius.
 KNEE, ANKLE, ELBOW = 0.058, 0.044, 0.040
