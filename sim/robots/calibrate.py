@@ -99,7 +99,7 @@ class Calibration:
         model = self.model
         if model.is_relative_to(folder.resolve()):
             model = model.relative_to(folder.resolve())
-        turned = ", ".join(f"{component:.6g}" for component in self.root_rotation + 0.0)
+        turned = ", ".join(f"{component:.6g}" for component in self.root_rotation.round(9) + 0.0)
         lines = [
             f"# {self.name}: written by `motiondeck robot calibrate`. Correct it where `robot check` says so.",
             f"name = {_quoted(self.name)}",

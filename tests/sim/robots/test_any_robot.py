@@ -1,4 +1,5 @@
 import re
+from dataclasses import replace
 
 import mujoco
 import numpy as np
@@ -254,6 +255,12 @@ def test_a_root_that_lies_on_the_floor_is_moved_to_the_pelvis(tmp_path):
     assert data.body("left_sole").xpos == pytest.approx([0.0, 0.06, 0.1])
     assert model.eq_data[0, :3] == pytest.approx([0.1, 0.2, 0.0])
     assert calibrate(path).root_height == pytest.approx(0.4 * np.cos(0.08) + 0.03, abs=0.01)
+
+
+def test_a_root_turned_by_half_a_turn_has_no_rest_of_rounding(tmp_path):
+    found = replace(calibrated(model_file(tmp_path, humanoid())), root_rotation=np.array([6.1e-17, 0.0, 0.0, -1.0]))
+    (tmp_path / "small.toml").write_text(found.to_toml(tmp_path))
+    assert read_robot_file(tmp_path / "small.toml").root_rotation == (0.0, 0.0, 0.0, -1.0)
 
 
 @pytest.mark.parametrize("free", ["<freejoint/>", ""])
