@@ -3,7 +3,7 @@
 The file is a table of joint centres (TRC, 60 Hz) of Anna and Ben, each with their own order of the labelled whole
 bodies of `cuts`: as recorded, mirrored, and slower. A second leads from the last pose of a recording to the first one
 of the next; its middle is a border as well. Ben is 0.9 of Anna's size. `motiondeck learn` reads it in a process of its
-own with no option, so that its memory is its own; borders are those of the recipe that it writes.
+own with no option, so that its memory is its own. Borders are those of its step `cuts`.
 """
 
 from __future__ import annotations
@@ -25,11 +25,14 @@ import typer
 
 from benchmarks import command
 from benchmarks.recordings.cuts import FAR, NEAR, Borders, Trial, trials_in
-from controller.learning.recipe import read_recipe
+from controller.learning.recording_analysis import with_steps
 from controller.motion.canonical.canonical_body import to_canonical
-from controller.motion.canonical.clip_edits import mirrored
+from controller.motion.canonical.clip_edits import mirrored, moving_part
 from controller.motion.clip import Clip
+from controller.motion.formats.reading import read_fitted
+from controller.motion.reading_options import AS_FOUND
 from controller.motion.rotations import Array, dot, multiply, normalise, rotate, yaw
+from controller.motion.take.cuts import cuts_of
 from motiondeck_base.errors import MotiondeckError
 
 RATE, EVERY, JOIN = 60.0, 2, 60
@@ -123,25 +126,21 @@ def write_people(path: Path, people: dict[str, Clip]) -> None:
 def learned(path: Path) -> dict[str, Any]:
     """What `motiondeck learn` prints of a file, with its time, s, its largest memory, MB, and its recipe's borders."""
     out = path.with_suffix(".safetensors")
-    begin = time.monotonic()
+    begin, before = time.monotonic(), resource.getrusage(resource.RUSAGE_CHILDREN).ru_utime
     words = [sys.executable, "-m", "motiondeck", "learn", str(path), "--out", str(out), "--force", "--json"]
     done = subprocess.run(words, capture_output=True, text=True, env=os.environ | {"OPENBLAS_NUM_THREADS": "1"})
     if done.returncode:
         raise MotiondeckError(done.stderr.strip() or "learn failed")
-    seconds, memory = time.monotonic() - begin, resource.getrusage(resource.RUSAGE_CHILDREN).ru_maxrss / 1000.0
-    return json.loads(done.stdout) | {"took_s": seconds, "memory_mb": memory, "file_mb": path.stat().st_size / 1e6}
+    took, used = time.monotonic() - begin, resource.getrusage(resource.RUSAGE_CHILDREN)
+    figures = {"took_s": took, "processor_s": used.ru_utime - before, "memory_mb": used.ru_maxrss / 1000.0}
+    return json.loads(done.stdout) | figures | {"file_mb": path.stat().st_size / 1e6}
 
 
-def borders_of(recipe: Path) -> dict[str, Array]:
-    """The borders between the motions of each person, s."""
-    parts: dict[str, list[tuple[int, int]]] = {}
-    for motion in read_recipe(recipe).motions:
-        if motion.frames is not None:
-            parts.setdefault(motion.person or "", []).append(motion.frames)
-    return {
-        person: np.array([0.5 * (one[1] + other[0]) / RATE for one, other in pairwise(sorted(motions))])
-        for person, motions in parts.items()
-    }
+def borders_of(path: Path, person: str) -> Array:
+    """The borders between the motions of a person, s; a loop's frames in the recipe are fewer than its motion's."""
+    clip = read_fitted(path, with_steps(replace(AS_FOUND, person=person))).clip
+    motions = cuts_of(clip, *moving_part(clip)).motions
+    return np.array([0.5 * (one[1] + other[0]) / clip.rate for one, other in pairwise(motions)])
 
 
 def main(
@@ -158,7 +157,7 @@ def main(
             people = {name: in_a_row(order, round(60.0 * RATE * length)) for name, order in orders.items()}
             write_people(path, {name: clip for name, (clip, _) in people.items()})
             report = learned(path)
-            found = borders_of(path.with_suffix(".toml"))
+            found = {name: borders_of(path, name) for name in people}
         motions = report["motions"]
         report |= {"minutes": length, "people": {}}
         off: list[Array] = []
@@ -173,8 +172,8 @@ def main(
         every = np.concatenate(off)
         passed = sum(bool(one["passed"]) for one in motions)
         print(
-            f"{length:g} minutes of 2 people, {report['file_mb']:.0f} MB: {report['took_s']:.0f} s, "
-            f"{report['memory_mb']:.0f} MB"
+            f"{length:g} minutes of 2 people, {report['file_mb']:.0f} MB: {report['took_s']:.0f} s "
+            f"({report['processor_s']:.0f} s of processor time), {report['memory_mb']:.0f} MB"
         )
         print(f"  {len(motions)} motions, {passed} passed: {', '.join(one['name'] for one in motions[:3])} ...")
         print(

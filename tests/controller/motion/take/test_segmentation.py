@@ -1,5 +1,7 @@
 """Borders are found where a motion changes."""
 
+from itertools import pairwise
+
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -56,6 +58,21 @@ def test_a_start_that_is_dropped_changes_no_border(monkeypatch):
     assert find_segments(poses, RATE) == short
     monkeypatch.setattr(segmentation, "REACH", 5.0)  # shorter than the longest segment
     assert find_segments(poses, RATE) == short
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_no_borders_cost_less(seed):
+    shortest, price = 10, 1.5
+    poses = motions(seed, [70, 100, 145, 180, 260], columns=4)
+    costs = segmentation._Costs(poses, np.linspace(0, 260, 88).round().astype(int), RATE)
+    least = np.full(88, np.inf)
+    least[0] = 0.0
+    for end in range(shortest, 88):
+        starts = np.arange(end - shortest + 1)
+        least[end] = (least[starts] + costs(starts, end)).min() + price
+    ends = [0, *segmentation._best_borders(costs, price, shortest), 87]
+    found = sum(costs(np.array([one]), other)[0] + price for one, other in pairwise(ends))
+    assert found == pytest.approx(least[-1])
 
 
 def test_what_is_too_short_is_refused():
