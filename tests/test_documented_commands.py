@@ -34,6 +34,7 @@ NEEDS = {
     r"catalogue|unitree_g1|g1.toml": "models that are downloaded",
     r"^rig teach$|^gamepad$": "hands",
     r"styles|gait.safetensors|input speed": "a library with inputs",
+    r"^learn motions$": "motions that retarget wrote",
     r"tune-walk": "an hour",
 }
 # A name of a command alone is no command line, unless that does something.
