@@ -126,7 +126,7 @@ def _move_origin(spec: mujoco.MjSpec, root: mujoco.MjsBody) -> None:
 
 def _hips(model: mujoco.MjModel, data: mujoco.MjData, root: int) -> Array | None:
     """The middle of the first joints of the limbs that stand, shape (3,), if the root is no higher than the floor."""
-    skin = Surface.of(model)
+    skin = Surface.touching(model)
     heights = skin.positions(data)[:, 2] - skin.radius
     if not len(heights) or data.xpos[root, 2] > (floor := float(heights.min())) + ON_THE_FLOOR * float(np.ptp(heights)):
         return None
