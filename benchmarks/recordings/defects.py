@@ -68,8 +68,9 @@ def is_right(found: AnalysedRecording, truth: Body, *, height: bool) -> bool:
 
 
 def said_of(found: AnalysedRecording) -> list[str]:
-    """What `learn` prints of a recording."""
-    return [*(str(decision) for decision in found.take.decisions if decision.notable), *found.take.doubts]
+    """What `learn` prints of a recording; how it plays, and which round, says nothing of a defect."""
+    said = [str(decision) for decision in found.take.decisions if decision.notable and decision.step != "kind"]
+    return [*said, *found.take.doubts]
 
 
 def judged(spoilt: Spoilt, path: Path) -> tuple[str, str]:
