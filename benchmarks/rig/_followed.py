@@ -167,6 +167,7 @@ class Stage:
         rigged: bool = True,
         each: Callable[[Deck, EmulatedPort | None], None] | None = None,
         learned: dict[Key, Array] | None = None,
+        until: float = math.inf,
     ) -> Course:
         """Plays on a rig whose joints lag as the rig file says, or, without servos, on none.
 
@@ -174,6 +175,7 @@ class Stage:
             lags: written into the rig file, in its order, s.
             rigged: whether there is a rig at all.
             learned: a correction to begin with, which learns on; None for none.
+            until: the deck's time at which it stops learning, and stays what it is.
         """
         clock, robot = RigClock(RATE), self.robot
         channels, picture = list[Channel](), Written()
@@ -197,7 +199,7 @@ class Stage:
         correction = None
         if learned is not None and isinstance(output := channels[0].output, RigOutput):
             correction = output.correction = Correction(
-                lambda: deck.place, lead.delays, lead.seconds, self.limits.velocity, clock.period, learned
+                lambda: deck.place, lead.delays, lead.seconds, self.limits, clock.period, learned
             )
         times, shafts, goals, wanted = list[float](), list[Array](), list[Array](), list[Array]()
 
@@ -218,6 +220,8 @@ class Stage:
             wanted.append(player.targets)
             if each is not None:
                 each(deck, port)
+            if deck.time >= until and isinstance(output := channels[0].output, RigOutput):
+                output.correction = None
 
         envelope = SafetyEnvelope(self.limits, clock.period)
         run(

@@ -34,7 +34,7 @@ NO_FARTHER = 1.05
 """Times as far as with lead alone shafts may be from what the deck asks for: a picture may not make up for that."""
 
 UNWOUND = 0.004
-"""rad: by so much goals may differ after a joint was jammed or held."""
+"""rad: by so much goals may differ right after a joint was jammed or held."""
 
 ON_BEAT = 0.01
 """s: a beat is met at the shaft."""
@@ -164,7 +164,11 @@ def play(library: str, motor: str, seconds: float) -> Result:
 
 
 def wound_up(stage: Stage, lags: Array, tables: dict[tuple[str, int], Array]) -> dict[str, float]:
-    """By how much goals of a jammed and of a held joint differ afterwards from those of a run without, mrad."""
+    """By how much goals of a jammed and of a held joint differ, once they are free, from those of a run without, mrad.
+
+    That run stops learning when the others begin, and goals are compared before a joint that was not free may learn
+    again: so what differs is what was learned of a joint that could not follow.
+    """
     motion = stage.loops[-1]
     seconds = stage.seconds(motion)
     rounds = int(np.ceil(3.0 / seconds))
@@ -185,13 +189,11 @@ def wound_up(stage: Stage, lags: Array, tables: dict[tuple[str, int], Array]) ->
         off = (turn - there[0]) / abs(stage.config.joints[held].pulses_per_radian)
         hold.bank.drive.load[hold.row] = np.clip(7.5 * off, -0.75, 0.75) if now else 0.0
 
-    courses = [
-        stage.play(
-            motion, [], begins + 5.0 * span, lags=lags, each=each, learned={k: t.copy() for k, t in tables.items()}
-        )
-        for each in (disturb, None)
-    ]
-    times = np.arange(begins + 3.25 * span, begins + 4.75 * span, 1.0 / RATE)
+    courses = []
+    for each, until in ((disturb, np.inf), (None, begins + span)):
+        copied = {key: table.copy() for key, table in tables.items()}
+        courses.append(stage.play(motion, [], begins + 3.0 * span, lags=lags, each=each, learned=copied, until=until))
+    times = begins + 2.0 * span + np.arange(0.25, 1.25, 1.0 / RATE)  # joints that have yielded are back by then
     said = {}
     for kind, device in (("jammed", jammed), ("held", held)):
         joint = stage.robot.joints.index(stage.config.names[device])

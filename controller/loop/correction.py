@@ -4,11 +4,16 @@ Iterative learning control (Bristow, Tharayil and Alleyne, "A survey of iterativ
 phase of the motion in the place of time: a correction c of each joint over the phase, a periodic cubic B-spline, is
 added to the targets, and each measured error e of the shaft at phase p changes it by
 
-    c_i <- (1 - r w) c_i + g w e,    w = B_i(p) per sample, which sums up to 1 in a round.
+    c_i <- c_i + w (g e - u - r (c_i - (c_(i-1) + c_(i+1)) / 2)),    w = B_i(p) per sample: 1 in a round
+    c_(i-1) <- c_(i-1) + w u
 
-A joint learns nothing from the half second around a moment in which it was not free to follow: it yields, stands
-still while its target moves, is far off, hot or silent, is held back by the envelope, or the run is not following.
-Corrections fade in and out as motions change, and pass the envelope with the targets.
+Targets pass an envelope of their own without the correction: this is the picture, from which e is measured. What the
+limits of speed and acceleration refuse of a correction, u, moves a knot ahead in each round, to where a joint can still
+begin earlier; what the ends of its range refuse is taken back. So nothing winds up at limits.
+
+A joint learns nothing from the half second around a moment in which it was not free to follow: it yields, stands still
+while its target moves, is far off, hot or silent, or the run is not following. Corrections fade in and out as motions
+change.
 """
 
 from __future__ import annotations
@@ -21,8 +26,10 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from controller.deck.interfaces import JointLimits
 from controller.deck.locks.lock import LoopPlace
 from controller.loop.lead import Delay
+from controller.loop.safety.safety_envelope import SafetyEnvelope
 from controller.motion.rotations import Array
 
 SPACING = 0.03
@@ -31,8 +38,8 @@ SPACING = 0.03
 LARGEST = 0.15
 """A correction is never larger, rad."""
 
-GAIN, LEAK = 0.5, 0.005
-"""g and r: the share of an error that a round corrects, and of a correction that it forgets."""
+GAIN, SMOOTHING = 0.4, 0.3
+"""g and r: the share of an error that a round corrects, and of a correction's roughness that it takes away."""
 
 FADES = 0.3
 """How long a correction takes to fade in or out, s."""
@@ -44,9 +51,8 @@ TOO_FAR = 0.2
 """A joint that is farther off is not free, rad."""
 
 _STILL, _MOVES, _OVER = 0.25, 0.1, 0.15  # a shaft slower than a share of its target's speed; rad/s; averaged over s
-_CHANGED, _AROUND = 0.005, 0.1  # rad, s; around a target that the envelope has changed by more nothing is learned
 _OLDEST = 0.2  # s; older measurements are left out
-_FASTEST = 0.95  # of its speed limit, at which a joint has nothing in reserve
+_BACK = 0.5  # of the rate at which jerk changes acceleration: how fast a refused goal comes back
 _SLOWEST = 0.2  # tempo
 _OCTAVE = math.log(1.25)  # between tempos that are learned apart
 _MOST = 256  # motions, at tempos of their own
@@ -68,13 +74,14 @@ class _Voice:
 
 
 class _Sample(NamedTuple):
-    """An error that does not count yet."""
+    """What an error changes once it counts."""
 
     time: float
     key: Key
     phase: float
     rounds: float  # since the sample before
-    error: Array
+    change: Array
+    moved: Array  # ahead
 
 
 @dataclass
@@ -85,22 +92,26 @@ class Correction:
     place: Callable[[], LoopPlace | None]
     delays: Array  # from the deck to the envelope, shape (J,), s
     lead: float  # from the deck to the shafts, s
-    velocity: Array  # speed limits, shape (J,), rad/s
+    limits: JointLimits
     dt: float  # s from tick to tick
     tables: dict[Key, Array] = field(default_factory=dict)  # the spline of each motion and tempo, shape (knots, J), rad
 
     def __post_init__(self) -> None:
         joints = len(self.delays)
-        self._present, self._wanted = np.zeros(joints), np.zeros(joints)
-        self._delay = Delay(self.delays, self.dt)
+        self._wanted, self._added, self._refused = np.zeros(joints), np.zeros(joints), np.zeros(2 * joints)
+        self._back = np.exp(-_BACK * self.limits.jerk / self.limits.acceleration * self.dt)
+        self._off = np.zeros(joints), np.zeros(joints)  # of goals from their aims in the last two ticks, rad
+        self._to_envelope = Delay(self.delays, self.dt)
+        self._to_shafts = Delay(np.tile(self.lead - self.delays, 2), self.dt)
+        self._plain = SafetyEnvelope(self.limits, self.dt)
         self._voices: list[_Voice] = []
         self._gain = 0.0
-        self._asked: Array | None = None  # targets that are followed in this tick, rad
+        self._follows, self._followed = False, False  # whether joints do in this tick, and did in the one before
         self._ticks = 0
-        # The picture of the last ticks, where the deck was then, and the errors that still wait to count.
-        rows = math.ceil((self.lead + _OLDEST + _AROUND) / self.dt) + 2
-        self._shown, self._places = np.zeros((rows, joints)), [_NOWHERE] * rows
-        self._held_back = np.zeros((rows, joints), dtype=np.bool_)
+        # The picture of the last ticks, what was refused of the correction that shafts have then (in all, and by limits
+        # of speed and acceleration), and where the deck was; and the errors that still wait to count.
+        rows = math.ceil((self.lead + _OLDEST) / self.dt) + 2
+        self._shown, self._places = np.zeros((rows, 3, joints)), [_NOWHERE] * rows
         self._place = _NOWHERE
         self._samples: list[_Sample] = []
         self._doubted = np.zeros(joints)  # when each joint was last not free, s
@@ -113,38 +124,52 @@ class Correction:
         voice = self._move_voices(place)
         alone = voice is not None and place is not None and place.alone
         self._place = (voice.key, voice.phase, voice.rate) if voice is not None and alone else _NOWHERE
-        total = np.zeros(len(self._present))
+        total = np.zeros(len(self._wanted))
         for one in self._voices:
             taps, weights = _spline(one.phase, len(table := self.tables[one.key]))
             total += _smooth(one.weight) * (weights @ table[taps])
-        self._wanted = self._delay(total)
+        self._wanted = self._to_envelope(total)
 
-    def corrected(self, targets: Array) -> Array:
-        """The targets (J,), rad, of a tick in which the joints follow."""
-        self._asked = targets + self._fade(1.0)
-        return self._asked
+    def follow(self, targets: Array, envelope: SafetyEnvelope) -> Array:
+        """The safe targets (J,), rad, of a tick in which the joints follow targets (J,), corrected."""
+        if not self._followed:
+            self._plain.restart(np.full(len(targets), True), envelope.position - self._added)
+            self._plain.changed = envelope.changed  # so that targets which limits change are counted
+            self._off = np.zeros(len(targets)), np.zeros(len(targets))
+        self._follows, self._gain = True, min(self._gain + self.dt / FADES, 1.0)
+        wanted, shown = _smooth(self._gain) * self._wanted, self._plain(targets)
+        aim = shown + wanted
+        # Refused goals come back to their aim smoothly: one that rushed would be late when the aim turns round.
+        off, before = self._off
+        safe = envelope(aim + self._back * (2.0 * off - self._back * before), near=True)
+        self._off = safe - aim, off
+        self._added = safe - shown
+        reachable = np.clip(aim, self.limits.lower, self.limits.upper)
+        self._refused[:] = np.concatenate([aim - safe, reachable - safe])
+        return safe
 
-    def added(self, safe: Array) -> Array:
-        """What is in the safe targets (J,), rad, of this tick; joints that do not follow now do not learn."""
-        if self._asked is None:
+    def added(self) -> Array:
+        """What is in the safe targets of this tick, shape (J,), rad; joints that do not follow now do not learn."""
+        if not self._follows:
             self._doubted[:] = self._now
-            self._fade(-1.0)
-        else:
-            self._held_back[(self._ticks + 1) % len(self._places)] = np.abs(safe - self._asked) > _CHANGED
-        self._asked = None
-        return self._present
+            gain = max(self._gain - self.dt / FADES, 0.0)
+            self._added = self._added * (_smooth(gain) / _smooth(self._gain) if gain else 0.0)
+            self._gain = gain
+        self._follows, self._followed = False, self._follows
+        return self._added
 
     def end_tick(self, shown: Array) -> None:
         """Ends a tick in which the picture shows `shown`, shape (J,), rad."""
         self._ticks += 1
         row = self._ticks % len(self._places)
-        self._shown[row], self._places[row], self._place = shown, self._place, _NOWHERE
+        self._shown[row] = shown, *self._to_shafts(self._refused).reshape(2, -1)
+        self._places[row], self._place = self._place, _NOWHERE
 
     def learn(self, measured: Array, age: float, free: NDArray[np.bool_]) -> None:
         """Takes measured positions (J,), rad, that are `age` s old, of joints that are free to follow or not."""
         if not 0.0 <= age < _OLDEST or self._ticks < len(self._places):
             return
-        meant, _ = self._at(age)
+        (meant, refused, moved), _ = self._at(age)
         error, now = meant - measured, self._now
         doubted = ~(free & (np.abs(error) < TOO_FAR))
         last, self._before = self._before, (now, np.stack([meant, measured]))
@@ -158,11 +183,7 @@ class Correction:
         self._doubted[doubted | ((wanted > _MOVES**2) & (shaft < _STILL**2 * wanted))] = now
         _, (key, phase, rate) = self._at(self.lead + age)
         if rate > 0.0:
-            middle, span = self._ticks - round((self.lead + age) / self.dt), round(_AROUND / self.dt)
-            around = np.arange(middle - span, min(middle + span, self._ticks) + 1)
-            held_back = np.logical_or.reduce(self._held_back[around % len(self._places)])
-            error[held_back | (speeds[0] > np.square(_FASTEST * self.velocity))] = np.nan
-            self._samples.append(_Sample(now, key, phase, rate * passed, error))
+            self._samples.append(_Sample(now, key, phase, rate * passed, GAIN * error - refused, moved))
         while self._samples and self._samples[0].time < now - DOUBT:
             self._count(self._samples.pop(0))
 
@@ -171,18 +192,13 @@ class Correction:
         return self._ticks * self.dt
 
     def _at(self, ago: float) -> tuple[Array, tuple[Key, float, float]]:
-        """What the picture showed some time ago, before the present tick, and the place of the deck then."""
+        """What was shown and refused some time ago, before the present tick, and the place of the deck then."""
         behind = max(0.0, ago / self.dt - 1.0)
         tick, share = self._ticks - int(behind), behind % 1.0
         newer, older = (one % len(self._places) for one in (tick, tick - 1))
         key, phase, rate = self._places[newer]
         shown = self._shown[newer] + share * (self._shown[older] - self._shown[newer])
         return shown, (key, (phase - share * self.dt * rate) % 1.0, rate)
-
-    def _fade(self, way: float) -> Array:
-        self._gain = min(max(self._gain + way * self.dt / FADES, 0.0), 1.0)
-        self._present = _smooth(self._gain) * self._wanted
-        return self._present
 
     def _move_voices(self, place: LoopPlace | None) -> _Voice | None:
         """Moves the voices on to where the deck is; the one of the present motion, if it has one."""
@@ -204,7 +220,7 @@ class Correction:
         if key not in self.tables:
             if len(self.tables) >= _MOST:
                 return None
-            self.tables[key] = np.zeros((max(8, round(place.seconds / SPACING)), len(self._present)))
+            self.tables[key] = np.zeros((max(8, round(place.seconds / SPACING)), len(self._wanted)))
         voice = _Voice(key, place.phase, place.tempo / place.seconds)
         self._voices.append(voice)
         return voice
@@ -214,9 +230,11 @@ class Correction:
         table = self.tables[sample.key]
         taps, weights = _spline(sample.phase, len(table))
         share = (weights * min(1.0, sample.rounds * len(table)))[:, None]
-        learned = (1.0 - LEAK * share) * table[taps] + GAIN * share * sample.error
-        free = (self._doubted < sample.time - DOUBT) & np.isfinite(learned)
-        table[taps] = np.where(free, np.clip(learned, -LARGEST, LARGEST), table[taps])
+        free = self._doubted < sample.time - DOUBT
+        rough = table[taps] - 0.5 * (table[taps - 1] + table[(taps + 1) % len(table)])
+        table[taps] += np.where(free, share * (sample.change - SMOOTHING * rough), 0.0)
+        table[taps - 1] += np.where(free, share * sample.moved, 0.0)
+        np.clip(table, -LARGEST, LARGEST, out=table)
 
 
 _NOWHERE: tuple[Key, float, float] = (("", 0), 0.0, 0.0)

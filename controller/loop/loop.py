@@ -152,7 +152,7 @@ def run(
                         break
                     state.targets, state.pose = targets, source.pose
                     if lead.seconds or correction is not None:
-                        added = correction.added(targets) if correction is not None else None
+                        added = correction.added() if correction is not None else None
                         state.targets, state.pose = lead.write(state.tick, targets, source.pose, added)
                         if correction is not None:
                             correction.end_tick(state.targets)

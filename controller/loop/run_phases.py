@@ -172,7 +172,7 @@ def _follow(
         stop.approaching = False
         while _held(channels) is None:
             source.update()
-            yield envelope(source.targets if correction is None else correction.corrected(source.targets))
+            yield envelope(source.targets) if correction is None else correction.follow(source.targets, envelope)
 
 
 def _go_home(

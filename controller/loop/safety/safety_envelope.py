@@ -90,11 +90,15 @@ class SafetyEnvelope:
         """Whether all joints have come to rest."""
         return not any(v or a for _, v, a, _, _ in self._states)
 
-    def __call__(self, targets: Array) -> Array:
+    def __call__(self, targets: Array, near: bool = False) -> Array:
         """The safe targets of this tick, shape (J,), rad, for any targets (J,).
 
         Where a target is not finite, the joint holds the last one that was. The array returned is read-only, and
         overwritten by the next tick.
+
+        Args:
+            near: targets are out of reach by little, and come back by themselves: each joint goes as near as it may,
+                instead of catching up.
         """
         safe, changed = [], self.changed
         for joint, (target, state, bounds) in enumerate(zip(targets.tolist(), self._states, self._bounds, strict=True)):
@@ -107,7 +111,7 @@ class SafetyEnvelope:
             fastest = goal - p
             direct = fastest - v
             parting = direct - goal_a - lag
-            matched = -j_max <= lag <= j_max and -j_max <= parting <= j_max
+            matched = near or (-j_max <= lag <= j_max and -j_max <= parting <= j_max)
 
             # Rule 1 covers most joints most of the time, by tests that are cheap and a little too strict.
             passes = matched and -j_max <= direct - a <= j_max and -a_max <= direct <= a_max
@@ -120,7 +124,7 @@ class SafetyEnvelope:
                 position = goal
             else:
                 position, direct = _limited(
-                    matched, p, v, a, goal, goal_v, direct, goal_a, v_max, a_max, j_max, lower, upper
+                    near, matched, p, v, a, goal, goal_v, direct, goal_a, v_max, a_max, j_max, lower, upper
                 )
             # The velocity is summed, not differenced from positions: their rounding would grow with each difference.
             state[:] = position, v + direct, direct, goal, goal_v
@@ -142,6 +146,7 @@ class SafetyEnvelope:
 
 
 def _limited(
+    near: bool,
     matched: bool,
     p: float,
     v: float,
@@ -173,7 +178,10 @@ def _limited(
     low, high = min(low, stop), max(high, stop)
 
     passes = matched and low <= direct <= high
-    chosen = direct if passes else _catching_up(p, v, goal, goal_v, goal_a, v_max, a_max, j_max, low, high)
+    if passes or near:
+        chosen = min(max(direct, low), high)
+    else:
+        chosen = _catching_up(p, v, goal, goal_v, goal_a, v_max, a_max, j_max, low, high)
 
     bottom, top = min(lower, p) - _ROUNDING, max(upper, p) + _ROUNDING
     rise, fall, _ = stopping_run(v + chosen, chosen, a_max, j_max)

@@ -52,7 +52,7 @@ def open_correction(
     file, digest = _file(config, library.name), _digest(config, robot, library, emulated=emulated)
     shape = len(limits.lower)
     tables = {key: table for key, table in load(file, digest).items() if table.shape[1] == shape}
-    correction = Correction(lambda: deck.place, lead.delays, lead.seconds, limits.velocity, period, tables)
+    correction = Correction(lambda: deck.place, lead.delays, lead.seconds, limits, period, tables)
     rig.correction = correction
     opening.callback(_keep, file, digest, tables)
     return correction

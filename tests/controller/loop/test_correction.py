@@ -1,5 +1,7 @@
 """A correction learns what shafts are off by motion and phase, from joints that are free to follow and no others."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -41,6 +43,14 @@ class Loops:
         return np.array([0.5 * np.sin(turn), 0.3 * np.cos(2.0 * turn), 0.2 + 0.08 * np.sin(turn + other)]), self
 
 
+class Still(Loops):
+    """Loops that stand where they were at first."""
+
+    def update(self, dt):
+        super().update(dt)
+        return np.array([0.0, 0.3, 0.2]), self
+
+
 class Shafts:
     """Joints that follow their targets with a time constant, sag, and may be jammed; every second tick is measured."""
 
@@ -71,12 +81,13 @@ class Shafts:
 class Stage:
     """A run whose ticks are commanded by hand; `shown` is the picture, and `shafts` where joints were meanwhile."""
 
-    def __init__(self, tables=None, *, learns=True):
+    def __init__(self, tables=None, *, learns=True, limits=LIMITS):
+        self.limits = limits
         self.deck, self.joints, self.shown, self.shafts = Loops(), Shafts(), [], []
         channel = Channel(self.joints)
         lead = Lead([channel], JOINTS, DT)
         tables = {} if tables is None else tables
-        self.correction = Correction(lambda: self.deck.place, lead.delays, lead.seconds, LIMITS.velocity, DT, tables)
+        self.correction = Correction(lambda: self.deck.place, lead.delays, lead.seconds, limits, DT, tables)
         if learns:
             self.joints.correction = self.correction
         self.channel = channel
@@ -97,8 +108,8 @@ class Stage:
             self.shafts.append(self.joints._measured[-1])
 
         correction = self.correction if self.joints.correction is not None else None
-        envelope = SafetyEnvelope(LIMITS, DT)
-        run(
+        envelope = SafetyEnvelope(self.limits, DT)
+        self.report = run(
             self.deck,
             [self.channel],
             VirtualClock(1.0 / DT),
@@ -138,6 +149,40 @@ def test_goals_keep_the_limits_while_it_learns_and_when_motions_change():
     for order, name in enumerate(("velocity", "acceleration", "jerk"), 1):
         most = getattr(LIMITS, name) * DT**order
         assert (np.abs(np.diff(written, n=order, axis=0)) <= most * (1.0 + 1e-6)).all()
+
+
+def narrow(**limits):
+    return replace(LIMITS, **{name: np.full(JOINTS, most) for name, most in limits.items()})
+
+
+def test_it_learns_where_a_motion_asks_for_more_than_the_limits_and_the_picture_does_not_give_in():
+    limits = narrow(velocity=2.0)
+    learned, plain = (Stage(learns=learns, limits=limits).play(8.4) for learns in (True, False))
+    assert (learned.errors(2)[:2] < 0.75 * plain.errors(2)[:2]).all()
+    assert np.allclose(np.array(learned.shown)[:1600], np.array(plain.shown)[:1600], atol=1e-9)
+    assert min(learned.report.changed[:2]) >= min(plain.report.changed[:2]) > 0
+    speeds = np.diff(np.array(learned.joints.written), axis=0) / DT
+    assert np.abs(speeds).max() < 2.0 * (1.0 + 1e-6)
+
+
+def test_a_joint_that_sags_at_the_end_of_its_range_winds_up_nothing():
+    stage = Stage(limits=narrow(upper=0.2)).play(8.0)
+    assert np.abs(stage.correction.tables["walk", 0][:, 2]).max() < 0.06  # it sags by 0.05
+
+
+def test_goals_stay_near_a_picture_that_is_always_at_its_limits():
+    limits = narrow(velocity=4.7, acceleration=160.0, jerk=12000.0)
+    time, rng = np.arange(800) * DT, np.random.default_rng(0)
+    targets = (0.8 * np.sin(2.0 * np.pi * np.array([[2.2, 2.6, 3.1]]).T * time)).T
+    places = iter(LoopPlace(at, "walk", at / ROUND % 1.0, ROUND, True, 1.0, True) for at in time)
+    tables = {("walk", 0): rng.uniform(-0.005, 0.005, (40, JOINTS))}
+    correction = Correction(lambda: next(places), np.zeros(JOINTS), 0.0, limits, DT, tables)
+    envelope, off = SafetyEnvelope(limits, DT), []
+    for row in targets:
+        correction.update()
+        correction.follow(row, envelope)
+        off.append(np.abs(correction.added()).max())
+    assert max(off) < 0.04
 
 
 def copied(tables):
@@ -205,7 +250,7 @@ def test_an_emergency_stop_teaches_nothing_and_takes_the_correction_back(learned
             stop.state.press("command")
         if tick == 900:
             seen["before"] = copied(stage.correction.tables)["walk", 0]
-            seen["added"] = stage.correction._present.copy()
+            seen["added"] = stage.correction._added.copy()
         if tick == 1400:
             seen["after"] = copied(stage.correction.tables)["walk", 0]
 
@@ -258,9 +303,10 @@ def test_corrections_fade(learned, what):
     for table in stage.correction.tables.values():
         table[::2] -= 0.02
     stage.joints.free[:] = False  # nothing is learned meanwhile
+    stage.deck.__class__ = Still  # goals move by the correction alone
 
     def commands(stage, tick, stop):
-        added.append(stage.correction._present.copy())
+        added.append(stage.correction._added.copy())
         if tick == 300:
             if what == "switch":
                 stage.deck.switch("jog")

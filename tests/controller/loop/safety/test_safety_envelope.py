@@ -59,13 +59,13 @@ def target_sequences(draw):
 
 
 @settings(max_examples=80, deadline=None)
-@given(limit_sets(), target_sequences(), st.sampled_from([0.001, 0.005, 0.02]), st.floats(0.0, 1.0))
-def test_whatever_is_asked_what_is_emitted_obeys_all_four_limits(limit, targets, dt, share):
+@given(limit_sets(), target_sequences(), st.sampled_from([0.001, 0.005, 0.02]), st.floats(0.0, 1.0), st.booleans())
+def test_whatever_is_asked_what_is_emitted_obeys_all_four_limits(limit, targets, dt, share, near):
     envelope = SafetyEnvelope(limit, dt)
     start = np.clip(limit.lower + share * (limit.upper - limit.lower), limit.lower, limit.upper)
     envelope.start(start)
     with np.errstate(all="raise", under="ignore"):
-        emitted = [start, *(envelope(target).copy() for target in targets)]
+        emitted = [start, *(envelope(target, near).copy() for target in targets)]
         emitted += [envelope.brake().copy() for _ in range(50)]
     assert_inside(np.array(emitted), limit, dt)
 

@@ -9,13 +9,14 @@ import pytest
 
 import synthetic
 from controller.deck.deck import Deck
+from controller.deck.interfaces import JointLimits
 from controller.loop.lead import Lead
 from hardware.rig.rig_file import FollowConfig, load_rig
 from motiondeck.run.robots.learned_follow import load, open_correction, save
 from motiondeck_base.shipped import find_rig
 
 LIBRARY = synthetic.small_phase_library()
-LIMITS = SimpleNamespace(lower=np.zeros(20), velocity=np.full(20, 4.7))
+LIMITS = JointLimits(*(np.full(20, x) for x in (-2.0, 2.0, 4.7, 160.0, 12000.0)))
 RIG = msgspec.structs.replace(load_rig(find_rig("servo20")), follow=FollowConfig(learn=True))
 KEY = ("march", 0)
 
