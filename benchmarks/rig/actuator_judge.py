@@ -60,6 +60,11 @@ class ActuatorJudge:
         """Of each servo the other one of its joint, or itself, shape (S,)."""
         return self._others
 
+    @property
+    def paired(self) -> Mask:
+        """Which servos have another one on their joint, shape (S,)."""
+        return self._others != np.arange(len(self._others))
+
     def asked(self, targets: Array) -> None:
         """Takes the targets (S,), rad, within the limits."""
         self._targets = targets

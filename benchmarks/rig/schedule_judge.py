@@ -192,7 +192,9 @@ class ShaftJudge:
         self._note("left its limits", outside & ~blocked & ~self._misled, angles)
         # Where one of two servos loses its torque, the other one turns it too.
         both = powered & powered[self._actuated.others]
-        self._judge_acceleration(now, velocity, free & both & ~self._sticks(velocity))
+        # Where one of two hears another joint's goals or none, their paths part, and voltages that end stop the shaft.
+        apart = (cut_off | cut_off[self._actuated.others]) & self._actuated.paired
+        self._judge_acceleration(now, velocity, free & both & ~apart & ~self._sticks(velocity))
         self._at, self._turning = now, velocity
 
     def _judge_renamed(self, now: float) -> None:
