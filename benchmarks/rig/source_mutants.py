@@ -70,7 +70,7 @@ MUTANTS = {
     "times of two unlike": Mutant(JoinedMeasurements.update, "positions, firsts) - moved", "positions, firsts)"),
     "one of two goes on alone": Mutant(Rig.write, "np.where(self._joined.waits, stay, targets)", "targets"),
     "caught up while it waits": Mutant(JointPace.sent, " | held", ""),
-    "torque beside a moving partner": Mutant(_await_partners, "if moving:", "if False:"),
+    "torque beside a moving partner": Mutant(_await_partners, "partners += own", "pass"),
     "path of one of two astray": Mutant(_await_partners, "> APART:", "> 9.0:"),
     "goals run away from a silent joint": Mutant(Rig.write, ">= _UNSEEN", "> 10**6"),
     "no close": Mutant(ServoPort.close, "if self._closed:", "if True:"),

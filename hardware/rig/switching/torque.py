@@ -31,6 +31,7 @@ _NO_PATH = ("present_velocity", "present_position", "present_velocity", "goal_po
 APART = 0.1
 """rad by which two servos of one joint may disagree: play between them, and zeros that a hand has set."""
 _LAG = 0.15  # s that a joint may be behind its path and still follows it
+_LOOKS, _LOOK = 30, 0.05  # at a partner that comes to rest, and s between two of them
 _STANDS, _TURNS = 0.05, 0.2  # rad/s of a path, up to which it stands, and of a shaft
 _UNTIL_TAKEN = 0.02  # s from reading a joint's position to its taking the new goal
 _ROUNDS = 2  # of asking for torque or its end: a servo that has just restarted is deaf for a while
@@ -131,7 +132,7 @@ def resume(
 def _await_partners(config: RigConfig, bus: Bus, believed: Array, lost: list[int], pace: float) -> list[int]:
     """The `lost` servos, and those whose paths have left their partners', all of whose partners stand.
 
-    RigError while a partner moves; it is held meanwhile, and so are all others.
+    Partners that move are held, as all others are, and waited for; RigError if they still move then.
     """
     pairs = np.flatnonzero(np.diff(config.joint_of) == 0).tolist()
     if not pairs:
@@ -140,9 +141,8 @@ def _await_partners(config: RigConfig, bus: Bus, believed: Array, lost: list[int
     scale.zero[:] = find_zeros(config, bus, believed)
     velocity, _, path_velocity, path = _read_path(config, bus, scale)
     away = np.abs(path - believed).tolist()
-    moves = (np.abs(path_velocity) > _STANDS) | (np.abs(velocity) > _TURNS)
     kept = set(range(len(believed))) - set(lost)
-    moving: list[int] = []
+    partners: list[int] = []
     for one in pairs:
         pair = {one, one + 1}
         if pair <= kept and abs(path[one] - path[one + 1]) > APART:
@@ -150,11 +150,17 @@ def _await_partners(config: RigConfig, bus: Bus, believed: Array, lost: list[int
             write_each(config.only([astray]), bus, "torque_enable", [0])
             kept.remove(astray)
         if len(own := pair & kept) == 1:
-            moving += [index for index in own if moves[index]]
-    if moving:
-        rest = sorted(kept)
-        hold_still(config.only(rest), bus, believed[rest], pace)
-        raise RigError(f"{list_joints(config.only(moving).joints)} still moves. Try again.")
+            partners += own
+    for look in range(_LOOKS):
+        if not ((np.abs(path_velocity) > _STANDS) | (np.abs(velocity) > _TURNS))[partners].any():
+            break
+        if look == 0:
+            rest = sorted(kept)
+            hold_still(config.only(rest), bus, believed[rest], pace)
+        bus.port.wait(_LOOK)
+        velocity, _, path_velocity, _ = _read_path(config, bus, scale)
+    else:
+        raise RigError(f"{list_joints(config.only(partners).joints)} still moves. Try again.")
     return sorted(set(range(len(believed))) - kept)
 
 

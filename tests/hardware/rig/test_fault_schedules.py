@@ -44,6 +44,7 @@ def test_a_random_schedule_of_faults_ends_well(seed):
         (701778032, "a gripper that shall open, taken for one that lets go"),
         (810000097, "a joint of several turns whose power was off while its goal went on"),
         (810002116, "a joint that one of its two servos stopped while the other went after another joint's goals"),
+        (810002358, "a partner without a path whose goal was set ahead of it again and again"),
         (701778053, "a restart after the end, taken for a joint that does not hold"),
     ],
 )
