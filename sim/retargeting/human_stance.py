@@ -145,7 +145,7 @@ class HumanStance:
 
     def _update(self, soles: list[Sole], before: list[Sole]) -> None:
         slow, flat_below = STILL * self.leg * self._dt, FLAT * self.leg * self._dt
-        still, flat, self.rolled, self.heights = [], [], [], []
+        still, flat, lows, self.rolled, self.heights = [], [], [], [], []
         for foot, (now, then) in enumerate(zip(soles, before, strict=True)):
             heel, ball = dist(now.heel, then.heel), dist(now.ball, then.ball)
             still.append(1.0 / (1.0 + (min(heel, ball) / slow) ** 8))
@@ -153,9 +153,9 @@ class HumanStance:
             self.rolled.append(rolled)
             self.heights.append((1.0 - rolled) * now.heel[2] + rolled * now.ball[2])
             flat.append(1.0 / (1.0 + (max(heel, ball) / slow) ** 8))
+            lows.append(now.lowest)
             if max(ball, dist(now.ankle, then.ankle)) < flat_below and now is not then:
                 self.flat.stood(foot, now.slope)
-        lows = [sole.lowest for sole in soles]
         low = min(lows)
         rise = low - self._floor
         self._still_for = self._still_for + self._dt if still[lows.index(low)] > 0.5 else 0.0
@@ -163,7 +163,7 @@ class HumanStance:
             rise *= min(FOLLOWS * self._dt, 1.0) if self._still_for > SURE else 0.0
         self._floor += rise
         self.raised = max(low - self._floor - STANDS * self.leg, 0.0)
-        self.standing, self.planted = [], []
+        self.standing, self.planted, self.holding = [], [], []
         for foot, height in enumerate(lows):
             # What stands is not the higher one of two feet that are still.
             other = still[1 - foot] if len(lows) == 2 else 0.0
@@ -171,7 +171,8 @@ class HumanStance:
             self.standing.append(still[foot] * near)
             self.planted.append(flat[foot] * near)
         most = max(self.planted) + ROLLING
-        self.holding = [s * (p + ROLLING) / most for s, p in zip(self.standing, self.planted, strict=True)]
+        for standing, planted in zip(self.standing, self.planted, strict=True):
+            self.holding.append(standing * (planted + ROLLING) / most)
 
 
 class FlatFeet:

@@ -21,7 +21,7 @@ from sim.retargeting.human_limbs import LIMBS, LimbView
 
 TRUNK_SHARE = 0.5  # of what hips cannot bend, the share that the trunk is off; the thighs are off by the rest
 _CHEST, _PELVIS = LIMBS.index("chest_ahead"), LIMBS.index("pelvis_ahead")
-_THIGHS = LIMBS.index("r_thigh"), LIMBS.index("l_thigh")
+_RIGHT, _LEFT = LIMBS.index("r_thigh"), LIMBS.index("l_thigh")
 STRAIGHT, UP = np.eye(3), np.array([0.0, 0.0, 1.0])
 
 
@@ -46,6 +46,8 @@ class RobotTrunk:
     def __init__(self, skeleton: Skeleton, waist: Waist = STIFF) -> None:
         self.view, self._waist = LimbView(skeleton), waist
         self._angles = np.linalg.pinv(waist.axes.T) if len(waist.axes) else np.zeros((0, 3))
+        # The pelvis seen from the human's chest, where a trunk is rigid.
+        self._upright = _swing((waist.below + waist.above).tolist(), UP.tolist())
         self._pose: Pose | None = None
         self.pelvis = np.eye(3)  # its rotation at the last call, shape (3, 3)
 
@@ -59,11 +61,13 @@ class RobotTrunk:
             angles = self._angles @ _vector_of(human.tolist())
             angles = np.minimum(np.maximum(angles, waist.lower), waist.upper)
             bend = _turn((angles @ waist.axes).tolist())
-        pelvis = chest @ bend.T
-        line = pelvis @ (waist.below + bend @ waist.above)
-        self.pelvis = _swing(line.tolist(), chest[:, 2].tolist()) @ pelvis
+            pelvis = chest @ bend.T
+            line = pelvis @ (waist.below + bend @ waist.above)
+            self.pelvis = _swing(line.tolist(), chest[:, 2].tolist()) @ pelvis
+        else:
+            self.pelvis = chest @ self._upright
         seen = world @ self.pelvis
-        missing = max(_beyond(seen[row].tolist(), waist.hips) for row in _THIGHS)
+        missing = _beyond(seen[_RIGHT].tolist(), seen[_LEFT].tolist(), waist.hips)
         if missing > 0.0:
             self.pelvis = self.pelvis @ _turn([0.0, -TRUNK_SHARE * missing, 0.0])
             seen = world @ self.pelvis
@@ -89,10 +93,10 @@ def _frame(rows: Array) -> Array:
     return np.array([[ax, lx, ay * lz - az * ly], [ay, ly, az * lx - ax * lz], [az, lz, ax * ly - ay * lx]])
 
 
-def _beyond(thigh: list[float], reach: float) -> float:
-    """How far a thigh is raised ahead beyond its reach, rad; less, the more it is raised sideways."""
-    ahead, _, up = thigh
-    return (ahead * ahead + up * up) * (atan2(ahead, -up) - reach)
+def _beyond(right: list[float], left: list[float], reach: float) -> float:
+    """How far a thigh is raised ahead beyond its reach, rad, at most; less, the more it is raised sideways."""
+    (rx, _, rz), (lx, _, lz) = right, left
+    return max((rx * rx + rz * rz) * (atan2(rx, -rz) - reach), (lx * lx + lz * lz) * (atan2(lx, -lz) - reach))
 
 
 def _vector_of(m: list[list[float]]) -> Array:
