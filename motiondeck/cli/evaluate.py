@@ -113,6 +113,11 @@ def failures(evaluation: Evaluation, kind: Kind, seeds: range, runs: int, jobs: 
     ]
     if evaluation.noise_note:
         notes.append(evaluation.noise_note)
+    if failing := evaluation.failing:
+        notes.append(
+            f"{', '.join(failing)}: not right undisturbed either. The library was learned from other frames than are "
+            "found in its recordings now, or badly: measure its recipe, or learn it anew."
+        )
     table = failure_table(f"{evaluation.name}: {kind}, {len(networks)} x {runs} runs", counts, notes)
     return with_undisturbed_clips(table)
 
