@@ -99,7 +99,7 @@ def _to_and_fro(reach, now):
         ("path of one of two astray", 701778160, "work against each other"),
         ("goals run away from a silent joint", 810000097, "may stand in another turn"),
         ("old place of one of two", 900075, "rad apart"),
-        ("one of two goes on alone", 900099, "driven on without its other servo"),
+        ("one of two goes on alone", 900083, "driven on without its other servo"),
         ("times of two unlike", 900220, "rad apart"),
         ("no identity check", 70005, "torque came on in another model's servo"),
     ],
