@@ -74,7 +74,8 @@ def play(plan: Schedule, seed: int, until_wrong: bool = False) -> Outcome:
     """Plays a schedule as `run` does; the seed is that of damage on the wire."""
     turns = Turns("rig-recovery")
     try:
-        with TemporaryDirectory() as folder:
+        # A recovery that is abandoned may still store a turn.
+        with TemporaryDirectory(ignore_cleanup_errors=True) as folder:
             return _play(plan, seed, until_wrong, turns, Path(folder))
     finally:
         turns.abandon()

@@ -139,16 +139,18 @@ def _await_partners(config: RigConfig, bus: Bus, believed: Array, lost: list[int
         return lost
     scale = RigScale(config)
     scale.zero[:] = find_zeros(config, bus, believed)
-    velocity, _, path_velocity, path = _read_path(config, bus, scale)
+    velocity, angles, path_velocity, path = _read_path(config, bus, scale)
     away = np.abs(path - believed).tolist()
     kept = set(range(len(believed))) - set(lost)
     partners: list[int] = []
     for one in pairs:
         pair = {one, one + 1}
         if pair <= kept and abs(path[one] - path[one + 1]) > APART:
-            astray = max(pair, key=away.__getitem__)
-            write_each(config.only([astray]), bus, "torque_enable", [0])
-            kept.remove(astray)
+            # Also the other, if it is held off its path: alone it would leap back to it.
+            first = max(pair, key=away.__getitem__)
+            astray = [index for index in sorted(pair) if index == first or abs(path[index] - angles[index]) > APART]
+            write_each(config.only(astray), bus, "torque_enable", [0] * len(astray))
+            kept -= set(astray)
         if len(own := pair & kept) == 1:
             partners += own
     for look in range(_LOOKS):
