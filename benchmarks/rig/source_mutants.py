@@ -72,6 +72,7 @@ MUTANTS = {
     "caught up while it waits": Mutant(JointPace.sent, " | held", ""),
     "torque beside a moving partner": Mutant(_await_partners, "partners += own", "pass"),
     "path of one of two astray": Mutant(_await_partners, "> APART:", "> 9.0:"),
+    "one of two leaps back": Mutant(_await_partners, "> APART]", "> 9.0]"),
     "goals run away from a silent joint": Mutant(Rig.write, ">= _UNSEEN", "> 10**6"),
     "no close": Mutant(ServoPort.close, "if self._closed:", "if True:"),
 }

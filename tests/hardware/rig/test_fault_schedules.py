@@ -45,6 +45,7 @@ def test_a_random_schedule_of_faults_ends_well(seed):
         (810000097, "a joint of several turns whose power was off while its goal went on"),
         (810002116, "a joint that one of its two servos stopped while the other went after another joint's goals"),
         (810002358, "a partner without a path whose goal was set ahead of it again and again"),
+        (295192571, "one of two servos that leapt back where the other was let go"),
         (701778053, "a restart after the end, taken for a joint that does not hold"),
     ],
 )
@@ -97,6 +98,7 @@ def _to_and_fro(reach, now):
         ("caught up while it waits", 701777939, "caught up too fast"),
         ("torque beside a moving partner", 701777976, "work against each other"),
         ("path of one of two astray", 701778160, "work against each other"),
+        ("one of two leaps back", 295192571, "was too fast"),
         ("goals run away from a silent joint", 810000097, "may stand in another turn"),
         ("old place of one of two", 900075, "rad apart"),
         ("one of two goes on alone", 900083, "driven on without its other servo"),

@@ -166,6 +166,16 @@ def test_one_that_went_after_goals_of_another_joint_comes_back_to_its_partner(id
     assert arm.torques == [1, 1]
 
 
+@pytest.mark.parametrize("id", [2, 3])
+@pytest.mark.parametrize(("lasts", "keys"), [(0.6, {"current": 1.5}), (0.9, {})])
+def test_neither_of_two_leaps_back_when_the_other_is_let_go(id, lasts, keys):
+    arm = Arm(f"duplicate:id={id},at=2.0,for={lasts},value=4", acceleration=4.0, **keys).open()
+    arm.play(1.2, 1.9)
+    speeds = np.abs(np.diff(arm.play(1.2, 4.0)[:, :2], axis=0)) / 0.01
+    assert speeds.max() < 2.0
+    np.testing.assert_allclose(arm.angles, 1.2, atol=0.05)
+
+
 @pytest.mark.parametrize("model", ["AX-12A", "MX-28(1.0)", "XL-320", "STS3215"])
 def test_two_that_are_read_one_after_the_other_are_not_apart_while_they_move(model):
     """What the joint moves between two answers was taken for a horn that has slipped, and stopped the rig."""
