@@ -119,7 +119,7 @@ class Readings:
         line = self._line(self._turns[self._requests % len(self._turns)])
         wide = frozenset(self._alerted)
         if self._in_turns:
-            wide |= {self._in_turns[self._requests % len(self._in_turns)]}
+            wide |= {self._in_turns[self._requests // len(self._turns) % len(self._in_turns)]}
         return self._cached.get((line, wide)) or self._plan(line, wide)
 
     def every_request(self) -> Iterator[Request]:

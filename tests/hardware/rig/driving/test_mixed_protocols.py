@@ -67,6 +67,30 @@ def test_a_silent_servo_is_asked_again_whichever_turn_it_has(models):
         assert np.diff(asked).max() <= 60
 
 
+@pytest.mark.parametrize(
+    "models",
+    [
+        ("XL-320", "PH54-200-S500", "PH54-100-S500", "MX-28(1.0)"),
+        ("PH54-200-S500", "PH54-100-S500", "PM54-060-S250", "XL-320", "AX-12A", "MX-64(1.0)"),
+        OLD_MODELS,
+    ],
+)
+def test_the_health_of_every_servo_is_read_whichever_turn_it_has(models):
+    """Two turns and two servos whose health is read in turn kept step: no request read the health of one of them."""
+    config = mixed_rig(models=models)
+    everybody = range(len(models))
+    measured = Measurements(len(models))
+    readings = Readings(config, everybody, RigScale(config), measured, RigFaults.none(len(models)))
+    readings.start(everybody, np.zeros(len(models)), [motion(joint.table) for joint in config.joints], 0.0)
+    healthy = set()
+    for _ in range(100):
+        question = readings.next_request()
+        readings.requested(question)
+        states = zip(question.joints.tolist(), question.states, strict=True)
+        healthy |= {index for index, state in states if state.healthy}
+    assert healthy == set(everybody)
+
+
 def supervised(config, port):
     return Rig(config, lambda part: Bus(port, part.baud), beside=False, sleep=port.elapse)
 
