@@ -8,6 +8,7 @@ there when the stop is given, and time counts from that. A key device is emulate
 from __future__ import annotations
 
 import contextlib
+import math
 import os
 import random
 import signal
@@ -152,10 +153,10 @@ def run(stage: Stage, repetitions: int, seed: int) -> tuple[list[Trial], list[st
                         source, number = left.pop(0)
                         trial = around.trial(source, number)
                         _judge(rig, trial)
-                        watched = trial.end
-                        if trial.still_after is not None and not trial.goes_home:
-                            watched = trial.at + 0.1 + trial.still_after  # later nothing can come late
-                        if not rig.disturbed(trial.at - _BEFORE, watched):
+                        stands = trial.at + 0.1 + (trial.still_after or 0.0)
+                        if not rig.disturbed(trial.at - _BEFORE, trial.end if trial.still_after is None else stands):
+                            if trial.goes_home and rig.disturbed(stands, trial.end):
+                                _judge(rig, trial, stands)  # frames of the way home did not come in time
                             trials.append(trial)
                         elif repeated < _MOST_REPEATED * repetitions:
                             left.append((source, number))
@@ -384,10 +385,11 @@ def _key_device(opening: ExitStack) -> tuple[str, int] | None:
     return str(path), writer
 
 
-def _judge(rig: JudgedRig, trial: Trial) -> None:
+def _judge(rig: JudgedRig, trial: Trial, until: float = math.inf) -> None:
+    """Judges a trial; its rates until a time, s."""
     goals, shafts = judge.read_goals(rig.bus, rig.joints), judge.read_shafts(rig.shafts)
     track = judge.on_grid(goals.between(trial.at - 2.0, trial.end), rig.joints.period, trial.end)
-    here = track.times > trial.at - rig.joints.period
+    here = (track.times > trial.at - rig.joints.period) & (track.times < until)
     if trial.fault == "cut":  # nothing is sent to servos whose watchdogs have stopped them
         here &= (track.times < trial.broken_at + _PATIENCE) | (track.times > trial.broken_at + _CUT_FOR + _JOINED)
     parts = (judge.acceleration_parts(track, rig.joints), judge.velocity_parts(track, rig.joints))
