@@ -195,8 +195,7 @@ class RigGuard:
         elif fresh:
             stop.regain()
         last, before, first = self._latest
-        near = bool(np.all(np.abs(last - envelope.position) < AT))
-        if stop.phase == "held" and fresh and near and not self._rests:
+        if stop.phase == "held" and fresh and not self._rests and np.all(np.abs(last - envelope.position) < AT):
             stop.go_on()
             before[:] = first[:] = last
         if stop.phase == "running":
