@@ -179,14 +179,9 @@ def _shared_body(training_set: TrainingSet, clips: dict[str, Clip]) -> list[Shar
     body = training_set.encoding.skeleton
     found: list[SharedBody] = []
     for actor in training_set.actors:
-        own = actor.body is body
-        off = (
-            0.0
-            if own
-            else max(
-                hands_off(clip, body) for clip in {id(clips[name]): clips[name] for name in actor.motions}.values()
-            )
-        )
+        # Several motions may be of one recording.
+        recorded = {id(clip): clip for clip in (clips[name] for name in actor.motions)}.values()
+        off = 0.0 if actor.body is body else max(hands_off(clip, body) for clip in recorded)
         found.append(SharedBody(actor.name, len(actor.motions), off))
     return sorted(found, key=lambda one: one.hands_mm)
 

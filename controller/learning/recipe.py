@@ -30,7 +30,8 @@ if not TYPE_CHECKING:  # msgspec reads one of these
 
 _SATELLITES = 6.0  # per second of the longest clip
 
-NAME = re.compile(r"[A-Za-z0-9][A-Za-z0-9_-]{0,39}")
+MOST_LETTERS = 40  # of a name
+NAME = re.compile(rf"[A-Za-z0-9][A-Za-z0-9_-]{{0,{MOST_LETTERS - 1}}}")
 """Names that can be typed at a prompt and in a script."""
 
 _SPELLED = str.maketrans({"ß": "ss", "æ": "ae", "ø": "o", "œ": "oe", "ł": "l", "đ": "d", "ı": "i"})
@@ -105,7 +106,7 @@ def typeable(text: str) -> str:
     """The name nearest to a text that can be typed at a prompt and in a script; letters lose their accents."""
     text = unicodedata.normalize("NFKD", text.translate(_SPELLED))
     text = "".join(letter for letter in text if not unicodedata.combining(letter))
-    return re.sub(r"[^A-Za-z0-9_-]+", "-", text).strip("-_")[-40:].lstrip("-_") or "motion"
+    return re.sub(r"[^A-Za-z0-9_-]+", "-", text).strip("-_")[-MOST_LETTERS:].lstrip("-_") or "motion"
 
 
 def warnings(recipe: LibraryRecipe) -> list[str]:

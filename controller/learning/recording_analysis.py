@@ -15,7 +15,7 @@ import msgspec
 from controller.learning.preparation.kind import FoundKind, Plays, kind_of
 from controller.learning.preparation.loops import SLOPE_SECONDS
 from controller.learning.preparation.takes import read_takes
-from controller.learning.recipe import MotionRecipe
+from controller.learning.recipe import MOST_LETTERS, MotionRecipe
 from controller.learning.training_set import COMMON_RATE, SHORTEST_SECONDS, seam_error
 from controller.motion.canonical.body_doubts import anatomy_doubts, other_doubts
 from controller.motion.canonical.canonical_body import to_canonical
@@ -107,7 +107,7 @@ def analyse_recording(
 
 def numbered(name: str, number: int) -> str:
     """The name with a number, short enough to be typed."""
-    return f"{name[:36]}-{number}"
+    return f"{name[: MOST_LETTERS - 4]}-{number}"
 
 
 @dataclass(frozen=True)

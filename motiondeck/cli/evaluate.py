@@ -113,7 +113,7 @@ def failures(evaluation: Evaluation, kind: Kind, seeds: range, runs: int, jobs: 
     ]
     if evaluation.noise_note:
         notes.append(evaluation.noise_note)
-    if failing := evaluation.failing:
+    if failing := evaluation.failing(networks):
         notes.append(
             f"{', '.join(failing)}: not right undisturbed either. The library was learned from other frames than are "
             "found in its recordings now, or badly: measure its recipe, or learn it anew."

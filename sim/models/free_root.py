@@ -15,10 +15,8 @@ from sim.models.kinematic_tree import below, path_to
 from sim.models.surface import Surface
 
 ROOT_JOINT = "(root)"
-ON_THE_FLOOR, STANDS = (
-    0.05,
-    0.12,
-)  # largest height of a root on the floor, and of a limb that stands, in robots' heights
+# Largest height of a root on the floor, and of a limb that stands, in robots' heights.
+ON_THE_FLOOR, STANDS = 0.05, 0.12
 
 _CLOSING = (mujoco.mjtEq.mjEQ_CONNECT, mujoco.mjtEq.mjEQ_WELD)
 _OF_ROBOTS = (*_CLOSING, mujoco.mjtEq.mjEQ_JOINT, mujoco.mjtEq.mjEQ_TENDON)  # the others are about cloth

@@ -39,8 +39,8 @@ WAIT = 0.6  # distance of a goal past the end of a range, rad, at which the join
 
 
 # conj(p) q = (left multiplication by conj(p)) q: where each entry of that 4 x 4 matrix sits in p, and its sign.
-ENTRY = np.array([[0, 1, 2, 3], [1, 0, 3, 2], [2, 3, 0, 1], [3, 2, 1, 0]])
-SIGN = np.array([[1.0, 1.0, 1.0, 1.0], [-1.0, 1.0, 1.0, -1.0], [-1.0, -1.0, 1.0, 1.0], [-1.0, 1.0, -1.0, 1.0]])
+_ENTRY = np.array([[0, 1, 2, 3], [1, 0, 3, 2], [2, 3, 0, 1], [3, 2, 1, 0]])
+_SIGN = np.array([[1.0, 1.0, 1.0, 1.0], [-1.0, 1.0, 1.0, -1.0], [-1.0, -1.0, 1.0, 1.0], [-1.0, 1.0, -1.0, 1.0]])
 
 
 class MannequinRetargeter:
@@ -56,7 +56,7 @@ class MannequinRetargeter:
 
     def __call__(self, pose: Pose) -> Array:
         """Targets (3 B,), rad; they follow a joint past a half turn without a jump, up to FURTHEST."""
-        from_parent = pose.rotation[self._parent][:, ENTRY] * SIGN
+        from_parent = pose.rotation[self._parent][:, _ENTRY] * _SIGN
         relative = np.matmul(from_parent, pose.rotation[1:, :, None])[:, :, 0]
         shortest = to_rotation_vector(relative)
         wound = nearest_turn(shortest, self._last)

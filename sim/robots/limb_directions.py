@@ -71,9 +71,7 @@ class LimbDirections:
 
     def __call__(self, qpos: Array) -> Array:
         """The directions of the K segments seen from the trunk, shape (K, 3), for a robot at qpos (nq,)."""
-        self._data.qpos[:] = qpos
-        mujoco.mj_kinematics(self.model, self._data)
-        now, stood = self._data.xmat.reshape(-1, 3, 3), self.standing.xmat.reshape(-1, 3, 3)
+        now, stood = self._turned(qpos), self.standing.xmat.reshape(-1, 3, 3)
         there = [stood[s.trunk] @ now[s.trunk].T @ now[s.body] @ s.direction for s in self.segments]
         return np.array(there).reshape(-1, 3)
 
@@ -84,11 +82,9 @@ class LimbDirections:
         """
         found = {name: np.empty((len(qpos), 3)) for name in self._ends}
         for frame, q in enumerate(qpos):
-            self._data.qpos[:] = q
-            mujoco.mj_kinematics(self.model, self._data)
-            now = self._data.xmat.reshape(-1, 3, 3)
+            turned = self._turned(q)
             for name, ends in self._ends.items():
-                start, end = (self._data.xpos[body] + now[body] @ point for body, point in ends)
+                start, end = (self._data.xpos[body] + turned[body] @ point for body, point in ends)
                 found[name][frame] = end - start
         return found
 
@@ -109,11 +105,8 @@ class LimbDirections:
         ahead, left = (limbs[:, LIMBS.index(f"chest_{axis}")] for axis in ("ahead", "left"))
         lines = np.empty((len(qpos), 3))
         for frame, q in enumerate(qpos):
-            self._data.qpos[:] = q
-            mujoco.mj_kinematics(self.model, self._data)
-            upper, lower = (
-                self._data.xpos[body] + self._data.xmat[body].reshape(3, 3) @ point for body, point in self._line
-            )
+            turned = self._turned(q)
+            upper, lower = (self._data.xpos[body] + turned[body] @ point for body, point in self._line)
             lines[frame] = (upper - lower) / np.linalg.norm(upper - lower)
         return degrees_between(lines, np.cross(ahead, left))
 
@@ -123,11 +116,15 @@ class LimbDirections:
         trunks = [segment.trunk for segment in self.segments]
         stood, found = self.standing.xmat.reshape(-1, 3, 3)[trunks], np.empty((len(qpos), len(rows), 3))
         for frame, q in enumerate(qpos):
-            self._data.qpos[:] = q
-            mujoco.mj_kinematics(self.model, self._data)
-            turned = np.matmul(stood, self._data.xmat.reshape(-1, 3, 3)[trunks].transpose(0, 2, 1))
-            found[frame] = np.matmul(turned, limbs[frame, rows, :, None])[..., 0]
+            seen = np.matmul(stood, self._turned(q)[trunks].transpose(0, 2, 1))
+            found[frame] = np.matmul(seen, limbs[frame, rows, :, None])[..., 0]
         return found
+
+    def _turned(self, qpos: Array) -> Array:
+        """Places the bodies for qpos (nq,); their rotations, shape (N, 3, 3)."""
+        self._data.qpos[:] = qpos
+        mujoco.mj_kinematics(self.model, self._data)
+        return self._data.xmat.reshape(-1, 3, 3)
 
     def _found(self, side: str, names: tuple[str, str], parts: list[int], trunk: int) -> list[LimbSegment]:
         model, data, body = self.model, self.standing, parts[0]

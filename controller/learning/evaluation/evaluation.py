@@ -55,20 +55,19 @@ class Evaluation:
         """A note on what a disturbance of its networks reaches, or an empty string."""
         return self.trainer.noise_note if self.library is None else self.trainer.stored_noise_note
 
-    @property
-    def failing(self) -> list[str]:
-        """The motions of a library that are not right even when nothing disturbs them."""
-        if self.library is None:
-            return []
-        verdicts = self_test(load_library(self.library).network, self.judge)
-        return [name for name, verdict in verdicts.items() if not verdict.passed]
-
     def networks(self, seeds: Iterable[int], jobs: Jobs, tick: Callable[[], None]) -> list[Subject]:
         """The library's own network, or one trained for each seed; `tick` is called after each training."""
         if self.library is None:
             return train_subjects(self.recipe, self.syllabus, seeds, jobs, tick)
         loaded = load_library(self.library)
         return [Subject(loaded.info.seed, loaded.info.seed, loaded.network)]
+
+    def failing(self, networks: Sequence[Subject]) -> list[str]:
+        """The motions of a library's network that are not right even when nothing disturbs them."""
+        if self.library is None:
+            return []
+        verdicts = self_test(networks[0].network, self.judge)
+        return [name for name, verdict in verdicts.items() if not verdict.passed]
 
     def training_errors(
         self, seeds: Iterable[int], tick: Callable[[], None], readout_targets: Sequence[Array] | None = None

@@ -119,8 +119,13 @@ class Readings:
         line = self._line(self._turns[self._requests % len(self._turns)])
         wide = frozenset(self._alerted)
         if self._in_turns:
-            wide |= {self._in_turns[self._requests // len(self._turns) % len(self._in_turns)]}
+            wide |= {self._in_turns[self._rounds % len(self._in_turns)]}
         return self._cached.get((line, wide)) or self._plan(line, wide)
+
+    @property
+    def _rounds(self) -> int:
+        """How often each line was asked."""
+        return self._requests // len(self._turns)
 
     def every_request(self) -> Iterator[Request]:
         """Each that comes up while all servos answer and none reports a problem."""
@@ -271,8 +276,7 @@ class Readings:
         doubtful = joints[(missed > 0) & (missed < _PATIENCE)].tolist()
         lost = joints[missed >= _PATIENCE].tolist()
         # All at the same intervals; counted in requests to this line, so that none is skipped.
-        asked = self._requests // len(self._turns)
-        number, rest = divmod(asked, max(1, self._ask_again // (len(self._turns) * max(1, len(lost)))))
+        number, rest = divmod(self._rounds, max(1, self._ask_again // (len(self._turns) * max(1, len(lost)))))
         again = [lost[number % len(lost)]] if lost and (rest == 0 or not good + doubtful) else []
         return tuple(good + doubtful + again)
 

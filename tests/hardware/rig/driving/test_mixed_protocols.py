@@ -46,17 +46,21 @@ def bus(config, port):
     return bus
 
 
+def started(models):
+    """The readings of a rig that is switched on; only the motion of its servos is read all at once."""
+    config, count = mixed_rig(models=models), len(models)
+    readings = Readings(config, range(count), RigScale(config), Measurements(count), RigFaults.none(count))
+    readings.start(range(count), np.zeros(count), [motion(joint.table) for joint in config.joints], 0.0)
+    return readings
+
+
 @pytest.mark.parametrize("models", [("MX-28(1.0)", "MX-64(1.0)", "XM430-W350"), OLD_MODELS])
 def test_a_silent_servo_is_asked_again_whichever_turn_it_has(models):
     """Requests go in turns; asked in every thirtieth of them, a servo whose turn is the other one never was again."""
-    config = mixed_rig(models=models)
-    everybody = range(len(models))
-    measured = Measurements(len(models))
-    readings = Readings(config, everybody, RigScale(config), measured, RigFaults.none(len(models)))
-    readings.start(everybody, np.zeros(len(models)), [motion(joint.table) for joint in config.joints], 0.0)
+    readings, everybody = started(models), range(len(models))
     for silent in everybody:
-        measured.missed_in_a_row[:] = 0
-        measured.missed_in_a_row[silent] = 5
+        readings.measured.missed_in_a_row[:] = 0
+        readings.measured.missed_in_a_row[silent] = 5
         asked = []
         for request in range(300):
             question = readings.next_request()
@@ -77,11 +81,7 @@ def test_a_silent_servo_is_asked_again_whichever_turn_it_has(models):
 )
 def test_the_health_of_every_servo_is_read_whichever_turn_it_has(models):
     """Two turns and two servos whose health is read in turn kept step: no request read the health of one of them."""
-    config = mixed_rig(models=models)
-    everybody = range(len(models))
-    measured = Measurements(len(models))
-    readings = Readings(config, everybody, RigScale(config), measured, RigFaults.none(len(models)))
-    readings.start(everybody, np.zeros(len(models)), [motion(joint.table) for joint in config.joints], 0.0)
+    readings, everybody = started(models), range(len(models))
     healthy = set()
     for _ in range(100):
         question = readings.next_request()
