@@ -32,7 +32,7 @@ _LINE = 32  # further commands of a sender that queue for the next polls; beyond
 _REFUSALS = 8  # refusals of malformed datagrams in one poll: each costs as much as a command
 _TAKEN = 320  # datagrams received in one poll
 _WAITING = 256  # datagrams kept for later polls
-_STOP_AGAIN, _STOP_FOR = 0.05, 5.0  # s: how often, and for how long, an unanswered stop over a network is sent
+_STOP_AGAIN, _STOP_FOR = 0.02, 5.0  # s: how often, and for how long, an unanswered stop over a network is sent
 _STOPPED_WITHIN = 0.5  # s in which a stop of a deck of this user is answered
 _UNSTOPPED = (
     "the emergency stop is not acknowledged: the deck has ended, or is held up. If the robot moves, cut its power"

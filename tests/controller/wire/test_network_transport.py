@@ -125,7 +125,7 @@ class LossyRelay:
 
 
 def test_an_emergency_stop_arrives_over_a_network_that_loses_a_fifth_each_way(server):
-    received, playing = [], True
+    received, took, playing = [], [], True
 
     def serve():
         while playing:
@@ -141,10 +141,12 @@ def test_an_emergency_stop_arrives_over_a_network_that_loses_a_fifth_each_way(se
             with closing(CommandClient(relay.port, HERE, TOKEN)) as client:
                 began, before = time.monotonic(), len(received)
                 assert isinstance(client.request(EmergencyStop(), 1.0), Accepted)
-                assert time.monotonic() - began < 1.0
+                took.append(time.monotonic() - began)
                 assert len(received) > before
     playing = False
     deck.join()
+    assert max(took) < 1.0
+    assert sorted(took)[-4] < 0.12, "what is lost is sent again at once"
     assert {message.id for message in received} == {1}, "each was one press, however often it was sent"
 
 
