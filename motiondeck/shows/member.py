@@ -29,12 +29,12 @@ from motiondeck.shows.membership import CONDUCTOR
 
 ASKS_EVERY = 0.25  # the mean period of requests for the conductor's time and the deck's state, s; shorter at first
 LATEST = 0.25  # a cue that comes later than this is not carried out, s; the conductor then sends the sum of all cues
-ALONE_AFTER = 10.0  # time without a conductor after which that is reported, s
+ALONE_AFTER = 10.0  # time without a conductor after which that is reported, and a deck that starts plays, s
 
 _ASKS_FIRST, _FIRST = 0.05, 40  # so often, s, for the first questions; after them the time counts as known
 _IRREGULAR = 0.6, 1.4
 _PATIENCE = 1.0  # s for an answer
-_JOINS_WITHIN = 3.0  # s at the start for a conductor or a standing stop to be heard, if one or two dials are lost
+_WAITS_SILENTLY = 1.5  # s
 _LISTENS = 0.4  # s after a conductor's first answer before the deck moves, for stops that it does not know yet
 _REMEMBERED = 64  # emergency stops that were passed on
 
@@ -71,7 +71,7 @@ class Member:
         self._answers = Mailbox[tuple[float, float, bytes]]()
         self._clock, self._time = ClockEstimate(), messages.Time("", 0.0, "go on", 0.0)
         self._asked, self._ask_at, self._answered_at = 0, now(), now()
-        self._lost = self._holds = self._reported_alone = False
+        self._lost = self._holds = self._reported_wait = self._reported_alone = False
         self._cues: list[messages.TimedCue] = []
         self._done = ("", 0)
         self._step: messages.CommonRound | None = None
@@ -81,7 +81,7 @@ class Member:
         self._held: list[messages.EmergencyStopAll] = []  # those that the deck has carried out and was not reset from
         self._stopping: dict[int, messages.EmergencyStopAll | None] = {}  # what the deck has not accepted yet
         self._own_presses = self._passed_on = 0  # of the deck: those of this member, and the others as far as handled
-        self._joined_at = now() + _JOINS_WITHIN
+        self._joined_at = now() + ALONE_AFTER  # until then a link opens even where a fifth of all packets is lost
         self._resumes_at = -math.inf
         self._stop_repeater = StopRepeater(link)
         self._commands: dict[int, str] = {}
@@ -172,7 +172,11 @@ class Member:
 
     def _check_conductor(self, now: float) -> None:
         time_now = self._time
-        if not time_now.run and not self._reported_alone and now - self._answered_at > ALONE_AFTER:
+        alone = 0.0 if time_now.run else now - self._answered_at
+        if alone > _WAITS_SILENTLY and not self._reported_wait and now < self._joined_at:
+            self._reported_wait = True
+            self._notify(f"no conductor is heard yet; the deck waits for one up to {ALONE_AFTER:g} s before it moves")
+        if alone > ALONE_AFTER and not self._reported_alone:
             self._reported_alone = True
             self._notify(
                 f"no conductor has answered for {ALONE_AFTER:g} s: is it running, for the same show, with certificates "

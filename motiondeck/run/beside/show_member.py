@@ -21,7 +21,7 @@ from motiondeck.shows.membership import deck_in
 from motiondeck.shows.messages import About
 from motiondeck_base.errors import MotiondeckError
 
-_OPENS_WITHIN = 10.0  # s
+_OPENS_WITHIN = 20.0  # s, of which up to 10 are for links to the other members
 _ANSWERS_WITHIN = 0.5  # s
 
 

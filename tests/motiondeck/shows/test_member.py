@@ -6,10 +6,20 @@ import numpy as np
 import pytest
 
 from controller.wire.command_socket import CommandClient, CommandServer
-from controller.wire.messages.commands import AtTime, GetPhase, LockPhase, Reset, ServoTorque, SetTempo, Switch, Unlock
+from controller.wire.messages.commands import (
+    AtTime,
+    EmergencyStop,
+    GetPhase,
+    LockPhase,
+    Reset,
+    ServoTorque,
+    SetTempo,
+    Switch,
+    Unlock,
+)
 from controller.wire.messages.replies import PhaseNow
 from motiondeck.shows.member import ASKS_EVERY, Member
-from motiondeck.shows.messages import About, CommonRound, Time, TimedCue, encode
+from motiondeck.shows.messages import About, CommonRound, EmergencyStopAll, Time, TimedCue, encode
 
 AHEAD = 500.0  # s by which the conductor's clock is ahead
 
@@ -19,6 +29,7 @@ class Link:
 
     def __init__(self, now):
         self.now, self.heard, self.asked, self.there = now, {}, [], True
+        self.stops = []
 
     def subscribe(self, key, heard):
         self.heard[key] = heard
@@ -36,7 +47,7 @@ class Link:
         if not self.there:
             return
         self.asked.append(self.now())
-        heard(key, encode(Time("run", self.now() + AHEAD, "go on", 3.0)))
+        heard(key, encode(Time("run", self.now() + AHEAD, "go on", 3.0, self.stops)))
 
     def close(self):
         pass
@@ -161,8 +172,31 @@ def test_a_deck_that_no_conductor_ever_answers_says_so_once_and_what_to_check():
         stage = Stage(opened, conducted=False)
         stage.play(60.0)
         assert stage.told == [
-            "no conductor has answered for 10 s: is it running, for the same show, with certificates of one authority?"
+            "no conductor is heard yet; the deck waits for one up to 10 s before it moves",
+            "no conductor has answered for 10 s: is it running, for the same show, with certificates of one authority?",
         ]
         stage.link.there = True
         stage.play(1.0)
-        assert stage.told[1:] == ["the show has a conductor"]
+        assert stage.told[2:] == ["the show has a conductor"]
+
+
+def test_a_deck_does_not_move_before_a_conductor_that_is_late_has_told_it_of_a_stop():
+    """Where a fifth of all packets is lost, a link of TCP and TLS may take several seconds to open."""
+    with ExitStack() as opened:
+        stage = Stage(opened, conducted=False)
+        stage.play(6.5)
+        assert stage.phase().reason == "the deck is still joining the show"
+        stage.link.there, stage.link.stops = True, [EmergencyStopAll("right", "a1")]
+        told = stage.play(0.3)
+        assert any(isinstance(message, EmergencyStop) for _, message in told)
+        stage.play(0.3)
+        assert isinstance(stage.phase(), PhaseNow)
+
+
+def test_a_deck_plays_on_its_own_after_ten_seconds_without_anyone():
+    with ExitStack() as opened:
+        stage = Stage(opened, conducted=False)
+        stage.play(6.9)
+        assert not isinstance(stage.phase(), PhaseNow)
+        stage.play(0.2)
+        assert isinstance(stage.phase(), PhaseNow)
