@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Sequence
+from contextlib import suppress
 from functools import partial
 from pathlib import Path
 from typing import NamedTuple
@@ -12,6 +13,7 @@ import msgspec
 from hardware.bus.servo_bus import UNKNOWN_MODEL, Bus, Identity
 from hardware.errors import NoReplyError, RigError, ServoError
 from hardware.families.meanings import describe_errors
+from hardware.families.models import MODELS
 from hardware.families.series import HEAT, VOLTAGE
 from hardware.rig.driving.wire_load import longest_tick
 from hardware.rig.registers import read_register, write_each
@@ -28,6 +30,7 @@ from hardware.rig.switching.identities import (
 from hardware.rig.switching.turns import recall
 from hardware.rig.turn_file import TurnFile
 from hardware.tools.actuators import describe_actuator
+from hardware.tools.backup import ServoBackup, back_up
 from hardware.tools.scan import LIKELY_BAUDS, scan
 
 _NEWEST = 255  # what a servo that does not answer may have as firmware
@@ -39,6 +42,7 @@ _SILENT = (
 )
 _SET_ANYWAY = "set at every switch-on"
 _KEPT = "kept; the rig file may set gains, and a restart of the servo brings back those delivered"
+_SECOND_ID = "secondary_id"
 _FALSIFIES = {"drive_mode", "homing_offset", "multi_turn_offset", "resolution_divider"}  # the position a servo reports
 _THE_RIGS_OWN = ("min_position_limit", "max_position_limit", "current_limit")  # of which no servo knows beforehand
 
@@ -118,6 +122,7 @@ def examine(config: RigConfig, bus: Bus) -> Report:
         notes += [f"{one}: {_SET_ANYWAY}" for one in at_switch_on]
         notes += [f"{one}: {_KEPT}" for one in differences if one.when == "kept"]
     actuators = [describe_actuator(joint, _gains(joint, bus) if joint.id in heard else {}) for joint in joints]
+    problems += _followers_beside(config, bus)
     if bus.echoes:
         notes.append("the adapter returns what is sent to it, which is dropped")
     latency = latency_timer(bus.port.name)
@@ -135,6 +140,22 @@ def examine(config: RigConfig, bus: Bus) -> Report:
     return Report(
         bus.port.name, bus.baud, latency, config.rate_hz, possible, servos, actuators, problems, notes, missing
     )
+
+
+def _followers_beside(config: RigConfig, bus: Bus) -> Iterator[str]:
+    """Servos that the rig file does not have, and that do all that is sent to one of its own, a line each."""
+    joints = {joint.id: joint for joint in config.joints}
+    if not any(_SECOND_ID in joint.table.registers for joint in config.joints):
+        return
+    beside = [identity for identity in bus.ping_all() if identity.id not in joints and identity.model in MODELS]
+    for id, model in ((one.id, one.model) for one in beside if _SECOND_ID in MODELS[one.model].registers):
+        with suppress(ServoError):  # a servo that answers a ping alone is none of the rig's
+            followed = joints.get(bus.read(id, MODELS[model][_SECOND_ID].address, 1).params[0])
+            if followed is not None:
+                yield (
+                    f"{model} with id {id} is not in the rig file, and also does all that is sent to {followed.label}, "
+                    f"its {_SECOND_ID}: make it that joint's second servo in the rig file, then --fix sets it"
+                )
 
 
 def _gains(joint: RigJoint, bus: Bus) -> dict[str, int]:
@@ -187,8 +208,11 @@ def look_elsewhere(config: RigConfig, report: Report, open_bus: Callable[[int], 
     ]
 
 
-def fix_settings(config: RigConfig, bus: Bus) -> Fixed:
-    """Sets every register in which a servo differs from what the rig needs (see `audit`); torque must be off there."""
+def fix_settings(config: RigConfig, bus: Bus, keep: Callable[[ServoBackup], object] = lambda backup: None) -> Fixed:
+    """Sets every register in which a servo differs from what the rig needs (see `audit`); torque must be off there.
+
+    `keep` is called with the settings of each servo before they are changed.
+    """
     done: list[str] = []
     refused: list[str] = []
     config = config.servos
@@ -198,9 +222,13 @@ def fix_settings(config: RigConfig, bus: Bus) -> Fixed:
             level = _answer_level(joint, bus)
             raise_answer_level_in_eeprom(one, bus)
             raise_answer_level(one, bus)
-            if level != _answer_level(joint, bus) == (all_of_them := joint.table.family.answers_all):
-                done.append(f"{joint.label}: status_return_level was {level} and is {all_of_them}")
+            raised = level != _answer_level(joint, bus) == joint.table.family.answers_all
             differences = _to_set(one, bus)
+            if raised or differences:
+                (found,) = back_up(one, bus)
+                keep(msgspec.structs.replace(found, registers=found.registers | {"status_return_level": level}))
+            if raised:
+                done.append(f"{joint.label}: status_return_level was {level} and is {joint.table.family.answers_all}")
             if not differences:
                 continue
             if read_register(joint, bus, "torque_enable"):
@@ -211,7 +239,7 @@ def fix_settings(config: RigConfig, bus: Bus) -> Fixed:
             done.extend(_settle_each(limits, one, bus))
             # Goal PWM and torque limit follow their limits.
             done.extend(_settle_each(_to_set(one, bus) if limits else differences, one, bus))
-        except ServoError as error:
+        except (ServoError, RigError) as error:
             refused.append(f"{joint.name}: {error}")
     return Fixed(done, refused)
 

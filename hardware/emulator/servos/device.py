@@ -182,11 +182,9 @@ class Device:
 
         As a `shadow` (addressed by its second ID) it keeps its EEPROM as it is.
         """
-        plan = self._plan(address, data)
+        plan = self._plan(address, data, shadow)
         if isinstance(plan, int):
             return plan
-        if shadow and any(register.memory == "EEPROM" for register, _ in plan):
-            return ACCESS
         was_on, mode = self._get("torque_enable"), self._get("operating_mode")
         for register, value in plan:
             self._remember(register)
@@ -203,9 +201,9 @@ class Device:
             self._take_effect(register.name, value, switched_on=not was_on)
         return 0
 
-    def register(self, address: int, data: bytes) -> int:
-        """Keeps a write for `act`; the error number, 0 for none."""
-        if isinstance(plan := self._plan(address, data), int):
+    def register(self, address: int, data: bytes, shadow: bool = False) -> int:
+        """Keeps a write for `act`; the error number, 0 for none. `shadow` as of `write`."""
+        if isinstance(plan := self._plan(address, data, shadow), int):
             return plan
         self._registered = (address, data)
         self["registered_instruction"] = 1
@@ -300,17 +298,17 @@ class Device:
     def _store(self, register: Register, value: int) -> None:
         self._memory[register.address : register.address + register.length] = register.raw(value)
 
-    def _plan(self, address: int, data: bytes) -> list[tuple[Register, int]] | int:
+    def _plan(self, address: int, data: bytes, shadow: bool = False) -> list[tuple[Register, int]] | int:
         """The registers these bytes fill and the values they get, or the error number for the first that refuses."""
         if address in self._cells and self._behind(address) != address:
-            return self._plan_indirect(address, data)
+            return self._plan_indirect(address, data, shadow)
         plan: list[tuple[Register, int]] = []
         offset = 0
         while offset < len(data):
             register = self._by_address.get(address + offset)
             if register is None or register.access == "R":
                 return ACCESS
-            if register.memory == "EEPROM" and self._locked:
+            if register.memory == "EEPROM" and (shadow or self._locked):
                 return ACCESS
             if offset + register.length > len(data):
                 return LENGTH
@@ -321,7 +319,7 @@ class Device:
             offset += register.length
         return plan or LENGTH
 
-    def _plan_indirect(self, address: int, data: bytes) -> list[tuple[Register, int]] | int:
+    def _plan_indirect(self, address: int, data: bytes, shadow: bool) -> list[tuple[Register, int]] | int:
         """As `_plan` for bytes that go through indirect data cells: runs of neighbouring targets count as one write."""
         runs: list[tuple[int, bytes]] = []
         for cell, byte in enumerate(data, address):
@@ -336,7 +334,7 @@ class Device:
                 runs.append((place, bytes((byte,))))
         plan: list[tuple[Register, int]] = []
         for place, run in runs:
-            part = self._plan(place, run)
+            part = self._plan(place, run, shadow)
             if isinstance(part, int):
                 return part
             plan += part

@@ -12,7 +12,6 @@ from hardware.families.dynamixel2 import instructions as wire
 from hardware.families.dynamixel2.family import FAMILY
 from hardware.families.dynamixel2.frames import ALERT, HEADER, STATUS, build_status, checksum
 from hardware.families.emulation import (
-    ACCESS,
     BOOT_TIME,
     CHECKSUM,
     INSTRUCTION,
@@ -77,7 +76,7 @@ def _alone(bus: EmulatedServos, device: EmulatedServo, id: int, frame: Frame, sh
         case wire.WRITE if len(params) > 2:
             error = _write(bus, device, _word(params, 0), params[2:], shadow)
         case wire.REG_WRITE if len(params) > 2:
-            error = ACCESS if shadow else device.register(_word(params, 0), params[2:])
+            error = device.register(_word(params, 0), params[2:], shadow)
         case wire.WRITE | wire.REG_WRITE:
             error = LENGTH
         case wire.ACTION:

@@ -59,7 +59,7 @@ _COMPARED = {
 _WHY = {
     "drive_mode": "reversed, or with a profile in time instead of speed, or with torque that a goal takes on",
     "homing_offset": "its zero is elsewhere",
-    "secondary_id": "it obeys a second ID",
+    "secondary_id": "it also does all that is sent to that ID",
     "startup_configuration": "torque or RAM come back at power-up",
     "shutdown": "it does not protect itself",
     "temperature_limit": "it gets too hot, or shuts down while it is cool",

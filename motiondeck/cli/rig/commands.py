@@ -31,21 +31,31 @@ def doctor(
     """Check a rig without moving it; exit code 1 on a problem.
 
     It reports servos that are missing or of another model, registers that differ from what the rig needs, heat and
-    voltage, and the rate that the wire allows.
+    voltage, and the rate that the wire allows. Before --fix changes a servo, its settings are saved in a new file.
 
     Example:  motiondeck rig doctor configs/rigs/servo20.toml --port /dev/ttyUSB0
     """
     import msgspec
 
     from hardware.bus.servo_bus import Bus
+    from hardware.tools.backup import ServoBackup, save_backups
     from hardware.tools.doctor import examine, fix_settings, look_elsewhere, shorten_latency
+    from motiondeck_base.state_folder import state_folder
 
     config = load(rig)
     reports, done, refused = [], [], []
+    before = list[ServoBackup]()
+    saved = state_folder() / "settings" / f"{Path(rig).stem}-{time.strftime('%Y%m%d-%H%M%S')}.json"
+
+    def keep(backup: ServoBackup) -> None:
+        before.append(backup)
+        saved.parent.mkdir(parents=True, exist_ok=True)
+        save_backups(before, saved)
+
     with open_buses(config, port) as parts:
         for part, bus in parts:
             if fix:
-                fixed = fix_settings(part, bus)
+                fixed = fix_settings(part, bus, keep)
                 done, refused = done + fixed.done, refused + fixed.refused
                 print(shorten_latency(bus.port.name), file=sys.stderr)
             reports.append(examine(part, bus))
@@ -55,6 +65,9 @@ def doctor(
         print(msgspec.json.encode(reports[0] if len(reports) == 1 else {"ports": reports}).decode())
     for line in done if not as_json else []:
         print(f"set: {line}")
+    ports = "".join(f" --port {name}" for name in port or ())
+    if before:
+        print(f"to undo what was set: motiondeck rig restore {rig} {saved}{ports}", file=sys.stderr)
     for report in reports if not as_json else []:
         latency = "unknown" if report.latency_ms is None else f"{report.latency_ms} ms"
         print(f"{report.port} at {report.baud} baud, USB latency {latency}")
@@ -76,7 +89,6 @@ def doctor(
             print("\n".join(f"not set: {line}" for line in refused))
         print("no problem found" if not problems else f"{problems} problem{'s' * (problems > 1)}")
         if not fix and any("--fix sets" in problem for report in reports for problem in report.problems):
-            ports = "".join(f" --port {name}" for name in port or ())
             print(f"to set what differs: motiondeck rig doctor {rig}{ports} --fix")
     if problems:
         raise typer.Exit(1)

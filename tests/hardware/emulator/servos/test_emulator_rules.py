@@ -411,6 +411,19 @@ def test_a_second_id_obeys_and_keeps_silent(port):
     assert (port.bus[1]["max_position_limit"], port.bus[2]["max_position_limit"]) == (3000, 4095)
     shadow.say(wire.sync_write(65, 1, b"\x01\x00"))
     assert (port.bus[1]["led"], port.bus[2]["led"]) == (0, 0)
+    assert [status.id for status in shadow.say(build(1, wire.REG_WRITE, b"\x41\x00\x01"))] == [1]
+    shadow.say(build(1, wire.ACTION, b""))
+    assert (port.bus[1]["led"], port.bus[2]["led"]) == (1, 1)
+
+
+def test_a_second_id_that_no_servo_has_as_its_own_is_obeyed_by_all_in_silence(port):
+    """[X] Secondary ID (12), the maker's example: with 100 on all, a write to 100 is carried out and unanswered."""
+    for id in (1, 2):
+        Servo(port, id).put("secondary_id", 100)
+    assert Servo(port, 1).say(wire.write(100, 65, b"\x01")) == []
+    assert (port.bus[1]["led"], port.bus[2]["led"]) == (1, 1)
+    assert [status.id for status in Servo(port, 1).say(wire.write(1, 65, b"\x00"))] == [1]
+    assert (port.bus[1]["led"], port.bus[2]["led"]) == (0, 1)
 
 
 def test_two_servos_with_one_id_mix_their_answers_where_they_differ(port):

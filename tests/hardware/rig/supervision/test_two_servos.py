@@ -2,6 +2,7 @@
 
 import re
 
+import msgspec
 import numpy as np
 import pytest
 
@@ -333,6 +334,69 @@ def test_the_tools_know_both(tmp_path):
     assert [backup.id for backup in back_up(arm.config, bus)] == [4, 2, 3]
     save_rig(arm.config, tmp_path / "arm.toml")
     assert load_rig(tmp_path / "arm.toml") == arm.config
+
+
+def shadowed(arm):
+    """The second servo does all that is sent to the first, as in an arm that its maker has set up."""
+    arm.second["secondary_id"] = 2
+    arm.port.bus.reindex()
+
+
+def test_one_that_does_what_is_sent_to_the_other_is_refused_until_the_doctor_has_mended_it():
+    arm, kept = Arm(), []
+    shadowed(arm)
+    line = (
+        "shoulder's second servo (id 3): secondary_id is 2, the rig needs 255 "
+        "(it also does all that is sent to that ID)"
+    )
+    with pytest.raises(RigError) as refused:
+        arm.open()
+    assert str(refused.value) == f"{line}. Set it with motiondeck rig doctor RIG --fix."
+    assert arm.torques == [0, 0]
+    bus = Bus(arm.port, 1_000_000)
+    assert f"{line}: --fix sets it" in examine(arm.config, bus).problems
+    assert fix_settings(arm.config, bus, kept.append).refused == []
+    assert [one.registers["secondary_id"] for one in kept if one.id == 3] == [2]
+    assert arm.open().play(0.5, 1.0) is not None
+
+
+@pytest.mark.parametrize("follows", [True, False])
+def test_what_takes_the_first_off_drops_the_joint_if_the_second_does_it_too(follows):
+    """Why a second ID is refused: while one of two is set up again, the other has to keep its torque."""
+    arm = Arm().open()
+    arm.drive.load[[arm.first.row, arm.second.row]] = 0.15, -0.15
+    held = arm.play(0.9, 2.0)[-1, 0]
+    if follows:
+        shadowed(arm)
+    Bus(arm.port, 1_000_000).write(2, arm.config.joints[1].table["torque_enable"].address, b"\0")
+    arm.port.elapse(1.0)
+    assert arm.torques == [0, not follows]
+    assert (arm.angles[0] < held - 0.3) == follows
+
+
+def test_a_recovery_finds_a_second_id_that_came_while_the_rig_played():
+    arm = Arm().open()
+    arm.play(0.9, 1.0)
+    shadowed(arm)
+    arm.rig.restart(1)
+    with pytest.raises(RigError, match=r"\(id 3\): secondary_id is 2, .* --fix"):
+        arm.play(0.9, 1.0)
+    assert arm.rig.close() == []
+    assert arm.torques == [0, 0]
+
+
+def test_a_servo_beside_the_rig_that_follows_one_of_it_is_named():
+    arm = Arm()
+    shadowed(arm)
+    elbow, shoulder = arm.config.joints
+    alone = msgspec.structs.replace(arm.config, joints=(elbow, msgspec.structs.replace(shoulder, second=None)))
+    found = [line for line in examine(alone, Bus(arm.port, 1_000_000)).problems if "not in the rig file" in line]
+    assert len(found) == 1
+    assert found[0].startswith(
+        "XM540-W270 with id 3 is not in the rig file, and also does all that is sent to shoulder (id 2)"
+    )
+    arm.second["secondary_id"] = 255
+    assert not any("not in the rig file" in line for line in examine(alone, Bus(arm.port, 1_000_000)).problems)
 
 
 def test_a_calibration_by_hand_measures_both():

@@ -18,7 +18,7 @@ LIMIT = 1.5  # rad/s
 LEFT_BEHIND = {
     "drive_mode": (4, r"drive_mode is 4, the rig needs 0 \(reversed, or with a profile in time"),
     "homing_offset": (700, r"homing_offset is 700, the rig needs 0 \(its zero is elsewhere"),
-    "secondary_id": (2, r"secondary_id is 2, the rig needs 255 \(it obeys a second ID"),
+    "secondary_id": (2, r"secondary_id is 2, the rig needs 255 \(it also does all that is sent to that ID"),
     "startup_configuration": (1, r"startup_configuration is 1, the rig needs 0"),
     "shutdown": (0, r"shutdown is 0, the rig needs 52"),
     "temperature_limit": (100, r"temperature_limit is 100, the rig needs 80"),
