@@ -57,7 +57,7 @@ _COMPARED = {
     *_GAINS,
 }  # fmt: skip
 _WHY = {
-    "drive_mode": "reversed, or with a profile in time instead of speed, or with torque that a goal takes on",
+    "drive_mode": "reversed, led by another servo, with a profile in time, or with torque that a goal takes on",
     "homing_offset": "its zero is elsewhere",
     "secondary_id": "it also does all that is sent to that ID",
     "startup_configuration": "torque or RAM come back at power-up",

@@ -16,7 +16,7 @@ from hardware.tools.scan import set_up
 LIMIT = 1.5  # rad/s
 
 LEFT_BEHIND = {
-    "drive_mode": (4, r"drive_mode is 4, the rig needs 0 \(reversed, or with a profile in time"),
+    "drive_mode": (4, r"drive_mode is 4, the rig needs 0 \(reversed, led by another servo, with a profile in time,"),
     "homing_offset": (700, r"homing_offset is 700, the rig needs 0 \(its zero is elsewhere"),
     "secondary_id": (2, r"secondary_id is 2, the rig needs 255 \(it also does all that is sent to that ID"),
     "startup_configuration": (1, r"startup_configuration is 1, the rig needs 0"),
