@@ -93,20 +93,36 @@ def schedule(seed: int) -> Schedule:
 
 def kinds_of(plan: Schedule) -> list[str]:
     """What joints the rig of a schedule has, of those that a joint can be beside the usual one."""
-    joints, weights = plan.config.joints, plan.burdens.weight.tolist()
-    has = {
-        "two servos on a joint": any(joint.second is not None for joint in joints),
-        "several turns": any(joint.several_turns for joint in joints),
-        "a gripper": any(joint.grip for joint in joints),
-        "own gains": any(joint.gains for joint in joints),
-        "a range across the horn's zero": any(not joint.in_one_turn and not joint.several_turns for joint in joints),
-        "a small limit of current": any(has_small_limit(joint) for joint in joints),
-        "the same, with a weight": any(
-            has_small_limit(joint) and weight > 0.0 for joint, weight in zip(joints, weights, strict=True)
+    return [kind for kind, joints in _by_kind(plan).items() if joints]
+
+
+def strikes(plan: Schedule, fault: str, kind: str) -> bool:
+    """Whether a schedule has such a fault about joints of such a kind; "" is for any of them."""
+    joints = _by_kind(plan)[kind] if kind else plan.config.joints
+    ids = {None, *(servo.id for joint in joints for servo in joint.servos)}
+    return bool(joints) and any(fault in ("", one.kind) and one.id in ids for one in plan.faults)
+
+
+def _by_kind(plan: Schedule) -> dict[str, list[RigJoint]]:
+    """The joints of each kind; a joint may be of several."""
+    has: dict[str, Callable[[RigJoint, float], bool]] = {
+        "two servos on a joint": lambda joint, _: joint.second is not None,
+        "two servos that are read one after the other": lambda joint, _: (
+            joint.second is not None and not joint.table.series.bulk_reads
         ),
-        "a weight": any(weight > 0.0 for weight in weights),
+        "a limit of acceleration, and no path shown": lambda joint, _: (
+            joint.acceleration > 0.0 and "position_trajectory" not in joint.table.registers
+        ),
+        "several turns": lambda joint, _: joint.several_turns,
+        "a gripper": lambda joint, _: joint.grip,
+        "own gains": lambda joint, _: bool(joint.gains),
+        "a range across the horn's zero": lambda joint, _: not joint.in_one_turn and not joint.several_turns,
+        "a small limit of current": lambda joint, _: has_small_limit(joint),
+        "the same, with a weight": lambda joint, weight: has_small_limit(joint) and weight > 0.0,
+        "a weight": lambda _, weight: weight > 0.0,
     }
-    return [kind for kind, found in has.items() if found]
+    joints = list(zip(plan.config.joints, plan.burdens.weight.tolist(), strict=True))
+    return {kind: [joint for joint, weight in joints if of_kind(joint, weight)] for kind, of_kind in has.items()}
 
 
 def _joint(rng: random.Random, id: int, models: tuple[str, ...], port: str) -> RigJoint:

@@ -15,6 +15,8 @@ from collections import Counter
 from concurrent.futures import ProcessPoolExecutor
 from dataclasses import dataclass, field
 from functools import partial
+from itertools import count as counted
+from itertools import islice
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Annotated
@@ -24,7 +26,7 @@ import typer
 from numpy.typing import NDArray
 
 from benchmarks import command
-from benchmarks.rig._schedules import SECONDS, Schedule, kinds_of, schedule
+from benchmarks.rig._schedules import SECONDS, Schedule, kinds_of, schedule, strikes
 from benchmarks.rig.burdens import leave_gains
 from benchmarks.rig.schedule_judge import JudgedBus, JudgedPort, ShaftJudge
 from benchmarks.rig.source_mutants import MUTANTS, mutated
@@ -301,15 +303,16 @@ def main(
     """Runs schedules, or mutants; exit code 1 if a schedule went wrong, or a mutant was not noticed."""
     first = random.SystemRandom().randrange(10**5, 10**9) if first is None else first
     seeds = range(first, first + count)
-    print(f"seeds {seeds[0]} to {seeds[-1]}", flush=True)
-    if (_run_mutants if mutants else _run_schedules)(seeds):
+    print(f"seeds from {first} on" if mutants else f"seeds {seeds[0]} to {seeds[-1]}", flush=True)
+    if _run_mutants(first, count) if mutants else _run_schedules(seeds):
         raise typer.Exit(1)
 
 
-def _run_mutants(seeds: range) -> int:
-    """Prints which schedules notice each mutant; how many none of them notices."""
+def _run_mutants(first: int, number: int) -> int:
+    """Prints which of the first schedules that strike what a mutant is about notice it; how many are unnoticed."""
     unnoticed = 0
     for name, mutant in MUTANTS.items():
+        seeds = list(islice((seed for seed in counted(first) if strikes(schedule(seed), *mutant.about)), number))
         with mutated(mutant):
             found = [seed for seed in seeds if _went_wrong(seed)]
         unnoticed += not found

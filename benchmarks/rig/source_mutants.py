@@ -21,11 +21,12 @@ from hardware.rig.switching.turns import _whole_turns
 
 
 class Mutant(NamedTuple):
-    """A function of which one piece of text is replaced."""
+    """A function of which one piece of text is replaced, and the fault and the kind of joint that it is about."""
 
     function: Callable[..., object]
     text: str
     instead: str
+    about: tuple[str, str] = ("", "")  # as in `strikes`
 
 
 def _getter(kind: type, name: str) -> Callable[..., object]:
@@ -34,6 +35,8 @@ def _getter(kind: type, name: str) -> Callable[..., object]:
 
 
 _GOALS = 'write_each(config, bus, "goal_position", [int(pulses) for pulses in scale.pulses(goals)])'
+
+_PAIR = "two servos on a joint"
 
 MUTANTS = {
     "no clipping": Mutant(JointPace.bound, "self._scale.within(targets)", "targets"),
@@ -50,7 +53,9 @@ MUTANTS = {
         "np.where(self.joints, SLOWER, 1.0)",
         "np.ones(len(self.joints))",
     ),
-    "another's speed kept": Mutant(ServoPort.write, "data = self._speed_frames(silent) + data", "pass"),
+    "another's speed kept": Mutant(
+        ServoPort.write, "data = self._speed_frames(silent) + data", "pass", ("duplicate", "")
+    ),
     "no watchdog": Mutant(ServoPort.write, '"bus_watchdog", self.part.watchdog_units)', '"bus_watchdog", 0)'),
     "no identity check": Mutant(check_identities, "identity.model != joint.model", "False"),
     "no switch-off": Mutant(ServoPort.close, "end(self.servos, self.bus)", "[]"),
@@ -61,19 +66,36 @@ MUTANTS = {
         _needs, 'yield name, joint.gains[name], "switch-on"', 'yield name, joint.gains[name], "kept"'
     ),
     "a third more current": Mutant(current_counts, "joint.current) if", "1.3 * joint.current) if"),
-    "no turn for a range across zero": Mutant(_whole_turns, "return joint.whole_turns(pulses)", "return 0"),
-    "turn of the rig file": Mutant(_whole_turns, "return round(turns) * joint.table.pulses_per_turn", "return 0"),
-    "restart between readings": Mutant(hold_still, "_refuse_other_turns(config, positions, believed)", "pass"),
-    "gripper that yields": Mutant(Strain.__init__, "math.inf if joint.grip else", ""),
-    "gripper that lets go": Mutant(places_of_rest, "joint.grip for", "False for"),
-    "old place of one of two": Mutant(JoinedMeasurements.update, "one.torque & (count", "(count"),
-    "times of two unlike": Mutant(JoinedMeasurements.update, "positions, firsts) - moved", "positions, firsts)"),
-    "one of two goes on alone": Mutant(Rig.write, "np.where(self._joined.waits, stay, targets)", "targets"),
-    "caught up while it waits": Mutant(JointPace.sent, " | held", ""),
-    "torque beside a moving partner": Mutant(_await_partners, "partners += own", "pass"),
-    "path of one of two astray": Mutant(_await_partners, "> APART:", "> 9.0:"),
-    "one of two leaps back": Mutant(_await_partners, "> APART]", "> 9.0]"),
-    "goals run away from a silent joint": Mutant(Rig.write, ">= _UNSEEN", "> 10**6"),
+    "no turn for a range across zero": Mutant(
+        _whole_turns, "return joint.whole_turns(pulses)", "return 0", ("", "a range across the horn's zero")
+    ),
+    "turn of the rig file": Mutant(
+        _whole_turns, "return round(turns) * joint.table.pulses_per_turn", "return 0", ("", "several turns")
+    ),
+    "restart between readings": Mutant(
+        hold_still, "_refuse_other_turns(config, positions, believed)", "pass", ("reboot", "several turns")
+    ),
+    "gripper that yields": Mutant(Strain.__init__, "math.inf if joint.grip else", "", ("jam", "a gripper")),
+    "gripper that lets go": Mutant(places_of_rest, "joint.grip for", "False for", ("jam", "a gripper")),
+    "old place of one of two": Mutant(JoinedMeasurements.update, "one.torque & (count", "(count", ("reboot", _PAIR)),
+    "times of two unlike": Mutant(
+        JoinedMeasurements.update,
+        "positions, firsts) - moved",
+        "positions, firsts)",
+        ("", "two servos that are read one after the other"),
+    ),
+    "one of two goes on alone": Mutant(
+        Rig.write, "np.where(self._joined.waits, stay, targets)", "targets", ("duplicate", _PAIR)
+    ),
+    "caught up while it waits": Mutant(JointPace.sent, " | held", "", ("swap", _PAIR)),
+    "torque beside a moving partner": Mutant(_await_partners, "partners += own", "pass", ("reboot", _PAIR)),
+    "path of one of two astray": Mutant(_await_partners, "> APART:", "> 9.0:", ("duplicate", _PAIR)),
+    "one of two leaps back": Mutant(_await_partners, "> APART]", "> 9.0]", ("duplicate", _PAIR)),
+    "goals run away from a silent joint": Mutant(Rig.write, ">= _UNSEEN", "> 10**6", ("duplicate", "several turns")),
+    "goal taken for a path": Mutant(
+        places_of_rest, "np.where(away, angles, path)", "path", ("", "a limit of acceleration, and no path shown")
+    ),
+    "goal given up in a silence": Mutant(JoinedMeasurements.update, "waits & moved &", "waits &", ("drop", _PAIR)),
     "no close": Mutant(ServoPort.close, "if self._closed:", "if True:"),
 }
 

@@ -13,6 +13,7 @@ from hardware.rig.driving.readings import Measurements
 from hardware.rig.rig_file import RigConfig
 
 _SETTLED = 0.5  # s: more than a watchdog waits, usually, and a joint needs to stand
+_MOVED = 0.15  # of the slack: so far a joint goes on with whose goal a servo that has stopped is at odds
 
 
 class JoinedMeasurements:
@@ -27,8 +28,9 @@ class JoinedMeasurements:
         self._servos, self._joints = servos, joints
         # Whether one of two servos of a joint is limp or silent, shape (J,); the other stays at its goal.
         self.waits = np.zeros(len(self.firsts), dtype=np.bool_)
-        self.places = np.full(len(self.firsts), np.nan)  # where it stays when both have come to rest, rad; NaN before
-        self._since = np.zeros(len(self.firsts))
+        # Where a joint that went on meanwhile stays when both have come to rest, rad; NaN before, and for any other.
+        self.places = np.full(len(self.firsts), np.nan)
+        self._since, self._before = np.zeros(len(self.firsts)), np.full(len(of), np.nan)
 
     def update(self) -> None:
         """Takes over what the servos have measured."""
@@ -59,6 +61,8 @@ class JoinedMeasurements:
         waits = (self._count > 1) & ((one.missed_in_a_row > 0) | ~one.torque)
         now = np.maximum.reduce(all.read_at)
         self._since = np.where(waits, self._since, now)
-        new = waits & np.isnan(self.places) & (now - self._since > _SETTLED)
+        self._before = np.where(np.repeat(waits, self._count), self._before, all.positions)
+        moved = highest(np.abs(all.positions - self._before), firsts) > _MOVED * one.slack
+        new = waits & moved & np.isnan(self.places) & (now - self._since > _SETTLED)
         self.places = np.where(new, one.positions, np.where(waits, self.places, np.nan))
         self.waits = waits

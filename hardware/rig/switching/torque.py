@@ -287,10 +287,13 @@ def places_of_rest(config: RigConfig, bus: Bus, scale: RigScale) -> tuple[Array,
     # without torque, or that is held off its path, rests where it is; but a gripper holds on where its path leads.
     torque = np.array(read_each(config, bus, "torque_enable")) != 0
     velocity, angles, path_velocity, path = _read_path(config, bus, scale)
+    grips = np.array([joint.grip for joint in config.joints])
+    # A model that shows no path, and turns away from its goal, brakes from where it is before it turns back.
+    away = ~_show_paths(config) & ~grips & (velocity * (path - angles) < 0.0) & (np.abs(velocity) > _STANDS)
+    path = np.where(away, angles, path)
     rates = np.array([joint.acceleration for joint in config.joints])
     braking = np.divide(path_velocity * path_velocity, 2.0 * rates, out=np.zeros(len(rates)), where=rates > 0.0)
     ahead = path - angles + np.sign(path_velocity) * braking + path_velocity * _UNTIL_TAKEN
-    grips = np.array([joint.grip for joint in config.joints])
     slack = np.where(grips, math.inf, [joint.slack(joint.position_p_gain) for joint in config.joints])
     # What the path is ahead of a joint that follows it, at most; farther ahead is one that is held up.
     most = np.abs(path_velocity) * (_LAG + _UNTIL_TAKEN) + braking + slack
@@ -299,10 +302,14 @@ def places_of_rest(config: RigConfig, bus: Bus, scale: RigScale) -> tuple[Array,
     return angles, angles + np.where(moves | stands, np.clip(ahead, -most, most), 0.0), torque
 
 
+def _show_paths(config: RigConfig) -> NDArray[np.bool_]:
+    """Which servos have registers of their paths, shape (J,)."""
+    return np.array([_PATH[-1] in joint.table.registers for joint in config.joints])
+
+
 def _read_path(config: RigConfig, bus: Bus, scale: RigScale) -> tuple[Array, Array, Array, Array]:
     """The registers of `_PATH` (J,), rad/s and rad, read at the same time; a model without a path goes to its goal."""
-    has_path = [_PATH[-1] in joint.table.registers for joint in config.joints]
-    names = [_PATH if path else _NO_PATH for path in has_path]
+    names = [_PATH if path else _NO_PATH for path in _show_paths(config)]
     rows = [[joint.table[name] for name in own] for joint, own in zip(config.joints, names, strict=True)]
     starts = [min(row.address for row in own) for own in rows]
     ends = [max(row.address + row.length for row in own) for own in rows]

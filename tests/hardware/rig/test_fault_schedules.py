@@ -46,6 +46,8 @@ def test_a_random_schedule_of_faults_ends_well(seed):
         (810002116, "a joint that one of its two servos stopped while the other went after another joint's goals"),
         (810002358, "a partner without a path whose goal was set ahead of it again and again"),
         (295192571, "one of two servos that leapt back where the other was let go"),
+        (295200156, "a loaded joint that sank while its servos were silent"),
+        (295200253, "a servo without a path that had to hold while it braked to turn back"),
         (701778053, "a restart after the end, taken for a joint that does not hold"),
     ],
 )
@@ -103,6 +105,8 @@ def _to_and_fro(reach, now):
         ("old place of one of two", 900075, "rad apart"),
         ("one of two goes on alone", 900083, "driven on without its other servo"),
         ("times of two unlike", 900220, "rad apart"),
+        ("goal given up in a silence", 295200156, "moved at another's recovery"),
+        ("goal taken for a path", 295200253, "ran past the goal at which it was held"),
         ("no identity check", 70005, "torque came on in another model's servo"),
     ],
 )

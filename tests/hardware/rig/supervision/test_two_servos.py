@@ -226,6 +226,24 @@ def test_the_other_waits_while_one_is_silent():
     assert arm.angles == pytest.approx([1.5, 1.5], abs=0.05)
 
 
+@pytest.mark.parametrize("id", [2, 3])
+def test_a_loaded_joint_that_stands_keeps_its_goal_while_one_of_its_servos_is_silent(id):
+    """It was held where it was seen, lower than its goal by what the load takes."""
+    arm = Arm(f"dead:id={id},at=2.0,for=1.4").open()
+    arm.drive.load[[arm.first.row, arm.second.row]] = 0.1, -0.1
+    sag = 0.9 - arm.play(0.9, 1.9)[-1, 0]
+    assert sag > 0.02
+    # The watchdog makes the silent one hold where it is, and the other carries more of the load.
+    assert 0.9 - arm.play(0.9, 1.2)[:, 0].min() < 1.6 * sag
+    assert arm.rig.goals[1] == pytest.approx(0.9)
+
+
+def test_a_joint_that_falls_silent_in_motion_is_not_sent_back_to_where_it_was_seen():
+    arm = Arm("drop:at=1.0,for=0.9").open()
+    arm.play(0.0, 0.9)
+    assert np.diff(arm.play(1.5, 1.0)[:, 0]).min() > -0.001
+
+
 def test_their_paths_come_together_while_the_joint_catches_up():
     arm = Arm("dead:id=3,at=2.0,for=0.3").open()
     arm.play(0.0, 1.7)
