@@ -47,7 +47,7 @@ NO_LENGTH = 1e-6  # m
 WAIST = 0.35  # of the way along the spine from the root to the neck
 RIGID = 5e-5  # m: a joint whose distances from the hips change by less belongs to the pelvis
 SAME_PELVIS = 0.003  # m: a pelvis that differs by less is the actor's own
-LOW = 0.03  # m: a joint this much above the lowest one counts e times less for the height of the body
+LOW = 0.02  # m: a joint this much above the lowest one counts e times less for the height of the body
 _BACK = JAEGER_BONES.index("back")
 _HIPS = [JAEGER_BONES.index("rhip"), JAEGER_BONES.index("lhip")]
 _OTHERS = [bone for bone in range(len(JAEGER_BONES)) if bone not in _HIPS]
@@ -217,8 +217,6 @@ def _proportioned(clip: Clip, skeleton: Skeleton) -> Clip:
     """A canonical clip on the canonical body with other proportions; in each frame its lowest joints stay as high."""
     own = clip.skeleton
     (to_hips, half), (to_own, own_half) = _pelvis(skeleton), _pelvis(own)
-    if not to_hips.any() and not to_own.any():  # as the thesis does with Jaeger's patterns
-        return replace(clip, skeleton=skeleton, root_position=clip.root_position * skeleton.leg_length / own.leg_length)
     ratio = leg(skeleton) / leg(own)
     rotation, place = clip.rotation.copy(), ratio * clip.joints()
     line = rotate(rotation[:, 1:], own.rest_direction)
@@ -233,10 +231,15 @@ def _proportioned(clip: Clip, skeleton: Skeleton) -> Clip:
             line[:, _BACK] = place[:, 1 + _BACK] - root
     _point(rotation, skeleton.rest_direction, line)
     done = replace(clip, skeleton=skeleton, root_position=root, rotation=continuous(rotation))
-    height = place[:, 1:, 2]
-    low = np.exp((height.min(axis=1, keepdims=True) - height) / LOW)
-    lift = ((height - done.joints()[:, 1:, 2]) * low).sum(axis=1) / low.sum(axis=1)
+    lift = _lowest(place) - _lowest(done.joints())
     return replace(done, root_position=root + lift[:, None] * np.array([0.0, 0.0, 1.0]))
+
+
+def _lowest(place: Array) -> Array:
+    """A soft minimum of the heights of landmarks (T, 20, 3), shape (T,), m: smooth where another becomes the lowest."""
+    height = place[:, 1:, 2]
+    least = height.min(axis=1)
+    return least - LOW * np.log(np.exp((least[:, None] - height) / LOW).sum(axis=1))
 
 
 def leg(skeleton: Skeleton) -> float:

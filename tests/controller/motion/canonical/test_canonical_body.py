@@ -32,6 +32,7 @@ from controller.motion.formats.reading import read_clip
 from controller.motion.reading_options import ReadingOptions
 from controller.motion.rotations import conjugate, multiply, normalise, rotate
 from controller.motion.skeleton import Skeleton
+from controller.motion.thesis_body import thesis_skeleton
 from motiondeck_base.errors import FileFormatError
 from simulated_bodies import human, skeleton_of, smooth_poses
 
@@ -293,6 +294,19 @@ def test_feet_stand_as_high_on_a_body_with_other_legs(seed):
     other = carried(clip, replace(clip.skeleton, length=length))
     lowest, now = (body.joints()[..., 2].min(axis=1) for body in (clip, other))
     assert np.abs(now - lowest * leg(other.skeleton) / leg(clip.skeleton)).max() < 0.03
+
+
+@settings(max_examples=30)
+@given(st.integers(0, 2**32 - 1))
+def test_hands_that_carry_the_body_stay_as_high_on_other_arms(seed):
+    """In any pose, head over heels too, and with the root between the hips as in Jaeger's patterns."""
+    draw = np.random.default_rng(seed)
+    clip = random_clip(draw, thesis_skeleton(draw.uniform(0.1, 0.5, 19)), 50)
+    length = clip.skeleton.length.copy()
+    length[[CANONICAL_BONES.index(side + bone) for side in "lr" for bone in ("elb", "wri")]] *= draw.uniform(0.7, 1.4)
+    other = carried(clip, replace(clip.skeleton, length=length))
+    lowest, now = (body.joints()[:, 1:, 2].min(axis=1) for body in (clip, other))
+    assert np.abs(now - lowest).max() < 0.06
 
 
 def test_hands_of_a_squat_are_where_they_were_on_the_body_of_a_jog(mocap_data):
