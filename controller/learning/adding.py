@@ -92,5 +92,5 @@ def add_motion(library: MotionLibrary, path: Path, clip: Clip, motion: MotionRec
         acknowledgement=f"{info.acknowledgement} '{motion.name}' was added from {Path(motion.file).name}.".strip(),
     )
     recorded = recorded_part(own, part.first, part.end, loop=motion.plays == "loop")
-    added = judged(MotionLibrary(header, grown, library.encoding), {} if recorded is None else {motion.name: recorded})
+    added = judged(MotionLibrary(header, grown, library.encoding), {motion.name: lambda: recorded})
     return Addition(added, part, *quotas)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -12,13 +12,13 @@ from numpy.typing import NDArray
 from threadpoolctl import threadpool_limits
 
 from controller.learning.measures.accuracy import nrmse
-from controller.learning.measures.recording_errors import RecordedPart, recording_error
+from controller.learning.measures.recording_errors import recording_error
 from controller.learning.measures.self_test import Judge, MotionVerdict, self_test
 from controller.learning.measures.trials import stress_test, with_trials
 from controller.learning.recipe import LibraryRecipe, MotionRecipe, NetworkRecipe
 from controller.learning.trainers.registry import kind_of, trainer_of
 from controller.learning.trainers.trainer import Lessons
-from controller.learning.training_set import Progress, TrainingSet, prepare
+from controller.learning.training_set import Progress, Recorded, TrainingSet, prepare
 from controller.library.library_header import VERSION, LibraryInfo, MotionInfo
 from controller.library.motion_library import MotionLibrary
 from controller.motion.rotations import Array
@@ -131,15 +131,15 @@ def assemble(
     return judged(MotionLibrary(info, network, training_set.encoding), training_set.recorded)
 
 
-def judged(library: MotionLibrary, recorded: dict[str, RecordedPart]) -> MotionLibrary:
+def judged(library: MotionLibrary, recorded: Mapping[str, Recorded]) -> MotionLibrary:
     """The library with the errors of its motions against their recordings; too large ones fail a motion."""
     # A network that runs by itself keeps no time, so its motions have no such errors.
     if library.network.as_autonomous is not None:
         return library
     motions: list[MotionInfo] = []
     for motion in library.info.motions:
-        if motion.name in recorded:
-            error = recording_error(library, motion.name, recorded[motion.name])
+        if motion.name in recorded and (part := recorded[motion.name]()) is not None:
+            error = recording_error(library, motion.name, part)
             passed, reason = motion.passed and not error.reason, motion.reason or error.reason
             motion = msgspec.structs.replace(motion, against_recording=error, passed=passed, reason=reason)
         motions.append(motion)

@@ -47,7 +47,7 @@ def _judge(library: MotionLibrary, path: Path, file: Path, recipe: LibraryRecipe
     reason = "" if known_part is not None and info.reason == known_part.reason else info.reason
     motions = [msgspec.structs.replace(info, passed=not reason, reason=reason)]
     alone = MotionLibrary(msgspec.structs.replace(library.info, motions=motions), library.network, library.encoding)
-    return judged(alone, {info.name: recorded}).info.motions[0]
+    return judged(alone, {info.name: lambda: recorded}).info.motions[0]
 
 
 def _of_file(plan: MotionRecipe, file: Path) -> MotionRecipe:

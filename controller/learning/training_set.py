@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
+from functools import partial
 from pathlib import Path
 
 import msgspec
@@ -16,7 +17,7 @@ from controller.learning.preparation.loops import best_seam, close_loop, hold_en
 from controller.learning.preparation.person_styles import person_variants
 from controller.learning.preparation.pins import pinned
 from controller.learning.preparation.takes import read_takes
-from controller.learning.preparation.training_motion import TrainingMotion, Variant
+from controller.learning.preparation.training_motion import MotionsOnDemand, TrainingMotion, Variant
 from controller.learning.recipe import LibraryRecipe, MotionRecipe, find_recording
 from controller.learning.trainers.registry import trainer_of
 from controller.learning.trainers.trainer import Lessons
@@ -40,6 +41,7 @@ COMMON_RATE = 120.0  # Hz, of a library whose recordings have different rates
 
 Progress = Callable[[str], None]
 Reader = Callable[[MotionRecipe], Clip]
+Recorded = Callable[[], RecordedPart | None]
 
 
 @dataclass(frozen=True)
@@ -65,8 +67,8 @@ class TrainingSet:
     before: dict[str, Array] = field(default_factory=dict[str, Array])  # recorded frames before `frames`, if any
     # Learned part of each recording; not for recordings learned as recorded.
     parts: dict[str, LearnedPart] = field(default_factory=dict[str, LearnedPart])
-    # What was recorded, of motions that can be compared with it.
-    recorded: dict[str, RecordedPart] = field(default_factory=dict[str, RecordedPart])
+    # What was recorded, of motions that can be compared with it; made when it is asked for.
+    recorded: dict[str, Recorded] = field(default_factory=dict[str, Recorded])
     least_range: float = 0.0  # of a channel, for its normalisation, in its unit
     # Of motions with an input, the loop at each of its values, the first as in `frames`.
     variants: dict[str, list[Variant]] = field(default_factory=dict[str, list[Variant]])
@@ -81,21 +83,21 @@ class TrainingSet:
         """Judges runs by the training frames; `holds`, if one-shots were taught to hold their end."""
         return Judge(self.encoding, self.frames, self.loops, self.rate, holds=holds)
 
-    def normalised(self) -> tuple[list[TrainingMotion], Normalisation]:
-        """The normalised training motions, and the normalisation."""
+    def normalised(self) -> tuple[Sequence[TrainingMotion], Normalisation]:
+        """The normalised training motions, each made when it is asked for, and the normalisation."""
         variants = [variant.frames for loops in self.variants.values() for variant in loops]
         normalisation = Normalisation.fit([*self.frames.values(), *self.before.values(), *variants], self.least_range)
-        return [
-            TrainingMotion(
-                name,
-                normalisation.apply(frames),
-                self.loops[name],
-                normalisation.apply(self.before[name]) if name in self.before else None,
-                self._driving(name),
-                tuple(replace(one, frames=normalisation.apply(one.frames)) for one in self.variants.get(name, ())),
-            )
-            for name, frames in self.frames.items()
-        ], normalisation
+        return MotionsOnDemand(list(self.frames), partial(self._motion, normalisation)), normalisation
+
+    def _motion(self, normalisation: Normalisation, name: str) -> TrainingMotion:
+        return TrainingMotion(
+            name,
+            normalisation.apply(self.frames[name]),
+            self.loops[name],
+            normalisation.apply(self.before[name]) if name in self.before else None,
+            self._driving(name),
+            tuple(replace(one, frames=normalisation.apply(one.frames)) for one in self.variants.get(name, ())),
+        )
 
     def _driving(self, motion: str) -> DrivingInput | None:
         if motion not in self.variants:
@@ -155,8 +157,7 @@ def prepare(
             learned = to_learn(encoding, clip, motion, rate, recipe.loop_keeps)
             found.frames[motion.name], part = learned
             found.parts[motion.name] = part
-            if (recorded := recorded_part(clip, part.first, part.end, loop=loops[motion.name])) is not None:
-                found.recorded[motion.name] = recorded
+            found.recorded[motion.name] = partial(recorded_part, clip, part.first, part.end, loop=loops[motion.name])
     return found
 
 

@@ -199,7 +199,7 @@ def _failure(target: str, run: Array, judge: Judge) -> str:
     """Why the motion after a transition was not the target, or ""."""
     if judge.loops[target] or not judge.holds:
         return judge(target, run).reason
-    away = float(distances(joint_features(judge.encoding, run[-1:]), judge.features[target][-1])[0])
+    away = float(distances(joint_features(judge.encoding, run[-1:]), judge.features(target)[-1])[0])
     return f"holds a pose {away:.0f} mm away from the last one" if away > LOST_MM else ""
 
 

@@ -63,7 +63,7 @@ def self_test(network: FrameNetwork, judge: Judge, motions: Iterable[str] | None
 
 
 def _tested(network: FrameNetwork, judge: Judge, motion: str) -> MotionVerdict:
-    length = len(judge.features[motion])
+    length = len(judge.features(motion))
     run = run_free(network, motion, RUN_LENGTHS * length)
     if network.as_phase_network is not None:
         return judge.at_the_same_phase(motion, run if judge.loops[motion] else run[:length], length)
@@ -100,13 +100,19 @@ class Judge:
         holds: bool = True,
     ) -> None:
         self.encoding, self.loops, self.rate, self.holds = encoding, loops, rate, holds
-        # Of each motion, shape (T_j, F).
-        self.features = {name: joint_features(encoding, frames) for name, frames in references.items()}
-        self._names = list(references)
+        self._references, self._names = references, list(references)
+        self._latest = "", np.empty(0)
+
+    def features(self, motion: str) -> Array:
+        """The joints of a motion, shape (T_j, F), mm; only the latest ones are kept."""
+        if self._latest[0] != motion:
+            self._latest = motion, joint_features(self.encoding, self._references[motion])
+        return self._latest[1]
 
     @cached_property
     def _matcher(self) -> Matcher:
-        return Matcher(list(self.features.values()), [self.loops[name] for name in self._names], self.rate)
+        features = [self.features(name) for name in self._names]
+        return Matcher(features, [self.loops[name] for name in self._names], self.rate)
 
     def share_passed(self, motion: str, run: Array) -> float:
         """The share of a motion's windows that a run with channels (T, C) passes within LOST_MM."""
@@ -117,7 +123,7 @@ class Judge:
         """The verdict on the channels (T, C) of a run from the first frame on, by its `last` frames."""
         if not np.isfinite(run).all():
             return MotionVerdict(False, np.inf, 0.0, "the network ran away")
-        reference = self.features[motion]
+        reference = self.features(motion)
         frame = np.arange(1, len(run) + 1)[-last:]
         frame = frame % len(reference) if self.loops[motion] else np.minimum(frame, len(reference) - 1)
         off = distances(joint_features(self.encoding, run[-last:]), reference[frame])
@@ -140,7 +146,7 @@ class Judge:
         return self._judge_loop(motion, run) if self.loops[motion] else self._judge_once(motion, run)
 
     def _judge_once(self, motion: str, run: Array) -> MotionVerdict:
-        matcher, index, reference = self._matcher, self._names.index(motion), self.features[motion]
+        matcher, index, reference = self._matcher, self._names.index(motion), self.features(motion)
         found = matcher.match(run, index, alone=True)
         error = float(np.median(found.distance[2 * len(found.distance) // 3 :]))
         moving = np.square(np.diff(matcher.windows(reference), axis=0)).mean(1) > STILL_MM**2
@@ -156,7 +162,7 @@ class Judge:
         return MotionVerdict(True, error, 1.0, "")
 
     def _judge_loop(self, motion: str, run: Array) -> MotionVerdict:
-        matcher, index, reference = self._matcher, self._names.index(motion), self.features[motion]
+        matcher, index, reference = self._matcher, self._names.index(motion), self.features(motion)
         found = matcher.match(run[matcher.stride * (2 * matcher.window_count(len(run)) // 3) :], index)
         error = float(np.median(found.distance))
         right = float(np.mean(found.motion == index))

@@ -1,8 +1,10 @@
-"""A motion as input of a trainer."""
+"""Motions as input of a trainer."""
 
 from __future__ import annotations
 
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from typing import overload
 
 import numpy as np
 
@@ -38,3 +40,22 @@ class TrainingMotion:
             repeats = -(-washout // len(self.frames))
             return np.concatenate([self.frames] * repeats)[len(self.frames) * repeats - washout :]
         return np.repeat(self.frames[:1], washout, axis=0)
+
+
+class MotionsOnDemand(Sequence[TrainingMotion]):
+    """The motions of some names, each made when it is asked for, so that not all of them are in memory."""
+
+    def __init__(self, names: Sequence[str], make: Callable[[str], TrainingMotion]) -> None:
+        self._names, self._make = names, make
+
+    def __len__(self) -> int:
+        return len(self._names)
+
+    @overload
+    def __getitem__(self, index: int) -> TrainingMotion: ...
+    @overload
+    def __getitem__(self, index: slice) -> list[TrainingMotion]: ...
+    def __getitem__(self, index: int | slice) -> TrainingMotion | list[TrainingMotion]:
+        if isinstance(index, slice):
+            return [self._make(name) for name in self._names[index]]
+        return self._make(self._names[index])

@@ -11,6 +11,8 @@ a disturbance, so every choice is tested: run free, started from noise, and dist
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 
 from controller.learning.measures.disturbance import Kind
@@ -41,7 +43,7 @@ LOOP: tuple[Kind, ...] = ("robustness", "stability")
 
 def settled_network(
     loaded: LoadedReservoir,
-    to_learn: list[TrainingMotion],
+    to_learn: Sequence[TrainingMotion],
     normalisation: Normalisation,
     recipe: ConceptorRecipe,
     judge: Judge,
@@ -72,7 +74,7 @@ def _survives(motion: TrainingMotion) -> tuple[Kind, ...]:
 def _tried(
     network: ConceptorNetwork,
     loaded: LoadedReservoir,
-    to_learn: list[TrainingMotion],
+    to_learn: Sequence[TrainingMotion],
     normalisation: Normalisation,
     recipe: ConceptorRecipe,
     judge: Judge,

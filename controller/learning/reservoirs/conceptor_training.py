@@ -9,7 +9,7 @@ Two ways to internalise the input, so that the network runs without it:
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from typing import Literal
 
@@ -71,7 +71,7 @@ def draw_reservoir(recipe: ConceptorRecipe, channels: int, seed: int) -> Reservo
     )
 
 
-def load_reservoir(to_learn: list[TrainingMotion], recipe: ConceptorRecipe, seed: int) -> LoadedReservoir:
+def load_reservoir(to_learn: Sequence[TrainingMotion], recipe: ConceptorRecipe, seed: int) -> LoadedReservoir:
     """Drives a random reservoir with all motions and learns W and W_out (eqs 3.8 and 3.11 - 3.13)."""
     reservoir = draw_reservoir(recipe, to_learn[0].frames.shape[1], seed)
     driven = drive(reservoir, [np.concatenate([motion.lead_in(recipe.washout), motion.frames]) for motion in to_learn])
@@ -93,7 +93,7 @@ def input_targets(reservoir: Reservoir, before: Array, inputs: Array) -> Array:
 
 
 def conceptor_network(
-    loaded: LoadedReservoir, to_learn: list[TrainingMotion], normalisation: Normalisation, recipe: ConceptorRecipe
+    loaded: LoadedReservoir, to_learn: Sequence[TrainingMotion], normalisation: Normalisation, recipe: ConceptorRecipe
 ) -> ConceptorNetwork:
     """The network of all motions of a loaded reservoir."""
     motions = {

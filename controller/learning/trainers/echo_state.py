@@ -9,6 +9,8 @@ is trained again alone with other noise; no readout depends on another.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import msgspec
 import numpy as np
 
@@ -46,7 +48,7 @@ class EchoStateRecipe(msgspec.Struct, forbid_unknown_fields=True, frozen=True, k
 
 
 def learn_readouts(
-    reservoir: Reservoir, to_learn: list[TrainingMotion], recipe: EchoStateRecipe, rng: np.random.Generator
+    reservoir: Reservoir, to_learn: Sequence[TrainingMotion], recipe: EchoStateRecipe, rng: np.random.Generator
 ) -> dict[str, EchoStateMotion]:
     """A readout for each motion, independent of the others (eq. 2.4)."""
     targets = [np.concatenate([motion.lead_in(recipe.washout), motion.frames]) for motion in to_learn]
@@ -70,7 +72,7 @@ def learn_readouts(
 
 def _noisy_runs(
     driven: Reservoir,
-    to_learn: list[TrainingMotion],
+    to_learn: Sequence[TrainingMotion],
     forced: list[Array],
     quiet: list[Floats],
     recipe: EchoStateRecipe,

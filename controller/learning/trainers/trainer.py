@@ -42,7 +42,7 @@ Recipe = TypeVar("Recipe", bound=NetworkRecipe)
 class Lessons:
     """The motions that a network learns."""
 
-    motions: list[TrainingMotion]  # normalised
+    motions: Sequence[TrainingMotion]  # normalised
     normalisation: Normalisation  # between their channels and the encoding's units
     rate: float  # frames per second, Hz
 

@@ -2,7 +2,7 @@
 
 import json
 from dataclasses import replace
-from functools import cache
+from functools import cache, partial
 
 import msgspec
 import numpy as np
@@ -196,7 +196,7 @@ def test_a_pose_held_that_was_never_recorded_is_found(library):
 def test_what_is_too_far_from_its_recording_fails_with_joint_and_time(library):
     clip, seconds, loop = part_of(library, "swing")
     other = replace(clip, rotation=np.roll(clip.rotation, len(clip) // 4, axis=0))
-    after = judged(library, {"swing": recorded_part(other, 0.0, seconds, loop=loop)})
+    after = judged(library, {"swing": partial(recorded_part, other, 0.0, seconds, loop=loop)})
     bow, _, swing = sorted(after.info.motions, key=lambda motion: motion.name)
     assert swing.against_recording.degrees.p95 > LARGEST_DEGREES
     assert not swing.passed
@@ -262,7 +262,7 @@ def test_joints_of_a_rig_have_no_such_error():
 def test_a_network_that_runs_by_itself_keeps_no_time_to_compare():
     small = small_library()
     still = replace(waving(60.0, 1.0), name="march")
-    assert judged(small, {"march": recorded_part(still, 0.0, 1.0, loop=True)}) is small
+    assert judged(small, {"march": partial(recorded_part, still, 0.0, 1.0, loop=True)}) is small
 
 
 def test_what_the_self_test_said_stays_when_a_motion_is_judged_anew(library, recordings, tmp_path):
