@@ -1,7 +1,5 @@
 """The errors between a rig file and a turning servo; each message is one line with the remedy."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 
 from motiondeck_base.errors import MotiondeckError

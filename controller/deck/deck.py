@@ -5,8 +5,6 @@ joints. The loop calls `update` once a tick, and commands in between. The `switc
 `performance` decides how it is played and how motions are joined.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Mapping, Sequence
 

@@ -1,7 +1,5 @@
 """The interfaces of the deck to its neighbours: joint limits, retargeting, and the outputs that receive targets."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Protocol

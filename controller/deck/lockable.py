@@ -1,7 +1,5 @@
 """A deck whose tempo a lock can steer."""
 
-from __future__ import annotations
-
 from abc import ABC, abstractmethod
 from collections.abc import Callable
 

@@ -1,7 +1,5 @@
 """One motion of a library in continuous time, at any rate and tempo: no robot, no clock, no switching."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Mapping
 

@@ -5,8 +5,6 @@
 It acts at once; `switch_plan` decides what is played when.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from functools import partial
 from math import cos, sin

@@ -1,7 +1,5 @@
 """A deck that replays a recording of a run at any tempo; it can be paused but not switched."""
 
-from __future__ import annotations
-
 from collections import deque
 
 import numpy as np

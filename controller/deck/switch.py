@@ -1,7 +1,5 @@
 """A commanded switch and its progress."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 from controller.wire.messages.blends import described

@@ -1,7 +1,5 @@
 """The plan of a deck: the switch under way, motions on its way, and the queue; times are s since its start."""
 
-from __future__ import annotations
-
 from collections import deque
 from collections.abc import Iterable
 

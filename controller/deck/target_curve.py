@@ -10,8 +10,6 @@ velocity, acceleration and jerk from tick to tick, the curve keeps them at all t
 follows the targets two ticks later.
 """
 
-from __future__ import annotations
-
 from collections import deque
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Tempo: the rate and direction of playing. It follows the commanded one at a bounded rate."""
 
-from __future__ import annotations
-
 from controller.wire.messages.arguments import STEP_SECONDS, TEMPO, TEMPO_SECONDS
 from motiondeck_base.errors import MotiondeckError
 

@@ -5,8 +5,6 @@ whose bodies are farthest apart, in place and velocity, for how briskly the two 
 a few of them and measures them.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterable
 from dataclasses import dataclass
 from itertools import product

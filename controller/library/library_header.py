@@ -1,7 +1,5 @@
 """The header of a motion library: which motions, whose body, which network, and where it all comes from."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any

@@ -4,8 +4,6 @@ The file is safetensors: a JSON header and plain arrays, so that loading execute
 the header under "motiondeck" (see docs/library-format.md). Every name, shape and number is checked before it is used.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import wraps

@@ -1,7 +1,5 @@
 """How far a motion's free run is from its recording, as the header of a library has it."""
 
-from __future__ import annotations
-
 import msgspec
 
 LARGEST_MM, LARGEST_DEGREES = 40.0, 5.0  # 95 % of the errors of a motion that passes, mm on its own body, are smaller

@@ -5,8 +5,6 @@
 The token itself is never sent. The data is not encrypted. `network_transport` sees to it that nothing is taken twice.
 """
 
-from __future__ import annotations
-
 import hashlib
 import hmac
 import os

@@ -5,8 +5,6 @@ network with signed datagrams (`network_transport`). Both are read in bounded am
 are counted and, up to a limit, refused.
 """
 
-from __future__ import annotations
-
 import itertools
 import threading
 import time

@@ -1,7 +1,5 @@
 """A client's way to a deck of this user: a connection for commands, and one to the stop door."""
 
-from __future__ import annotations
-
 import select
 import socket
 import struct

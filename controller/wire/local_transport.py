@@ -5,8 +5,6 @@ behind the number. Each client (`local_connection`) has its own connection, so t
 fills only its own buffer, and either side notices at once when the other is gone.
 """
 
-from __future__ import annotations
-
 import contextlib
 import fcntl
 import os

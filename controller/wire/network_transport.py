@@ -12,8 +12,6 @@ that it has heard from most recently; of all others only numbers above those it 
 them where to begin. Nothing is encrypted.
 """
 
-from __future__ import annotations
-
 import contextlib
 import hashlib
 import hmac

@@ -1,7 +1,5 @@
 """The recorder: a process that copies every tick from shared memory into a file, so that no disk can delay the loop."""
 
-from __future__ import annotations
-
 import argparse
 import contextlib
 import os

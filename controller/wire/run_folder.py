@@ -1,7 +1,5 @@
 """Temporary folders that the processes of a run share; the next run removes those of killed runs."""
 
-from __future__ import annotations
-
 import contextlib
 import fcntl
 import os

@@ -7,8 +7,6 @@ A chunk is written in one piece and checked when it is read: the recording ends 
 or damaged. A chunk of no rows marks a complete recording.
 """
 
-from __future__ import annotations
-
 import os
 import struct
 import zlib

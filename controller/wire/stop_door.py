@@ -5,8 +5,6 @@ all that it has sent is read; so no number of clients keeps an emergency stop ou
 user, and nothing else. Without numpy, as the small process that guards a rig has the door too.
 """
 
-from __future__ import annotations
-
 import contextlib
 import select
 import socket

@@ -4,8 +4,6 @@ Where driver and receiver of an adapter share one line, every byte that it sends
 instruction looks like an answer (`Family.mirrors`), and every ping would look answered.
 """
 
-from __future__ import annotations
-
 from hardware.bus.port import Port
 from hardware.families.family import Family
 from hardware.families.frames import BROADCAST

@@ -2,8 +2,6 @@
 
 # ruff: noqa: D102 (`SerialPort` documents what the methods of a `Port` do)
 
-from __future__ import annotations
-
 import contextlib
 import errno
 import fcntl

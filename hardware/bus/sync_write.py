@@ -1,7 +1,5 @@
 """A sync write that a loop fills with new values and sends again in each tick: what stays the same is made once."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from typing import Any
 

@@ -1,7 +1,5 @@
 """python -m hardware.emulator RIG.toml: prints the port of an emulated rig and serves it while its parent lives."""
 
-from __future__ import annotations
-
 import os
 import sys
 

@@ -4,8 +4,6 @@ What servos answer is their family's (`answers` in its folder). Where the manual
 feeds every servo's watchdog; servos that share an ID all obey, and their simultaneous answers mix on the wire.
 """
 
-from __future__ import annotations
-
 from collections import defaultdict
 
 import numpy as np

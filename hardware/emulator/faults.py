@@ -3,8 +3,6 @@
 KIND[:key=value,...]     drop:id=3,chance=0.1     dead:id=5,at=2,for=1     unplug:at=4,for=1     latency:value=16
 """
 
-from __future__ import annotations
-
 import random
 from collections.abc import Callable, Sequence
 from typing import NamedTuple

@@ -8,8 +8,6 @@ plug pan                            and plugs it in
 warm pan 70                         sets the servo's temperature, degC
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Sequence
 from typing import NamedTuple

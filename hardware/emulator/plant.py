@@ -1,7 +1,5 @@
 """The mechanism that the horns of an emulated rig turn, with masses and contacts; `sim.physics.rig_plant` has one."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from typing import Protocol
 

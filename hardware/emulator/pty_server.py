@@ -1,7 +1,5 @@
 """An emulated bus behind a pseudo-terminal, for any client that can open a serial port."""
 
-from __future__ import annotations
-
 import contextlib
 import fcntl
 import os

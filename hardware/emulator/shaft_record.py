@@ -4,8 +4,6 @@ a line of JSON: {"joints": names}
 rows of float64, little endian: CLOCK_MONOTONIC (s), time of the servos (s), shaft of each joint (rad)
 """
 
-from __future__ import annotations
-
 import json
 import time
 from collections.abc import Sequence

@@ -1,7 +1,5 @@
 """A rig in this process: the emulator's servos with their rules and motors. Time passes in `elapse` only."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from hardware.emulator.bus import EmulatedBus

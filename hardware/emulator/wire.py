@@ -4,8 +4,6 @@ Ten bits carry a byte. A servo starts to answer its return delay after the instr
 waits its own. With USB latency an adapter hands over what it has received at every whole period only.
 """
 
-from __future__ import annotations
-
 import math
 from collections import deque
 

@@ -2,8 +2,6 @@
 
 # ruff: noqa: D102 (`Device`, `EmulatedBus` and the `answers` of a family document what these do)
 
-from __future__ import annotations
-
 from collections.abc import Iterable
 from importlib import import_module
 from typing import NamedTuple, Protocol, cast

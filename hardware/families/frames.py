@@ -1,7 +1,5 @@
 """What the frames of all families have in common: ID, instruction or error, parameters; and the search for them."""
 
-from __future__ import annotations
-
 from collections import deque
 from heapq import heappop, heappush
 from typing import NamedTuple

@@ -5,8 +5,6 @@ Passault et al. 2024), fitted to pendulums of several masses and lengths at seve
 share of its supply that a servo uses at most was measured there with an oscilloscope.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import dataclass
 

@@ -1,7 +1,5 @@
 """Register counts in words or units, mostly those of the maker's manual."""
 
-from __future__ import annotations
-
 from hardware.families.register import Register
 from hardware.families.table import ControlTable
 

@@ -6,8 +6,6 @@ LENGTH counts what follows it; CHECKSUM is the inverted sum of everything from I
 looks like an instruction: only the sender tells them apart. What the bits of ERROR mean is the family's.
 """
 
-from __future__ import annotations
-
 from hardware.families.frames import BROADCAST, Frame, FrameParser
 
 HEADER = b"\xff\xff"

@@ -1,7 +1,5 @@
 """The instructions of Protocol 1.0 and of Feetech STS servos, each as the bytes of one frame of `plain_frames`."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable
 
 from hardware.families.frames import BROADCAST

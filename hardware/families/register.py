@@ -1,7 +1,5 @@
 """A register: one row of a control table, which turns numbers into bytes and counts into SI units."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Iterable
 from dataclasses import dataclass

@@ -4,8 +4,6 @@ An undamaged reply in which every servo answered is taken in one pass, as rows o
 any other is read servo by servo (`GroupReply`).
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterable, Sequence
 from functools import lru_cache, partial
 from itertools import repeat

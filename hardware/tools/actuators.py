@@ -1,7 +1,5 @@
 """What turns each joint of a rig, in words: servos, operating mode and why, limit of current, gains."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 
 from hardware.families.meanings import meaning

@@ -1,7 +1,5 @@
 """Backup of a rig's control tables: all registers are saved, and those in EEPROM can be restored."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable
 from pathlib import Path
 

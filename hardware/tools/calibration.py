@@ -5,8 +5,6 @@ while torque is off. A model that does not count turns with torque on has only o
 range has beyond it is given up, with a note.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Mapping
 from pathlib import Path

@@ -8,8 +8,6 @@ The first is fitted by least squares for every lag, and the best is taken; the s
 for targets as they are sent: it has the half tick in which each waits for the next, and the way to the servo.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable
 from dataclasses import dataclass

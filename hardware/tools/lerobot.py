@@ -11,8 +11,6 @@ there, a range may lie anywhere (extended position), a gripper holds with a limi
 turns the joint NAME too.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """Joints moved by hand: without torque a servo counts its position through whole turns, also past its own zero."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 
 from hardware.bus.servo_bus import Bus

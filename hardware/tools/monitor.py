@@ -1,7 +1,5 @@
 """Monitor of a rig: the measurements of every servo once a second, and the rate that the wire allows."""
 
-from __future__ import annotations
-
 import time
 from collections.abc import Iterator
 

@@ -1,7 +1,5 @@
 """Writing rig files: from the servos that answer on a port, whole or not at all, and single values in place."""
 
-from __future__ import annotations
-
 import re
 import tomllib
 from collections.abc import Iterable, Mapping, Sequence

@@ -1,7 +1,5 @@
 """Scan of a bus for servos at every baud rate, of every family; and the set-up of a single one."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterable
 from typing import NamedTuple
 

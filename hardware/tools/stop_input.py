@@ -4,8 +4,6 @@ Both stop where anything fails: the contact is closed while all is well, so that
 the same as a pulled stop. An adapter may take a millisecond to report its lines, so a thread polls them for the loop.
 """
 
-from __future__ import annotations
-
 import contextlib
 import os
 import struct

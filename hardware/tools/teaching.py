@@ -4,8 +4,6 @@ A joint is counted from the turn in which it was found, which is the one it keep
 through several turns from the turn that was kept of it.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterator, Sequence
 from typing import NamedTuple
 

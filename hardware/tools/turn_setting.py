@@ -1,7 +1,5 @@
 """Stores in which turn joints stand that a hand has put near their angle 0, with the torque off."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 
 from hardware.bus.servo_bus import Bus

@@ -1,7 +1,5 @@
 """The `motiondeck` command: its subcommands, and its error messages."""
 
-from __future__ import annotations
-
 import errno
 import io
 import os

@@ -1,7 +1,5 @@
 """`motiondeck replay`: plays a recorded run again, on the simulated robot or on servos."""
 
-from __future__ import annotations
-
 import json
 import sys
 from dataclasses import replace

@@ -1,7 +1,5 @@
 """Gives a command the options of a run: `play` all of them, `replay` some."""
 
-from __future__ import annotations
-
 import functools
 import inspect
 from collections.abc import Callable

@@ -1,7 +1,5 @@
 """A clip in the browser: the human with its bones, a robot, footprints, and a time bar."""
 
-from __future__ import annotations
-
 import contextlib
 import os
 import time

@@ -1,7 +1,5 @@
 """The figures of the loop and of recognition on the page, as HTML."""
 
-from __future__ import annotations
-
 from html import escape
 
 from controller.wire.messages.deck_snapshot import DeckSnapshot

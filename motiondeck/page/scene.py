@@ -1,7 +1,5 @@
 """The scene of the page: the robot, its shadow and the floor it walks on."""
 
-from __future__ import annotations
-
 import mujoco
 import numpy as np
 import viser

@@ -1,7 +1,5 @@
 """The timeline of the page: motions and events of the last minutes, and pictures of a chosen moment."""
 
-from __future__ import annotations
-
 import bisect
 from collections import deque
 from itertools import pairwise

@@ -1,7 +1,5 @@
 """The folder "view" of the panel: what is drawn besides the robot, and the camera."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from typing import NamedTuple
 

@@ -4,8 +4,6 @@ Runs as a separate process (`python -m motiondeck.page.viewer`), reads the lates
 commands over a socket, so that nothing it does can hold up the loop.
 """
 
-from __future__ import annotations
-
 import argparse
 import contextlib
 import os

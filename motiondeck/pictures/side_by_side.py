@@ -1,7 +1,5 @@
 """A robot beside the human whose motion it plays, in one model."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from pathlib import Path
 

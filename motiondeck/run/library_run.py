@@ -1,7 +1,5 @@
 """The run of a library on a robot, as `motiondeck play` and `motiondeck.play` start it."""
 
-from __future__ import annotations
-
 import sys
 from collections.abc import Iterator
 from contextlib import contextmanager

@@ -5,8 +5,6 @@ or `Failed`, in the end `Ended`. Commands come over the command socket. Standard
 lives; when it closes, or the program has ended, the joints come to rest and the process ends.
 """
 
-from __future__ import annotations
-
 import os
 import select
 import signal

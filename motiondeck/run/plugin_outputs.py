@@ -4,8 +4,6 @@ An entry point names a class (or a function) that is called with `joints`, `rate
 with `write` and `close`; see `PluginOutput`.
 """
 
-from __future__ import annotations
-
 import sys
 import time
 from collections.abc import Callable, Mapping, Sequence

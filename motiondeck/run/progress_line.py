@@ -1,7 +1,5 @@
 """The progress line of a run, written by a thread: a terminal that blocks must not delay the loop."""
 
-from __future__ import annotations
-
 import shutil
 import sys
 import threading

@@ -1,7 +1,5 @@
 """The events and the report of a run: overruns and faults while it plays, at the end JSON or a few lines."""
 
-from __future__ import annotations
-
 import sys
 from collections import Counter
 from collections.abc import Callable, Iterable, Sequence

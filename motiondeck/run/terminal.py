@@ -1,7 +1,5 @@
 """The prompt of a run: type a motion's name and the deck plays it. A client of the deck, in a child process."""
 
-from __future__ import annotations
-
 import argparse
 import contextlib
 import sys

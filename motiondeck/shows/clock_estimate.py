@@ -19,8 +19,6 @@ drift wanders. The uncertainty is d_min / 2, because no exchange of messages sho
 the fastest way back differ, plus twice the standard deviation of the line.
 """
 
-from __future__ import annotations
-
 from collections import deque
 from dataclasses import dataclass
 

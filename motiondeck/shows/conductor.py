@@ -1,7 +1,5 @@
 """The conductor of a show: finds decks, tells them its time, and sends cues ahead of their times."""
 
-from __future__ import annotations
-
 import math
 import os
 import time

@@ -1,7 +1,5 @@
 """The cue list: which cue is next, and whether its time has come; pure, with time from outside."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Sequence
 
 from motiondeck.shows.show_file import Condition, ShowCue

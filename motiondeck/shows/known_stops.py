@@ -1,7 +1,5 @@
 """The emergency stops of a show that a member knows. Members send each other theirs, so that all know all."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import msgspec

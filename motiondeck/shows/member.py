@@ -5,8 +5,6 @@ are kept in step by the deck's own lock to another deck (`controller/deck/locks`
 the phase of the show.
 """
 
-from __future__ import annotations
-
 import math
 import os
 import random

@@ -1,7 +1,5 @@
 """The process in which a deck takes part in a show; `motiondeck play --show` starts it."""
 
-from __future__ import annotations
-
 import argparse
 import os
 import signal

@@ -12,8 +12,6 @@ On several machines each member has a folder that `motiondeck fleet certificates
     certificate.pem, key.pem        the member's own
 """
 
-from __future__ import annotations
-
 import re
 import socket
 from dataclasses import dataclass, field

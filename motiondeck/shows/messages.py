@@ -8,8 +8,6 @@ health/DECK         a deck's DeckHealth, four times a second
 stop                EmergencyStopAll, from any member, and again and again from each whose deck still holds it
 """
 
-from __future__ import annotations
-
 from typing import Literal, TypeVar
 
 import msgspec

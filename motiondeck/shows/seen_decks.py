@@ -1,7 +1,5 @@
 """The decks that a conductor has seen: their state, the cues sent to them, and what they lack for a condition."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import dataclass, field
 

@@ -18,8 +18,6 @@ to = ["chorus"]
 say = ["switch waltz", "tempo 0.8"]
 """
 
-from __future__ import annotations
-
 from collections import Counter
 from collections.abc import Iterator, Mapping
 from pathlib import Path

@@ -1,7 +1,5 @@
 """The bridge: sends the commands of signals to a deck when they are due, and the deck's events to OSC."""
 
-from __future__ import annotations
-
 import heapq
 import itertools
 import select

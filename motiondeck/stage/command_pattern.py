@@ -1,7 +1,5 @@
 """What a stage file writes for a command: a line of the prompt, in which $1 to $9 stand for what the signal carries."""
 
-from __future__ import annotations
-
 import re
 from collections.abc import Sequence
 from dataclasses import dataclass

@@ -1,7 +1,5 @@
 """MIDI: notes, the beats of a clock and the times of a timecode are commands."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Iterator
 from typing import Any
 

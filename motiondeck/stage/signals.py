@@ -1,7 +1,5 @@
 """Signals, and the protocol of their inputs."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from typing import Protocol

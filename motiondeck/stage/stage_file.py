@@ -1,7 +1,5 @@
 """The stage file: which OSC addresses, MIDI notes and times of a timecode give which commands."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from pathlib import Path

@@ -1,7 +1,5 @@
 """The weights of blended motions over time: along a quintic, or as a switching module gives them."""
 
-from __future__ import annotations
-
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Sequence
 

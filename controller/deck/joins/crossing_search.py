@@ -8,8 +8,6 @@ time grows until the mixture is within bounds. Where it is not even with LONGEST
 As in the search for a fade there is one trial in TRIAL_EVERY seconds; until the time is found, nothing is mixed.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from math import ceil
 

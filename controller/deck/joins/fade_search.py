@@ -9,8 +9,6 @@ the difference is found in the first tick, and then there is one trial in TRIAL_
 run depend on the length of ticks alone.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import replace
 

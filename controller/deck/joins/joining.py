@@ -9,8 +9,6 @@ By default networks with a switching module of their own morph, and all others i
 under way or motions are blended, every switch inertialises.
 """
 
-from __future__ import annotations
-
 from typing import Literal, get_args
 
 Joining = Literal["inertialise", "crossfade", "morph", "cut"]

@@ -21,8 +21,6 @@ Where bone directions alone are known, the twist of a bone follows a rule (`moti
 bone itself does not. Then its last rotation is kept, turned the shortest way to where the bone points now.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 from math import cos

@@ -15,8 +15,6 @@ faster than the bone moves. A rate that held this twist would turn the bone with
 it runs out beside the vector, about the bone itself.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass, replace
 
 import numpy as np

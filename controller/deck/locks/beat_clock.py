@@ -20,8 +20,6 @@ and so do three intervals that are alike and no whole number of periods: at some
 two of three beats fall near the old beat.
 """
 
-from __future__ import annotations
-
 SHORTEST, LONGEST = 0.25, 1.5  # periods that are captured, s: 240 to 40 beats a minute
 GATE = 0.3  # a beat that is off by more, in periods, is ignored
 

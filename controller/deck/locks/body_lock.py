@@ -10,8 +10,6 @@ the maximum a posteriori of phi for errors of s rad and of s_t seconds. Of sever
 phi_d: the motion never leaves its body far behind, so this one is continuous where a limb passes a place twice.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable
 

@@ -1,7 +1,5 @@
 """The interface of locks to a deck."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from typing import Protocol
 

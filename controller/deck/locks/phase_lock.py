@@ -2,8 +2,6 @@
 
 # ruff: noqa: D102 (`references` documents what its sources do)
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass
 from typing import Literal, Protocol

@@ -1,7 +1,5 @@
 """What the phase of a loop is locked to: beats, or the loop of another deck."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable
 from typing import Literal

@@ -1,7 +1,5 @@
 """The playing tracks: one alone, a blend, or two of which the second takes over."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 
 import numpy as np

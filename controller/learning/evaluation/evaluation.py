@@ -1,7 +1,5 @@
 """The subject of an evaluation: a recipe, whose networks are trained, or a library, with their recordings."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Failure rates of a whole library over seeds and runs, spread over the cores."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from typing import Any

@@ -1,7 +1,5 @@
 """Measurements as tables: rows of named values that are printed, written as CSV or JSON, and drawn."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass, field, replace
 

@@ -7,8 +7,6 @@ no brisker than what was recorded. Joints are seen relative to the root, with it
 does not turn: where only one motion turns, a body that goes on smoothly jerks as seen from its own heading.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from math import inf

@@ -1,7 +1,5 @@
 """Online recognition of a body from poses at any rate, by a saved recognizer."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from controller.learning.recognition.features import POSITION_UNIT, VELOCITY_UNIT, still_features

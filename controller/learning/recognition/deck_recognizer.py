@@ -1,7 +1,5 @@
 """Recognition on a robot: experts on its joint angles, which do not flip here, trained on the library it plays."""
 
-from __future__ import annotations
-
 import numpy as np
 from numpy.typing import NDArray
 

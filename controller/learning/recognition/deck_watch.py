@@ -1,7 +1,5 @@
 """Detects, at constant cost, that the robot does not do what is commanded: by recognition, and by joints that lag."""
 
-from __future__ import annotations
-
 from collections import deque
 from collections.abc import Sequence
 from dataclasses import dataclass

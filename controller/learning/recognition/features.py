@@ -4,8 +4,6 @@ Recorded angles are not: they flip between equivalent triples and depend on the 
 relative to the root in the heading frame are; see docs/recognition.md for the figures.
 """
 
-from __future__ import annotations
-
 import contextlib
 from collections.abc import Sequence
 from typing import Literal

@@ -5,8 +5,6 @@ folder of the set) whose name begins the recording's name (HDM_bd.asf for HDM_bd
 there. Each skeleton is one actor.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property

@@ -8,8 +8,6 @@ Each expert's squared error is averaged over the last `memory` seconds,
 the reservoir and one product with all readouts.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Iterator
 

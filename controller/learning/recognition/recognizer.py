@@ -1,7 +1,5 @@
 """A recognizer of clips, whose verdict may be "unknown", and its file: checked when loaded, nothing executed."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from pathlib import Path

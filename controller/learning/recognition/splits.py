@@ -5,8 +5,6 @@ one-actor   training on one actor, testing on all others: the hardest, which sti
 half        training on a random half of each class, three times; the same people are in both sets
 """
 
-from __future__ import annotations
-
 from typing import Literal, TypeAlias
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Segments a stream by recognition: the class of each frame by Viterbi decoding of the experts' errors."""
 
-from __future__ import annotations
-
 import numpy as np
 from numpy.typing import NDArray
 

@@ -6,8 +6,6 @@ zero though the OFFSET does not are added to it. The file gives neither its up a
 be arbitrary: `rest_pose` detects them. `joint_tree` turns the joints into bones.
 """
 
-from __future__ import annotations
-
 import re
 import warnings
 from collections.abc import Iterator

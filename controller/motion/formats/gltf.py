@@ -7,8 +7,6 @@ animation is sampled at the rate of its keyframes; of several animations the lon
 1 m unless the size of the body says otherwise: many exporters leave centimetres.
 """
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

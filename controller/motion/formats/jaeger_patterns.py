@@ -5,8 +5,6 @@ frame), and `segLengthsX`, the lengths of the 19 bones in mm. Channels 5 and 17,
 construction; the files have rounding errors there.
 """
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

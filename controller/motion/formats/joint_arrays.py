@@ -11,8 +11,6 @@ of the root's heading and its path in it, its height, and the other joints relat
     h(t) = h(t-1) - 2 f0(t-1),  x(t) = x(t-1) + R(h(t)) (f1, 0, f2)(t-1),  y = f3,  joints = x + R(h) (f4, f5, ...)
 """
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

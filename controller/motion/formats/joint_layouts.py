@@ -3,8 +3,6 @@
 Of two orders with the same number the one counts in which limbs keep their lengths, and left and right are alike.
 """
 
-from __future__ import annotations
-
 from dataclasses import replace
 from pathlib import Path
 

@@ -7,8 +7,6 @@ A file is a header of 128 bytes and elements: kind, size, content. An element of
 elements are flags with its class, its shape, its name, its numbers. One of kind 15 is another element, compressed.
 """
 
-from __future__ import annotations
-
 import math
 import struct
 import zlib

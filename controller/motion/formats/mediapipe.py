@@ -7,8 +7,6 @@ Of a table that has both, the world landmarks are read: metres, the middle betwe
 (MediaPipe documentation, "Pose landmark detection"). Image coordinates, which have no depth in metres, are refused.
 """
 
-from __future__ import annotations
-
 import re
 from pathlib import Path
 from typing import TypeAlias

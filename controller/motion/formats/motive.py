@@ -12,8 +12,6 @@ that Motive computes from bones (OptiTrack documentation, "Data Export: CSV"). A
 its position, and the joints below; which bone hangs on which follows from their names.
 """
 
-from __future__ import annotations
-
 import csv
 from pathlib import Path
 

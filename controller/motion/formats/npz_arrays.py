@@ -1,7 +1,5 @@
 """Arrays of numbers in .npy and .npz files; pickled objects are never loaded."""
 
-from __future__ import annotations
-
 import io
 import tokenize
 import zipfile

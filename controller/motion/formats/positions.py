@@ -14,8 +14,6 @@ the points called hips or thighs lie in the hips, near the root, all are points 
 Our tables have z up. In others the body tells the vertical axis, which of a camera points down.
 """
 
-from __future__ import annotations
-
 import re
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """Reads recordings of any format; the suffix of the file selects the format."""
 
-from __future__ import annotations
-
 import importlib
 import pkgutil
 from dataclasses import dataclass, replace

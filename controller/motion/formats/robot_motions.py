@@ -10,8 +10,6 @@ those in the file; else those of `joints.txt` beside it or in a folder above, on
 writes it (a joint after # follows another one and is left out); else 29 joints are those of Unitree's G1.
 """
 
-from __future__ import annotations
-
 from itertools import pairwise
 from pathlib import Path
 

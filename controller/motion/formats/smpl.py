@@ -10,8 +10,6 @@ SMPL-H), joints are J = J_regressor (v_template + shapedirs betas) (Loper et al.
 rotations are applied to a body of average proportions (Winter 2009, fig. 4.1) in the pose of the models' template.
 """
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Tables of numbers in text files: columns that commas, semicolons or tabs separate, at even or uneven times."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Sequence
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Clips taught to a rig by hand (.clip): joint angles in a safetensors file, and whether they loop."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Literal

@@ -1,7 +1,5 @@
 """Writes clips for other programs: BVH with rotations, CSV with positions of joints or markers."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from pathlib import Path
 

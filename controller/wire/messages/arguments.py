@@ -1,7 +1,5 @@
 """The kinds of arguments of commands, and the ranges of their values."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 

@@ -1,7 +1,5 @@
 """A blend of motions: its weights and their description."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 
 from controller.wire.messages.arguments import PART, WEIGHT, CommandError

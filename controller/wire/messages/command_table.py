@@ -1,7 +1,5 @@
 """The table of commands: reads typed commands and datagrams by the rows of `commands`."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from functools import cache
 from typing import Any, get_args

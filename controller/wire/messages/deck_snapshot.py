@@ -6,8 +6,6 @@ page have it then (`controller/wire/snapshot_numbers.py`).
 
 # ruff: noqa: D102 (`DeckSnapshot` says what the properties of the protocols are)
 
-from __future__ import annotations
-
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Annotated, Literal, NamedTuple, Protocol, get_args

@@ -1,7 +1,5 @@
 """Events of a deck, which subscribers receive."""
 
-from __future__ import annotations
-
 from typing import Literal
 
 import msgspec

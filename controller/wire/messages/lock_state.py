@@ -1,7 +1,5 @@
 """What the phase of a motion is locked to, and how well it keeps step."""
 
-from __future__ import annotations
-
 from typing import Literal, get_args
 
 import msgspec

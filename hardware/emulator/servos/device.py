@@ -5,8 +5,6 @@ watchdog that has tripped takes nothing but 0; torque on a servo in shutdown is 
 its new baud rate after it has answered at the one before.
 """
 
-from __future__ import annotations
-
 import math
 
 from hardware.emulator.servos.servo_bank import TRIPPED, ServoBank

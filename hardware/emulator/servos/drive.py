@@ -20,8 +20,6 @@ An identified motor also closes its loop over whole pulses. Velocity gains and t
 effect; warming and cooling are estimates, and lag where no motor was identified.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Iterable
 from dataclasses import dataclass, replace

@@ -11,8 +11,6 @@ torque m, external torque e and speed v; s is 1 at rest and 0 in motion:
 Torques are parts of the stall torque and speeds of the no-load speed. Friction brings a motor to rest, never beyond.
 """
 
-from __future__ import annotations
-
 from dataclasses import astuple, replace
 
 import numpy as np

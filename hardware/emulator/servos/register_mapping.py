@@ -5,8 +5,6 @@ the bus, and follow its own registers: the torque limit is a goal PWM, and both 
 make a wheel. Of its gains P and the compliance slopes count; dividers do nothing.
 """
 
-from __future__ import annotations
-
 from dataclasses import replace
 from typing import Any
 

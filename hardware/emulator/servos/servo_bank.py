@@ -4,8 +4,6 @@ The memory of all servos is one block of bytes. numpy sees it as a table with a 
 computed on columns (see `drive`), and the bus reads and writes rows as plain bytes: nothing is ever copied.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Sequence
 

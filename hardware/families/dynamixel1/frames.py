@@ -4,8 +4,6 @@ It is a set of bits, of which three are about the servo itself, as in its hardwa
 four about the instruction.
 """
 
-from __future__ import annotations
-
 from hardware.families.frames import BROADCAST, Frame, StatusPacket
 from hardware.families.series import HEAT, OVERLOAD, VOLTAGE
 

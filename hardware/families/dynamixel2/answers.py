@@ -4,8 +4,6 @@ Where the e-Manual is silent: in a sync or bulk read a servo waits for the one b
 silences all behind it (on a strict bus; otherwise they answer anyway).
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable
 
 from hardware.families.dynamixel2 import instructions as wire

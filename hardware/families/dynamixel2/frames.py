@@ -7,8 +7,6 @@ is set while the servo has a hardware problem (alert), the lower bits hold an er
 fast read (ID FE, instruction 55) is not stuffed.
 """
 
-from __future__ import annotations
-
 from fastcrc import crc16
 
 from hardware.families.frames import BROADCAST, Frame, FrameParser, StatusPacket

@@ -1,7 +1,5 @@
 """Group reads, and their replies: one frame that all servos write together (fast reads), or one status a servo."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from functools import partial
 

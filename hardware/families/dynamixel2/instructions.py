@@ -1,7 +1,5 @@
 """The instructions of Protocol 2.0, each as the bytes of one frame."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable
 
 from hardware.families.dynamixel2.frames import build

@@ -5,8 +5,6 @@ below 0 to half a turn above, and refuse a profile beyond their velocity or acce
 no gains; those are left as they are. The indirect addresses are in EEPROM.
 """
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 from hardware.families.dynamixel2.traits import TRAITS

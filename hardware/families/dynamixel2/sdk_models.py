@@ -1,7 +1,5 @@
 """The maker's own `.model` files, read from the installed dynamixel-sdk: addresses and lengths, by register name."""
 
-from __future__ import annotations
-
 import re
 from collections.abc import Iterator
 from importlib.util import find_spec

@@ -1,7 +1,5 @@
 """The control tables of X and MX servos of Protocol 2.0: that of the XM430-W350, with the figures in `x_series.txt`."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 

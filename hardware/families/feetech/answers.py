@@ -4,8 +4,6 @@ An answer tells the servo's problems, never that an instruction was refused: wha
 broadcast ping is answered in order of ID, as LeRobot expects it.
 """
 
-from __future__ import annotations
-
 from hardware.families import plain_instructions as wire
 from hardware.families.emulation import (
     BOOT_TIME,

@@ -1,7 +1,5 @@
 """Group reads of Feetech STS servos: a sync read, answered in one status a servo."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from functools import partial
 

@@ -1,7 +1,5 @@
 """Statistics of a clip: its body, rate, extent and speed, and the gaps of its markers."""
 
-from __future__ import annotations
-
 from dataclasses import asdict
 from pathlib import Path
 from typing import Any, TypedDict

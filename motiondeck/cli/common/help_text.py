@@ -1,7 +1,5 @@
 """Help texts: docstrings, wrapped at the width of the terminal."""
 
-from __future__ import annotations
-
 import inspect
 import re
 from collections.abc import Callable

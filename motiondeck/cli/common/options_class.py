@@ -1,7 +1,5 @@
 """Options that are fields of a dataclass: a command takes them as one value and hands them on as one."""
 
-from __future__ import annotations
-
 import functools
 import inspect
 from collections.abc import Callable

@@ -1,7 +1,5 @@
 """`motiondeck gamepad`: commands a running deck with a gamepad."""
 
-from __future__ import annotations
-
 import sys
 from collections.abc import Sequence
 from pathlib import Path

@@ -4,8 +4,6 @@ Codes and directions follow the kernel's gamepad specification (Linux, Documenta
 serves every gamepad whose driver follows it.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Mapping, Sequence
 from enum import Enum
 from pathlib import Path

@@ -1,7 +1,5 @@
 """`motiondeck rig`: tools for a servo rig, real or emulated."""
 
-from __future__ import annotations
-
 import json
 import sys
 import time

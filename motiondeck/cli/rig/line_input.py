@@ -1,7 +1,5 @@
 """Lines of standard input, with a timeout or without."""
 
-from __future__ import annotations
-
 import io
 import os
 import select

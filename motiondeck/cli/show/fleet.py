@@ -1,7 +1,5 @@
 """`motiondeck fleet`: what a show on several machines needs before it can begin."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import Annotated
 

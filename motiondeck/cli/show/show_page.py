@@ -4,8 +4,6 @@ A pair of connected sockets leads there and back. Nothing listens for either, no
 each side notices at once when the other has ended. Neither waits for the other: what there is no room for is dropped.
 """
 
-from __future__ import annotations
-
 import contextlib
 import socket
 from collections.abc import Iterator

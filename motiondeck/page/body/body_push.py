@@ -1,7 +1,5 @@
 """Pushing the body with the mouse: press on it, drag, and let go; an arrow shows the push that it will get."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable
 from threading import Thread

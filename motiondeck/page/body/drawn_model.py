@@ -1,7 +1,5 @@
 """A drawn model: the solids of one robot or human on a page, with their shadow on the floor."""
 
-from __future__ import annotations
-
 import mujoco
 import numpy as np
 import viser

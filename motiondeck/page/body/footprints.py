@@ -1,7 +1,5 @@
 """Steps: when the feet of a motion stand on the ground, and the prints they leave there."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 

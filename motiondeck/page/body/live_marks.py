@@ -1,7 +1,5 @@
 """Live marks on the page of a run: contacts and prints of feet, contact forces, and the target pose of the servos."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 
 import mujoco

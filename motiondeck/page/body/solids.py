@@ -5,8 +5,6 @@ primitives is a few batches: caps, mantles, spheres and boxes. A browser without
 vertices, so nothing is drawn that the next solid hides, and shadows are coarser than what casts them.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import mujoco

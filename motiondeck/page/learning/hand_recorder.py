@@ -1,7 +1,5 @@
 """Record the rig by hand: torque off, move the joints, stop; what was seen becomes a recording to trim and learn."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from pathlib import Path
 from threading import Thread

@@ -4,8 +4,6 @@ Learning runs in a separate process. The deck plays on meanwhile, and comes to r
 library that has the new motion.
 """
 
-from __future__ import annotations
-
 import html
 import re
 from pathlib import Path

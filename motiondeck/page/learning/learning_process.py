@@ -1,7 +1,5 @@
 """The page's side of the learning process, and the messages between the two: one request, then answers."""
 
-from __future__ import annotations
-
 import subprocess
 from collections.abc import Iterator, Sequence
 

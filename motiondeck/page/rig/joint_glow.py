@@ -1,7 +1,5 @@
 """The figure's joints glow where a servo is hot, late, limp or lost: a translucent ball about the joint."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 
 import mujoco

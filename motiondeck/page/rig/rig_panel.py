@@ -1,7 +1,5 @@
 """The rig on the page: a card for each servo, the last minute of one, its registers, and what can be done with it."""
 
-from __future__ import annotations
-
 from collections import deque
 from collections.abc import Sequence
 from typing import Any

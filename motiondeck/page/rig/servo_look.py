@@ -1,7 +1,5 @@
 """The status of a servo on the page: a level (ok, warn, bad, off) and words."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

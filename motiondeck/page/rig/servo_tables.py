@@ -1,7 +1,5 @@
 """Tables of the rig in a window: the registers of a servo, some of them writable, and the servos on the ports."""
 
-from __future__ import annotations
-
 import html
 from collections.abc import Callable
 

@@ -1,7 +1,5 @@
 """What the page of a show says: the line, the cards of the decks and the cue list, from a state of the show; pure."""
 
-from __future__ import annotations
-
 import html
 
 from motiondeck.page.web.state_line import AMBER, BLUE, GREEN, GREY, RED, VIOLET, StateLine

@@ -1,7 +1,5 @@
 """The page of a show: the state line, the emergency stop, go and hold, and below them the decks and the cues."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from pathlib import Path
 

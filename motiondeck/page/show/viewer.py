@@ -3,8 +3,6 @@
 Its standard input is a connected socket: the conductor tells it states and notices, and hears words, as if typed.
 """
 
-from __future__ import annotations
-
 import argparse
 import os
 import select

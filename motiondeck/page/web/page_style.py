@@ -4,8 +4,6 @@ viser lays a panel out in one column that scrolls as a whole; on a phone it is a
 by marks of our own in that column; where a browser or another viser does not match them, the panel is viser's own.
 """
 
-from __future__ import annotations
-
 from pathlib import Path
 
 STATE_LINE = "state-line"  # the element, as `panel.css` and `show.css` name it

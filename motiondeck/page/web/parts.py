@@ -4,8 +4,6 @@ viser carries both ways: a state is in an attribute of a hidden element, an even
 So parts need no connection of their own, and a page that is reloaded has the latest state at once.
 """
 
-from __future__ import annotations
-
 import html
 import json
 from collections.abc import Callable

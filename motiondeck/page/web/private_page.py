@@ -6,8 +6,6 @@ for that page is a command. And every account on the machine can connect to a po
 happen to the panel of a robot.
 """
 
-from __future__ import annotations
-
 import contextlib
 import logging
 import os

@@ -1,7 +1,5 @@
 """The state line of the page: the present state and the next motions, readable across a room."""
 
-from __future__ import annotations
-
 import html
 from collections.abc import Sequence
 from dataclasses import dataclass

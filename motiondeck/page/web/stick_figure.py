@@ -1,7 +1,5 @@
 """Small stick figures, and curves of joints, as SVG for thumbnails and film strips."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Uploads of a page up to a size: a larger file, which viser would collect, is refused when it is announced."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 
 import viser

@@ -1,7 +1,5 @@
 """Processes of this program that a run starts and that end with it; they never import from the working directory."""
 
-from __future__ import annotations
-
 import contextlib
 import socket
 import subprocess

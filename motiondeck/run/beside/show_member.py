@@ -1,7 +1,5 @@
 """A deck's part in a show: starts the process that takes part, and lets the deck keep step with it."""
 
-from __future__ import annotations
-
 import socket
 import subprocess
 import time

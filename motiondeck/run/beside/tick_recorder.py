@@ -1,7 +1,5 @@
 """`play --record FILE`: what the loop hands to the recorder's process, once a tick."""
 
-from __future__ import annotations
-
 import contextlib
 import math
 import subprocess

@@ -12,8 +12,6 @@ The emergency stop is kept here (see `stop_state`): the stop door, the wired sto
 own. A reset comes from the deck, and names the presses that it releases.
 """
 
-from __future__ import annotations
-
 from typing import Protocol
 
 import numpy as np

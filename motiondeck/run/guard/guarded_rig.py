@@ -1,7 +1,5 @@
 """A rig behind its guard, as the deck sees it: targets go out, states come back, and no call waits in the loop."""
 
-from __future__ import annotations
-
 import contextlib
 import itertools
 import os

@@ -1,7 +1,5 @@
 """The link between a deck and its guard: a pair of local sockets that carry datagrams, whole and in order."""
 
-from __future__ import annotations
-
 import socket
 from collections import deque
 from typing import Generic, TypeVar

@@ -1,7 +1,5 @@
 """The messages between a deck and the guard of its rig: targets and states in numbers, all else in JSON."""
 
-from __future__ import annotations
-
 from typing import get_args
 
 import msgspec

@@ -4,8 +4,6 @@ It ends with the deck: joints that move come to rest first. A deck that closes i
 says; where the deck is gone without that, the servos hold with torque on.
 """
 
-from __future__ import annotations
-
 import contextlib
 import gc
 import select

@@ -6,8 +6,6 @@ NUMBER is that of the rig's joints. A table (knots, J) float32, rad, per motion 
 digest of all that they were learned with: rig file, robot, library, and whether the servos were emulated.
 """
 
-from __future__ import annotations
-
 import hashlib
 import json
 import sys

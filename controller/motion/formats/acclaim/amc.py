@@ -4,8 +4,6 @@ A frame is a line with its number, then one line per bone: its name and the valu
 skeleton. The file has no rate; CMU and HDM05 recorded at 120 Hz.
 """
 
-from __future__ import annotations
-
 from dataclasses import replace
 from itertools import pairwise
 from pathlib import Path

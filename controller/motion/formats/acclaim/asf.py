@@ -9,8 +9,6 @@ own axes in the order of the letters of `axis`, those of the recording in the or
 for the root), as Vicon writes it.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Iterable
 from dataclasses import dataclass

@@ -6,8 +6,6 @@ points are int16 times a scale, or float32 if that scale is negative. A point wi
 the origin, was not seen. (A public reader can crash the process on a damaged file.)
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TypeAlias

@@ -8,8 +8,6 @@ joints. Unknown arms or trunk are left out, and the bones have usual names; `can
 `body_doubts` says so.
 """
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

@@ -11,8 +11,6 @@ have the Plug-in Gait names (LASI for LFWT, LPSI or SACR for LBWT, LTIB for LSHN
    is interpolated in time with a small weight; a marker far from its place has less weight.
 """
 
-from __future__ import annotations
-
 import re
 from dataclasses import dataclass
 

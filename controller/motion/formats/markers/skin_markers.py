@@ -5,8 +5,6 @@ The outside of the left knee is LKNE (Vicon), LLEK (Motek), L.Knee.Lat (OpenSim)
 one; that of a hip is Bell's regression from the pelvis (`marker_fit`). Pelvis and legs are required.
 """
 
-from __future__ import annotations
-
 import re
 
 import numpy as np

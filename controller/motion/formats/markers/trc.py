@@ -11,8 +11,6 @@ Columns are separated by tabs; those of an unseen marker are empty (OpenSim docu
 exporters put spaces into line 1 and several tabs between the values of line 3.
 """
 
-from __future__ import annotations
-
 import math
 from pathlib import Path
 
