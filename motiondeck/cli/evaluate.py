@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
-import typer
+from typer import Argument, Option
 
 from motiondeck.cli.common.options import JobsOption, JsonOption, check_plot
 from motiondeck_base.errors import MotiondeckError, UnknownNameError
@@ -22,22 +22,17 @@ MEASURES = ("accuracy", "robustness", "stability", "transitions")
 
 
 def evaluate(
-    subject: Annotated[str, typer.Argument(metavar="LIBRARY|RECIPE", help="A library, or a recipe (.toml).")],
-    measure: Annotated[str, typer.Argument(metavar="MEASURE", help="accuracy, robustness, stability or transitions.")],
-    data: Annotated[Path, typer.Option("--data", metavar="DIR", help="The folder with the recordings.")],
+    subject: Annotated[str, Argument(metavar="LIBRARY|RECIPE", help="A library, or a recipe (.toml).")],
+    measure: Annotated[str, Argument(metavar="MEASURE", help="accuracy, robustness, stability or transitions.")],
+    data: Annotated[Path, Option(metavar="DIR", help="The folder with the recordings.")],
     seeds: Annotated[
-        str,
-        typer.Option(
-            "--seeds", metavar="N|FIRST-LAST", help="Networks to train from a recipe: how many, or with which seeds."
-        ),
+        str, Option(metavar="N|FIRST-LAST", help="Networks to train from a recipe: how many, or with which seeds.")
     ] = "3",
-    runs: Annotated[
-        int, typer.Option("--runs", metavar="N", min=1, max=100_000, help="Runs per motion and network.")
-    ] = 100,
+    runs: Annotated[int, Option(metavar="N", min=1, max=100_000, help="Runs per motion and network.")] = 100,
     jobs: JobsOption = "-1",
     as_json: JsonOption = False,
-    table: Annotated[Path | None, typer.Option("--csv", metavar="FILE", help="Write the table as CSV.")] = None,
-    plot: Annotated[Path | None, typer.Option("--plot", metavar="FILE", help="Draw a plot (.png, .svg, .pdf).")] = None,
+    table: Annotated[Path | None, Option("--csv", metavar="FILE", help="Write the table as CSV.")] = None,
+    plot: Annotated[Path | None, Option(metavar="FILE", help="Draw a plot (.png, .svg, .pdf).")] = None,
 ) -> None:
     """Measure accuracy, robustness and switches of networks.
 

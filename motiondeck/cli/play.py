@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, NoReturn
 
 import typer
+from typer import Option
 
 from motiondeck.cli.common.options import CameraOption, FpsOption, SizeOption, of_film
 from motiondeck.cli.run_options import with_run_options
@@ -37,8 +38,8 @@ def play(
     camera: CameraOption = "follow",
     ghost: Annotated[bool, of_film("--ghost", help="In a film: draw the target pose too, translucent.")] = False,
     footprints: Annotated[bool, of_film("--footprints", help="In a film: draw where the feet stood.")] = False,
-    headless: Annotated[bool, typer.Option("--headless", help="No page and no terminal.")] = False,
-    as_json: Annotated[bool, typer.Option("--json", help="Print a report as one JSON object in the end.")] = False,
+    headless: Annotated[bool, Option("--headless", help="No page and no terminal.")] = False,
+    as_json: Annotated[bool, Option("--json", help="Print a report as one JSON object in the end.")] = False,
 ) -> None:
     """Play learned motions live and switch them on command.
 

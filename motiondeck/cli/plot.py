@@ -6,20 +6,18 @@ import json
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
-import typer
+from typer import Argument, Option
 
 if TYPE_CHECKING:
     from controller.wire.run_recording import RunRecording
 
 
 def plot(
-    file: Annotated[Path, typer.Argument(metavar="FILE", help="A recording made with `play --record FILE`.")],
+    file: Annotated[Path, Argument(metavar="FILE", help="A recording made with `play --record FILE`.")],
     out: Annotated[
-        Path | None, typer.Option("--out", metavar="PICTURE", help="A .png, .svg or .pdf file (default: FILE.png).")
+        Path | None, Option(metavar="PICTURE", help="A .png, .svg or .pdf file (default: FILE.png).")
     ] = None,
-    as_json: Annotated[
-        bool, typer.Option("--json", help="Print the figures as one JSON object, draw nothing.")
-    ] = False,
+    as_json: Annotated[bool, Option("--json", help="Print the figures as one JSON object, draw nothing.")] = False,
 ) -> None:
     """Plot a recorded run: lateness, tracking, motions and commands.
 

@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
+from typer import Argument, Option
 
 from motiondeck.cli.common.options import JsonOption, SkeletonOption, check_ending
 from motiondeck_base.counted import counted
@@ -26,24 +27,17 @@ SKIPPED_EXIT = 3  # exit code: some files could not be used
 
 app = typer.Typer(help="Train a recognizer, and name the motions of recordings.", no_args_is_help=True)
 
-DataArgument = Annotated[
-    Path, typer.Argument(metavar="DATA", help="A folder with one folder of recordings for each motion.")
-]
+DataArgument = Annotated[Path, Argument(metavar="DATA", help="A folder with one folder of recordings for each motion.")]
 
 
 @app.command("train")
 def train(
     data: DataArgument,
-    out: Annotated[Path, typer.Option("--out", metavar="FILE", help="The recognizer to write (.safetensors).")],
+    out: Annotated[Path, Option(metavar="FILE", help="The recognizer to write (.safetensors).")],
     joints: Annotated[
-        str,
-        typer.Option(
-            "--joints", metavar="NAMES", help="Names of the joints to compare, separated by commas; default: 14 joints."
-        ),
+        str, Option(metavar="NAMES", help="Names of the joints to compare, separated by commas; default: 14 joints.")
     ] = "",
-    licence: Annotated[
-        str, typer.Option("--licence", metavar="TEXT", help="Licence of the recordings, kept in the file.")
-    ] = "",
+    licence: Annotated[str, Option(metavar="TEXT", help="Licence of the recordings, kept in the file.")] = "",
     as_json: JsonOption = False,
 ) -> None:
     """Train a recognizer from labelled recordings.
@@ -78,12 +72,12 @@ def train(
 
 @app.command("run")
 def run(
-    recognizer: Annotated[Path, typer.Argument(metavar="RECOGNIZER", help="A recognizer file (.safetensors).")],
+    recognizer: Annotated[Path, Argument(metavar="RECOGNIZER", help="A recognizer file (.safetensors).")],
     clips: Annotated[
-        list[Path], typer.Argument(metavar="FILE_OR_FOLDER...", help="Recordings of any format, and folders of them.")
+        list[Path], Argument(metavar="FILE_OR_FOLDER...", help="Recordings of any format, and folders of them.")
     ],
     skeleton: SkeletonOption = None,
-    stream: Annotated[bool, typer.Option("--stream", help="Recognize frame by frame, as on a robot.")] = False,
+    stream: Annotated[bool, Option("--stream", help="Recognize frame by frame, as on a robot.")] = False,
     as_json: JsonOption = False,
 ) -> None:
     """Name the motion of each recording.

@@ -6,7 +6,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Annotated
 
-import typer
+from typer import Argument, Option
 
 from motiondeck.cli.run_options import with_run_options
 from motiondeck.run.spec.run_spec import RunSpec
@@ -14,25 +14,23 @@ from motiondeck.run.spec.run_spec import RunSpec
 
 @with_run_options("rig", "physics", "page", "command_port")
 def replay(
-    file: Annotated[Path, typer.Argument(metavar="FILE", help="A recording made with `play --record FILE`.")],
+    file: Annotated[Path, Argument(metavar="FILE", help="A recording made with `play --record FILE`.")],
     *,
     library: Annotated[
-        str | None,
-        typer.Option("--library", metavar="LIBRARY", help="The library that was played; default: found by its name."),
+        str | None, Option(metavar="LIBRARY", help="The library that was played; default: found by its name.")
     ] = None,
     robot: Annotated[
-        str | None, typer.Option("--robot", metavar="ROBOT", help="The robot that played; default: found by its name.")
+        str | None, Option(metavar="ROBOT", help="The robot that played; default: found by its name.")
     ] = None,
     spec: RunSpec,
     scrub: Annotated[
-        bool, typer.Option("--scrub", help="Show the targets on a page with a time bar; nothing is driven.")
+        bool, Option("--scrub", help="Show the targets on a page with a time bar; nothing is driven.")
     ] = False,
-    headless: Annotated[bool, typer.Option("--headless", help="No page and no terminal.")] = False,
+    headless: Annotated[bool, Option("--headless", help="No page and no terminal.")] = False,
     rate: Annotated[
-        float | None,
-        typer.Option("--rate", metavar="HZ", help="Ticks of the loop per second, Hz; default: as recorded."),
+        float | None, Option(metavar="HZ", help="Ticks of the loop per second, Hz; default: as recorded.")
     ] = None,
-    as_json: Annotated[bool, typer.Option("--json", help="Print a report as one JSON object in the end.")] = False,
+    as_json: Annotated[bool, Option("--json", help="Print a report as one JSON object in the end.")] = False,
 ) -> None:
     """Replay a recorded run: the same targets, through the same limits.
 

@@ -6,7 +6,7 @@ import json
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
-import typer
+from typer import Argument, Option
 
 from motiondeck.cli.common.options import JsonOption, SkeletonOption, check_plot
 from motiondeck_base.errors import MotiondeckError
@@ -16,16 +16,15 @@ if TYPE_CHECKING:
 
 
 def segment(
-    file: Annotated[Path, typer.Argument(metavar="FILE", help="The recording, of any format.")],
+    file: Annotated[Path, Argument(metavar="FILE", help="The recording, of any format.")],
     count: Annotated[
-        int | None, typer.Option("--segments", metavar="N", min=1, help="Number of segments; default: detected.")
+        int | None, Option("--segments", metavar="N", min=1, help="Number of segments; default: detected.")
     ] = None,
     recognizer: Annotated[
-        Path | None,
-        typer.Option("--recognizer", metavar="FILE", help="Cut where a trained recognizer sees another motion."),
+        Path | None, Option(metavar="FILE", help="Cut where a trained recognizer sees another motion.")
     ] = None,
     plot: Annotated[
-        Path | None, typer.Option("--plot", metavar="FILE", help="Draw the cuts over the motion (.png, .svg, .pdf).")
+        Path | None, Option(metavar="FILE", help="Draw the cuts over the motion (.png, .svg, .pdf).")
     ] = None,
     skeleton: SkeletonOption = None,
     as_json: JsonOption = False,

@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
+from typer import Argument, Option
 
 from motiondeck.cli.common.options import (
     PAGE_PORT,
@@ -32,7 +33,7 @@ if TYPE_CHECKING:
 
 app = typer.Typer(help="Show, convert, draw and view motion capture files.", no_args_is_help=True)
 
-FileArgument = Annotated[Path, typer.Argument(metavar="FILE", help="A recording of any format in docs/clips.md.")]
+FileArgument = Annotated[Path, Argument(metavar="FILE", help="A recording of any format in docs/clips.md.")]
 
 
 @app.command("show")
@@ -61,18 +62,17 @@ def show(file: FileArgument, reading: Reading, ground: GroundOption = "auto", as
 def convert(
     file: FileArgument,
     out: Annotated[
-        Path,
-        typer.Argument(metavar="OUT", help="OUT.bvh for other programs, OUT.csv for positions, with --fill OUT.c3d."),
+        Path, Argument(metavar="OUT", help="OUT.bvh for other programs, OUT.csv for positions, with --fill OUT.c3d.")
     ],
     reading: Reading,
-    begin: Annotated[float, typer.Option("--from", metavar="SECONDS", help="Where the piece to write begins.")] = 0.0,
+    begin: Annotated[float, Option("--from", metavar="SECONDS", help="Where the piece to write begins.")] = 0.0,
     end: Annotated[
-        float | None, typer.Option("--to", metavar="SECONDS", help="Where it ends; default: with the recording.")
+        float | None, Option("--to", metavar="SECONDS", help="Where it ends; default: with the recording.")
     ] = None,
     mirror: Annotated[
-        bool, typer.Option("--mirror", help="Exchange left and right, on the canonical body of 19 bones.")
+        bool, Option("--mirror", help="Exchange left and right, on the canonical body of 19 bones.")
     ] = False,
-    fill: Annotated[bool, typer.Option("--fill", help="Fill gaps of markers; from .c3d to .c3d or .csv.")] = False,
+    fill: Annotated[bool, Option("--fill", help="Fill gaps of markers; from .c3d to .c3d or .csv.")] = False,
     as_json: JsonOption = False,
 ) -> None:
     """Convert a recording to BVH or CSV; cut, mirror or fill it.
@@ -118,8 +118,8 @@ def convert(
 
 @app.command("plot")
 def plot(
-    files: Annotated[list[Path], typer.Argument(metavar="FILE...", help="One recording, or several for a sheet.")],
-    out: Annotated[Path, typer.Option("--out", metavar="PICTURE", help="The picture to write (.png).")],
+    files: Annotated[list[Path], Argument(metavar="FILE...", help="One recording, or several for a sheet.")],
+    out: Annotated[Path, Option(metavar="PICTURE", help="The picture to write (.png).")],
     skeleton: SkeletonOption = None,
 ) -> None:
     """Draw a recording as stick figures and curves.
@@ -145,12 +145,8 @@ def plot(
 def view(
     file: FileArgument,
     reading: Reading,
-    robot: Annotated[
-        str | None, typer.Option("--robot", metavar="ROBOT", help="A robot beside the human that follows it.")
-    ] = None,
-    video: Annotated[
-        Path | None, typer.Option("--video", metavar="FILM", help="Film it off screen instead: .mp4 or .gif.")
-    ] = None,
+    robot: Annotated[str | None, Option(metavar="ROBOT", help="A robot beside the human that follows it.")] = None,
+    video: Annotated[Path | None, Option(metavar="FILM", help="Film it off screen instead: .mp4 or .gif.")] = None,
     port: PagePortOption = PAGE_PORT,
 ) -> None:
     """View a recording in the browser, alone or beside a robot.

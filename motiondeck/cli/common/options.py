@@ -7,7 +7,7 @@ from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Literal
 
-import typer
+from typer import Option
 
 from motiondeck_base.errors import MotiondeckError
 
@@ -17,8 +17,8 @@ if TYPE_CHECKING:
 PAGE_PORT = 8040
 SHOW_PAGE_PORT = 8050
 
-of_film = partial(typer.Option, rich_help_panel="Film")
-_of_simulation = partial(typer.Option, rich_help_panel="Simulation")
+of_film = partial(Option, rich_help_panel="Film")
+_of_simulation = partial(Option, rich_help_panel="Simulation")
 
 SizeOption = Annotated[
     str | None,
@@ -37,7 +37,7 @@ SolverOption = Annotated[
 ]
 JobsOption = Annotated[
     str,
-    typer.Option(
+    Option(
         "--jobs",
         metavar="N|dask://HOST:PORT",
         help="Parallel processes, -1 for one per core; or the scheduler of a Dask cluster.",
@@ -47,19 +47,17 @@ RootOption = Annotated[
     Literal["gantry", "fixed", "free"],
     _of_simulation("--root", help="The simulated robot's root: carried by a gantry, fixed, or free to fall."),
 ]
-JsonOption = Annotated[bool, typer.Option("--json", help="Print one JSON object instead of a table.")]
-PagePortOption = Annotated[int, typer.Option("--port", metavar="PORT", help="The page's port; 0 for any free one.")]
+JsonOption = Annotated[bool, Option("--json", help="Print one JSON object instead of a table.")]
+PagePortOption = Annotated[int, Option("--port", metavar="PORT", help="The page's port; 0 for any free one.")]
 
 
 GroundOption = Annotated[
     str,
-    typer.Option(
-        "--ground", metavar="METRES", help="Height of the file's floor; auto: where feet stand; none: leave it."
-    ),
+    Option("--ground", metavar="METRES", help="Height of the file's floor; auto: where feet stand; none: leave it."),
 ]
 SkeletonOption = Annotated[
     Path | None,
-    typer.Option(
+    Option(
         "--skeleton",
         metavar="FILE",
         help="The .asf of an .amc, the body model of an .npz; or one of several people in a file.",
@@ -73,17 +71,12 @@ class Reading:
 
     skeleton: SkeletonOption = None
     unit: Annotated[
-        float | None,
-        typer.Option("--unit", metavar="METRES", help="Length of one unit of the file, m; default: detected."),
+        float | None, Option(metavar="METRES", help="Length of one unit of the file, m; default: detected.")
     ] = None
-    up: Annotated[
-        Literal["y", "z"] | None, typer.Option("--up", help="The axis of the file that is up; default: detected.")
-    ] = None
+    up: Annotated[Literal["y", "z"] | None, Option(help="The axis of the file that is up; default: detected.")] = None
     rename: Annotated[
         list[str] | None,
-        typer.Option(
-            "--rename", metavar="OLD=NEW", help="Another name for a joint, such as bone12=LeftUpLeg; repeatable."
-        ),
+        Option(metavar="OLD=NEW", help="Another name for a joint, such as bone12=LeftUpLeg; repeatable."),
     ] = None
 
     def options(self) -> ReadingOptions:

@@ -5,7 +5,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Annotated
 
-import typer
+from typer import Option
 
 from controller.wire.command_socket import DEFAULT_PORT, CommandClient
 from controller.wire.messages import commands
@@ -111,14 +111,9 @@ def _typed(message: DeckCommand) -> str:
 
 def gamepad(
     device: Annotated[
-        Path | None,
-        typer.Option(
-            "--device", metavar="FILE", help="A device such as /dev/input/event7; default: the first gamepad."
-        ),
+        Path | None, Option(metavar="FILE", help="A device such as /dev/input/event7; default: the first gamepad.")
     ] = None,
-    command_port: Annotated[
-        int, typer.Option("--command-port", metavar="PORT", help="The deck's command port.")
-    ] = DEFAULT_PORT,
+    command_port: Annotated[int, Option(metavar="PORT", help="The deck's command port.")] = DEFAULT_PORT,
 ) -> None:
     """Command the running deck with a gamepad.
 

@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
+from typer import Argument, Option
 
 from controller.wire.command_socket import DEFAULT_PORT
 from controller.wire.messages.command_table import COMMANDS
@@ -24,30 +25,26 @@ _AGAIN = 15.0  # s after which a subscription is renewed
 
 _UNSTOPPED = "the emergency stop is not acknowledged yet; it is sent on. If the robot moves, cut its power"
 
-CommandPort = Annotated[int, typer.Option("--command-port", metavar="PORT", help="The deck's command port.")]
-Host = Annotated[
-    str | None, typer.Option("--host", metavar="ADDRESS", help="A deck on another machine; needs --token-file.")
-]
-TokenFile = Annotated[
-    Path | None, typer.Option("--token-file", metavar="FILE", help="The token that deck was started with.")
-]
+CommandPort = Annotated[int, Option("--command-port", metavar="PORT", help="The deck's command port.")]
+Host = Annotated[str | None, Option("--host", metavar="ADDRESS", help="A deck on another machine; needs --token-file.")]
+TokenFile = Annotated[Path | None, Option("--token-file", metavar="FILE", help="The token that deck was started with.")]
 
 
 def send(
     words: Annotated[
         list[str],
-        typer.Argument(
+        Argument(
             metavar="COMMAND",
             help=f"One of: {', '.join(command.word for command in COMMANDS)}; `motiondeck send help` explains them.",
         ),
     ],
     wait: Annotated[
-        bool, typer.Option("--wait", help="Wait until a switch, a queued motion or a blend has settled.")
+        bool, Option("--wait", help="Wait until a switch, a queued motion or a blend has settled.")
     ] = False,
     command_port: CommandPort = DEFAULT_PORT,
     host: Host = None,
     token_file: TokenFile = None,
-    as_json: Annotated[bool, typer.Option("--json", help="Print the deck's reply as one JSON object.")] = False,
+    as_json: Annotated[bool, Option("--json", help="Print the deck's reply as one JSON object.")] = False,
 ) -> None:
     """Send a command to the running deck and print its reply.
 
@@ -118,13 +115,9 @@ def events(
     token_file: TokenFile = None,
     heartbeat: Annotated[
         float | None,
-        typer.Option(
-            "--heartbeat",
-            metavar="SECONDS",
-            help="Pause the deck when it has not heard from this program for so long, s.",
-        ),
+        Option(metavar="SECONDS", help="Pause the deck when it has not heard from this program for so long, s."),
     ] = None,
-    as_json: Annotated[bool, typer.Option("--json", help="One JSON object a line.")] = False,
+    as_json: Annotated[bool, Option("--json", help="One JSON object a line.")] = False,
 ) -> None:
     """Print the events of the running deck until it ends or Ctrl-C.
 

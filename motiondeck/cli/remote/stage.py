@@ -8,7 +8,7 @@ import time
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
-import typer
+from typer import Argument
 
 from controller.wire.command_socket import DEFAULT_PORT
 from motiondeck.cli.remote.send import CommandPort, Host, TokenFile, client_of
@@ -40,9 +40,7 @@ class Sparing:
 
 
 def stage(
-    file: Annotated[
-        str, typer.Argument(metavar="FILE", help="The stage file, or the name of a shipped one: osc, midi.")
-    ],
+    file: Annotated[str, Argument(metavar="FILE", help="The stage file, or the name of a shipped one: osc, midi.")],
     command_port: CommandPort = DEFAULT_PORT,
     host: Host = None,
     token_file: TokenFile = None,

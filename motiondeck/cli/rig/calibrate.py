@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
+from typer import Option
 
 from motiondeck.cli.rig.line_input import LineInput
 from motiondeck.cli.rig.rig_port import PortOption, RigArgument, ended_by_sigterm, load, open_buses
@@ -28,7 +29,7 @@ _HOW = (
 
 def calibrate(
     rig: RigArgument,
-    out: Annotated[Path, typer.Option("--out", metavar="FILE", help="The rig file to write.")],
+    out: Annotated[Path, Option(metavar="FILE", help="The rig file to write.")],
     port: PortOption = None,
 ) -> None:
     """Measure joint ranges by hand, and write a rig file.

@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Annotated
 
 import typer
+from typer import Argument, Option
 
 from motiondeck.cli.common.options import JsonOption
 from motiondeck.cli.rig import calibrate, emulate, identify, play, servos, teach
@@ -21,8 +22,7 @@ def doctor(
     rig: RigArgument,
     port: PortOption = None,
     fix: Annotated[
-        bool,
-        typer.Option("--fix", help="Set every register that differs, and the USB adapter's latency timer to 1 ms."),
+        bool, Option("--fix", help="Set every register that differs, and the USB adapter's latency timer to 1 ms.")
     ] = False,
     as_json: JsonOption = False,
 ) -> None:
@@ -96,9 +96,9 @@ def monitor(
     rig: RigArgument,
     port: PortOption = None,
     seconds: Annotated[
-        float, typer.Option("--seconds", metavar="SECONDS", help="Stop after this many seconds; 0 runs until Ctrl-C.")
+        float, Option(metavar="SECONDS", help="Stop after this many seconds; 0 runs until Ctrl-C.")
     ] = 0.0,
-    as_json: Annotated[bool, typer.Option("--json", help="Print one JSON object a second.")] = False,
+    as_json: Annotated[bool, Option("--json", help="Print one JSON object a second.")] = False,
 ) -> None:
     """Watch position, load, temperature and errors of every servo.
 
@@ -177,7 +177,7 @@ def _draw(rows: list[dict[str, object]], hz: float) -> None:
 
 def backup(
     rig: RigArgument,
-    out: Annotated[Path, typer.Option("--out", metavar="FILE", help="The file to write (JSON).")],
+    out: Annotated[Path, Option(metavar="FILE", help="The file to write (JSON).")],
     port: PortOption = None,
 ) -> None:
     """Save the control table of every servo.
@@ -200,7 +200,7 @@ def backup(
 
 def restore(
     rig: RigArgument,
-    file: Annotated[Path, typer.Argument(metavar="FILE", help="A file of `rig backup`.")],
+    file: Annotated[Path, Argument(metavar="FILE", help="A file of `rig backup`.")],
     port: PortOption = None,
 ) -> None:
     """Write a backup into the servos.

@@ -8,7 +8,7 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Literal
 
-import typer
+from typer import Option
 
 from motiondeck.cli.rig.line_input import LineInput, in_foreground
 from motiondeck.cli.rig.rig_port import RigArgument, ended_by_sigterm, load
@@ -24,26 +24,21 @@ if TYPE_CHECKING:
 def emulate(
     rig: RigArgument,
     fault: Annotated[
-        list[str] | None,
-        typer.Option("--fault", metavar="FAULT", help="KIND[:key=value,...]; `--fault help` lists them."),
+        list[str] | None, Option(metavar="FAULT", help="KIND[:key=value,...]; `--fault help` lists them.")
     ] = None,
     link: Annotated[
-        Path | None,
-        typer.Option("--link", metavar="FILE", help="A link to the port; it stays when the adapter is replugged."),
+        Path | None, Option(metavar="FILE", help="A link to the port; it stays when the adapter is replugged.")
     ] = None,
     robot: Annotated[
-        str | None,
-        typer.Option("--robot", metavar="ROBOT", help="The body that the servos turn: a robot file, or a shipped one."),
+        str | None, Option(metavar="ROBOT", help="The body that the servos turn: a robot file, or a shipped one.")
     ] = None,
     root: Annotated[
-        Literal["fixed", "free"] | None,
-        typer.Option("--root", help="With --robot: fixed in the air (default), or free to fall."),
+        Literal["fixed", "free"] | None, Option(help="With --robot: fixed in the air (default), or free to fall.")
     ] = None,
     record: Annotated[
-        Path | None,
-        typer.Option("--record", metavar="FILE", help="Record where the shafts really are (emulator/shaft_record.py)."),
+        Path | None, Option(metavar="FILE", help="Record where the shafts really are (emulator/shaft_record.py).")
     ] = None,
-    fresh: Annotated[bool, typer.Option("--fresh", help="Only the first servo, as new: id 1, 57600 baud.")] = False,
+    fresh: Annotated[bool, Option("--fresh", help="Only the first servo, as new: id 1, 57600 baud.")] = False,
 ) -> None:
     """Emulate a rig for any client, without hardware.
 

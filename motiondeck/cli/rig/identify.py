@@ -12,6 +12,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
+from typer import Option
 
 from motiondeck.cli.common.options import JsonOption
 from motiondeck.cli.rig.rig_port import PortOption, RigArgument, handled, load
@@ -26,14 +27,11 @@ if TYPE_CHECKING:
 def identify(
     rig: RigArgument,
     joint: Annotated[
-        list[str] | None,
-        typer.Option("--joint", metavar="JOINT", help="Only this joint; may be given several times. Default: all."),
+        list[str] | None, Option(metavar="JOINT", help="Only this joint; may be given several times. Default: all.")
     ] = None,
     port: PortOption = None,
-    out: Annotated[
-        Path | None, typer.Option("--out", metavar="FILE", help="Write here instead of into the rig file itself.")
-    ] = None,
-    dry_run: Annotated[bool, typer.Option("--dry-run", help="Measure and print; write nothing.")] = False,
+    out: Annotated[Path | None, Option(metavar="FILE", help="Write here instead of into the rig file itself.")] = None,
+    dry_run: Annotated[bool, Option("--dry-run", help="Measure and print; write nothing.")] = False,
     as_json: JsonOption = False,
 ) -> None:
     """Measure how late each joint is, and write it into the rig file.

@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
+from typer import Argument, Option
 
 from motiondeck.cli.common.options import JsonOption
 from motiondeck.cli.rig.rig_port import PortOption, RigArgument, load
@@ -26,22 +27,17 @@ if TYPE_CHECKING:
 def play(
     rig: RigArgument,
     what: Annotated[
-        str,
-        typer.Argument(metavar="CLIP | LIBRARY", help="A taught clip, a library file, or a shipped library's name."),
+        str, Argument(metavar="CLIP | LIBRARY", help="A taught clip, a library file, or a shipped library's name.")
     ],
     motion: Annotated[
-        str | None, typer.Argument(metavar="MOTION", help="The motion to play first, if a library is played.")
+        str | None, Argument(metavar="MOTION", help="The motion to play first, if a library is played.")
     ] = None,
     port: PortOption = None,
     *,
     spec: RunSpec,
     robot: Annotated[
         str | None,
-        typer.Option(
-            "--robot",
-            metavar="ROBOT",
-            help="For human motions: the robot whose joints the rig has; default: the rig's name.",
-        ),
+        Option(metavar="ROBOT", help="For human motions: the robot whose joints the rig has; default: the rig's name."),
     ] = None,
     as_json: JsonOption = False,
 ) -> None:

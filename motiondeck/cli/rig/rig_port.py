@@ -7,16 +7,16 @@ from collections.abc import Callable, Iterator
 from contextlib import ExitStack, contextmanager
 from typing import TYPE_CHECKING, Annotated
 
-import typer
+from typer import Argument, Option
 
 if TYPE_CHECKING:
     from hardware.bus.servo_bus import Bus
     from hardware.rig.rig_file import RigConfig
 
-RigArgument = Annotated[str, typer.Argument(metavar="RIG", help="A rig file (.toml), or a shipped one by its name.")]
+RigArgument = Annotated[str, Argument(metavar="RIG", help="A rig file (.toml), or a shipped one by its name.")]
 PortOption = Annotated[
     list[str] | None,
-    typer.Option(
+    Option(
         "--port",
         metavar="PORT",
         help="Serial port instead of the rig file's own; for a rig with several, each in order.",

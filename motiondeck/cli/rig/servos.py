@@ -7,7 +7,7 @@ import sys
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
-import typer
+from typer import Argument, Option
 
 from motiondeck.cli.common.options import JsonOption
 from motiondeck_base.errors import MotiondeckError
@@ -17,11 +17,9 @@ if TYPE_CHECKING:
 
 
 def scan(
-    port: Annotated[str, typer.Argument(metavar="PORT", help="The serial port.")] = "/dev/ttyUSB0",
-    baud: Annotated[list[int] | None, typer.Option("--baud", metavar="BAUD", help="Only these baud rates.")] = None,
-    out: Annotated[
-        Path | None, typer.Option("--out", metavar="FILE", help="Write a rig file with joint_1, joint_2 ...")
-    ] = None,
+    port: Annotated[str, Argument(metavar="PORT", help="The serial port.")] = "/dev/ttyUSB0",
+    baud: Annotated[list[int] | None, Option(metavar="BAUD", help="Only these baud rates.")] = None,
+    out: Annotated[Path | None, Option(metavar="FILE", help="Write a rig file with joint_1, joint_2 ...")] = None,
     as_json: JsonOption = False,
 ) -> None:
     """List the servos on a port, and write a rig file of them.
@@ -66,14 +64,11 @@ def scan(
 
 
 def setup(
-    port: Annotated[str, typer.Argument(metavar="PORT", help="The serial port with one servo on it.")],
-    id: Annotated[int, typer.Option("--id", metavar="N", min=0, max=252, help="The ID it gets.")],
-    baud: Annotated[int, typer.Option("--baud", metavar="BAUD", help="The baud rate it gets.")] = 1_000_000,
+    port: Annotated[str, Argument(metavar="PORT", help="The serial port with one servo on it.")],
+    id: Annotated[int, Option(metavar="N", min=0, max=252, help="The ID it gets.")],
+    baud: Annotated[int, Option(metavar="BAUD", help="The baud rate it gets.")] = 1_000_000,
     rig: Annotated[
-        Path | None,
-        typer.Option(
-            "--rig", metavar="FILE", help="Write the adapter's permanent name into this rig file as its port."
-        ),
+        Path | None, Option(metavar="FILE", help="Write the adapter's permanent name into this rig file as its port.")
     ] = None,
     as_json: JsonOption = False,
 ) -> None:
@@ -112,9 +107,9 @@ def setup(
 
 
 def import_calibration(
-    calibration: Annotated[Path, typer.Argument(metavar="FILE", help="A calibration of LeRobot (.json).")],
-    port: Annotated[str, typer.Option("--port", metavar="PORT", help="The serial port with its servos.")],
-    out: Annotated[Path, typer.Option("--out", metavar="FILE", help="The rig file to write.")],
+    calibration: Annotated[Path, Argument(metavar="FILE", help="A calibration of LeRobot (.json).")],
+    port: Annotated[str, Option(metavar="PORT", help="The serial port with its servos.")],
+    out: Annotated[Path, Option(metavar="FILE", help="The rig file to write.")],
     as_json: JsonOption = False,
 ) -> None:
     """Write a rig file from a calibration of LeRobot.

@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
+from typer import Option
 
 from motiondeck.cli.common.options import JsonOption
 from motiondeck.cli.rig.line_input import LineInput
@@ -29,24 +30,21 @@ _CHOICES = "Enter saves it. Or: again, take (save it and record another take), w
 
 def teach(
     rig: RigArgument,
-    out: Annotated[
-        Path, typer.Option("--out", metavar="FILE|DIR", help="The clip (.clip), or a folder for several motions.")
-    ],
+    out: Annotated[Path, Option(metavar="FILE|DIR", help="The clip (.clip), or a folder for several motions.")],
     port: PortOption = None,
     seconds: Annotated[
-        float | None,
-        typer.Option("--seconds", metavar="SECONDS", help="Begin at once and record for this long, without asking."),
+        float | None, Option(metavar="SECONDS", help="Begin at once and record for this long, without asking.")
     ] = None,
     once: Annotated[
         bool | None,
-        typer.Option(
+        Option(
             "--once/--loop",
             help="Learn it as a one-shot or as a loop; default: a loop if it ends where it began.",
             show_default=False,
         ),
     ] = None,
     trim: Annotated[
-        bool, typer.Option("--trim/--no-trim", help="Leave out the time before the first and after the last movement.")
+        bool, Option("--trim/--no-trim", help="Leave out the time before the first and after the last movement.")
     ] = True,
     as_json: JsonOption = False,
 ) -> None:

@@ -11,7 +11,7 @@ from contextlib import ExitStack, closing
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
-import typer
+from typer import Argument, Option
 
 from motiondeck.cli.common.options import SHOW_PAGE_PORT
 from motiondeck_base.counted import counted
@@ -38,26 +38,25 @@ _PAGE_EVERY = 0.2  # s between two states for the page
 
 
 def conduct(
-    file: Annotated[Path, typer.Argument(metavar="SHOW.toml", help="The show file.")],
+    file: Annotated[Path, Argument(metavar="SHOW.toml", help="The show file.")],
     certificates: Annotated[
         Path | None,
-        typer.Option(
-            "--certificates",
+        Option(
             metavar="FOLDER",
             help="The conductor's folder of `motiondeck fleet certificates`, for decks on other machines.",
         ),
     ] = None,
     begin_at: Annotated[
-        str | None, typer.Option("--from", metavar="CUE", help="Begin at this cue, by its name or number.")
+        str | None, Option("--from", metavar="CUE", help="Begin at this cue, by its name or number.")
     ] = None,
     stop: Annotated[
-        bool, typer.Option("--stop", help="Emergency stop of all decks, beside a running conductor or without one.")
+        bool, Option("--stop", help="Emergency stop of all decks, beside a running conductor or without one.")
     ] = False,
     page_port: Annotated[
-        int, typer.Option("--port", metavar="PORT", help="The page's port on 127.0.0.1; 0 for any free one.")
+        int, Option("--port", metavar="PORT", help="The page's port on 127.0.0.1; 0 for any free one.")
     ] = SHOW_PAGE_PORT,
-    headless: Annotated[bool, typer.Option("--headless", help="No page.")] = False,
-    as_json: Annotated[bool, typer.Option("--json", help="Print what happens as JSON objects, one a line.")] = False,
+    headless: Annotated[bool, Option("--headless", help="No page.")] = False,
+    as_json: Annotated[bool, Option("--json", help="Print what happens as JSON objects, one a line.")] = False,
 ) -> None:
     """Conduct a show of several decks, which take its cues together.
 

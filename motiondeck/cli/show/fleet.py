@@ -4,16 +4,16 @@ from pathlib import Path
 from typing import Annotated
 
 import typer
+from typer import Argument
 
 app = typer.Typer(help="Prepare a show on several machines.", no_args_is_help=True)
 
 
 @app.command()
 def certificates(
-    folder: Annotated[Path, typer.Argument(metavar="FOLDER", help="Where to put them; its name is that of the show.")],
+    folder: Annotated[Path, Argument(metavar="FOLDER", help="Where to put them; its name is that of the show.")],
     members: Annotated[
-        list[str],
-        typer.Argument(metavar="NAME=ADDRESS...", help="The conductor and every deck, such as left=192.168.1.21."),
+        list[str], Argument(metavar="NAME=ADDRESS...", help="The conductor and every deck, such as left=192.168.1.21.")
     ],
 ) -> None:
     """Make the certificates of the members of a show.
