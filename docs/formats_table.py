@@ -1,7 +1,8 @@
-"""Writes the table of formats into clips.md, from the row FORMAT of each reader: `python docs/formats_table.py`."""
+"""Writes the table of formats into clips.md, from the readers' rows and formats.toml: `python docs/formats_table.py`."""
 
 from __future__ import annotations
 
+import tomllib
 from pathlib import Path
 
 from controller.motion.formats.reading import FORMATS
@@ -12,10 +13,11 @@ HEAD = "| file | what it is | read | not read |\n|---|---|---|---|\n"
 
 def formats_table() -> str:
     """The formats as Markdown, a line each."""
-    table = HEAD
+    table, words = HEAD, tomllib.loads(PAGE.with_name("formats.toml").read_text(encoding="utf-8"))
     for row in dict.fromkeys(row for suffix in sorted(FORMATS) for row in FORMATS[suffix]):
         suffixes = ", ".join(f"`{suffix}`" for suffix in row.suffixes)
-        table += f"| {suffixes} | {row.name} | {row.supported} | {row.unsupported} |\n"
+        of = words[row.read.__module__.rpartition(".")[2]]
+        table += f"| {suffixes} | {of['name']} | {of['supported']} | {of.get('unsupported', '')} |\n"
     return table
 
 

@@ -18,13 +18,10 @@ Reader = Callable[[str | Path, ReadingOptions], Clip | Markers]
 
 @dataclass(frozen=True, kw_only=True)
 class Format:
-    """One row of the list of formats, and of the table in docs/clips.md."""
+    """One row of the list of formats; docs/formats.toml says in words what each reads."""
 
-    name: str
     suffixes: tuple[str, ...]  # in lower case
     read: Reader  # returns the clip, or the markers that a body is then fitted to
-    supported: str
-    unsupported: str = ""
     magic: bytes = b""  # first bytes of every such file, by which a wrong suffix is recognised; may be empty
     matches: Callable[[Path], bool] = lambda _: True  # false for other files with one of the suffixes
     general: bool = False  # reads, or refuses with the reason, what no other format of its suffixes matches

@@ -258,12 +258,4 @@ def _tree(joints: list[Joint], values: Array) -> JointTree:
     return played([joint.name for joint in joints], [joint.parent for joint in joints], place, turn, turns)
 
 
-FORMAT = Format(
-    name="Biovision, of any exporter",
-    suffixes=(".bvh",),
-    read=read_bvh,
-    supported="each joint's own order of channels, End Sites, position channels on any joint, braces and line ends "
-    "anywhere, any unit and axis, any zero pose, several people",
-    unsupported="bones that change their length (the median is taken); more than 30 million numbers",
-    magic=b"HIERARCHY",
-)
+FORMAT = Format(suffixes=(".bvh",), read=read_bvh, magic=b"HIERARCHY")

@@ -212,12 +212,4 @@ def _posed(
     return JointTree(tuple(names), np.array(above), position, rotation, np.ones(len(names), dtype=np.bool_))
 
 
-FORMAT = Format(
-    name="glTF 2.0 and VRM, also of Mixamo and Blender",
-    suffixes=(".gltf", ".glb", ".vrm", ".vrma"),
-    read=read_gltf,
-    supported="animations of nodes: linear, step and cubic, sparse and whole numbers, scales above the body, VRM's "
-    "names of human bones; of several animations the longest",
-    unsupported="models without animation; compressed animations (meshopt); buffers in other folders",
-    magic=b"glTF",
-)
+FORMAT = Format(suffixes=(".gltf", ".glb", ".vrm", ".vrma"), read=read_gltf, magic=b"glTF")

@@ -85,11 +85,4 @@ def _fields(path: str | Path) -> tuple[str, Array, Array]:
     return pattern, data, lengths[0]
 
 
-FORMAT = Format(
-    name="Jaeger's fifteen patterns",
-    suffixes=(".mat",),
-    read=read_pattern,
-    supported="`nnRawData`, `segLengths`",
-    unsupported="other MATLAB files",
-    magic=b"MATLAB 5.0 MAT-file",
-)
+FORMAT = Format(suffixes=(".mat",), read=read_pattern, magic=b"MATLAB 5.0 MAT-file")

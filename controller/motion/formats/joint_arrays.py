@@ -90,12 +90,4 @@ def _holds_joints(path: Path) -> bool:
     return any(name in names for name in _JOINTS) and not names & {"trans", "transl", "smpl_trans"}
 
 
-FORMAT = Format(
-    name="positions of joints: HumanML3D, KIT-ML, AIST++, GVHMR, pose estimators",
-    suffixes=(".npy", ".npz"),
-    read=read_joint_arrays,
-    supported="`.npz`: `joints` (frames, joints, 3), `fps`, and `joint_names` for an order other than "
-    "[these](#arrays-of-joints); `.npy` of HumanML3D and KIT-ML, joints and features",
-    unsupported="twists of bones, which they do not have; normalised features; several people; pickles",
-    matches=_holds_joints,
-)
+FORMAT = Format(suffixes=(".npy", ".npz"), read=read_joint_arrays, matches=_holds_joints)

@@ -152,11 +152,4 @@ def _is_mediapipe(path: Path) -> bool:
     return bool(_wide(heads)) or (any(word in heads for word in _LANDMARK) and any(map(_COORDINATE.fullmatch, heads)))
 
 
-FORMAT = Format(
-    name="MediaPipe's pose landmarks",
-    suffixes=(".csv",),
-    read=read_mediapipe,
-    supported="world landmarks, one line a frame or a landmark, by name or number, times in s or ms",
-    unsupported="image coordinates; tables without times; several people",
-    matches=_is_mediapipe,
-)
+FORMAT = Format(suffixes=(".csv",), read=read_mediapipe, matches=_is_mediapipe)

@@ -157,11 +157,4 @@ def _seen(table: Array, columns: list[int], width: int, path: str | Path) -> Arr
     return bridged(track)
 
 
-FORMAT = Format(
-    name="Motive (OptiTrack)",
-    suffixes=(".csv",),
-    read=read_motive,
-    supported="bones with quaternions in global coordinates, of several people each; else markers, in any unit",
-    unsupported="rotations as Euler angles (positions of the bones are read); fingers; rigid bodies",
-    matches=lambda path: first_row(path)[:1] == ["Format Version"],
-)
+FORMAT = Format(suffixes=(".csv",), read=read_motive, matches=lambda path: first_row(path)[:1] == ["Format Version"])

@@ -199,11 +199,4 @@ class _Contents:
         return numbers
 
 
-FORMAT = Format(
-    name="Xsens MVN",
-    suffixes=(".mvnx",),
-    read=read_mvnx,
-    supported="orientation and position of every segment, ends of head, hands and toes; several subjects; props are "
-    "left out",
-    unsupported="sensors, joint angles, finger tracking; files exported without positions",
-)
+FORMAT = Format(suffixes=(".mvnx",), read=read_mvnx)

@@ -133,12 +133,4 @@ def _body(names: tuple[str, ...], parent: list[int], position: Array) -> Recorde
     return RecordedBody(names, skeleton.parent, vector, position[:, 0], orient(skeleton, direction))
 
 
-FORMAT = Format(
-    name="positions that `clip convert` writes, or a similar table, as of a pose estimator",
-    suffixes=(".csv",),
-    read=read_positions,
-    supported="joints of a body (its bones are found again), points in joints, markers",
-    unsupported="twists of bones, which it does not have; other tables",
-    general=True,
-    matches=is_table,
-)
+FORMAT = Format(suffixes=(".csv",), read=read_positions, general=True, matches=is_table)

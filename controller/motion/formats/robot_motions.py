@@ -142,11 +142,4 @@ def _is_robots(path: Path) -> bool:
     return len(heads) >= _LEAST_COLUMNS and all(as_float(head) is not None for head in heads)
 
 
-FORMAT = Format(
-    name="motions of a robot's joints: `motiondeck retarget`, mjlab, MuJoCo's qpos, Unitree's LAFAN1, GMR, BONES-SEED",
-    suffixes=(".csv", ".npz"),
-    read=read_robot_motion,
-    supported="[joint angles](#a-robots-own-motions), which `learn` learns and the robot plays",
-    unsupported="the path of the root; ball joints; pickles (has no body: `clip` commands refuse it)",
-    matches=_is_robots,
-)
+FORMAT = Format(suffixes=(".csv", ".npz"), read=read_robot_motion, matches=_is_robots)

@@ -136,12 +136,4 @@ def _rows(array: Array) -> Array:
     return array.reshape(len(array), int(np.prod(array.shape[1:]))) if array.ndim else np.zeros((0, 0))
 
 
-FORMAT = Format(
-    name="bodies of the SMPL family: AMASS, SMPL-H, SMPL-X, GVHMR",
-    suffixes=(".npz",),
-    read=read_smpl,
-    supported="`poses`, or `root_orient` and `pose_body` (`global_orient`, `body_pose`); `trans`; the rate; with "
-    "`--skeleton MODEL.npz` the joints of the person ([below](#smpl))",
-    unsupported="hands and face; files without a rate; pickles (`.pkl`)",
-    general=True,
-)
+FORMAT = Format(suffixes=(".npz",), read=read_smpl, general=True)

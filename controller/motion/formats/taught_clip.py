@@ -76,10 +76,4 @@ def _read(path: Path) -> tuple[_ClipHeader, StoredArrays]:
     return header, stored
 
 
-FORMAT = Format(
-    name="taught to a rig by hand",
-    suffixes=(".clip",),
-    read=read_taught_clip,
-    supported="joint angles",
-    unsupported="(has no body: `clip` commands refuse it)",
-)
+FORMAT = Format(suffixes=(".clip",), read=read_taught_clip)

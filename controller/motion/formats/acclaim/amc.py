@@ -247,12 +247,4 @@ def _skeletons(folder: Path) -> list[Path]:
         raise FileFormatError(f"{folder}: cannot be read ({error.strerror or error}). Give the skeleton.") from None
 
 
-FORMAT = Format(
-    name="Acclaim, with its `.asf`: CMU, HDM05",
-    suffixes=(".amc",),
-    read=read_acclaim,
-    supported="angles in any order of channels, units and axes of the skeleton file (refused where the unit is "
-    "implausible; with `:DEGREES` and hardly any movement there is a warning); the skeleton is found beside the "
-    "recording or with `--skeleton`",
-    unsupported="a root orientation other than 0 in the `.asf`; a rate (the format has none: 120 Hz)",
-)
+FORMAT = Format(suffixes=(".amc",), read=read_acclaim)

@@ -248,11 +248,4 @@ def _dec(values: Array) -> Array:
     return np.ascontiguousarray(halves).view("<f4").reshape(values.shape)
 
 
-FORMAT = Format(
-    name="markers on a body",
-    suffixes=(".c3d",),
-    read=read_c3d,
-    supported="Intel, DEC and MIPS numbers, int16 and float32, more than 255 points, more than 65535 frames, gaps, "
-    "several people",
-    unsupported="analog channels, force plates, events; markers whose labels [mean nothing known](#c3d-and-trc)",
-)
+FORMAT = Format(suffixes=(".c3d",), read=read_c3d)

@@ -83,10 +83,4 @@ def _row(line: Line, count: int) -> list[float]:
     return numbers
 
 
-FORMAT = Format(
-    name="markers, OpenSim",
-    suffixes=(".trc",),
-    read=read_trc,
-    supported="markers on the skin as in `.c3d`, or [points in the joints](#c3d-and-trc)",
-    magic=b"PathFileType",
-)
+FORMAT = Format(suffixes=(".trc",), read=read_trc, magic=b"PathFileType")
