@@ -1,4 +1,4 @@
-"""Writes the table of formats into clips.md, from the readers' rows and formats.toml: `python docs/formats_table.py`."""
+"""Writes the table of formats into clips.md from the readers' rows and formats.toml: `python docs/formats_table.py`."""
 
 from __future__ import annotations
 

@@ -6,17 +6,19 @@ or "lt", and the rest is looked up. A bone is named after the joint that it star
 itself ("ltibia"); several bones of one joint have both names ("Hips-LeftUpLeg"). Some words depend on the others: a
 "leg" above a "shin" is a thigh, a "foot" below an "ankle" the toes, a "shoulder" above an "elbow" an upper arm. Words
 that most names share ("Robot_Hips"), and words besides most part names ("LeftLeg_bind" beside "hair_1"), are ignored.
-Names in other languages are translated.
+Names in other languages are translated. The words are in `bone_names.toml`.
 """
 
 from __future__ import annotations
 
 import re
+import tomllib
 import unicodedata
 from collections import Counter
 from collections.abc import Iterable
 from functools import lru_cache
-from typing import Literal, NamedTuple
+from pathlib import Path
+from typing import Any, Literal, NamedTuple
 
 LimbPart = Literal["hip", "thigh", "shank", "foot", "clavicle", "upper arm", "forearm", "hand"]
 Part = Literal["pelvis", "trunk", "neck", "head", "toes"] | LimbPart
@@ -30,62 +32,11 @@ class NamedPart(NamedTuple):
     side: Side
 
 
-_MIDDLE: dict[Part, str] = {
-    "pelvis": "hips hip pelvis midhip hipcenter",
-    "trunk": "spine chest upperchest chestupper lowerchest chestlower back lowerback upperback thorax torso lumbar "
-    "abdomen abdomenupper abdomenlower waist rib ribs ab l5 l3 t12 t8 spinenavel spinechest shouldercenter "
-    "lowerspine middlespine midspine upperspine spinelower spinemiddle spinemid spineupper spineshoulder",
-    "neck": "neck lowerneck upperneck necklower neckupper neckbase necktwist",
-    "head": "head skull",
-}
-_SIDED: dict[Part, str] = {
-    "hip": "hipjoint",
-    "thigh": "upleg upperleg legupper uleg thigh thighbend femur hip",
-    "shank": "lowerleg lowleg loleg leglower leg calf shin shank tibia knee",
-    "foot": "foot ankle footankle",
-    "toes": "toe toes toebase ball football bigtoe footindex",
-    "clavicle": "clavicle clav collar collarbone shoulder scapula thorax",
-    "upper arm": "upperarm uparm armupper arm uarm humerus shldr shldrbend",
-    "forearm": "forearm forearmbend lowerarm lowarm loarm armlower farm radius elbow",
-    "hand": "hand wrist handwrist palm",
-}
+_WORDS: dict[str, dict[Any, str]] = tomllib.loads(Path(__file__).with_suffix(".toml").read_text(encoding="utf-8"))
 _KEYS: dict[str, Part] = {
-    word: part for table in (_MIDDLE, _SIDED) for part, words in table.items() for word in words.split()
+    word: part for table in ("middle", "sided") for part, words in _WORDS[table].items() for word in words.split()
 }
 _KEYS |= {"hip": "pelvis", "thorax": "trunk"}  # with a side they are limbs, which `_Style.part` knows
-# English words in German, Spanish, French, Italian, Portuguese, Russian, Chinese, Korean; Japanese as MikuMikuDance has
-# it. Without accents, sharp s as ss.
-_FOREIGN = {
-    "hips": "huefte huften becken cadera caderas bassin hanche hanches bacino anca anche quadril センター 腰 "
-    "таз бедра 骨盆 臀部 臀 골반 엉덩이",
-    "hip": "hufte 髋 髋关节 고관절",
-    "spine": "wirbelsaule wirbelsaeule rucken ruecken columna espalda colonne dos colonna schiena coluna 上半身 "
-    "позвоночник спина поясница 脊柱 脊椎 腰椎 척추 허리",
-    "chest": "brust brustkorb pecho torax poitrine torace petto peito грудь 胸 胸部 가슴",
-    "neck": "hals nacken cuello cou collo pescoco 首 шея 颈 颈部 頸 脖子 목",
-    "head": "kopf cabeza tete testa cabeca 頭 голова 头 头部 머리",
-    "thigh": "oberschenkel muslo cuisse coscia coxa 足 бедро 大腿 허벅지",
-    "leg": "bein pierna jambe gamba perna нога 腿 다리",
-    "shin": "unterschenkel espinilla mollet polpaccio canela голень 小腿 종아리 정강이",
-    "knee": "knie rodilla genou ginocchio joelho ひざ колено 膝 膝盖 膝蓋 무릎",
-    "ankle": "knochel knoechel sprunggelenk tobillo cheville caviglia tornozelo 足首 "
-    "лодыжка щиколотка 脚踝 腳踝 踝 발목",
-    "foot": "fuss pie pied piede стопа ступня 脚 腳 발",
-    "toes": "zehen zeh dedospie orteils orteil つま先 носок 脚趾 腳趾 脚尖 발가락 발끝",
-    "clavicle": "schlusselbein schluesselbein clavicula clavicola ключица 锁骨 鎖骨 쇄골",
-    "shoulder": "schulter hombro epaule spalla ombro 肩 肩膀 肩部 어깨",
-    "upperarm": "oberarm brazo bras braccio braco 腕 плечо 上臂 大臂 위팔 윗팔 상완",
-    "forearm": "unterarm antebrazo avantbras avambraccio antebraco предплечье 前臂 小臂 아래팔 아랫팔 전완",
-    "elbow": "ellbogen ellenbogen codo coude gomito cotovelo ひじ локоть 肘 手肘 팔꿈치",
-    "hand": "mano main mao кисть 手 手掌 손",
-    "wrist": "handgelenk muneca poignet polso pulso 手首 запястье 手腕 腕部 손목",
-}
-_FOREIGN_SIDES = {
-    "left": "links linker linke linkes izquierda izquierdo izq gauche sinistra sinistro sx esquerda esquerdo 左 "
-    "левая левый левое лев л 왼쪽 왼 좌",
-    "right": "rechts rechter rechte rechtes derecha derecho der droite droit destra destro dx direita direito 右 "
-    "правая правый правое прав п 오른쪽 오른 우",
-}
 
 
 def _without_accents(name: str) -> str:
@@ -96,8 +47,8 @@ def _without_accents(name: str) -> str:
     return unicodedata.normalize("NFC", "".join(c for c in marked if not "\u0300" <= c <= "\u036f"))
 
 
-_ENGLISH = {_without_accents(word): english for english, words in _FOREIGN.items() for word in words.split()}
-_LEFT, _RIGHT = (frozenset(map(_without_accents, _FOREIGN_SIDES[side].split())) for side in ("left", "right"))
+_ENGLISH = {_without_accents(word): english for english, words in _WORDS["foreign"].items() for word in words.split()}
+_LEFT, _RIGHT = (frozenset(map(_without_accents, _WORDS["foreign_sides"][side].split())) for side in ("left", "right"))
 _LEFT |= {"left", "l", "lt", "lf", "lft"}
 _RIGHT |= {"right", "r", "rt", "rg", "rgt"}
 _PREFIXES = re.compile(
@@ -183,7 +134,7 @@ class _Style(NamedTuple):
         key, side = _key(name, self.shared)
         if side == "middle":
             part = _KEYS.get(key)
-            return NamedPart(part, side) if part in _MIDDLE else None
+            return NamedPart(part, side) if part in _WORDS["middle"] else None
         if key == "hip" and self.thighs:
             return NamedPart("hip", side)
         if key in _SIDED_ONLY:
@@ -197,7 +148,7 @@ class _Style(NamedTuple):
         if key == "wrist" and self.wrists:
             return NamedPart("forearm", side)
         part = _KEYS.get(key)
-        return None if part is None or part in _MIDDLE else NamedPart(part, side)
+        return None if part is None or part in _WORDS["middle"] else NamedPart(part, side)
 
 
 def named_parts(names: Iterable[str]) -> list[NamedPart | None]:

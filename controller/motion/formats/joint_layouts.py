@@ -1,8 +1,10 @@
-"""Orders of joints in arrays without names: of data sets and pose estimators, by the number of joints.
+"""Orders of joints in arrays without names, of data sets and pose estimators; they are in `joint_layouts.toml`.
 
-Of two orders with the same number the one counts in which limbs keep their lengths, and left and right are alike.
+Of two orders with the same number of joints the one counts in which limbs keep their lengths, and left and right are
+alike.
 """
 
+import tomllib
 from dataclasses import replace
 from pathlib import Path
 
@@ -13,39 +15,10 @@ from controller.motion.formats.smpl import JOINTS
 from controller.motion.markers import Markers
 from motiondeck_base.errors import FileFormatError
 
-_MEDIAPIPE = (
-    "nose left_eye_inner left_eye left_eye_outer right_eye_inner right_eye right_eye_outer left_ear right_ear "
-    "mouth_left mouth_right left_shoulder right_shoulder left_elbow right_elbow left_wrist right_wrist left_pinky "
-    "right_pinky left_index right_index left_thumb right_thumb left_hip right_hip left_knee right_knee left_ankle "
-    "right_ankle left_heel right_heel left_foot_index right_foot_index"
-)
-_COCO = (
-    "nose left_eye right_eye left_ear right_ear left_shoulder right_shoulder left_elbow right_elbow left_wrist "
-    "right_wrist left_hip right_hip left_knee right_knee left_ankle right_ankle"
-)
-_HUMAN36M = (
-    "pelvis right_hip right_knee right_ankle left_hip left_knee left_ankle spine neck nose head left_shoulder "
-    "left_elbow left_wrist right_shoulder right_elbow right_wrist"
-)
-_KIT = (
-    "pelvis spine1 spine2 neck head right_shoulder right_elbow right_wrist left_shoulder left_elbow left_wrist "
-    "right_hip right_knee right_ankle right_foot right_toe_end left_hip left_knee left_ankle left_foot left_toe_end"
-)
-_BODY_25 = (
-    "nose neck right_shoulder right_elbow right_wrist left_shoulder left_elbow left_wrist pelvis right_hip right_knee "
-    "right_ankle left_hip left_knee left_ankle right_eye left_eye right_ear left_ear left_foot left_small_toe "
-    "left_heel right_foot right_small_toe right_heel"
-)
-MEDIAPIPE = tuple(_MEDIAPIPE.split())
-_LAYOUTS = {
-    "SMPL": JOINTS,  # also HumanML3D's
-    "SMPL with hands": (*JOINTS, "left_hand_end", "right_hand_end"),
-    "KIT-ML": tuple(_KIT.split()),
-    "COCO": tuple(_COCO.split()),  # AIST++
-    "Human3.6M": tuple(_HUMAN36M.split()),
-    "BODY_25": tuple(_BODY_25.split()),
-    "MediaPipe": MEDIAPIPE,
-}
+_LAYOUTS = {"SMPL": JOINTS, "SMPL with hands": (*JOINTS, "left_hand_end", "right_hand_end")}
+for _name, _joints in tomllib.loads(Path(__file__).with_suffix(".toml").read_text(encoding="utf-8")).items():
+    _LAYOUTS[_name] = tuple(_joints.split())
+MEDIAPIPE = _LAYOUTS["MediaPipe"]
 _MOST_CHANGE = 0.35  # of a limb's length: more has no body, however noisy its estimator
 
 

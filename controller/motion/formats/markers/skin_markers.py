@@ -1,4 +1,4 @@
-"""Joint centres under markers on the skin, of any marker set whose labels name landmarks of the body.
+"""Joint centres under markers on the skin, of any marker set whose labels name landmarks (`skin_markers.toml`).
 
 The outside of the left knee is LKNE (Vicon), LLEK (Motek), L.Knee.Lat (OpenSim), L_FLE (Qualisys) or LKneeOut
 (OptiTrack). The centre of a joint lies between the markers on both sides of it, or half its width inwards of the outer
@@ -6,6 +6,8 @@ one; that of a hip is Bell's regression from the pelvis (`marker_fit`). Pelvis a
 """
 
 import re
+import tomllib
+from pathlib import Path
 
 import numpy as np
 
@@ -15,43 +17,9 @@ from controller.motion.rotations import Array, cross, normalise
 from motiondeck_base.errors import FileFormatError
 from motiondeck_base.files import listed
 
-# Labels of each landmark; in capitals, without side and separators.
-_OF_A_SIDE = {
-    "front of the pelvis": "ASI ASIS IAS FWT WAISTFRONT",
-    "back of the pelvis": "PSI PSIS IPS BWT WAISTBACK",
-    "hip": "HJC HIPJC HIPJOINTCENTER HIPJOINTCENTRE",
-    "outside of the knee": "KNE KNEE LEK LKE FLE LFE LFC LKNE LKNEE KNEELAT KNEELATERAL LATKNEE LATERALKNEE KNEEOUT",
-    "inside of the knee": "MEK MKE FME MFE MFC KNM KNEM MKNE MKNEE KNEEMED KNEEMEDIAL MEDKNEE MEDIALKNEE KNEEIN",
-    "knee": "KJC KNEEJC KNEEJOINTCENTER KNEEJOINTCENTRE",
-    "outside of the ankle": "ANK ANKLE LM FAL MAL LML LMAL LATMAL LANK LANKLE ANKLELAT ANKLELATERAL LATANKLE "
-    "LATERALANKLE ANKLEOUT",
-    "inside of the ankle": "MM TAM MML MMAL MEDMAL ANM ANKM MED MANK MANKLE ANKLEMED ANKLEMEDIAL MEDANKLE MEDIALANKLE "
-    "ANKLEIN",
-    "ankle": "AJC ANKLEJC ANKLEJOINTCENTER ANKLEJOINTCENTRE",
-    "heel": "HEE HEEL CAL CALC CALCANEUS FCC HEELBACK HEELTOP HEELBOTTOM",
-    "inside of the toes": "MT1 MTH1 MTP1 FM1 FMT1 META1 1META TOEIN TOEMED FOREFOOTIN BIGTOE",
-    "middle of the toes": "TOE MT2 MTH2 MTP2 FM2 FMT2 META2 2META MT3 MTH3 FM3",
-    "outside of the toes": "MT5 MTH5 MTP5 FM5 FMT5 META5 5META TOEOUT TOELAT FOREFOOTOUT SMALLTOE",
-    "tip of the toes": "TOETIP HLX",
-    "shoulder": "SHO SHOULDER ACR AC ACJ CAJ SAE ACROMION ACROMIUM SHOULDERTOP",
-    "outside of the elbow": "ELB ELBOW LEL LEE HLE LELB LELBOW ELBOWLAT ELBOWLATERAL LATELBOW LATERALELBOW ELBOWOUT",
-    "inside of the elbow": "MEL MEE HME ELBM MELB MELBOW ELBOWMED ELBOWMEDIAL MEDELBOW MEDIALELBOW ELBOWIN",
-    "one side of the wrist": "WRA RSP WRR LW LWRIST WRISTLAT WRISTIN RADIUS",
-    "other side of the wrist": "WRB USP WRU MW MWRIST WRISTMED WRISTOUT ULNA",
-    "wrist": "WRI WRIST WJC",
-    "hand": "FIN HM2 HM3 HMC2 HMC3 HANDOUT HAND",
-    "head": "FHD BHD HEAD HED TEMP TEMPLE EAR",
-}
-_MIDDLE = {
-    "back of the pelvis": "SACR SACRUM SAC SACRAL VSACRAL S1",
-    "back of the neck": "C7 CV7 T1 TV1 T2 TV2 SPINETOP BACKTOP",
-    "front of the neck": "CLAV CLAVICLE IJ SJN JN SUP STERNALNOTCH STERNUM CHEST CHESTTOP",
-    "back of the waist": "T8 TV8 T10 TV10 T12 TV12",
-    "front of the waist": "STRN XIPH XYPH XPRO XP PX SXS",
-    "head": "HEADTOP TOPHEAD THEAD HDTOP HEADFRONT FHEAD SGL GLAB FOREHEAD HEAD",
-}
-_PLACES = {name: place for place, names in _OF_A_SIDE.items() for name in names.split()}
-_MIDDLE_PLACES = {name: place for place, names in _MIDDLE.items() for name in names.split()}
+_LABELS: dict[str, dict[str, str]] = tomllib.loads(Path(__file__).with_suffix(".toml").read_text(encoding="utf-8"))
+_PLACES = {name: place for place, names in _LABELS["of_a_side"].items() for name in names.split()}
+_MIDDLE_PLACES = {name: place for place, names in _LABELS["middle"].items() for name in names.split()}
 _SIDES = {"LEFT": "l", "RIGHT": "r", "L": "l", "R": "r"}
 _BETWEEN = re.compile(r"[^A-Z0-9]")
 _COMPUTED = re.compile(r"V_(?=[LR]\.)")  # V_R.Hip_JC
