@@ -2,6 +2,7 @@
 
 import importlib
 import pkgutil
+import tomllib
 from dataclasses import dataclass, replace
 from itertools import chain
 from pathlib import Path
@@ -32,31 +33,8 @@ FORMATS: dict[str, list[Format]] = {}
 for _row in _all_formats():
     for _suffix in _row.suffixes:
         FORMATS.setdefault(_suffix, []).append(_row)
-_PACKED = "packed. Unpack it, and give the recordings in it."
-_PICKLED = (
-    "holds Python objects, which are never loaded. Save its arrays as .npz under their names, and fps: poses and trans "
-    "(AMASS, AIST++), keypoints3d_optim (AIST++), body_pose, global_orient and transl (GVHMR), dof_pos (GMR)."
-)
-_UNREAD = {
-    ".asf": "a skeleton, not a motion. Give a recording that belongs to it (.amc).",
-    ".fbx": "a closed format that is not read. Convert it with FBX2glTF (to .glb), or in Blender: import it, then "
-    "File > Export > glTF 2.0 or Motion Capture (.bvh).",
-    **dict.fromkeys((".pkl", ".pickle", ".joblib"), _PICKLED),
-    **dict.fromkeys((".pt", ".pth"), _PICKLED),
-    ".blend": "Blender's own format. Export it there: File > Export > glTF 2.0 or Motion Capture (.bvh).",
-    **dict.fromkeys((".zip", ".gz", ".xz", ".7z", ".rar", ".tar"), _PACKED),
-    **dict.fromkeys(
-        (".usd", ".usda", ".usdc", ".usdz", ".dae", ".abc"),
-        "not read. Convert it in Blender: import it, then File > Export > glTF 2.0.",
-    ),
-    ".vmd": "MikuMikuDance's own format. Import it in Blender (MMD Tools) on its model, then File > Export > glTF 2.0.",
-    ".bip": "3ds Max's own format. Load it on its biped, export FBX, and convert that with FBX2glTF (to .glb).",
-    ".tak": "Motive's own format. Export it there as .c3d, .bvh or .trc.",
-    ".mvn": "Xsens's own format. Export it there as .mvnx.",
-    ".qtm": "Qualisys's own format. Export it there as .c3d.",
-    ".tsv": "a table of Qualisys or others. Export the recording as .c3d or .trc.",
-    **dict.fromkeys((".mot", ".sto"), "OpenSim's angles, which need its model. Give the markers (.trc or .c3d)."),
-}
+_REMEDIES: dict[str, str] = tomllib.loads(Path(__file__).with_name("unread.toml").read_text(encoding="utf-8"))
+_UNREAD = {suffix: remedy for suffixes, remedy in _REMEDIES.items() for suffix in suffixes.split()}
 _SELDOM_MOTION = {".asf", ".dae", ".abc", ".tsv", ".mot", ".sto", ".qtm", ".pt", ".pth", ".pickle", ".joblib"}
 CONVERTIBLE = frozenset(_UNREAD) - _SELDOM_MOTION - FORMATS.keys()
 """Suffixes of recordings that `read_clip` refuses with a hint how to unpack or convert them."""

@@ -31,15 +31,7 @@ _ROOT = 7  # numbers of the root: place and quaternion
 _LEAST_COLUMNS = _ROOT + 3  # of a table without a heading
 _UNITREE_RATE, _SEED_RATE = 30.0, 120.0  # Hz
 _LARGEST = 1e6
-_SEED = (
-    "frame",
-    "root_translatex",
-    "root_translatey",
-    "root_translatez",
-    "root_rotatex",
-    "root_rotatey",
-    "root_rotatez",
-)
+_SEED = ("frame", *(f"root_{kind}{axis}" for kind in ("translate", "rotate") for axis in "xyz"))
 _OURS = ("time", *(f"root_{name}" for name in ("x", "y", "z", "qw", "qx", "qy", "qz")))
 _ARRAYS = ("joint_pos", "dof_pos", "qpos")
 _LEG = "hip_pitch hip_roll hip_yaw knee ankle_pitch ankle_roll"
