@@ -49,8 +49,9 @@ def _parameter(name: str, option: Option, kind: Any, default: Any) -> inspect.Pa
     elif kind == tuple[str, ...]:
         kind, default = list[str], []
     panel = option.panel or None
-    if option.flag:
-        info = typer.Option(option.flag, metavar=option.metavar, help=option.help, rich_help_panel=panel)
+    flag = f"--{name.replace('_', '-')}" if option.flag is None else option.flag
+    if flag:
+        info = typer.Option(flag, metavar=option.metavar, help=option.help, rich_help_panel=panel)
     else:
         info = typer.Argument(metavar=option.metavar, help=option.help)
     return inspect.Parameter(name, inspect.Parameter.KEYWORD_ONLY, default=default, annotation=Annotated[kind, info])

@@ -51,27 +51,27 @@ _SERVOS, _SIMULATION, _SWITCHING = "Servos", "Simulation", "Switching"
 class Option:
     """An option of a run."""
 
-    flag: str  # its name on the command line; "" for an argument
     help: str
     metavar: str | None = None  # stands for its value
     panel: str = ""  # the group of the help that it belongs to; "" for the first one
     typed: Any = None  # its default on the command line, where that is another than for a program
     off: bool = False  # whether the flag switches it off
     check: Callable[[Any], None] | None = None  # refuses values that cannot be
+    flag: str | None = None  # its name on the command line, where that is not the field's; "" for an argument
 
 
 def option(
     default: T,
-    flag: str,
     help: str,
     metavar: str | None = None,
     panel: str = "",
     typed: object = None,
     off: bool = False,
     check: Callable[[Any], None] | None = None,
+    flag: str | None = None,
 ) -> T:
     """A field of `RunSpec`."""
-    row = Option(flag, help, metavar, panel, typed, off, check)
+    row = Option(help, metavar, panel, typed, off, check, flag)
     return cast(T, field(default=default, metadata={"option": row}))
 
 
@@ -90,126 +90,99 @@ def check_seconds(seconds: float | None, option: str = "--seconds") -> None:
 class RunSpec:
     """The options of a run, in the order of the help."""
 
-    library: LibraryFile = option("thesis15", "--library", "A library file, or a shipped one by its name.", "LIBRARY")
+    library: LibraryFile = option("thesis15", "A library file, or a shipped one by its name.", "LIBRARY")
     motion: str | None = option(
-        None, "", "The motion to play first; default: `walk`, or the library's first.", "MOTION"
+        None, "The motion to play first; default: `walk`, or the library's first.", "MOTION", flag=""
     )
     _: KW_ONLY
-    robot: File = option("mannequin", "--robot", "A robot file or a name (`robot list --catalogue`).", "ROBOT")
+    robot: File = option("mannequin", "A robot file or a name (`robot list --catalogue`).", "ROBOT")
     solver: Literal["angles", "ik"] | None = option(
-        None, "--solver", "Retargeting solver; default: as the robot's file says.", panel=_SIMULATION
+        None, "Retargeting solver; default: as the robot's file says.", panel=_SIMULATION
     )
     rig: File | None = option(
-        None, "--rig", "Stream to servos: a rig file, or 'emulated' for emulated servos of the robot.", "RIG", _SERVOS
+        None, "Stream to servos: a rig file, or 'emulated' for emulated servos of the robot.", "RIG", _SERVOS
     )
-    script: File | None = option(
-        None, "--script", 'What to play when: "walk 4, jog 4, walk", or a timeline file.', "SCRIPT"
-    )
+    script: File | None = option(None, 'What to play when: "walk 4, jog 4, walk", or a timeline file.', "SCRIPT")
     seconds: float | None = option(
-        None,
-        "--seconds",
-        "Stop after this time of the motion; approach and end come on top.",
-        "SECONDS",
-        check=check_seconds,
+        None, "Stop after this time of the motion; approach and end come on top.", "SECONDS", check=check_seconds
     )
-    direct: bool = option(
-        False, "--direct", "Switch at once and directly, without motions in between.", panel=_SWITCHING
-    )
+    direct: bool = option(False, "Switch at once and directly, without motions in between.", panel=_SWITCHING)
     outputs: Names = option(
-        (), "--output", "Send targets to an output of another package (repeatable).", "NAME[:ARGUMENT]", _LOOP
+        (), "Send targets to an output of another package (repeatable).", "NAME[:ARGUMENT]", _LOOP, flag="--output"
     )
-    record: File | None = option(None, "--record", "Record every tick, for `replay` and `plot`.", "FILE", _LOOP)
-    rate: float = option(200.0, "--rate", "Ticks of the loop per second.", "HZ", _LOOP)
+    record: File | None = option(None, "Record every tick, for `replay` and `plot`.", "FILE", _LOOP)
+    rate: float = option(200.0, "Ticks of the loop per second.", "HZ", _LOOP)
     lower_rate: bool = option(
-        False, "--lower-rate", "If the network is too large for --rate, play at a rate that it holds.", None, _LOOP
+        False, "If the network is too large for --rate, play at a rate that it holds.", None, _LOOP
     )
     physics: bool = option(
-        True, "--kinematic", "Show the targets, without simulated servos and masses.", panel=_SIMULATION, off=True
+        True, "Show the targets, without simulated servos and masses.", panel=_SIMULATION, off=True, flag="--kinematic"
     )
     root: Literal["gantry", "fixed", "free"] = option(
-        "gantry",
-        "--root",
-        "The simulated robot's root: carried by a gantry, fixed, or free to fall.",
-        panel=_SIMULATION,
+        "gantry", "The simulated robot's root: carried by a gantry, fixed, or free to fall.", panel=_SIMULATION
     )
     balance: bool = option(
-        False, "--balance", "Keep a free robot's feet in place and its centre of mass above them.", panel=_SIMULATION
+        False, "Keep a free robot's feet in place and its centre of mass above them.", panel=_SIMULATION
     )
-    walk: bool = option(
-        False, "--walk", "Let a free robot walk where the motion goes, 1.2 s behind it.", panel=_SIMULATION
-    )
+    walk: bool = option(False, "Let a free robot walk where the motion goes, 1.2 s behind it.", panel=_SIMULATION)
     realtime: bool = option(
-        False, "--realtime", "Ask for real-time scheduling and locked memory; with a real rig always.", panel=_LOOP
+        False, "Ask for real-time scheduling and locked memory; with a real rig always.", panel=_LOOP
     )
     core: int | None = option(
-        None, "--core", "Run the loop on this core of the CPU, all other processes on the others.", "N", _LOOP
+        None, "Run the loop on this core of the CPU, all other processes on the others.", "N", _LOOP
     )
     overruns: Literal["skip", "catch-up"] = option(
-        "skip", "--overruns", "After a tick that took too long: skip the missed ticks, or catch up.", panel=_LOOP
+        "skip", "After a tick that took too long: skip the missed ticks, or catch up.", panel=_LOOP
     )
-    follow: str | None = option(None, "--follow", "A second robot that mirrors the first.", "ROBOT", _SERVOS)
-    follow_rig: File | None = option(None, "--follow-rig", "Its servos: a rig file, or 'emulated'.", "RIG", _SERVOS)
+    follow: str | None = option(None, "A second robot that mirrors the first.", "ROBOT", _SERVOS)
+    follow_rig: File | None = option(None, "Its servos: a rig file, or 'emulated'.", "RIG", _SERVOS)
     page: bool | int = option(
-        False, "--port", "The page's port on 127.0.0.1; 0 for any free one.", "PORT", _COMMANDS, typed=PAGE_PORT
+        False, "The page's port on 127.0.0.1; 0 for any free one.", "PORT", _COMMANDS, typed=PAGE_PORT, flag="--port"
     )
     command_port: int = option(
-        0,
-        "--command-port",
-        "Where `motiondeck send` reaches the deck; 0 for any free port.",
-        "PORT",
-        _COMMANDS,
-        typed=DEFAULT_PORT,
+        0, "Where `motiondeck send` reaches the deck; 0 for any free port.", "PORT", _COMMANDS, typed=DEFAULT_PORT
     )
-    recognize: bool = option(
-        False, "--recognize", "Recognize the motion from the measured joints, and show it.", panel=_RECOGNITION
-    )
+    recognize: bool = option(False, "Recognize the motion from the measured joints, and show it.", panel=_RECOGNITION)
     recognizer: File | None = option(
         None,
-        "--recognizer",
         "Recognize the played motion with a trained recognizer (`recognize train`), and show it.",
         "FILE",
         _RECOGNITION,
     )
     on_mismatch: Literal["warn", "stop"] = option(
-        "warn",
-        "--on-mismatch",
-        "With --recognize: warn or stop when the joints show another motion.",
-        panel=_RECOGNITION,
+        "warn", "With --recognize: warn or stop when the joints show another motion.", panel=_RECOGNITION
     )
     mismatch_after: float = option(
         0.5,
-        "--mismatch-after",
         "How long the joints must show another motion before that, s.",
         "SECONDS",
         _RECOGNITION,
         check=partial(check_seconds, option="--mismatch-after"),
     )
     listen: str | None = option(
-        None, "--listen", "Take commands at this address of this machine too; needs --token-file.", "ADDRESS", _COMMANDS
+        None, "Take commands at this address of this machine too; needs --token-file.", "ADDRESS", _COMMANDS
     )
-    token_file: File | None = option(None, "--token-file", "The token; only you may read the file.", "FILE", _COMMANDS)
+    token_file: File | None = option(None, "The token; only you may read the file.", "FILE", _COMMANDS)
     show: File | None = option(
         None,
-        "--show",
         "Take part in a show (`conduct`) under this name, or with this folder of certificates (several machines).",
         "SHOW/DECK",
         _COMMANDS,
     )
     stop_input: File | None = option(
-        None, "--stop-input", "A wired emergency stop: a serial adapter, or /dev/input/eventN.", "DEVICE", _COMMANDS
+        None, "A wired emergency stop: a serial adapter, or /dev/input/eventN.", "DEVICE", _COMMANDS
     )
     lock_to: LockSource | None = option(
         None,
-        "--lock-to",
         "Lock loops to: beat (taps), body (wait while the joints are held), or another deck by its command port.",
         "SOURCE",
         _SWITCHING,
     )
     join: Literal["inertialise", "crossfade", "morph", "cut"] | None = option(
-        None, "--join", "How motions are joined; default: what suits the network.", panel=_SWITCHING
+        None, "How motions are joined; default: what suits the network.", panel=_SWITCHING
     )
     check_collisions: bool = option(
-        False, "--check-collisions", "Hold joints back where limbs of the robot would collide.", panel=_SIMULATION
+        False, "Hold joints back where limbs of the robot would collide.", panel=_SIMULATION
     )
 
     @property
