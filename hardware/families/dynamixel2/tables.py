@@ -1,25 +1,23 @@
 """The control tables of Protocol 2.0: the maker's addresses, and what the maker's files lack.
 
 The `.model` files of the installed dynamixel-sdk give address and length of each register. Sign, access, memory, range,
-default and unit come from the XM430-W350's manual, whose register names the others share, with the figures of
-`x_series` for each model. The tables of the P series and the XL-320 are complete. For the Y series and the RH-P12-RN
-the range is what the bytes can hold.
+default and unit come from the XM430-W350's manual, whose register names the others share, with the figures in
+`x_series.txt` for each X and MX model. The tables of the P series and the XL-320 are complete. For the Y series and the
+RH-P12-RN the range is what the bytes can hold.
 """
 
-from __future__ import annotations
-
 import math
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 from functools import cache
 
 from hardware.families.dynamixel2.p_series import P_SERIES
 from hardware.families.dynamixel2.sdk_models import Row, model_file, model_numbers
 from hardware.families.dynamixel2.traits import TRAITS, X
-from hardware.families.dynamixel2.x_series import as_in_manual
 from hardware.families.register import Register
-from hardware.families.rows import file_beside
+from hardware.families.rows import file_beside, rows_of
 from hardware.families.table import ControlTable, parse_table
+from hardware.families.traits import Traits
 
 _XM430_W350 = parse_table("XM430-W350", 1020, 4096, file_beside(__file__, "xm430_w350.txt"), X)
 # 1023 of the 1228 steps to a turn are 300 degrees.
@@ -52,7 +50,7 @@ def table(model: str) -> ControlTable:
     make = _register_like_xm430 if traits is not None else _plain_register
     registers = {row.name: make(row, torque, file.rad_per_s) for row in rows}
     if traits is not None:
-        registers = {name: as_in_manual(model, register) for name, register in registers.items()}
+        registers = {name: _as_in_manual(model, register) for name, register in registers.items()}
     registers["model_number"] = replace(registers["model_number"], default=numbers()[model])
     series = traits.series if traits is not None else X
     return ControlTable(model, numbers()[model], file.pulses_per_turn, registers, series)
@@ -120,3 +118,53 @@ def _plain_register(row: Row, torque: int, rad_per_s: float) -> Register:
 def _rpm(rad_per_s: float) -> float:
     """The unit of velocity in rev/min, which the maker's files give rounded in rad/s."""
     return round(rad_per_s / _RAD_PER_S, 3)
+
+
+_COLUMNS = ("position_p_gain", "position_i_gain", "position_d_gain", "velocity_i_gain", "velocity_p_gain")
+_Facts = dict[str, dict[str, int]]
+
+
+def _facts(row: Sequence[str], traits: Traits) -> _Facts:
+    """By register what differs from the XM430-W350: `minimum`, `maximum`, `default`."""
+    volts, degrees, current, velocity, *rest = row
+    low, high = (int(end) for end in volts.split(".."))
+    facts: _Facts = {
+        "min_voltage_limit": {"minimum": low, "maximum": high, "default": low},
+        "max_voltage_limit": {"minimum": low, "maximum": high, "default": high},
+        "temperature_limit": {"default": int(degrees)},
+        "velocity_limit": {"default": int(velocity)},
+        "present_input_voltage": {"default": round(traits.voltage * 10)},
+        "drive_mode": {"maximum": 15 if traits.series.follows else 13},
+        "external_port_mode_1": (port := {"maximum": 3, "default": 3}),
+        "external_port_mode_2": port,
+        "external_port_mode_3": port,
+    }
+    if current != "-":
+        most = int(current)
+        facts["current_limit"] = {"maximum": most, "default": most}
+        facts["goal_current"] = {"minimum": -most, "maximum": most, "default": most}
+        facts["present_current"] = {"minimum": -most, "maximum": most}
+    if traits.series.name == "X330":
+        facts["baud_rate"] = {"maximum": 6}
+        facts["protocol_type"] = {"minimum": 2, "maximum": 22}
+        facts["pwm_slope"] = {"minimum": 1, "maximum": 255, "default": 140}
+        facts["velocity_limit"]["maximum"] = 2047
+        facts["goal_velocity"] = {"minimum": -2047, "maximum": 2047}
+    gains, exceptions = rest[: len(_COLUMNS)], rest[len(_COLUMNS) :]
+    for name, value in (*zip(_COLUMNS, gains, strict=True), *(word.split("=") for word in exceptions)):
+        facts.setdefault(name, {})["default"] = int(value)
+    return facts
+
+
+_FACTS: Mapping[str, _Facts] = {
+    model: _facts(row, TRAITS[model]) for model, *row in rows_of(file_beside(__file__, "x_series.txt"))
+}
+
+
+def _as_in_manual(model: str, register: Register) -> Register:
+    """A register as the XM430-W350 has it, or one that it lacks, with the figures of this model."""
+    if register.name == "present_load":
+        return replace(register, signed=True, minimum=-1000, maximum=1000, unit="%", scale=0.1)
+    if register.unit == "mA":
+        register = replace(register, scale=TRAITS[model].current_unit)
+    return replace(register, **_FACTS[model].get(register.name, {}))

@@ -1,10 +1,34 @@
-"""The facts of the Feetech STS servos."""
+"""The facts of the Feetech STS servos.
+
+Bits of problems are those of register 65; current is a kind of overload. Bit 2 of `phase` makes a count of speed one
+step/s, and without bit 4 a position begins anew after a turn.
+"""
+
+from types import MappingProxyType
 
 from hardware.families.facts import FamilyFacts
 from hardware.families.feetech.family import FAMILY
-from hardware.families.feetech.traits import TRAITS
 from hardware.families.rows import file_beside
+from hardware.families.series import ENCODER, HEAT, OVERLOAD, VOLTAGE, Series
 from hardware.families.table import parse_table
+from hardware.families.traits import parse_traits
+
+_STS = Series(
+    "STS",
+    FAMILY,
+    baud_rates=MappingProxyType(
+        dict(enumerate((1_000_000, 500_000, 250_000, 128_000, 115_200, 76_800, 57_600, 38_400)))
+    ),
+    problems=MappingProxyType({VOLTAGE: 1, ENCODER: 2, HEAT: 4, OVERLOAD: 8 | 32}),
+    reboots=False,
+    modes=(3,),
+    current_limited=(),
+    offset_subtracts=True,
+    wraps=True,
+    bits_needed=MappingProxyType({"phase": (4 | 16, 4)}),
+)
+
+TRAITS = parse_traits(file_beside(__file__, "models.txt"), {_STS.name: _STS})  # by model name
 
 _STS3215 = parse_table("STS3215", 777, 4096, file_beside(__file__, "sts3215.txt"), TRAITS["STS3215"].series)
 _TABLES = {_STS3215.model: _STS3215}
