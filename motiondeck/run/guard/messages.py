@@ -1,6 +1,7 @@
 """The messages between a deck and the guard of its rig: targets and states in numbers, all else in JSON."""
 
-from typing import get_args
+from collections.abc import Callable
+from typing import Generic, TypeVar, get_args
 
 import msgspec
 import numpy as np
@@ -9,6 +10,7 @@ from controller.loop.stop_state import STOP_DOOR, Phase, StopState
 from hardware.rig.counters import RigReport
 from hardware.rig.rig_file import RigConfig
 
+T = TypeVar("T")
 PHASES: tuple[Phase, ...] = get_args(Phase)
 SERVO_ROWS = 8  # of `ServoStates`
 _STATE_NUMBERS = 7
@@ -129,34 +131,30 @@ class RigClosed(msgspec.Struct, frozen=True, tag="closed"):
 Note = Connected | Watching | RigFailed | IncidentNote | RegistersRead | Scanned | ReportNote | RigClosed
 
 
+class _Number(Generic[T]):
+    """One of the numbers of an object's `values`, by its place, as a value of a type."""
+
+    def __init__(self, place: int, kind: Callable[[float], T]) -> None:
+        self._place, self._kind = place, kind
+
+    def __get__(self, of: "Targets | States", kind: type) -> T:
+        return self._kind(of.values[self._place])
+
+
 class Targets:
     """The targets of one tick, from the deck; all numbers are views of one array, as it is sent."""
+
+    sent = _Number(0, float)  # when, by the machine's steady clock, s
+    stopped = _Number(1, bool)  # whether the emergency stop is on at the deck
+    braking = _Number(2, bool)  # whether the deck brakes, for whatever reason: its joints are to come to rest
 
     def __init__(self, joints: int) -> None:
         self.values = np.zeros(5 + joints)  # shape (5 + J,)
         self.joints = self.values[5:]  # shape (J,), rad
 
     def set(self, now: float, stopped: bool, braking: bool, door: int, wire: int) -> None:
-        """Sets all but the joints, at a time of the machine's steady clock, s; `stopped` is the deck's emergency stop.
-
-        `door` and `wire` count the presses there and the pulls of the wire that resets have released.
-        """
+        """Sets all but the joints: what the numbers are, and what `released` is."""
         self.values[:5] = now, stopped, braking, door, wire
-
-    @property
-    def sent(self) -> float:
-        """When they were sent, s."""
-        return float(self.values[0])
-
-    @property
-    def stopped(self) -> bool:
-        """Whether the emergency stop is on at the deck."""
-        return bool(self.values[1])
-
-    @property
-    def braking(self) -> bool:
-        """Whether the deck brakes, for whatever reason: its joints are to come to rest."""
-        return bool(self.values[2])
 
     @property
     def released(self) -> tuple[int, int]:
@@ -167,6 +165,12 @@ class Targets:
 class States:
     """The state of guard and servos in one tick; all numbers are views of one array, as it is sent."""
 
+    phase = _Number(0, lambda place: PHASES[int(place)])  # of the guard's stop state
+    pulled = _Number(3, bool)  # whether the wired stop is pulled now
+    collected = _Number(4, int)  # how often the rig has measured something new
+    recoveries = _Number(5, int)  # how often something was recovered
+    measured_at = _Number(6, float)  # when the latest was measured, by the machine's steady clock, s
+
     def __init__(self, joints: int) -> None:
         self.values = np.zeros(_STATE_NUMBERS + SERVO_ROWS * joints)  # shape (7 + 8 J,)
         self.values[0] = PHASES.index("held")
@@ -174,41 +178,13 @@ class States:
         self.servos = self.values[_STATE_NUMBERS:].reshape(SERVO_ROWS, joints)
 
     def set(self, state: StopState, wire: str, collected: int, recoveries: int, measured_at: float) -> None:
-        """Sets all but the servos; `wire` names the wired stop.
-
-        The rig has measured something new `collected` times, last at a time of the machine's steady clock, s.
-        """
+        """Sets all but the servos; `wire` names the wired stop."""
         door, wired = state.presses.get(STOP_DOOR, 0), state.presses.get(wire, 0)
         phase = PHASES.index(state.phase)
         numbers = phase, door, wired, wire in state.pulled, collected, recoveries, measured_at
         self.values[:_STATE_NUMBERS] = numbers
 
     @property
-    def phase(self) -> Phase:
-        """The phase of the guard's stop state."""
-        return PHASES[int(self.values[0])]
-
-    @property
     def presses(self) -> tuple[int, int]:
         """Presses at the stop door, and pulls of the wire."""
         return int(self.values[1]), int(self.values[2])
-
-    @property
-    def pulled(self) -> bool:
-        """Whether the wired stop is pulled now."""
-        return bool(self.values[3])
-
-    @property
-    def collected(self) -> int:
-        """How often the rig has measured something new."""
-        return int(self.values[4])
-
-    @property
-    def recoveries(self) -> int:
-        """How often something was recovered."""
-        return int(self.values[5])
-
-    @property
-    def measured_at(self) -> float:
-        """When the latest was measured, by the machine's steady clock, s."""
-        return float(self.values[6])
