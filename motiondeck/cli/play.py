@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import os
 import sys
 from contextlib import ExitStack
@@ -80,11 +81,12 @@ def play(
         program = Program.of(spec)
         name_failing(program.library)
         if video is not None:
-            from motiondeck.pictures.library_pictures import film_look
+            from motiondeck.pictures.library_pictures import film_look, film_run
 
-            _check_forof_film(spec)
+            _check_for_film(spec)
             look = film_look(video, size, fps, camera, ghost, footprints)
-            _film_run(spec, program, video, look, as_json=as_json)
+            report, words = film_run(spec, program, video, look)
+            print(json.dumps(report) if as_json else words)
             return
         session = _play_live(spec, program, page, quiet=headless or as_json, as_json=as_json)
     if session.stop.then is not None:
@@ -94,7 +96,7 @@ def play(
         play_again(context, library, motion, page_port=session.page_port, command_port=session.command_port)
 
 
-def _check_forof_film(spec: RunSpec) -> None:
+def _check_for_film(spec: RunSpec) -> None:
     if spec.rig is not None:
         raise MotiondeckError("a film is not made live, so nothing can be streamed to a rig: leave --rig or --video")
     if spec.record is not None:
@@ -103,13 +105,6 @@ def _check_forof_film(spec: RunSpec) -> None:
         raise MotiondeckError("a film is not made live, so no output gets targets: leave --output or --video")
     if spec.recognize or spec.recognizer is not None:
         raise MotiondeckError("in a film nothing is measured to be recognized: leave the recognition or --video")
-
-
-def _film_run(spec: RunSpec, program: Program, video: Path, look: Any, *, as_json: bool) -> None:
-    from motiondeck.pictures.library_pictures import film_run
-
-    report, words = film_run(spec, program, video, look)
-    print_report(report, words, as_json=as_json)
 
 
 def _play_live(spec: RunSpec, program: Program, page: PageProcess | None, *, quiet: bool, as_json: bool) -> Session:
@@ -122,7 +117,7 @@ def _play_live(spec: RunSpec, program: Program, page: PageProcess | None, *, qui
     host = Host(page, terminal=terminal, progress=not as_json, restarts=not quiet)
     with library_run(spec, program, host) as session:
         report = session.run()
-    print_report(report, summary(report), as_json=as_json)
+    print(json.dumps(report) if as_json else summary(report))
     incomplete = not report.get("recording", {"complete": True})["complete"]
     if incomplete or any(o["parked"] for o in report["outputs"]) or report.get("recognition", {}).get("stopped"):
         raise typer.Exit(1)
@@ -171,10 +166,3 @@ def name_failing(library: MotionLibrary) -> None:
     if failing:
         text = f"{', '.join(failing)} failed the self-test and may not play as recorded"
         print(f"motiondeck: warning: {text}", file=sys.stderr)
-
-
-def print_report(report: dict[str, Any], words: str, *, as_json: bool) -> None:
-    """One JSON object on standard output, or a few words."""
-    import json
-
-    print(json.dumps(report) if as_json else words)

@@ -278,15 +278,6 @@ def _print_gaps(rows: list[dict[str, Any]]) -> None:
     for row in rows:
         expected = "-" if row["expected_mm"] is None else f"{row['expected_mm']:.1f}"
         still = ", ".join(f"{first} to {end - 1}" for first, end in row["open"])
-        cells.append(
-            (
-                row["marker"],
-                str(row["gaps"]),
-                str(row["frames"]),
-                f"{row['longest_s']:.2f}",
-                expected,
-                ", ".join(row["by"]) or "-",
-                still or "-",
-            )
-        )
+        counts = (str(row["gaps"]), str(row["frames"]), f"{row['longest_s']:.2f}")
+        cells.append((row["marker"], *counts, expected, ", ".join(row["by"]) or "-", still or "-"))
     show_table(("marker", "gaps", "frames", "longest, s", "expected, mm", "filled by", "still open, frames"), cells)

@@ -195,8 +195,5 @@ class _Table:
             state = "does not answer" if name in silent else sweep.lacking(name) or "ok"
             rows.append(f"{name:<{self._width}}  {one.lowest:>+7.2f}  {one.now:>+7.2f}  {one.highest:>+7.2f}  {state}")
         room = max(3, shutil.get_terminal_size().lines - 2) if self._live else len(rows)
-        return rows if len(rows) <= room else [rows[0], *self._unfinished_first(rows[1:], room - 1)]
-
-    @staticmethod
-    def _unfinished_first(rows: list[str], room: int) -> list[str]:
-        return sorted(rows, key=lambda row: row.endswith("  ok"))[:room]
+        unfinished_first = sorted(rows[1:], key=lambda row: row.endswith("  ok"))
+        return rows if len(rows) <= room else [rows[0], *unfinished_first[: room - 1]]
