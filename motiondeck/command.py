@@ -1,8 +1,6 @@
 # pyright: strict
 """The `motiondeck` command: looks whether other packages shadow ours, then runs the command line."""
 
-from __future__ import annotations
-
 import importlib.util
 import sys
 from collections.abc import Iterator

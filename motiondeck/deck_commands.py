@@ -1,8 +1,6 @@
 # pyright: strict
 """The commands of a deck as methods: the same for a live deck and for a deck that a program steps itself."""
 
-from __future__ import annotations
-
 from abc import ABC, abstractmethod
 from collections.abc import Mapping
 from typing import Generic, Literal, TypeVar

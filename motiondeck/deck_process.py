@@ -1,8 +1,6 @@
 # pyright: strict
 """The process of a live deck: its ready message, its report, and its end."""
 
-from __future__ import annotations
-
 import contextlib
 import os
 import subprocess

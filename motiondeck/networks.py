@@ -4,8 +4,6 @@
 Their equations are in the files of `controller/networks`.
 """
 
-from __future__ import annotations
-
 from controller.learning.centralized.motion_training import train_centralized
 from controller.learning.centralized.primitive_learning import learn_primitive
 from controller.learning.measures.accuracy import nrmse

@@ -1,8 +1,6 @@
 # pyright: strict
 """A deck that a program steps itself: joint targets for any time step, without a process, a socket or a clock."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from pathlib import Path
 from typing import NamedTuple

@@ -1,8 +1,6 @@
 # pyright: strict
 """Motion capture recordings: read from any supported format, written for other programs."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Literal

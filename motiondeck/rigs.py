@@ -1,8 +1,6 @@
 # pyright: strict
 """Servo rigs: joint angles in, joint angles out; on a real port, on an emulated one, or simulated in this process."""
 
-from __future__ import annotations
-
 import time
 from collections.abc import Generator, Mapping, Sequence
 from contextlib import ExitStack, contextmanager

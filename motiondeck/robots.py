@@ -1,8 +1,6 @@
 # pyright: strict
 """Robots: clips carried onto a robot's joints, one or many."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from pathlib import Path

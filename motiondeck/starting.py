@@ -1,8 +1,6 @@
 # pyright: strict
 """Starts a live deck in a process beside this one."""
 
-from __future__ import annotations
-
 import contextlib
 import inspect
 import subprocess

@@ -4,8 +4,6 @@ A motion that was learned from recordings which differ in the input has one set 
 scaled to [-1, 1] over what was learned, goes into the reservoir like the phase does, while loading and while playing.
 """
 
-from __future__ import annotations
-
 import msgspec
 import numpy as np
 

@@ -1,7 +1,5 @@
 """Entry points: the one after which a motion is most like the course of the motion before it."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from typing import Protocol
 

@@ -11,8 +11,6 @@ which is the similarity of their conceptors (Jaeger 2014, section 3.8) for small
 they share no direction.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 

@@ -3,8 +3,6 @@
 Adding one needs no entry anywhere: its tag is the folder's name with hyphens, "phase-conceptor" for phase_conceptor.
 """
 
-from __future__ import annotations
-
 from functools import cache
 from importlib import import_module
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Ridge regression (Deliallisi 2017, eqs 2.4, 3.12, 3.13)."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from controller.motion.rotations import Array

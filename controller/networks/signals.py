@@ -1,7 +1,5 @@
 """Checks arguments of the public API: time series, matrices and numbers, each in one form or refused."""
 
-from __future__ import annotations
-
 from numbers import Integral, Real
 
 import numpy as np

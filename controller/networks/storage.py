@@ -1,7 +1,5 @@
 """Reads networks from the arrays and the header of a library file: every name, shape and type is checked."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass, fields
 from typing import Any, Literal

@@ -1,7 +1,5 @@
 """The facts of a family: its models, their control tables and their traits."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 

@@ -2,8 +2,6 @@
 
 # ruff: noqa: D102 (`plain_instructions` documents the instructions)
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from typing import Protocol

@@ -1,7 +1,5 @@
 """The servo models whose control tables are known, of all families: every folder beside this file is one."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Mapping
 from functools import cache
 from importlib import import_module

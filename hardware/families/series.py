@@ -1,7 +1,5 @@
 """Series: what sets the servos of one apart. Everything outside the control tables asks a property of these."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from types import MappingProxyType

@@ -1,7 +1,5 @@
 """A control table: the registers of one servo model, read from text that looks like the table in its manual."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from typing import Any, Literal, cast
 

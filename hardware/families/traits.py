@@ -4,8 +4,6 @@ Figures of the motor are those of the maker's specifications at the voltage name
 own register, the register counts.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 

@@ -1,7 +1,5 @@
 """The page of a deck: the robot, its follower and the human, the panel, the rig and the last minutes."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import mujoco

@@ -1,7 +1,5 @@
 """Samples what a deck plays: the motions and switches of a library on a robot, or a motion as a clip."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Sequence
 from copy import deepcopy
 from typing import TypeVar

@@ -6,8 +6,6 @@ Phi may be Gaussian, harmonic or polynomial, q the coordinates of harmonic, Duff
 of a library are `centralized.CentralizedMotion`: harmonic centers and Gaussian satellites that learning has placed.
 """
 
-from __future__ import annotations
-
 from copy import deepcopy
 from dataclasses import dataclass
 

@@ -9,8 +9,6 @@ The paper writes (3) and (6) for one center; for several, j is a vector of order
 one, or a product of powers.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass, field
 from typing import Protocol
 

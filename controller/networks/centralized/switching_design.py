@@ -13,8 +13,6 @@ where G' < decay, for every kappa > 0, and nothing oscillates. What Lemma 1 prom
 designed, and checked.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from functools import cached_property, lru_cache
 

@@ -1,7 +1,5 @@
 """A switching module in motion (eqs 14 and 15 of `switching_design`), and three commands that bring it to a motion."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import lru_cache

@@ -14,8 +14,6 @@ deviation from its own mean is scaled until its channels move as much as those o
 Conceptors and scales are prepared for some mu, the knots, and interpolated between them.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 

@@ -5,8 +5,6 @@ A conceptor C is a symmetric matrix with eigenvalues in [0, 1]: how much of each
 These functions take and give dense matrices of shape (N, N); playback does not need them.
 """
 
-from __future__ import annotations
-
 import numpy as np
 
 from controller.motion.rotations import Array

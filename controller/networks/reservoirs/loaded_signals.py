@@ -6,8 +6,6 @@ Here conceptors are dense matrices of shape (N, N), to be computed with as in `c
 whatever C it is given. `conceptor.ConceptorNetwork` is the fast form in which motions are played.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import dataclass
 

@@ -1,7 +1,5 @@
 """Base classes of reservoir networks, and of those that run by themselves."""
 
-from __future__ import annotations
-
 from abc import abstractmethod
 from typing import Any, Generic, Protocol, Self, TypeVar
 

@@ -1,7 +1,5 @@
 """The series and models of Protocol 2.0: X, MX with its newer firmware, XL-320, P and PRO(A)."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from types import MappingProxyType
 

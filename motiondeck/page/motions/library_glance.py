@@ -1,7 +1,5 @@
 """Pictures of a library's motions, and which can be blended; a thread plays each once, which takes a moment."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from itertools import pairwise
 from pathlib import Path

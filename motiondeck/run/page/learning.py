@@ -4,8 +4,6 @@ The request is one JSON object on the command line; the answers are JSON lines o
 then what was seen or learned, or why not and what to do.
 """
 
-from __future__ import annotations
-
 import os
 import sys
 from pathlib import Path

@@ -7,8 +7,6 @@ at = 4.0                     # s since play began
 say = "switch jog"           # a command as typed at the prompt
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterable
 from dataclasses import dataclass
 from pathlib import Path
