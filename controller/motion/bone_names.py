@@ -33,6 +33,7 @@ class NamedPart(NamedTuple):
 
 
 _WORDS: dict[str, dict[Any, str]] = tomllib.loads(Path(__file__).with_suffix(".toml").read_text(encoding="utf-8"))
+_MIDDLE: dict[Part, str] = _WORDS["middle"]
 _KEYS: dict[str, Part] = {
     word: part for table in ("middle", "sided") for part, words in _WORDS[table].items() for word in words.split()
 }
@@ -134,7 +135,7 @@ class _Style(NamedTuple):
         key, side = _key(name, self.shared)
         if side == "middle":
             part = _KEYS.get(key)
-            return NamedPart(part, side) if part in _WORDS["middle"] else None
+            return NamedPart(part, side) if part in _MIDDLE else None
         if key == "hip" and self.thighs:
             return NamedPart("hip", side)
         if key in _SIDED_ONLY:
@@ -148,7 +149,7 @@ class _Style(NamedTuple):
         if key == "wrist" and self.wrists:
             return NamedPart("forearm", side)
         part = _KEYS.get(key)
-        return None if part is None or part in _WORDS["middle"] else NamedPart(part, side)
+        return None if part is None or part in _MIDDLE else NamedPart(part, side)
 
 
 def named_parts(names: Iterable[str]) -> list[NamedPart | None]:
