@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Sequence
 from pathlib import Path
 
@@ -23,6 +24,11 @@ def shipped_configs() -> Path:
         if folder.is_dir():
             return folder
     raise MotiondeckError(f"the installation is incomplete: no 'configs' in {package}. Install motiondeck again.")
+
+
+def user_cache() -> Path:
+    """The folder for what can be made anew, such as the robot files of the catalogue; it need not exist."""
+    return Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache") / "motiondeck"
 
 
 def find_robot(name: str | Path) -> Path:

@@ -155,7 +155,12 @@ def film(
     from sim.models.robot_file import solver_named
     from sim.robots.robot import load_robot
 
-    body = load_robot(find_robot(str(spec.robot)), library.skeleton, solver_named(spec.solver), 1.0 / STEPS_A_SECOND)
+    file = find_robot(str(spec.robot))
+    body = load_robot(file, library.skeleton, solver_named(spec.solver), 1.0 / STEPS_A_SECOND)
+    if spec.walk:
+        from motiondeck.run.robots.walk_choice import able_to_walk
+
+        body = able_to_walk(body, file)
     total = max(1, round(seconds * look.fps))
     deck = deck_for(body.retarget)
     report = film_frames(body.drawn, _shots(deck, body, timeline, total, look, spec), total, out, look)

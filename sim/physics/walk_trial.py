@@ -23,6 +23,8 @@ from sim.robots.robot import DT, Limiter, Robot
 
 PERIOD = 5.0  # s from push to push
 SIDES = 4  # one after another: behind, right, front, left
+# A servo is at its torque limit above this share of it; a time constant, s; the share of it that strains a joint.
+AT_LIMIT, LATELY, STRAINED = 0.98, 1.0, 0.1
 
 
 @dataclass(frozen=True)
@@ -49,6 +51,7 @@ class Trial:
     upper_deg: float  # joint error of the upper body, root mean square over joints and time
     legs_deg: float  # the same of the legs
     tick_us: float  # median time of a tick, simulation included
+    strained: str = ""  # the leg's joint that was longest at its torque limit in the last second or so; "" without one
 
 
 def play_course(robot: Robot, play: Callable[[float], tuple[Array, Pose]], seconds: float, limiter: Limiter) -> Course:
@@ -100,19 +103,22 @@ def walk_trial(
     stage = PhysicsPlayback(body, DT, "free", walk=True, sensors=sensors, alter=alter)
     lag, legs = round(AHEAD / DT), _legs(robot)
     costs: list[float] = []
-    square = np.zeros(len(robot.joints))
+    square, strain, strength = np.zeros(len(robot.joints)), np.zeros(len(robot.joints)), robot.strength
     for tick, (targets, root, heading) in enumerate(zip(course.targets, course.roots, course.headings, strict=True)):
         stage.push(np.zeros(3) if force is None else force(tick * DT))
         began = time.thread_time()
         stage.write(targets, placed_pose(root, float(heading)))
         costs.append(time.thread_time() - began)
         square += np.square(stage.measured() - course.targets[max(tick - lag, 0)])
+        strain += DT / LATELY * ((np.abs(stage.data.actuator_force) > AT_LIMIT * strength) - strain)
         if stage.fell_s is not None:
             break
     asked, walked = stage.travel or (0.0, 0.0)
     mean = np.degrees(np.sqrt([square[~legs].mean() / len(costs), square[legs].mean() / len(costs)]))
     stood = course.seconds if stage.fell_s is None else stage.fell_s
-    return Trial(stood, asked, walked, float(mean[0]), float(mean[1]), 1e6 * float(np.median(costs)))
+    joint = int(np.argmax(strain * legs))
+    strained = robot.joints[joint] if strain[joint] > STRAINED and legs[joint] else ""
+    return Trial(stood, asked, walked, float(mean[0]), float(mean[1]), 1e6 * float(np.median(costs)), strained)
 
 
 def placed_pose(root: Array, heading: float) -> PlacedPose:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 import sys
 from importlib import import_module
 from pathlib import Path
@@ -25,7 +24,7 @@ def find_robot(name: str | Path) -> Path:
         if str(name) not in (known := _names()):
             own = [file.stem for file in (shipped.shipped_configs() / "robots").glob("*.toml")]
             raise UnknownNameError.among("robot", str(name), [*sorted(own), *known]) from None
-    folder = Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache") / "motiondeck" / "robots"
+    folder = shipped.user_cache() / "robots"
     file = folder / f"{name}.toml"
     if not file.is_file() or not Path(str(read_robot_file(file).model)).is_file():
         from sim.robots.calibrate import calibrate

@@ -129,6 +129,10 @@ def open_robot(opening: ExitStack, spec: RunSpec, library: MotionLibrary, prefix
         guard = opening.enter_context(guard_process())  # it gets ready while the robot is loaded
     robot = load_robot(file, library.skeleton, solver_named(spec.solver), dt)
     stage = KinematicPlayback(robot)
+    if spec.walk:
+        from motiondeck.run.robots.walk_choice import able_to_walk
+
+        robot = able_to_walk(robot, file)
     if spec.physics:
         stage = PhysicsPlayback(robot, dt, spec.root, spec.balance, spec.walk)
     opening.callback(stage.close)

@@ -1,0 +1,87 @@
+"""Walk choice: by trial, whether a robot that was not tuned walks on its own feet, and with how straight knees."""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Sequence
+from dataclasses import replace
+from importlib.metadata import version
+from pathlib import Path
+
+import msgspec
+import mujoco
+import numpy as np
+
+from controller.deck.deck import Deck
+from controller.library.motion_library import load_library
+from controller.loop.safety.safety_envelope import SafetyEnvelope
+from motiondeck_base.errors import MotiondeckError
+from motiondeck_base.files import write_file
+from motiondeck_base.progress import progress
+from motiondeck_base.shipped import find_library, user_cache
+from sim.models.walk_settings import WalkSettings
+from sim.physics.walk_trial import play_course, walk_trial
+from sim.robots.robot import Robot, load_robot
+
+LIBRARY, MOTION, SECONDS = "thesis15", "walk", 20.0
+# Tried in this order: straight knees carry the weight with less torque, bent ones give more room for a catching step.
+WALKS = (WalkSettings(bend=0.02, toe=0.4, heel=0.2), WalkSettings())
+
+
+class WalkChoice(msgspec.Struct):
+    """What a trial found."""
+
+    walk: WalkSettings | None  # with which it stands; None without
+    reason: str = ""  # why it cannot walk
+
+
+def able_to_walk(robot: Robot, file: Path) -> Robot:
+    """The robot of a file with settings with which it walks SECONDS; MotiondeckError, in one line, if there are none.
+
+    A table [walk] in its file, by hand or by `tune-walk`, is taken as it is. The choice is kept in the user's cache
+    until the robot changes.
+    """
+    if robot.walk != WalkSettings():
+        return robot
+    kept = user_cache() / "walks" / f"{_fingerprint(robot)}.json"
+    try:
+        choice = msgspec.json.decode(kept.read_bytes(), type=WalkChoice)
+    except (OSError, msgspec.DecodeError):
+        choice = choose_walk(file)
+        kept.parent.mkdir(parents=True, exist_ok=True)
+        write_file(kept, msgspec.json.encode(choice))
+    if choice.walk is None:
+        raise MotiondeckError(choice.reason)
+    return replace(robot, walk=choice.walk)
+
+
+def choose_walk(file: Path, walks: Sequence[WalkSettings] = WALKS) -> WalkChoice:
+    """The first settings with which the robot of a file walks SECONDS without a push, or why there are none."""
+    library = load_library(find_library(LIBRARY))
+    robot, reason = load_robot(file, library.skeleton), ""
+    with progress(f"trying whether {robot.name} walks", len(walks) + 1) as tick:
+        course = play_course(robot, Deck(library, robot.retarget, MOTION).update, SECONDS, SafetyEnvelope)
+        for walk in walks:
+            tick()
+            try:
+                trial = walk_trial(robot, course, settings=walk)
+            except MotiondeckError as error:
+                reason = str(error)
+                continue
+            if trial.stood_s == course.seconds:
+                return WalkChoice(walk)
+            strained = f", with {trial.strained} at its torque limit" if trial.strained else ""
+            reason = (
+                f"robot '{robot.name}' cannot walk: in a trial it falls after {trial.stood_s:.1f} s{strained}. Try "
+                "`motiondeck robot tune-walk`, or leave --walk; --root gantry carries it"
+            )
+    return WalkChoice(None, reason)
+
+
+def _fingerprint(robot: Robot) -> str:
+    """A digest of all that a trial depends on."""
+    model = np.empty(mujoco.mj_sizeModel(robot.model), np.uint8)
+    mujoco.mj_saveModel(robot.model, None, model)
+    limits = [part.tolist() for part in (robot.limits.lower, robot.limits.upper, robot.limits.velocity)]
+    rest = msgspec.json.encode([limits, robot.rest.tolist(), robot.servo, WALKS, version("motiondeck")])
+    return hashlib.sha256(model.tobytes() + rest).hexdigest()[:32]
