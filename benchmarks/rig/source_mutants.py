@@ -12,6 +12,7 @@ from typing import NamedTuple, cast
 from hardware.rig.driving.joined import JoinedMeasurements
 from hardware.rig.driving.servo_port import ServoPort
 from hardware.rig.rig_file import RigJoint
+from hardware.rig.supervision.health import Health
 from hardware.rig.supervision.pace import CatchingUp, JointPace, Strain
 from hardware.rig.supervision.rig import Rig
 from hardware.rig.switching.audit import _needs, current_counts
@@ -96,6 +97,12 @@ MUTANTS = {
         places_of_rest, "np.where(away, angles, path)", "path", ("", "a limit of acceleration, and no path shown")
     ),
     "goal given up in a silence": Mutant(JoinedMeasurements.update, "waits & moved &", "waits &", ("drop", _PAIR)),
+    "strain kept at a recovery": Mutant(
+        JointPace.start_again, "self.strain.forget(joints)", "pass", ("duplicate", _PAIR)
+    ),
+    "paths that part": Mutant(
+        Health.look, "(back | limp | idle | parted)", "(back | limp | idle)", ("duplicate", _PAIR)
+    ),
     "no close": Mutant(ServoPort.close, "if self._closed:", "if True:"),
 }
 

@@ -4,6 +4,7 @@
     back       it was cut off for longer than its own watchdog waits, which has stopped it                set up again
     apart      its two servos disagree about its angle                                                     lost
     idle       far from its goal, still, and drawing no current to get there                  set up again, then lost
+    parted     its two servos work against each other; not where that did not end it          set up again
     down       it reports heat, encoder, shock or overload; or torque is off and it has a reason           lost
     hot        at its temperature limit, though it has not shut down                                       lost
     silent     no answer for 1.6 s                                                                         lost
@@ -42,7 +43,9 @@ _MOVED = 0.02  # rad
 _FAR = 0.5  # of the slack: a servo so far from its goal drives with half of its voltage
 _NEAREST_FAR, _FARTHEST_FAR = 0.05, 0.5  # rad
 _IDLE_CURRENT = 0.2  # of what it may draw: a motor that drives towards a goal so far off draws more
-_OPPOSED, _OPPOSED_FOR = 0.08, 0.5  # of the stall current of both servos of a joint, s
+# Of the stall current of both servos of a joint, s: where it is said, and where their paths have parted.
+_OPPOSED, _OPPOSED_FOR = np.array([[0.08], [0.12]]), np.array([[0.5], [0.2]])
+_TOGETHER_FOR = 3.0  # s that they stay together when they have been set up again; if not, their zeros are off
 _SERIOUS = 4 | 8 | 16 | 32  # heat, encoder, shock, overload
 _LOW_VOLTAGE = 0.8  # of the highest seen; each servo reports a voltage beyond its own limits
 _RESTLESS, _RESTLESS_WITHIN = 5, 10.0  # times, s
@@ -88,8 +91,10 @@ class Health:
         self._patience = config.patience
         self._strongest = np.full(count, np.nan)
         self._idle_below = np.array([_idle_current(joint) for joint in config.joints])
-        self._opposed = np.array([_OPPOSED * TRAITS[joint.model].stall_current for joint in config.joints])
-        self._agreed = np.full(count, now)
+        self._opposed = _OPPOSED * np.array([TRAITS[joint.model].stall_current for joint in config.joints])
+        self._agreed = np.full((2, count), now)
+        self._parted, self._at_odds = (np.zeros(count, dtype=np.bool_) for _ in range(2))
+        self._joined_at = np.full(count, -np.inf)
         self._grips = np.array([joint.grip for joint in config.joints])
         self._moved = np.array([min(_MOVED, 0.1 * joint.velocity) for joint in config.joints])
         self._heard = np.full(count, now)
@@ -129,7 +134,10 @@ class Health:
         alive = ~self.lost
         for joints in recovering:
             alive[joints] = False
-        mend, self.mend = self.mend, alive & (back | limp | idle)
+        opposed, parted = self._lasting(measured.against > self._opposed, now)
+        self._at_odds |= parted & (now - self._joined_at < _TOGETHER_FOR)
+        self._parted = parted = parted & ~self._at_odds
+        mend, self.mend = self.mend, alive & (back | limp | idle | parted)
         apart = measured.apart > APART
         self.fatal = alive & (down | hot | silent | restless | apart | (idle & self._was_idle))
         margin = measured.hottest - measured.temperatures
@@ -139,7 +147,7 @@ class Health:
         seen[_BACK] = back
         seen[_STILL] = still & ~(self._grips & ~idle)
         seen[_YIELDS] = yielding
-        seen[_AGAINST] = self._lasting(measured.against > self._opposed, now)
+        seen[_AGAINST] = opposed | parted
         seen[_WARM] = margin < EASED_FROM
         self._strongest = np.fmax(self._strongest, measured.voltages)
         seen[_STARVED] = (measured.voltages < _LOW_VOLTAGE * self._strongest) | (measured.errors & 1 != 0)
@@ -159,7 +167,8 @@ class Health:
         for index in joints[self.mend[joints]].tolist():
             self._mended[index].append(now)
             self._was_idle[index] |= self._idle[index]
-        self._heard[joints] = self._anchored[joints] = now
+            self._joined_at[index] = now if self._parted[index] else self._joined_at[index]
+        self._heard[joints] = self._anchored[joints] = self._agreed[:, joints] = now
         self._anchor[joints] = np.inf
         self._missing[joints] = False
 
@@ -181,7 +190,9 @@ class Health:
 
     def take_back(self, joint: int, now: float) -> None:
         """Counts on a joint again; without torque it is then set up anew."""
-        self.off[joint] = self.lost[joint] = self._given_up[joint] = self._was_idle[joint] = False
+        self.off[joint] = self.lost[joint] = self._given_up[joint] = self._was_idle[joint] = self._at_odds[joint] = (
+            False
+        )
         self._mended[joint].clear()
         self._heard[joint] = self._anchored[joint] = now
         self._anchor[joint] = np.inf
@@ -198,7 +209,7 @@ class Health:
         return "; ".join(f"{self._names[index]} {self._reason[index]}" for index in np.flatnonzero(self.fatal).tolist())
 
     def _lasting(self, opposed: Mask, now: float) -> Mask:
-        """Which joints have two servos that have opposed each other for a while."""
+        """Which joints have two servos that have opposed each other for a while, at both levels, shape (2, J)."""
         self._agreed[~opposed] = now
         return now - self._agreed > _OPPOSED_FOR
 

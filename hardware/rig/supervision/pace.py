@@ -94,6 +94,7 @@ class JointPace:
         """Makes these joints catch up, from at most one tick ago on."""
         self._last = max(self._last, now - 0.5 * self._longest)
         self.catching_up.joints[joints] = True
+        self.strain.forget(joints)
 
 
 class CatchingUp:
@@ -190,6 +191,10 @@ class Strain:
         self._noted = now
         self._smoothed += (np.abs(currents) / self._allowed - self._smoothed) * share
         self.yielding = self._smoothed > np.where(self.yielding, _RELIEVED, _STRAINED)
+
+    def forget(self, joints: NDArray[np.int64] | slice) -> None:
+        """Forgets the currents of joints that hold anew; while they yielded they were not to be slow."""
+        self._smoothed[joints], self.yielding[joints] = 0.0, False
 
 
 def allowed_current(joint: RigJoint) -> float:

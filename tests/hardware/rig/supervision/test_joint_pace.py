@@ -4,7 +4,9 @@ import msgspec
 import numpy as np
 import pytest
 
-from hardware.rig.supervision.pace import Strain
+from hardware.rig.driving.readings import Measurements
+from hardware.rig.scale import RigScale
+from hardware.rig.supervision.pace import JointPace, Strain
 
 
 def strain_of(config):
@@ -53,3 +55,12 @@ def test_a_yielding_joint_aims_as_far_ahead_as_half_of_its_current_needs(rig_of_
     """With its gain P = 800 a servo drives 800 / 128 PWM counts a pulse, and 885 of them are full voltage."""
     pulses = 0.5 * 0.8 * 885 * 128 / 800
     assert strain_of(rig_of_four).reach == pytest.approx([pulses * 2.0 * np.pi / 4096] * 4)
+
+
+def test_a_joint_that_yielded_and_holds_anew_catches_up_as_slowly_as_any(rig_of_four):
+    """What it pushed against before let its servo go at full speed."""
+    pace = JointPace(rig_of_four, RigScale(rig_of_four), Measurements(4), 0.0)
+    held_at(pace.strain, [2.3] * 4, 1.0)
+    assert (pace.of_servos == 1.0).all()
+    pace.start_again(np.array([1, 2]), 1.0)
+    assert pace.of_servos.tolist() == [1.0, 0.25, 0.25, 1.0]

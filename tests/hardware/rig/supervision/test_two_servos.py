@@ -177,6 +177,25 @@ def test_neither_of_two_leaps_back_when_the_other_is_let_go(id, lasts, keys):
     np.testing.assert_allclose(arm.angles, 1.2, atol=0.05)
 
 
+@pytest.mark.parametrize(("id", "end"), [(2, -1.7), (3, 1.7)])
+@pytest.mark.parametrize("lasts", [0.06, 0.1])
+def test_paths_that_part_in_a_moment_come_together(id, end, lasts):
+    """One that hears another joint's goal while both turn back stays behind all the way, and they fought for 1.4 s."""
+    arm = Arm(f"duplicate:id={id},at=3.0,for={lasts},value=4", velocity=2.5, acceleration=4.0).open()
+    arm.play(end, 2.2)
+    arm.play(-end, 0.55)
+    assert longest_fight(arm.play(end, 4.0)) < 0.25
+    assert arm.rig.recoveries == 1
+    np.testing.assert_allclose(arm.angles, end, atol=0.05)
+
+
+def test_servos_whose_zeros_are_off_are_not_set_up_again_and_again():
+    arm = Arm(zero=2048 + 60).open()
+    for tick in range(800):
+        arm.play(np.sin(0.02 * tick), 0.01)
+    assert arm.rig.recoveries == 1
+
+
 @pytest.mark.parametrize("model", ["AX-12A", "MX-28(1.0)", "XL-320", "STS3215"])
 def test_two_that_are_read_one_after_the_other_are_not_apart_while_they_move(model):
     """What the joint moves between two answers was taken for a horn that has slipped, and stopped the rig."""
