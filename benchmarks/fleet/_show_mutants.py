@@ -8,8 +8,8 @@ _PASSED_ON = "self._notify(f\"emergency stop by {'the conductor' if stop.by == C
 
 MUTANTS = {
     "no member passes a stop on": [
-        (_MEMBER, _PASSED_ON + '        self._link.publish("stop", encode(stop))', _PASSED_ON),
-        (_MEMBER, 'for stop in self._held:\n            self._link.publish("stop", encode(stop))', ""),
+        (_MEMBER, _PASSED_ON + '        self._link.publish("stop", messages.encode(stop))', _PASSED_ON),
+        (_MEMBER, 'for stop in self._held:\n            self._link.publish("stop", messages.encode(stop))', ""),
         (_CONDUCTOR, 'self._link.publish("stop", data)', "pass"),
     ],
     "no check of what a cue may say, at member and deck": [
@@ -19,12 +19,12 @@ MUTANTS = {
     ],
     "a restarted deck does not wait": [(_MEMBER, "self._now() < self._joined_at", "False")],
     "a restarted deck remembers nothing": [(_MEMBER, "memory.read() if memory is not None else ()", "()")],
-    "no ids in clock answers": [(_CONDUCTOR, "self._stops.latest))", "[]))")],
+    "no ids in clock answers": [(_CONDUCTOR, "self.show.lost_after, self._stops.latest)", "self.show.lost_after, [])")],
     "a second press is swallowed": [
         (_MEMBER, "others <= self._passed_on:", "others <= self._passed_on or self._held:")
     ],
     "a deck does not repeat its stop": [
-        (_MEMBER, 'for stop in self._held:\n            self._link.publish("stop", encode(stop))', "")
+        (_MEMBER, 'for stop in self._held:\n            self._link.publish("stop", messages.encode(stop))', "")
     ],
 }
 """Each with its module, a text of it, and what is there instead; repeated."""

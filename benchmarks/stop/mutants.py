@@ -222,12 +222,12 @@ MUTANTS = (
     ),
     Mutant(
         "member: a stop is not passed on", MEMBER, SHOWS,
-        'stop.by}")\n        self._link.publish("stop", encode(stop))\n',
+        'stop.by}")\n        self._link.publish("stop", messages.encode(stop))\n',
         'stop.by}")\n',
     ),
     Mutant(
         "member: a stop that stands is not repeated", MEMBER, STANDING,
-        '        for stop in self._held:\n            self._link.publish("stop", encode(stop))\n',
+        '        for stop in self._held:\n            self._link.publish("stop", messages.encode(stop))\n',
         "",
     ),
     Mutant(
@@ -267,8 +267,8 @@ MUTANTS = (
     ),
     Mutant(
         "conductor: no stops in its clock's answers", CONDUCTOR, STANDING,
-        "self._stops.latest))",
-        "[]))",
+        "self.show.lost_after, self._stops.latest)",
+        "self.show.lost_after, [])",
     ),
     Mutant(
         "conductor: stops of before are not taken over", CONDUCTOR, STANDING,
@@ -402,8 +402,8 @@ MUTANTS = (
     ),
     Mutant(
         "guard: held joints jump to targets elsewhere", GUARD, GUARDS,
-        "bool(np.all(np.abs(last - envelope.position) < AT))",
-        "True",
+        " and np.all(np.abs(last - envelope.position) < AT):",
+        ":",
     ),
     Mutant(
         "guard: a lost deck does not stop the rig", GUARD, GUARDS,
@@ -487,8 +487,8 @@ MUTANTS = (
     ),
     Mutant(
         "actuator: the lag is applied twice", "controller/loop/lead.py", "tests/controller/loop/test_lead.py",
-        "(Delay(largest - lag, dt),",
-        "(Delay(largest - 2.0 * lag, dt),",
+        "(Delay(self._largest - lag, dt),",
+        "(Delay(self._largest - 2.0 * lag, dt),",
     ),
     Mutant(
         "actuator: a correction is learned while a joint yields", "controller/loop/correction.py",
