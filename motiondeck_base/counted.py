@@ -1,7 +1,5 @@
 """A number with the word that it counts: 1 frame, 2 frames, 2 switches."""
 
-from __future__ import annotations
-
 
 def counted(number: int, one: str) -> str:
     """The number and the word, which takes an s, or es behind ch, sh and s, unless the number is 1."""

@@ -1,7 +1,5 @@
 """Signals that ask a program to end before a run has begun, which then takes signals itself."""
 
-from __future__ import annotations
-
 import signal
 import sys
 

@@ -1,7 +1,5 @@
 """Numbers of files that calculations cannot hold: too large, too small, or not finite."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Iterator
 from typing import NamedTuple

@@ -1,7 +1,5 @@
 """Translates msgspec errors into the terms of TOML and JSON files."""
 
-from __future__ import annotations
-
 import re
 
 _KINDS = {

@@ -1,7 +1,5 @@
 """Reads and writes files that the user names; every failure is one clear line."""
 
-from __future__ import annotations
-
 import codecs
 import math
 import os

@@ -1,7 +1,5 @@
 """Recognizes files whose content is of another kind than their name says, by their first bytes."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 GZIP, ZIP = b"\x1f\x8b", b"PK\x03\x04"

@@ -1,7 +1,5 @@
 """Suggests known names that are similar to a mistyped one."""
 
-from __future__ import annotations
-
 import difflib
 from collections.abc import Iterable
 

@@ -1,7 +1,5 @@
 """Text that came from a file or a socket, safe to print: a terminal would obey the control characters in it."""
 
-from __future__ import annotations
-
 import re
 
 _CONTROLS = re.compile(r"[\x00-\x08\x0b-\x1f\x7f-\x9f\u202a-\u202e\u2066-\u2069]")  # all but tab and newline

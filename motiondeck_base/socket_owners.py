@@ -1,7 +1,5 @@
 """The users that own sockets on this machine, from the tables of /proc/net."""
 
-from __future__ import annotations
-
 import contextlib
 import socket
 import sys

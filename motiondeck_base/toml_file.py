@@ -1,7 +1,5 @@
 """Reading TOML into typed structures; errors name the file, each wrong key and what is allowed there."""
 
-from __future__ import annotations
-
 import re
 import tomllib
 from collections.abc import Iterable, Iterator

@@ -4,8 +4,6 @@ Recordings are analysed (`recording_analysis`), resampled to one rate and carrie
 be edited and trained again.
 """
 
-from __future__ import annotations
-
 from collections import Counter
 from collections.abc import Collection, Iterable, Sequence
 from dataclasses import dataclass, field, replace

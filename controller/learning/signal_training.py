@@ -4,8 +4,6 @@ Motions need a body and an encoding; the networks themselves do not. A signal is
 are the washout.
 """
 
-from __future__ import annotations
-
 from collections.abc import Collection, Mapping
 from dataclasses import dataclass
 

@@ -2,8 +2,6 @@
 
 # ruff: noqa: D102 (`Ticker` documents what the methods of a `Clock` do)
 
-from __future__ import annotations
-
 import time
 from dataclasses import dataclass, field
 from typing import Literal, Protocol

@@ -16,8 +16,6 @@ while its target moves, is far off, hot or silent, or the run is not following. 
 change.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable
 from dataclasses import dataclass, field

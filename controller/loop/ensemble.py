@@ -1,7 +1,5 @@
 """An ensemble: robots that play the same poses, as one robot with the joints of all, which goes as the slowest does."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from dataclasses import fields
 

@@ -1,7 +1,5 @@
 """Counts the exceptions of a call that must not stop the loop, and gives the call up when it keeps failing."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import dataclass
 from typing import ParamSpec

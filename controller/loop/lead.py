@@ -7,8 +7,6 @@ targets, only later, so switches, changes of tempo and pauses come through exact
 an output that lags: what it brakes, brakes at once.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Sequence
 

@@ -6,8 +6,6 @@ targets are held; if it keeps raising, the joints come to rest and the loop ends
 Ticks that run at once after a stall advance the deck, but are not written faster than time passes (see `pace`).
 """
 
-from __future__ import annotations
-
 import gc
 import math
 from collections.abc import Callable, Iterator, Sequence

@@ -1,7 +1,5 @@
 """A channel: one output of the loop, the ticks in which it is served, and its faults."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass, field
 
 from controller.deck.interfaces import Output

@@ -1,7 +1,5 @@
 """Permissions of the operating system for a real-time loop: scheduling, cores, and memory locked in RAM."""
 
-from __future__ import annotations
-
 import ctypes
 import os
 import resource

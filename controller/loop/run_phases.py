@@ -1,7 +1,5 @@
 """The phases of a run as a stream of safe targets: approach, play, home, emergency stop, and the final stop."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable, Iterator, Sequence
 from itertools import chain

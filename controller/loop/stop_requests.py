@@ -1,7 +1,5 @@
 """Stop requests: end the run, emergency stop, stand at home. Ctrl-C and kill end a run, a second one at once."""
 
-from __future__ import annotations
-
 import signal
 import threading
 from collections.abc import Iterator

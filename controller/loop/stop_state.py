@@ -15,8 +15,6 @@ A source counts its presses, and a reset releases those that it has seen: neithe
 crosses a reset on its way can be taken for another. A pulled wire cannot be reset before it is let go.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from typing import Literal, Protocol
 

@@ -10,8 +10,6 @@ are arms; the longest on each side, since faces and twist bones branch off too. 
 of a leg with the largest sum of lengths; the upper arm is the longest bone of an arm.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import combinations

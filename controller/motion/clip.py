@@ -1,7 +1,5 @@
 """A clip: one recorded motion of a skeleton at a constant rate."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

@@ -1,7 +1,5 @@
 """The cubic between frames (Catmull-Rom): from p1 to p2 with the slopes (p2 - p0) / 2 and (p3 - p1) / 2."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from controller.motion.rotations import Array

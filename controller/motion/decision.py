@@ -1,7 +1,5 @@
 """A decision about a recording: what was decided, on which evidence, and what overrules it."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from typing import Literal
 

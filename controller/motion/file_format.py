@@ -3,8 +3,6 @@
 Readers raise FileFormatError, naming the file and where possible the line, if it cannot be read or is broken.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path

@@ -12,8 +12,6 @@ A reader gives the world position and rotation of every joint in every frame:
   direction in each frame.
 """
 
-from __future__ import annotations
-
 from collections.abc import Collection, Iterable, Sequence
 from dataclasses import dataclass, replace
 from itertools import chain, count

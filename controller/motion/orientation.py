@@ -18,8 +18,6 @@ The walk along the bones is written by components, plain numbers for one frame a
 calls on arrays of three numbers would cost ten times more than the arithmetic.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterable
 from typing import Any, TypeAlias
 

@@ -1,7 +1,5 @@
 """Several people in one file: each is a take by name, and none is taken in silence."""
 
-from __future__ import annotations
-
 from collections.abc import Collection, Sequence
 from itertools import pairwise
 from pathlib import Path

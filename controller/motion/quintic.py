@@ -1,7 +1,5 @@
 """Quintic easing: from 0 to 1, and from an initial value or slope to 0, with zero end slopes and curvatures."""
 
-from __future__ import annotations
-
 from typing import TypeVar
 
 from controller.motion.rotations import Array

@@ -1,7 +1,5 @@
 """Decisions about a file's unit of length and its vertical axis, which readers make."""
 
-from __future__ import annotations
-
 from controller.motion.decision import Decision
 
 UNIT_NAMES = {

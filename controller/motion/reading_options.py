@@ -1,7 +1,5 @@
 """Options that override or complete what the file of a recording says."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path

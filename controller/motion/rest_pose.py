@@ -9,8 +9,6 @@ With K the rotation of a bone from its zero pose to the rest pose, P that of the
 rotation, the bone rests along K v and moves by P R K^-1, which keeps every joint where the file has it.
 """
 
-from __future__ import annotations
-
 from collections import Counter
 from dataclasses import dataclass, replace
 from typing import NamedTuple

@@ -3,8 +3,6 @@
 All functions broadcast over the leading axes. A quaternion rotates a vector by  v' = q v q*.
 """
 
-from __future__ import annotations
-
 from functools import cached_property
 from math import cos, sin, sqrt
 

@@ -1,7 +1,5 @@
 """The body of the thesis: the 19 bones of Jaeger's patterns, with a rest pose."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from controller.motion.rotations import Array

@@ -1,7 +1,5 @@
 """Detects the vertical axis of a file from how the body stands and touches the ground."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from typing import Literal
 

@@ -4,8 +4,6 @@ They are added to the joints of the file, so that all that follows finds a whole
 with the pelvis and turn with its heading.
 """
 
-from __future__ import annotations
-
 from dataclasses import replace
 from itertools import chain, pairwise
 from pathlib import Path

@@ -1,7 +1,5 @@
 """One register of every servo of a rig: read and written one by one, or broadcast."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Sequence
 
 from hardware.bus.servo_bus import Bus

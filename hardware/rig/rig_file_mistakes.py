@@ -1,7 +1,5 @@
 """Mistakes in a rig file in its own terms: the message of msgspec with line, place and allowed keys."""
 
-from __future__ import annotations
-
 import re
 from collections.abc import Sequence
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Conversion between joint angles and servo counts, for a whole rig at once."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

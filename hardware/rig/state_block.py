@@ -7,8 +7,6 @@ everything from torque to temperature where they stand; read of such a servo at 
 Servos without indirect cells have so few registers that they are always asked for everything.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from functools import lru_cache
 from typing import Any

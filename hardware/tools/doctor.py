@@ -1,7 +1,5 @@
 """Diagnosis of a rig's servos, and repair of their registers."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import suppress
 from functools import partial

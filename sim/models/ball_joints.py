@@ -1,7 +1,5 @@
 """Ball joints of a robot's model: three hinges replace each driven one, because only hinges are played."""
 
-from __future__ import annotations
-
 from itertools import combinations
 
 import mujoco

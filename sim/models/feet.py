@@ -1,7 +1,5 @@
 """Feet: flat soles of a robot, found from its shape in the rest pose, without names."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import mujoco

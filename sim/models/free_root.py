@@ -1,7 +1,5 @@
 """The free root of a robot, whose file may have it fixed to the world, on rails, tied, or on the floor."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import mujoco

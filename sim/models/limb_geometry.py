@@ -5,8 +5,6 @@ thigh, roll of a forearm) turns its segment. Hips and shoulders are seldom balls
 the axes across the limb.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 
 import mujoco

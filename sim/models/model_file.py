@@ -14,8 +14,6 @@ centre. A standing leg turns the rest of the body about the foot: its stiffness 
 times the length of the leg, with damping and rotor to match.
 """
 
-from __future__ import annotations
-
 import re
 from collections.abc import Mapping, Sequence
 from math import sqrt

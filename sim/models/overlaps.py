@@ -1,7 +1,5 @@
 """Overlaps: bodies of a model that penetrate each other, and the depth."""
 
-from __future__ import annotations
-
 import mujoco
 import numpy as np
 

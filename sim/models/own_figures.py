@@ -1,7 +1,5 @@
 """A robot file's own figures of joints, set in the model, where simulation, checks, walking and pages read them."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """Robot files: the TOML description of a robot, every key with its checks."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Annotated, Literal

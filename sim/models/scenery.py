@@ -1,7 +1,5 @@
 """Scenery of every robot: floor, light, sky, and the gantry that carries its root."""
 
-from __future__ import annotations
-
 import mujoco
 
 GANTRY = "(gantry)"

@@ -10,8 +10,6 @@ line), and draws a current in proportion to its torque:
 The gears have backlash, and the bus has latency.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from typing import Annotated
 

@@ -1,7 +1,5 @@
 """Walk settings: the table [walk] of a robot file."""
 
-from __future__ import annotations
-
 import re
 
 import msgspec

@@ -8,8 +8,6 @@ xi is the capture point (Pratt et al. 2006) of the simulated robot. By the ankle
 back. Near the border of the support ankles are at their limit, and the hips bend towards xi (the hip strategy).
 """
 
-from __future__ import annotations
-
 import mujoco
 import numpy as np
 

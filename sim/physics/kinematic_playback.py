@@ -1,7 +1,5 @@
 """Kinematic playback: an output that shows joint targets on a MuJoCo robot exactly."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 
 import mujoco

@@ -9,8 +9,6 @@ With a free root the floor carries the body: forces within their friction cones 
 chosen to come closest to the force and moment that would hold the root.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import mujoco

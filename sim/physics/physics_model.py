@@ -1,7 +1,5 @@
 """The simulated model of a robot: on a gantry, fixed in place, or free on a solid floor."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 
 import mujoco

@@ -1,7 +1,5 @@
 """Physics playback: an output that simulates the robot with its servos and masses."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Mapping
 from copy import copy
 

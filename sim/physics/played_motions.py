@@ -1,7 +1,5 @@
 """A motion as it was played: samples of joint targets and of the human's poses, read at any tempo."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Pushes of a simulated body: usual impulse, duration, direction and force."""
 
-from __future__ import annotations
-
 import math
 
 import mujoco

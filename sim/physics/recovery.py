@@ -7,8 +7,6 @@ TRIES stays down. In a fall it bends its legs, raises its forearms before its fa
 SOFT of their kp and all of their kv, which takes up the energy of the fall.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Iterator, Sequence
 from enum import Enum, auto

@@ -3,8 +3,6 @@
 Load, stall and fall show in the servos as current, heat and missed goals. Fits `hardware.emulator.plant.JointPlant`.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 
 import mujoco

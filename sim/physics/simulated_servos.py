@@ -1,7 +1,5 @@
 """Simulated servos: torque limits, backlash and latency in each step, and statistics of load."""
 
-from __future__ import annotations
-
 from collections import deque
 
 import mujoco

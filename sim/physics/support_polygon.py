@@ -1,7 +1,5 @@
 """Support polygon of a standing body, and the margin of a point inside it."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from controller.motion.rotations import Array

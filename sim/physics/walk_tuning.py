@@ -5,8 +5,6 @@ robot stands; then bisection for the quickest pace at which it stands in every t
 pace and is judged under pushes that the search did not use.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 

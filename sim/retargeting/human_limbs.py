@@ -6,8 +6,6 @@ raised towards the trunk, because spines round in sitting and bending. The zero 
 in them: recordings differ in it by up to 20 degrees.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from math import cos, sin, sqrt
 

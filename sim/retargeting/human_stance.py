@@ -6,8 +6,6 @@ flat feet. With one slope for all, one human would walk on the heels and another
 foot stands, and soles that are flat for the human are flat for the robot.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 from math import atan2, cos, dist, exp, hypot, sin, sqrt

@@ -5,8 +5,6 @@ the root goes. So while both stand, the vector between the soles is held, and so
 as the human's foot does not stand, the held values follow the robot, without a jump when a foot is put down or lifted.
 """
 
-from __future__ import annotations
-
 from math import exp
 
 import numpy as np

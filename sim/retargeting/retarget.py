@@ -3,8 +3,6 @@
 Both retargeters continue from their last answer where several are right; `reset()` clears it.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from math import atan2, cos, hypot, pi, remainder, sin, sqrt
 

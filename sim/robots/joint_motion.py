@@ -1,7 +1,5 @@
 """A retargeted clip: a robot's joint angles and root over time, as .csv or .clip."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from pathlib import Path
 

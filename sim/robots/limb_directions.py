@@ -6,8 +6,6 @@ most. Of the robot file only one body of each limb, the pelvis and the chest are
 about as much, the body below the knee.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import dataclass
 

@@ -8,8 +8,6 @@ The guard looks at targets, not at positions, before envelope and servo. A joint
 tick, so the limbs then go somewhat deeper into each other.
 """
 
-from __future__ import annotations
-
 from collections import Counter
 
 import mujoco

@@ -5,8 +5,6 @@ both sides. Hinges along the limb (yaw of a thigh, roll of a forearm) belong to 
 hinge across the limb is the ankle (wrist); toes and fingers are ignored.
 """
 
-from __future__ import annotations
-
 from collections.abc import Collection, Sequence
 from dataclasses import dataclass
 

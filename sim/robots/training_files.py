@@ -10,8 +10,6 @@
 Metres, radians, seconds. Joints and bodies are all of the model, in its order. The root is that of the model's file.
 """
 
-from __future__ import annotations
-
 import io
 from pathlib import Path
 from typing import Any, Literal, get_args

@@ -8,8 +8,6 @@ x0 in which they are zero becomes
     x = x0 P0 (P0^T P) P^T
 """
 
-from __future__ import annotations
-
 import numpy as np
 from numpy.typing import NDArray
 

@@ -12,8 +12,6 @@
    come from one Cholesky factor (its leading blocks are those of the shorter sums); then the shares are computed again.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Accuracy measures of centralized networks, and Akaike's criterion for their size (Vakulenko 2017)."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from controller.motion.rotations import Array

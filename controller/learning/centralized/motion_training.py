@@ -4,8 +4,6 @@ A loop gets a slow center with one turn in its period and fast ones with whole n
 their torus is closed. A one-shot gets a slow center that starts with a quarter, 0.45 or one turn and is optimised too.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterable
 from dataclasses import dataclass
 from itertools import combinations

@@ -1,7 +1,5 @@
 """Trains a movement primitive: common satellites for all demonstrations of a motion, and weights for each."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 
 import numpy as np

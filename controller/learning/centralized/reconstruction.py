@@ -11,8 +11,6 @@
    the best methods of both kinds, weighted by their errors on the hidden intervals.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Literal, NamedTuple

@@ -8,8 +8,6 @@
    that stopping criteria end too early.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import dataclass
 

@@ -1,7 +1,5 @@
 """The accuracy of a readout: Jaeger's normalised root mean square error."""
 
-from __future__ import annotations
-
 import numpy as np
 from numpy.typing import NDArray
 

@@ -7,8 +7,6 @@ Every run takes 1000 steps, all runs of a motion side by side; `self_test` judge
 Intrinsic runs are the network alone; in guarded ones a guard (`controller/networks/guard.py`) restarts what is lost.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from typing import Literal
 

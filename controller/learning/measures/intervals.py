@@ -1,7 +1,5 @@
 """Confidence intervals of counted shares, of runs that are independent of each other and of runs that are not."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Sequence
 

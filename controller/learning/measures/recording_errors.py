@@ -9,8 +9,6 @@ The frames of a loop within SEAM seconds of its seam are left out, because the m
 one-shot may be LATE seconds late from STOPS seconds before its end on, because it comes to rest there.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

@@ -4,8 +4,6 @@ The disturbances are the thesis's (`disturbance.py`). A trainer's choice (`failu
 (`stress_test`): a motion that fails in one run of ten passes five runs more often than not.
 """
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

@@ -4,8 +4,6 @@ Recordings that differ in an input, such as speed, become one motion: a single c
 out, stretched to the same number of frames, and shifted to the phase of the first.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 
 import numpy as np

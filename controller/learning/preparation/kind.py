@@ -3,8 +3,6 @@
 A gesture that begins and ends in the same rest is no loop, though its ends meet.
 """
 
-from __future__ import annotations
-
 from typing import Literal, NamedTuple
 
 import numpy as np

@@ -7,8 +7,6 @@ Channels that are velocities (of the path, of the heading) are noisy differences
 means over SLOPE_SECONDS, and the corrections on both sides cancel: a loop turns as far as its recording.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

@@ -16,8 +16,6 @@ with K the covariance of the recordings, k that of the prediction with them, and
 weights are the same for every channel and frame. They add up to 1 and keep lines, and so the speed of a body.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 
 import numpy as np

@@ -5,8 +5,6 @@ slides, by up to 40 mm in each round. The root is moved along the ground instead
 otherwise than recorded. Limbs and heights stay as they are.
 """
 
-from __future__ import annotations
-
 import numpy as np
 from scipy.ndimage import uniform_filter1d
 

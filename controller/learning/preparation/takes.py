@@ -5,8 +5,6 @@ squared differences (Sakoe and Chiba 1978). Four takes halve their random differ
 phase and number of periods. The takes of a motion are NAME.clip, NAME.2.clip, NAME.3.clip and so on.
 """
 
-from __future__ import annotations
-
 import math
 import re
 from collections.abc import Iterable, Sequence

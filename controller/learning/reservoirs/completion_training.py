@@ -1,7 +1,5 @@
 """Trains the reconstruction of unmeasured channels: ridge regression on a reservoir driven by the measured ones."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 
 import msgspec

@@ -9,8 +9,6 @@ X and inputs P of the new motion update V as in joint training (recursive ridge 
 and W_out likewise. In the space of the stored motions G is large and V hardly changes. Their own W U stays bit by bit.
 """
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Trains centralized networks, with sizes of the recipe or those preferred by AICc."""
 
-from __future__ import annotations
-
 from typing import Literal
 
 import msgspec

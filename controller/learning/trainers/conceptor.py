@@ -1,7 +1,5 @@
 """Trains conceptor networks."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Sequence
 
 import numpy as np

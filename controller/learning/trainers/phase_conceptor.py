@@ -9,8 +9,6 @@ The reservoir is driven with the channels and the phase of a motion. A piece the
 both by ridge regression on z = U' (x - m).
 """
 
-from __future__ import annotations
-
 from dataclasses import fields
 
 import msgspec

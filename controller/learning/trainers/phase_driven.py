@@ -4,8 +4,6 @@ The phase assigns each state to a frame of the recording, so readouts are learne
 network. Motions are independent of each other.
 """
 
-from __future__ import annotations
-
 from abc import abstractmethod
 from collections.abc import Callable
 from dataclasses import replace

@@ -3,8 +3,6 @@
 The channels are not fed back, so the states in playing are known before training, and one regression a piece suffices.
 """
 
-from __future__ import annotations
-
 import numpy as np
 
 from controller.learning.preparation.training_motion import TrainingMotion

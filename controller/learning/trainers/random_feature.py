@@ -12,8 +12,6 @@ Then V, which predicts the driving signal, and W_out are ridge regressions over 
 G + W_in V. Noise on state and signal during these runs teaches both to return from small errors.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 

@@ -1,7 +1,5 @@
 """Finds the trainer of a kind of network: its file here, named as the kind's folder in `controller/networks`."""
 
-from __future__ import annotations
-
 from functools import cache
 from importlib import import_module
 from typing import Any

@@ -1,7 +1,5 @@
 """Carries out the commands that arrive at sockets, replies, and sends events to subscribers."""
 
-from __future__ import annotations
-
 import time
 from collections import deque
 from collections.abc import Callable, Sequence

@@ -1,7 +1,5 @@
 """Carries out commands on a run: on its deck, servos, body, or its end. A command without a case is a type error."""
 
-from __future__ import annotations
-
 import math
 import random
 from collections.abc import Iterator

@@ -2,8 +2,6 @@
 
 # ruff: noqa: D102 (`controller.deck.deck.Deck`, `clock.Ticker` and `RigOutput` of a run document what these do)
 
-from __future__ import annotations
-
 from collections import deque
 from collections.abc import Callable, Sequence
 from typing import NamedTuple, Protocol, runtime_checkable

@@ -1,7 +1,5 @@
 """What clients wait for: events, heartbeats, and second replies when a switch has settled or servos have replied."""
 
-from __future__ import annotations
-
 from collections import deque
 from collections.abc import Callable
 from dataclasses import dataclass

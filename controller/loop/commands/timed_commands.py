@@ -1,7 +1,5 @@
 """Timed commands: kept until the tick that is due at their time."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 
 import msgspec

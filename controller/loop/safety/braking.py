@@ -16,8 +16,6 @@ One joint at a time, in plain numbers: for the few joints that need it in a tick
 written out where a stop is computed: calls would cost as much as what they do.
 """
 
-from __future__ import annotations
-
 from math import ceil, copysign, floor, sqrt
 
 Run = tuple[float, float, float]

@@ -5,8 +5,6 @@ are written than periods have passed. Time is earned as it passes, BURST periods
 written spends one. In any time T therefore at most T / period + BURST + 1 - LEAST ticks are written.
 """
 
-from __future__ import annotations
-
 BURST = 2.0  # periods: a tick that comes less than a period late takes nothing from the next one
 LEAST = 0.75  # of a period; so much must be earned
 

@@ -14,8 +14,6 @@ One joint at a time, in plain numbers: in a loop that sleeps between its ticks, 
 each take three times as long.
 """
 
-from __future__ import annotations
-
 import numpy as np
 from numpy.typing import NDArray
 

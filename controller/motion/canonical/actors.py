@@ -6,8 +6,6 @@ all takes that have it. The body of a library is that of the actor nearest to th
 their order.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 

@@ -3,8 +3,6 @@
 Each is one line that names the bone, the reason and the remedy.
 """
 
-from __future__ import annotations
-
 import numpy as np
 
 from controller.motion.anatomy import SIDES, named_anatomy

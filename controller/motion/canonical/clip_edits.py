@@ -1,7 +1,5 @@
 """Edits of clips: resampling, trimming, mirroring, and detection of jumps and spikes."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 from itertools import pairwise

@@ -11,8 +11,6 @@ The heading is the horizontal line from the right hip to the left one, rotated b
 line, the x components of the two hip bones are zero by construction (channels 5 and 17 of the thesis, counted from 1).
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from functools import cached_property
 from typing import ClassVar, Self

@@ -3,8 +3,6 @@
 ENCODINGS lists them by the name that libraries use. A further one is a class of the same methods, and an entry here.
 """
 
-from __future__ import annotations
-
 from controller.motion.encodings.bone_directions import BoneDirections
 from controller.motion.encodings.joint_angles import JointAngles, JointBody
 from controller.motion.encodings.joint_rotations import JointRotations

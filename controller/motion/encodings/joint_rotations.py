@@ -10,8 +10,6 @@ all in the heading frame. A direction and a side determine a rotation (`orientat
 unlike angles or quaternions they are continuous: networks may average the channels of two motions.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from functools import cached_property
 from typing import ClassVar

@@ -5,8 +5,6 @@ two windows is the root mean square distance of their joints. Windows, unlike fr
 different directions, and need no alignment in time: a slightly different tempo is not an error.
 """
 
-from __future__ import annotations
-
 from bisect import bisect_right
 from dataclasses import dataclass
 

@@ -4,8 +4,6 @@ A recording shorter than LONG is one motion. In a longer one, what lies between 
 is cut where the distribution of poses changes (`segmentation`). Still ends of each motion are left out.
 """
 
-from __future__ import annotations
-
 from itertools import pairwise
 from typing import NamedTuple
 

@@ -1,7 +1,5 @@
 """A path in another unit than the bones: exporters that scale one and forget the other."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

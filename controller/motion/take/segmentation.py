@@ -11,8 +11,6 @@ programming over moments STEP apart. A start that can no longer be best is dropp
 recording, memory by 1 MB a minute.
 """
 
-from __future__ import annotations
-
 from contextlib import suppress
 from itertools import pairwise
 

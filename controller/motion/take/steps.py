@@ -1,7 +1,5 @@
 """The steps that correct a recording, in their order: the unit of its path, its rate, its ground."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 from controller.motion.clip import Clip

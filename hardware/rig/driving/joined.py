@@ -5,8 +5,6 @@ current               the larger one
 temperature, voltage  of the servo that is worse off; so are errors, torque and missed answers
 """
 
-from __future__ import annotations
-
 import numpy as np
 
 from hardware.rig.driving.readings import Measurements

@@ -10,8 +10,6 @@ rotate: those of each family that can together, each other one alone, and betwee
 While all registers of a servo are wanted, some requests read a few of those instead (see `register_reading`).
 """
 
-from __future__ import annotations
-
 from collections import deque
 from collections.abc import Iterator, Sequence
 from typing import Any, NamedTuple

@@ -7,8 +7,6 @@ Only registers that the rig neither sets nor relies on can be written, and only 
 command. For all others there are the rig file, `rig doctor --fix` and `rig setup`.
 """
 
-from __future__ import annotations
-
 from hardware.errors import RigError
 from hardware.families.register import Register, decode_block
 from hardware.families.table import ControlTable

@@ -13,8 +13,6 @@ speeds are sent only while every servo answers, and again as soon as all do afte
 be silent right behind such a write, all get the slowest of the silent ones' speeds meanwhile.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterator, Sequence
 from functools import partial
 from typing import NamedTuple

@@ -4,8 +4,6 @@ Goals, the read request behind them and all replies must fit into one tick, also
 speeds and watchdogs again: bytes sent during a reply destroy both.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 
 import numpy as np

@@ -4,8 +4,6 @@ The port is opened if it is gone; then every servo is verified, set up and switc
 until it works or the time is over.
 """
 
-from __future__ import annotations
-
 import threading
 from collections.abc import Callable
 from typing import NamedTuple

@@ -4,8 +4,6 @@ A joint that leaves its place is noted as moving before it can be half a turn aw
 for half a second, or at the end.
 """
 
-from __future__ import annotations
-
 import threading
 from collections.abc import Callable, Sequence
 

@@ -28,8 +28,6 @@ puts its zero elsewhere, a second ID lets another servo's goals move it.
 Profiles and bus watchdog are RAM too; `switching` writes them each time.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Iterable, Iterator
 from typing import Literal, NamedTuple

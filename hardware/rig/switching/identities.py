@@ -1,7 +1,5 @@
 """Whether the servos of a rig are there, are those of the rig file, answer, and are well."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 
 from hardware.bus.servo_bus import Bus, Identity

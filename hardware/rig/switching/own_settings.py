@@ -1,7 +1,5 @@
 """What servos keep themselves and a rig file does not ask for: read when they are switched on, and never written."""
 
-from __future__ import annotations
-
 from typing import NamedTuple
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Switching a rig on and off: torque comes on only where the joint stands. These functions wait; none is for a loop."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable
 from typing import NamedTuple

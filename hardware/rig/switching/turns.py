@@ -9,8 +9,6 @@ indirect addresses, which its power takes along, are those of a rig. A servo tha
 power was off is not noticed.
 """
 
-from __future__ import annotations
-
 import numpy as np
 
 from hardware.bus.servo_bus import Bus

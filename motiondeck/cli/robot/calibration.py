@@ -1,7 +1,5 @@
 """`motiondeck robot calibrate`: finds the model, tries the calibrated robot, and reports."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Mapping
 from contextlib import suppress
 from dataclasses import dataclass

@@ -1,7 +1,5 @@
 """`motiondeck robot tune-walk`: tunes a robot's walk and writes the settings into its file."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from functools import lru_cache
 from pathlib import Path

@@ -1,7 +1,5 @@
 """COLLADA files (.dae), which many URDFs name and MuJoCo cannot read: the triangles of the scene, in metres."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Mesh files that MuJoCo does not read: COLLADA (.dae), text STL, and STL with very many triangles."""
 
-from __future__ import annotations
-
 import re
 from collections.abc import Mapping
 from dataclasses import replace

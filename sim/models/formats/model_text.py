@@ -4,8 +4,6 @@ Such URDFs name meshes by package://, Gazebo's model:// or from the folder of th
 no <collision> shapes. MuJoCo ignores their speed limits, and its own errors name no remedy.
 """
 
-from __future__ import annotations
-
 import codecs
 import re
 from collections.abc import Mapping

@@ -4,8 +4,6 @@ A custom text of the model names its URDF, also when saved. Physics, feet and li
 never wait for large meshes.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from pathlib import Path
 

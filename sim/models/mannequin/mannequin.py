@@ -4,8 +4,6 @@ Each bone is a body at the end of its parent on a ball joint. In the rest pose e
 ball joint's quaternion is the bone's rotation seen from its parent.
 """
 
-from __future__ import annotations
-
 import mujoco
 import numpy as np
 

@@ -4,8 +4,6 @@ A solid lies in the frame of its bone: w along the bone, u to the front (or up, 
 v across. Lengths are of a body 1.80 m tall and scale with the skeleton's own stature.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from typing import Literal
 

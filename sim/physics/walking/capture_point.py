@@ -18,8 +18,6 @@ summed over what is to come. The centre of mass follows by itself:
     c' = omega (xi - c)                                                                                          (4)
 """
 
-from __future__ import annotations
-
 import numpy as np
 
 from controller.motion.rotations import Array

@@ -1,7 +1,5 @@
 """Gait: places of the feet, the present step, and where it lands to catch the body."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 
 import numpy as np

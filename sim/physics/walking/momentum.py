@@ -24,8 +24,6 @@ the second of
     s = -kappa / W v',      omega integral from t of  e^(-omega (t' - t)) s(t') dt'                              (14)
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Sequence
 from typing import NamedTuple

@@ -5,8 +5,6 @@ swings while its sole is the faster one of the two, and moves or is raised; smal
 foot always stands, also in a run.
 """
 
-from __future__ import annotations
-
 from collections import deque
 from dataclasses import dataclass
 

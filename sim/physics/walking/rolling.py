@@ -8,8 +8,6 @@ where theta < 0. Its middle is ahead of and above its place on the flat sole by
 while that edge stays where it is: the plan need not know of it.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 
 import numpy as np

@@ -14,8 +14,6 @@ The posture, with the trunk's turn, is filtered in the same way: integrated from
 and gravity. Measurements arrive after `delay`.
 """
 
-from __future__ import annotations
-
 from collections import deque
 from collections.abc import Callable
 from dataclasses import dataclass

@@ -1,7 +1,5 @@
 """Steps: the coming places of the feet, and the course of the centre of pressure that follows from them."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import TypeVar

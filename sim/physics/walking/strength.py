@@ -12,8 +12,6 @@ with the height h of c above the ankle. So the leg gives way where
     the largest eigenvalue of J K^-1 J^T is above h / W                                                         (15)
 """
 
-from __future__ import annotations
-
 import mujoco
 import numpy as np
 from numpy.typing import NDArray

@@ -17,8 +17,6 @@ with the effect s of swinging legs (`leg_swing`). Other quick turns of the body 
 All is planned on a plane where feet never slip, and the robot is seen from its standing feet: its place is not needed.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 
 import mujoco

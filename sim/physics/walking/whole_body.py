@@ -10,8 +10,6 @@ pull the root down. Where it would rise faster than it may, or a knee would beco
 with that as a constraint.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 
 import mujoco
