@@ -34,6 +34,7 @@ SMOOTHED = 0.1  # s
 # the contacts' deviations, which themselves are at most FLAT, m.
 CONTACTS, LEAST_RISE, STEEPEST, REMAINS, FLAT = 4, 0.06, 0.27, 0.4, 0.015
 LEAST_SLOPE = 0.026  # the floors of good recordings slope by up to 1.3 degrees
+PERHAPS = 0.6  # of the contacts' deviations remain at most on a floor that may slope
 STEADIER = 0.8  # by so much less must then vary how low the body comes, with any joint, in each second
 STEPS = 0.1  # m: contacts whose heights differ by more are on steps, or the floor is not level
 LEANS, RUNS = 6.5, 1.8  # degrees, m/s: a body that does not run round a curve seldom leans aside by more
@@ -111,11 +112,12 @@ def grounded(clip: Clip, wanted: float | str) -> tuple[Clip, Decision]:
             return _raised(taken, -height), Decision("ground", decided, evidence, OVERRULE, notable=True)
     height = _height(feet)
     evidence = f"feet stand for {feet.lasts.sum():.1f} s, the lowest of them at {height:.3f} m"
-    if len(feet.at) < CONTACTS or np.ptp(feet.place[:, :2], axis=0).max() < WIDE:
-        evidence += "; too seldom, or in one place, to show a slope"
     if AT_ZERO[0] < height < AT_ZERO[1]:
         doubt = _unlevel(joints, feet, clip.rate)
         decided = "at 0, but it may slope or drift, or there are steps" if doubt else "at 0"
+        if not doubt and (len(feet.at) < CONTACTS or np.ptp(feet.place[:, :2], axis=0).max() < WIDE):
+            # The same words for all, which a report says once.
+            decided, doubt = "at 0, not checked for a slope", "feet stand too seldom, or in one place, to show one"
         return clip, Decision("ground", decided, doubt or evidence, OVERRULE, notable=bool(doubt))
     height -= SOLE * leg
     return _raised(clip, -height), Decision(
@@ -127,6 +129,12 @@ def _unlevel(joints: Array, feet: Contacts, rate: float) -> str:
     """What says that the floor is not level though no slope or drift fits; empty if nothing does."""
     if np.ptp(feet.place[:, 2]) > STEPS:
         return f"feet stand at heights from {feet.place[:, 2].min():.2f} to {feet.place[:, 2].max():.2f} m"
+    if len(feet.at) >= CONTACTS:
+        height, weight = feet.place[:, 2], np.sqrt(feet.lasts)
+        plane, slope = _fitted(feet.place[:, :2], height, weight, WIDE)
+        before = _deviation(height - np.average(height, weights=weight**2), weight)
+        if (steep := float(np.hypot(*slope))) > LEAST_SLOPE and _deviation(plane, weight) < PERHAPS * before:
+            return f"feet stand as on a floor that slopes by {np.degrees(np.arctan(steep)):.1f} degrees"
     hips, ankles = (0.5 * (joints[:, _index("l" + end)] + joints[:, _index("r" + end)]) for end in ("hip", "ank"))
     across = normalise((joints[:, _index("lhip")] - joints[:, _index("rhip")]) * [1.0, 1.0, 0.0])
     line = joints[:, _index("neck")] - ankles

@@ -30,8 +30,8 @@ USUAL_RATES = np.array(
 )  # Hz
 TELEVISION = 1.001  # 29.97 and 59.94 Hz are 30 and 60 over this
 # A gap: a step that is the steps beside it times this, but for a deviation in the same measure, of joints faster than
-# GAP_SPEED, m/s.
-GAP, GAP_DEVIATION, GAP_SPEED = 1.7, 0.4, 0.3
+# GAP_SPEED, m/s. Each frame beyond ALONG allows as much again, because limbs change their pace over it.
+GAP, GAP_DEVIATION, GAP_SPEED, ALONG = 1.7, 0.4, 0.3, 2.5
 MOST_MISSING = 5  # frames; more are a jump
 
 
@@ -105,7 +105,8 @@ def _with_gaps(step: Array, rate: float) -> Timing | None:
     times = (step[1:-1] * beside).sum((1, 2)) / np.maximum(square, 1e-12)
     aside = step[1:-1] - times[:, None, None] * beside
     deviation = np.sqrt(np.square(aside).sum((1, 2)) / np.maximum(square, 1e-12))
-    gaps = moves & (times > GAP) & (deviation < GAP_DEVIATION) & (times < MOST_MISSING + 1.5)
+    straight = deviation < GAP_DEVIATION * np.maximum(1.0, times - ALONG + 1.0)
+    gaps = moves & straight & (times > GAP) & (times < MOST_MISSING + 1.5)
     if not gaps.any():
         return None
     missing = np.zeros(len(step), dtype=np.int64)

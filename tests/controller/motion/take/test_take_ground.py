@@ -46,7 +46,16 @@ def test_a_floor_at_0_stays():
 def test_feet_in_one_place_do_not_show_a_slope():
     clip = hops()
     in_place = Clip("hops", clip.skeleton, RATE, clip.root_position * [0.1, 0.1, 1.0], clip.rotation, "hops.bvh")
-    assert "or in one place, to show a slope" in grounded(in_place, "auto")[1].evidence
+    decision = grounded(in_place, "auto")[1]
+    assert (decision.decided, decision.notable) == ("at 0, not checked for a slope", True)
+
+
+def test_a_slope_that_is_too_slight_to_be_levelled_is_said():
+    clip = hops(lambda x, y, t: 0.028 * x)
+    found, decision = grounded(clip, "auto")
+    assert found is clip
+    assert decision.evidence == "feet stand as on a floor that slopes by 1.6 degrees"
+    assert decision.notable
 
 
 @given(st.floats(0.2, 30.0) | st.floats(-30.0, -0.2))

@@ -67,6 +67,17 @@ def test_missing_frames_are_filled_in(missing):
     assert decision.decided.startswith(f"{missing} missing frame")
 
 
+def test_missing_frames_of_a_kick_are_found_where_the_foot_is_fastest():
+    """Over four frames a foot goes farther than the steps beside it say, and the body no farther."""
+    frame = np.arange(60)
+    foot = np.cumsum(2.0 * np.exp(-(((frame - 30) / 4.0) ** 2))) / 60.0
+    body = frame / 60.0
+    points = np.stack([np.stack([one, 0.0 * one, 0.0 * one], axis=1) for one in (foot, body)], axis=1)
+    found = timing_of(np.delete(points, [29, 30, 31], axis=0), 60.0)
+    assert found.decided == "4 missing frames filled in"  # of 3: the foot is faster there
+    assert not timing_of(points, 60.0).decided
+
+
 def test_a_body_that_stands_still_to_the_last_digit_is_no_held_frame():
     clip = dance()
     paused = picked(clip, np.concatenate([np.arange(60), np.full(45, 59), np.arange(60, 120)]))
