@@ -12,12 +12,14 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from controller.motion.canonical.canonical_body import CANONICAL_BONES, carried, landmarks_of, leg, to_canonical
+from controller.motion.canonical.clip_edits import thinned
 from controller.motion.clip import Clip
 from controller.motion.rotations import Array, normalise
 from controller.motion.skeleton import Skeleton
 
 SAME_ACTOR = 0.008  # m: by the lengths of limbs, takes of an actor from markers differ by 3 mm, two actors by 17
 SHARE = 0.95
+RATE = 30.0  # Hz, at which wrists are looked at
 _RIGID = [CANONICAL_BONES.index(side + end) for end in ("hip", "kne", "ank", "elb", "wri") for side in "lr"]
 _HANDS = [1 + CANONICAL_BONES.index(side + "wri") for side in "lr"]
 _HIPS = [1 + CANONICAL_BONES.index(side + "hip") for side in "lr"]
@@ -73,7 +75,7 @@ def nearest_to_all(actors: list[Actor]) -> Actor:
 
 def hands_off(clip: Clip, body: Skeleton) -> float:
     """How far wrists are off on another body, mm: 95 % of the frames, seen from the hips, scaled by the leg."""
-    own = to_canonical(clip)
+    own = to_canonical(thinned(clip, RATE))
     other = carried(own, body)
     places = [one.joints()[:, _HANDS] - one.joints()[:, _HIPS].mean(axis=1, keepdims=True) for one in (own, other)]
     ratio = leg(own.skeleton) / leg(body)

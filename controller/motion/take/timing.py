@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from controller.motion.canonical.clip_edits import FASTEST_BODY, cubic, interpolated
 from controller.motion.clip import Clip
 from controller.motion.decision import Decision
-from controller.motion.rotations import Array
+from controller.motion.rotations import Array, continuous
 from motiondeck_base.counted import counted
 
 SAME = 1e-7  # m: frames whose joints are this near are one frame held
@@ -33,6 +33,7 @@ TELEVISION = 1.001  # 29.97 and 59.94 Hz are 30 and 60 over this
 # GAP_SPEED, m/s. Each frame beyond ALONG allows as much again, because limbs change their pace over it.
 GAP, GAP_DEVIATION, GAP_SPEED, ALONG = 1.7, 0.4, 0.3, 2.5
 MOST_MISSING = 5  # frames; more are a jump
+BLOCK = 2000  # steps that are looked at together, for the sake of memory
 
 
 @dataclass(frozen=True)
@@ -48,7 +49,7 @@ class Timing:
 
 def timing_of(points: Array, rate: float) -> Timing:
     """The timing of points (T, K, 3), m, in a file of a rate in Hz; NaN where a point was not seen."""
-    step = np.nan_to_num(np.diff(points, axis=0))
+    step = np.nan_to_num(np.diff(points, axis=0), copy=False)
     length = np.sqrt(np.square(step).sum(-1)).max(axis=1, initial=0.0)
     width = max(1, round(MOVES_SECONDS * rate))
     moves = rate * np.convolve(length, np.ones(width) / width, "same")[: len(length)] > MOVES
@@ -99,12 +100,10 @@ def _without_held(
 
 def _with_gaps(step: Array, rate: float) -> Timing | None:
     """The timing with the frames that are missing where a step is a multiple of those beside it."""
-    beside = 0.5 * (step[:-2] + step[2:])
-    square = np.square(beside).sum((1, 2))
-    moves = np.sqrt(np.square(beside).sum(-1)).max(axis=1) * rate > GAP_SPEED
-    times = (step[1:-1] * beside).sum((1, 2)) / np.maximum(square, 1e-12)
-    aside = step[1:-1] - times[:, None, None] * beside
-    deviation = np.sqrt(np.square(aside).sum((1, 2)) / np.maximum(square, 1e-12))
+    if len(step) < 3:
+        return None
+    parts = [_as_those_beside(step[first : first + BLOCK + 2], rate) for first in range(0, len(step) - 2, BLOCK)]
+    moves, times, deviation = (np.concatenate(one) for one in zip(*parts, strict=True))
     straight = deviation < GAP_DEVIATION * np.maximum(1.0, times - ALONG + 1.0)
     gaps = moves & straight & (times > GAP) & (times < MOST_MISSING + 1.5)
     if not gaps.any():
@@ -119,6 +118,16 @@ def _with_gaps(step: Array, rate: float) -> Timing | None:
     )
     decided = f"{counted(int(missing.sum()), 'missing frame')} filled in"
     return Timing(np.arange(len(at)), at.astype(float), rate, decided, figures)
+
+
+def _as_those_beside(step: Array, rate: float) -> tuple[NDArray[np.bool_], Array, Array]:
+    """Of inner steps of (S, K, 3): whether fast, how many times those beside it, deviation from that, (S - 2,) each."""
+    beside = 0.5 * (step[:-2] + step[2:])
+    square = np.square(beside).sum((1, 2))
+    times = (step[1:-1] * beside).sum((1, 2)) / np.maximum(square, 1e-12)
+    aside = step[1:-1] - times[:, None, None] * beside
+    deviation = np.sqrt(np.square(aside).sum((1, 2)) / np.maximum(square, 1e-12))
+    return np.sqrt(np.square(beside).sum(-1)).max(axis=1) * rate > GAP_SPEED, times, deviation
 
 
 def timed(clip: Clip, wanted: float | str) -> tuple[Clip, Decision]:
@@ -151,8 +160,13 @@ def _spread_out(clip: Clip, at: Array) -> Clip:
     """A clip whose frames belong to the times `at`, in frames, (T,): cubics fill the frames between."""
     wanted = np.arange(int(at[-1]) + 1)
     low = np.minimum(np.searchsorted(at, wanted, "right") - 1, len(at) - 2)
+    position, rotation = clip.root_position[low], clip.rotation[low]
+    between = np.flatnonzero(at[low] != wanted)
+    low, wanted = low[between], wanted[between]
     time = [at[np.clip(low + step, 0, len(at) - 1)] for step in (-1, 0, 1, 2)]
-    return interpolated(clip, low, lambda points: _between(points, time, wanted))
+    filled = interpolated(clip, low, lambda points: _between(points, time, wanted))
+    position[between], rotation[between] = filled.root_position, filled.rotation
+    return replace(clip, root_position=position, rotation=continuous(rotation))
 
 
 def _between(points: list[Array], time: list[Array], wanted: NDArray[np.int64]) -> Array:
