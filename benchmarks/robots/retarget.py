@@ -3,9 +3,9 @@
 Walk, jog, waltz and box as the shipped library plays them, at 120 Hz. First servo20 with either solver; then a humanoid
 of 57 hinges and a free root, made here from the motions' own skeleton so that every pose is in reach, by ours and by
 mink set up as its examples do (frame tasks, posture, configuration and velocity limits, DAQP, one step a frame; needs
-pip install mink). Errors are of knees and ankles seen from the hip, elbows and wrists seen from the
-shoulder, in mm of the robot's size. Times
-are medians over rounds of 40 frames.
+pip install mink). Angles between the robot's limbs and the human's in the world are
+means in degrees; errors of the second robot are of knees and ankles seen from the hip, elbows and wrists seen from the
+shoulder, in mm. Times are medians over rounds of 40 frames.
 """
 
 # pyright: reportMissingImports=false
@@ -39,9 +39,9 @@ from controller.motion.skeleton import ROOT, Skeleton
 from motiondeck.run.sampled_motions import as_clip
 from motiondeck_base.shipped import find_library, find_robot
 from sim.models.robot_file import read_robot_file
-from sim.retargeting.robot_limbs import RobotLimbs
 from sim.retargeting.robot_parts import SIDES
-from sim.robots.fidelity import carry, floor_measures, joint_measures, limb_errors
+from sim.robots.fidelity import carry, floor_measures, joint_measures
+from sim.robots.limb_directions import LimbDirections
 from sim.robots.robot import Robot, load_robot
 
 MOTIONS = ("walk", "jog", "waltz", "box1")
@@ -89,8 +89,8 @@ def measured(path: Path, clips: list[Clip], solver) -> dict[str, object]:
         robot = load_robot(path, clip.skeleton, solver, 1.0 / clip.rate)
         joints = len(robot.joints)
         carried = carry(clip, robot, SafetyEnvelope)
-        limbs = RobotLimbs(path, robot.model, file.parts, np.array(file.root_rotation), robot.joints)
-        errors.append(limb_errors(limbs, carried))
+        directions = LimbDirections(robot.model, file.parts, np.array(file.root_rotation))
+        errors.append(directions.errors(carried.qpos, carried.limbs))
         counts = joint_measures(clip, robot, carried)
         zeros += [counts["beyond"], counts["too_fast"], counts["jumps"]]
         feet = {side: robot.model.body(file.parts[f"{side}_foot"]).id for side in SIDES}
@@ -103,7 +103,10 @@ def measured(path: Path, clips: list[Clip], solver) -> dict[str, object]:
         "solver": solver,
         "joints": joints,
         "microseconds": float(np.median(times)),
-        **{f"{joint}_mm": 1000.0 * float(np.mean([error[joint] for error in errors])) for joint in errors[0]},
+        **{
+            f"{part}_deg": float(np.mean([error[f"{side}_{part}"][0] for error in errors for side in SIDES]))
+            for part in ("thigh", "shank", "upper_arm", "forearm")
+        },
         "beyond_limits": int(zeros[0]),
         "too_fast": int(zeros[1]),
         "jumps": int(zeros[2]),

@@ -7,10 +7,14 @@ middle of the hips to that of the shoulders, limbs from joint to joint. Of each 
 largest of each column:
 
     trunk, arms, legs    means of a recording; `free`: in frames with no hip or waist at its end, `ends`: in the others
+    ..._can              of arms at the best angles within their joints' ranges
     hand                 in recordings with a deep bend: the robot's lowest hand less the human's, shares of hip height
     slide, own_slide     of soles whose human foot stands, and of the human's ball then, mm/s
     sunk, beyond         deepest in the floor, mm; joints beyond their range
     ms                   to carry a frame, median of the recordings
+
+With --peers the method of General Motion Retargeting and mink as its examples set it up (`retargeting_peers`; pip
+install mink) carry the same recordings, with --beside another tree of the project does; --tempo plays more slowly.
 
     python -m benchmarks world ../shared/data --models published-models --download
     python -m benchmarks world ../shared/data --set chosen --only unitree_g1,no_waist --each
@@ -19,10 +23,12 @@ largest of each column:
 from __future__ import annotations
 
 import json
+import os
+import subprocess
 import sys
 import tempfile
 import time
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from dataclasses import replace
 from enum import StrEnum
 from pathlib import Path
@@ -42,12 +48,14 @@ from controller.motion.canonical.clip_edits import without_reference_pose
 from controller.motion.clip import Clip
 from controller.motion.formats.acclaim.amc import skeleton_of
 from controller.motion.formats.reading import read_clip
-from controller.motion.posture import poses_of
+from controller.motion.posture import Pose, poses_of
 from controller.motion.reading_options import ReadingOptions
+from controller.motion.rotations import Array
 from motiondeck_base.errors import MotiondeckError
 from motiondeck_base.shipped import find_robot
+from sim.retargeting.robot_limbs import RobotLimbs
 from sim.robots.calibrate import calibrate
-from sim.robots.robot import RobotLoader
+from sim.robots.robot import Robot, RobotLoader
 
 # Weights and rules of the solver were chosen on the first ones; the others are reported on.
 CHOSEN = (
@@ -79,7 +87,8 @@ SHARED = (
 )
 NOT_CARRIED = "nnRawCartWheel.mat"
 DEEP = 0.35  # height of a hand in a deep bend, shares of the hip's
-COLUMNS = ("trunk", "free", "ends", *LINES, "slide", "own_slide", "sunk", "beyond")
+COLUMNS = ("trunk", "free", "ends", *LINES, "upper_arm_can", "forearm_can", "slide", "own_slide", "sunk", "beyond")
+PEERS = ("GMR's method", "mink")
 
 Row = dict[str, Any]
 
@@ -109,22 +118,42 @@ def files_of(data: Path, which: Which, written: Path) -> list[Path]:
     return here + [data / name for name in names if (data / name).exists()]
 
 
-def carried(load: RobotLoader, points: RobotPoints, clip: Clip, person: Human) -> Row:
-    """One recording on one robot."""
+def carried(load: RobotLoader, points: RobotPoints, clip: Clip, person: Human, method: str) -> Row:
+    """One recording on one robot, by "ours" or one of PEERS."""
     robot = load(clip.skeleton, None, 1.0 / clip.rate)
     assert robot.footing is not None
     robot.footing.flat.learn(clip)
-    qpos, state = np.empty((len(clip), robot.model.nq)), robot.model.qpos0.copy()
+    place = _ours(robot) if method == "ours" else _peer(method, load, robot, clip)
+    qpos = np.empty((len(clip), robot.model.nq))
     started = time.perf_counter()
     for frame, pose in enumerate(poses_of(clip)):
-        robot.place(np.clip(robot.retarget(pose), robot.limits.lower, robot.limits.upper), pose, state)
-        qpos[frame] = state
+        qpos[frame] = place(pose)
     taken = time.perf_counter() - started
     return measure(points, qpos, person, clip.rate) | {"ms": 1000.0 * taken / len(clip)}
 
 
+def _ours(robot: Robot) -> Callable[[Pose], Array]:
+    state = robot.model.qpos0.copy()
+
+    def place(pose: Pose) -> Array:
+        robot.place(np.clip(robot.retarget(pose), robot.limits.lower, robot.limits.upper), pose, state)
+        return state
+
+    return place
+
+
+def _peer(method: str, load: RobotLoader, robot: Robot, clip: Clip) -> Callable[[Pose], Array]:
+    from benchmarks.robots.retargeting_peers import OneStage, TwoStages  # needs mink
+
+    parts = load.file.parts
+    limbs = RobotLimbs(Path(load.file.name), robot.model, parts, np.array(load.file.root_rotation), robot.joints)
+    if method == "mink":
+        return OneStage(robot, parts, limbs, clip.skeleton, 1.0 / clip.rate)
+    return TwoStages(robot, parts, limbs, clip.skeleton)
+
+
 def rows_of(
-    robot: WorldRobot, file: Path, takes: Iterable[tuple[str, Clip, Human]], *, as_learned: bool
+    robot: WorldRobot, file: Path, takes: Iterable[tuple[str, Clip, Human]], method: str, *, as_learned: bool
 ) -> Iterable[Row]:
     """A row a recording; `as_learned` carries the recordings to the body of learned motions first."""
     load, points = RobotLoader(file), None
@@ -132,10 +161,20 @@ def rows_of(
         clip = to_canonical(clip) if as_learned else clip
         if points is None:
             points = RobotPoints(robot, load(clip.skeleton).model, np.array(load.file.root_rotation))
-        yield {"robot": robot.name, "recording": name} | carried(load, points, clip, person)
+        yield {"robot": robot.name, "method": method, "recording": name} | carried(load, points, clip, person, method)
 
 
-def takes_of(data: Path, which: Which, seconds: float, written: Path) -> list[tuple[str, Clip, Human]]:
+def _beside(tree: Path, robot: str, arguments: list[str]) -> list[Row]:
+    """The rows of a robot by the benchmark of another tree of the project."""
+    command = [sys.executable, "-m", "benchmarks", "world", *arguments, "--json", "--only", robot]
+    said = subprocess.run(
+        command, cwd=tree, env=os.environ | {"PYTHONPATH": str(tree)}, check=True, capture_output=True
+    )
+    rows = [json.loads(line) for line in said.stdout.splitlines() if line.startswith(b"{")]
+    return [row | {"method": tree.name} for row in rows]
+
+
+def takes_of(data: Path, which: Which, seconds: float, tempo: float, written: Path) -> list[tuple[str, Clip, Human]]:
     """Recordings as read by the product, and what the human did by the other reading."""
     found = []
     for path in files_of(data, which, written):
@@ -143,20 +182,21 @@ def takes_of(data: Path, which: Which, seconds: float, written: Path) -> list[tu
         count = min(len(clip), round(seconds * clip.rate))
         clip = replace(clip, root_position=clip.root_position[:count], rotation=clip.rotation[:count])
         person = human(recorded(path), slice(left_out, left_out + count))
-        found.append((path.stem.removesuffix("_120"), clip, person))
+        found.append((path.stem.removesuffix("_120"), replace(clip, rate=tempo * clip.rate), person))
     return found
 
 
-def summed(robot: str, rows: list[Row]) -> list[str]:
+def summed(rows: list[Row]) -> list[str]:
     """Lines of a robot: means over its recordings, and the largest of each column with its recording's name."""
     deep = [row["robots_hand"] - row["hand"] for row in rows if row["hand"] < DEEP]
     hand = f"{np.mean(deep):6.2f}" if deep else "     -"
     most = f"{max(deep):6.2f}" if deep else "     -"
     ms = float(np.median([row["ms"] for row in rows]))
-    means = " ".join(f"{np.mean([row[name] for row in rows]):9.1f}" for name in COLUMNS)
-    worst = " ".join(f"{max(row[name] for row in rows):9.1f}" for name in COLUMNS)
+    means = " ".join(f"{np.mean([row.get(name, np.nan) for row in rows]):9.1f}" for name in COLUMNS)
+    worst = " ".join(f"{max(row.get(name, np.nan) for row in rows):9.1f}" for name in COLUMNS)
     where = max(rows, key=lambda row: row["trunk"])["recording"]
-    return [f"{robot:13}{means} {hand} {ms:6.2f}", f"  worst      {worst} {most}        (trunk in {where})"]
+    head = f"{rows[0]['robot']:13}{means} {hand} {ms:6.2f}  {rows[0]['method']}"
+    return [head, f"  worst      {worst} {most}        (trunk in {where})"]
 
 
 def main(
@@ -166,6 +206,9 @@ def main(
     which: Annotated[Which, typer.Option("--set", help="Of the recordings.")] = Which.ALL,
     only: Annotated[str, typer.Option(help="Names of robots, by commas.")] = ",".join(r.name for r in ROBOTS),
     seconds: Annotated[float, typer.Option(help="Of each recording.")] = 6.0,
+    tempo: Annotated[float, typer.Option(help="At which they are played.")] = 1.0,
+    peers: Annotated[bool, typer.Option(help="Also GMR's method and mink.")] = False,
+    beside: Annotated[Path | None, typer.Option(help="Also by another tree of the project.")] = None,
     as_learned: Annotated[bool, typer.Option(help="On the body of learned motions.")] = False,
     each: Annotated[bool, typer.Option(help="Also a row a recording.")] = False,
     as_json: Annotated[bool, typer.Option("--json", help="Print a JSON object a row.")] = False,
@@ -173,9 +216,12 @@ def main(
     if download:
         fetch(models, {robot.name for robot in ROBOTS})
     with tempfile.TemporaryDirectory() as folder:
-        takes = takes_of(data, which, seconds, Path(folder))
+        takes = takes_of(data, which, seconds, tempo, Path(folder))
         if not as_json:
-            print(f"{len(takes)} recordings\n{'':13}" + " ".join(f"{name:>9}" for name in (*COLUMNS, "hand", "ms")))
+            print(
+                f"{len(takes)} recordings\n{'':13}"
+                + " ".join(f"{name:>9}" for name in (*(c[:9] for c in COLUMNS), "hand", "ms"))
+            )
         for robot in (robot for robot in ROBOTS if robot.name in only.split(",")):
             model = model_of(robot, models, Path(folder))
             if model is not None and not model.exists():
@@ -185,18 +231,23 @@ def main(
             try:
                 if model is not None:
                     file.write_text(calibrate(model).to_toml(file.parent))
-                rows = list(rows_of(robot, file, takes, as_learned=as_learned))
+                methods = ("ours", *PEERS) if peers else ("ours",)
+                found = [list(rows_of(robot, file, takes, method, as_learned=as_learned)) for method in methods]
             except MotiondeckError as error:
                 print(f"{robot.name}: {error}")
                 continue
-            if as_json:
-                print("\n".join(json.dumps(row) for row in rows), flush=True)
-                continue
-            for row in rows if each else ():
-                cells = " ".join(f"{row[name]:9.1f}" for name in COLUMNS)
-                hands = f"{row['robots_hand']:4.2f}/{row['hand']:4.2f}"
-                print(f"  {row['recording'][-11:]:11}{cells} {hands} {row['ms']:.2f}")
-            print("\n".join(summed(robot.name, rows)), flush=True)
+            if beside is not None:
+                here = [str(data.resolve()), "--models", str(models.resolve()), "--set", which.value]
+                found.append(_beside(beside.resolve(), robot.name, [*here, "--seconds", str(seconds)]))
+            for rows in found:
+                if as_json:
+                    print("\n".join(json.dumps(row) for row in rows), flush=True)
+                    continue
+                for row in rows if each else ():
+                    cells = " ".join(f"{row.get(name, np.nan):9.1f}" for name in COLUMNS)
+                    hands = f"{row['robots_hand']:4.2f}/{row['hand']:4.2f}"
+                    print(f"  {row['recording'][-11:]:11}{cells} {hands} {row['ms']:.2f}")
+                print("\n".join(summed(rows)), flush=True)
 
 
 if __name__ == "__main__":

@@ -14,12 +14,15 @@ from numpy.typing import NDArray
 from scipy.spatial import ConvexHull, QhullError
 
 from benchmarks.recordings.faithful_files import Recorded, leg_length
+from benchmarks.robots.world_reach import ArmReach
 from benchmarks.robots.world_robots import Limbs, WorldRobot
 
 Array = NDArray[np.float64]
 
 SIDES = "rl"
 LINES = {"thigh": ("hip", "kne"), "shank": ("kne", "ank"), "upper_arm": ("sho", "elb"), "forearm": ("elb", "wri")}
+ARM = ("upper_arm", "forearm")
+SEARCHED = 10.0  # rate of frames in which the best angles of arms are searched, Hz
 STILL, LOW = 0.15, 0.08  # of a ball that stands: legs a second, and legs above the floor
 FLOOR = 0.02  # share of the frames whose lowest point is below the floor
 TIP = 0.1  # of a forearm without a wrist, as a share of its length
@@ -80,8 +83,14 @@ class RobotPoints:
             hips.append(hip)
             shoulders.append(shoulder)
             tips.append(self._local(hand, wrist))
+        chest = self._trunk(robot.arm, robot)
+        self.arms: dict[str, ArmReach] = {}
+        for side, name in zip(SIDES, robot.sides, strict=True):
+            hinges = [model.joint(one.format(name)).id for one in (*robot.arm.centre, robot.arm.middle)]
+            lines = [self._lines[f"{side}_{part}"] for part in ARM]
+            self.arms[side] = ArmReach(model, hinges, chest, lines)
         self._hips = self._local(self._trunk(robot.leg, robot), np.mean(hips, axis=0))
-        self._shoulders = self._local(self._trunk(robot.arm, robot), np.mean(shoulders, axis=0))
+        self._shoulders = self._local(chest, np.mean(shoulders, axis=0))
         self._hands = tips
         self.hip_height = float(np.mean(legs) + np.mean(ankles))  # standing, m
 
@@ -94,6 +103,15 @@ class RobotPoints:
         lines["trunk"] = _unit(self._world(self._shoulders) - self._world(self._hips))
         hand = min(float(self._world(point)[2]) for point in self._hands)
         return lines, hand / self.hip_height, self._placed(self._solid, self._body)
+
+    def chests(self, qpos: Array) -> Array:
+        """Rotations of the chest in some frames (T, nq), shape (T, 3, 3)."""
+        found = np.empty((len(qpos), 3, 3))
+        for frame, q in enumerate(qpos):
+            self._data.qpos[:] = q
+            mujoco.mj_kinematics(self.model, self._data)
+            found[frame] = self._data.xmat[self.arms["r"].chest].reshape(3, 3)
+        return found
 
     def heights(self, places: Array) -> Array:
         """How high the solid points (P, 3) are, their roundness counted, m."""
@@ -156,7 +174,8 @@ def measure(points: RobotPoints, qpos: Array, person: Human, rate: float) -> dic
     Mean and worst angle in the world of "trunk", and means of the limbs, both sides alike, degrees; the trunk in frames
     in which no hip or waist is at the end of its range (`free`) or one is (`ends`; `at_end` is their share); the lowest
     hand of each, shares of the hip's height; `slide` of soles whose human foot stands, mm/s, and `own_slide` of its
-    ball; `sunk`, mm; joints `beyond` their ranges.
+    ball; `sunk`, mm; joints `beyond` their ranges. `upper_arm_can` and `forearm_can` are the means at the best angles
+    within the ranges of the arms' joints, by a search of its own (`world_reach`).
     """
     off: dict[str, list[float]] = {name: [] for name in person.lines}
     hands, speeds, sunk, before = [], [], 0.0, None
@@ -185,6 +204,7 @@ def measure(points: RobotPoints, qpos: Array, person: Human, rate: float) -> dic
         "at_end": float(at_end.mean()),
         **means,
         **worst,
+        **_can(points, qpos, person, rate),
         "hand": float(person.hands.min()),
         "robots_hand": float(np.min(hands)),
         "slide": 1000.0 * float(np.mean(speeds)) if speeds else 0.0,
@@ -192,6 +212,15 @@ def measure(points: RobotPoints, qpos: Array, person: Human, rate: float) -> dic
         "sunk": 1000.0 * sunk,
         "beyond": float(_beyond(points.model, qpos)),
     }
+
+
+def _can(points: RobotPoints, qpos: Array, person: Human, rate: float) -> dict[str, float]:
+    frames = np.arange(0, len(qpos), max(round(rate / SEARCHED), 1))
+    chests, found = points.chests(qpos[frames]), []
+    for side, arm in points.arms.items():
+        goals = np.stack([person.lines[f"{side}_{part}"][frames] for part in ARM], axis=1)
+        found.append(arm(np.matmul(goals, chests)).mean(axis=0))
+    return {f"{part}_can": float(can) for part, can in zip(ARM, np.mean(found, axis=0), strict=True)}
 
 
 def _hinges(model: mujoco.MjModel) -> tuple[Array, Array, Array, Array]:

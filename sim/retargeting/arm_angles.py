@@ -17,7 +17,7 @@ from math import atan2, cos, hypot, pi, sin, sqrt
 
 Vector = Sequence[float]
 
-FOREARM, ROUNDS, FIRST_ROUNDS = 0.7, 3, 40  # weight of the forearm beside the upper arm; rounds in a tick and at first
+FOREARM, ROUNDS, FIRST_ROUNDS = 0.85, 3, 40  # weight of the forearm beside the upper arm; rounds in a tick and at first
 UNCERTAIN = 1e-3  # an arm stretched out sideways has no pitch
 # Missing part of the maximum from which other pitches are tried, and the share of it that is better.
 FAR_OFF, BETTER = 0.1, 0.5

@@ -6,11 +6,13 @@ lengths of the robot's segments. One step solves
     min over dq   sum_k w_k^2 |g_k - v_k - J_k dq|^2 + p |q + dq - rest|^2 + d |dq|^2
     such that     lower <= q + dq <= upper,   |q + dq - q_before| <= velocity * dt
 
-(Gauss-Newton, damped; the inequalities as in Kanoun et al. 2011) with the solver DAQP (Arnström et al. 2022). Steps
-start from the last answer and keep to the joints' speeds, so the answer never jumps to another branch. Standing feet
-have goals for the vector between them and for their toes (`planted_feet`). The plane of a bent arm is a goal too: an
-upper arm that cannot follow would else twist for a small gain, and put the elbow on the wrong side when the arm bends
-more.
+(Gauss-Newton, damped; the inequalities as in Kanoun et al. 2011) with the solver DAQP (Arnström et al. 2022). The base
+floats: dq has three more numbers, by which the pelvis tilts from the rotation that `RobotTrunk` proposes, so that
+trunk, legs and standing feet share what hips or ankles cannot do, by their weights. Steps start from the last answer
+and keep to the joints' speeds, so the answer never jumps to another branch; limbs that are off in the first pose are
+tried from other angles. Standing feet have goals for the vector between them and for their toes (`planted_feet`). The
+plane of a bent arm is a goal too: an upper arm that cannot follow would else twist for a small gain, and put the elbow
+on the wrong side when the arm bends more.
 """
 
 from __future__ import annotations
@@ -27,16 +29,25 @@ from controller.motion.rotations import Array
 from controller.motion.skeleton import Skeleton
 from sim.retargeting.human_limbs import LIMBS
 from sim.retargeting.human_stance import HumanStance
-from sim.retargeting.limb_finder import FEET, PLANE
+from sim.retargeting.limb_finder import FEET, PLANE, TRUNK
 from sim.retargeting.planted_feet import PlantedFeet
 from sim.retargeting.robot_limbs import RobotLimbs
 from sim.retargeting.robot_parts import SIDES
-from sim.retargeting.robot_trunk import RobotTrunk
+from sim.retargeting.robot_trunk import RobotTrunk, turned_by, vector_of
 from sim.retargeting.stuck_limbs import StuckLimbs
 
 # Weights of vectors as long as a leg. A hand may be in place on a mirrored arm, so both segments of an arm count as
 # much as the whole, and each by its angle, however short it is.
-WEIGHT = {"leg": 2.5, "thigh": 2.0, "arm": 2.0, "upper_arm": 2.0, "forearm": 2.0, "head": 1.5, "chest": 3.0}
+WEIGHT = {
+    "leg": 2.5,
+    "thigh": 2.0,
+    "arm": 2.0,
+    "upper_arm": 2.0,
+    "forearm": 2.0,
+    "head": 1.5,
+    "chest": 3.0,
+    "trunk": 2.7,
+}
 # Soles are level with the human's. Toes share their direction with the plane of the knee: few ankles turn a foot. Nor
 # do they tilt as far as on tiptoe: the weight falls with the tilt of the human's sole, down to this share.
 WEIGHT |= {"foot_up": 2.5, "foot_ahead": 0.4}
@@ -50,9 +61,15 @@ WEIGHT |= {"upper_arm_start": 2.0, "thigh_start": 2.0}
 POSTURE = 3e-4
 DAMPING = 3e-3
 
+# The pelvis: weights of 1 rad of tilt, and of a turn under a rigid trunk; of 1 rad in a step; its speed, rad/s; rad.
+LEVEL, TWIST, SLOW, TILT_SPEED, FARTHEST = 0.5, 3.0, 1.0, 6.0, 0.6
+
 FAR, STEPS = 0.1, 2  # a tick has a second step if a joint went this far in the first one, rad
 FIRST_STEPS, FIRST_REACH = 60, 0.3  # to the first pose: largest number of steps, and of rad in each
 SETTLED = 1e-4  # rad
+TRIES, TRY_STEPS = 16, 20  # of the first pose: other angles for limbs that are off, and steps from each
+
+_CHEST = LIMBS.index("chest_ahead")
 
 
 class InverseKinematics:
@@ -70,7 +87,7 @@ class InverseKinematics:
     ) -> None:
         """As of `LimbSolver`, for a skeleton with its stance; FileFormatError if it lacks a limb."""
         self._trunk, self._stance = trunk or RobotTrunk(skeleton, limbs.waist(limits)), stance
-        self.solver = LimbSolver(limbs, limits, rest, dt)
+        self.solver = LimbSolver(limbs, limits, rest, dt, tilts=True)
         self._planted = None
         if stance is not None and stance.feet == 2 and FEET in limbs.vectors.names:
             leg = float(self._trunk.view.length[[LIMBS.index("r_thigh"), LIMBS.index("r_shank")]].sum())
@@ -90,14 +107,21 @@ class InverseKinematics:
             directions = self._stance.flat(directions)
         if self._planted is not None:
             self._planted(pose, self.solver.q, self._trunk.pelvis)
-        return self.solver(directions, self._trunk.pelvis[2], self._planted)
+        q = self.solver(directions, self._trunk.pelvis[2], self._planted)
+        self._trunk.pelvis = self._trunk.pelvis @ self.solver.tilt
+        if self._planted is not None:
+            self._planted.root = self._trunk.pelvis
+        return q
 
 
 class LimbSolver:
     """Joint angles of one robot for directions of its limbs."""
 
-    def __init__(self, limbs: RobotLimbs, limits: JointLimits, rest: Array, dt: float) -> None:
-        """Args: limbs of a robot; limits of its N joints; rest (N,) of joints that no goal needs, rad; the tick, s."""
+    def __init__(self, limbs: RobotLimbs, limits: JointLimits, rest: Array, dt: float, *, tilts: bool = False) -> None:
+        """Args: limbs; limits of its N joints; rest (N,) of joints that no goal needs, rad; the tick, s.
+
+        With `tilts` the pelvis gives way too.
+        """
         self._goals = Goals(limbs)
         self.limbs, self._limits, self._rest = limbs, limits, rest
         self._step = limits.velocity * dt
@@ -117,8 +141,16 @@ class LimbSolver:
         # The trunk does not bend for what an arm cannot reach: joints of the chest do not count for arms and head.
         along = np.outer(self._goals.on_chest, limbs.turns_chest)
         self._slope = self._weight[:, :, None] * ~along[:, None, :]
-        self._no_rows = np.zeros((0, len(rest)))
-        self._any_sense = np.zeros(len(rest), dtype=np.int32)
+        # Arms and head do not tilt the pelvis either; points that hang from it turn with it.
+        self._tilts = (self._goals.turns & ~self._goals.on_chest)[:, None]
+        twist = 0.0 if "chest_ahead" in self.names else TWIST
+        pelvis = np.array([LEVEL, LEVEL, LEVEL + twist]) if tilts else np.zeros(0)
+        # Weights of rest, and those of small steps too.
+        self._stays = np.concatenate([np.full(len(rest), POSTURE), pelvis])
+        self._stay = self._stays + np.concatenate([np.full(len(rest), DAMPING), np.full(len(pelvis), SLOW)])
+        self._tilting, self._tilt_step = tilts, TILT_SPEED * dt * tilts / STEPS
+        self._no_rows = np.zeros((0, len(self._stays)))
+        self._any_sense = np.zeros(len(self._stays), dtype=np.int32)
         vectors = limbs.vectors
         self.stuck = StuckLimbs(vectors.names, limbs.moved, vectors.length, rest, self._advance, dt)
         self.reset()
@@ -126,6 +158,7 @@ class LimbSolver:
     def reset(self) -> None:
         """Resets: the next pose is reached from rest within one call."""
         self.q = np.clip(self._rest, self._limits.lower, self._limits.upper)  # the last answer, rad
+        self.tilt = np.eye(3)  # of the pelvis beside the rotation from which its limbs are seen, shape (3, 3)
         self._started = False
         self.stuck.reset()
         self._count, self._square, self._worst = 0, np.zeros(len(self.names)), np.zeros(len(self.names))
@@ -142,18 +175,13 @@ class LimbSolver:
         missed = self._square
         if not self._started:
             self._started = True
-            for _ in range(FIRST_STEPS):
-                before = q
-                low, high = np.maximum(lower - q, -FIRST_REACH), np.minimum(upper - q, FIRST_REACH)
-                q, missed = self._advance(q, goals, low, high)
-                if np.abs(q - before).max() < SETTLED:
-                    break
+            q, missed = self._first(q, goals)
         else:
             lowest = np.maximum(lower, q - self._step)
             highest = np.minimum(upper, q + self._step)
             for _ in range(STEPS):
                 before = q
-                q, missed = self._advance(q, goals, lowest - q, highest - q)
+                q, missed = self._advance(q, goals, lowest - q, highest - q, self._tilt_step)
                 if np.abs(q - before).max() < FAR:
                     break
             q = self.stuck(q, missed, goals, lower, upper, lowest, highest)
@@ -162,6 +190,30 @@ class LimbSolver:
         self._square += missed
         np.maximum(self._worst, missed, out=self._worst)
         return q
+
+    def _first(self, start: Array, goals: Array) -> tuple[Array, Array]:
+        """The first pose and its squared misses; limbs that are off there are tried from other angles."""
+        lower, upper = self._limits.lower, self._limits.upper
+        q, missed = self._settled(start, goals, FIRST_STEPS, FIRST_REACH * self._tilting)
+        chance = np.random.default_rng(0)
+        for _ in range(TRIES):
+            joints = self.stuck.of_limbs_off(missed)
+            if not joints.any():
+                break
+            other = np.where(joints, lower + chance.random(len(q)) * (upper - lower), q)
+            other, there = self._settled(other, goals, TRY_STEPS)
+            q, missed = self.stuck.better_limbs(q, missed, other, there)
+        return q, missed
+
+    def _settled(self, q: Array, goals: Array, steps: int, tilts: float = 0.0) -> tuple[Array, Array]:
+        lower, upper, missed = self._limits.lower, self._limits.upper, self._square
+        for _ in range(steps):
+            before = q
+            low, high = np.maximum(lower - q, -FIRST_REACH), np.minimum(upper - q, FIRST_REACH)
+            q, missed = self._advance(q, goals, low, high, tilts)
+            if np.abs(q - before).max() < SETTLED:
+                break
+        return q, missed
 
     def _plant(self, planted: PlantedFeet, goals: Array) -> None:
         goals[-1] = planted.between
@@ -180,24 +232,44 @@ class LimbSolver:
             if name != FEET and not name.endswith(PLANE)
         }
 
-    def _advance(self, q: Array, goals: Array, low: Array, high: Array) -> tuple[Array, Array]:
-        """One step from q of at least low and at most high (N,), rad: the next q, and the squared misses (K,), m^2."""
-        limbs = self.limbs
+    def _advance(self, q: Array, goals: Array, low: Array, high: Array, tilts: float = 0.0) -> tuple[Array, Array]:
+        """One step from q of at least low and at most high (N,), rad: the next q, and the squared misses (K,), m^2.
+
+        The pelvis tilts on by at most `tilts`, rad, about each axis.
+        """
+        limbs, count = self.limbs, len(q)
         limbs.place(q)
         positions = limbs.positions()
-        goals = self._goals.seen_from_root(goals, limbs.chest_rotation())
-        off, turn = goals - (positions[1] - positions[0]), limbs.jacobian(positions)
+        goals = self._goals.seen_from_root(goals, self.tilt, limbs.chest_rotation())
+        off, slopes = goals - (positions[1] - positions[0]), np.empty((len(goals), 3, len(self._any_sense)))
+        np.multiply(self._slope, limbs.jacobian(positions), out=slopes[:, :, :count])
+        if self._tilting:
+            x, y, z = (self._weight * self._tilts * goals).T
+            turn = slopes[:, :, count:]
+            turn[:, 0, 1], turn[:, 0, 2], turn[:, 1, 2] = z, -y, x
+            turn[:, 1, 0], turn[:, 2, 0], turn[:, 2, 1] = -z, y, -x
+            turn[:, [0, 1, 2], [0, 1, 2]] = 0.0
         if self._goals.planes:
             off[self._goals.planes] *= self._goals.bent[:, None]
-            turn[self._goals.planes] *= self._goals.bent[:, None, None]
-        rows, slopes = self._weight * off, self._slope * turn
+            slopes[self._goals.planes] *= self._goals.bent[:, None, None]
+        rows = self._weight * off
         if self._has_feet:
-            rows[-1], slopes[-1] = self._hold @ off[-1], self._hold @ turn[-1]
+            hold = self._hold @ self.tilt
+            rows[-1], slopes[-1] = hold @ off[-1], hold @ slopes[-1] / self._weight[-1]
         miss = rows.ravel()
         jacobian = slopes.reshape(len(miss), -1)
         hessian = jacobian.T @ jacobian
-        hessian.flat[:: len(q) + 1] += POSTURE + DAMPING
-        slope = POSTURE * (q - self._rest) - miss @ jacobian
+        slope = -miss @ jacobian
+        hessian.flat[:: len(slope) + 1] += self._stay
+        rest = q - self._rest
+        if self._tilting:
+            tilt = vector_of(self.tilt.tolist())
+            low, high = (
+                np.concatenate([low, np.maximum(-tilts, -FARTHEST - tilt)]),
+                np.concatenate([high, np.minimum(tilts, FARTHEST - tilt)]),
+            )
+            rest = np.concatenate([rest, tilt])
+        slope += self._stays * rest
         step, _, flag, _ = daqp.solve(hessian, slope, self._no_rows, high, np.minimum(low, high), self._any_sense)
         if flag < 1 or not np.isfinite(step).all():
             # The problem is strictly convex and its bounds never cross, so the pose has a NaN in it: hold.
@@ -206,7 +278,9 @@ class LimbSolver:
         left = (miss - jacobian @ step).reshape(-1, 3) / self._weight
         if self._has_feet:
             left[-1] = 0.0  # no limb
-        return q + step, np.einsum("ij,ij->i", left, left)
+        if tilts:
+            self.tilt = self.tilt @ turned_by(step[count:].tolist())
+        return q + step[:count], np.einsum("ij,ij->i", left, left)
 
 
 class Goals:
@@ -234,10 +308,12 @@ class Goals:
         self.planes = [k for k, name in enumerate(names) if name.endswith(PLANE)]
         self.bent = np.zeros(len(self.planes))  # sine of the human's bend of these arms at the last call
         self._arms = [[LIMBS.index(f"{names[k][0]}_{part}") for part in ("upper_arm", "forearm")] for k in self.planes]
+        self._trunk, (self._below, self._above) = names.index(TRUNK) if TRUNK in names else None, limbs.back
         self._length = vectors.length
         starts = np.array([name.endswith("_start") for name in names])
         self._held = np.where(starts[:, None], vectors.rest, 0.0)
         self._turned = np.flatnonzero(self.on_chest & starts)  # the goals that turn with the chest
+        self.turns = ~starts  # whether they keep their directions when the pelvis tilts, shape (K,)
 
     def __call__(self, directions: Array, up: Array) -> Array:
         """The goals (K, 3), m, for directions (16, 3) and the vertical (3,); shoulders as the chest sees them."""
@@ -251,13 +327,24 @@ class Goals:
             self.bent[arm] = bent = sqrt(x * x + y * y + z * z)
             longer = self._length[k] / max(bent, 1e-6)
             goals[k] = longer * x, longer * y, longer * z
+        if self._trunk is not None:
+            ahead, left = directions[_CHEST], directions[_CHEST + 1]
+            x, y, z = self._above.tolist()
+            goals[self._trunk] = self._below + x * ahead + y * left + z * cross(ahead, left)
         return goals
 
-    def seen_from_root(self, goals: Array, chest: Array) -> Array:
-        """The goals (K, 3) of a robot whose chest is turned by (3, 3)."""
-        turned = goals.copy()
+    def seen_from_root(self, goals: Array, tilt: Array, chest: Array) -> Array:
+        """The goals (K, 3) of a robot whose pelvis is tilted and whose chest is turned, each by (3, 3)."""
+        turned = goals @ tilt
+        turned[~self.turns] = goals[~self.turns]
         turned[self._turned] = goals[self._turned] @ chest.T
         return turned
+
+
+def cross(a: Array, b: Array) -> Array:
+    """The vector product of two vectors (3,)."""
+    (u, v, w), (x, y, z) = a.tolist(), b.tolist()
+    return np.array([v * z - w * y, w * x - u * z, u * y - v * x])
 
 
 def sole(thigh: Array, shank: Array, foot: Array, up: Array) -> Array:

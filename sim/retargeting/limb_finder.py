@@ -19,6 +19,7 @@ from sim.retargeting.human_limbs import AHEAD, LEFT
 from sim.retargeting.robot_parts import SIDES
 
 FEET = "feet"  # the last vector, from the right sole to the left one: keeps standing feet in place
+TRUNK = "trunk"  # from the middle of the hips to that of the shoulders
 PLANE = "arm_plane"  # the normal of a bent arm's plane, such as "r_arm_plane": the elbow folds about it
 BALL = 0.75  # of the length of a sole, from its heel
 CARRIED = 0.5  # lengths of the limb above the knee or elbow
@@ -58,6 +59,7 @@ class LimbFinder:
         self.segments: dict[str, Measured] = {}  # thighs, shanks, upper arms and forearms by name ("r_thigh")
         # Heel and ball of each foot in its own frame, shape (2, 2, 3), m; empty without two feet.
         self.sole_ends = np.empty((0, 2, 3))
+        self._starts: dict[str, Array] = {}  # of limbs by name ("r_leg"), m
         self._names: list[str] = []
         self._ends: list[tuple[int, int]] = []
         self._points: list[tuple[Array, Array]] = []
@@ -78,6 +80,12 @@ class LimbFinder:
         for part in self._axes:
             for name, axis in (("ahead", AHEAD), ("left", LEFT)):
                 self._add_axis(f"{part}_{name}", self._parts[part], size * axis)
+        if len(self._starts) == 2 * len(SIDES):
+            ends = (
+                (self._parts[part], 0.5 * (self._starts[f"r_{limb}"] + self._starts[f"l_{limb}"]))
+                for part, limb in (("pelvis", "leg"), ("chest", "arm"))
+            )
+            self._add(TRUNK, *ends)
         if all(f"{side}_foot" in self._parts for side in SIDES):
             soles = [self._sole_ends(side) for side in SIDES]
             feet = [self._parts[f"{side}_foot"] for side in SIDES]
@@ -121,7 +129,7 @@ class LimbFinder:
             moved = self._ankle(lower, end, knee, float(np.linalg.norm(knee - start)))
             tip_body = int(self._model.body_parentid[self._model.jnt_bodyid[moved]])
             tip = self._data.xanchor[moved].copy()
-        tip = level_with(tip, knee, axis)
+        tip, self._starts[f"{side}_{whole}"] = level_with(tip, knee, axis), start
         self._add(f"{side}_{first}", (upper, start), (upper, knee))
         self._add(f"{side}_{whole}", (upper, start), (tip_body, tip))
         bent = int(self._model.jnt_bodyid[knee_joint])

@@ -47,7 +47,6 @@ class RobotLimbs:
         finder = LimbFinder(path, model, self.data, self._parts, self.surface)
         self.vectors, self.sole_ends = finder.find(), finder.sole_ends  # as of `LimbFinder`
         self.reach, self.segments = finder.reach, finder.segments  # as of `LimbFinder`
-        self._pelvis_at_rest = self.data.xmat[self._parts["pelvis"]].reshape(3, 3).copy()
         self._chest_at_rest = self.data.xmat[self._parts["chest"]].reshape(3, 3).copy()
 
         index = [model.joint(name).id for name in joints]
@@ -63,7 +62,7 @@ class RobotLimbs:
         turns = moves[self._parts["chest"]]
         self.turns_chest = turns != 0.0  # whether the N joints move the chest, shape (N,)
         self._waist = turns[self.turns_chest, None] * self.data.xaxis[self._joint[self.turns_chest]]
-        self._back = self._back_at_rest()
+        self.back = self._back_at_rest()
         self._hips = list(self._hips_at_rest(moves))
         self._moves = moves[self.vectors.body][:, :, None, :]
         self._difference = self._moves[1] - self._moves[0]
@@ -104,8 +103,9 @@ class RobotLimbs:
     def waist(self, limits: JointLimits, *, stiff: bool = False) -> Waist:
         """Its waist, with the limits of its N joints; `stiff` if it stays at rest."""
         turns = self.turns_chest & (not stiff)
-        hips = min((_raised(*leg, limits) for leg in self._hips), default=inf)
-        below, above = self._back
+        # Inverse kinematics, which moves the waist, tilts the pelvis itself.
+        hips = min((_raised(*leg, limits) for leg in self._hips), default=inf) if stiff else inf
+        below, above = self.back
         return Waist(self._waist[: turns.sum()], limits.lower[turns], limits.upper[turns], below, above, hips)
 
     @property
@@ -122,14 +122,6 @@ class RobotLimbs:
             self._pelvis.place(self.data)
         else:
             mujoco.mj_kinematics(self.model, self.data)
-
-    def pelvis_rotation(self, qpos: Array) -> Array:
-        """The rotation of the pelvis since the robot stood straight, shape (3, 3), for a robot at qpos (nq,)."""
-        root = self.data.qpos[:7].copy()
-        self.data.qpos[:] = qpos
-        mujoco.mj_kinematics(self.model, self.data)
-        self.data.qpos[:7] = root
-        return self.data.xmat[self._parts["pelvis"]].reshape(3, 3) @ self._pelvis_at_rest.T
 
     def chest_rotation(self) -> Array:
         """The rotation of the chest since the robot stood straight, shape (3, 3)."""

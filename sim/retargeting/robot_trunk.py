@@ -58,9 +58,9 @@ class RobotTrunk:
         chest, bend = _frame(world[_CHEST : _CHEST + 2]), STRAIGHT
         if len(waist.axes):
             human = _frame(world[_PELVIS : _PELVIS + 2]).T @ chest
-            angles = self._angles @ _vector_of(human.tolist())
+            angles = self._angles @ vector_of(human.tolist())
             angles = np.minimum(np.maximum(angles, waist.lower), waist.upper)
-            bend = _turn((angles @ waist.axes).tolist())
+            bend = turned_by((angles @ waist.axes).tolist())
             pelvis = chest @ bend.T
             line = pelvis @ (waist.below + bend @ waist.above)
             self.pelvis = _swing(line.tolist(), chest[:, 2].tolist()) @ pelvis
@@ -69,7 +69,7 @@ class RobotTrunk:
         seen = world @ self.pelvis
         missing = _beyond(seen[_RIGHT].tolist(), seen[_LEFT].tolist(), waist.hips)
         if missing > 0.0:
-            self.pelvis = self.pelvis @ _turn([0.0, -TRUNK_SHARE * missing, 0.0])
+            self.pelvis = self.pelvis @ turned_by([0.0, -TRUNK_SHARE * missing, 0.0])
             seen = world @ self.pelvis
         seen[_CHEST], seen[_CHEST + 1] = bend[:, 0], bend[:, 1]
         return seen
@@ -99,7 +99,7 @@ def _beyond(right: list[float], left: list[float], reach: float) -> float:
     return max((rx * rx + rz * rz) * (atan2(rx, -rz) - reach), (lx * lx + lz * lz) * (atan2(lx, -lz) - reach))
 
 
-def _vector_of(m: list[list[float]]) -> Array:
+def vector_of(m: list[list[float]]) -> Array:
     """The rotation vector (3,) of a matrix that turns by less than half a turn."""
     x, y, z = 0.5 * (m[2][1] - m[1][2]), 0.5 * (m[0][2] - m[2][0]), 0.5 * (m[1][0] - m[0][1])
     sine = sqrt(x * x + y * y + z * z)
@@ -108,7 +108,7 @@ def _vector_of(m: list[list[float]]) -> Array:
     return np.array([share * x, share * y, share * z])
 
 
-def _turn(v: list[float]) -> Array:
+def turned_by(v: list[float]) -> Array:
     """The matrix of a rotation vector."""
     angle = sqrt(v[0] * v[0] + v[1] * v[1] + v[2] * v[2])
     if angle < 1e-9:
@@ -133,4 +133,4 @@ def _swing(line: list[float], goal: list[float]) -> Array:
     if sine < 1e-12:
         return STRAIGHT
     angle = atan2(sine, a * u + b * v + c * w) / sine
-    return _turn([angle * x, angle * y, angle * z])
+    return turned_by([angle * x, angle * y, angle * z])

@@ -18,6 +18,7 @@ from sim.retargeting.limb_finder import FEET
 # Error of a vector from which its limb is far off, as a share of its length, and the scout's relative error to take
 # over.
 FAR, BETTER = 0.4, 0.5
+OFF = 0.1  # error from which a limb of the first pose is tried from other angles, as a share of its length
 # Steps of the scout a second, their largest number, and the pause until the next scout, s.
 STEP_RATE, LOOKS, PAUSE = 400.0, 20, 0.25
 SETTLED, THERE = 0.02, 0.02  # rad
@@ -34,7 +35,7 @@ class StuckLimbs:
     ) -> None:
         """Args: K vectors, the N joints that move them (K, N), their lengths, the rest pose, the step, the tick."""
         self._rest, self._advance = rest, advance
-        self._far, self._pause = np.square(FAR * length), round(PAUSE / dt)
+        self._far, self._off, self._pause = np.square(FAR * length), np.square(OFF * length), round(PAUSE / dt)
         self._steps = max(round(STEP_RATE * dt), 1)
         kinds = [(f"{side}_", arm) for side in "rl" for arm in (True, False)]
         limbs = [np.array([name.startswith(side) and ("arm" in name) == arm for name in names]) for side, arm in kinds]
@@ -50,6 +51,20 @@ class StuckLimbs:
         self.crossing = np.zeros(len(self._rest), dtype=bool)
         self._scout: Array | None = None
         self._looked = self._waiting = 0
+
+    def of_limbs_off(self, missed: Array) -> NDArray[np.bool_]:
+        """The joints (N,) of limbs that are off, for squared errors (K,), m^2."""
+        off = missed > self._off
+        return np.any(
+            [joints & off[limb].any() for limb, joints in zip(self._limbs, self._joints, strict=True)], axis=0
+        )
+
+    def better_limbs(self, q: Array, missed: Array, other: Array, there: Array) -> tuple[Array, Array]:
+        """Joints (N,) and squared errors (K,), with limbs of other ones that are much closer."""
+        for limb, joints in zip(self._limbs, self._joints, strict=True):
+            if there[limb].sum() < BETTER**2 * missed[limb].sum():
+                q, missed = np.where(joints, other, q), np.where(limb, there, missed)
+        return q, missed
 
     def __call__(
         self, q: Array, missed: Array, goals: Array, low: Array, high: Array, lowest: Array, highest: Array

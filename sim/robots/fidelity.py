@@ -17,11 +17,9 @@ from sim.models.surface import LowestPoint, Surface
 from sim.retargeting.human_limbs import LIMBS, LimbView
 from sim.retargeting.inverse_kinematics import InverseKinematics
 from sim.retargeting.retarget import ServoHumanoidRetargeter
-from sim.retargeting.robot_limbs import RobotLimbs
 from sim.robots.robot import Limiter, Robot
 
 SIDES: tuple[tuple[str, Side], ...] = (("r", "right"), ("l", "left"))
-ENDS = {"leg": ("thigh", "shank"), "arm": ("upper_arm", "forearm")}
 # Height of what touches the floor, leg lengths, and speed of a standing foot's ball, leg lengths a second.
 STANDS, STILL = 0.01, 0.15
 # A joint jumps by this in one frame, rad, although no limb of the human turns by a tenth of it.
@@ -131,32 +129,6 @@ def shortfall(robot: Robot) -> dict[str, float]:
         "short_rms": float(np.sqrt(np.mean([goal["rms_m"] ** 2 for goal in missed]))),
         "short_worst": max(goal["worst_m"] for goal in missed),
     }
-
-
-def limb_errors(limbs: RobotLimbs, carried: Carried) -> dict[str, float]:
-    """Errors of `knee`, `ankle`, `elbow` and `wrist` against limbs in the human's directions, from hip and shoulder on.
-
-    Root mean square over frames and both sides of the retargeted joints, m.
-    """
-    names = limbs.vectors.names
-    square: dict[str, list[Array]] = {"knee": [], "ankle": [], "elbow": [], "wrist": []}
-    for q, placed, world in zip(carried.wanted, carried.qpos, carried.limbs, strict=True):
-        directions = world @ limbs.pelvis_rotation(placed)
-        limbs.place(q)
-        start, end = limbs.positions()
-        vector = end - start
-        for side in "rl":
-            for whole, (first, second) in ENDS.items():
-                if f"{side}_{whole}" not in names:
-                    continue
-                rows = [LIMBS.index(f"{side}_{first}"), LIMBS.index(f"{side}_{second}")]
-                middle, far = names.index(f"{side}_{first}"), names.index(f"{side}_{whole}")
-                goal = limbs.vectors.length[middle] * directions[rows[0]]
-                square["knee" if whole == "leg" else "elbow"].append(vector[middle] - goal)
-                length = np.array([limbs.segments[f"{side}_{part}"].length for part in (first, second)])
-                goal = length @ directions[rows]
-                square["ankle" if whole == "leg" else "wrist"].append(vector[far] - goal)
-    return {name: float(np.sqrt(np.mean(np.sum(np.square(miss), axis=1)))) for name, miss in square.items() if miss}
 
 
 def floor_measures(clip: Clip, robot: Robot, qpos: Array, feet: dict[str, int]) -> dict[str, float]:

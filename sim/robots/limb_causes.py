@@ -74,11 +74,13 @@ def limb_causes(
         far, least = worst[frames] > WORST_LIMIT, _as_a_whole(reach, own)
         cause: Cause = "out of reach"
         if _does_worse(there[frames][:, rows], own, least, often, far):
-            meant = _pointing(robot, directions, wanted[frames])[:, rows]
-            short = degrees_between(meant, own)
-            often = bool(short.mean(axis=0).max() > MEAN_LIMIT)
-            far = (short.max(axis=1) > WORST_LIMIT) & ~_on_its_way(wanted, best_of.joints, robot, rate)[frames]
-            cause = "carried wrongly" if _does_worse(meant, own, least, often, far) else "held back"
+            # The retargeter keeps to the joints' speeds too: what it does on its way is no mistake.
+            there_now = np.flatnonzero(~_on_its_way(wanted, best_of.joints, robot, rate)[frames])
+            meant, aim = _pointing(robot, directions, wanted[frames[there_now]])[:, rows], own[there_now]
+            short = degrees_between(meant, aim)
+            often = bool(len(short) and short.mean(axis=0).max() > MEAN_LIMIT)
+            far = short.max(axis=1) > WORST_LIMIT
+            cause = "carried wrongly" if _does_worse(meant, aim, least[there_now], often, far) else "held back"
         best = degrees_between(reach, own)
         means = zip(best.mean(axis=0).tolist(), best.max(axis=0).tolist(), strict=True)
         found.append(LimbCause(cause, dict(zip((segment.name for segment in limb), means, strict=True))))
@@ -104,7 +106,7 @@ def _pointing(robot: Robot, directions: LimbDirections, joints: Array) -> Array:
     for q in joints:
         robot.layout.place(q, qpos)
         found.append(directions(qpos))
-    return np.array(found)
+    return np.array(found).reshape(len(joints), len(directions.segments), 3)
 
 
 def _as_a_whole(there: Array, goals: Array) -> Array:

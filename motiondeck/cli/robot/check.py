@@ -18,12 +18,12 @@ from motiondeck.cli.common.tables import show_table
 from motiondeck_base.counted import counted
 from motiondeck_base.errors import MotiondeckError
 from sim.models.robot_file import Solver
-from sim.retargeting.robot_limbs import RobotLimbs
+from sim.physics.preflight.preflight import fastest_passing
 from sim.retargeting.robot_parts import SIDES
-from sim.robots.fidelity import carry, floor_measures, joint_measures, limb_errors, shortfall
-from sim.robots.limb_causes import Cause, limb_causes
+from sim.robots.fidelity import Carried, carry, floor_measures, joint_measures, shortfall
+from sim.robots.limb_causes import Cause, LimbCause, limb_causes
 from sim.robots.limb_directions import LimbDirections, beyond_limits
-from sim.robots.robot import RobotLoader
+from sim.robots.robot import Robot, RobotLoader
 
 MUST_BE_ZERO = {
     "bad": "targets that are NaN or infinite",
@@ -32,19 +32,21 @@ MUST_BE_ZERO = {
     "jumps": "a joint jumps where the human does not",
 }
 OUT_OF_REACH: Cause = "out of reach"
+HELD_BACK: Cause = "held back"
 WHY: dict[str, str] = {
     OUT_OF_REACH: "because the joints cannot reach",
-    "held back": "because limits of speed hold joints back",
+    HELD_BACK: "because limits of speed hold joints back",
     "carried wrongly": "though joints could turn there ([parts] of the robot file may be wrong)",
 }
 REMEDY: dict[str, str] = {
     OUT_OF_REACH: "nothing to mend, unless [limits.joints.NAME] of the robot file has narrower ranges than the joints",
-    "held back": "give joints that are faster their speeds under [limits] of the robot file, or play these more slowly",
+    HELD_BACK: "give joints that are faster their speeds under [limits] of the robot file, or play at the tempo named",
     "carried wrongly": "a wrong body under [parts] is off in every recording, by far: see `robot calibrate --picture`. "
     "In some recordings only, it is what holding soles where they stand or turning arms round costs: leave these out",
 }
 REACH_LIMIT = 25.0  # largest mean angle of a limb that its joints cannot reach, degrees
 TRUNK_MEAN, TRUNK_WORST = 8.0, 20.0  # largest angles of the trunk, degrees
+WITHIN = 1.1  # how close to the fastest tempo that does the one found is, as a ratio
 NAMED = 3  # recordings that the verdict names
 
 
@@ -76,7 +78,7 @@ def check(robot: Path, files: Sequence[Path], solver: Solver | None, seconds: fl
             continue
         try:
             row = {"clip": str(file), "frames": len(clip), "rate": clip.rate, "left_out": left_out}
-            yield row | _measured(robot, load, clip, left_out, solver)
+            yield row | _measured(load, clip, left_out, solver)
         except Exception as error:  # a row that says so is what the table is for
             yield {"clip": str(file), "frames": len(clip), "error": f"{type(error).__name__}: {error}"}
 
@@ -129,7 +131,7 @@ def off_limits(row: dict[str, Any]) -> dict[str, list[str]]:
     found: dict[str, list[str]] = {}
     for name, off in row.get("limbs_deg", {}).items():
         for phrase in beyond_limits({name: (off["mean"], off["worst"])}):
-            best = f"in reach: {off['best_mean']:.0f} and {off['best_worst']:.0f}"
+            best = f"out of reach: {off['best_mean']:.0f} and {off['best_worst']:.0f}"
             found.setdefault(off["cause"], []).append(f"{phrase} at {off['worst_at_s']:.2f} s ({best})")
     return found
 
@@ -151,7 +153,8 @@ def remarks(rows: Sequence[dict[str, Any]]) -> list[str]:
         for cause, phrases in off_limits(row).items():
             causes.add(cause)
             kind = "fails" if _fails(row, cause) else "passes"
-            found.append(f"{kind}: {clip}: limbs point elsewhere, {cause}: {'; '.join(phrases)}")
+            slower = f"; {_slower(row['tempo'])}" if cause == HELD_BACK else ""
+            found.append(f"{kind}: {clip}: limbs point elsewhere, {cause}: {'; '.join(phrases)}{slower}")
     return found + [f"{cause}: {what}" for cause, what in REMEDY.items() if cause in causes]
 
 
@@ -189,14 +192,18 @@ def _degrees(limbs: dict[str, dict[str, float]], segment: str) -> str:
     return f"{max(one['mean'] for one in both):.0f}/{max(one['worst'] for one in both):.0f}" if both else ""
 
 
-def _measured(robot: Path, load: RobotLoader, clip: Clip, left_out: int, solver: Solver | None) -> dict[str, Any]:
+def _slower(tempo: float | None) -> str:
+    """A phrase for the fastest tempo at which joints are fast enough."""
+    return "no tempo would do" if tempo is None else f"at tempo {tempo:.2f} none is held back"
+
+
+def _measured(load: RobotLoader, clip: Clip, left_out: int, solver: Solver | None) -> dict[str, Any]:
     file = load.file
-    loaded = load(clip.skeleton, None if file.kind == "mannequin" else solver, 1.0 / clip.rate)
+    solver = None if file.kind == "mannequin" else solver
+    loaded = load(clip.skeleton, solver, 1.0 / clip.rate)
     carried = carry(clip, loaded, SafetyEnvelope)
     measures: dict[str, Any] = joint_measures(clip, loaded, carried) | shortfall(loaded)
     if file.parts:
-        limbs = RobotLimbs(robot, loaded.model, file.parts, np.array(file.root_rotation), loaded.joints)
-        measures |= limb_errors(limbs, carried)
         directions = LimbDirections(loaded.model, file.parts, np.array(file.root_rotation))
         degrees = directions.degrees(carried.qpos, carried.limbs)
         segments: dict[str, dict[str, Any]] = {
@@ -207,8 +214,8 @@ def _measured(robot: Path, load: RobotLoader, clip: Clip, left_out: int, solver:
             }
             for segment, off in zip(directions.segments, degrees.T, strict=True)
         }
-        goals = directions.goals(carried.limbs, carried.qpos)
-        for limb in limb_causes(loaded, directions, carried.wanted, carried.played, goals, clip.rate):
+        causes = _causes(loaded, directions, carried, clip.rate)
+        for limb in causes:
             for name, (mean, worst) in limb.best.items():
                 segments[name] |= {"cause": limb.cause, "best_mean": mean, "best_worst": worst}
         trunk = directions.trunk_errors(carried.qpos, carried.limbs)
@@ -217,7 +224,26 @@ def _measured(robot: Path, load: RobotLoader, clip: Clip, left_out: int, solver:
             side: loaded.model.body(file.parts[f"{side}_foot"]).id for side in SIDES if f"{side}_foot" in file.parts
         }
         measures |= floor_measures(clip, loaded, carried.qpos, feet)
+        if any(limb.cause == HELD_BACK for limb in causes):
+            measures["tempo"] = _fast_enough(load, directions, clip, solver)
     return measures
+
+
+def _causes(robot: Robot, directions: LimbDirections, carried: Carried, rate: float) -> list[LimbCause]:
+    goals = directions.goals(carried.limbs, carried.qpos)
+    return limb_causes(robot, directions, carried.wanted, carried.played, goals, rate)
+
+
+def _fast_enough(load: RobotLoader, directions: LimbDirections, clip: Clip, solver: Solver | None) -> float | None:
+    """The fastest tempo at which limbs point elsewhere only because joints cannot reach, found by carrying; or None."""
+
+    def does(tempo: float) -> bool:
+        slow = replace(clip, rate=tempo * clip.rate)
+        robot = load(slow.skeleton, solver, 1.0 / slow.rate)
+        found = _causes(robot, directions, carry(slow, robot, SafetyEnvelope), slow.rate)
+        return all(limb.cause == OUT_OF_REACH for limb in found)
+
+    return fastest_passing(does, 1.0, WITHIN)
 
 
 def _shortened(clip: Clip, seconds: float | None) -> Clip:

@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from sim.retargeting import inverse_kinematics
 from sim.retargeting.human_limbs import LIMBS, LimbView
 from sim.retargeting.limb_finder import FEET
 from sim.retargeting.robot_limbs import limb_directions
@@ -60,9 +61,20 @@ def test_without_a_second_look_it_stays_there(robot, monkeypatch):
 def test_a_goal_out_of_reach_keeps_the_limb_where_it_is(robot):
     pose = bent_pose(human(), rank=(0, -1.5, 0))  # a knee cannot bend forward
     robot.retarget(pose)
-    path = np.array([robot.retarget(pose).copy() for _ in range(100)])
+    # With a pelvis that gives way the leg rolls off the middle of its ranges before it settles.
+    path = np.array([robot.retarget(pose).copy() for _ in range(200)])
     assert not robot.retarget.solver.stuck.crossing.any()
-    assert np.abs(np.diff(path[50:], axis=0)).max() < 1e-3
+    assert np.abs(np.diff(path[150:], axis=0)).max() < 1e-3
+
+
+@pytest.mark.parametrize("tries", [0, 16])
+def test_a_limb_that_is_off_in_the_first_pose_is_tried_from_other_angles(robot, monkeypatch, tries):
+    monkeypatch.setattr(inverse_kinematics, "TRIES", tries)
+    pose = bent_pose(human(), lelb=(-0.9, 0, 0), relb=(0.9, 0, 0))
+    robot.retarget.solver._rest = stuck(robot, pose)
+    robot.retarget.reset()
+    robot.retarget(pose)
+    assert (miss(robot, pose, "l_upper_arm") < 5.0) == bool(tries)
 
 
 def arms_with_a_waist(scout, scout_misses):

@@ -1,6 +1,7 @@
 """`robot check` in the world: what is broken on purpose fails, by landmarks that the solver does not aim at."""
 
 import json
+import re
 
 import numpy as np
 import pytest
@@ -68,6 +69,26 @@ def test_a_chest_one_joint_short_fails(files, monkeypatch):
     code, row = checked(files)
     assert code == 1
     assert "the trunk leans elsewhere" in row["faults"]
+
+
+@pytest.mark.thorough
+def test_what_is_held_back_by_speed_has_a_tempo_at_which_it_is_not(files):
+    text = re.sub(r"(?m)^velocity = .*", "velocity = 1.0", (files / "full.toml").read_text(), count=1)
+    (files / "slow.toml").write_text(text)
+    code, row = checked(files, "slow.toml")
+    assert code == 1
+    assert "held back" in {off.get("cause") for off in row["limbs_deg"].values()}
+    assert 0.1 < row["tempo"] < 1.0
+    said = invoked("robot", "check", files / "slow.toml", files / "deposit.bvh", "--seconds", "1.5").stdout
+    assert f"at tempo {row['tempo']:.2f} none is held back" in said
+    bend = (files / "deposit.bvh").read_text()
+    for tempo, passes in ((0.98 * row["tempo"], True), (1.3 * row["tempo"], False)):
+        (frame_time,) = re.findall(r"Frame Time: (\S+)", bend)
+        longer = f"{float(frame_time) / tempo:.8f}"
+        (files / "slower.bvh").write_text(bend.replace(frame_time, longer))
+        seconds = f"{1.5 / tempo:.2f}"
+        result = invoked("robot", "check", files / "slow.toml", files / "slower.bvh", "--seconds", seconds, "--json")
+        assert (result.exit_code == 0) == passes
 
 
 @pytest.mark.thorough
