@@ -1,7 +1,5 @@
 """The shipped robots, rigs, libraries and stage files, and how a name or a path becomes a file."""
 
-from __future__ import annotations
-
 import os
 from collections.abc import Sequence
 from pathlib import Path

@@ -5,8 +5,6 @@ The new motion is learned from its clip alone: a conceptor network loads it into
 It then has to pass the self-test beside the stored ones, which are judged by what they play.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """From a recipe to a motion library: prepare, train, test, and try the next seed if a motion fails."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Judges motions of a library anew against a recording."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import msgspec

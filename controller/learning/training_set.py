@@ -1,7 +1,5 @@
 """The training set of a recipe: recordings on one body at one rate, cut, closed or brought to rest."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
 from functools import partial

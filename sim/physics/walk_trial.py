@@ -1,7 +1,5 @@
 """Walk trials: a robot walks a played motion under pushes from all sides."""
 
-from __future__ import annotations
-
 import time
 from collections.abc import Callable
 from dataclasses import dataclass, replace

@@ -1,7 +1,5 @@
 """The catalogue of robots, MuJoCo Menagerie: its models are downloaded, and calibrated when a robot is first named."""
 
-from __future__ import annotations
-
 import sys
 from importlib import import_module
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Motions as input of a trainer."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import overload

@@ -9,8 +9,6 @@ of the free-running network is least in between (Jaeger 2014, section 3.8.5). It
 a disturbance, so every choice is tested: run free, started from noise, and disturbed.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 
 import numpy as np

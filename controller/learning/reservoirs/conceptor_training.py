@@ -7,8 +7,6 @@ Two ways to internalise the input, so that the network runs without it:
   effect of the input. It needs C N instead of N^2 numbers and plays equally well.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from typing import Literal

@@ -7,8 +7,6 @@ The best noise depends on the motion and on the random weights. So, with `choose
 is trained again alone with other noise; no readout depends on another.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 
 import msgspec

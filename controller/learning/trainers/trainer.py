@@ -1,7 +1,5 @@
 """The interface of a trainer of one kind of network."""
 
-from __future__ import annotations
-
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field

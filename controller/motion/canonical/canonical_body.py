@@ -15,8 +15,6 @@ Missing landmarks (hands, feet) are placed as in the rest pose of their parent, 
 `lacking` lists them.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass, replace
 
 import numpy as np

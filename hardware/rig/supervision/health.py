@@ -13,8 +13,6 @@
 Each of these, and each warning (pushing against something, getting hot, low voltage), is an incident of a joint.
 """
 
-from __future__ import annotations
-
 from collections import deque
 from collections.abc import Sequence
 from typing import NamedTuple

@@ -1,7 +1,5 @@
 """The pace of a rig's joints: how far each goal may go now, eased while a joint is hot, strained or catching up."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Walk choice: by trial, whether a robot that was not tuned walks on its own feet, and with how straight knees."""
 
-from __future__ import annotations
-
 import hashlib
 from collections.abc import Sequence
 from dataclasses import replace
