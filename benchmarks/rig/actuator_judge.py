@@ -1,7 +1,7 @@
 """The judge of what joints of a fault schedule are: two servos on one horn, several turns, grippers.
 
-pair       the two servos of a joint never work against each other for more than 0.3 s; nor do goals go on for that long
-           to one of them while the other is cut off, listens to another ID or has no torque
+pair       the two servos of a joint never work against each other for more than 0.3 s; nor do goals for that long lead
+           one of them away from its shaft while the other is cut off, listens to another ID or has no torque
 turn       the goal register of a joint that goes through several turns is within its limits, in the true turn of its
            horn; and so is what is kept on disk in the end
 grip       a gripper that presses towards its target with its limit of current does so for as long as something holds
@@ -91,7 +91,9 @@ class ActuatorJudge:
         joints = zip(self._config.joints, devices, strict=True)
         away = np.array([device.dead or not device.torque or device.id != joint.id for joint, device in joints])
         alone = away[self._others] & ~away
-        self._alone = np.where(alone, self._alone + passed * (goals != self._goals), 0.0)
+        # A goal that comes back to the shaft lets go of it.
+        on = np.abs(goals - angles) > np.abs(self._goals - angles)
+        self._alone = np.where(alone, self._alone + passed * on, 0.0)
         self._goals = goals
         note("was driven on without its other servo, s", self._alone > _ALONE_FOR, self._alone)
         self._astray = self._several & (self._astray | cut_off) & ((goals < self._lower) | (goals > self._upper))

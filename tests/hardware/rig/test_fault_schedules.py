@@ -19,6 +19,7 @@ from benchmarks.rig.schedule_judge import swings
 from benchmarks.rig.source_mutants import MUTANTS, Mutant, mutated
 from hardware.emulator.faults import Fault
 from hardware.rig.rig_file import RigConfig, RigJoint
+from hardware.rig.rig_joint import SecondServo
 from hardware.rig.switching.torque import hold_still
 
 
@@ -48,6 +49,7 @@ def test_a_random_schedule_of_faults_ends_well(seed):
         (295192571, "one of two servos that leapt back where the other was let go"),
         (295200156, "a loaded joint that sank while its servos were silent"),
         (295310009, "a joint that had yielded, and hurried after it was set up again"),
+        (295310150, "goals that let go of a shaft, taken for such as drive it on"),
         (295310034, "one of two servos that heard another's goal for a moment while both turned back"),
         (295200253, "a servo without a path that had to hold while it braked to turn back"),
         (701778053, "a restart after the end, taken for a joint that does not hold"),
@@ -150,6 +152,23 @@ def test_a_gripper_lets_go_when_it_presses_no_more_and_not_when_it_is_asked_to_o
     press(0.8, 1.0, 0.5)
     press(0.8, 0.3, 0.2)
     assert "let go of what it gripped" in said[0]
+
+
+@pytest.mark.parametrize(("sign", "alone"), [(1.0, True), (-1.0, False)])
+def test_one_of_two_is_driven_on_by_goals_that_leave_its_shaft_and_not_where_they_come_back_to_it(sign, alone):
+    """A joint that yields goes where its shaft stands, also while its other servo is away."""
+    joint = RigJoint("arm", 1, "XM430-W350", 1, 2048, -1.0, 1.0, 2.0, second=SecondServo(2, 1, 2048))
+    config = RigConfig("emulated", 1_000_000, 100.0, (joint,)).servos
+    bus, said, usual = JudgedBus(config), [], np.zeros(2, dtype=bool)
+    bus.devices[0]["torque_enable"], bus.devices[1].dead, judge = 1, True, ActuatorJudge(config, bus)
+
+    def note(what, where, values):
+        said.extend([what] * int(where.any()))
+
+    for tick in range(50):
+        goals = np.full(2, 0.6 + sign * 0.01 * tick)
+        judge.watch(0.01 * tick, 0.01, np.zeros(2), goals, usual, ~usual, note)
+    assert ("was driven on without its other servo, s" in said) == alone
 
 
 @pytest.mark.parametrize(("turning", "named"), [(-1.1, False), (0.0, True), (0.6, True)])
