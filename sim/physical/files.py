@@ -1,0 +1,82 @@
+"""Recordings as a robot does them on its own feet: a training file of each.
+
+NAME.npz is what the simulated robot did (`training_files`); NAME.infeasible.npz, to the second at which it fell.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+from controller.motion.canonical.clip_edits import resampled, without_reference_pose
+from controller.motion.formats.reading import read_clip
+from motiondeck_base.errors import MotiondeckError
+from sim.models.robot_file import Solver
+from sim.physical.stage import RATE, PhysicalStage
+from sim.robots.joint_motion import retargeted
+from sim.robots.retarget_files import MARK
+from sim.robots.robot import RobotLoader
+from sim.robots.training_files import Format, write_training_file
+
+
+@dataclass(frozen=True)
+class StoodFile:
+    """The result for one recording."""
+
+    recording: str  # the file it was read from
+    file: str | None = None  # the file that was written; None with an `error`
+    seconds: float = 0.0  # of the motion
+    fell_s: float | None = None  # time of the fall; None if the robot stands to the end
+    plain_s: float | None = None  # time of its fall with the carried targets alone
+    path_m: float = 0.0  # mean distance from the carried path
+    pose_deg: float = 0.0  # root mean square of the joints' differences from the carried ones
+    error: str | None = None  # why nothing was written
+
+
+def stood_files(
+    robot: Path,
+    paths: Sequence[Path],
+    out: Path,
+    format: Format = "npz",
+    solver: Solver | None = None,
+    seed: int = 0,
+    progress: Callable[[str, float], None] = lambda name, seconds: None,
+) -> Iterator[StoodFile]:
+    """Looks for each recording's motion on its feet and writes it; yields each result as soon as it is done.
+
+    `progress` gets the recording's name and the seconds found. MotiondeckError for format csv, whose rate is another,
+    and if `out` cannot be written.
+    """
+    if format == "csv":
+        raise MotiondeckError(f"--format csv has 30 Hz, and these motions have {RATE:g}. Give npz, mjlab or qpos.")
+    loader = RobotLoader(robot)
+    for path in paths:
+        try:
+            yield _stood(loader, path, out, format, solver, seed, lambda at, name=path.name: progress(name, at))
+        except MotiondeckError as error:
+            yield StoodFile(str(path), error=str(error))
+
+
+def _stood(
+    loader: RobotLoader,
+    path: Path,
+    out: Path,
+    format: Format,
+    solver: Solver | None,
+    seed: int,
+    progress: Callable[[float], None],
+) -> StoodFile:
+    clip, _ = without_reference_pose(read_clip(path))
+    clip = resampled(clip, RATE)
+    robot = loader(clip.skeleton, solver, 1.0 / RATE)
+    stage = PhysicalStage(robot, retargeted(robot, clip))
+    found = stage.search(seed, progress=progress)
+    place = out / f"{path.stem}{'' if found.fell_s is None else MARK}.npz"
+    try:
+        out.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise MotiondeckError.unwritable(out, error) from None
+    write_training_file(place, robot.model, found.motion.qpos, RATE, format)
+    seconds, errors = (len(clip) - 1) / RATE, (found.path_m, found.pose_deg)
+    return StoodFile(str(path), place.name, seconds, found.fell_s, stage.plain(), *errors)

@@ -1,0 +1,137 @@
+"""Search: offsets of targets with which a robot follows a course on its own feet, by rollouts in a moving horizon.
+
+From where the robot is, the offsets so far are simulated for some knots. Rollouts from changed states and offsets at
+each knot show how the next state changes,
+
+    dx_{k+1} = A_k dx_k + B_k dd_k
+
+and a Riccati recursion gives the changes of the offsets d of the least cost (iLQR, Li and Todorov 2004)
+
+    sum_k  |(x_k - r_k) / s|^2 + |d_k / s_d|^2 + |change of d_k / s_c|^2
+
+for a course r. Of rollouts with shares of these changes the best is kept; its first knots are played, and the horizon
+moves on. Rollouts are open loop: with the recursion's gains, a foot that rattles on the floor sets all
+joints rattling. The same simulation plays and is searched, so that nothing that was found is lost.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from controller.motion.rotations import Array
+from sim.physical.batch import Batch
+from sim.physical.course import CarriedCourse, played
+
+NUDGE, NUDGE_RATE = 0.001, 0.02  # changes of positions and offsets (rad, m) and of velocities that are tried
+SHARES = np.array([1.0, 0.6, 0.3, 0.1, 0.0])  # of the computed changes that are tried
+
+
+@dataclass(frozen=True)
+class Scales:
+    """Deviations that cost 1 at a knot: of the root (along the ground, up, turned), of joints, and of their rates."""
+
+    ground: float = 0.1  # m
+    height: float = 0.03  # m
+    turn: float = 0.1  # rad
+    joint: float = 0.15  # rad
+    speed: float = 0.3  # m/s
+    spin: float = 1.0  # rad/s
+    rate: float = 2.0  # of joints, rad/s
+    offset: float = 0.08  # rad
+    change: float = 0.02  # of an offset in one improvement, rad
+    end: float = 3.0  # factor over the cost at the end of the horizon
+
+    def weights(self, nv: int) -> Array:
+        """Of squared differences of states, shape (2 nv,)."""
+        place = [self.ground] * 2 + [self.height] + [self.turn] * 3 + [self.joint] * (nv - 6)
+        return np.array(place + [self.speed] * 3 + [self.spin] * 3 + [self.rate] * (nv - 6)) ** -2.0
+
+
+@dataclass(frozen=True)
+class Effort:
+    """How much is tried."""
+
+    ahead: int = 28  # knots of the horizon
+    moves: int = 2  # knots by which it moves
+    begins: int = 6  # knots of the horizon with which it begins, before it moves
+    fits: int = 2  # moves after which all rollouts are fitted anew; else those of knots that are new
+
+
+class Search:
+    """Improves `offsets` (T, J) of a course, from knot to knot."""
+
+    def __init__(self, batch: Batch, course: CarriedCourse, effort: Effort, scales: Scales | None = None) -> None:
+        self._batch, self._course, self._effort = batch, course, effort
+        self._scales, nv, (knots, joints) = scales or Scales(), batch.model.nv, course.targets.shape
+        self._weights, self._price = self._scales.weights(nv), self._scales.offset**-2.0
+        self._changes = np.repeat([NUDGE, NUDGE_RATE], nv)
+        self._fits = np.empty((knots, 2 * nv, 2 * nv + joints))  # A and B of the knots fitted so far
+        self._fitted_to = self._moves = 0
+        self._failed = False
+        self.offsets = np.zeros((knots, joints))
+
+    def improve(self, state: Array, now: int, ahead: int) -> None:
+        """Improves the offsets of knots from `now` on, where the robot is at a state (n,)."""
+        effort = self._effort
+        last = min(now + ahead, len(self._course.states) - 1)
+        offsets = self.offsets[now:last]
+        states = played(self._batch, self._course, state, now, offsets[None])[0]
+        first = now if self._moves % effort.fits == 0 or self._failed else max(self._fitted_to, now)
+        if first < last:
+            self._fits[first:last] = self._fitted(states[first - now :], offsets[first - now :], first)
+        self._fitted_to, self._moves = last, self._moves + 1
+        tries = offsets + SHARES[:, None, None] * self._change(states, offsets, now)
+        best = int(np.argmin(self._costs(played(self._batch, self._course, state, now, tries), tries, now)))
+        self.offsets[now:last], self._failed = tries[best], SHARES[best] == 0.0
+        self.offsets[last : last + effort.moves] = tries[best, -1]  # a first guess
+
+    def _costs(self, states: Array, offsets: Array, now: int) -> Array:
+        """Of states (B, H + 1, n) with offsets (B, H, J), shape (B,)."""
+        off = self._off(states[:, 1:], now)
+        cost = (off * off) @ self._weights
+        cost[:, -1] *= self._scales.end
+        total = cost.sum(axis=1) + self._price * np.square(offsets).sum(axis=(1, 2))
+        return np.where(np.isfinite(total), total, np.inf)
+
+    def _off(self, states: Array, now: int) -> Array:
+        """Differences from the course to states (..., H, n) of the knots after `now`."""
+        return self._batch.difference(self._course.states[now + 1 : now + 1 + states.shape[-2]], states)
+
+    def _fitted(self, states: Array, offsets: Array, first: int) -> Array:
+        """A and B (H, 2 nv, 2 nv + J) along states (H + 1, n) with offsets (H, J)."""
+        batch, (knots, joints), width = self._batch, offsets.shape, len(self._changes)
+        starts = np.repeat(states[:-1, None], width + joints + 1, axis=1)
+        starts[:, :width] = batch.moved(starts[:, :width], np.diag(self._changes))
+        controls = self._course.controls[first : first + knots] + offsets[:, None]
+        controls = np.repeat(controls[:, None], width + joints + 1, axis=1)
+        controls[:, width:-1] += NUDGE * np.eye(joints)[:, None]
+        flat = starts.reshape(-1, starts.shape[-1]), controls.reshape(-1, 1, *controls.shape[2:])
+        ends = batch(*flat).reshape(starts.shape)
+        change = batch.difference(ends[:, -1:], ends[:, :-1])
+        return (change / np.append(self._changes, np.full(joints, NUDGE))[:, None]).transpose(0, 2, 1)
+
+    def _change(self, states: Array, offsets: Array, now: int) -> Array:
+        """Changes of the offsets (H, J) of the least cost near these states (H + 1, n)."""
+        off, weights, price = self._off(states[1:], now), self._weights, self._price
+        fits = self._fits[now : now + len(offsets)]
+        a, b = fits[..., : len(weights)], fits[..., len(weights) :]
+        own, gains = np.empty_like(offsets), np.empty((*offsets.shape, len(weights)))
+        dear = (price + self._scales.change**-2.0) * np.eye(b.shape[2])
+        slope, curve = self._scales.end * weights * off[-1], np.diag(self._scales.end * weights)
+        for k in reversed(range(len(offsets))):
+            along = b[k].T @ curve
+            right = np.column_stack([b[k].T @ slope + price * offsets[k], along @ a[k]])
+            solved = -np.linalg.solve(along @ b[k] + dear, right)
+            own[k], gains[k] = solved[:, 0], solved[:, 1:]
+            slope = a[k].T @ slope + gains[k].T @ right[:, 0]
+            curve = a[k].T @ curve @ a[k] + right[:, 1:].T @ gains[k]
+            curve = 0.5 * (curve + curve.T)
+            if k:
+                slope, curve = slope + weights * off[k - 1], curve + np.diag(weights)
+        moved, change = np.zeros(len(weights)), np.empty_like(own)
+        for k in range(len(offsets)):
+            change[k] = own[k] + gains[k] @ moved
+            moved = a[k] @ moved + b[k] @ change[k]
+        return change

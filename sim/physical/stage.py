@@ -1,0 +1,99 @@
+"""The physical stage: a carried motion as a robot does it on its own feet, or the second at which it falls.
+
+The robot starts in the motion's first posture, at its speed, and is simulated with a timestep of STEP seconds. Its
+torque limits hold; lines of torque and speed, backlash and latency of servos are left out.
+"""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import mujoco
+import numpy as np
+
+from controller.motion.rotations import Array
+from sim.physical.batch import STEP, Batch
+from sim.physical.course import KNOT, course_of, played
+from sim.physical.search import Effort, Search
+from sim.physics.physics_model import physics_model
+from sim.physics.recovery import has_fallen
+from sim.robots.joint_motion import JointMotion
+from sim.robots.robot import Robot
+
+RATE = 1.0 / KNOT  # of the motions, Hz
+STARTS = 0.001  # standard deviation of the first positions beside the motion's, m and rad
+
+
+@dataclass(frozen=True)
+class OnItsFeet:
+    """What a robot did of a motion, to its end or to its fall."""
+
+    motion: JointMotion
+    targets: Array  # of the joints at each knot, shape (T, J), rad
+    fell_s: float | None  # time of the fall; None if it stands to the end
+    path_m: float  # mean distance of the root from the carried one's along the ground
+    pose_deg: float  # root mean square of the joints' differences from the carried ones
+
+
+class PhysicalStage:
+    """A robot and a motion that was carried to it at RATE."""
+
+    def __init__(self, robot: Robot, motion: JointMotion, threads: int | None = None) -> None:
+        """MotiondeckError for a motion or a robot as of `course_of`; by default a thread a core."""
+        model, strength = physics_model(robot, "free"), robot.strength
+        limited = np.isfinite(strength)
+        model.actuator_forcelimited[limited] = 1
+        model.actuator_forcerange[limited] = np.stack([-strength, strength], axis=1)[limited]
+        model.opt.timestep = STEP
+        mujoco.set_mju_user_warning(lambda _: None)  # a robot that a try throws far writes no file of warnings
+        self.batch, self._robot, self._motion = Batch(model, threads or os.cpu_count() or 1), robot, motion
+        self.course = course_of(robot, model, motion)
+
+    def search(
+        self, seed: int = 0, effort: Effort | None = None, progress: Callable[[float], None] = lambda seconds: None
+    ) -> OnItsFeet:
+        """Looks for the offsets, knot by knot, until the motion ends or the robot falls.
+
+        `seed` chooses by how little the robot starts beside the motion; `progress` gets the seconds done.
+        """
+        effort, course, batch = effort or Effort(), self.course, self.batch
+        search, knots, now = Search(batch, course, effort), len(course.states), 0
+        start = np.random.default_rng(seed).normal(0.0, np.repeat([STARTS, 0.0], batch.model.nv))
+        states, fell = batch.moved(course.states[:1], start), None
+        for ahead in range(effort.begins, effort.ahead, effort.moves):
+            search.improve(states[0], 0, ahead)
+        while now < knots - 1 and fell is None:
+            search.improve(states[-1], now, effort.ahead)
+            after = min(now + effort.moves, knots - 1)
+            new = played(batch, course, states[-1], now, search.offsets[None, now:after])[0]
+            states, fell, now = np.concatenate([states, new[1:]]), self._fallen(new[1:], now + 1), after
+            progress(now * KNOT)
+        return self._found(states, search.offsets, fell)
+
+    def plain(self) -> float | None:
+        """The second at which the robot falls with the motion's targets alone, or None."""
+        course = self.course
+        return self._fallen(
+            played(self.batch, course, course.states[0], 0, np.zeros((1, *course.targets[1:].shape)))[0], 0
+        )
+
+    def _fallen(self, states: Array, knot: int) -> float | None:
+        """The second at which a robot in states (K, n) from a knot on has fallen, beside the course; or None."""
+        standing = self._robot.model.qpos0[3:7]
+        fallen = (
+            has_fallen(here, asked, standing) for here, asked in zip(states, self.course.states[knot:], strict=False)
+        )
+        return next(((knot + row) * KNOT for row, fell in enumerate(fallen) if fell), None)
+
+    def _found(self, states: Array, offsets: Array, fell: float | None) -> OnItsFeet:
+        count, course = len(states), self.course
+        off, nq, nv = self.batch.difference(course.states[:count], states), self._robot.model.nq, self._robot.model.nv
+        angles = np.empty((count, len(self._robot.joints)))
+        for state, row in zip(states, angles, strict=True):
+            self._robot.layout.read(state, near=row, out=row)
+        motion = JointMotion(self._motion.name, self._motion.joints, RATE, angles, states[:, :nq].copy())
+        targets = course.targets[:count] + np.clip(offsets[:count], course.lower[:count], course.upper[:count])
+        path, pose = np.hypot(off[:, 0], off[:, 1]).mean(), np.sqrt(np.square(off[:, 6:nv]).mean())
+        return OnItsFeet(motion, targets, fell, float(path), float(np.degrees(pose)))
