@@ -33,7 +33,7 @@ class OnItsFeet:
     motion: JointMotion
     targets: Array  # of the joints at each knot, shape (T, J), rad
     fell_s: float | None  # time of the fall; None if it stands to the end
-    path_m: float  # mean distance of the root from the carried one's along the ground
+    path_m: float  # mean distance of the root from that of the carried motion, along the ground
     pose_deg: float  # root mean square of the joints' differences from the carried ones
 
 

@@ -56,6 +56,22 @@ def test_json_holds_what_the_api_gives(walk, tmp_path):
     assert {name: tuple(pair) for name, pair in row["limbs_deg"].items()} == same.limbs_deg
 
 
+def test_physical_says_for_each_motion_whether_the_robot_stands(tmp_path):
+    pose = bent_pose(human(), relb=(1.3, 0, 0), lelb=(-1.3, 0, 0))
+    place, rotation = (np.array([part] * 6) for part in (pose.root_position, pose.rotation))
+    write_clip(Clip("stand", human(), 60.0, place, rotation), tmp_path / "stand.bvh")
+    (tmp_path / "broken.bvh").write_text("HIERARCHY")
+    files, out = (tmp_path / "stand.bvh", tmp_path / "broken.bvh"), tmp_path / "out"
+    result = run(*files, "--robot", "servo20", "--out", out, "--physical")
+    assert result.exit_code == 1
+    assert "stands, 0.1 s" in result.output
+    assert "failed: " in result.output
+    assert "1 to the end on its feet; 1 failed" in result.output
+    assert np.load(out / "stand.npz")["joint_pos"].shape == (5, 20)
+    with pytest.raises(MotiondeckError, match="30 Hz"):
+        run(*files, "--robot", "servo20", "--out", out, "--physical", "--format", "csv")
+
+
 @pytest.mark.parametrize(
     ("arguments", "error", "words"),
     [
