@@ -49,8 +49,8 @@ def main() -> None:
                         "motion": played.name,
                         "robot": name,
                         "tempo": tempo,
-                        "follows": (all(said.get(check, True) for check in FOLLOWS), done["physics: off target"]),
-                        "stands": (said["off balance"], done["physics: stands"]),
+                        "follows": (all(said.get(check, True) for check in FOLLOWS), done["off target"]),
+                        "stands": (said["off balance"], done["falls"]),
                     }
                 )
             print(".", end="", file=sys.stderr, flush=True)

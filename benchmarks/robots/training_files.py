@@ -110,7 +110,9 @@ def interrupted_twice(folder: Path, count: int) -> dict[str, Any]:
     latest = {row["recording"]: row for row in rows}
     found["carried_again"] = len(rows) - len(latest)
     found["failed"] = sum(row["error"] is not None for row in latest.values())
-    found["infeasible"] = sum(bool(row["infeasible"]) for row in latest.values())
+    verdicts = [row["verdict"] for row in latest.values() if row["verdict"]]
+    found["slower"] = sum(verdict["passes_at"] not in (None, 1.0) for verdict in verdicts)
+    found["never"] = sum(verdict["passes_at"] is None for verdict in verdicts)
     found["left_over"] = sorted(path.name for path in out.rglob(".*") if path.is_file())
     return found
 

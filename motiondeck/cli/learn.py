@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 import sys
 from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Literal
 
@@ -55,7 +56,8 @@ class LearnOptions:
     ] = False
     play: Annotated[bool, typer.Option("--play", help="Play the first motion afterwards.")] = False
     robot: Annotated[
-        str | None, typer.Option("--robot", metavar="ROBOT", help="The robot that plays: a robot file or name.")
+        str | None,
+        typer.Option("--robot", metavar="ROBOT", help="Say which motions this robot plays; --play plays them on it."),
     ] = None
     jobs: JobsOption = "1"
     ground: GroundOption = "auto"
@@ -82,7 +84,8 @@ def learn(options: LearnOptions, reading: Reading, as_json: JsonOption = False) 
     (--whole overrules). Still ends are trimmed; a motion that returns, and is repeated or moves on there, becomes a
     loop, any other a one-shot that ends in its last pose (--as overrules); all are resampled to 120 Hz and carried to
     one body. Every motion is tested. The reason why a recording is left out, and doubts about a body, are
-    printed. The recipe is written beside the library.
+    printed. The recipe is written beside the library. With --robot the table of `preflight` follows: which motions that
+    robot plays, and at which tempo.
 
     Clips of `motiondeck rig teach` become loops or one-shots as they were taught; NAME.clip, NAME.2.clip ... are takes
     of one motion and are averaged. The part of a loop that returns best to its start is learned.
@@ -100,10 +103,11 @@ def learn(options: LearnOptions, reading: Reading, as_json: JsonOption = False) 
     """
     from controller.learning.recipe import gesture_recipe, read_recipe
     from motiondeck_base.jobs import Jobs
+    from sim.robots.catalogue import find_robot
 
     jobs, own = Jobs.parse(options.jobs), replace(reading.options(), ground=ground_of(options.ground))
-    if options.robot is not None and not options.play:
-        raise MotiondeckError("--robot names the robot that plays: give --play too")
+    if options.robot is not None:
+        find_robot(options.robot)  # a misspelt name is refused before anything is learned
     if options.out is not None:
         check_ending(options.out, "a library")
     endings = {path.suffix.lower() for path in options.what}
@@ -154,6 +158,7 @@ def _learn_recordings(options: LearnOptions, out: Path, reading: ReadingOptions,
     from controller.learning import learn as learning
     from controller.learning.recipe import recipe_text
     from controller.library.motion_library import save_library
+    from motiondeck.cli.common.verdict_report import verdicts_on
     from motiondeck.cli.learn_report import report_recordings
     from motiondeck_base.files import write_file
 
@@ -178,7 +183,8 @@ def _learn_recordings(options: LearnOptions, out: Path, reading: ReadingOptions,
     save_library(learned.library, out)
     recipe = out.with_suffix(".toml")
     write_file(recipe, recipe_text(learned.recipe, recipe.parent).encode())
-    report_recordings(learned, out, recipe, as_json)
+    judge = partial(verdicts_on, options.robot, out, list(learned.library.network.motions))
+    report_recordings(learned, out, recipe, judge, as_json)
     return next((motion.name for motion in learned.motions if motion.passed), learned.motions[0].name)
 
 
@@ -190,6 +196,7 @@ def _learn_recipe(
     from controller.learning.recipe import recipe_text, warnings
     from controller.learning.training_set import prepare
     from controller.library.motion_library import save_library
+    from motiondeck.cli.common.verdict_report import verdicts_on
     from motiondeck.cli.learn_report import report_recipe
     from motiondeck_base.files import write_file
     from motiondeck_base.progress import progress
@@ -205,7 +212,8 @@ def _learn_recipe(
         save_library(library, out)
     if taught:
         write_file(file, recipe_text(recipe, file.parent).encode())
-    report_recipe(library, recipe, training_set, out if written else None, file if taught else None, as_json)
+    judge = partial(verdicts_on, options.robot if written else None, out, list(library.network.motions))
+    report_recipe(library, recipe, training_set, out if written else None, file if taught else None, judge, as_json)
     if not written:
         raise MotiondeckError(
             f"{', '.join(failing)} failed the self-test, so {out} was not written. "

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Callable, Sequence
 from dataclasses import asdict
 from pathlib import Path
 from typing import Any
@@ -28,8 +29,13 @@ from motiondeck.cli.common.library_report import (
     seam_of,
 )
 from motiondeck.cli.common.tables import show_table
+from motiondeck.cli.common.verdict_report import print_verdicts
 from motiondeck_base.counted import counted
 from motiondeck_base.files import listed
+from sim.robots.verdict import MotionVerdict
+
+Judge = Callable[[], Sequence[MotionVerdict]]
+"""Makes the verdicts on the learned motions; none without a robot."""
 
 
 def report_recipe(
@@ -38,6 +44,7 @@ def report_recipe(
     training_set: TrainingSet,
     written: Path | None,
     taught: Path | None,
+    judge: Judge,
     as_json: bool,
 ) -> None:
     """Reports a trained recipe; `taught` is the recipe that was written for clips taught by hand."""
@@ -48,7 +55,7 @@ def report_recipe(
         fields = report(library) | {"beside_the_recording": closeness, "written": str(written) if written else None}
         fields |= {"learned_from": {name: part_fields(part) for name, part in training_set.parts.items()}}
         fields |= {"learned": learned} if learned is not None else {}
-        print(json.dumps(fields | {"worst_join": join_fields(worst)}))
+        print(json.dumps(fields | {"worst_join": join_fields(worst)} | _judged(judge)))
         return
     print_table(library)
     _print_closeness(library, training_set.parts if learned is None else {}, closeness)
@@ -59,15 +66,17 @@ def report_recipe(
     if written:
         recipe_too = f" and its recipe {taught}" if taught else ""
         print(f"wrote {written} ({written.stat().st_size / 1e6:.1f} MB, seed {library.info.seed}){recipe_too}")
+        _print_judged(judge)
 
 
-def report_recordings(learned: LearnedLibrary, out: Path, recipe: Path, as_json: bool) -> None:
+def report_recordings(learned: LearnedLibrary, out: Path, recipe: Path, judge: Judge, as_json: bool) -> None:
     """Reports a library of recordings: each with its part, its seam and its self-test."""
     worst = worst_join(learned.library)
     if as_json:
         fields = {"written": str(out), "recipe": str(recipe), "motions": _rows(learned)}
         fields["actors"] = [asdict(actor) for actor in learned.actors]
-        print(json.dumps(fields | {"warnings": warnings(learned.recipe), "worst_join": join_fields(worst)}))
+        fields |= {"warnings": warnings(learned.recipe), "worst_join": join_fields(worst)}
+        print(json.dumps(fields | _judged(judge)))
         return
     _print(learned)
     if learned.actors:
@@ -82,6 +91,16 @@ def report_recordings(learned: LearnedLibrary, out: Path, recipe: Path, as_json:
     for warning in warnings(learned.recipe):
         print(f"warning: {warning} {recipe}")
     print(f"wrote {out} ({out.stat().st_size / 1e6:.1f} MB) and its recipe {recipe}")
+    _print_judged(judge)
+
+
+def _judged(judge: Judge) -> dict[str, Any]:
+    return {"verdicts": [verdict.row() for verdict in judge()]}
+
+
+def _print_judged(judge: Judge) -> None:
+    if verdicts := judge():
+        print_verdicts(verdicts, "on the robot")
 
 
 def _compare(library: MotionLibrary, training_set: TrainingSet, every: int) -> list[dict[str, Any]]:

@@ -63,6 +63,10 @@ def show(
     recording: Annotated[
         Path | None, typer.Argument(metavar="[RECORDING]", help="Judge the motions of this recording anew by it.")
     ] = None,
+    robot: Annotated[
+        str | None,
+        typer.Option("--robot", metavar="ROBOT", help="Say which motions this robot plays, as `preflight` does."),
+    ] = None,
     as_json: JsonOption = False,
 ) -> None:
     """Show the motions, the network, and the origin of a library.
@@ -74,9 +78,11 @@ def show(
 
       motiondeck library show thesis15
       motiondeck library show mine.safetensors walk.bvh
+      motiondeck library show thesis15 --robot servo20
     """
     from controller.library.motion_library import load_library
     from motiondeck.cli.common.library_report import print_table, report
+    from motiondeck.cli.common.verdict_report import print_verdicts, verdicts_on
     from motiondeck_base.shipped import find_library
 
     path = find_library(library)
@@ -84,10 +90,13 @@ def show(
     if recording is not None:
         _judge_anew(loaded, path, recording, as_json)
         return
+    verdicts = verdicts_on(robot, path, list(loaded.network.motions))
     if as_json:
-        print(json.dumps(report(loaded)))
+        print(json.dumps(report(loaded) | {"verdicts": [verdict.row() for verdict in verdicts]}))
         return
     print_table(loaded)
+    if verdicts:
+        print_verdicts(verdicts, f"on {robot}")
     print(f"body      that of {loaded.info.skeleton.name}, {len(loaded.skeleton)} bones")
     print(f"seed      {loaded.info.seed}")
     print(f"licence   {loaded.info.licence}")

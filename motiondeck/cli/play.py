@@ -116,12 +116,25 @@ def _play_live(spec: RunSpec, program: Program, page: PageProcess | None, *, qui
     terminal = not quiet and sys.stdin.isatty() and sys.stdout.isatty()
     host = Host(page, terminal=terminal, progress=not as_json, restarts=not quiet)
     with library_run(spec, program, host) as session:
+        if not as_json:
+            print(_verdicts(spec, session), file=sys.stderr)
         report = session.run()
     print(json.dumps(report) if as_json else summary(report))
     incomplete = not report.get("recording", {"complete": True})["complete"]
     if incomplete or any(o["parked"] for o in report["outputs"]) or report.get("recognition", {}).get("stopped"):
         raise typer.Exit(1)
     return session
+
+
+def _verdicts(spec: RunSpec, session: Session) -> str:
+    """Which motions the robot plays, and how it plays the first one; or how to find out."""
+    from sim.robots.verdict import summed
+
+    robot, first = session.robots[0].name, session.deck.motion
+    if first not in session.verdicts:
+        command = f"motiondeck preflight {spec.library} --robot {spec.robot}"
+        return f"which motions {robot} can play is not known yet; this finds out: {command}"
+    return f"{session.source} on {robot}: {summed(session.verdicts.values())}. {first}: {session.verdicts[first].words}"
 
 
 def play_again(

@@ -3,32 +3,20 @@
 from __future__ import annotations
 
 import json
-import sys
-from collections.abc import Callable, Iterable, Iterator, Sequence
-from dataclasses import asdict, dataclass, replace
-from functools import lru_cache
+from dataclasses import dataclass
 from itertools import pairwise
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from motiondeck.cli.common.options import JsonOption, RootOption, check_plot
 from motiondeck.cli.common.options_class import grouped
-from motiondeck_base.progress import progress
 
 if TYPE_CHECKING:
-    from controller.deck.interfaces import JointLimits
-    from controller.library.motion_library import MotionLibrary
+    from motiondeck.run.verdicts import Judged
     from motiondeck_base.jobs import Jobs
-    from sim.physics.preflight.findings import PreflightVerdict
-    from sim.physics.preflight.preflight import Preflight
-    from sim.robots.robot import Robot
-
-SLOWEST = 0.1  # the lowest tempo to judge at
-
-
-PER_PROCESS = 4  # motions that are worth the seconds in which another process loads library and robot
+    from sim.robots.verdict import MotionVerdict
 
 
 @dataclass(frozen=True)
@@ -54,23 +42,13 @@ class PreflightRun:
     walk: Annotated[bool, typer.Option("--walk", help="A free robot walks where the motion goes.")] = False
     tempo: Annotated[float, typer.Option("--tempo", metavar="TEMPO", help="The tempo to judge at, 0.1 to 3.")] = 1.0
 
-    def motions(self, names: Sequence[str], jobs: Jobs | None = None) -> Iterator[PreflightVerdict]:
-        """Verdicts on motions, in order, each as soon as it is known; they are played in physics too."""
-        for verdicts in self._spread(_motion, names, jobs):
-            yield from verdicts
+    @property
+    def judged(self) -> Judged:
+        """The same with files for names; MotiondeckError if one is missing."""
+        from motiondeck.run.verdicts import Judged
 
-    def switches(self, names: Sequence[str], jobs: Jobs | None = None) -> Iterator[PreflightVerdict]:
-        """Verdicts on the direct switches from motions, in order, each as soon as it is known."""
-        for verdicts in self._spread(_switches, names, jobs):
-            yield from verdicts
-
-    def _spread(self, judge: Any, names: Sequence[str], jobs: Jobs | None) -> Iterator[list[PreflightVerdict]]:
-        from joblib import cpu_count, delayed
-
-        from motiondeck_base.jobs import Jobs, spread
-
-        where = jobs or Jobs(max(1, min(cpu_count(), len(names) // PER_PROCESS)))
-        yield from spread((delayed(judge)(self, name) for name in names), where, ordered=True)
+        settings = {"root": self.root, "balance": self.balance, "walk": self.walk, "tempo": self.tempo}
+        return Judged.of(self.library, self.robot, self.rig, **settings)
 
 
 @grouped
@@ -90,9 +68,9 @@ def preflight(
 ) -> None:
     """Check whether a robot can play a library, and at which tempo.
 
-    Every motion and every switch is checked against limits of position and speed, torque, heat and self-collision;
-    motions are also played in physics. With `--root free` the robot must stand; with `--walk` the table also shows how
-    far it goes and how near it is to a fall. The exit code is 1 if a check fails.
+    Every motion and every switch is checked against limits of position and speed, torque, heat and self-collision; of
+    motions also how limbs point, and they are played in physics. With `--root free` the robot must stand. Verdicts are
+    kept beside the robot file until library, robot or program change. The exit code is 1 if a check fails.
 
     [bold]Examples[/]
 
@@ -103,68 +81,79 @@ def preflight(
     """
     import msgspec
 
+    from controller.library.motion_library import load_library
     from controller.wire.messages.arguments import TEMPO
     from motiondeck.cli.common.library_report import print_errors
-    from motiondeck.cli.preflight_report import print_motion, print_summary, print_switch
-    from motiondeck.run.sampled_motions import count_switches, switches_by_way_of
+    from motiondeck.cli.common.verdict_report import made, print_verdict, print_verdicts
     from motiondeck_base.errors import MotiondeckError
-    from motiondeck_base.jobs import Jobs
     from sim.physics.physics_model import check_root
+    from sim.robots.verdict import SLOWEST, summed
 
     if not SLOWEST <= run.tempo <= TEMPO.highest:
         raise MotiondeckError(f"--tempo {run.tempo:g} is not between {SLOWEST:g} and {TEMPO.highest:g}")
     check_root(run.root, balance=run.balance, walk=run.walk)
     check_plot(plot)
-    where = Jobs.parse(jobs) if jobs is not None else None
-    played, judge = loaded(run)
-    names = list(played.network.motions)
-    verdicts: list[PreflightVerdict] = []
-
-    def take(
-        what: str, count: int, judged: Iterable[PreflightVerdict], show: Callable[[PreflightVerdict, float], None]
-    ) -> None:
-        with progress(what, count) as tick:
-            for verdict in judged:
-                verdicts.append(verdict)
-                if not as_json:
-                    show(verdict, run.tempo)
-                tick()
-
-    take("motions", len(names), run.motions(names, where), print_motion)
-    motions = len(verdicts)
+    where, judged = _parsed(jobs), run.judged
+    library = load_library(judged.library)
+    names, learned = list(library.network.motions), {motion.name: motion for motion in library.info.motions}
+    motions = made(judged.motions(names, where), "motions", len(names), None if as_json else print_verdict)
+    switches: list[MotionVerdict] = []
     if not motions_only:
-        take("switches", count_switches(played), run.switches(names, where), print_switch)
-        verdicts += _by_their_parts({v.name: v for v in verdicts}, switches_by_way_of(played))
-    learned = {motion.name: msgspec.to_builtins(motion.against_recording) for motion in played.info.motions}
+        from motiondeck.run.sampled_motions import count_switches, switches_by_way_of
+
+        direct = judged.switches(names, where)
+        switches = made(direct, "switches", count_switches(library), None if as_json else _print_failing)
+        switches += _by_their_parts({v.name: v for v in (*motions, *switches)}, switches_by_way_of(library), run.tempo)
+    ok = all(verdict.ok for verdict in (*motions, *switches))
+    errors = {name: msgspec.to_builtins(motion.against_recording) for name, motion in learned.items()}
     report = {
-        "library": played.info.name,
-        "robot": judge.robot.name,
+        "library": library.info.name,
+        "robot": judged.robot.stem,
         "root": run.root,
         "balance": run.balance,
         "walk": run.walk,
         "tempo": run.tempo,
-        "ok": all(verdict.ok for verdict in verdicts),
-        "motions": [_row(verdict) | {"against_recording": learned[verdict.name]} for verdict in verdicts[:motions]],
-        "switches": [_row(verdict) for verdict in verdicts[motions:]],
+        "ok": ok,
+        "motions": [verdict.row() | {"against_recording": errors[verdict.name]} for verdict in motions],
+        "switches": [verdict.row() for verdict in switches],
     }
     if as_json:
         print(json.dumps(report, allow_nan=False))
     else:
-        print_summary(verdicts, motions, report, judge.robot)
-        print_errors(played.info.motions)
+        held = "free" + ", balancing" * run.balance + ", walking" * run.walk if run.root == "free" else run.root
+        print_verdicts(motions, f"{library.info.name} on {judged.robot.stem} ({held}), at tempo {run.tempo:g}")
+        if switches:
+            print(f"switches: {summed(switches)}; those by way of other motions are judged by their parts")
+        print("What was measured: --json. What it means: docs/physics.md. Slower: `tempo TEMPO` at the prompt.")
+        print_errors(library.info.motions)
     if plot is not None:
         from motiondeck.pictures.table_plots import draw
 
-        draw(verdicts[:motions], plot)
-    if not report["ok"]:
+        draw(motions, plot)
+    if not ok:
         raise typer.Exit(1)
 
 
+def _parsed(jobs: str | None) -> Jobs | None:
+    if jobs is None:
+        return None
+    from motiondeck_base.jobs import Jobs
+
+    return Jobs.parse(jobs)
+
+
+def _print_failing(verdict: MotionVerdict) -> None:
+    from motiondeck.cli.common.verdict_report import print_verdict
+
+    if not verdict.ok:
+        print_verdict(verdict)
+
+
 def _by_their_parts(
-    judged: dict[str, PreflightVerdict], ways: dict[tuple[str, str], tuple[str, ...]]
-) -> list[PreflightVerdict]:
+    judged: dict[str, MotionVerdict], ways: dict[tuple[str, str], tuple[str, ...]], tempo: float
+) -> list[MotionVerdict]:
     """Switches by way of other motions: the findings of all their parts, and the slowest of their tempos."""
-    from sim.physics.preflight.findings import PreflightVerdict
+    from sim.robots.verdict import MotionVerdict
 
     found = []
     for (source, target), via in ways.items():
@@ -173,77 +162,6 @@ def _by_their_parts(
         parts = [judged[name] for name in names if name in judged]
         tempos = [part.passes_at for part in parts]
         passes = None if None in tempos else min(tempo for tempo in tempos if tempo is not None)
-        findings = tuple(finding for part in parts for finding in part.findings)
-        found.append(PreflightVerdict(f"{source} > {target}", findings, passes, via))
+        findings, obstacles = (tuple(f for part in parts for f in getattr(part, n)) for n in ("findings", "obstacles"))
+        found.append(MotionVerdict(f"{source} > {target}", findings, passes, via, obstacles, tempo))
     return found
-
-
-def _row(verdict: PreflightVerdict) -> dict[str, Any]:
-    # A switch by way of other motions has its findings in the rows of its parts.
-    findings = [] if verdict.way else [asdict(finding) for finding in verdict.findings]
-    return {
-        "name": verdict.name,
-        "ok": verdict.ok,
-        "passes_at": verdict.passes_at,
-        "way": list(verdict.way),
-        "troubles": sorted({finding.check for finding in verdict.troubles}),
-        "findings": findings,
-        "obstacles": [asdict(finding) for finding in verdict.obstacles],
-    }
-
-
-def _motion(run: PreflightRun, name: str) -> list[PreflightVerdict]:
-    from motiondeck.run.sampled_motions import play_motions
-
-    library, judge = loaded(run)
-    return [judge.judge(one, simulate=True, tempo=run.tempo) for one in play_motions(library, judge.robot, [name])]
-
-
-def _switches(run: PreflightRun, source: str) -> list[PreflightVerdict]:
-    from motiondeck.run.sampled_motions import play_switches
-
-    library, judge = loaded(run)
-    return [judge.judge(one, simulate=False, tempo=run.tempo) for one in play_switches(library, judge.robot, [source])]
-
-
-@lru_cache(maxsize=1)
-def loaded(run: PreflightRun) -> tuple[MotionLibrary, Preflight]:
-    """The library, and the judge of its motions on the robot; raises a MotiondeckError if a file cannot be used."""
-    from controller.library.motion_library import load_library
-    from controller.loop.safety.safety_envelope import SafetyEnvelope
-    from motiondeck_base.shipped import find_library
-    from sim.physics.played_motions import load_sampled_robot
-    from sim.physics.preflight.preflight import Preflight
-    from sim.robots.catalogue import find_robot
-
-    library = load_library(find_library(run.library))
-    body, limits = on_rig(load_sampled_robot(find_robot(run.robot), library.skeleton), run.rig)
-    return library, Preflight(body, limits, SafetyEnvelope, run.root, run.balance, run.walk)
-
-
-def on_rig(body: Robot, rig: str | None) -> tuple[Robot, JointLimits]:
-    """The robot with the servos of a rig, and the limits that both allow."""
-    if rig is None:
-        return body, body.limits
-    import msgspec
-
-    from hardware.rig.rig_file import load_rig
-    from motiondeck.run.robots.rig_output import narrowed
-    from motiondeck_base.shipped import find_rig
-
-    config = load_rig(find_rig(rig))
-    servo = body.servo
-    if servo is not None:
-        currents = [joint.current for joint in config.joints if joint.current > 0.0]
-        servo = msgspec.structs.replace(
-            servo,
-            current_limit=min([*currents, servo.current_limit or servo.current]),
-            hottest=min(servo.hottest, *(joint.hottest for joint in config.joints)),
-        )
-    elif any(joint.current > 0.0 for joint in config.joints):
-        print(
-            f"the rig's current limits are not applied: the file of {body.name} has no table [servo] with the torque "
-            "of a current",
-            file=sys.stderr,
-        )
-    return replace(body, servo=servo), narrowed(body.limits, body, config)

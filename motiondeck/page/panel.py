@@ -123,6 +123,7 @@ class Panel:
             Path(about.library_file) if about.library_file else None,
             has_phase=about.has_phase,
             direct=about.direct,
+            verdicts=about.verdicts,
             send=self.send,
         )
         self._tempo = gui.add_slider(

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import ExitStack, contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -38,6 +38,7 @@ from motiondeck.run.session import Session, WiredStopWatch
 from motiondeck.run.spec.run_spec import RunSpec, is_emulated
 from motiondeck.run.spec.script import Timed
 from motiondeck_base.errors import MotiondeckError
+from sim.robots.verdict import MotionVerdict
 
 if TYPE_CHECKING:  # a run imports what it has: page, show, recorder, recognition, rig, outputs
     from motiondeck.run.beside.tick_recorder import TickRecorder
@@ -70,6 +71,7 @@ class Played:
     make_deck: Callable[[Retargeter], PlayableDeck]  # makes the deck for the robots' retargeting
     timeline: Sequence[Timed] = ()  # what is commanded when, in order
     file: Path | None = None  # of the source, if it is a library
+    verdicts: Mapping[str, MotionVerdict] = field(default_factory=dict[str, MotionVerdict])  # by motion, those kept
 
     @property
     def name(self) -> str:
@@ -163,7 +165,9 @@ def _assemble(opening: ExitStack, stop: StopRequest, spec: RunSpec, played: Play
         from motiondeck.run.page.page import Page
 
         human, learns = played.human(deck), host.restarts
-        contents = PageContents(deck, robots, human, watch, port, played.file, servos, learns=learns)
+        contents = PageContents(
+            deck, robots, human, watch, port, played.file, servos, learns=learns, verdicts=played.verdicts
+        )
         shown = opening.enter_context(Page.open(page.state, contents))
     recorder = _recorder(opening, spec, played, first, deck, watch)
     if recorder is not None:
@@ -196,6 +200,7 @@ def _assemble(opening: ExitStack, stop: StopRequest, spec: RunSpec, played: Play
         lead=lead,
         correction=correction,
         timeline=list(played.timeline),
+        verdicts=played.verdicts,
         progress=host.progress,
         prompt=host.terminal,
     )

@@ -11,6 +11,7 @@ from motiondeck.run.robots.robot_on_deck import open_robots, robot_files
 from motiondeck.run.session import Session
 from motiondeck.run.spec.program import Program, checked_rate
 from motiondeck.run.spec.run_spec import RunSpec
+from motiondeck.run.verdicts import Judged
 
 
 @contextmanager
@@ -21,13 +22,14 @@ def library_run(spec: RunSpec, program: Program, host: Host = ALONE) -> Iterator
     if rate != spec.rate:
         print(f"playing at {rate:g} Hz, which the network can hold", file=sys.stderr)
     spec = replace(spec, rate=rate, seconds=program.seconds)
-    robot_files(spec)  # a misspelt name is refused before anything is opened
+    judged = Judged(program.file, *robot_files(spec), spec.root, spec.balance, spec.walk)
     played = Played(
         library,
         lambda opening: open_robots(opening, spec, library),
         lambda retarget: Deck(library, retarget, first, direct=spec.direct, joining=spec.join),
         program.timeline,
         program.file,
+        judged.kept() or replace(judged, rig=None).kept(),
     )
     with open_session(spec, played, host) as session:
         yield session

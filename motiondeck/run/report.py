@@ -20,6 +20,7 @@ from motiondeck_base.counted import counted
 _AT_ONCE = 0.05  # s: a fall before this is reported as one at once
 _FEET = "; with --walk or --balance it can keep on its feet"
 _INCIDENTS_SHOWN = 10  # the latest
+_OFTEN = 0.02  # share of the ticks from which a joint that is held back is named
 _OVERRUNS_EVERY = 1.0  # s from one event on overruns to the next, which has all since
 _FAULTS_EVERY = 0.25  # s from one check for faults to the next
 
@@ -117,7 +118,8 @@ def summary(report: dict[str, Any]) -> str:
 
 
 def _happened(report: dict[str, Any]) -> list[str]:
-    lines: list[str] = []
+    lines = [f"{verdict['name']}: {verdict['words']}" for verdict in report.get("verdicts", ())]
+    lines += _held_back(report.get("limited", {}), report["ticks"])
     if report["switches"]:
         times = [s["settled_s"] - s["commanded_s"] for s in report["switches"] if s["settled_s"] is not None]
         median = " (median)" if len(times) > 1 else ""
@@ -152,6 +154,15 @@ def _happened(report: dict[str, Any]) -> list[str]:
         lines += summary_lines(report["recognition"])
     lines += [f"output {o['name']} was parked: {o['fault']}" for o in report["outputs"] if o["parked"]]
     return lines
+
+
+def _held_back(limited: dict[str, int], ticks: int) -> list[str]:
+    """The joints that their limits held back most, with the number of ticks."""
+    often = sorted((item for item in limited.items() if item[1] > _OFTEN * ticks), key=lambda item: -item[1])
+    most = ", ".join(f"{joint} ({count} of {ticks} ticks)" for joint, count in often[:3])
+    return [f"held back: {most}" + (f" and {counted(len(often) - 3, 'more joint')}" if len(often) > 3 else "")] * bool(
+        often
+    )
 
 
 def _figures(report: dict[str, Any]) -> list[str]:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import sys
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from contextlib import ExitStack
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any, Protocol
@@ -31,6 +31,7 @@ from motiondeck.run.report import RunNews, run_report
 from motiondeck.run.robots.robot_on_deck import RobotOnDeck
 from motiondeck.run.spec.run_spec import RunSpec
 from motiondeck.run.spec.script import Timed
+from sim.robots.verdict import MotionVerdict
 
 if TYPE_CHECKING:  # page, recorder and recognition are imported by a run that has them
     from controller.deck.switch import CommandedSwitch
@@ -100,6 +101,7 @@ class Session:
     wired_stop: WiredStopWatch | None = None
     lead: Lead | None = None
     correction: Correction | None = None
+    verdicts: Mapping[str, MotionVerdict] = field(default_factory=dict[str, MotionVerdict])  # by motion, those kept
     timeline: list[Timed] = field(default_factory=list)  # what is still to be commanded, in order
     progress: bool = False  # whether a terminal shows how the run goes
     prompt: bool = False  # whether the terminal has a prompt
@@ -112,7 +114,7 @@ class Session:
 
     def run(self) -> dict[str, Any]:
         """Plays until the time is over or the run is stopped; the report."""
-        spec = self.spec
+        spec, first = self.spec, self.deck.motion
         rests = [robot.rest for robot in self.robots if robot.rest is not None]
         with permissions.handed_back(), ExitStack() as shown:
             self._request_permissions()
@@ -143,6 +145,8 @@ class Session:
         names = [name for robot in self.robots for name in robot.joints]
         full = run_report(report, names, self.deck.switches, self._permissions)
         full |= {"refused": self._refused, "restarts": self.deck.restarts}
+        played = dict.fromkeys(name for switch in full["switches"] for name in (*switch["via"], switch["to"]))
+        full["verdicts"] = [self.verdicts[name].row() for name in {first: None, **played} if name in self.verdicts]
         full |= {"library": self.source, "robot": self._first.name} | recorded
         return full | self._kept_apart() | ({"recognition": self.watch.report()} if self.watch else {})
 

@@ -6,11 +6,10 @@ with a line is not retargeted again unless it has changed.
 
 from __future__ import annotations
 
-import hashlib
 import json
-from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, field
-from functools import lru_cache
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass, field, replace
+from functools import lru_cache, partial
 from pathlib import Path
 from typing import Any
 
@@ -25,17 +24,22 @@ from controller.motion.formats.robot_motions import JOINTS_FILE
 from motiondeck_base.errors import MotiondeckError
 from motiondeck_base.files import write_file
 from motiondeck_base.jobs import EVERY_CORE, Jobs, spread
-from sim.models.robot_file import Solver, read_robot_file
+from sim.models.robot_file import Solver
 from sim.retargeting.robot_parts import SIDES
+from sim.robots.carried_findings import carried_findings
 from sim.robots.fidelity import floor_measures, followed, joint_measures
 from sim.robots.joint_motion import JointMotion, retargeted
-from sim.robots.limb_directions import LimbDirections, beyond_limits
+from sim.robots.limb_directions import LimbDirections
 from sim.robots.robot import Robot, RobotLoader
+from sim.robots.robot_digest import robot_digest
 from sim.robots.training_files import RATES, Format, ending, write_training_file
+from sim.robots.verdict import Finding, MotionVerdict, fastest_passing, limited
 
 MANIFEST = "motions.jsonl"
 SUNK_LIMIT = 0.005  # largest depth in the floor, m
-MARK = ".infeasible"  # before the suffix of files that a robot cannot do unchanged
+MARK = ".infeasible"  # before the suffix of files that a robot cannot do at this tempo
+_WITHIN = 1.1  # how close to the fastest tempo that passes the one found is, as a ratio
+_AT_ANY_TEMPO = ("out of reach", "jumps", "broken", "into the ground")
 
 
 @dataclass(frozen=True)
@@ -51,7 +55,7 @@ class RetargetedFile:
     too_fast: int = 0  # steps faster than a joint may go
     sunk_m: float = 0.0  # the largest depth in the floor, m
     slide_m_s: float = 0.0  # the mean speed of the soles while the human's feet stand, m/s
-    infeasible: tuple[str, ...] = ()  # reasons why the robot cannot do it unchanged
+    verdict: MotionVerdict | None = None  # whether the robot can do it, and at which tempo; None with an `error`
     notes: tuple[str, ...] = ()  # changes to the recording
     error: str | None = None  # why nothing was written
     size: int = 0  # of the recording, bytes, to detect changes
@@ -82,7 +86,7 @@ def retarget_files(
         jobs: the processes; remote ones need the same paths.
     """
     places = _places(paths, format)
-    settings = _Settings(robot.name, _digest(robot), format, solver)
+    settings = _Settings(robot.name, robot_digest(robot)[:16], format, solver)
     done = _opened(out, settings)
     left: list[tuple[Path, Path]] = []
     for recording, place in places.items():
@@ -107,7 +111,7 @@ def _is_done(row: RetargetedFile, recording: Path, out: Path) -> bool:
     """Whether the row of an earlier run is up to date, and its file is there."""
     facts = recording.stat()
     same = (row.size, row.changed) == (facts.st_size, facts.st_mtime_ns)
-    return same and row.file is not None and (out / row.file).exists()
+    return same and None not in (row.file, row.verdict) and (out / str(row.file)).exists()
 
 
 def _places(paths: Sequence[Path], format: Format) -> dict[Path, Path]:
@@ -129,15 +133,6 @@ def _places(paths: Sequence[Path], format: Format) -> dict[Path, Path]:
                 f"{recording} and {other} would both be written to {place}. Retarget them in separate runs."
             )
     return places
-
-
-def _digest(robot: Path) -> str:
-    """Digest of a robot file and the model it names."""
-    file, digest = read_robot_file(robot), hashlib.sha256(robot.read_bytes())
-    if file.model is not None:
-        model = robot.parent / Path(file.model).expanduser()
-        digest.update(model.read_bytes() if model.is_file() else b"")
-    return digest.hexdigest()[:16]
 
 
 def _opened(out: Path, settings: _Settings) -> dict[str, RetargetedFile]:
@@ -190,12 +185,12 @@ def _carried(
         _, parted = breaks(clip)
         clip = resampled(clip, RATES.get(format, clip.rate))
         loader = _loader(robot, digest)
-        fitted = loader(clip.skeleton, None if loader.file.kind == "mannequin" else solver, 1.0 / clip.rate)
-        motion = retargeted(fitted, clip)
-        measured = _measures(loader, clip, fitted, motion)
-        measured["infeasible"] = (*measured["infeasible"], *parted)
+        carry = partial(_carried_at, loader, None if loader.file.kind == "mannequin" else solver)
+        fitted, motion, measured, found = carry(clip)
+        found += [Finding("broken", 1.0, 0.0, "", where, ok=False) for where in parted]
         known |= {"frames": len(motion), "fps": clip.rate, "notes": notes} | measured
-        marked = place.with_suffix(MARK + place.suffix) if measured["infeasible"] else place
+        known["verdict"] = verdict = _verdict(recording.stem, clip, carry, tuple(found))
+        marked = place if verdict.ok else place.with_suffix(MARK + place.suffix)
         (out / marked).parent.mkdir(parents=True, exist_ok=True)
         write_training_file(out / marked, fitted.model, motion.qpos, clip.rate, format)
         _write_names(out / JOINTS_FILE, fitted)
@@ -216,32 +211,54 @@ def _write_names(file: Path, robot: Robot) -> None:
         write_file(file, "".join(f"{line}\n" for line in lines).encode())
 
 
-def _measures(loader: RobotLoader, clip: Clip, robot: Robot, motion: JointMotion) -> dict[str, Any]:
-    file, carried = loader.file, followed(clip, motion.angles, motion.qpos)
+def _verdict(
+    name: str,
+    clip: Clip,
+    carry: Callable[[Clip], tuple[Robot, JointMotion, Any, list[Finding]]],
+    found: tuple[Finding, ...],
+) -> MotionVerdict:
+    """The verdict of findings at tempo 1; where these may pass more slowly, the tempo is found by carrying it anew."""
+    troubles = tuple(finding for finding in found if not finding.ok)
+    lasting = tuple(finding for finding in troubles if finding.check in _AT_ANY_TEMPO)
+    if lasting or not troubles:
+        return MotionVerdict(name, found, None if lasting else 1.0, obstacles=lasting)
+
+    def passes(tempo: float) -> bool:
+        return all(finding.ok for finding in carry(replace(clip, rate=tempo * clip.rate))[-1])
+
+    tempo = fastest_passing(passes, 1.0, _WITHIN)
+    return MotionVerdict(name, found, tempo, obstacles=troubles if tempo is None else ())
+
+
+def _carried_at(
+    loader: RobotLoader, solver: Solver | None, clip: Clip
+) -> tuple[Robot, JointMotion, dict[str, Any], list[Finding]]:
+    """A clip on the robot at the clip's rate, with measures as of `RetargetedFile`, and the findings."""
+    file, robot = loader.file, loader(clip.skeleton, solver, 1.0 / clip.rate)
+    motion = retargeted(robot, clip)
+    carried = followed(clip, motion.angles, motion.qpos)
     counts = joint_measures(clip, robot, carried)
+    found = [
+        limited("out of reach", counts["beyond"], 0.0, "targets"),
+        Finding("speed", 100.0 * counts["speed"], 100.0, "%", ok=not counts["too_fast"]),
+        limited("jumps", counts["jumps"], 0.0, "times"),
+        limited("broken", counts["bad"], 0.0, "", "NaN or infinite" * bool(counts["bad"])),
+    ]
     limbs: dict[str, tuple[float, float]] = {}
     floor = {"slide": 0.0, "sunk": 0.0}
     if file.parts:
         directions = LimbDirections(robot.model, file.parts, np.array(file.root_rotation))
         limbs = directions.errors(carried.qpos, carried.limbs)
+        found += carried_findings(
+            robot, directions, carried.limbs, carried.wanted, carried.played, carried.qpos, clip.rate
+        )
         feet = {s: robot.model.body(file.parts[f"{s}_foot"]).id for s in SIDES if f"{s}_foot" in file.parts}
         floor = floor_measures(clip, robot, carried.qpos, feet)
-    reasons = [f"{counts[name]:.0f} {words}" for name, words in _COUNTED.items() if counts[name]]
-    reasons += beyond_limits(limbs)
-    if floor["sunk"] > SUNK_LIMIT:
-        reasons.append(f"{1000.0 * floor['sunk']:.0f} mm in the floor")
-    return {
+        found.append(limited("into the ground", 1e3 * floor["sunk"], 1e3 * SUNK_LIMIT, "mm"))
+    measures = {
         "limbs_deg": limbs,
         "too_fast": int(counts["too_fast"]),
         "sunk_m": floor["sunk"],
         "slide_m_s": floor["slide"],
-        "infeasible": tuple(reasons),
     }
-
-
-_COUNTED = {
-    "bad": "numbers that are NaN or infinite",
-    "beyond": "targets out of range",
-    "too_fast": "steps too fast",
-    "jumps": "jumps",
-}
+    return robot, motion, measures, found

@@ -132,8 +132,9 @@ def calibrate(
 
     Limbs, rest pose, size and heading are found in an MJCF or URDF. The table shows each limb segment beside that of a
     human of the same height; a mismatch is a warning with the line of the robot file to edit. Then the robot walks and
-    boxes, and the angles between its limbs and the human's are shown in degrees. The exit code is 1 if a limb is
-    missing or implausible, points elsewhere though the joints could turn there, or never points as the human's does.
+    boxes, and the angles between its limbs and the human's are shown in degrees; of a robot that can, the verdict of
+    `preflight` on both motions follows. The exit code is 1 if a limb is missing or implausible, points elsewhere though
+    the joints could turn there, or never points as the human's does.
 
     Look at the result with --view or --picture, edit the file where it is wrong (a wrong body under \[parts], real
     servo speeds under \[limits]), and check it: motiondeck robot check FILE RECORDINGS.
@@ -144,8 +145,18 @@ def calibrate(
       motiondeck play walk --robot op3.toml
     """
     from motiondeck.cli.common.options import check_new
-    from motiondeck.cli.robot.calibration import decided, packages, print_report, report_of, try_robot
+    from motiondeck.cli.common.verdict_report import print_verdicts, verdicts_on
+    from motiondeck.cli.robot.calibration import (
+        LIBRARY,
+        MOTIONS,
+        decided,
+        packages,
+        print_report,
+        report_of,
+        try_robot,
+    )
     from motiondeck_base.files import write_file
+    from motiondeck_base.shipped import find_library
     from sim.robots.catalogue import model_file
 
     found = decided(model_file(model), packages(package or []))
@@ -153,10 +164,14 @@ def calibrate(
     check_new(file, force=force)
     write_file(file, found.to_toml(file.parent).encode())
     trial = try_robot(file)
-    if as_json:
-        print(json.dumps(report_of(found, file, trial)))
-    else:
+    fails = not found.sound or trial.wrong or trial.lost
+    if not as_json:
         print_report(found, file, trial)
+    verdicts = [] if fails else verdicts_on(str(file), find_library(LIBRARY), MOTIONS)
+    if as_json:
+        print(json.dumps(report_of(found, file, trial) | {"verdicts": [verdict.row() for verdict in verdicts]}))
+    elif verdicts:
+        print_verdicts(verdicts, f"{LIBRARY} on {file.stem}")
     if picture is not None or view:
         from motiondeck.pictures.side_by_side import draw_beside, played
 
@@ -168,7 +183,7 @@ def calibrate(
             from motiondeck.run.page.page import show_act
 
             show_act(act_of(played("thesis15", "walk", VIEW_SECONDS), file), port)
-    if not found.sound or trial.wrong or trial.lost:
+    if fails:
         raise typer.Exit(1)
 
 

@@ -50,9 +50,10 @@ def retarget(
 
     The table shows the angles between the robot's limbs and the human's (mean/worst, of the worse side, degrees), steps
     faster than a joint may go (fast), how deep anything sinks into the floor (mm) and how fast standing soles slide
-    (mm/s). What the robot cannot do is written as NAME.infeasible.npz, with the reason below the table: a limb further
-    off than 15 degrees on average or 45 at worst, steps too fast, jumps, anything 5 mm in the floor. The exit code is 1
-    if a recording could not be carried at all.
+    (mm/s), and the verdict: plays, at tempo 0.54 (the fastest that the robot can follow), or does not play. What does
+    not play at its own tempo is written as NAME.infeasible.npz, with the reason below the table: a limb further off
+    than 15 degrees on average or 45 at worst, or 25 on average where joints cannot reach; the trunk beyond 8 and 20;
+    steps too fast, jumps, anything 5 mm in the floor. The exit code is 1 if a recording could not be carried at all.
 
     With --physical each motion is changed, by simulations on all cores, until the robot can do it on its own feet from
     the motion's first posture and speed, or the second is found at which it falls: 50 Hz, in --out without folders. It
@@ -97,6 +98,7 @@ def retarget(
 def print_rows(rows: list[RetargetedFile], out: Path) -> None:
     """Prints the table, notes, infeasible and failed recordings, and the sums."""
     from motiondeck.cli.common.tables import show_table
+    from sim.robots.verdict import summed
 
     headings = (
         "recording",
@@ -106,29 +108,29 @@ def print_rows(rows: list[RetargetedFile], out: Path) -> None:
         "fast",
         "sunk",
         "slide",
-        "",
+        "verdict",
     )
     lines = []
     for row in rows:
         if row.error is None:
             cells = [str(row.frames), f"{row.fps:g}", *(_worse(row.limbs_deg, name) for name in SEGMENTS)]
             cells += [str(row.too_fast), f"{1000.0 * row.sunk_m:.1f}", f"{1000.0 * row.slide_m_s:.0f}"]
-            lines.append((Path(row.recording).name, *cells, "infeasible" if row.infeasible else ""))
+            lines.append((Path(row.recording).name, *cells, row.verdict.answer if row.verdict else ""))
     show_table(headings, lines)
     for row in rows:
         for note in row.notes:
             print(f"{row.recording}: {note}")
     for row in rows:
-        if row.infeasible:
-            print(f"infeasible: {row.recording}: {'; '.join(row.infeasible)}")
+        if row.verdict and not row.verdict.ok:
+            print(f"{row.recording}: {row.verdict.words}")
     for row in rows:
         if row.error is not None:
             print(f"failed: {row.error}")
     written = [row for row in rows if row.error is None]
     seconds = sum(row.frames / row.fps for row in written)
-    refused = sum(bool(row.infeasible) for row in written)
+    verdicts = summed(row.verdict for row in written if row.verdict)
     failed = len(rows) - len(written)
-    print(f"{counted(len(written), 'motion')}, {seconds:.0f} s, in {out}; {refused} infeasible, {failed} failed")
+    print(f"{counted(len(written), 'motion')}, {seconds:.0f} s, in {out}: {verdicts or 'none'}; {failed} failed")
 
 
 def _worse(limbs: dict[str, tuple[float, float]], segment: str) -> str:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from contextlib import suppress
 from pathlib import Path
 from typing import Any
@@ -20,14 +20,15 @@ from motiondeck.page.web.parts import PageParts
 from motiondeck.page.web.state_line import button_labels
 
 SEARCHED = 12  # motions from which on one can be searched for
-NONE = Partners()
+NONE, NO_VERDICTS = Partners(), dict[str, tuple[str, str]]()
 HAND_ON = 1.0  # s that a hand on the ring or pad is believed before the deck's own value
 
 
 class MotionControls:
     """The widgets of the motions, where the page's widgets are being added.
 
-    Without a library's file there are neither pictures nor blends; a `direct` deck plays no motions in between.
+    Without a library's file there are neither pictures nor blends; a `direct` deck plays no motions in between; a
+    verdict is the answer of a motion, and the same with its reasons.
     """
 
     def __init__(
@@ -38,13 +39,15 @@ class MotionControls:
         *,
         has_phase: bool,
         direct: bool = False,
+        verdicts: Mapping[str, tuple[str, str]] = NO_VERDICTS,
         send: Callable[[DeckCommand], None],
     ) -> None:
         self._motions, self._has_phase, self._send = motions, has_phase, send
         self._state = DeckSnapshot(motion="")
         self._touched = 0.0
         self.glance = LibraryGlance(library, direct=direct) if library is not None else None
-        self._grid = parts.add("motion-grid", "motions", {"motions": motions, "searched": SEARCHED}, self._pressed)
+        fixed = {"motions": motions, "searched": SEARCHED, "verdicts": dict(verdicts)}
+        self._grid = parts.add("motion-grid", "motions", fixed, self._pressed)
         self._pictures = parts.add("motion-pictures", "motion-pictures")
         self._dial = parts.add("motion-dial", "motion-dial", heard=self._turned)
 

@@ -59,6 +59,7 @@ class PageDescription(msgspec.Struct, frozen=True, kw_only=True):
     has_phase: bool = False  # whether motions can be played backwards and sent to a phase
     has_network: bool = False  # whether the network can be looked into
     library_file: str | None = None
+    verdicts: dict[str, tuple[str, str]] = {}  # by motion, whether the robot plays it: the answer, and with reasons
     learn: list[str] = []  # the command line of the process that learns a recording, if the page offers that
     human: GhostDescription | None = None  # beside the robot, if its motion is known
     weight: float | None = None  # of a robot that stands on the floor alone, N

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import sys
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Protocol, runtime_checkable
 
@@ -19,6 +19,7 @@ from motiondeck.page.web.page_state import STANDS_STILL, UNCERTAIN, GhostDescrip
 from motiondeck.run.recognition.watches import BodyWatch, Watch
 from motiondeck.run.robots.rig_output import RigOutput
 from motiondeck.run.robots.robot_on_deck import RobotOnDeck, Simulation
+from sim.robots.verdict import MotionVerdict
 
 MOST_FORCES = 6  # parts of the body that touch the floor
 SERVO_ROWS = 8  # of `ServoStates`
@@ -70,6 +71,7 @@ class PageContents:
     library: Path | None  # the file of what plays, if it is a library; the view finds the network there
     servos: RigOutput | None
     learns: bool  # whether recordings can be learned on the page, in a process beside it
+    verdicts: Mapping[str, MotionVerdict] = field(default_factory=dict[str, MotionVerdict])  # by motion, those kept
 
     @property
     def simulations(self) -> list[Simulation]:
@@ -127,6 +129,7 @@ class PageContents:
             human=human,
             weight=GRAVITY * float(robot.model.body_mass.sum()) if standing else None,
             push_ns=usual_push(robot.model) if self.robots[0].pushable is not None else 0.0,
+            verdicts={name: (verdict.answer, verdict.words) for name, verdict in self.verdicts.items()},
             rig=self.servos.description if self.servos is not None else None,
             shapes=self.arrays.shapes,
         )

@@ -6,12 +6,13 @@ root, and only reported otherwise.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Iterator, Mapping
 from copy import deepcopy
 from dataclasses import dataclass, replace
 from itertools import chain, repeat
 from typing import Any, cast
 
+import msgspec
 import mujoco
 import numpy as np
 
@@ -22,12 +23,12 @@ from sim.physics.loads import Loads, loads_of
 from sim.physics.physics_model import feet_of, physics_model
 from sim.physics.playback import PhysicsPlayback
 from sim.physics.played_motions import PlayedMotion, endless_poses, poses_at, targets_at
-from sim.physics.preflight.findings import Finding, PreflightVerdict, limited
+from sim.physics.preflight.carried_checks import CarriedChecks
 from sim.physics.preflight.static_checks import ASTRAY, TEN_MINUTES, TICK, StaticChecks, sustained_until
 from sim.robots.robot import Limiter, Robot
 from sim.robots.self_collision import SelfCollision
+from sim.robots.verdict import SLOWEST, Finding, MotionVerdict, fastest_passing, limited
 
-SLOWEST = 0.1
 _AT_ANY_TEMPO = ("out of reach", "self-collision")
 # How close to the fastest tempo that passes the one found is, as a ratio: by the numbers, and in physics.
 _WITHIN, _WITHIN_IN_PHYSICS = 1.02, 1.1
@@ -44,6 +45,7 @@ class Preflight:
     root: str = "gantry"
     balance: bool = False  # whether a free robot keeps its balance
     walk: bool = False  # whether a free robot walks
+    carried: CarriedChecks | None = None  # None for a robot of unknown parts
 
     def __post_init__(self) -> None:
         # A separate footing: earlier motions must not change later verdicts, nor how motions are sampled.
@@ -53,41 +55,48 @@ class Preflight:
         self.static = StaticChecks(self.robot, self.limits, self.limiter, falls=falls)
         self.physics = PhysicsChecks(self.robot, self.limits, self.limiter, self.root, self.balance, self.walk)
 
-    def judge(self, played: PlayedMotion, *, simulate: bool, tempo: float = 1.0) -> PreflightVerdict:
-        """Judges a motion or a switch at a tempo; `simulate` adds physics, with a free root for FALL_SECONDS."""
+    def judge(self, played: PlayedMotion, *, simulate: bool, tempo: float = 1.0) -> MotionVerdict:
+        """Judges a motion or a switch at a tempo.
+
+        `simulate` adds how limbs point, and physics, with a free root for FALL_SECONDS.
+        """
         loads = loads_of(self.robot, played, free=self.root == "free", collisions=self._collisions, feet=self._feet)
         findings = tuple(self.static.findings(played, loads, tempo))
         if simulate:
-            findings += tuple(self.physics.findings(played, tempo))
+            findings = (*self._carried(played, tempo), *findings, *self.physics.findings(played, tempo))
         if all(finding.ok for finding in findings):
-            return PreflightVerdict(played.name, findings, tempo)
+            return MotionVerdict(played.name, findings, tempo, tempo=tempo)
         lasting = tuple(finding for finding in findings if finding.check in _AT_ANY_TEMPO and not finding.ok)
         if lasting:
-            return PreflightVerdict(played.name, findings, None, obstacles=lasting)
+            return MotionVerdict(played.name, findings, None, obstacles=lasting, tempo=tempo)
 
         def passes_static(slow: float) -> bool:
             return self.static.passes_at_tempo(played, loads, slow)
 
-        def passes_physics(slow: float) -> bool:
-            return self.physics.follow(played, slow) and passes_static(slow)
+        def passes_simulated(slow: float) -> bool:
+            carried = all(finding.ok for finding in self._carried(played, slow))
+            return carried and self.physics.follow(played, slow) and passes_static(slow)
 
         passes = fastest_passing(passes_static, tempo, _WITHIN)
-        if simulate and passes is not None and not passes_physics(passes):
-            passes = fastest_passing(passes_physics, passes, _WITHIN_IN_PHYSICS)
+        if simulate and passes is not None and not passes_simulated(passes):
+            passes = fastest_passing(passes_simulated, passes, _WITHIN_IN_PHYSICS)
         obstacles = self._obstacles(played, loads, simulate=simulate) if passes is None else ()
-        return PreflightVerdict(played.name, findings, passes, obstacles=obstacles)
+        return MotionVerdict(played.name, findings, passes, obstacles=obstacles, tempo=tempo)
+
+    def _carried(self, played: PlayedMotion, tempo: float) -> list[Finding]:
+        return self.carried.findings(played, tempo) if self.carried is not None else []
 
     def _obstacles(self, played: PlayedMotion, loads: Loads, *, simulate: bool) -> tuple[Finding, ...]:
         """The findings that fail at the slowest tempo; those of a simulation only if no others do."""
         found = self.static.findings(played, loads, SLOWEST)
         if simulate and all(one.ok for one in found):
-            found = self.physics.findings(played, SLOWEST)
+            found = [*self._carried(played, SLOWEST), *self.physics.findings(played, SLOWEST)]
         torque = np.abs(loads.torque(SLOWEST)).max(axis=0)
-        return tuple(replace(one, cause=self._cause(one, torque)) for one in found if not one.ok)
+        return tuple(msgspec.structs.replace(one, cause=self._cause(one, torque)) for one in found if not one.ok)
 
     def _cause(self, finding: Finding, torque: Array) -> str:
         """The cause of a failure under torques (J,), N m, or ""."""
-        if finding.check not in ("torque", "physics: off target") or finding.where not in self.robot.joints:
+        if finding.check not in ("torque", "off target") or finding.where not in self.robot.joints:
             return ""
         joint = self.robot.joints.index(finding.where)
         needs, most = float(torque[joint]), float(self.robot.strength[joint])
@@ -98,19 +107,6 @@ class Preflight:
             sag = needs / stiffness
             return f"its servo is soft: under {needs:.3g} N m its {stiffness:.3g} N m/rad give way by {sag:.2f} rad"
         return ""
-
-
-def fastest_passing(passes: Callable[[float], bool], tempo: float, within: float) -> float | None:
-    """The fastest passing tempo from SLOWEST to below the given one, to a ratio `within`, by bisection; None without.
-
-    Where passing tempos have gaps, it is the upper end of one of their stretches.
-    """
-    low, high = SLOWEST, tempo
-    while high > within * low:
-        middle = float(np.sqrt(low * high))
-        low, high = (middle, high) if passes(middle) else (low, middle)
-    # The slowest tempo takes longest to check, and is rarely needed.
-    return low if low > SLOWEST or passes(SLOWEST) else None
 
 
 class PhysicsChecks:
@@ -126,12 +122,12 @@ class PhysicsChecks:
     def findings(self, played: PlayedMotion, tempo: float) -> list[Finding]:
         """Whether the servos follow, and whether a free robot stands."""
         astray, joint, _ = self.play(played, tempo, self._carried())
-        found = [limited("physics: off target", astray, ASTRAY, "rad", self.robot.joints[joint])]
+        found = [limited("off target", astray, ASTRAY, "rad", self.robot.joints[joint])]
         if self.walk:
             found += self._walked_findings(played, tempo)
         elif self.root == "free":
             _, _, fell = self.play(played, tempo, "free", FALL_SECONDS)
-            found.append(_stands(fell))
+            found.append(_falls(fell))
         return found
 
     def follow(self, played: PlayedMotion, tempo: float) -> bool:
@@ -151,7 +147,7 @@ class PhysicsChecks:
         asked, walked = stage.travel or (0.0, 0.0)
         report = cast(Mapping[str, Any], stage.report())
         found = [
-            _stands(stage.fell_s),
+            _falls(stage.fell_s),
             limited("capture point off", 100.0 * report["capture_point_off"], 100.0, "%"),
             Finding("motion goes", asked, None, "m"),
             Finding("robot goes", walked, None, "m"),
@@ -160,8 +156,8 @@ class PhysicsChecks:
         if servo is not None:
             drawn = np.array(report["servos"]["rms_current_a"])
             warm = float(servo.temperature(drawn**2, TEN_MINUTES, ROOM))
-            found.append(limited("walking: heat in 10 min", warm, servo.hottest, "degC"))
-            found.append(Finding("walking: at torque limit", 100.0 * report["servos"]["at_limit"], None, "%"))
+            found.append(limited("heat of walking", warm, servo.hottest, "degC"))
+            found.append(Finding("at torque limit", 100.0 * report["servos"]["at_limit"], None, "%"))
         return found
 
     def _carried(self) -> str:
@@ -206,5 +202,5 @@ class PhysicsChecks:
                 break
 
 
-def _stands(fell: float | None) -> Finding:
-    return Finding("physics: stands", FALL_SECONDS if fell is None else fell, FALL_SECONDS, "s", ok=fell is None)
+def _falls(fell: float | None) -> Finding:
+    return Finding("falls", FALL_SECONDS if fell is None else fell, FALL_SECONDS, "s", ok=fell is None)

@@ -13,8 +13,8 @@ from sim.models.overlaps import OVERLAP
 from sim.models.servo_motor import ROOM
 from sim.physics.loads import Loads
 from sim.physics.played_motions import DT, PlayedMotion, targets_at
-from sim.physics.preflight.findings import Finding, limited, of_joints
 from sim.robots.robot import Limiter, Robot
+from sim.robots.verdict import Finding, limited
 
 TICK = 0.005  # s
 BRIEFLY = 0.05  # s
@@ -54,6 +54,13 @@ def longest_run(flags: NDArray[np.bool_]) -> int:
         run = run + 1 if flag else 0
         most = max(most, run)
     return most
+
+
+def of_joints(check: str, values: Array, limit: float | None, unit: str, joints: tuple[str, ...]) -> Finding:
+    """The largest of the values of all joints, shape (J,), with the joint."""
+    worst = int(np.argmax(values))
+    value = float(values[worst])
+    return Finding(check, value, limit, unit, joints[worst], ok=limit is None or value <= limit)
 
 
 class StaticChecks:
@@ -107,10 +114,15 @@ class StaticChecks:
         torque = loads.torque(tempo)
         share = sustained(np.abs(torque), DT) / self._robot.strength
         if motors is None:
-            if share.any():
-                return [of_joints("torque", 100.0 * share, 100.0, "%", joints)]
-            peak = np.abs(torque).max(axis=0)
-            return [of_joints("torque", peak, None, "N m", joints)]
+            unknown, count = int(np.isinf(self._robot.strength).sum()), len(joints)
+            found = [of_joints("torque", 100.0 * share, 100.0, "%", joints)]
+            if unknown:
+                found.append(Finding("joints of unknown torque", unknown, None, f"of {count} joints"))
+            return (
+                found
+                if unknown < count
+                else [of_joints("torque", np.abs(torque).max(axis=0), None, "N m", joints), *found[1:]]
+            )
         velocity = np.clip(tempo * loads.velocity, -self._limits.velocity, self._limits.velocity)
         lag = servo_lag(torque / motors.torque + velocity / motors.speed, DT / tempo) * motors.speed
         drawn = motors.drawn(np.clip(torque, -motors.most, motors.most))

@@ -15,10 +15,11 @@ from motiondeck_base.errors import MotiondeckError
 from sim.physics.loads import loads_of
 from sim.physics.physics_model import feet_of
 from sim.physics.played_motions import DT, PlayedMotion, endless_poses
-from sim.physics.preflight.preflight import SLOWEST, Preflight, fastest_passing
+from sim.physics.preflight.preflight import Preflight
 from sim.physics.preflight.static_checks import ASTRAY, servo_lag
 from sim.robots.robot import load_robot
 from sim.robots.self_collision import SelfCollision
+from sim.robots.verdict import SLOWEST, fastest_passing
 from simulated_bodies import ROBOTS, bent_pose, human
 
 SERVO20 = load_robot(ROBOTS / "servo20.toml", human())
@@ -47,7 +48,7 @@ def test_a_gentle_swing_passes_and_physics_agrees():
     verdict = preflight(SERVO20).judge(swinging(2.0), simulate=True)
     assert verdict.ok
     assert verdict.passes_at == 1.0
-    assert {f.check: f.value for f in verdict.findings}["physics: off target"] < ASTRAY
+    assert {f.check: f.value for f in verdict.findings}["off target"] < ASTRAY
 
 
 @pytest.mark.thorough
@@ -55,7 +56,7 @@ def test_a_swing_that_is_too_fast_fails_and_passes_at_the_speed_offered():
     judge = preflight(SERVO20)
     played = swinging(25.0, seconds=0.4)
     verdict = judge.judge(played, simulate=True)
-    assert {"held back", "physics: off target"} <= checks(verdict)
+    assert {"held back", "off target"} <= checks(verdict)
     assert "l_shoulder_pitch" in {finding.where for finding in verdict.troubles}
     assert verdict.passes_at is not None
     assert SLOWEST < verdict.passes_at < 1.0
@@ -106,7 +107,7 @@ def test_a_soft_servo_is_named_as_the_cause():
     targets[:, soft.joints.index("l_shoulder_roll")] += 1.2
     played = PlayedMotion("hold", True, targets, (bent_pose(human()),) * 40)
     (obstacle,) = preflight(soft).judge(played, simulate=True).obstacles
-    assert (obstacle.check, obstacle.where) == ("physics: off target", "l_shoulder_roll")
+    assert (obstacle.check, obstacle.where) == ("off target", "l_shoulder_roll")
     assert "soft" in obstacle.cause
     assert "0.1 N m/rad" in obstacle.cause
 
@@ -165,7 +166,7 @@ def test_a_robot_that_leans_too_far_falls_in_both_ways():
     targets = np.clip(SERVO20.retarget(pose), SERVO20.limits.lower, SERVO20.limits.upper)
     played = PlayedMotion("lean", True, np.tile(targets, (60, 1)), (pose,) * 60)
     verdict = preflight(SERVO20, "free").judge(played, simulate=True)
-    assert {"off balance", "physics: stands"} <= checks(verdict)
+    assert {"off balance", "falls"} <= checks(verdict)
     assert verdict.passes_at is None
 
 
@@ -180,7 +181,7 @@ def test_who_stands_still_or_is_down_already_cannot_fall(rotation):
     judge = preflight(SERVO20, "free")
     loads = loads_of(SERVO20, played, free=False, collisions=COLLISIONS, feet=feet_of(SERVO20))
     assert {f.check: f.ok for f in judge.static.standing(loads, 1.0)}["off balance"]
-    assert {f.check: f.ok for f in judge.physics.findings(played, 1.0)}["physics: stands"]
+    assert {f.check: f.ok for f in judge.physics.findings(played, 1.0)}["falls"]
 
 
 def test_a_robot_that_walks_is_judged_by_how_it_stands_and_how_far_it_goes(monkeypatch):
@@ -188,7 +189,7 @@ def test_a_robot_that_walks_is_judged_by_how_it_stands_and_how_far_it_goes(monke
     pose = bent_pose(human())
     played = PlayedMotion("still", True, np.tile(SERVO20.rest, (40, 1)), (pose,) * 40)
     found = {f.check: f for f in preflight(SERVO20, "free", walk=True).physics.findings(played, 1.0)}
-    assert found["physics: stands"].value == 1.0
+    assert found["falls"].value == 1.0
     assert 0.0 < found["capture point off"].value < 20.0
     assert found["robot goes"].value < 0.02
     weak = replace(SERVO20, servo=msgspec.structs.replace(SERVO20.servo, torque=0.1))
@@ -201,8 +202,8 @@ def test_a_robot_that_falls_while_it_is_to_walk_is_told_so_with_the_time(monkeyp
     played = PlayedMotion("still", True, np.tile(SERVO20.rest, (40, 1)), (bent_pose(human()),) * 40)
     late = replace(SERVO20, servo=msgspec.structs.replace(SERVO20.servo, latency=0.3))
     found = {f.check: f for f in preflight(late, "free", walk=True).physics.findings(played, 1.0)}
-    assert not found["physics: stands"].ok
-    assert 0.5 < found["physics: stands"].value < found["physics: stands"].limit
+    assert not found["falls"].ok
+    assert 0.5 < found["falls"].value < found["falls"].limit
     assert not found["capture point off"].ok
 
 

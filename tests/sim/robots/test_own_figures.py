@@ -75,7 +75,7 @@ def test_a_wider_range_is_one_for_all(load, units):
     assert in_physics(robot, ELBOW, -1.19) == pytest.approx(-1.19, abs=0.05)  # 0.0 if only targets were told
     found = judged(robot, held(robot, **{ELBOW: -1.19}))
     assert found["out of reach"].ok
-    assert found["physics: off target"].ok, found["physics: off target"]
+    assert found["off target"].ok, found["off target"]
     for model in (robot.model, physics_model(robot), robot.drawn, on_the_page(robot)):
         assert model.joint(ELBOW).range == pytest.approx([-1.19, 2.5], abs=1e-6)
 
@@ -98,7 +98,7 @@ def test_a_speed_of_ones_own_is_that_of_the_servo_too(load):
         played = held(robot, 0.8)
         played.targets[:, at] = 1.2 - np.cos(6.0 * seconds)  # up to 6 rad/s
         found = judged(robot, played)
-        assert found["held back"].ok == found["physics: off target"].ok == passes
+        assert found["held back"].ok == found["off target"].ok == passes
         assert found["servo lag"].ok
     assert np.delete(fast.motors.speed, at) == pytest.approx(3.0)
 
@@ -111,7 +111,7 @@ def test_a_torque_of_ones_own_is_what_the_servo_has(load, servo):
         at = robot.joints.index(joint)
         assert (abs(in_physics(robot, joint, out) - out) < 0.2) == holds
         found = judged(robot, held(robot, **{joint: out}))
-        assert found["torque"].ok == found["physics: off target"].ok == holds
+        assert found["torque"].ok == found["off target"].ok == holds
         for model in (robot.model, physics_model(robot), on_the_page(robot)):
             assert model.actuator_forcerange[at].tolist() == [-torque, torque]
 

@@ -2,7 +2,7 @@
 // state: {labels: [text], looks: ["playing" | "next" | ""], enabled, queue: [name], orders: can the queue be reordered}
 // sends {play: name}, {queue: name}, {order: [name]}
 motiondeck.part("motion-grid", (element, state, send) => {
-  const { motions, searched } = JSON.parse(element.dataset.fixed);
+  const { motions, searched, verdicts } = JSON.parse(element.dataset.fixed);
   const { child, write } = motiondeck;
   if (motions.length > searched) {
     const field = child(element, "search", "input", "search");
@@ -22,11 +22,17 @@ motiondeck.part("motion-grid", (element, state, send) => {
     const button = child(box, "play", "button", "play");
     button.disabled = !state.enabled;
     button.setAttribute("aria-label", state.labels[index]);
-    button.title = index < 9 ? `${name}: key ${index + 1}` : name;
+    const [answer, words] = verdicts[name] ?? ["", ""];
+    button.title = (index < 9 ? `${name}: key ${index + 1}` : name) + (words && `\n${words}`);
     button.onclick = (event) => send(event.shiftKey ? { queue: name } : { play: name });
     child(button, "picture", "span", "picture");
     write(child(button, "name", "b", ""), name);
     write(child(button, "part", "i", ""), state.labels[index].slice(name.length).replace(" · ", "") || "\u00a0");
+    if (answer) {
+      const verdict = child(button, "verdict", "i", "verdict");
+      verdict.dataset.answer = answer.replace(/ .*/, ""); // plays, at or does
+      write(verdict, answer);
+    }
     const later = child(box, "later", "button", "later");
     later.disabled = !state.enabled;
     later.textContent = "+";

@@ -1,0 +1,95 @@
+"""Verdicts as text: a line for each as it is made, then a table, what fails at every tempo, and what helps."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from pathlib import Path
+
+from motiondeck.cli.common.tables import show_table
+from motiondeck_base.progress import progress
+from sim.robots.verdict import QUESTIONS, REMEDIES, MotionVerdict, summed
+
+_COLOURS = {"plays": "green", "does not play": "red", "yes": "green", "not judged": "dim"}
+
+
+def made(
+    verdicts: Iterable[MotionVerdict], what: str, count: int, show: Callable[[MotionVerdict], None] | None = None
+) -> list[MotionVerdict]:
+    """Takes verdicts as they are made, with a progress bar of `count` steps; `show` is called with each."""
+    found: list[MotionVerdict] = []
+    with progress(what, count) as tick:
+        for verdict in verdicts:
+            found.append(verdict)
+            if show is not None:
+                show(verdict)
+            tick()
+    return found
+
+
+def verdicts_on(robot: str | None, library: Path, names: Sequence[str]) -> list[MotionVerdict]:
+    """The verdicts on motions of a library, carried by a gantry, kept or made now; none without a robot."""
+    if robot is None:
+        return []
+    from motiondeck.run.verdicts import Judged
+
+    return made(Judged.of(library, robot).motions(names), "verdicts", len(names))
+
+
+def print_verdict(verdict: MotionVerdict) -> None:
+    """Prints one line: "walk: at tempo 0.54 (held back: l_knee, 0.31 rad)"."""
+    from rich.console import Console
+
+    Console(soft_wrap=True).print(f"{verdict.name}: {verdict.words}", highlight=False, markup=False)
+    sys.stdout.flush()
+
+
+def print_verdicts(verdicts: Sequence[MotionVerdict], title: str) -> None:
+    """Prints the table of motions, failures at every tempo with their remedies, and what is not judged."""
+    from rich.console import Console
+
+    rows = [(one.name, _coloured(one.answer), *(_coloured(one.answer_to(q)) for q in QUESTIONS)) for one in verdicts]
+    headings = ("", "verdict", *QUESTIONS)
+    show_table(headings, rows, title=f"{title}: {summed(verdicts)}", left=headings)
+    _print_obstacles(verdicts)
+    console = Console(soft_wrap=True, highlight=False, markup=False)
+    for note in _unjudged(verdicts):
+        console.print(note)
+
+
+def _coloured(words: str) -> str:
+    from rich.markup import escape
+
+    colour = _COLOURS.get(words, "yellow" if words.startswith("at tempo") else "red")
+    return f"[{colour}]{escape(words)}[/]"
+
+
+def _print_obstacles(verdicts: Sequence[MotionVerdict]) -> None:
+    from rich.console import Console
+
+    blocked = [(verdict.name, finding) for verdict in verdicts for finding in verdict.obstacles]
+    if not blocked:
+        return
+    rows = [
+        (name, one.check, one.where, one.figure, "-" if one.limit is None else f"{one.limit:g} {one.unit}", one.cause)
+        for name, one in blocked
+    ]
+    headings = ("", "check", "where", "measured", "limit", "why")
+    if not any(finding.cause for _, finding in blocked):
+        headings, rows = headings[:-1], [row[:-1] for row in rows]
+    show_table(headings, rows, title="failures at every tempo", left={"check", "where", "why"})
+    console = Console(soft_wrap=True, highlight=False, markup=False)
+    for check in dict.fromkeys(finding.check for _, finding in blocked):
+        console.print(f"{check}: {REMEDIES[check]}.")
+
+
+def _unjudged(verdicts: Sequence[MotionVerdict]) -> Iterator[str]:
+    """What is not judged because the robot's files have no strength of its servos."""
+    found = {finding.check: finding for finding in verdicts[0].findings} if verdicts else {}
+    if "joints of unknown torque" in found:
+        yield (
+            f"Torque is not judged for {found['joints of unknown torque'].figure}: the robot's files give no limit "
+            "(URDF: effort; MJCF: forcerange; robot file: `torque`, [servo]), so unlimited torque is assumed."
+        )
+    if found and "heat in 10 min" not in found:
+        yield "Heat is not judged: the robot file has no table [servo]."

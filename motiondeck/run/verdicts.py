@@ -1,0 +1,196 @@
+"""The table of verdicts on a library's motions on a robot: made once, and kept beside the robot file.
+
+A kept verdict counts as long as nothing that it depends on has changed: the library, the robot with its model and
+meshes, the rig, the root, the tempo, and the code that judges. A file that cannot be read is made anew.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import os
+import sys
+from collections.abc import Iterator, Sequence
+from contextlib import suppress
+from dataclasses import dataclass, replace
+from functools import cache, cached_property, lru_cache
+from importlib.metadata import version
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import msgspec
+
+from motiondeck_base.errors import MotiondeckError
+from motiondeck_base.files import write_file
+from motiondeck_base.shipped import find_library, find_rig, shipped_configs, user_cache
+from sim.robots.verdict import MotionVerdict
+
+if TYPE_CHECKING:
+    from controller.deck.interfaces import JointLimits
+    from controller.library.motion_library import MotionLibrary
+    from motiondeck_base.jobs import Jobs
+    from sim.physics.preflight.preflight import Preflight
+    from sim.robots.robot import Robot
+
+PER_PROCESS = 4  # motions that are worth the seconds in which another process loads library and robot
+KEPT = 16  # tables of one robot, the latest
+
+Tables = dict[str, dict[str, list[MotionVerdict]]]
+"""By the digest of all that they depend on, the verdicts on "walk", and on the switches from it, "walk >"."""
+
+
+@dataclass(frozen=True)
+class Judged:
+    """A library on a robot with a root, perhaps with a rig, at a tempo."""
+
+    library: Path
+    robot: Path
+    rig: Path | None = None  # its limits of position, velocity and current apply too
+    root: str = "gantry"
+    balance: bool = False  # whether a free robot keeps its balance
+    walk: bool = False  # whether a free robot walks
+    tempo: float = 1.0
+
+    @classmethod
+    def of(cls, library: str | Path, robot: str | Path, rig: str | Path | None = None, **settings: Any) -> Judged:
+        """The same by names of library, robot and rig; MotiondeckError if there is none of a name."""
+        from sim.robots.catalogue import find_robot
+
+        return cls(find_library(library), find_robot(robot), find_rig(rig) if rig is not None else None, **settings)
+
+    def motions(self, names: Sequence[str], jobs: Jobs | None = None) -> Iterator[MotionVerdict]:
+        """Verdicts on motions, in order, each as soon as it is known; they are played in physics too."""
+        yield from self._each(_motion, {name: name for name in names}, jobs)
+
+    def switches(self, names: Sequence[str], jobs: Jobs | None = None) -> Iterator[MotionVerdict]:
+        """Verdicts on the direct switches from motions, in order, each as soon as it is known."""
+        yield from self._each(_switches, {name: f"{name} >" for name in names}, jobs)
+
+    def kept(self) -> dict[str, MotionVerdict]:
+        """The verdicts on motions that have been made, by motion."""
+        known = _read(self._file).get(self._key, {}) if self._file.exists() else {}
+        return {row: verdicts[0] for row, verdicts in known.items() if not row.endswith(">")}
+
+    def _each(self, judge: Any, rows: dict[str, str], jobs: Jobs | None) -> Iterator[MotionVerdict]:
+        """The verdicts of some motions, by the names of their rows; those that are made now are kept one by one."""
+        known = _read(self._file).get(self._key, {})
+        made = self._spread(judge, [name for name, row in rows.items() if row not in known], jobs)
+        for row in rows.values():
+            if row not in known:
+                known[row] = next(made)
+                self._keep(row, known[row])
+            yield from known[row]
+
+    def _spread(self, judge: Any, names: Sequence[str], jobs: Jobs | None) -> Iterator[list[MotionVerdict]]:
+        from joblib import cpu_count, delayed
+
+        from motiondeck_base.jobs import Jobs, spread
+
+        if not names:
+            return
+        where = jobs or Jobs(max(1, min(cpu_count(), len(names) // PER_PROCESS)))
+        yield from spread((delayed(judge)(self, name) for name in names), where, ordered=True)
+
+    @property
+    def _file(self) -> Path:
+        folder = self.robot.parent
+        if folder.resolve() == (shipped_configs() / "robots").resolve() or not os.access(folder, os.W_OK):
+            folder = user_cache() / "verdicts"
+        return folder / f"{self.robot.stem}.verdicts.json"
+
+    @cached_property
+    def _key(self) -> str:
+        from sim.robots.robot_digest import robot_digest
+
+        settings = robot_digest(self.robot), self.root, self.balance, self.walk, self.tempo
+        digest = hashlib.sha256(repr(settings).encode() + _code())
+        for file in (self.library, self.rig):
+            digest.update(hashlib.sha256(file.read_bytes() if file is not None else b"").digest())
+        return digest.hexdigest()
+
+    def _keep(self, row: str, verdicts: list[MotionVerdict]) -> None:
+        tables = _read(self._file)
+        mine = tables.pop(self._key, {}) | {row: verdicts}
+        latest = dict([*tables.items()][1 - KEPT :]) | {self._key: mine}
+        with suppress(MotiondeckError, OSError):  # a full disk costs time, and no verdict
+            self._file.parent.mkdir(parents=True, exist_ok=True)
+            write_file(self._file, msgspec.json.encode(latest))
+
+
+def _read(file: Path) -> Tables:
+    try:
+        return msgspec.json.decode(file.read_bytes(), type=Tables)
+    except (OSError, msgspec.MsgspecError, UnicodeDecodeError):
+        return {}
+
+
+@cache
+def _code() -> bytes:
+    """The digest of the code that plays and judges."""
+    import controller
+    import sim
+
+    files = [Path(__file__), Path(__file__).with_name("sampled_motions.py")]
+    for package in (controller, sim):
+        files += sorted(Path(package.__path__[0]).rglob("*.py"))
+    digest = hashlib.sha256(f"{version('mujoco')} {version('numpy')}".encode())
+    for file in files:
+        digest.update(file.read_bytes())
+    return digest.digest()
+
+
+def _motion(judged: Judged, name: str) -> list[MotionVerdict]:
+    from motiondeck.run.sampled_motions import play_motions
+
+    library, judge = loaded(judged)
+    return [judge.judge(one, simulate=True, tempo=judged.tempo) for one in play_motions(library, judge.robot, [name])]
+
+
+def _switches(judged: Judged, source: str) -> list[MotionVerdict]:
+    from motiondeck.run.sampled_motions import play_switches
+
+    library, judge = loaded(judged)
+    played = play_switches(library, judge.robot, [source])
+    return [judge.judge(one, simulate=False, tempo=judged.tempo) for one in played]
+
+
+@lru_cache(maxsize=1)
+def loaded(judged: Judged) -> tuple[MotionLibrary, Preflight]:
+    """The library, and the judge of its motions on the robot; raises a MotiondeckError if a file cannot be used."""
+    from controller.library.motion_library import load_library
+    from controller.loop.safety.safety_envelope import SafetyEnvelope
+    from sim.models.robot_file import read_robot_file
+    from sim.physics.played_motions import load_sampled_robot
+    from sim.physics.preflight.carried_checks import CarriedChecks
+    from sim.physics.preflight.preflight import Preflight
+
+    library, file = load_library(judged.library), read_robot_file(judged.robot)
+    body, limits = on_rig(load_sampled_robot(judged.robot, library.skeleton), judged.rig)
+    carried = None
+    if file.parts and not library.skeleton.is_rig:
+        carried = CarriedChecks(body, file.parts, file.root_rotation, library.skeleton)
+    return library, Preflight(body, limits, SafetyEnvelope, judged.root, judged.balance, judged.walk, carried)
+
+
+def on_rig(body: Robot, rig: Path | None) -> tuple[Robot, JointLimits]:
+    """The robot with the servos of a rig, and the limits that both allow."""
+    if rig is None:
+        return body, body.limits
+    from hardware.rig.rig_file import load_rig
+    from motiondeck.run.robots.rig_output import narrowed
+
+    config = load_rig(rig)
+    servo = body.servo
+    if servo is not None:
+        currents = [joint.current for joint in config.joints if joint.current > 0.0]
+        servo = msgspec.structs.replace(
+            servo,
+            current_limit=min([*currents, servo.current_limit or servo.current]),
+            hottest=min(servo.hottest, *(joint.hottest for joint in config.joints)),
+        )
+    elif any(joint.current > 0.0 for joint in config.joints):
+        print(
+            f"the rig's current limits are not applied: the file of {body.name} has no table [servo] with the torque "
+            "of a current",
+            file=sys.stderr,
+        )
+    return replace(body, servo=servo), narrowed(body.limits, body, config)
