@@ -5,12 +5,11 @@ from __future__ import annotations
 import json
 from dataclasses import dataclass
 from itertools import pairwise
-from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from motiondeck.cli.common.options import JsonOption, RootOption, check_plot
+from motiondeck.cli.common.options import JsonOption, RootOption
 from motiondeck.cli.common.options_class import grouped
 
 if TYPE_CHECKING:
@@ -64,7 +63,6 @@ def preflight(
     ] = None,
     motions_only: Annotated[bool, typer.Option("--motions-only", help="Check no switches.")] = False,
     as_json: JsonOption = False,
-    plot: Annotated[Path | None, typer.Option("--plot", metavar="FILE", help="Draw it (.png, .svg, .pdf).")] = None,
 ) -> None:
     """Check whether a robot can play a library, and at which tempo.
 
@@ -92,7 +90,6 @@ def preflight(
     if not SLOWEST <= run.tempo <= TEMPO.highest:
         raise MotiondeckError(f"--tempo {run.tempo:g} is not between {SLOWEST:g} and {TEMPO.highest:g}")
     check_root(run.root, balance=run.balance, walk=run.walk)
-    check_plot(plot)
     where, judged = _parsed(jobs), run.judged
     library = load_library(judged.library)
     names, learned = list(library.network.motions), {motion.name: motion for motion in library.info.motions}
@@ -126,10 +123,6 @@ def preflight(
             print(f"switches: {summed(switches)}; those by way of other motions are judged by their parts")
         print("What was measured: --json. What it means: docs/physics.md. Slower: `tempo TEMPO` at the prompt.")
         print_errors(library.info.motions)
-    if plot is not None:
-        from motiondeck.pictures.table_plots import draw
-
-        draw(motions, plot)
     if not ok:
         raise typer.Exit(1)
 

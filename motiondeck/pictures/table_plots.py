@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -14,7 +13,6 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
     from controller.learning.evaluation.tables import Table
-    from sim.robots.verdict import MotionVerdict
 
 _LABELS = {
     "mabs_readout": "MABS(W_out)",
@@ -90,33 +88,3 @@ def _spread(table: Table) -> Figure:
             axes.axhline(1.0, color="grey", linewidth=0.8)
             axes.set_yscale("log")
     return figure
-
-
-def draw(verdicts: Sequence[MotionVerdict], path: Path) -> None:
-    """Draws the checks that have a limit, as shares of it, and the tempo at which each motion passes."""
-    limited = {f.check: f for verdict in verdicts for f in verdict.findings if f.limit is not None}
-    checks = list(limited)
-    share = np.zeros((len(verdicts), len(checks)))
-    figure = new_figure(2.5 + 0.95 * len(checks), 1.8 + 0.33 * len(verdicts))
-    axes = figure.add_subplot()
-    for row, verdict in enumerate(verdicts):
-        by_check = {finding.check: finding for finding in sorted(verdict.findings, key=lambda finding: not finding.ok)}
-        for column, check in enumerate(checks):
-            found = by_check.get(check)
-            if found is None or found.limit is None:
-                continue
-            share[row, column] = found.value / found.limit
-            if check == "falls":  # here more is better
-                share[row, column] = 2.0 - found.value / found.limit if not found.ok else 0.0
-            words = f"{found.value:.2f}" if abs(found.value) < 10.0 else f"{found.value:.0f}"
-            axes.text(column, row, words, ha="center", va="center", fontsize=8)
-        passes = "no tempo" if verdict.passes_at is None else f"{verdict.passes_at:.2f}"
-        axes.text(len(checks) - 0.4, row, passes, va="center", fontsize=8, weight="normal" if verdict.ok else "bold")
-    axes.imshow(np.clip(share, 0.0, 2.0), cmap="RdYlGn_r", vmin=0.0, vmax=2.0, aspect="auto", alpha=0.75)
-    axes.set_xticks(
-        range(len(checks)), [f"{f.check}\n{f.unit}, limit {f.limit:g}" for f in limited.values()], fontsize=8
-    )
-    axes.tick_params(axis="x", rotation=30)
-    axes.set_yticks(range(len(verdicts)), [verdict.name for verdict in verdicts], fontsize=8)
-    axes.text(len(checks) - 0.4, -0.8, "passes at", fontsize=8)
-    save(figure, path)

@@ -37,8 +37,7 @@ def preflight(*arguments):
 
 @pytest.mark.thorough
 def test_every_motion_and_every_switch_is_judged_and_the_exit_code_says_so(library, tmp_path):
-    picture = tmp_path / "preflight.png"
-    run = preflight(library, "--robot", "mannequin", "--json", "--plot", picture)
+    run = preflight(library, "--robot", "mannequin", "--json")
     said = json.loads(run.stdout)
     assert run.exit_code == (0 if said["ok"] else 1)
     assert [motion["name"] for motion in said["motions"]] == ["march", "wave", "bow"]
@@ -49,7 +48,6 @@ def test_every_motion_and_every_switch_is_judged_and_the_exit_code_says_so(libra
     checks = {finding["check"] for finding in said["motions"][0]["findings"]}
     assert {"speed", "held back", "torque", "self-collision", "foot slide", "into the ground"} <= checks
     assert "off target" in checks
-    assert picture.stat().st_size > 5_000
 
 
 @pytest.mark.thorough
@@ -107,8 +105,6 @@ def test_what_was_judged_before_an_interruption_has_been_printed(library, monkey
         (("--tempo", "9"), "--tempo 9 is not between"),
         (("--balance",), "give --root free with --balance"),
         (("--walk",), "give --root free"),
-        (("--plot", "/nowhere/at/all.png"), "no such folder"),
-        (("--plot", "picture.xyz"), "pictures end in .png"),
     ],
 )
 def test_what_cannot_be_is_refused_in_one_line(library, arguments, complaint):
