@@ -1,6 +1,6 @@
 """The verdict on a motion that a robot is to play, in the one vocabulary of learning, retargeting, preflight and play.
 
-A verdict has one of three answers, "plays", "at tempo 0.54" and "does not play", with the findings that are the reason.
+A verdict has one of three answers, "plays", "at tempo 0.54" and "does not fit", with the findings that are the reason.
 Each finding belongs to one question (`QUESTIONS`).
 """
 
@@ -101,9 +101,9 @@ class MotionVerdict(msgspec.Struct, frozen=True):
 
     @property
     def answer(self) -> str:
-        """The answer: "plays", "at tempo 0.54" (the fastest that passes) or "does not play"."""
+        """The answer: "plays", "at tempo 0.54" (the fastest that passes) or "does not fit"."""
         if self.passes_at is None:
-            return "does not play"
+            return "does not fit"
         return "plays" if self.ok and self.tempo == 1.0 else f"at tempo {self.passes_at:.2f}"
 
     @property
@@ -128,10 +128,10 @@ class MotionVerdict(msgspec.Struct, frozen=True):
 
 
 def summed(verdicts: Iterable[MotionVerdict]) -> str:
-    """The number of verdicts with each answer: "4 play, 8 at a slower tempo, 3 do not play"."""
+    """The number of verdicts with each answer: "4 play, 8 at a slower tempo, 3 do not fit"."""
     every = list(verdicts)
-    plays, never = (sum(one.answer == answer for one in every) for answer in ("plays", "does not play"))
-    counts = (plays, "play"), (len(every) - plays - never, "at a slower tempo"), (never, "do not play")
+    plays, never = (sum(one.answer == answer for one in every) for answer in ("plays", "does not fit"))
+    counts = (plays, "play"), (len(every) - plays - never, "at a slower tempo"), (never, "do not fit")
     return ", ".join(f"{count} {words}" for count, words in counts if count)
 
 

@@ -10,7 +10,7 @@ from motiondeck.cli.common.tables import show_table
 from motiondeck_base.progress import progress
 from sim.robots.verdict import QUESTIONS, REMEDIES, MotionVerdict, summed
 
-_COLOURS = {"plays": "green", "does not play": "red", "yes": "green", "not judged": "dim"}
+_COLOURS = {"plays": "green", "does not fit": "red", "yes": "green", "not judged": "dim"}
 
 
 def made(

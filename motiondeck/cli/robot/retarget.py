@@ -50,7 +50,7 @@ def retarget(
 
     The table shows the angles between the robot's limbs and the human's (mean/worst, of the worse side, degrees), steps
     faster than a joint may go (fast), how deep anything sinks into the floor (mm) and how fast standing soles slide
-    (mm/s), and the verdict: plays, at tempo 0.54 (the fastest that the robot can follow), or does not play. What does
+    (mm/s), and the verdict: plays, at tempo 0.54 (the fastest that the robot can follow), or does not fit. What does
     not play at its own tempo is written as NAME.infeasible.npz, with the reason below the table: a limb further off
     than 15 degrees on average or 45 at worst, or 25 on average where joints cannot reach; the trunk beyond 8 and 20;
     steps too fast, jumps, anything 5 mm in the floor. The exit code is 1 if a recording could not be carried at all.

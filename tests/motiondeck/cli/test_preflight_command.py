@@ -72,7 +72,7 @@ def test_what_no_tempo_mends_is_said_with_joint_number_cause_and_remedy(capsys):
     print_verdict(verdict)
     print_verdicts([verdict], "lib on bot")
     line, rest = capsys.readouterr().out.split("\n", 1)
-    assert line == "squat: does not play (torque: l_knee, 340 %)"
+    assert line == "squat: does not fit (torque: l_knee, 340 %)"
     assert "it needs 17 N m to carry its limb and has 5" in rest
     assert "`effort` in a URDF" in rest
     assert "[servo] in the robot file" in rest

@@ -24,7 +24,7 @@ MADE = {
 WORDS = {
     "march": "at tempo 0.54 (held back: l_knee, 0.31 rad)",
     "wave": "plays",
-    "bow": "does not play (self-collision: l_foot and r_foot, 12 mm)",
+    "bow": "does not fit (self-collision: l_foot and r_foot, 12 mm)",
 }
 
 
@@ -134,7 +134,7 @@ def test_the_words_are_the_same_at_preflight_library_page_and_play(judged):
 
     play = ("play", "--library", library, "--robot", robot, "--kinematic", "--headless", "--command-port", "0")
     run = motiondeck(*play, "--script", "march 0.05, wave 0.05")
-    sums = "1 play, 1 at a slower tempo, 1 do not play"
+    sums = "1 play, 1 at a slower tempo, 1 do not fit"
     assert f"small on mannequin: {sums}. march: {WORDS['march']}" in run.stderr
     assert f"march: {WORDS['march']}" in run.stdout
     run = motiondeck(*play, "march", "--seconds", "0.05", "--json")
@@ -176,5 +176,5 @@ def test_learn_says_it_too(judged, tmp_path):
     run = motiondeck(*words, "--out", out, "--json")
     assert [row["words"] for row in json.loads(run.stdout)["verdicts"]] == [WORDS["bow"]]
     run = motiondeck(*words, "--out", out, "--force")
-    assert "does not play" in run.stdout
+    assert "does not fit" in run.stdout
     assert "self-collision: `play --check-collisions` keeps" in run.stdout

@@ -76,7 +76,7 @@ def test_what_a_robot_cannot_do_is_marked_in_name_and_manifest(folder, first):
     bird = first["bird.bvh"]
     assert bird.file == "bird.infeasible.npz"
     assert (folder / "out" / bird.file).exists()
-    assert bird.verdict.answer == "does not play"
+    assert bird.verdict.answer == "does not fit"
     assert "out of reach: r_shank" in bird.verdict.words
     lines = [json.loads(line) for line in (folder / "out" / MANIFEST).read_text().splitlines()]
     assert lines[0]["format"] == "mjlab"

@@ -24,7 +24,7 @@ def test_a_verdict_says_what_its_findings_say(found, tempo):
     verdict = MotionVerdict("walk", found, tempo if all(f.ok for f in found) else None, tempo=tempo)
     beyond = [finding for finding in found if not finding.ok]
     assert verdict.ok == (not beyond)
-    assert verdict.answer == ("does not play" if beyond else "plays" if tempo == 1.0 else "at tempo 0.30")
+    assert verdict.answer == ("does not fit" if beyond else "plays" if tempo == 1.0 else "at tempo 0.30")
     for question, checks in QUESTIONS.items():
         mine = [finding for finding in found if finding.check in checks]
         failing = [finding.words for finding in mine if not finding.ok]
@@ -46,9 +46,9 @@ def test_the_words_name_joint_number_and_tempo():
     assert [verdict.words for verdict in verdicts] == [
         "plays",
         "at tempo 0.54 (held back: l_knee, 0.31 rad)",
-        "does not play (self-collision: l_foot and r_foot, 12 mm)",
+        "does not fit (self-collision: l_foot and r_foot, 12 mm)",
     ]
-    assert summed(verdicts) == "1 play, 1 at a slower tempo, 1 do not play"
+    assert summed(verdicts) == "1 play, 1 at a slower tempo, 1 do not fit"
 
 
 def test_every_check_that_can_fail_has_a_question_and_a_remedy():
