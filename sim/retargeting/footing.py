@@ -159,6 +159,23 @@ class Footing:
         return x, y, float(weight @ weight), float(weight.max())
 
 
+class FixedBase(Footing):
+    """Places the root of a robot without legs: it stays where it stands, upright, whatever way the human goes."""
+
+    def __init__(self, stance: HumanStance, model: mujoco.MjModel, root_rotation: Array) -> None:
+        """Args: as of `Footing`; the root stands at the model's own place."""
+        self.stance = stance
+        self._place = np.concatenate([model.qpos0[:3], root_rotation])
+
+    def reset(self, dt: float | None = None) -> None:
+        """Resets the stance."""
+        self.stance.reset(dt)
+
+    def place(self, pose: Pose, qpos: Array) -> None:
+        """Writes the root's position and rotation into qpos (nq,)."""
+        qpos[:7] = self._place
+
+
 def _product(p: list[float], q: list[float]) -> list[float]:
     """The product of two quaternions."""
     a, b, c, d = p

@@ -66,12 +66,12 @@ class LimbFinder:
 
     def find(self) -> Vectors:
         """All vectors; FileFormatError if a limb lacks a necessary joint, or its end is unknown."""
-        leg = 0.0
         for side in SIDES:
-            leg = max(leg, self._limb(side, "thigh", "shank", "foot", "leg"))
+            if f"{side}_thigh" in self._parts:
+                self._limb(side, "thigh", "shank", "foot", "leg")
             if f"{side}_upper_arm" in self._parts and f"{side}_forearm" in self._parts:
                 self._limb(side, "upper_arm", "forearm", "hand", "arm")
-        size = 0.3 * leg
+        size = 0.3 * max(self.reach.get(f"{side}_leg", self.reach.get(f"{side}_arm", 0.0)) for side in SIDES)
         for side in SIDES:
             if f"{side}_foot" in self._parts:
                 foot = self._parts[f"{side}_foot"]
@@ -112,8 +112,8 @@ class LimbFinder:
         at = self._data.xpos[body]
         self._add(name, (body, at), (body, at + axis))
 
-    def _limb(self, side: str, first: str, second: str, third: str, whole: str) -> float:
-        """Adds a limb's upper part, the whole limb and an arm's lower part; returns the stretched length."""
+    def _limb(self, side: str, first: str, second: str, third: str, whole: str) -> None:
+        """Adds a limb's upper part, the whole limb and an arm's lower part, and its stretched length."""
         base = self._parts["chest" if whole == "arm" else "pelvis"]
         lower, end = self._parts[f"{side}_{second}"], self._parts.get(f"{side}_{third}")
         knee_joint = self._knee(self._parts[f"{side}_{first}"], lower)
@@ -147,7 +147,6 @@ class LimbFinder:
         for part, joint, length in zip((first, second), (hips[-1], knee_joint), lengths, strict=True):
             self.segments[f"{side}_{part}"] = Measured(joint, self._data.xaxis[joint].copy(), length)
         self.reach[f"{side}_{whole}"] = sum(lengths)
-        return sum(lengths)
 
     def _lever(self, joint: int, point: Array) -> float:
         """Distance of a point (3,) from a joint's axis, m."""

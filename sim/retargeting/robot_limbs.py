@@ -81,7 +81,7 @@ class RobotLimbs:
     def _back_at_rest(self) -> Array:
         """From the middle of the hips to the waist, and from there to that of the shoulders, shape (2, 3), m."""
         names, start = self.vectors.names, self.positions()[0]
-        if not all(f"{side}_upper_arm" in names for side in SIDES):
+        if not all(f"{side}_{part}" in names for side in SIDES for part in ("upper_arm", "thigh")):
             return np.array([[0.0, 0.0, 0.0], [0.0, 0.0, 1.0]])
         hips, shoulders = (
             0.5 * (start[names.index(f"r_{part}")] + start[names.index(f"l_{part}")]) for part in ("thigh", "upper_arm")
@@ -92,7 +92,7 @@ class RobotLimbs:
 
     def _hips_at_rest(self, moves: Array) -> Iterator[tuple[int, float, float]]:
         """Of each leg the joint that raises it: index, sense of its axis, and how far ahead the thigh hangs, rad."""
-        for side in SIDES:
+        for side in (side for side in SIDES if f"{side}_thigh" in self.vectors.names):
             thigh = self.vectors.names.index(f"{side}_thigh")
             x, _, z = self.vectors.rest[thigh]
             across = self.data.xaxis[self._joint, 1] * moves[int(self.vectors.body[0, thigh])]

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from pathlib import Path
 
 import mujoco
@@ -21,7 +21,8 @@ PARTS = (
 def bodies_of_parts(path: Path, model: mujoco.MjModel, parts: Mapping[str, str]) -> dict[str, int]:
     """The body of each part of a robot file (`path`, for errors); without a waist the chest is the pelvis.
 
-    UnknownNameError if there is no such part or body. FileFormatError if a necessary part is missing.
+    UnknownNameError if there is no such part or body. FileFormatError if a necessary part is missing: a leg's, or, of a
+    robot without legs, an arm's.
     """
     names = [model.body(index).name for index in range(1, model.nbody)]
     found: dict[str, int] = {}
@@ -31,8 +32,15 @@ def bodies_of_parts(path: Path, model: mujoco.MjModel, parts: Mapping[str, str])
         if body not in names:
             raise UnknownNameError(f"{path}: parts.{part}: {UnknownNameError.among('body', body, names)}")
         found[part] = names.index(body) + 1
-    for part in ("pelvis", "r_thigh", "r_shank", "l_thigh", "l_shank"):
+    limb = ("thigh", "shank") if not without_legs(found) else ("upper_arm", "forearm")
+    for part in ("pelvis", *(f"{side}_{segment}" for side in SIDES for segment in limb)):
         if part not in found:
             raise FileFormatError(f"{path}: parts.{part} is missing: name the body that is its {part}")
     found.setdefault("chest", found["pelvis"])
     return found
+
+
+def without_legs(parts: Collection[str]) -> bool:
+    """Whether parts are those of an upper body: arms, and nothing of a leg."""
+    legs = (f"{side}_{part}" for side in SIDES for part in ("thigh", "shank", "foot"))
+    return any(part.endswith("upper_arm") for part in parts) and not any(leg in parts for leg in legs)

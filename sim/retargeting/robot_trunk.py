@@ -43,6 +43,8 @@ STIFF = Waist(np.zeros((0, 3)), np.zeros(0), np.zeros(0), np.zeros(3), UP)
 class RobotTrunk:
     """Limbs of one skeleton as one robot's pelvis sees them, shared by its retargeter and its footing."""
 
+    floats = True  # whether the pelvis turns and tilts with the human's
+
     def __init__(self, skeleton: Skeleton, waist: Waist = STIFF) -> None:
         self.view, self._waist = LimbView(skeleton), waist
         self._angles = np.linalg.pinv(waist.axes.T) if len(waist.axes) else np.zeros((0, 3))
@@ -82,6 +84,31 @@ class RobotTrunk:
         turned = np.empty(4)
         mujoco.mju_mat2Quat(turned, self.pelvis.ravel())
         return -turned if turned @ pose.rotation[0] < 0.0 else turned
+
+
+class UprightTrunk(RobotTrunk):
+    """The same of a robot without legs: its pelvis stays upright, and of the human's lean it has what its waist can."""
+
+    floats = False
+
+    def __call__(self, pose: Pose) -> Array:
+        """The directions of LIMBS seen from a pelvis that faces as the human does, shape (16, 3)."""
+        self._pose, waist, bend = pose, self._waist, STRAIGHT
+        world = self.view(pose)
+        self.pelvis = _turn([0.0, 0.0, facing(world)])
+        seen = world @ self.pelvis
+        if len(waist.axes):
+            angles = self._angles @ vector_of(_frame(seen[_CHEST : _CHEST + 2]).tolist())
+            angles = np.minimum(np.maximum(angles, waist.lower), waist.upper)
+            bend = turned_by((angles @ waist.axes).tolist())
+        seen[_CHEST], seen[_CHEST + 1] = bend[:, 0], bend[:, 1]
+        return seen
+
+
+def facing(lines: Array) -> float:
+    """Where a human with these LIMBS in the world (16, 3) faces, about z from x, rad: between pelvis and chest."""
+    x, y, _ = (lines[_CHEST + 1] + lines[_PELVIS + 1]).tolist()
+    return atan2(-x, y)
 
 
 # By components, for speed.

@@ -20,7 +20,7 @@ from pathlib import Path
 import mujoco
 import numpy as np
 
-from controller.motion.rotations import Array, conjugate, from_rotation_vector, multiply, yaw
+from controller.motion.rotations import IDENTITY, Array, conjugate, from_rotation_vector, multiply, yaw
 from motiondeck_base.errors import FileFormatError
 from sim.models.ball_joints import unplayed_balls
 from sim.models.kinematic_tree import below, hinges_at, hinges_between, path_to
@@ -86,7 +86,8 @@ def match(path: Path, model: mujoco.MjModel, bends: Collection[str] = ()) -> Bod
             here = matcher.match()
         except FileFormatError as error:
             if isinstance(error, _StandsOtherwise) and not any(turn):
-                raise  # stood on its side, its legs or arms could pass for a human's
+                # stood on its side, its legs or arms could pass for a human's
+                return _upper_body(path, model, bends, error)
             refusal = refusal or error
             continue
         # A robot turned upright must have arms too, as arms may pass for legs; arms equal to its legs make a quadruped.
@@ -97,7 +98,15 @@ def match(path: Path, model: mujoco.MjModel, bends: Collection[str] = ()) -> Bod
     if found:
         return found[max(found)]
     assert refusal is not None
-    raise refusal
+    return _upper_body(path, model, bends, refusal)
+
+
+def _upper_body(path: Path, model: mujoco.MjModel, bends: Collection[str], refusal: FileFormatError) -> BodyMatch:
+    """The parts of a robot with two arms and no legs, or the refusal."""
+    matcher = _Matcher(path, model, IDENTITY, bends)
+    if not (arms := matcher.named_arms()):
+        raise refusal
+    return matcher.upper_body(arms)
 
 
 class _StandsOtherwise(FileFormatError):
@@ -156,6 +165,47 @@ class _Matcher:
         facing = float(np.arctan2(ahead[1], ahead[0]))
         upright = multiply(conjugate(yaw(facing)), self.data.xquat[self.root])
         return BodyMatch(parts, upright, tuple(self.doubts), rivals)
+
+    def named_arms(self) -> dict[str, int]:
+        """The ends of two arms of a robot without legs, "r" and "l"; empty without.
+
+        Their names tell left from right. No other limb stands but wheels, and arms that do so are called arms.
+        """
+        wheels = [end for end in self.ends if self.body.is_wheel(end)]
+        limbs = [end for end in self.ends if end not in wheels]
+        standing = {end for end in limbs if self.body.lowest(end) < self.floor + STANDS * self.tall}
+        found: dict[str, int] = {}
+        longest = 0.0
+        for pair in combinations(limbs, 2):
+            first_is_left = is_left(*map(self.body.name, pair))
+            arms = [self.body.limb(end, self.body.common(*pair)) for end in pair]
+            stands = not wheels and bool(standing)
+            if stands and (standing - {*pair} or not all(map(self._called_arm, arms))):
+                continue
+            bends = all(can_bend(self.model, arm.joints) for arm in arms)
+            if first_is_left is not None and bends and min(map(self.body.length, arms)) > longest:
+                longest = min(map(self.body.length, arms))
+                found = dict(zip("lr" if first_is_left else "rl", pair, strict=True))
+        return found
+
+    def upper_body(self, arms: dict[str, int]) -> BodyMatch:
+        """The parts of a robot without legs; its root is the pelvis."""
+        chest = self.body.common(*arms.values())
+        starts = {side: self.data.xanchor[self.body.limb(end, chest).joints[0]] for side, end in arms.items()}
+        left = (starts["l"] - starts["r"]) * (1.0, 1.0, 0.0)
+        left /= max(float(np.linalg.norm(left)), 1e-9)
+        ahead = np.array([left[1], -left[0], 0.0])
+        limbs = {side: self._beside(self.body.limb(end, chest), left) for side, end in arms.items()}
+        parts = {"pelvis": self.body.name(self.root), "chest": self.body.name(chest)}
+        parts |= limb_bodies(self.body, ARM, limbs, ahead, self.bends)
+        branches = {self.body.branch(arm, chest) for arm in arms.values()}
+        rest = [end for end in self.ends if self.body.branch(end, chest) not in branches]
+        centre, shoulders = 0.5 * (starts["l"] + starts["r"]), max(float(at[2]) for at in starts.values())
+        head = self._head(rest, chest, centre * (1.0, 1.0, 0.0), left, shoulders)
+        if head is not None:
+            parts["head"] = self.body.name(head)
+        upright = multiply(conjugate(yaw(float(np.arctan2(ahead[1], ahead[0])))), self.data.xquat[self.root])
+        return BodyMatch(parts, upright, tuple(self.doubts), {"arm": rival_bends(self.body, limbs)})
 
     def _legs(self) -> list[int]:
         """The ends of the two limbs that stand on the floor."""

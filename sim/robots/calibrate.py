@@ -37,10 +37,11 @@ from sim.retargeting.human_limbs import LIMBS
 from sim.retargeting.inverse_kinematics import LimbSolver
 from sim.retargeting.retarget import SERVO_HUMANOID_JOINTS, LimbAngles
 from sim.retargeting.robot_limbs import RobotLimbs, limb_directions
-from sim.retargeting.robot_parts import SIDES
+from sim.retargeting.robot_parts import SIDES, without_legs
 from sim.robots.body_matching import match
 from sim.robots.limb_directions import LimbDirections
 from sim.robots.proportions import (
+    HUMAN,
     Doubt,
     SegmentPair,
     limb_doubts,
@@ -50,6 +51,8 @@ from sim.robots.proportions import (
     unit_doubts,
 )
 
+NO_LEGS = "it has no legs: their motion, the human's way, and the lean beyond its waist are left out"
+LEAST_HEIGHT = 0.001  # of the root of a robot without legs, m
 VELOCITY, ACCELERATION, JERK = 10.0, 300.0, 15000.0  # defaults for what a model does not say: rad/s, rad/s^2, rad/s^3
 
 # Largest error of an angle's slope by its joint, and slope by others; largest error of the angle in other poses, rad.
@@ -177,7 +180,9 @@ def calibrate(path: Path, packages: Mapping[str, Path] | None = None, bends: Col
     stand = standing_human()
     rest = np.clip(np.round(rest_pose(limbs, limits, stand), 3), lower, upper)
     limbs.place(rest)
-    height = -LowestPoint(model)(limbs.data)
+    height, upper_body = -LowestPoint(model)(limbs.data), without_legs(found.parts)
+    if upper_body:  # its file may have no stand
+        height = max(height, float(model.qpos0[2]), LEAST_HEIGHT)
     if not height > 0.0:
         root = found.parts["pelvis"]
         raise FileFormatError(
@@ -191,9 +196,11 @@ def calibrate(path: Path, packages: Mapping[str, Path] | None = None, bends: Col
         if there[row].any()
     }
     tall = float((limbs.surface.positions(limbs.data)[:, 2] + limbs.surface.radius).max() + height)
+    if upper_body:
+        tall = max(limbs.reach.values()) / (HUMAN["upper_arm"] + HUMAN["forearm"])
     segments = segments_of(model, found.parts, limbs, tall)
     unsure = _missing_visuals(path, spec, packages or {}) + unit_doubts(model, tall)
-    unsure += [Doubt("", words, False) for words in found.doubts]
+    unsure += [Doubt("", words, False) for words in (*found.doubts, *[NO_LEGS] * upper_body)]
     coupled = {model.joint(follower).name for follower in followers(model)}
     hinges, unplayed = (
         [model.joint(j).name for j in np.flatnonzero(np.isin(model.jnt_type, kinds)).tolist()]
@@ -216,7 +223,7 @@ def calibrate(path: Path, packages: Mapping[str, Path] | None = None, bends: Col
         unplayed=tuple(name for name in unplayed if name not in coupled),
         undriven=undriven,
         open_chains=int(np.isin(model.eq_type[model.eq_active0 != 0], _CLOSING).sum()),
-        angles=fitting_angles(limbs, layout.joints, rest, lower, upper),
+        angles={} if upper_body else fitting_angles(limbs, layout.joints, rest, lower, upper),
         missed=missed,
         packages=dict(packages or {}),
         mended=bool(spec.compiler.balanceinertia),

@@ -7,10 +7,11 @@ from collections.abc import Mapping
 import numpy as np
 
 from controller.motion.rotations import Array
+from sim.retargeting.footing import FixedBase
 from sim.robots.limb_causes import limb_causes
 from sim.robots.limb_directions import MEAN_LIMIT, WORST_LIMIT, LimbDirections
 from sim.robots.robot import Robot
-from sim.robots.verdict import Finding
+from sim.robots.verdict import LEGS_LEFT_OUT, Finding
 
 REACH_LIMIT = 25.0  # largest mean angle of a limb that its joints cannot reach, degrees
 TRUNK_MEAN, TRUNK_WORST = 8.0, 20.0  # largest angles of the trunk, degrees
@@ -31,11 +32,11 @@ def carried_findings(
     }
     names = [segment.name for segment in directions.segments]
     off = dict(zip(names, degrees.T, strict=True))
+    found = limb_findings({name: (float(one.mean()), float(one.max())) for name, one in off.items()}, causes)
     leaning = float(trunk.mean()), float(np.max(trunk))
-    return [
-        *limb_findings({name: (float(one.mean()), float(one.max())) for name, one in off.items()}, causes),
-        _angle("trunk leans elsewhere", leaning, (TRUNK_MEAN, TRUNK_WORST), ""),
-    ]
+    if isinstance(robot.footing, FixedBase):  # it leans with its waist alone
+        return [*found, Finding(LEGS_LEFT_OUT, leaning[0], None, "deg of lean")]
+    return [*found, _angle("trunk leans elsewhere", leaning, (TRUNK_MEAN, TRUNK_WORST), "")]
 
 
 def limb_findings(off: Mapping[str, tuple[float, float]], causes: Mapping[str, str]) -> list[Finding]:

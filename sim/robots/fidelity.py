@@ -11,12 +11,14 @@ from numpy.typing import NDArray
 from controller.motion.anatomy import Side, anatomy
 from controller.motion.clip import Clip
 from controller.motion.posture import poses_of
-from controller.motion.rotations import Array, normalise
+from controller.motion.rotations import Array, normalise, rotate, yaw
 from sim.models.kinematic_tree import below
 from sim.models.surface import LowestPoint, Surface
+from sim.retargeting.footing import FixedBase
 from sim.retargeting.human_limbs import LIMBS, LimbView
 from sim.retargeting.inverse_kinematics import InverseKinematics
 from sim.retargeting.retarget import ServoHumanoidRetargeter
+from sim.retargeting.robot_trunk import facing
 from sim.robots.robot import Limiter, Robot
 
 SIDES: tuple[tuple[str, Side], ...] = (("r", "right"), ("l", "left"))
@@ -57,12 +59,21 @@ def carry(clip: Clip, robot: Robot, limiter: Limiter) -> Carried:
         played.append(safe.copy())
         qpos.append(state.copy())
     altered = sum(limited.changed) / max(len(clip) * len(robot.joints), 1)
-    return Carried(np.array(wanted), np.array(played), np.array(qpos), human_lines(clip), altered)
+    return Carried(np.array(wanted), np.array(played), np.array(qpos), lines_for(robot, clip), altered)
 
 
-def followed(clip: Clip, angles: Array, qpos: Array) -> Carried:
+def followed(clip: Clip, robot: Robot, angles: Array, qpos: Array) -> Carried:
     """A clip that was retargeted without a limiter: joints (T, J), rad, and robot (T, nq)."""
-    return Carried(angles, angles, qpos, human_lines(clip), 0.0)
+    return Carried(angles, angles, qpos, lines_for(robot, clip), 0.0)
+
+
+def lines_for(robot: Robot, clip: Clip) -> Array:
+    """The lines of `human_lines` for a robot; one without legs, which does not turn, sees them as the human faces."""
+    lines = human_lines(clip)
+    if isinstance(robot.footing, FixedBase):
+        for frame in lines:
+            frame[:] = rotate(yaw(-facing(frame)), frame)
+    return lines
 
 
 def human_lines(clip: Clip) -> Array:

@@ -67,7 +67,11 @@ def limb_doubts(parts: dict[str, str], segments: list[SegmentPair], directions: 
     """Limbs that do not fit a human's body, or knees and elbows that `LimbDirections` finds elsewhere."""
     arms = {"r_upper_arm": "right", "l_upper_arm": "left"}
     found = [Doubt("", f"no {side} arm was found", True) for name, side in arms.items() if name not in parts]
-    found += [Doubt(f"{s}_shank", "no ankle was found below it", False) for s in "rl" if f"{s}_foot" not in parts]
+    found += [
+        Doubt(f"{s}_shank", "no ankle was found below it", False)
+        for s in "rl"
+        if {f"{s}_shank"} <= {*parts} and f"{s}_foot" not in parts
+    ]
     for segment in segments:
         right, left = segment.length.tolist()
         if abs(right - left) > TWINS * max(right, left):

@@ -236,7 +236,7 @@ def _carried_at(
     """A clip on the robot at the clip's rate, with measures as of `RetargetedFile`, and the findings."""
     file, robot = loader.file, loader(clip.skeleton, solver, 1.0 / clip.rate)
     motion = retargeted(robot, clip)
-    carried = followed(clip, motion.angles, motion.qpos)
+    carried = followed(clip, robot, motion.angles, motion.qpos)
     counts = joint_measures(clip, robot, carried)
     found = [
         limited("out of reach", counts["beyond"], 0.0, "targets"),

@@ -37,11 +37,12 @@ from sim.models.robot_file import JointLimit, RobotFile, Row, Solver, read_robot
 from sim.models.scenery import add_gantry, add_lamp, set_stage
 from sim.models.servo_motor import Motors, ServoMotor, strength
 from sim.models.walk_settings import WalkSettings
-from sim.retargeting.footing import Footing
+from sim.retargeting.footing import FixedBase, Footing
 from sim.retargeting.human_stance import HumanStance
 from sim.retargeting.retarget import MannequinRetargeter, ServoHumanoidRetargeter
 from sim.retargeting.robot_limbs import RobotLimbs
-from sim.retargeting.robot_trunk import STIFF, RobotTrunk
+from sim.retargeting.robot_parts import without_legs
+from sim.retargeting.robot_trunk import STIFF, RobotTrunk, UprightTrunk
 
 DT = 0.005  # default time from pose to pose, s
 FEET = ("r_foot", "l_foot")  # the parts that a robot stands on, as a robot file names them
@@ -199,6 +200,8 @@ def _footing(
     """The size of a robot over the human's, to its pelvis, and what puts its feet on the ground."""
     feet = [model.body(file.parts[foot]).id for foot in FEET if foot in file.parts]
     turned, waist = np.array(file.root_rotation), None
+    if without_legs(file.parts):
+        return scale, FixedBase(stance, model, turned)
     if "pelvis" in file.parts:
         pelvis = UprightPelvis(model, model.body(file.parts["pelvis"]).id, turned)
         if pelvis.below_a_waist:
@@ -218,7 +221,8 @@ def _retargeter(
     if solver == "ik" and limbs is not None:
         from sim.retargeting.inverse_kinematics import InverseKinematics
 
-        trunk = RobotTrunk(skeleton, limbs.waist(limits))
+        kind = UprightTrunk if without_legs(file.parts) else RobotTrunk
+        trunk = kind(skeleton, limbs.waist(limits))
         return InverseKinematics(skeleton, limbs, limits, body.rest, dt, stance, trunk), trunk
     try:
         trunk = RobotTrunk(skeleton, limbs.waist(limits, stiff=True) if limbs else STIFF)

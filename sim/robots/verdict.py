@@ -12,6 +12,8 @@ from typing import Any
 
 import msgspec
 
+LEGS_LEFT_OUT = "legs left out"  # the check of a robot without legs, which informs
+
 QUESTIONS: dict[str, tuple[str, ...]] = {
     "carried": ("carried wrongly", "trunk leans elsewhere", "self-collision", "jumps", "broken", "into the ground"),
     "in reach": ("out of reach", "at a joint's end"),
@@ -110,7 +112,8 @@ class MotionVerdict(msgspec.Struct, frozen=True):
     def words(self) -> str:
         """The answer with its reasons."""
         reasons = self.obstacles if self.passes_at is None else self.troubles
-        return self.answer + (f" ({'; '.join(finding.words for finding in reasons)})" if reasons else "")
+        left_out = f", {LEGS_LEFT_OUT}" if any(finding.check == LEGS_LEFT_OUT for finding in self.findings) else ""
+        return self.answer + left_out + (f" ({'; '.join(finding.words for finding in reasons)})" if reasons else "")
 
     def answer_to(self, question: str) -> str:
         """The answer to one of QUESTIONS: "yes", what is beyond its limit, or "not judged"."""
