@@ -95,7 +95,7 @@ class UprightTrunk(RobotTrunk):
         """The directions of LIMBS seen from a pelvis that faces as the human does, shape (16, 3)."""
         self._pose, waist, bend = pose, self._waist, STRAIGHT
         world = self.view(pose)
-        self.pelvis = _turn([0.0, 0.0, facing(world)])
+        self.pelvis = turned_by([0.0, 0.0, facing(world)])
         seen = world @ self.pelvis
         if len(waist.axes):
             angles = self._angles @ vector_of(_frame(seen[_CHEST : _CHEST + 2]).tolist())

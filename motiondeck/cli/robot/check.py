@@ -18,12 +18,12 @@ from motiondeck.cli.common.tables import show_table
 from motiondeck_base.counted import counted
 from motiondeck_base.errors import MotiondeckError
 from sim.models.robot_file import Solver
-from sim.physics.preflight.preflight import fastest_passing
-from sim.retargeting.robot_parts import SIDES
+from sim.retargeting.robot_parts import SIDES, without_legs
 from sim.robots.fidelity import Carried, carry, floor_measures, joint_measures, shortfall
 from sim.robots.limb_causes import Cause, LimbCause, limb_causes
 from sim.robots.limb_directions import LimbDirections, beyond_limits
 from sim.robots.robot import Robot, RobotLoader
+from sim.robots.verdict import fastest_passing
 
 MUST_BE_ZERO = {
     "bad": "targets that are NaN or infinite",
@@ -218,8 +218,10 @@ def _measured(load: RobotLoader, clip: Clip, left_out: int, solver: Solver | Non
         for limb in causes:
             for name, (mean, worst) in limb.best.items():
                 segments[name] |= {"cause": limb.cause, "best_mean": mean, "best_worst": worst}
-        trunk = directions.trunk_errors(carried.qpos, carried.limbs)
-        measures |= {"limbs_deg": segments, "trunk_deg": {"mean": float(trunk.mean()), "worst": float(trunk.max())}}
+        measures["limbs_deg"] = segments
+        if not without_legs(file.parts):
+            trunk = directions.trunk_errors(carried.qpos, carried.limbs)
+            measures["trunk_deg"] = {"mean": float(trunk.mean()), "worst": float(trunk.max())}
         feet = {
             side: loaded.model.body(file.parts[f"{side}_foot"]).id for side in SIDES if f"{side}_foot" in file.parts
         }
