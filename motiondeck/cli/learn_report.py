@@ -32,9 +32,9 @@ from motiondeck.cli.common.tables import show_table
 from motiondeck.cli.common.verdict_report import print_verdicts
 from motiondeck_base.counted import counted
 from motiondeck_base.files import listed
-from sim.robots.verdict import MotionVerdict
+from sim.robots.verdict import RobotVerdict
 
-Judge = Callable[[], Sequence[MotionVerdict]]
+Judge = Callable[[], Sequence[RobotVerdict]]
 """Makes the verdicts on the learned motions; none without a robot."""
 
 

@@ -15,7 +15,7 @@ from motiondeck.cli.common.options_class import grouped
 if TYPE_CHECKING:
     from motiondeck.run.verdicts import Judged
     from motiondeck_base.jobs import Jobs
-    from sim.robots.verdict import MotionVerdict
+    from sim.robots.verdict import RobotVerdict
 
 
 @dataclass(frozen=True)
@@ -94,7 +94,7 @@ def preflight(
     library = load_library(judged.library)
     names, learned = list(library.network.motions), {motion.name: motion for motion in library.info.motions}
     motions = made(judged.motions(names, where), "motions", len(names), None if as_json else print_verdict)
-    switches: list[MotionVerdict] = []
+    switches: list[RobotVerdict] = []
     if not motions_only:
         from motiondeck.run.sampled_motions import count_switches, switches_by_way_of
 
@@ -135,7 +135,7 @@ def _parsed(jobs: str | None) -> Jobs | None:
     return Jobs.parse(jobs)
 
 
-def _print_failing(verdict: MotionVerdict) -> None:
+def _print_failing(verdict: RobotVerdict) -> None:
     from motiondeck.cli.common.verdict_report import print_verdict
 
     if not verdict.ok:
@@ -143,10 +143,10 @@ def _print_failing(verdict: MotionVerdict) -> None:
 
 
 def _by_their_parts(
-    judged: dict[str, MotionVerdict], ways: dict[tuple[str, str], tuple[str, ...]], tempo: float
-) -> list[MotionVerdict]:
+    judged: dict[str, RobotVerdict], ways: dict[tuple[str, str], tuple[str, ...]], tempo: float
+) -> list[RobotVerdict]:
     """Switches by way of other motions: the findings of all their parts, and the slowest of their tempos."""
-    from sim.robots.verdict import MotionVerdict
+    from sim.robots.verdict import RobotVerdict
 
     found = []
     for (source, target), via in ways.items():
@@ -156,5 +156,5 @@ def _by_their_parts(
         tempos = [part.passes_at for part in parts]
         passes = None if None in tempos else min(tempo for tempo in tempos if tempo is not None)
         findings, obstacles = (tuple(f for part in parts for f in getattr(part, n)) for n in ("findings", "obstacles"))
-        found.append(MotionVerdict(f"{source} > {target}", findings, passes, via, obstacles, tempo))
+        found.append(RobotVerdict(f"{source} > {target}", findings, passes, via, obstacles, tempo))
     return found

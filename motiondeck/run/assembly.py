@@ -38,7 +38,7 @@ from motiondeck.run.session import Session, WiredStopWatch
 from motiondeck.run.spec.run_spec import RunSpec, is_emulated
 from motiondeck.run.spec.script import Timed
 from motiondeck_base.errors import MotiondeckError
-from sim.robots.verdict import MotionVerdict
+from sim.robots.verdict import RobotVerdict
 
 if TYPE_CHECKING:  # a run imports what it has: page, show, recorder, recognition, rig, outputs
     from motiondeck.run.beside.tick_recorder import TickRecorder
@@ -71,7 +71,7 @@ class Played:
     make_deck: Callable[[Retargeter], PlayableDeck]  # makes the deck for the robots' retargeting
     timeline: Sequence[Timed] = ()  # what is commanded when, in order
     file: Path | None = None  # of the source, if it is a library
-    verdicts: Mapping[str, MotionVerdict] = field(default_factory=dict[str, MotionVerdict])  # by motion, those kept
+    verdicts: Mapping[str, RobotVerdict] = field(default_factory=dict[str, RobotVerdict])  # by motion, those kept
 
     @property
     def name(self) -> str:

@@ -31,7 +31,7 @@ from motiondeck.run.report import RunNews, run_report
 from motiondeck.run.robots.robot_on_deck import RobotOnDeck
 from motiondeck.run.spec.run_spec import RunSpec
 from motiondeck.run.spec.script import Timed
-from sim.robots.verdict import MotionVerdict
+from sim.robots.verdict import RobotVerdict
 
 if TYPE_CHECKING:  # page, recorder and recognition are imported by a run that has them
     from controller.deck.switch import CommandedSwitch
@@ -101,7 +101,7 @@ class Session:
     wired_stop: WiredStopWatch | None = None
     lead: Lead | None = None
     correction: Correction | None = None
-    verdicts: Mapping[str, MotionVerdict] = field(default_factory=dict[str, MotionVerdict])  # by motion, those kept
+    verdicts: Mapping[str, RobotVerdict] = field(default_factory=dict[str, RobotVerdict])  # by motion, those kept
     timeline: list[Timed] = field(default_factory=list)  # what is still to be commanded, in order
     progress: bool = False  # whether a terminal shows how the run goes
     prompt: bool = False  # whether the terminal has a prompt

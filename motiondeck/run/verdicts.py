@@ -22,7 +22,7 @@ import msgspec
 from motiondeck_base.errors import MotiondeckError
 from motiondeck_base.files import write_file
 from motiondeck_base.shipped import find_library, find_rig, shipped_configs, user_cache
-from sim.robots.verdict import MotionVerdict
+from sim.robots.verdict import RobotVerdict
 
 if TYPE_CHECKING:
     from controller.deck.interfaces import JointLimits
@@ -34,7 +34,7 @@ if TYPE_CHECKING:
 PER_PROCESS = 4  # motions that are worth the seconds in which another process loads library and robot
 KEPT = 16  # tables of one robot, the latest
 
-Tables = dict[str, dict[str, list[MotionVerdict]]]
+Tables = dict[str, dict[str, list[RobotVerdict]]]
 """By the digest of all that they depend on, the verdicts on "walk", and on the switches from it, "walk >"."""
 
 
@@ -57,20 +57,20 @@ class Judged:
 
         return cls(find_library(library), find_robot(robot), find_rig(rig) if rig is not None else None, **settings)
 
-    def motions(self, names: Sequence[str], jobs: Jobs | None = None) -> Iterator[MotionVerdict]:
+    def motions(self, names: Sequence[str], jobs: Jobs | None = None) -> Iterator[RobotVerdict]:
         """Verdicts on motions, in order, each as soon as it is known; they are played in physics too."""
         yield from self._each(_motion, {name: name for name in names}, jobs)
 
-    def switches(self, names: Sequence[str], jobs: Jobs | None = None) -> Iterator[MotionVerdict]:
+    def switches(self, names: Sequence[str], jobs: Jobs | None = None) -> Iterator[RobotVerdict]:
         """Verdicts on the direct switches from motions, in order, each as soon as it is known."""
         yield from self._each(_switches, {name: f"{name} >" for name in names}, jobs)
 
-    def kept(self) -> dict[str, MotionVerdict]:
+    def kept(self) -> dict[str, RobotVerdict]:
         """The verdicts on motions that have been made, by motion."""
         known = _read(self._file).get(self._key, {}) if self._file.exists() else {}
         return {row: verdicts[0] for row, verdicts in known.items() if not row.endswith(">")}
 
-    def _each(self, judge: Any, rows: dict[str, str], jobs: Jobs | None) -> Iterator[MotionVerdict]:
+    def _each(self, judge: Any, rows: dict[str, str], jobs: Jobs | None) -> Iterator[RobotVerdict]:
         """The verdicts of some motions, by the names of their rows; those that are made now are kept one by one."""
         known = _read(self._file).get(self._key, {})
         made = self._spread(judge, [name for name, row in rows.items() if row not in known], jobs)
@@ -80,7 +80,7 @@ class Judged:
                 self._keep(row, known[row])
             yield from known[row]
 
-    def _spread(self, judge: Any, names: Sequence[str], jobs: Jobs | None) -> Iterator[list[MotionVerdict]]:
+    def _spread(self, judge: Any, names: Sequence[str], jobs: Jobs | None) -> Iterator[list[RobotVerdict]]:
         from joblib import cpu_count, delayed
 
         from motiondeck_base.jobs import Jobs, spread
@@ -107,7 +107,7 @@ class Judged:
             digest.update(hashlib.sha256(file.read_bytes() if file is not None else b"").digest())
         return digest.hexdigest()
 
-    def _keep(self, row: str, verdicts: list[MotionVerdict]) -> None:
+    def _keep(self, row: str, verdicts: list[RobotVerdict]) -> None:
         tables = _read(self._file)
         mine = tables.pop(self._key, {}) | {row: verdicts}
         latest = dict([*tables.items()][1 - KEPT :]) | {self._key: mine}
@@ -138,14 +138,14 @@ def _code() -> bytes:
     return digest.digest()
 
 
-def _motion(judged: Judged, name: str) -> list[MotionVerdict]:
+def _motion(judged: Judged, name: str) -> list[RobotVerdict]:
     from motiondeck.run.sampled_motions import play_motions
 
     library, judge = loaded(judged)
     return [judge.judge(one, simulate=True, tempo=judged.tempo) for one in play_motions(library, judge.robot, [name])]
 
 
-def _switches(judged: Judged, source: str) -> list[MotionVerdict]:
+def _switches(judged: Judged, source: str) -> list[RobotVerdict]:
     from motiondeck.run.sampled_motions import play_switches
 
     library, judge = loaded(judged)

@@ -33,7 +33,7 @@ from sim.robots.limb_directions import LimbDirections
 from sim.robots.robot import Robot, RobotLoader
 from sim.robots.robot_digest import robot_digest
 from sim.robots.training_files import RATES, Format, ending, write_training_file
-from sim.robots.verdict import Finding, MotionVerdict, fastest_passing, limited
+from sim.robots.verdict import Finding, RobotVerdict, fastest_passing, limited
 
 MANIFEST = "motions.jsonl"
 SUNK_LIMIT = 0.005  # largest depth in the floor, m
@@ -55,7 +55,7 @@ class RetargetedFile:
     too_fast: int = 0  # steps faster than a joint may go
     sunk_m: float = 0.0  # the largest depth in the floor, m
     slide_m_s: float = 0.0  # the mean speed of the soles while the human's feet stand, m/s
-    verdict: MotionVerdict | None = None  # whether the robot can do it, and at which tempo; None with an `error`
+    verdict: RobotVerdict | None = None  # whether the robot can do it, and at which tempo; None with an `error`
     notes: tuple[str, ...] = ()  # changes to the recording
     error: str | None = None  # why nothing was written
     size: int = 0  # of the recording, bytes, to detect changes
@@ -216,18 +216,18 @@ def _verdict(
     clip: Clip,
     carry: Callable[[Clip], tuple[Robot, JointMotion, Any, list[Finding]]],
     found: tuple[Finding, ...],
-) -> MotionVerdict:
+) -> RobotVerdict:
     """The verdict of findings at tempo 1; where these may pass more slowly, the tempo is found by carrying it anew."""
     troubles = tuple(finding for finding in found if not finding.ok)
     lasting = tuple(finding for finding in troubles if finding.check in _AT_ANY_TEMPO)
     if lasting or not troubles:
-        return MotionVerdict(name, found, None if lasting else 1.0, obstacles=lasting)
+        return RobotVerdict(name, found, None if lasting else 1.0, obstacles=lasting)
 
     def passes(tempo: float) -> bool:
         return all(finding.ok for finding in carry(replace(clip, rate=tempo * clip.rate))[-1])
 
     tempo = fastest_passing(passes, 1.0, _WITHIN)
-    return MotionVerdict(name, found, tempo, obstacles=troubles if tempo is None else ())
+    return RobotVerdict(name, found, tempo, obstacles=troubles if tempo is None else ())
 
 
 def _carried_at(

@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 
 from controller.motion.posture import Pose
 from controller.motion.rotations import Array
+from motiondeck_base.errors import MotiondeckError
 from sim.models.coupled_joints import followers
 from sim.models.kinematic_tree import path_to
 from sim.models.overlaps import OVERLAP, near_bodies, overlaps
@@ -32,7 +33,11 @@ class SelfCollision:
         spec = robot.spec.copy()
         for geom in spec.geoms:
             geom.contype = geom.conaffinity = int(geom.name != FLOOR)
-        model = spec.compile()
+        try:
+            model = spec.compile()
+        except ValueError as error:  # a flat mesh that only draws the robot has no hull
+            text = " ".join(str(error).split())
+            raise MotiondeckError(f"{robot.name}: which of its bodies touch cannot be judged: {text}") from None
         rest = model.qpos0.copy()
         robot.layout.place(robot.rest, rest)
         self._near = near_bodies(model, rest)

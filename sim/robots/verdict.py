@@ -81,7 +81,7 @@ def limited(check: str, value: float, limit: float, unit: str, where: str = "") 
     return Finding(check, value, limit, unit, where, ok=value <= limit)
 
 
-class MotionVerdict(msgspec.Struct, frozen=True):
+class RobotVerdict(msgspec.Struct, frozen=True):
     """The verdict on one motion, switch or recording on one robot."""
 
     name: str
@@ -130,7 +130,7 @@ class MotionVerdict(msgspec.Struct, frozen=True):
         return fields | {"answer": self.answer, "words": self.words, "answers": answers}
 
 
-def summed(verdicts: Iterable[MotionVerdict]) -> str:
+def summed(verdicts: Iterable[RobotVerdict]) -> str:
     """The number of verdicts with each answer: "4 play, 8 at a slower tempo, 3 do not fit"."""
     every = list(verdicts)
     plays, never = (sum(one.answer == answer for one in every) for answer in ("plays", "does not fit"))

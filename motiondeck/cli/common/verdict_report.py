@@ -8,16 +8,16 @@ from pathlib import Path
 
 from motiondeck.cli.common.tables import show_table
 from motiondeck_base.progress import progress
-from sim.robots.verdict import QUESTIONS, REMEDIES, MotionVerdict, summed
+from sim.robots.verdict import QUESTIONS, REMEDIES, RobotVerdict, summed
 
 _COLOURS = {"plays": "green", "does not fit": "red", "yes": "green", "not judged": "dim"}
 
 
 def made(
-    verdicts: Iterable[MotionVerdict], what: str, count: int, show: Callable[[MotionVerdict], None] | None = None
-) -> list[MotionVerdict]:
+    verdicts: Iterable[RobotVerdict], what: str, count: int, show: Callable[[RobotVerdict], None] | None = None
+) -> list[RobotVerdict]:
     """Takes verdicts as they are made, with a progress bar of `count` steps; `show` is called with each."""
-    found: list[MotionVerdict] = []
+    found: list[RobotVerdict] = []
     with progress(what, count) as tick:
         for verdict in verdicts:
             found.append(verdict)
@@ -27,7 +27,7 @@ def made(
     return found
 
 
-def verdicts_on(robot: str | None, library: Path, names: Sequence[str]) -> list[MotionVerdict]:
+def verdicts_on(robot: str | None, library: Path, names: Sequence[str]) -> list[RobotVerdict]:
     """The verdicts on motions of a library, carried by a gantry, kept or made now; none without a robot."""
     if robot is None:
         return []
@@ -36,7 +36,7 @@ def verdicts_on(robot: str | None, library: Path, names: Sequence[str]) -> list[
     return made(Judged.of(library, robot).motions(names), "verdicts", len(names))
 
 
-def print_verdict(verdict: MotionVerdict) -> None:
+def print_verdict(verdict: RobotVerdict) -> None:
     """Prints one line: "walk: at tempo 0.54 (held back: l_knee, 0.31 rad)"."""
     from rich.console import Console
 
@@ -44,7 +44,7 @@ def print_verdict(verdict: MotionVerdict) -> None:
     sys.stdout.flush()
 
 
-def print_verdicts(verdicts: Sequence[MotionVerdict], title: str) -> None:
+def print_verdicts(verdicts: Sequence[RobotVerdict], title: str) -> None:
     """Prints the table of motions, failures at every tempo with their remedies, and what is not judged."""
     from rich.console import Console
 
@@ -64,7 +64,7 @@ def _coloured(words: str) -> str:
     return f"[{colour}]{escape(words)}[/]"
 
 
-def _print_obstacles(verdicts: Sequence[MotionVerdict]) -> None:
+def _print_obstacles(verdicts: Sequence[RobotVerdict]) -> None:
     from rich.console import Console
 
     blocked = [(verdict.name, finding) for verdict in verdicts for finding in verdict.obstacles]
@@ -83,7 +83,7 @@ def _print_obstacles(verdicts: Sequence[MotionVerdict]) -> None:
         console.print(f"{check}: {REMEDIES[check]}.")
 
 
-def _unjudged(verdicts: Sequence[MotionVerdict]) -> Iterator[str]:
+def _unjudged(verdicts: Sequence[RobotVerdict]) -> Iterator[str]:
     """What is not judged because the robot's files have no strength of its servos."""
     found = {finding.check: finding for finding in verdicts[0].findings} if verdicts else {}
     if "joints of unknown torque" in found:

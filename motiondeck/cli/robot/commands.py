@@ -5,13 +5,16 @@ from __future__ import annotations
 import json
 import sys
 from pathlib import Path
-from typing import Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
 from motiondeck.cli.common.options import PAGE_PORT, JobsOption, JsonOption, PagePortOption, SolverOption
 from motiondeck_base.counted import counted
 from motiondeck_base.jobs import Jobs
+
+if TYPE_CHECKING:
+    from sim.robots.verdict import RobotVerdict
 
 app = typer.Typer(help="List, show, calibrate and check robots.", no_args_is_help=True)
 
@@ -155,6 +158,7 @@ def calibrate(
         report_of,
         try_robot,
     )
+    from motiondeck_base.errors import MotiondeckError
     from motiondeck_base.files import write_file
     from motiondeck_base.shipped import find_library
     from sim.robots.catalogue import model_file
@@ -167,7 +171,12 @@ def calibrate(
     fails = not found.sound or trial.wrong or trial.lost
     if not as_json:
         print_report(found, file, trial)
-    verdicts = [] if fails else verdicts_on(str(file), find_library(LIBRARY), MOTIONS)
+    verdicts: list[RobotVerdict] = []
+    if not fails:
+        try:
+            verdicts = verdicts_on(str(file), find_library(LIBRARY), MOTIONS)
+        except MotiondeckError as error:  # the robot file is there, and can be played
+            print(f"motiondeck: warning: {error}", file=sys.stderr)
     if as_json:
         print(json.dumps(report_of(found, file, trial) | {"verdicts": [verdict.row() for verdict in verdicts]}))
     elif verdicts:

@@ -19,7 +19,7 @@ from motiondeck.page.web.page_state import STANDS_STILL, UNCERTAIN, GhostDescrip
 from motiondeck.run.recognition.watches import BodyWatch, Watch
 from motiondeck.run.robots.rig_output import RigOutput
 from motiondeck.run.robots.robot_on_deck import RobotOnDeck, Simulation
-from sim.robots.verdict import MotionVerdict
+from sim.robots.verdict import RobotVerdict
 
 MOST_FORCES = 6  # parts of the body that touch the floor
 SERVO_ROWS = 8  # of `ServoStates`
@@ -71,7 +71,7 @@ class PageContents:
     library: Path | None  # the file of what plays, if it is a library; the view finds the network there
     servos: RigOutput | None
     learns: bool  # whether recordings can be learned on the page, in a process beside it
-    verdicts: Mapping[str, MotionVerdict] = field(default_factory=dict[str, MotionVerdict])  # by motion, those kept
+    verdicts: Mapping[str, RobotVerdict] = field(default_factory=dict[str, RobotVerdict])  # by motion, those kept
 
     @property
     def simulations(self) -> list[Simulation]:

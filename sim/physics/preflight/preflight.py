@@ -27,7 +27,7 @@ from sim.physics.preflight.carried_checks import CarriedChecks
 from sim.physics.preflight.static_checks import ASTRAY, TEN_MINUTES, TICK, StaticChecks, sustained_until
 from sim.robots.robot import Limiter, Robot
 from sim.robots.self_collision import SelfCollision
-from sim.robots.verdict import SLOWEST, Finding, MotionVerdict, fastest_passing, limited
+from sim.robots.verdict import SLOWEST, Finding, RobotVerdict, fastest_passing, limited
 
 _AT_ANY_TEMPO = ("out of reach", "self-collision")
 # How close to the fastest tempo that passes the one found is, as a ratio: by the numbers, and in physics.
@@ -55,7 +55,7 @@ class Preflight:
         self.static = StaticChecks(self.robot, self.limits, self.limiter, falls=falls)
         self.physics = PhysicsChecks(self.robot, self.limits, self.limiter, self.root, self.balance, self.walk)
 
-    def judge(self, played: PlayedMotion, *, simulate: bool, tempo: float = 1.0) -> MotionVerdict:
+    def judge(self, played: PlayedMotion, *, simulate: bool, tempo: float = 1.0) -> RobotVerdict:
         """Judges a motion or a switch at a tempo.
 
         `simulate` adds how limbs point, and physics, with a free root for FALL_SECONDS.
@@ -65,10 +65,10 @@ class Preflight:
         if simulate:
             findings = (*self._carried(played, tempo), *findings, *self.physics.findings(played, tempo))
         if all(finding.ok for finding in findings):
-            return MotionVerdict(played.name, findings, tempo, tempo=tempo)
+            return RobotVerdict(played.name, findings, tempo, tempo=tempo)
         lasting = tuple(finding for finding in findings if finding.check in _AT_ANY_TEMPO and not finding.ok)
         if lasting:
-            return MotionVerdict(played.name, findings, None, obstacles=lasting, tempo=tempo)
+            return RobotVerdict(played.name, findings, None, obstacles=lasting, tempo=tempo)
 
         def passes_static(slow: float) -> bool:
             return self.static.passes_at_tempo(played, loads, slow)
@@ -81,7 +81,7 @@ class Preflight:
         if simulate and passes is not None and not passes_simulated(passes):
             passes = fastest_passing(passes_simulated, passes, _WITHIN_IN_PHYSICS)
         obstacles = self._obstacles(played, loads, simulate=simulate) if passes is None else ()
-        return MotionVerdict(played.name, findings, passes, obstacles=obstacles, tempo=tempo)
+        return RobotVerdict(played.name, findings, passes, obstacles=obstacles, tempo=tempo)
 
     def _carried(self, played: PlayedMotion, tempo: float) -> list[Finding]:
         return self.carried.findings(played, tempo) if self.carried is not None else []

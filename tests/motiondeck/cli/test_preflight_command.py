@@ -65,10 +65,10 @@ def test_the_table_names_what_is_wrong_and_the_tempo_that_passes(library):
 
 def test_what_no_tempo_mends_is_said_with_joint_number_cause_and_remedy(capsys):
     from motiondeck.cli.common.verdict_report import print_verdict, print_verdicts
-    from sim.robots.verdict import REMEDIES, Finding, MotionVerdict
+    from sim.robots.verdict import REMEDIES, Finding, RobotVerdict
 
     weak = Finding("torque", 340.0, 100.0, "%", "l_knee", ok=False, cause="it needs 17 N m to carry its limb and has 5")
-    verdict = MotionVerdict("squat", (weak,), None, obstacles=(weak,))
+    verdict = RobotVerdict("squat", (weak,), None, obstacles=(weak,))
     print_verdict(verdict)
     print_verdicts([verdict], "lib on bot")
     line, rest = capsys.readouterr().out.split("\n", 1)

@@ -12,14 +12,14 @@ from controller.library.motion_library import save_library
 from motiondeck.run import verdicts as module
 from motiondeck.run.verdicts import Judged
 from motiondeck_base.shipped import find_robot
-from sim.robots.verdict import Finding, MotionVerdict
+from sim.robots.verdict import Finding, RobotVerdict
 
 SLOW = Finding("held back", 0.314, 0.17, "rad", "l_knee", ok=False)
 DEEP = Finding("self-collision", 12.0, 3.0, "mm", "l_foot and r_foot", ok=False)
 MADE = {
-    "march": MotionVerdict("march", (SLOW,), 0.538),
-    "wave": MotionVerdict("wave", (Finding("off target", 0.05, 0.17, "rad", "neck"),), 1.0),
-    "bow": MotionVerdict("bow", (DEEP,), None, obstacles=(DEEP,)),
+    "march": RobotVerdict("march", (SLOW,), 0.538),
+    "wave": RobotVerdict("wave", (Finding("off target", 0.05, 0.17, "rad", "neck"),), 1.0),
+    "bow": RobotVerdict("bow", (DEEP,), None, obstacles=(DEEP,)),
 }
 WORDS = {
     "march": "at tempo 0.54 (held back: l_knee, 0.31 rad)",

@@ -15,7 +15,7 @@ from sim.robots.carried_findings import carried_findings
 from sim.robots.fidelity import carry
 from sim.robots.limb_directions import LimbDirections
 from sim.robots.robot import RobotLoader
-from sim.robots.verdict import LEGS_LEFT_OUT, MotionVerdict
+from sim.robots.verdict import LEGS_LEFT_OUT, RobotVerdict
 from simulated_bodies import bent_pose, human
 from small_robots import ARM, calibrated
 
@@ -96,7 +96,7 @@ def test_arms_follow_where_the_human_faces_and_the_base_stays(loader, seed, turn
     off = directions.errors(carried.qpos, carried.limbs)
     assert set(off) == {f"{side}_{part}" for side in "lr" for part in ("upper_arm", "forearm")}
     assert max(mean for mean, _ in off.values()) < 4.0
-    verdict = MotionVerdict("moved", tuple(found), 1.0)
+    verdict = RobotVerdict("moved", tuple(found), 1.0)
     assert verdict.words == f"plays, {LEGS_LEFT_OUT}"
 
 

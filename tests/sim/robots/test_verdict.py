@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 import sim
 from sim.robots.carried_findings import REACH_LIMIT, limb_findings
 from sim.robots.limb_directions import MEAN_LIMIT, WORST_LIMIT
-from sim.robots.verdict import QUESTIONS, REMEDIES, SLOWEST, Finding, MotionVerdict, fastest_passing, limited, summed
+from sim.robots.verdict import QUESTIONS, REMEDIES, SLOWEST, Finding, RobotVerdict, fastest_passing, limited, summed
 
 CHECKS = sorted(check for checks in QUESTIONS.values() for check in checks)
 findings = st.lists(
@@ -21,7 +21,7 @@ findings = st.lists(
 
 @given(findings, st.sampled_from([0.3, 1.0]))
 def test_a_verdict_says_what_its_findings_say(found, tempo):
-    verdict = MotionVerdict("walk", found, tempo if all(f.ok for f in found) else None, tempo=tempo)
+    verdict = RobotVerdict("walk", found, tempo if all(f.ok for f in found) else None, tempo=tempo)
     beyond = [finding for finding in found if not finding.ok]
     assert verdict.ok == (not beyond)
     assert verdict.answer == ("does not fit" if beyond else "plays" if tempo == 1.0 else "at tempo 0.30")
@@ -32,16 +32,16 @@ def test_a_verdict_says_what_its_findings_say(found, tempo):
         assert verdict.answer_to(question) == expected
     row = msgspec.json.decode(msgspec.json.encode(verdict.row()))
     assert (row["answer"], row["words"]) == (verdict.answer, verdict.words)
-    assert msgspec.json.decode(msgspec.json.encode(verdict), type=MotionVerdict) == verdict
+    assert msgspec.json.decode(msgspec.json.encode(verdict), type=RobotVerdict) == verdict
 
 
 def test_the_words_name_joint_number_and_tempo():
     slow = Finding("held back", 0.314, 0.17, "rad", "l_knee", ok=False)
     deep = Finding("self-collision", 12.0, 3.0, "mm", "l_foot and r_foot", ok=False)
     verdicts = (
-        MotionVerdict("crawl", (), 1.0),
-        MotionVerdict("walk", (slow,), 0.538),
-        MotionVerdict("waltz", (slow, deep), None, obstacles=(deep,)),
+        RobotVerdict("crawl", (), 1.0),
+        RobotVerdict("walk", (slow,), 0.538),
+        RobotVerdict("waltz", (slow, deep), None, obstacles=(deep,)),
     )
     assert [verdict.words for verdict in verdicts] == [
         "plays",
