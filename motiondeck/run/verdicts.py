@@ -158,6 +158,7 @@ def loaded(judged: Judged) -> tuple[MotionLibrary, Preflight]:
     """The library, and the judge of its motions on the robot; raises a MotiondeckError if a file cannot be used."""
     from controller.library.motion_library import load_library
     from controller.loop.safety.safety_envelope import SafetyEnvelope
+    from motiondeck.run.robots.walk_choice import able_to_walk
     from sim.models.robot_file import read_robot_file
     from sim.physics.played_motions import load_sampled_robot
     from sim.physics.preflight.carried_checks import CarriedChecks
@@ -165,6 +166,8 @@ def loaded(judged: Judged) -> tuple[MotionLibrary, Preflight]:
 
     library, file = load_library(judged.library), read_robot_file(judged.robot)
     body, limits = on_rig(load_sampled_robot(judged.robot, library.skeleton), judged.rig)
+    if judged.walk:
+        body = able_to_walk(body, judged.robot)
     carried = None
     if file.parts and not library.skeleton.is_rig:
         carried = CarriedChecks(body, file.parts, file.root_rotation, library.skeleton)

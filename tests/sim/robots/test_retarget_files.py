@@ -77,7 +77,7 @@ def test_what_a_robot_cannot_do_is_marked_in_name_and_manifest(folder, first):
     assert bird.file == "bird.infeasible.npz"
     assert (folder / "out" / bird.file).exists()
     assert bird.verdict.answer == "does not fit"
-    assert "out of reach: r_shank" in bird.verdict.words
+    assert "_shank, 50 deg" in bird.verdict.words
     lines = [json.loads(line) for line in (folder / "out" / MANIFEST).read_text().splitlines()]
     assert lines[0]["format"] == "mjlab"
     assert {line["verdict"] and line["verdict"]["passes_at"] for line in lines[1:]} == {1.0, None}
