@@ -19,11 +19,12 @@ from motiondeck_base.counted import counted
 from motiondeck_base.errors import MotiondeckError
 from sim.models.robot_file import Solver
 from sim.retargeting.robot_parts import SIDES, without_legs
+from sim.robots.carried_findings import REACH_LIMIT, TRUNK_MEAN, TRUNK_WORST
 from sim.robots.fidelity import Carried, carry, floor_measures, joint_measures, shortfall
 from sim.robots.limb_causes import Cause, LimbCause, limb_causes
 from sim.robots.limb_directions import LimbDirections, beyond_limits
 from sim.robots.robot import Robot, RobotLoader
-from sim.robots.verdict import fastest_passing
+from sim.robots.verdict import REMEDIES, fastest_passing
 
 MUST_BE_ZERO = {
     "bad": "targets that are NaN or infinite",
@@ -38,14 +39,6 @@ WHY: dict[str, str] = {
     HELD_BACK: "because limits of speed hold joints back",
     "carried wrongly": "though joints could turn there ([parts] of the robot file may be wrong)",
 }
-REMEDY: dict[str, str] = {
-    OUT_OF_REACH: "nothing to mend, unless [limits.joints.NAME] of the robot file has narrower ranges than the joints",
-    HELD_BACK: "give joints that are faster their speeds under [limits] of the robot file, or play at the tempo named",
-    "carried wrongly": "a wrong body under [parts] is off in every recording, by far: see `robot calibrate --picture`. "
-    "In some recordings only, it is what holding soles where they stand or turning arms round costs: leave these out",
-}
-REACH_LIMIT = 25.0  # largest mean angle of a limb that its joints cannot reach, degrees
-TRUNK_MEAN, TRUNK_WORST = 8.0, 20.0  # largest angles of the trunk, degrees
 WITHIN = 1.1  # how close to the fastest tempo that does the one found is, as a ratio
 NAMED = 3  # recordings that the verdict names
 
@@ -155,7 +148,7 @@ def remarks(rows: Sequence[dict[str, Any]]) -> list[str]:
             kind = "fails" if _fails(row, cause) else "passes"
             slower = f"; {_slower(row['tempo'])}" if cause == HELD_BACK else ""
             found.append(f"{kind}: {clip}: limbs point elsewhere, {cause}: {'; '.join(phrases)}{slower}")
-    return found + [f"{cause}: {what}" for cause, what in REMEDY.items() if cause in causes]
+    return found + [f"{cause}: {what}" for cause, what in REMEDIES.items() if cause in causes]
 
 
 def print_rows(rows: list[dict[str, Any]]) -> None:
