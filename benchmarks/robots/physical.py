@@ -1,8 +1,8 @@
 """Physical stage: how many motions G1 does on its own feet, and how well.
 
 G1 is calibrated from mjlab's model, with Unitree's torque limits, and carries recordings in real time (tempo 1). It has
-fallen when its pelvis is 0.25 m lower than the carried one's or tilted 50 degrees away from it, which is not the rule
-by which the stage ends. Each row of the results is a motion and a seed:
+fallen when its pelvis is 0.25 m lower than the carried one's for 0.3 s (after a lower jump it lands earlier), or tilted
+50 degrees away from it, which is not the rule by which the stage ends. Each row of the results is a motion and a seed:
 
     plain      second at which it falls with the carried targets alone
     stood      seconds until it fell, of so many
@@ -62,7 +62,7 @@ TORQUES = {
     "wrist": 5.0,
 }
 COUNT_SHARED = 10
-LOW, TILTED = 0.25, 50.0  # m and degrees beside the carried pelvis
+LOW, TILTED, LASTS = 0.25, 50.0, 0.3  # m and degrees beside the carried pelvis, and s that it is low
 REPLAYS, NOISE = 10, 0.001  # m and rad
 
 Array = NDArray[np.float64]
@@ -101,7 +101,9 @@ def has_fallen(qpos: Array, carried: Array) -> NDArray[np.bool_]:
     """Whether a robot (T, nq) lies where the carried one (T, nq) does not, by frame."""
     up = [1.0 - 2.0 * (q[:, 4:6] ** 2).sum(axis=1) for q in (qpos, carried)]
     tilt = [np.degrees(np.arccos(np.clip(one, -1.0, 1.0))) for one in up]
-    fallen: NDArray[np.bool_] = (qpos[:, 2] < carried[:, 2] - LOW) | (tilt[0] > tilt[1] + TILTED)
+    low, knots = qpos[:, 2] < carried[:, 2] - LOW, round(LASTS * RATE)
+    lasting = np.array([low[k : k + knots].all() for k in range(len(low))])
+    fallen: NDArray[np.bool_] = lasting | (tilt[0] > tilt[1] + TILTED)
     return fallen
 
 
