@@ -5,8 +5,6 @@ What this package and `motiondeck.networks` list in `__all__` is public and desc
 may change from one version to the next.
 """
 
-from __future__ import annotations
-
 from importlib import import_module
 from typing import TYPE_CHECKING
 

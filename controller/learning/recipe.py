@@ -1,7 +1,5 @@
 """A training recipe: the recordings of each motion, and the network that learns them."""
 
-from __future__ import annotations
-
 import json
 import re
 import unicodedata

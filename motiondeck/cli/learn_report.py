@@ -1,7 +1,5 @@
 """Reports of `motiondeck learn`, for people and for scripts."""
 
-from __future__ import annotations
-
 import json
 from collections.abc import Callable, Sequence
 from dataclasses import asdict

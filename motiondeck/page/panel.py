@@ -1,7 +1,5 @@
 """The panel of the page: buttons for motions and commands, and the state of the loop."""
 
-from __future__ import annotations
-
 import time
 from collections.abc import Callable
 from pathlib import Path

@@ -4,8 +4,6 @@ A state is MuJoCo's qpos and qvel, n = nq + nv numbers. A difference of two has 
 tangent space of the first one, as of mj_differentiatePos, and of velocities.
 """
 
-from __future__ import annotations
-
 import mujoco
 import numpy as np
 from mujoco.rollout import Rollout

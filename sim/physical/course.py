@@ -1,7 +1,5 @@
 """What a robot is to follow: a carried motion in knots."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import mujoco

@@ -3,8 +3,6 @@
 NAME.npz is what the simulated robot did (`training_files`); NAME.infeasible.npz, to the second at which it fell.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path

@@ -14,8 +14,6 @@ moves on. Rollouts are open loop: with the recursion's gains, a foot that rattle
 joints rattling. The same simulation plays and is searched, so that nothing that was found is lost.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

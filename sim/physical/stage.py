@@ -4,8 +4,6 @@ The robot starts in the motion's first posture, at its speed, and is simulated w
 torque limits hold; lines of torque and speed, backlash and latency of servos are left out.
 """
 
-from __future__ import annotations
-
 import os
 from collections.abc import Callable
 from dataclasses import dataclass

@@ -10,8 +10,6 @@ The angles, within their ranges, maximise
 One angle after another has a closed form (coordinate ascent); far from the maximum, other pitches are tried.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from math import atan2, cos, hypot, pi, sin, sqrt
 

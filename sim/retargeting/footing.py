@@ -8,8 +8,6 @@ A robot with other proportions slides and floats along the human's path. So
   root follows the human's path, to scale.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 
 import mujoco

@@ -15,8 +15,6 @@ plane of a bent arm is a goal too: an upper arm that cannot follow would else tw
 on the wrong side when the arm bends more.
 """
 
-from __future__ import annotations
-
 from math import cos, sin, sqrt
 
 import daqp

@@ -1,7 +1,5 @@
 """Finds a robot's limbs as vectors between points of its bodies: segments, limbs, axes of feet, head and chest."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path

@@ -1,7 +1,5 @@
 """A robot's limbs as vectors between points of its bodies (`limb_finder`), with Jacobian, seen from the pelvis."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Mapping, Sequence
 from math import inf
 from pathlib import Path

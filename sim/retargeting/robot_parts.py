@@ -1,7 +1,5 @@
 """The parts of a robot: its bodies by the names of a robot file's table [parts]."""
 
-from __future__ import annotations
-
 from collections.abc import Collection, Mapping
 from pathlib import Path
 

@@ -6,8 +6,6 @@ with it: a robot whose waist cannot pitch bends in its hips. Where these are at 
 share what is missing.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from math import atan2, cos, inf, sin, sqrt
 

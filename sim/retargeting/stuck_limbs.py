@@ -5,8 +5,6 @@ the back, say. While a limb is far off, a second solution (the scout) follows th
 of speed. If it gets much closer, the limb's joints go over to it at full speed.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Sequence
 
 import numpy as np

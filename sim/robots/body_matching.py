@@ -9,8 +9,6 @@ With every joint at zero, for any heading and any axis up:
 - `standing_body` divides the limbs.
 """
 
-from __future__ import annotations
-
 import re
 from collections.abc import Collection
 from dataclasses import dataclass, field

@@ -9,8 +9,6 @@ its elbow at the end of the range may be twisted so that it can never bend. So i
 solution, others are started anywhere in the joints' ranges, and each limb takes its best one.
 """
 
-from __future__ import annotations
-
 import json
 import re
 from collections.abc import Collection, Mapping

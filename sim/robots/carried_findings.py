@@ -1,7 +1,5 @@
 """Findings about how a robot's limbs and trunk point beside a human's, for any motion that was carried onto it."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 
 import numpy as np

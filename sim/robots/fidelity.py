@@ -1,7 +1,5 @@
 """Fidelity of a retargeted clip, measured from joint positions and the robot's kinematics, without the retargeter."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import mujoco

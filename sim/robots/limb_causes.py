@@ -11,8 +11,6 @@ descent, Wang and Chen 1991). As one segment may do better at the other's cost, 
 angle whose 1 - cos is the mean of both.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any, Literal

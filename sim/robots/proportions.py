@@ -4,8 +4,6 @@ A human's segments are shares of the height (Drillis and Contini 1966, as in Win
 Human Movement", 4th edition, 2009, figure 4.1).
 """
 
-from __future__ import annotations
-
 from collections.abc import Collection, Sequence
 from dataclasses import dataclass
 

@@ -4,8 +4,6 @@ A manifest, `motions.jsonl`, beside the files has a line for robot and format, a
 with a line is not retargeted again unless it has changed.
 """
 
-from __future__ import annotations
-
 import json
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field, replace

@@ -1,7 +1,5 @@
 """The digest of a robot: of its file, its model, and every mesh and text that the model names."""
 
-from __future__ import annotations
-
 import hashlib
 import re
 from collections.abc import Iterator

@@ -4,8 +4,6 @@ A verdict has one of three answers, "plays", "at tempo 0.54" and "does not fit",
 Each finding belongs to one question (`QUESTIONS`).
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterable
 from math import sqrt
 from typing import Any

@@ -4,8 +4,6 @@ A file may have no height (the hips stay at one), a floor elsewhere than at 0, a
 did, or one that sinks or rises with time. What has no contact with a floor stays as it is.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass, replace
 from itertools import pairwise
 

@@ -5,8 +5,6 @@ of 24 Hz. Where frames were lost, a file either repeats the last one or goes on 
 long as two. Both are found from the steps of all joints while the body moves.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass, replace
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Verdicts as text: a line for each as it is made, then a table, what fails at every tempo, and what helps."""
 
-from __future__ import annotations
-
 import sys
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from pathlib import Path

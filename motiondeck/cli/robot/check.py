@@ -1,7 +1,5 @@
 """`motiondeck robot check`: how well a robot follows recordings, one row each."""
 
-from __future__ import annotations
-
 from collections import Counter
 from collections.abc import Iterator, Sequence
 from dataclasses import replace

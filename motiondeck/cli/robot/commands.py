@@ -1,7 +1,5 @@
 """`motiondeck robot`: lists and shows robots, writes robot files, tunes walks, checks how well a robot follows."""
 
-from __future__ import annotations
-
 import json
 import sys
 from pathlib import Path

@@ -1,7 +1,5 @@
 """The motions on the page: a grid with pictures, the queue, the phase as a ring, and blends on a pad in it."""
 
-from __future__ import annotations
-
 import time
 from collections.abc import Callable, Mapping
 from contextlib import suppress

@@ -1,7 +1,5 @@
 """What the page of a run shows: its description, and which arrays go with every picture."""
 
-from __future__ import annotations
-
 import sys
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field

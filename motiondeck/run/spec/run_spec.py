@@ -4,8 +4,6 @@ A new option is one field here. `play` then has it as a flag, Python as a keywor
 """
 
 # ruff: noqa: RUF009 (each option is a field of the dataclass)
-from __future__ import annotations
-
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import KW_ONLY, dataclass, field, fields

@@ -1,7 +1,5 @@
 """Preflight checks of how the robot's body points beside the human's, at any tempo."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from copy import deepcopy
 from dataclasses import replace

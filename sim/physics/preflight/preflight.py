@@ -4,8 +4,6 @@ Beyond a finding's limit the robot would be damaged, or leave the motion. Findin
 root, and only reported otherwise.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Mapping
 from copy import deepcopy
 from dataclasses import dataclass, replace

@@ -1,7 +1,5 @@
 """Preflight checks without simulation: joints, servos, collisions, balance."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable
 
 import numpy as np
