@@ -4,8 +4,10 @@ A verdict has one of three answers, "plays", "at tempo 0.54" and "does not fit",
 Each finding belongs to one question (`QUESTIONS`).
 """
 
+import tomllib
 from collections.abc import Callable, Iterable
 from math import sqrt
+from pathlib import Path
 from typing import Any
 
 import msgspec
@@ -21,31 +23,7 @@ QUESTIONS: dict[str, tuple[str, ...]] = {
 }
 """What a verdict answers, each with its checks."""
 
-REMEDIES = {
-    "carried wrongly": "a wrong body under [parts] is off in every motion, by far: see `robot calibrate --picture`. In "
-    "some motions only, it is what holding soles where they stand or turning arms round costs: leave these out",
-    "trunk leans elsewhere": "if the pelvis or the chest is another body, name it under [parts] of the robot file",
-    "out of reach": "nothing to mend, unless the hardware turns farther: then widen `lower` and `upper` under "
-    "[limits.joints.NAME] in the robot file",
-    "self-collision": "`play --check-collisions` keeps the bodies apart; if they are slimmer than in the model file, "
-    "correct their shapes there",
-    "torque": "a stronger servo or a lighter limb; or, if the figure is wrong, the right one: `effort` in a URDF, "
-    "`forcerange` in an MJCF, `torque` under [limits.joints.NAME] or [servo] in the robot file",
-    "servo lag": "a faster servo; or, if the figure is wrong, the right `speed` under [servo] in the robot file",
-    "heat in 10 min": "a stronger servo, a lighter limb, or pauses between the motions",
-    "held back": "play it more slowly; or, if the hardware can do more, raise `velocity`, `acceleration` and `jerk` "
-    "under [limits] in the robot file",
-    "speed": "play it more slowly; or, if the hardware can do more, raise `velocity` under [limits] in the robot file",
-    "off target": "a stronger or stiffer servo: `effort` in a URDF, `kp` and `forcerange` in an MJCF, [servo] in the "
-    "robot file",
-    "off balance": "--balance keeps its feet in place, --walk takes steps, --root gantry carries it",
-    "falls": "--balance keeps its feet in place, --walk takes steps, --root gantry carries it",
-    "capture point off": "`motiondeck robot tune-walk` finds the settings of its walk",
-    "heat of walking": "a stronger servo, or a lighter robot",
-    "jumps": "the recording or the robot's joints jump there: cut that part out",
-    "broken": "the recording is broken there: cut that part out",
-    "into the ground": "the floor of the recording lies elsewhere: give its height with --ground",
-}
+REMEDIES: dict[str, str] = tomllib.loads(Path(__file__).with_name("remedies.toml").read_text(encoding="utf-8"))
 """What helps when no slower tempo does."""
 
 SLOWEST = 0.1  # the lowest tempo to judge at
