@@ -26,6 +26,7 @@ Note = Callable[[str, Mask, NDArray[np.float64]], None]
 """Takes what was wrong, with which joints (J,), and how much (J,)."""
 
 _ABOVE = 1.02  # of the limit: a register may hold 1 % more
+_STRAINED = 0.7  # of the limit of current: beyond it a joint may give way, wherever it stands
 _STILL = 0.02  # rad/s
 _STANDS_FOR = 0.4  # s
 _MOVED = 0.008  # rad
@@ -95,7 +96,8 @@ class BurdenJudge:
         note("had a true current above the rig file's limit for more than 20 ms, A", too_long, amperes)
         at_target = np.abs((true_goals(devices) - self._zero) / self._per_radian - self._target) < _AT
         # Where one of two servos loses its torque, the other takes the whole weight.
-        kept = steady & steady[self._others] & ~blocked & ~cut_off & (now - self._target_since > _STANDS_FOR)
+        free = ~blocked & ~cut_off & (amperes < _STRAINED * self._limit)
+        kept = steady & steady[self._others] & free & (now - self._target_since > _STANDS_FOR)
         moving = np.isnan(self._anchor) & (np.abs(speeds) > _STILL)
         self._anchor[~kept] = np.nan
         self._since[~kept | moving | (np.isnan(self._anchor) & ~at_target)] = now
