@@ -18,7 +18,6 @@ from typing import Any, Literal
 import mujoco
 import numpy as np
 from numpy.typing import NDArray
-from scipy.stats import qmc
 
 from controller.deck.interfaces import JointLimits
 from controller.motion.rotations import Array
@@ -125,6 +124,8 @@ class ReachableLimb:
         limits: JointLimits,
     ) -> None:
         """Args: the robot; its segments; those of the limb; the J played joints, and their limits."""
+        from scipy.stats import qmc  # not where a library is only played
+
         at = directions.standing
         trunk, body = path_to(model, segments[0].trunk), path_to(model, segments[-1].body)
         common = len([one for one in trunk if one in body])
