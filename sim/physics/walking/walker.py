@@ -24,10 +24,12 @@ import numpy as np
 
 from controller.motion.rotations import (
     Array,
+    between,
     conjugate,
     from_matrix,
     from_rotation_vector,
     multiply,
+    normalise,
     rotate,
     to_rotation_vector,
     yaw,
@@ -43,7 +45,7 @@ from sim.physics.walking.rolling import ROUNDED, from_flat
 from sim.physics.walking.state_estimate import Estimate, ExactState, Sensors
 from sim.physics.walking.steps import azimuth, highest, swing_path, wrapped
 from sim.physics.walking.strength import check_legs
-from sim.physics.walking.whole_body import WholeBody, widest_stance
+from sim.physics.walking.whole_body import UP, WholeBody, widest_stance
 from sim.robots.robot import Robot
 
 HEIGHT = 15.0  # weight of the root's height, 1/m
@@ -53,6 +55,9 @@ REACH = 0.8  # largest shift of the centre of mass by the ankles ahead and back,
 # Time constant of the error for ideal servos, s, which would shake with its noise; for others LATE times the latency,
 # as a late error returns in the next ticks.
 SMOOTHED, LATE = 0.03, 2.0
+# The played trunk leans to a side by about this sine at most, and is turned from the heading by this much, rad. A robot
+# without a waist turns its legs with the human's chest, which leans by 0.40 in the waltz; the human's pelvis by 0.14.
+LEANS, TWISTS = 0.15, 0.6
 LOST = 0.5  # error of the capture point from which a fall is certain, in heights of the root
 TILT_FROM = 1.0 / 6.0  # first share of a swing in which the foot begins to compensate the tilt of the trunk
 RIGHTS = 0.15  # decay of that compensation after landing, s: at once, the foot would leave the floor
@@ -173,7 +178,8 @@ class Walker:
         self._high = wanted_posture[2] = high
         rise = CLIMBS * self._height * self._dt + max(high - before, 0.0)
         self._astray = gait.turn(self._now, self.preview.heading)
-        wanted_posture[3:7] = multiply(yaw(self._astray), wanted_posture[3:7])
+        trunk = steady_trunk(wanted_posture[3:7], self._model.qpos0[3:7], self.preview.heading)
+        wanted_posture[3:7] = multiply(yaw(self._astray), trunk)
         self._body.step(wanted_posture, *self._feet(tilt), self._centre + self._ankles(capture - wanted), rise)
         goal[:] = self._body.plan.qpos
         self._pressure = np.array([np.interp(self._now, times, knots[:, axis]) for axis in range(2)])
@@ -288,6 +294,17 @@ class Walker:
         sole, body = self._body.sole(data, foot), self._body.bodies[foot]
         edge = self._half * min(max(float(self._pitches(data)[foot]) / ROUNDED, -1.0), 1.0)
         return sole + data.xmat[body].reshape(3, 3) @ (edge * self._toes[foot]), body
+
+
+def steady_trunk(trunk: Array, upright: Array, heading: float) -> Array:
+    """The rotation of a trunk (4,) no farther from upright (4,) than LEANS to a side and TWISTS from a heading, rad."""
+    turned = multiply(trunk, conjugate(upright))
+    off = float(wrapped(2.0 * np.arctan2(turned[3:], turned[:1]) - heading)[0])
+    up, left = rotate(turned, UP), np.array([-np.sin(heading), np.cos(heading), 0.0])
+    aside = float(up @ left)
+    allowed = normalise(up + (min(max(aside, -LEANS), LEANS) - aside) * left)
+    back = min(max(off, -TWISTS), TWISTS) - off
+    return multiply(multiply(yaw(back), between(up, allowed)), trunk)
 
 
 def _turning(angle: float) -> Array:

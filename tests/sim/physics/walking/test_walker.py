@@ -4,17 +4,19 @@ import msgspec
 import mujoco
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
 from controller.deck.deck import Deck
 from controller.library.motion_library import load_library
-from controller.motion.rotations import from_rotation_vector, multiply, yaw
+from controller.motion.rotations import conjugate, from_rotation_vector, multiply, to_rotation_vector, yaw
 from motiondeck_base.errors import MotiondeckError
 from motiondeck_base.shipped import find_library
 from sim.physics.physics_model import feet_of, physics_model
 from sim.physics.playback import PhysicsPlayback
 from sim.physics.walking.preview import AHEAD
 from sim.physics.walking.state_estimate import Sensors
-from sim.physics.walking.walker import Walker
+from sim.physics.walking.walker import Walker, steady_trunk
 from sim.robots.robot import load_robot
 from simulated_bodies import HUMAN, ROBOTS, bent_pose, human, skeleton_of
 
@@ -303,3 +305,26 @@ def test_a_robot_without_ankles_is_refused():
 
     with pytest.raises(MotiondeckError, match=r"'servo20' has no ankle above '._shank'"):
         Walker(robot, model, [as_shank(foot) for foot in feet_of(robot)], DT)
+
+
+@pytest.mark.thorough
+@pytest.mark.parametrize(("motion", "seconds"), [("waltz", 8.0), ("box3", 20.0)])
+def test_a_robot_without_a_waist_keeps_on_its_feet_where_the_humans_chest_sways_and_twists(motion, seconds):
+    assert walk("servo20", motion, seconds).fell_s is None
+
+
+@given(st.floats(-0.8, 0.8), st.floats(-3.0, 3.0))
+def test_a_walking_trunk_sways_and_twists_only_so_far_and_bows_as_it_is_played(angle, heading):
+    def steadied(axis):
+        upright = from_rotation_vector(np.array([0.3, 0.2, 0.1]))
+        played = multiply(yaw(heading), from_rotation_vector(angle * np.eye(3)[axis]))
+        trunk = steady_trunk(multiply(played, upright), upright, heading)
+        seen = multiply(yaw(-heading), multiply(trunk, conjugate(upright)))
+        return to_rotation_vector(seen)[axis]
+
+    assert steadied(1) == pytest.approx(angle, abs=1e-9)
+    assert steadied(2) == pytest.approx(np.clip(angle, -0.6, 0.6), abs=1e-9)
+    if abs(np.sin(angle)) <= 0.15:
+        assert steadied(0) == pytest.approx(angle, abs=1e-9)
+    else:
+        assert 0.15 < np.sign(angle) * steadied(0) < 0.22
