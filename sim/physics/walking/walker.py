@@ -56,7 +56,7 @@ REACH = 0.8  # largest shift of the centre of mass by the ankles ahead and back,
 # as a late error returns in the next ticks.
 SMOOTHED, LATE = 0.03, 2.0
 # The played trunk leans to a side by about this sine at most, and is turned from the heading by this much, rad. A robot
-# without a waist turns its legs with the human's chest, which leans by 0.40 in the waltz; the human's pelvis by 0.14.
+# without a waist turns its legs with the human's chest, which leans by 0.42 in the waltz; the human's pelvis by 0.15.
 LEANS, TWISTS = 0.15, 0.6
 LOST = 0.5  # error of the capture point from which a fall is certain, in heights of the root
 TILT_FROM = 1.0 / 6.0  # first share of a swing in which the foot begins to compensate the tilt of the trunk
