@@ -11,9 +11,9 @@ def coarse(address):
 
 
 def printed_address(lines):
-    """The address that a program prints for its page, after what the system has permitted, if it drives servos."""
+    """The address that a program prints for its page, after what is permitted, and known of the robot's motions."""
     first = lines.readline()
-    while first.startswith(("granted: ", "not permitted: ")):
+    while first.startswith(("granted: ", "not permitted: ", "which motions ")):
         first = lines.readline()
     assert first.startswith("page: http://127.0.0.1:"), first
     return first.split()[1]

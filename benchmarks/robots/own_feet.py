@@ -1,4 +1,4 @@
-"""Which robots walk for 20 s on their own feet, and how straight their knees are beside the human's.
+"""Robots that walk 20 s on their own feet, and how straight their knees are.
 
 Robots are the shipped ones, published humanoids in a folder of unpacked packages (--download fetches them), names,
 models or robot files that are given, and humanoids written at random (`random7` is that of seed 7). Each plays a motion
