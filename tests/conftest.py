@@ -56,6 +56,19 @@ def pytest_configure(config):
     config.pluginmanager.register(FrozenAfterCollection())
 
 
+@pytest.fixture(scope="session", autouse=True)
+def _nothing_kept(tmp_path_factory):
+    """No verdict and no walk that was kept by an earlier program is found; what others keep there (fonts) is."""
+    before = os.environ.get("XDG_CACHE_HOME")
+    kept, new = Path(before or Path.home() / ".cache"), tmp_path_factory.mktemp("cache")
+    for each in kept.iterdir() if kept.is_dir() else ():
+        if each.name != "motiondeck":
+            (new / each.name).symlink_to(each)
+    os.environ["XDG_CACHE_HOME"] = str(new)
+    yield
+    os.environ.pop("XDG_CACHE_HOME") if before is None else os.environ.update(XDG_CACHE_HOME=before)
+
+
 @cache
 def has_browser_tests(file):
     """Whether a test or a fixture of this file takes the fixture `browser`."""
