@@ -57,7 +57,7 @@ REACH = 0.8  # largest shift of the centre of mass by the ankles ahead and back,
 SMOOTHED, LATE = 0.03, 2.0
 # The played trunk leans to a side by about this sine at most, and is turned from the heading by this much, rad. A robot
 # without a waist turns its legs with the human's chest, which leans by 0.42 in the waltz; the human's pelvis by 0.15.
-LEANS, TWISTS = 0.15, 0.2
+LEANS, TWISTS = 0.05, 0.1
 LOST = 0.5  # error of the capture point from which a fall is certain, in heights of the root
 TILT_FROM = 1.0 / 6.0  # first share of a swing in which the foot begins to compensate the tilt of the trunk
 RIGHTS = 0.15  # decay of that compensation after landing, s: at once, the foot would leave the floor
