@@ -13,7 +13,6 @@ from collections.abc import Iterator, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from functools import cache, cached_property, lru_cache
-from importlib.metadata import version
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -126,13 +125,16 @@ def _read(file: Path) -> Tables:
 @cache
 def _code() -> bytes:
     """The digest of the code that plays and judges."""
+    import mujoco
+    import numpy as np
+
     import controller
     import sim
 
     files = [Path(__file__), Path(__file__).with_name("sampled_motions.py")]
     for package in (controller, sim):
         files += sorted(Path(package.__path__[0]).rglob("*.py"))
-    digest = hashlib.sha256(f"{version('mujoco')} {version('numpy')}".encode())
+    digest = hashlib.sha256(f"{mujoco.__version__} {np.__version__}".encode())
     for file in files:
         digest.update(file.read_bytes())
     return digest.digest()
