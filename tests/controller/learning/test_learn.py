@@ -25,6 +25,7 @@ from controller.motion.reading_options import ReadingOptions
 from controller.motion.rotations import multiply
 from motiondeck_base.arrays_file import write_arrays
 from motiondeck_base.errors import MotiondeckError
+from sim.robots.verdict import RobotVerdict
 
 QUICK = EchoStateRecipe(neurons=60, washout=60, drives=1)
 
@@ -298,6 +299,8 @@ def test_the_table_tells_parts_seams_and_doubts(folder, tmp_path):
 def test_the_first_motion_is_played_on_the_robot_that_is_named(folder, tmp_path, monkeypatch):
     started = []
     monkeypatch.setattr("os.execv", lambda program, command: started.append(command))
+    verdict = RobotVerdict("swing", (), 1.0)  # judging takes long, and is tested beside the verdicts
+    monkeypatch.setattr("motiondeck.run.verdicts._motion", lambda judged, name: [verdict])
     out = tmp_path / "mine.safetensors"
     command = ["learn", str(folder / "swing.bvh"), "--out", str(out), "--play", "--robot", "servo20"]
     assert invoked(*command).exit_code == 0

@@ -80,6 +80,7 @@ def test_calibrate_says_what_it_does_not_play(tmp_path):
     assert "how fast 16 joints may turn" in said
 
 
+@pytest.mark.thorough
 def test_limbs_that_never_point_as_the_humans_do_are_an_error_whatever_the_cause(tmp_path):
     text = full_humanoid(spread=0.95 * np.pi)  # its hands are up
     text = re.sub(r'(name="\w+_shoulder_\w+_joint" axis="[^"]*") range="-2.5 2.5"', r'\1 range="-.1 .1"', text)
