@@ -5,6 +5,7 @@ import math
 import os
 import secrets
 from collections.abc import Iterable
+from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -131,6 +132,13 @@ def write_file(path: Path, content: bytes) -> None:
             _replace(path.resolve(), content)  # a link stays one
     except OSError as error:
         raise FileFormatError.unwritable(path, error) from None
+
+
+def keep(path: Path, content: bytes) -> None:
+    """Writes a file that only saves time, and its folder; a full disk, or a folder of others, costs that time."""
+    with suppress(MotiondeckError, OSError):
+        path.parent.mkdir(parents=True, exist_ok=True)
+        write_file(path, content)
 
 
 def _replace(path: Path, content: bytes) -> None:

@@ -14,7 +14,6 @@ from motiondeck.cli.common.options_class import grouped
 
 if TYPE_CHECKING:
     from motiondeck.run.verdicts import Judged
-    from motiondeck_base.jobs import Jobs
     from sim.robots.verdict import RobotVerdict
 
 
@@ -84,13 +83,14 @@ def preflight(
     from motiondeck.cli.common.library_report import print_errors
     from motiondeck.cli.common.verdict_report import made, print_verdict, print_verdicts
     from motiondeck_base.errors import MotiondeckError
+    from motiondeck_base.jobs import Jobs
     from sim.physics.physics_model import check_root
     from sim.robots.verdict import SLOWEST, summed
 
     if not SLOWEST <= run.tempo <= TEMPO.highest:
         raise MotiondeckError(f"--tempo {run.tempo:g} is not between {SLOWEST:g} and {TEMPO.highest:g}")
     check_root(run.root, balance=run.balance, walk=run.walk)
-    where, judged = _parsed(jobs), run.judged
+    where, judged = Jobs.parse(jobs) if jobs is not None else None, run.judged
     library = load_library(judged.library)
     names, learned = list(library.network.motions), {motion.name: motion for motion in library.info.motions}
     motions = made(judged.motions(names, where), "motions", len(names), None if as_json else print_verdict)
@@ -125,14 +125,6 @@ def preflight(
         print_errors(library.info.motions)
     if not ok:
         raise typer.Exit(1)
-
-
-def _parsed(jobs: str | None) -> Jobs | None:
-    if jobs is None:
-        return None
-    from motiondeck_base.jobs import Jobs
-
-    return Jobs.parse(jobs)
 
 
 def _print_failing(verdict: RobotVerdict) -> None:

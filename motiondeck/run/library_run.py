@@ -29,7 +29,7 @@ def library_run(spec: RunSpec, program: Program, host: Host = ALONE) -> Iterator
         lambda retarget: Deck(library, retarget, first, direct=spec.direct, joining=spec.join),
         program.timeline,
         program.file,
-        judged.kept() or replace(judged, rig=None).kept(),
+        judged.kept() or (replace(judged, rig=None).kept() if judged.rig is not None else {}),
     )
     with open_session(spec, played, host) as session:
         yield session

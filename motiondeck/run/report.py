@@ -159,10 +159,10 @@ def _happened(report: dict[str, Any]) -> list[str]:
 def _held_back(limited: dict[str, int], ticks: int) -> list[str]:
     """The joints that their limits held back most, with the number of ticks."""
     often = sorted((item for item in limited.items() if item[1] > _OFTEN * ticks), key=lambda item: -item[1])
+    if not often:
+        return []
     most = ", ".join(f"{joint} ({count} of {ticks} ticks)" for joint, count in often[:3])
-    return [f"held back: {most}" + (f" and {counted(len(often) - 3, 'more joint')}" if len(often) > 3 else "")] * bool(
-        often
-    )
+    return [f"held back: {most}" + (f" and {counted(len(often) - 3, 'more joint')}" if len(often) > 3 else "")]
 
 
 def _figures(report: dict[str, Any]) -> list[str]:

@@ -10,7 +10,6 @@ import hashlib
 import os
 import sys
 from collections.abc import Iterator, Sequence
-from contextlib import suppress
 from dataclasses import dataclass, replace
 from functools import cache, cached_property, lru_cache
 from pathlib import Path
@@ -18,8 +17,7 @@ from typing import TYPE_CHECKING, Any
 
 import msgspec
 
-from motiondeck_base.errors import MotiondeckError
-from motiondeck_base.files import write_file
+from motiondeck_base.files import keep
 from motiondeck_base.shipped import find_library, find_rig, shipped_configs, user_cache
 from sim.robots.verdict import RobotVerdict
 
@@ -110,9 +108,7 @@ class Judged:
         tables = _read(self._file)
         mine = tables.pop(self._key, {}) | {row: verdicts}
         latest = dict([*tables.items()][1 - KEPT :]) | {self._key: mine}
-        with suppress(MotiondeckError, OSError):  # a full disk costs time, and no verdict
-            self._file.parent.mkdir(parents=True, exist_ok=True)
-            write_file(self._file, msgspec.json.encode(latest))
+        keep(self._file, msgspec.json.encode(latest))
 
 
 def _read(file: Path) -> Tables:
@@ -125,19 +121,9 @@ def _read(file: Path) -> Tables:
 @cache
 def _code() -> bytes:
     """The digest of the code that plays and judges."""
-    import mujoco
-    import numpy as np
+    from sim.robots.robot_digest import code_digest
 
-    import controller
-    import sim
-
-    files = [Path(__file__), Path(__file__).with_name("sampled_motions.py")]
-    for package in (controller, sim):
-        files += sorted(Path(package.__path__[0]).rglob("*.py"))
-    digest = hashlib.sha256(f"{mujoco.__version__} {np.__version__}".encode())
-    for file in files:
-        digest.update(file.read_bytes())
-    return digest.digest()
+    return code_digest(Path(__file__), Path(__file__).with_name("sampled_motions.py"))
 
 
 def _motion(judged: Judged, name: str) -> list[RobotVerdict]:

@@ -31,13 +31,11 @@ from sim.robots.limb_directions import LimbDirections
 from sim.robots.robot import Robot, RobotLoader
 from sim.robots.robot_digest import robot_digest
 from sim.robots.training_files import RATES, Format, ending, write_training_file
-from sim.robots.verdict import Finding, RobotVerdict, fastest_passing, limited
+from sim.robots.verdict import AT_ANY_TEMPO, Finding, RobotVerdict, fastest_passing, limited
 
 MANIFEST = "motions.jsonl"
 SUNK_LIMIT = 0.005  # largest depth in the floor, m
 MARK = ".infeasible"  # before the suffix of files that a robot cannot do at this tempo
-_WITHIN = 1.1  # how close to the fastest tempo that passes the one found is, as a ratio
-_AT_ANY_TEMPO = ("out of reach", "jumps", "broken", "into the ground")
 
 
 @dataclass(frozen=True)
@@ -217,14 +215,14 @@ def _verdict(
 ) -> RobotVerdict:
     """The verdict of findings at tempo 1; where these may pass more slowly, the tempo is found by carrying it anew."""
     troubles = tuple(finding for finding in found if not finding.ok)
-    lasting = tuple(finding for finding in troubles if finding.check in _AT_ANY_TEMPO)
+    lasting = tuple(finding for finding in troubles if finding.check in AT_ANY_TEMPO)
     if lasting or not troubles:
         return RobotVerdict(name, found, None if lasting else 1.0, obstacles=lasting)
 
     def passes(tempo: float) -> bool:
         return all(finding.ok for finding in carry(replace(clip, rate=tempo * clip.rate))[-1])
 
-    tempo = fastest_passing(passes, 1.0, _WITHIN)
+    tempo = fastest_passing(passes, 1.0)
     return RobotVerdict(name, found, tempo, obstacles=troubles if tempo is None else ())
 
 

@@ -1,10 +1,16 @@
-"""The digest of a robot: of its file, its model, and every mesh and text that the model names."""
+"""Digests of what a judgement depends on: of a robot with all its files, and of the code that simulates it."""
 
 import hashlib
 import re
 from collections.abc import Iterator
+from itertools import chain
 from pathlib import Path
 
+import mujoco
+import numpy as np
+
+import controller
+import sim
 from motiondeck_base.errors import MotiondeckError
 from sim.models.formats.model_text import file_named, model_kind, readable_urdf, xml_text
 from sim.models.robot_file import read_robot_file
@@ -21,6 +27,15 @@ def robot_digest(robot: Path) -> str:
         for named in _files(robot.parent / Path(file.model).expanduser(), packages):
             digest.update(named.read_bytes())
     return digest.hexdigest()
+
+
+def code_digest(*others: Path) -> bytes:
+    """The digest of the code of controller and sim, of other files, and of the versions of MuJoCo and numpy."""
+    packages = [sorted(Path(package.__path__[0]).rglob("*.py")) for package in (controller, sim)]
+    digest = hashlib.sha256(f"{mujoco.__version__} {np.__version__}".encode())
+    for file in (*others, *chain(*packages)):
+        digest.update(file.read_bytes())
+    return digest.digest()
 
 
 def _files(model: Path, packages: dict[str, Path]) -> Iterator[Path]:

@@ -26,6 +26,7 @@ QUESTIONS: dict[str, tuple[str, ...]] = {
 REMEDIES: dict[str, str] = tomllib.loads(Path(__file__).with_name("remedies.toml").read_text(encoding="utf-8"))
 """What helps when no slower tempo does."""
 
+AT_ANY_TEMPO = ("out of reach", "self-collision", "jumps", "broken", "into the ground")  # checks that no tempo mends
 SLOWEST = 0.1  # the lowest tempo to judge at
 
 
@@ -114,7 +115,7 @@ def summed(verdicts: Iterable[RobotVerdict]) -> str:
     return ", ".join(f"{count} {words}" for count, words in counts if count)
 
 
-def fastest_passing(passes: Callable[[float], bool], tempo: float, within: float) -> float | None:
+def fastest_passing(passes: Callable[[float], bool], tempo: float, within: float = 1.1) -> float | None:
     """The fastest passing tempo from SLOWEST to below the given one, to a ratio `within`, by bisection; None without.
 
     Where passing tempos have gaps, it is the upper end of one of their stretches.

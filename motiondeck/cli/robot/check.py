@@ -37,7 +37,6 @@ WHY: dict[str, str] = {
     HELD_BACK: "because limits of speed hold joints back",
     "carried wrongly": "though joints could turn there ([parts] of the robot file may be wrong)",
 }
-WITHIN = 1.1  # how close to the fastest tempo that does the one found is, as a ratio
 NAMED = 3  # recordings that the verdict names
 
 
@@ -236,7 +235,7 @@ def _fast_enough(load: RobotLoader, directions: LimbDirections, clip: Clip, solv
         found = _causes(robot, directions, carry(slow, robot, SafetyEnvelope), slow.rate)
         return all(limb.cause == OUT_OF_REACH for limb in found)
 
-    return fastest_passing(does, 1.0, WITHIN)
+    return fastest_passing(does, 1.0)
 
 
 def _shortened(clip: Clip, seconds: float | None) -> Clip:

@@ -3,7 +3,6 @@
 import hashlib
 from collections.abc import Sequence
 from dataclasses import replace
-from importlib.metadata import version
 from pathlib import Path
 
 import msgspec
@@ -14,12 +13,13 @@ from controller.deck.deck import Deck
 from controller.library.motion_library import load_library
 from controller.loop.safety.safety_envelope import SafetyEnvelope
 from motiondeck_base.errors import MotiondeckError
-from motiondeck_base.files import write_file
+from motiondeck_base.files import keep
 from motiondeck_base.progress import progress
 from motiondeck_base.shipped import find_library, user_cache
 from sim.models.walk_settings import WalkSettings
 from sim.physics.walk_trial import play_course, walk_trial
 from sim.robots.robot import Robot, load_robot
+from sim.robots.robot_digest import code_digest
 
 LIBRARY, MOTION, SECONDS = "thesis15", "walk", 20.0
 # Tried in this order: straight knees carry the weight with less torque, bent ones give more room for a catching step.
@@ -37,7 +37,7 @@ def able_to_walk(robot: Robot, file: Path) -> Robot:
     """The robot of a file with settings with which it walks SECONDS; MotiondeckError, in one line, if there are none.
 
     A table [walk] in its file, by hand or by `tune-walk`, is taken as it is. The choice is kept in the user's cache
-    until the robot changes.
+    until the robot or the code changes.
     """
     if robot.walk != WalkSettings():
         return robot
@@ -46,8 +46,7 @@ def able_to_walk(robot: Robot, file: Path) -> Robot:
         choice = msgspec.json.decode(kept.read_bytes(), type=WalkChoice)
     except (OSError, msgspec.DecodeError):
         choice = choose_walk(file)
-        kept.parent.mkdir(parents=True, exist_ok=True)
-        write_file(kept, msgspec.json.encode(choice))
+        keep(kept, msgspec.json.encode(choice))
     if choice.walk is None:
         raise MotiondeckError(choice.reason)
     return replace(robot, walk=choice.walk)
@@ -81,5 +80,5 @@ def _fingerprint(robot: Robot) -> str:
     model = np.empty(mujoco.mj_sizeModel(robot.model), np.uint8)
     mujoco.mj_saveModel(robot.model, None, model)
     limits = [part.tolist() for part in (robot.limits.lower, robot.limits.upper, robot.limits.velocity)]
-    rest = msgspec.json.encode([limits, robot.rest.tolist(), robot.servo, WALKS, version("motiondeck")])
+    rest = msgspec.json.encode([limits, robot.rest.tolist(), robot.servo, WALKS, code_digest(Path(__file__))])
     return hashlib.sha256(model.tobytes() + rest).hexdigest()[:32]

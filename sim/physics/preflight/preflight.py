@@ -25,11 +25,9 @@ from sim.physics.preflight.carried_checks import CarriedChecks
 from sim.physics.preflight.static_checks import ASTRAY, TEN_MINUTES, TICK, StaticChecks, sustained_until
 from sim.robots.robot import Limiter, Robot
 from sim.robots.self_collision import SelfCollision
-from sim.robots.verdict import SLOWEST, Finding, RobotVerdict, fastest_passing, limited
+from sim.robots.verdict import AT_ANY_TEMPO, SLOWEST, Finding, RobotVerdict, fastest_passing, limited
 
-_AT_ANY_TEMPO = ("out of reach", "self-collision")
-# How close to the fastest tempo that passes the one found is, as a ratio: by the numbers, and in physics.
-_WITHIN, _WITHIN_IN_PHYSICS = 1.02, 1.1
+_WITHIN = 1.02  # how close to the fastest tempo that passes by the numbers the one found is, as a ratio
 FALL_SECONDS = 10.0  # simulated on a free root, s
 
 
@@ -64,7 +62,7 @@ class Preflight:
             findings = (*self._carried(played, tempo), *findings, *self.physics.findings(played, tempo))
         if all(finding.ok for finding in findings):
             return RobotVerdict(played.name, findings, tempo, tempo=tempo)
-        lasting = tuple(finding for finding in findings if finding.check in _AT_ANY_TEMPO and not finding.ok)
+        lasting = tuple(finding for finding in findings if finding.check in AT_ANY_TEMPO and not finding.ok)
         if lasting:
             return RobotVerdict(played.name, findings, None, obstacles=lasting, tempo=tempo)
 
@@ -77,7 +75,7 @@ class Preflight:
 
         passes = fastest_passing(passes_static, tempo, _WITHIN)
         if simulate and passes is not None and not passes_simulated(passes):
-            passes = fastest_passing(passes_simulated, passes, _WITHIN_IN_PHYSICS)
+            passes = fastest_passing(passes_simulated, passes)
         obstacles = self._obstacles(played, loads, simulate=simulate) if passes is None else ()
         return RobotVerdict(played.name, findings, passes, obstacles=obstacles, tempo=tempo)
 

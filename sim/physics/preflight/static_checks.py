@@ -113,14 +113,13 @@ class StaticChecks:
         share = sustained(np.abs(torque), DT) / self._robot.strength
         if motors is None:
             unknown, count = int(np.isinf(self._robot.strength).sum()), len(joints)
-            found = [of_joints("torque", 100.0 * share, 100.0, "%", joints)]
+            if unknown < count:
+                found = [of_joints("torque", 100.0 * share, 100.0, "%", joints)]
+            else:
+                found = [of_joints("torque", np.abs(torque).max(axis=0), None, "N m", joints)]
             if unknown:
                 found.append(Finding("joints of unknown torque", unknown, None, f"of {count} joints"))
-            return (
-                found
-                if unknown < count
-                else [of_joints("torque", np.abs(torque).max(axis=0), None, "N m", joints), *found[1:]]
-            )
+            return found
         velocity = np.clip(tempo * loads.velocity, -self._limits.velocity, self._limits.velocity)
         lag = servo_lag(torque / motors.torque + velocity / motors.speed, DT / tempo) * motors.speed
         drawn = motors.drawn(np.clip(torque, -motors.most, motors.most))
