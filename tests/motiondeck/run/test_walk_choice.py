@@ -97,3 +97,13 @@ def test_a_robot_whose_file_says_how_it_walks_is_not_tried(untuned, trials):
     tuned = replace(robot, walk=WalkSettings(share=0.5))
     assert able_to_walk(tuned, file) is tuned
     assert trials[0] == []
+
+
+def test_where_nothing_can_be_kept_it_is_tried_each_time(untuned, trials, tmp_path, monkeypatch):
+    file, robot = untuned
+    tried, stood = trials
+    stood.update(dict.fromkeys(WALKS, WHOLE))
+    (tmp_path / "no folder").write_text("")
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "no folder"))
+    assert able_to_walk(robot, file).walk == able_to_walk(robot, file).walk == WALKS[0]
+    assert len(tried) == 2
