@@ -70,9 +70,7 @@ MUTANTS = {
     "no turn for a range across zero": Mutant(
         _whole_turns, "return joint.whole_turns(pulses)", "return 0", ("", "a range across the horn's zero")
     ),
-    "turn of the rig file": Mutant(
-        _whole_turns, "return round(turns) * joint.table.pulses_per_turn", "return 0", ("", "several turns")
-    ),
+    "turn of the rig file": Mutant(_whole_turns, "return round(turns) * per_turn", "return 0", ("", "several turns")),
     "restart between readings": Mutant(
         hold_still, "_refuse_other_turns(config, positions, believed)", "pass", ("reboot", "several turns")
     ),
@@ -92,7 +90,9 @@ MUTANTS = {
     "torque beside a moving partner": Mutant(_await_partners, "partners += own", "pass", ("reboot", _PAIR)),
     "path of one of two astray": Mutant(_await_partners, "> APART:", "> 9.0:", ("duplicate", _PAIR)),
     "one of two leaps back": Mutant(_await_partners, "> APART]", "> 9.0]", ("duplicate", _PAIR)),
-    "goals run away from a silent joint": Mutant(Rig.write, ">= _UNSEEN", "> 10**6", ("duplicate", "several turns")),
+    "goals run away from a silent joint": Mutant(
+        Rig.write, "unseen &= self._several", "unseen &= False", ("duplicate", "several turns")
+    ),
     "goal taken for a path": Mutant(
         places_of_rest, "np.where(away, angles, path)", "path", ("", "a limit of acceleration, and no path shown")
     ),

@@ -48,6 +48,8 @@ class Measurements:
     def __init__(self, count: int) -> None:
         # Shape (J,), rad, rad/s, A, positive in the joint's direction.
         self.positions, self.velocities, self.currents = np.zeros(count), np.zeros(count), np.zeros(count)
+        # Where each was last read with torque on, shape (J,), rad: a restarted servo reports another turn.
+        self.seen = np.zeros(count)
         # Shape (J,), degC, V; NaN until first read.
         self.temperatures, self.voltages = np.full(count, np.nan), np.full(count, np.nan)
         self.errors = np.zeros(count, dtype=np.int64)  # hardware error bits, shape (J,)
@@ -78,6 +80,7 @@ class Readings:
         self._faults = faults
         self._ids = [joint.id for joint in config.joints]
         self._own = np.array(joints, dtype=np.int64)
+        self._several = bool(config.through_turns)
         self._line_of_all = tuple(self._own.tolist())
         self._all = slice(None) if len(joints) == len(config.joints) else self._own
         self._tables = [joint.table for joint in config.joints]
@@ -106,7 +109,7 @@ class Readings:
         self._in_turns = [index for index in self._line_of_all if not self._blocks[index].healthy]
         self._cached.clear()
         self._request = self._register_reading = None
-        measured.positions[where] = positions
+        measured.positions[where] = measured.seen[where] = positions
         measured.velocities[where] = measured.currents[where] = 0.0
         measured.missed_in_a_row[where] = measured.errors[where] = 0
         measured.torque[where] = True
@@ -228,6 +231,8 @@ class Readings:
                 torque &= rows["torque_limit"] != 0
             blank = ~torque & (rows["present_temperature"] == 0) & (rows["present_input_voltage"] == 0)
             measured.torque[joints] = torque
+            if self._several:
+                measured.seen[joints] = np.where(torque, positions, measured.seen[joints])
             if np.logical_or.reduce(blank):
                 indices, known = np.arange(len(self._ids))[joints], ~blank
                 measured.errors[indices[blank]] = 0

@@ -108,8 +108,8 @@ class ServoPort:
 
     @property
     def believed(self) -> Array:
-        """Where the servos of this port should stand, shape (s,), rad: a restarted one reports another turn."""
-        return self.goals[self._joint_of[self.rows]]
+        """Where the servos of this port were last seen, and their goals, shape (2, s), rad: see `find_zeros`."""
+        return np.array([self.readings.measured.seen[self.rows], self.goals[self._joint_of[self.rows]]])
 
     @property
     def stopped(self) -> bool:

@@ -99,7 +99,7 @@ class PortRecovery:
                 places = np.flatnonzero(~self._health.lost[port.joints]).tolist()
                 alive = port.part.only(places).servos
                 own = [port.servos.names.index(name) for name in alive.names]
-                held = resume(alive, bus, port.believed[own], SLOWER, lambda: self._cancelled)
+                held = resume(alive, bus, port.believed[:, own], SLOWER, lambda: self._cancelled)
                 joints, rows = port.joints[places].tolist(), port.rows[own].tolist()
                 firsts = [index for index, servo in enumerate(alive.joints) if servo.name == servo.joint_name]
                 keep_zeros(alive, held.zeros, port.turns)

@@ -43,6 +43,7 @@ from hardware.rig.turn_file import TurnFile
 
 _RECOVERED_WITHIN = 2.0  # s, for all but a vanished port
 _UNSEEN = 3  # replies in a row missed by a joint of several turns, which after a restart is looked for near its goal
+_UNSEEN_S = 0.1  # s in which such a joint was not read, beside as many of its readings
 _MOST_READINGS = 8  # servos whose registers wait to be read
 _NO_ANSWER = CONDITIONS.index("does not answer")
 
@@ -101,6 +102,7 @@ class Rig:
         self.write_us, self.read_us = Timings(), Timings()
         several = np.array([joint.several_turns for joint in config.joints])
         self._several = several if several.any() else None
+        self._unseen_for = _UNSEEN_S + _UNSEEN / (config.read_hz or config.rate_hz)
         self._scale = RigScale(config.servos)
         self._stopped = False
         self.turn_keepers: list[TurnKeeper] = []
@@ -200,7 +202,9 @@ class Rig:
                 self.faults.refused[:] += held
                 targets = np.where(held, self.goals, targets)
             if self._several is not None:
-                unseen = self._several & (self.measured.missed_in_a_row >= _UNSEEN)
+                unseen = self.measured.missed_in_a_row >= _UNSEEN
+                unseen |= self._now() - self.measured.read_at > self._unseen_for
+                unseen &= self._several
                 held |= unseen
                 targets = np.where(unseen, self.goals, targets)
             if self._joined is not None:

@@ -21,7 +21,7 @@ from hardware.rig.switching.identities import (
     raise_answer_level_in_eeprom,
     refuse_shut_down,
 )
-from hardware.rig.switching.turns import find_zeros, recall
+from hardware.rig.switching.turns import find_zeros, recall, way
 from hardware.rig.turn_file import TurnFile
 
 _PATH = ("present_velocity", "present_position", "velocity_trajectory", "position_trajectory")
@@ -121,7 +121,7 @@ def resume(
         lost = [index for index, (joint, low, high) in joints if not _is_set(joint, bus, low, high)]
         lost = _await_partners(config, bus, believed, lost, pace)
         if lost:
-            switch_on(config.only(lost), bus, believed[lost], cancelled)
+            switch_on(config.only(lost), bus, believed[..., lost], cancelled)
     except ServoError as error:
         raise RigError(str(error)) from error
     return hold_still(config, bus, believed, pace)
@@ -138,8 +138,8 @@ def _await_partners(config: RigConfig, bus: Bus, believed: Array, lost: list[int
     scale = RigScale(config)
     scale.zero[:] = find_zeros(config, bus, believed)
     velocity, angles, path_velocity, path = _read_path(config, bus, scale)
-    away = np.abs(path - believed).tolist()
-    kept = set(range(len(believed))) - set(lost)
+    away = np.abs(path - np.atleast_2d(believed)[-1]).tolist()
+    kept = set(range(len(path))) - set(lost)
     partners: list[int] = []
     for one in pairs:
         pair = {one, one + 1}
@@ -156,12 +156,12 @@ def _await_partners(config: RigConfig, bus: Bus, believed: Array, lost: list[int
             break
         if look == 0:
             rest = sorted(kept)
-            hold_still(config.only(rest), bus, believed[rest], pace)
+            hold_still(config.only(rest), bus, believed[..., rest], pace)
         bus.port.wait(_LOOK)
         velocity, _, path_velocity, _ = _read_path(config, bus, scale)
     else:
         raise RigError(f"{list_joints(config.only(partners).joints)} still moves. Try again.")
-    return sorted(set(range(len(believed))) - kept)
+    return sorted(set(range(len(path))) - kept)
 
 
 def switch_off(config: RigConfig, bus: Bus) -> list[str]:
@@ -197,7 +197,7 @@ def hold_each(config: RigConfig, bus: Bus, believed: Array) -> list[str]:
             try:
                 write_each(one, bus, "bus_watchdog", [0] * len(own))
                 scale = RigScale(one)
-                scale.zero[:] = find_zeros(one, bus, believed[own])
+                scale.zero[:] = find_zeros(one, bus, believed[..., own])
                 _, rest, torque = places_of_rest(one, bus, scale)
                 rest = _together(one, rest, torque)
                 write_each(one, bus, "goal_position", [int(pulses) for pulses in scale.pulses(scale.within(rest))])
@@ -257,7 +257,7 @@ def _together(config: RigConfig, rests: Array, torque: NDArray[np.bool_]) -> Arr
 
 def _refuse_other_turns(config: RigConfig, positions: Array, believed: Array) -> None:
     """Raises a RigError if a servo has restarted since its zero was found, and counts turns otherwise."""
-    joints = enumerate(zip(config.joints, np.abs(positions - believed).tolist(), strict=True))
+    joints = enumerate(zip(config.joints, np.abs(positions - way(believed)[0]).tolist(), strict=True))
     turns = {
         index: away * abs(joint.pulses_per_radian) / joint.table.pulses_per_turn for index, (joint, away) in joints
     }

@@ -2,7 +2,8 @@
 
 In position mode a servo reports its place in one turn. In the other modes it counts on through whole turns, and begins
 anew within one when its power comes back. The place in one turn is then enough where the joint's range is shorter than
-a turn. Else the joint stands where it is believed to: at first by what was kept in a `TurnFile`, later by its goal.
+a turn. Else the joint stands where it is believed to: at first by what was kept in a `TurnFile`, later on the way from
+where it was last seen to its goal.
 
 What was kept is believed if the servo has counted on since, or if it stands where it stood. It has counted on if its
 indirect addresses, which its power takes along, are those of a rig. A servo that was turned by whole turns while its
@@ -21,7 +22,7 @@ from hardware.rig.state_block import arranged
 from hardware.rig.turn_file import Turn, TurnFile
 
 _SURE = 0.25
-"""Of a turn: farther from where it is believed, a servo may stand in another one."""
+"""Of a turn: farther from where, or from the way on which, it is believed, a servo may stand in another one."""
 _SAME_PLACE = 1.0 / 16.0
 """Of a turn, by which a joint may sink or be touched while its power is off."""
 _REMEDY = "Store where it stands with motiondeck rig turns RIG."
@@ -30,24 +31,38 @@ _REMEDY = "Store where it stands with motiondeck rig turns RIG."
 def find_zeros(config: RigConfig, bus: Bus, believed: Array) -> Array:
     """The position of each servo at angle 0 as it counts now, shape (J,), pulses.
 
-    `believed` is where joints that go through several turns stand, roughly, shape (J,), rad. RigError if such a joint
-    stands elsewhere; it is named with the remedy.
+    `believed` is where joints that go through several turns stand, roughly, shape (J,), rad; or two such places, of
+    which it may be on the way from one to the other, shape (2, J). RigError if such a joint stands elsewhere, or may be
+    on this way in two turns; it is named with the remedy.
     """
     zeros = RigScale(config).zero
+    middle, half = way(believed)
     for index, joint in enumerate(config.joints):
         if joint.mode != POSITION_MODE:
-            zeros[index] += _whole_turns(joint, read_register(joint, bus, "present_position"), float(believed[index]))
+            pulses = read_register(joint, bus, "present_position")
+            zeros[index] += _whole_turns(joint, pulses, float(middle[index]), float(half[index]))
     return zeros
 
 
-def _whole_turns(joint: RigJoint, pulses: int, believed: float) -> int:
-    """The pulses of the whole turns that a servo counts more than from the rig file's zero."""
+def way(believed: Array) -> tuple[Array, Array]:
+    """The middle of the way that joints are believed to be on, and half its length, both (J,), rad."""
+    ends = np.atleast_2d(believed)
+    return 0.5 * (ends[0] + ends[-1]), 0.5 * np.abs(ends[0] - ends[-1])
+
+
+def _whole_turns(joint: RigJoint, pulses: int, middle: float, half: float) -> int:
+    """The pulses of the whole turns that a servo counts more than from the rig file's zero.
+
+    Its turn is the one that is nearest to both ends of its way, if it is at most `_SURE` off the way.
+    """
     if not joint.several_turns:
         return joint.whole_turns(pulses)
-    turns = (pulses - joint.pulses(believed)) / joint.table.pulses_per_turn
-    if abs(turns - round(turns)) > _SURE:
+    per_turn = joint.table.pulses_per_turn
+    turns = (pulses - joint.pulses(middle)) / per_turn
+    half *= abs(joint.pulses_per_radian) / per_turn
+    if abs(turns - round(turns)) > min(_SURE + half, 0.5 - half):
         raise RigError(f"{joint.label} is not where it was, and may stand in another turn. {_REMEDY}")
-    return round(turns) * joint.table.pulses_per_turn
+    return round(turns) * per_turn
 
 
 def recall(config: RigConfig, bus: Bus, file: TurnFile | None) -> Array:

@@ -2,10 +2,11 @@
 
 import json
 from contextlib import suppress
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import assume, given
 from hypothesis import strategies as st
 
 from benchmarks.simulated_time import EmulatedPort
@@ -18,6 +19,7 @@ from hardware.rig.rig_joint import RigJoint
 from hardware.rig.scale import RigScale
 from hardware.rig.supervision.rig import Rig
 from hardware.rig.switching.torque import hold_still
+from hardware.rig.switching.turns import find_zeros
 from hardware.rig.turn_file import Turn, TurnFile
 from hardware.tools.calibration import Sweep
 from hardware.tools.doctor import examine
@@ -31,9 +33,11 @@ HALF = np.pi / 3.0  # rad of the waist for half a turn of its horn
 class Waist:
     """A waist behind a gear of 3, on a servo whose power can be cut."""
 
-    def __init__(self, folder, model="XM540-W270", direction=1, current=0.0, faults=()):
+    def __init__(self, folder, model="XM540-W270", direction=1, current=0.0, faults=(), acceleration=0.0):
         zero = 0 if model.startswith("PH") else 2048
-        self.joint = RigJoint("waist", 1, model, direction, zero, -1.745, 1.745, 1.0, gear=3.0, current=current)
+        self.joint = RigJoint(
+            "waist", 1, model, direction, zero, -1.745, 1.745, 1.0, acceleration, gear=3.0, current=current
+        )
         self.config = RigConfig("emulated", 1_000_000, 100.0, (self.joint,))
         self.file = TurnFile(folder / "turns.json")
         self.port = EmulatedPort(EmulatedBus(self.config), True, FaultPlan([parse_fault(one) for one in faults]))
@@ -221,6 +225,82 @@ def test_one_without_power_for_a_while_comes_back_in_its_turn(tmp_path):
     assert waist.rig.recoveries == 1
     assert seen.min() > -1.6
     assert seen[-1] > seen[-50] + 0.1
+
+
+@pytest.mark.parametrize("fault", ["reboot:id=1,at=1.0", "brownout:at=1.0,for=0.4"])
+def test_one_whose_power_goes_far_behind_its_goal_comes_back_in_its_turn(tmp_path, fault):
+    """It was looked for near its goal alone, which a joint that gathers speed slowly is far behind."""
+    waist = Waist(tmp_path, faults=[fault], acceleration=0.6)
+    store_turns(waist.config, waist.bus, waist.file)
+    waist.open()
+    waist.play(-1.5, 0.95)
+    at, ahead = waist.angle, abs(waist.rig.goals[0] - waist.angle)
+    assert 0.3 < ahead / (2.0 * HALF) < 0.4
+    assert np.abs(waist.play(-1.5, 1.5) - at).max() < 0.5
+    assert waist.rig.recoveries == 1
+    assert waist.rig.positions[0] == pytest.approx(waist.angle, abs=0.01)
+
+
+def test_the_goal_of_one_that_is_not_read_stays(waist):
+    """While other servos were waited for it counted as heard, and its goal went on out of its turn."""
+    waist.open()
+    waist.play(1.6, 0.5)
+    at = waist.rig.goals[0]
+    for _ in range(100):
+        waist.rig.write(np.array([1.6]))
+        waist.port.elapse(0.01)
+    assert 0.05 < waist.rig.goals[0] - at < 0.2
+
+
+def test_a_servo_without_torque_is_not_seen(waist):
+    """After a restart it counts from another zero."""
+    rig = waist.open()
+    waist.play(0.3, 1.0)
+    (port,) = rig._all_ports()
+    rig.switch_off(0)
+    waist.play(0.3, 0.2)
+    waist.angle = 1.0
+    waist.play(0.3, 0.1)
+    assert rig.positions[0] == pytest.approx(1.0, abs=0.01)
+    assert port.believed[0, 0] == pytest.approx(0.3, abs=0.01)
+
+
+class Shows:
+    """A bus on which a servo shows this position."""
+
+    def __init__(self, pulses):
+        self.pulses = pulses
+
+    def read(self, id, address, length):
+        return SimpleNamespace(params=self.pulses.to_bytes(4, "little", signed=True))
+
+
+ANGLES = st.floats(-1.7, 1.7)
+
+
+@given(ANGLES, ANGLES, st.floats(-2.2, 2.2), st.floats(1.5, 6.0), st.sampled_from([1, -1]), st.integers(-9, 9))
+def test_a_turn_is_taken_only_where_no_other_is_possible(seen, goal, angle, gear, direction, lost):
+    """Possible are those in which it stands between where it was seen and its goal, or at most a quarter off."""
+    joint = RigJoint("waist", 1, "XM540-W270", direction, 2048, -1.745, 1.745, 1.0, gear=gear)
+    assume(joint.several_turns)
+    turn = 2.0 * np.pi / gear
+    shown = round(joint.pulses(angle)) + lost * 4096
+    bus, config = Shows(shown), RigConfig("p", 1_000_000, 100.0, (joint,))
+    low, high = min(seen, goal), max(seen, goal)
+    turns = angle + np.arange(-12, 13) * turn
+    possible = turns[(turns > low - 0.249 * turn) & (turns < high + 0.249 * turn)]
+    sure = (low - 0.249 * turn < angle < high + 0.249 * turn) and max(high - angle, angle - low) < 0.499 * turn
+    try:
+        (zero,) = find_zeros(config, bus, np.array([[seen], [goal]]))
+    except RigError:
+        assert not sure
+        return
+    found = (shown - zero) / joint.pulses_per_radian
+    nearly = turns[(turns > low - 0.251 * turn) & (turns < high + 0.251 * turn)]
+    assert len(possible) <= 1
+    assert np.abs(nearly - found).min() < 0.002
+    if low - 0.25 * turn < angle < high + 0.25 * turn:
+        assert found == pytest.approx(angle, abs=0.002)
 
 
 def test_a_kill_right_after_such_a_restart_does_no_harm(tmp_path):
