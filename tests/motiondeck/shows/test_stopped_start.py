@@ -98,7 +98,9 @@ def test_it_is_said_within_half_a_second_which_decks_have_stopped(stage):
     text, seconds = stage.report(1)
     assert text == "the emergency stop has reached left, right"
     assert seconds < 0.5
-    os.kill(member_of(right), signal.SIGSTOP)
+    member = member_of(right)
+    stage.opened.callback(os.kill, member, signal.SIGKILL)
+    os.kill(member, signal.SIGSTOP)
     text, seconds = stage.report(2)
     assert text == "the emergency stop has not reached right"
     assert seconds < 0.5
