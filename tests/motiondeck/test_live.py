@@ -117,48 +117,56 @@ def test_a_deck_that_is_held_up_says_within_half_a_second_that_it_takes_no_stop(
         assert deck.status().mode == "emergency stop"  # it is taken as soon as the deck goes on
 
 
-def test_any_thread_may_wait_for_a_switch_as_often_as_it_likes(library):
-    with motiondeck.play(library, "march", physics=False, rate=100.0) as deck:
-        commanded, waited = deck.switch("wave"), []
-        waiting = [threading.Thread(target=lambda: waited.append(commanded.wait(10.0))) for _ in range(2)]
-        for thread in waiting:
-            thread.start()
-        asked = 0
-        while any(thread.is_alive() for thread in waiting):
-            deck.status()  # its answers come to the same socket
-            asked += 1
-        assert asked > 10  # nobody keeps the socket to himself while he waits
-        assert waited == [commanded.wait(0.0)] * 2
-        overtaken, last = deck.switch("march"), deck.switch("wave")
-        last.wait()
-        for _ in range(2):
-            with pytest.raises(MotiondeckError, match="overtaken"):
-                overtaken.wait(1.0)
+@pytest.fixture(scope="module")
+def marching(library):
+    """A deck of several tests; its rate and length are numbers of numpy."""
+    with motiondeck.play(library, "march", physics=False, rate=np.int64(100), seconds=np.float64(100.0)) as deck:
+        yield deck
 
 
-def test_an_argument_of_another_type_is_named(library):
+def test_an_argument_of_another_type_is_named(library, marching):
     with pytest.raises(MotiondeckError, match="rate: expected float, got str"):
         motiondeck.play(library, rate="fast")
-    with motiondeck.play(library, "march", physics=False, rate=100.0) as deck:
-        with pytest.raises(MotiondeckError, match="to: expected str, got int"):
-            deck.switch(3)
-        with pytest.raises(MotiondeckError, match="to: expected str, got bytes"):
-            deck.switch(b"march")
-        with pytest.raises(MotiondeckError, match="first: expected str, got int"):
-            deck.blend(3, "wave", 0.5)
-        with pytest.raises(MotiondeckError, match="factor: expected float, got complex"):
-            deck.set_tempo(1j)
-        with pytest.raises(MotiondeckError, match=r"factor: expected float, got numpy\.ndarray"):
-            deck.set_tempo(np.ones(2))
-        assert deck.status().motion == "march"
+    with pytest.raises(MotiondeckError, match="to: expected str, got int"):
+        marching.switch(3)
+    with pytest.raises(MotiondeckError, match="to: expected str, got bytes"):
+        marching.switch(b"march")
+    with pytest.raises(MotiondeckError, match="first: expected str, got int"):
+        marching.blend(3, "wave", 0.5)
+    with pytest.raises(MotiondeckError, match="factor: expected float, got complex"):
+        marching.set_tempo(1j)
+    with pytest.raises(MotiondeckError, match=r"factor: expected float, got numpy\.ndarray"):
+        marching.set_tempo(np.ones(2))
+    assert marching.status().motion == "march"
 
 
 @pytest.mark.parametrize("number", [np.float64(0.5), np.float32(0.5), np.int64(1), Fraction(1, 2)])
-def test_numbers_of_any_type_are_taken(library, number):
-    with motiondeck.play(library, "march", physics=False, rate=np.int64(100), seconds=np.float64(20.0)) as deck:
-        deck.tempo = number
-        deck.jump(np.float32(0.25))
-        deck.blend("march", "wave", np.float64(0.5))
+def test_numbers_of_any_type_are_taken(marching, number):
+    marching.tempo = 1.0
+    marching.switch("march").wait()
+    marching.tempo = number
+    marching.jump(np.float32(0.25))
+    marching.blend("march", "wave", np.float64(0.5))
+
+
+def test_any_thread_may_wait_for_a_switch_as_often_as_it_likes(marching):
+    marching.tempo = 1.0
+    marching.switch("march").wait()
+    commanded, waited = marching.switch("wave"), []
+    waiting = [threading.Thread(target=lambda: waited.append(commanded.wait(10.0))) for _ in range(2)]
+    for thread in waiting:
+        thread.start()
+    asked = 0
+    while any(thread.is_alive() for thread in waiting):
+        marching.status()  # its answers come to the same socket
+        asked += 1
+    assert asked > 10  # nobody keeps the socket to himself while he waits
+    assert waited == [commanded.wait(0.0)] * 2
+    overtaken, last = marching.switch("march"), marching.switch("wave")
+    last.wait()
+    for _ in range(2):
+        with pytest.raises(MotiondeckError, match="overtaken"):
+            overtaken.wait(1.0)
 
 
 def test_a_forked_process_cannot_command_the_deck_and_leaves_it_alone(library):

@@ -3,7 +3,6 @@
 import json
 import os
 import signal
-import time
 
 import numpy as np
 import pytest
@@ -12,6 +11,7 @@ from joblib import delayed
 import synthetic
 from benchmarks.centralized import frequencies
 from bodies import waving
+from cluster_tasks import alone_in_its_process, dies, dies_once, product, refuses
 from command_line import invoked
 from controller.learning.learn import learn
 from controller.learning.trainers.echo_state import EchoStateRecipe
@@ -39,38 +39,6 @@ def cluster():
 @pytest.fixture
 def jobs(cluster):
     return Jobs.parse(cluster.scheduler_address.replace("tcp", "dask"))
-
-
-def product(seed, size=60):
-    """Sums whose order matters, so that another number of BLAS threads would show."""
-    generator = np.random.default_rng(seed)
-    matrix = generator.standard_normal((size, size))
-    return seed, os.getpid(), np.linalg.svd(matrix @ matrix.T)[0]
-
-
-def dies_once(number, mark):
-    if number == 5 and not mark.exists():
-        mark.touch()
-        os._exit(1)
-    return number
-
-
-def dies(number):
-    os._exit(1)
-
-
-def refuses(number):
-    if number == 3:
-        raise MotiondeckError(f"task {number} is refused")
-    return number
-
-
-def alone_in_its_process(number, folder):
-    mark = folder / f"{os.getpid()}"
-    mark.touch(exist_ok=False)
-    time.sleep(0.02)
-    mark.unlink()
-    return number
 
 
 def test_results_are_those_of_one_process_bit_for_bit(jobs):

@@ -4,17 +4,16 @@ import numpy as np
 import pytest
 
 from controller.deck.deck import Deck
-from controller.library.motion_library import load_library
 from controller.motion.rotations import conjugate, multiply, to_rotation_vector
 from motiondeck_base.errors import MotiondeckError
-from motiondeck_base.shipped import find_library
+from shipped_libraries import shipped
 
 DT = 0.005
 
 
 @pytest.fixture(scope="module")
 def library():
-    return load_library(find_library("thesis15"))
+    return shipped()
 
 
 def new_deck(library, motion="walk", **options):

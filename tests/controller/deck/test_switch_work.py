@@ -7,8 +7,7 @@ import pytest
 import controller.deck.performance as performance
 from controller.deck.deck import Deck
 from controller.deck.joins import crossing_search, fade_search
-from controller.library.motion_library import load_library
-from motiondeck_base.shipped import find_library
+from shipped_libraries import shipped
 
 RATE = 200.0
 MOST_CALLS = 400  # of Python functions in an update; one that plays on makes 40, and one of a blend 220
@@ -16,7 +15,7 @@ MOST_CALLS = 400  # of Python functions in an update; one that plays on makes 40
 
 @pytest.fixture(scope="module", params=["thesis15", "cmu86"])
 def library(request):
-    return load_library(find_library(request.param))
+    return shipped(request.param)
 
 
 @pytest.fixture
@@ -74,7 +73,7 @@ def test_no_tick_of_a_switch_does_two_heavy_things(library, work, joining):
 @pytest.mark.thorough
 @pytest.mark.parametrize("joining", [None, "crossfade"])
 def test_no_tick_of_a_switch_makes_many_calls(joining):
-    library, calls = load_library(find_library("thesis15")), 0
+    library, calls = shipped(), 0
 
     def count(frame, event, argument):
         nonlocal calls

@@ -4,11 +4,11 @@ import sys
 
 from benchmarks.simulated_time import VirtualClock
 from controller.deck.deck import Deck
-from controller.library.motion_library import load_library
 from controller.loop.loop import run
 from controller.loop.output_channel import Channel
 from controller.loop.safety.safety_envelope import SafetyEnvelope
-from motiondeck_base.shipped import find_library, find_robot
+from motiondeck_base.shipped import find_robot
+from shipped_libraries import shipped
 from sim.physics.playback import PhysicsPlayback
 from sim.robots.robot import load_robot
 
@@ -28,7 +28,7 @@ class Unmeasured:
 
 
 def test_a_tick_calls_few_functions():
-    library = load_library(find_library("thesis15"))
+    library = shipped()
     robot = load_robot(find_robot("servo20"), library.skeleton)
     called = ticks = 0
 

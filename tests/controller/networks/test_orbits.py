@@ -3,15 +3,14 @@
 import numpy as np
 import pytest
 
-from controller.library.motion_library import load_library
 from controller.networks.orbits import orbits
 from controller.networks.reservoirs.conceptor_algebra import conceptor, correlation, similarity
-from motiondeck_base.shipped import find_library
+from shipped_libraries import shipped
 
 
 @pytest.fixture(scope="module")
 def thesis15():
-    return load_library(find_library("thesis15"))
+    return shipped()
 
 
 @pytest.fixture(scope="module")
@@ -75,4 +74,4 @@ def test_looking_does_not_disturb_what_plays(thesis15):
 
 def test_what_has_no_neurons_is_told_apart(thesis15):
     assert thesis15.network.activation is not None
-    assert load_library(find_library("cmu86")).network.activation is None
+    assert shipped("cmu86").network.activation is None

@@ -68,7 +68,7 @@ def test_each_switch_of_the_script_is_on_record(report):
 
 
 def test_without_json_a_few_words_are_said(library):
-    run = process(
+    run = motiondeck(
         "play", "--library", library, "--headless", "--rate", "100", "--command-port", "0", "--seconds", "0.3"
     )
     assert run.returncode == 0
@@ -78,7 +78,8 @@ def test_without_json_a_few_words_are_said(library):
 
 def test_an_emulated_rig_is_streamed_to_and_answers():
     run = process(
-        *("play", "box1", "--headless", "--command-port", "0", "--seconds", "0.5"),
+        # The first pose of a walk is near to where the servos are at first, so that they soon approach it.
+        *("play", "walk", "--headless", "--command-port", "0", "--seconds", "0.5"),
         *("--rig", "emulated", "--robot", "servo20", "--rate", "100", "--json"),
     )
     assert run.returncode == 0, run.stderr
@@ -104,7 +105,7 @@ def test_a_running_deck_takes_commands_and_stops(library, tmp_path):
         while motiondeck("send", "status", "--command-port", port).returncode:
             assert time.monotonic() < deadline, "the deck did not come up"
             time.sleep(0.05)
-        settled = process("send", "switch", "wave", "--wait", "--command-port", port)
+        settled = motiondeck("send", "switch", "wave", "--wait", "--command-port", port)
         assert settled.returncode == 0
         assert "settled on wave" in settled.stdout
         refused = motiondeck("send", "switch", "wafe", "--command-port", port)

@@ -148,6 +148,12 @@ def figure_share(page):
     return float(((np.ptp(pixels, axis=2) > 50) | (pixels.max(axis=2) < 90)).mean())
 
 
+def in_view(page):
+    """Whether the figure is seen; asked seldom, because a picture of the page keeps the browser from loading it."""
+    page.wait_for_timeout(200)
+    return figure_share(page) > IN_VIEW
+
+
 def pushes(page, deck):
     """Whether a push has arrived, of a drag from the figure's hips to the right; what misses them turns the view."""
     page.mouse.move(300, 222)
@@ -159,7 +165,7 @@ def pushes(page, deck):
     page.wait_for_timeout(300)
     if not deck.got(Push):
         page.reload()
-        until(lambda: figure_share(page) > IN_VIEW, "the figure")
+        until(lambda: in_view(page), "the figure")
     return deck.got(Push)
 
 
@@ -173,7 +179,8 @@ def test_the_page_shows_the_figure_and_its_buttons_command_the_deck(deck, browse
     try:
         until(lambda: reachable(port), "the page")
         page.goto(coarse(f"http://127.0.0.1:{port}"))
-        until(lambda: figure_share(page) > IN_VIEW, "the figure")
+        page.locator("#state-line").wait_for()
+        until(lambda: in_view(page), "the figure")
         # The mouse pushes the body; on the screen to the right is 0.98 rad from x, where the camera stands at first.
         until(lambda: pushes(page, deck), "the push")
         push = next(message for message in deck.received if isinstance(message, Push))
@@ -263,7 +270,7 @@ def test_the_page_shows_the_figure_and_its_buttons_command_the_deck(deck, browse
         page.get_by_text("not while someone is watching").wait_for()
 
         # By now it has walked several metres: the view has gone along.
-        until(lambda: figure_share(page) > IN_VIEW, "the figure that has walked on")
+        until(lambda: in_view(page), "the figure that has walked on")
         assert not page.get_by_role("button", name="Share").count()
         elsewhere = [url for url in asked if not url.startswith((f"http://127.0.0.1:{port}", "data:", "blob:"))]
         assert elsewhere == []

@@ -7,14 +7,14 @@ import pytest
 from benchmarks.simulated_time import EmulatedPort
 from controller.deck.deck import Deck
 from controller.deck.locks.phase_lock import wrapped
-from controller.library.motion_library import load_library
 from controller.loop.safety.safety_envelope import SafetyEnvelope
 from hardware.bus.servo_bus import Bus
 from hardware.emulator.bus import EmulatedBus
 from hardware.rig.rig_file import load_rig
 from hardware.rig.supervision.rig import Rig
 from motiondeck.run.robots.rig_output import RigOutput, narrowed
-from motiondeck_base.shipped import find_library, find_rig, find_robot
+from motiondeck_base.shipped import find_rig, find_robot
+from shipped_libraries import shipped
 from sim.robots.robot import load_robot
 
 DT = 0.01
@@ -25,7 +25,7 @@ class WalkingRig:
     """A deck that walks on servo20's hips and knees, locked to them."""
 
     def __init__(self):
-        library = load_library(find_library("thesis15"))
+        library = shipped()
         robot = load_robot(find_robot("servo20"), library.skeleton)
         whole = load_rig(find_rig("servo20"))
         legs = tuple(joint for joint in whole.joints if joint.name in (*KNEES, "r_hip_pitch", "l_hip_pitch"))

@@ -10,7 +10,6 @@ import pytest
 import synthetic
 from benchmarks.simulated_time import VirtualClock
 from controller.deck.deck import Deck
-from controller.library.motion_library import load_library
 from controller.loop.stop_requests import SIGNALS
 from controller.motion.posture import Pose
 from controller.wire.command_socket import CommandClient
@@ -20,7 +19,8 @@ from controller.wire.messages.replies import Accepted
 from motiondeck.run.assembly import Host, Played, open_session
 from motiondeck.run.robots.robot_on_deck import open_robots
 from motiondeck.run.spec.run_spec import RunSpec
-from motiondeck_base.shipped import find_library, find_rig
+from motiondeck_base.shipped import find_rig
+from shipped_libraries import shipped
 from waiting import until
 
 POSE = Pose(np.zeros(3), np.array(0.0), np.zeros((1, 4)))
@@ -89,8 +89,8 @@ def test_a_second_robot_mirrors_the_first(library):
 
 
 def test_the_servos_of_a_robot_that_another_mirrors_take_commands():
-    shipped, servos = load_library(find_library("thesis15")), {"robot": "servo20", "rig": "emulated"}
-    with session(shipped, lambda retarget: Deck(shipped, retarget, "walk"), robots=2, **servos) as run:
+    library, servos = shipped(), {"robot": "servo20", "rig": "emulated"}
+    with session(library, lambda retarget: Deck(library, retarget, "walk"), robots=2, **servos) as run:
         joint = run.robots[0].own_joints[0]
         assert run.handler.carry_out(ServoTorque(joint, "off"), run.stop) == Accepted(0)
         output, still = run.channels[0].output, np.zeros(sum(len(robot.own_joints) for robot in run.robots))
@@ -104,11 +104,11 @@ def test_the_servos_of_a_robot_that_another_mirrors_take_commands():
 
 def test_a_rig_whose_file_says_so_is_led_and_learns(tmp_path, monkeypatch):
     monkeypatch.setenv("XDG_STATE_HOME", str(tmp_path))
-    shipped, file = load_library(find_library("thesis15")), tmp_path / "lagging.toml"
+    library, file = shipped(), tmp_path / "lagging.toml"
     text = find_rig("servo20").read_text().replace("velocity = 4.7 }", "velocity = 4.7, lag = 0.052 }")
     file.write_text(text + "\n[follow]\nlearn = true\n")
     rig = {"robot": "servo20", "rig": f"emulated:{file}"}
-    with session(shipped, lambda retarget: Deck(shipped, retarget, "waltz"), **rig) as run:
+    with session(library, lambda retarget: Deck(library, retarget, "waltz"), **rig) as run:
         assert run.deck.lead == pytest.approx(0.052, abs=run.clock.period)
         assert run.channels[0].output.correction is run.correction
         run.correction.tables["waltz", 0] = np.full((9, 20), 0.01)

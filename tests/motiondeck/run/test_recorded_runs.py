@@ -18,7 +18,7 @@ import synthetic
 from command_line import motiondeck
 from command_strategies import commands
 from controller.deck.recorded_deck import RecordedDeck
-from controller.library.motion_library import load_library, save_library
+from controller.library.motion_library import save_library
 from controller.wire.messages.command_table import RECORDED
 from controller.wire.messages.commands import (
     Blend,
@@ -38,7 +38,8 @@ from controller.wire.run_recording import load_recording
 from controller.wire.snapshot_numbers import SnapshotNumbers
 from motiondeck.pictures.clip_scene import act_of_recording
 from motiondeck.run.beside.tick_recorder import TickRecorder
-from motiondeck_base.shipped import find_library, find_robot
+from motiondeck_base.shipped import find_robot
+from shipped_libraries import shipped
 from sim.physics.kinematic_playback import KinematicPlayback
 from sim.robots.robot import load_robot
 
@@ -178,7 +179,7 @@ def servo_run(runs, folder):
 
 
 def test_a_robot_that_is_placed_by_its_feet_is_replayed_where_it_was(servo_run):
-    library = load_library(find_library("thesis15"))
+    library = shipped()
     root = servo_run.fields["robot_root"]
     assert np.allclose(np.linalg.norm(root[:, 3:], axis=1), 1.0)
     # On its own steps it comes less far, and its height is its own.

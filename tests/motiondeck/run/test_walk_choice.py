@@ -6,11 +6,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from controller.library.motion_library import load_library
 from motiondeck.run.robots import walk_choice
 from motiondeck.run.robots.walk_choice import WALKS, able_to_walk
 from motiondeck_base.errors import MotiondeckError
-from motiondeck_base.shipped import find_library
+from shipped_libraries import shipped
 from sim.models.walk_settings import WalkSettings
 from sim.physics.walk_trial import Course, Trial
 from sim.robots.robot import DT, load_robot
@@ -23,7 +22,7 @@ def untuned(tmp_path_factory):
     file = tmp_path_factory.mktemp("untuned") / "untuned.toml"
     text = re.sub(r"\[walk\]\n(?:\w.*\n)*", "", (ROBOTS / "servo20.toml").read_text())
     file.write_text(text.replace('"servo20.xml"', f'"{ROBOTS / "servo20.xml"}"'))
-    return file, load_robot(file, load_library(find_library("thesis15")).skeleton)
+    return file, load_robot(file, shipped().skeleton)
 
 
 @pytest.fixture

@@ -5,18 +5,17 @@ import pytest
 from benchmarks.simulated_time import VirtualClock
 from command_line import motiondeck
 from controller.deck.deck import Deck
-from controller.library.motion_library import load_library
 from motiondeck.run.assembly import Host, Played, open_session
 from motiondeck.run.report import summary
 from motiondeck.run.robots.robot_on_deck import open_robots
 from motiondeck.run.spec.run_spec import RunSpec
-from motiondeck_base.shipped import find_library
+from shipped_libraries import shipped
 
 RATE = 200.0
 
 
 def report_of(motion, seconds, **setup):
-    library = load_library(find_library("thesis15"))
+    library = shipped()
     spec = RunSpec(robot="servo20", root="free", rate=RATE, seconds=seconds, **setup)
     played = Played(
         library, lambda opening: open_robots(opening, spec, library), lambda retarget: Deck(library, retarget, motion)

@@ -4,10 +4,9 @@ import mujoco
 import numpy as np
 import pytest
 
-from controller.library.motion_library import load_library
 from controller.motion.rotations import multiply, rotate
 from motiondeck_base.errors import MotiondeckError
-from motiondeck_base.shipped import find_library
+from shipped_libraries import shipped
 from sim.models.feet import find_feet
 from sim.models.surface import LowestPoint
 from sim.physics.physics_model import feet_of, physics_model
@@ -50,7 +49,7 @@ def test_two_flat_feet_are_found_on_the_ground(name):
 
 
 def test_feet_of_rounded_solids_stand_on_their_flat_soles_and_not_on_their_toes():
-    skeleton = load_library(find_library("cmu86")).skeleton
+    skeleton = shipped("cmu86").skeleton
     robot = load_robot(ROBOTS / "mannequin.toml", skeleton)
     down, model = (0.0, 0.6, 0.0), physics_model(robot, "free")
     data = mujoco.MjData(model)

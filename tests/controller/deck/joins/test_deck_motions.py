@@ -3,15 +3,14 @@ import pytest
 
 import motiondeck
 from controller.deck.joins.deck_motions import PEAKS_OVER, read_motions
-from controller.library.motion_library import load_library
-from motiondeck_base.shipped import find_library
+from shipped_libraries import shipped
 
 
 @pytest.mark.thorough
 @pytest.mark.parametrize("motion", ["walk", "jog", "waltz"])
 def test_the_peaks_of_a_motion_are_those_of_its_joints_in_the_world(motion):
     """Seen as a clip is laid out, which is written apart from the deck: a joint of a walk goes along with the walk."""
-    seen = read_motions(load_library(find_library("thesis15")))[motion]
+    seen = read_motions(shipped())[motion]
     library = motiondeck.load_library("thesis15")
     joints = library.generate_clip(motion, seconds=2.0 * seen.seconds, rate=1.0 / PEAKS_OVER).joints()
     step = np.linalg.norm(np.diff(joints, axis=0), axis=-1) / PEAKS_OVER

@@ -2,6 +2,7 @@
 
 import json
 import os
+import re
 import signal
 from types import SimpleNamespace
 
@@ -13,6 +14,8 @@ from hardware.bus.servo_bus import Bus
 from hardware.emulator.bus import EmulatedBus
 from hardware.rig.rig_file import load_rig
 from hardware.rig.supervision.rig import Rig
+from hardware.tools.identify import JointTrials
+from hardware.tools.joint_response import Response
 
 PAN = (
     'name = "pan",  id = 1, model = "XL330-M288", direction = 1, zero = 2048, lower = -1.5, upper = 1.5, velocity = 4.0'
@@ -74,51 +77,76 @@ def bench(tmp_path, monkeypatch):
     return bench
 
 
-@pytest.mark.parametrize("text", [INLINE, HEADED])
-def test_lag_and_friction_are_written_and_all_else_stays(bench, text):
-    bench.file.write_text(text)
+@pytest.fixture
+def measured(monkeypatch):
+    """Joints of these names, here all, need not move: each answers with the same figures."""
+    found, names, joint = Response(0.05, 0.99, 0.03, 0.02, 0.004), ["pan", "tilt"], JointTrials.joint
+
+    def answered(trials, index):
+        return found if ("pan", "tilt")[index] in names else joint(trials, index)
+
+    monkeypatch.setattr(JointTrials, "joint", answered)
+    return names
+
+
+def without_what_was_written(file):
+    """The text of a rig file without what was added and with the value that was replaced."""
+    left, (pan, tilt) = file.read_text(), load_rig(file).joints
+    for joint, key in ((pan, "lag"), (pan, "friction"), (tilt, "friction")):
+        for start in (", ", "\n"):
+            left = left.replace(f"{start}{key} = {getattr(joint, key):g}", "", 1)
+    return left.replace(f"{tilt.lag:g}", "0.3")
+
+
+def test_lag_and_friction_are_measured_and_written(bench):
     result = invoked("rig", "identify", bench.file)
     assert result.exit_code == 0, result.output
     pan, tilt = load_rig(bench.file).joints
     assert pan.lag == pytest.approx(0.05, abs=0.005)
     assert tilt.lag == pytest.approx(0.05, abs=0.005)
     assert 0.01 < pan.friction < 0.1
-    kept = bench.file.with_name("my.toml.bak")
-    assert kept.read_text() == text
-    assert f"wrote {bench.file}; {kept} is what was there" in result.stdout
     assert f"pan                {pan.lag * 1e3:>3.0f} ms" in result.stdout
-    # Without what was added, and the value that was replaced, it is the same text.
-    left = bench.file.read_text()
-    for joint, key in ((pan, "lag"), (pan, "friction"), (tilt, "friction")):
-        for start in (", ", "\n"):
-            left = left.replace(f"{start}{key} = {getattr(joint, key):g}", "", 1)
-    assert left.replace(f"{tilt.lag:g}", "0.3") == text
+    errors = re.findall(r" A   ([\d.]+), ([\d.]+)$", result.stdout, flags=re.M)
+    assert len(errors) == 2
+    assert all(0.0 < float(after) < 0.3 * float(before) for before, after in errors)
+    assert without_what_was_written(bench.file) == INLINE
     assert [device["torque_enable"] for device in bench.port.bus.devices] == [0, 0]
 
 
-def test_a_dry_run_writes_nothing_and_json_has_the_figures(bench, tmp_path):
+@pytest.mark.parametrize("text", [INLINE, HEADED])
+def test_all_else_in_the_file_stays(bench, measured, text):
+    bench.file.write_text(text)
+    result = invoked("rig", "identify", bench.file)
+    assert result.exit_code == 0, result.output
+    kept = bench.file.with_name("my.toml.bak")
+    assert kept.read_text() == text
+    assert f"wrote {bench.file}; {kept} is what was there" in result.stdout
+    assert [(joint.lag, joint.friction) for joint in load_rig(bench.file).joints] == [(0.05, 0.03)] * 2
+    assert without_what_was_written(bench.file) == text
+    assert [device["torque_enable"] for device in bench.port.bus.devices] == [0, 0]
+
+
+def test_a_dry_run_writes_nothing_and_json_has_the_figures(bench, measured, tmp_path):
     result = invoked("rig", "identify", bench.file, "--joint", "tilt", "--dry-run", "--json")
     assert result.exit_code == 0, result.output
-    report = json.loads(result.stdout)
-    assert report["written"] is None
-    (tilt,) = report["joints"]
-    assert tilt["name"] == "tilt"
-    assert 0.0 < tilt["after"] < 0.3 * tilt["before"]
+    figures = {"lag": 0.05, "gain": 0.99, "friction": 0.03, "before": 0.02, "after": 0.004}
+    assert json.loads(result.stdout) == {"written": None, "joints": [{"name": "tilt", **figures}]}
     assert bench.file.read_text() == INLINE
     assert [path.name for path in tmp_path.iterdir()] == ["my.toml"]
 
 
-def test_another_file_is_written_and_the_first_one_stays(bench, tmp_path):
+def test_another_file_is_written_and_the_first_one_stays(bench, measured, tmp_path):
     result = invoked("rig", "identify", bench.file, "--joint", "pan", "--out", tmp_path / "new.toml")
     assert result.exit_code == 0, result.output
     assert bench.file.read_text() == INLINE
     pan, tilt = load_rig(tmp_path / "new.toml").joints
-    assert pan.lag > 0.0
+    assert pan.lag == 0.05
     assert tilt.lag == 0.3
 
 
-def test_a_surprise_writes_nothing_and_takes_the_torque_off(bench):
-    bench.deeds.append((15.0, lambda: bench.port.bus.devices[1].bank.drive.jammed.__setitem__(1, True)))
+def test_a_surprise_writes_nothing_and_takes_the_torque_off(bench, measured):
+    measured.remove("tilt")
+    bench.deeds.append((4.0, lambda: bench.port.bus.devices[1].bank.drive.jammed.__setitem__(1, True)))
     result = invoked("rig", "identify", bench.file)
     assert result.exit_code == 1
     assert "tilt (id 2)" in str(result.exception)

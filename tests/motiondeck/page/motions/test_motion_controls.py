@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 
 from controller.deck.routes import Routes
-from controller.library.motion_library import load_library
 from controller.wire.messages.commands import Blend, Jump, Queue, Switch
 from controller.wire.messages.deck_snapshot import DeckSnapshot
 from motiondeck.page.motions.library_glance import MOST, Partners, blends_of, pictures_of
@@ -15,7 +14,7 @@ from motiondeck.page.panel import Panel
 from motiondeck.page.web.page_state import PageDescription
 from motiondeck.page.web.parts import PageParts
 from motiondeck.page.web.private_page import PrivatePage
-from motiondeck_base.shipped import find_library
+from shipped_libraries import shipped
 from waiting import free_port, until
 
 MOTIONS = ["walk", "jog", "waltz", *(f"more-{n}" for n in range(12))]
@@ -23,7 +22,7 @@ MOTIONS = ["walk", "jog", "waltz", *(f"more-{n}" for n in range(12))]
 
 @pytest.fixture(scope="module")
 def thesis15():
-    return load_library(find_library("thesis15"))
+    return shipped()
 
 
 def test_every_motion_has_a_picture_of_its_own(thesis15):

@@ -3,12 +3,12 @@ import time
 import numpy as np
 import pytest
 
-from controller.library.motion_library import load_library
 from controller.networks.orbits import orbits
 from motiondeck.page.network.network_view import REACH, InnerLife, NetworkView
 from motiondeck.page.web.parts import PageParts
 from motiondeck.page.web.private_page import PrivatePage
 from motiondeck_base.shipped import find_library
+from shipped_libraries import shipped
 from waiting import free_port
 
 HEIGHT = 1.8
@@ -31,7 +31,7 @@ def look(view, activation, motion, seconds):
 
 
 def test_the_ball_is_where_the_neurons_are(page):
-    library = load_library(find_library("thesis15"))
+    library = shipped()
     network = library.network.twin()
     network.cue("waltz", 3)
     network.advance(np.zeros(network.channels))

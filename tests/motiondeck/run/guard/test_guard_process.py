@@ -49,6 +49,11 @@ def play(rig, seconds, speed=2.0, joint=0):
         time.sleep(T)
 
 
+def wait(rig, done, what):
+    """Holds the joints until something is done."""
+    until(lambda: play(rig, 0.06, speed=0.0) or done(), what)
+
+
 def angles(servos):
     return RigScale(CONFIG).angles(np.array([servos[1 + n]["goal_position"] for n in range(2)]))
 
@@ -129,22 +134,20 @@ def test_what_is_asked_of_servos_is_answered_beside_the_targets():
     with served(CONFIG) as (servos, port), guarded(port) as rig:
         play(rig, 0.2)
         reading, other = rig.registers(0), rig.registers(1, ("led", 1))
-        play(rig, 1.0, speed=0.0)
-        assert reading.done
+        wait(rig, lambda: reading.done and other.done, "the registers")
         assert reading.counts["torque_enable"] == 1
         assert "while its torque is off" in other.failure
         rig.switch_off(1)
-        play(rig, 0.5, speed=0.0)
-        assert not servos[2]["torque_enable"]
+        wait(rig, lambda: not servos[2]["torque_enable"], "the torque that goes off")
         written = rig.registers(1, ("led", 1))
-        play(rig, 1.0, speed=0.0)
+        wait(rig, lambda: written.done, "the register that is written")
         assert written.counts["led"] == 1
         assert [incident.what for incident in rig.incidents] == ["was switched off on command"]
         rig.set_up_again(1)
         play(rig, 1.0, speed=0.0)
         assert servos[2]["torque_enable"]
         scan = rig.scan()
-        until(lambda: play(rig, 0.1, speed=0.0) or scan.found is not None, "the scan")
+        wait(rig, lambda: scan.found is not None, "the scan")
         assert [(joint, servo.id, servo.model) for joint, servo in scan.found] == [
             ("pan", 1, "XM430-W350"),
             ("tilt", 2, "XM430-W350"),

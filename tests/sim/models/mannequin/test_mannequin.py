@@ -4,13 +4,12 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from controller.library.motion_library import load_library
 from controller.motion.anatomy import anatomy
 from controller.motion.formats.jaeger_patterns import read_pattern
 from controller.motion.formats.reading import read_clip
 from controller.motion.posture import Pose
 from controller.motion.reading_options import ReadingOptions
-from motiondeck_base.shipped import find_library
+from shipped_libraries import shipped
 from sim.models.joint_layout import JointLayout
 from sim.models.mannequin.mannequin import build_mannequin
 from sim.models.mannequin.solids import stature
@@ -124,7 +123,7 @@ def test_it_stands_on_the_floor_and_reaches_as_high_as_a_person():
 
 
 def test_it_stands_on_the_whole_foot_and_not_on_its_toes():
-    robot = load_robot(ROBOTS / "mannequin.toml", load_library(find_library("cmu86")).skeleton)
+    robot = load_robot(ROBOTS / "mannequin.toml", shipped("cmu86").skeleton)
     model, data = robot.model, mujoco.MjData(robot.model)
     mujoco.mj_kinematics(model, data)
     feet = feet_of(robot)

@@ -8,10 +8,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from controller.deck.deck import Deck
-from controller.library.motion_library import load_library
 from controller.motion.rotations import conjugate, from_rotation_vector, multiply, to_rotation_vector, yaw
 from motiondeck_base.errors import MotiondeckError
-from motiondeck_base.shipped import find_library
+from shipped_libraries import shipped
 from sim.physics.physics_model import feet_of, physics_model
 from sim.physics.playback import PhysicsPlayback
 from sim.physics.walking.preview import AHEAD
@@ -25,7 +24,7 @@ DT, LEAN = 0.005, 0.2
 
 def walk(name, motion, seconds, push=(0.0, 0.0, 0.0), at=np.inf, then=None):
     """Walks and is pushed for 0.1 s, or switches to a motion then; the stage at the end."""
-    library = load_library(find_library("thesis15"))
+    library = shipped()
     robot = load_robot(ROBOTS / f"{name}.toml", library.skeleton)
     deck = Deck(library, robot.retarget, motion)
     stage = PhysicsPlayback(robot, DT, "free", walk=True)
@@ -59,7 +58,7 @@ def test_who_stops_walking_after_two_steps_and_boxes_keeps_on_its_feet():
 
 @pytest.mark.thorough
 def test_feet_leave_the_floor_over_their_toes_and_land_on_their_heels():
-    library = load_library(find_library("thesis15"))
+    library = shipped()
     robot = load_robot(ROBOTS / "servo20.toml", library.skeleton)
     deck, feet = Deck(library, robot.retarget, "walk"), feet_of(robot)
     stage = PhysicsPlayback(robot, DT, "free", walk=True)
@@ -166,7 +165,7 @@ def test_it_does_not_matter_which_way_in_the_world_it_has_turned(turned):
 @pytest.mark.thorough
 def test_a_tilted_trunk_does_not_turn_the_sole_that_lands():
     # A sole that lands turned against the trunk's tilt keeps the trunk tilted under the next step too.
-    library = load_library(find_library("thesis15"))
+    library = shipped()
     robot = load_robot(ROBOTS / "servo20.toml", library.skeleton)
     model, feet = physics_model(robot, "free"), feet_of(robot)
     deck = Deck(library, robot.retarget, "walk")
