@@ -66,6 +66,7 @@ _RENAMED = {
     "fit": "learn RECIPE.toml",
     "mirror": "clip convert FILE OUT --mirror",
     "fill": "clip convert FILE.c3d OUT.c3d --fill",
+    "play": "play CLIP_OR_LIBRARY --rig RIG",
 }
 
 

@@ -20,6 +20,7 @@ from motiondeck_base.errors import MotiondeckError
 
 if TYPE_CHECKING:
     from controller.library.motion_library import MotionLibrary
+    from controller.motion.clip import Clip
     from motiondeck.run.beside.child_process import PageProcess
     from motiondeck.run.session import Session
     from motiondeck.run.spec.program import Program
@@ -44,8 +45,9 @@ def play(
 ) -> None:
     """Play learned motions live and switch them on command.
 
-    Opens a page on 127.0.0.1 with the robot and a button for each motion, and a prompt here: type a motion's name (Tab
-    completes), `tempo 1.5`, `pause`, `resume`, `quit`. From another terminal: `motiondeck send switch waltz`.
+    Opens a page on 127.0.0.1 with the robot, or a rig alone, and a button for each motion, and a prompt here: type a
+    motion's name (Tab completes), `tempo 1.5`, `pause`, `resume`, `quit`. From another terminal:
+    `motiondeck send switch waltz`.
 
     [bold]Examples[/]
 
@@ -53,6 +55,7 @@ def play(
       motiondeck play jog --robot servo20 --rig emulated
       motiondeck play --headless --seconds 10 --script "walk 4, jog 4, walk" --json
       motiondeck play --headless --script show.toml --record show.rec
+      motiondeck play gestures.safetensors --rig head.toml
       motiondeck play --follow servo20 --follow-rig emulated
       motiondeck play box1 --robot servo20 --root free --balance
       motiondeck play walk --robot servo20 --root free --walk
@@ -79,7 +82,7 @@ def play(
         from motiondeck.run.spec.program import Program
 
         program = Program.of(spec)
-        name_failing(program.library)
+        name_failing(program.source)
         if video is not None:
             from motiondeck.pictures.library_pictures import film_look, film_run
 
@@ -93,7 +96,8 @@ def play(
         library, motion = session.stop.then
         if session.stop.emergency:
             raise MotiondeckError(f"the emergency stop is on, so {motion} is not started. Start it when all is clear.")
-        play_again(context, library, motion, page_port=session.page_port, command_port=session.command_port)
+        ports = {"page_port": session.page_port, "command_port": session.command_port}
+        play_again(context, str(program.file), library, motion, **ports)
 
 
 def _check_for_film(spec: RunSpec) -> None:
@@ -116,7 +120,7 @@ def _play_live(spec: RunSpec, program: Program, page: PageProcess | None, *, qui
     terminal = not quiet and sys.stdin.isatty() and sys.stdout.isatty()
     host = Host(page, terminal=terminal, progress=not as_json, restarts=not quiet)
     with library_run(spec, program, host) as session:
-        if not as_json:
+        if not as_json and session.spec.robot is not None:
             print(_verdicts(spec, session), file=sys.stderr)
         report = session.run()
     print(json.dumps(report) if as_json else summary(report))
@@ -132,13 +136,13 @@ def _verdicts(spec: RunSpec, session: Session) -> str:
 
     robot, first = session.robots[0].name, session.deck.motion
     if first not in session.verdicts:
-        command = f"motiondeck preflight {spec.library} --robot {spec.robot}"
+        command = f"motiondeck preflight {spec.library} --robot {session.spec.robot}"
         return f"which motions {robot} can play is not known yet; this finds out: {command}"
     return f"{session.source} on {robot}: {summed(session.verdicts.values())}. {first}: {session.verdicts[first].words}"
 
 
 def play_again(
-    context: typer.Context, library: str, motion: str, *, page_port: int | None, command_port: int
+    context: typer.Context, before: str, library: str, motion: str, *, page_port: int | None, command_port: int
 ) -> NoReturn:
     """Replaces this process by one that plays another library on the same ports; if it cannot, this one goes on."""
     from controller.library.motion_library import load_library
@@ -149,7 +153,7 @@ def play_again(
             raise MotiondeckError(f"{library} has no motion '{motion}'")
     except MotiondeckError as error:
         print(f"motiondeck: {error} The library before is played.", file=sys.stderr)
-        chosen = ["--library", str(context.params["library"])]
+        chosen = ["--library", before]
     ports = ["--command-port", str(command_port)]
     if page_port is not None:
         ports += ["--port", str(page_port)]
@@ -173,9 +177,12 @@ def _typed_options(context: typer.Context) -> list[str]:
     return words
 
 
-def name_failing(library: MotionLibrary) -> None:
+def name_failing(source: MotionLibrary | Clip) -> None:
     """Names the motions of a library that failed its self-test, on standard error."""
-    failing = [f"{motion.name} ({motion.reason})" for motion in library.info.motions if not motion.passed]
+    from controller.library.motion_library import MotionLibrary
+
+    motions = source.info.motions if isinstance(source, MotionLibrary) else ()
+    failing = [f"{motion.name} ({motion.reason})" for motion in motions if not motion.passed]
     if failing:
         text = f"{', '.join(failing)} failed the self-test and may not play as recorded"
         print(f"motiondeck: warning: {text}", file=sys.stderr)

@@ -9,7 +9,7 @@ from typing import Annotated
 from typer import Argument, Option
 
 from motiondeck.cli.run_options import with_run_options
-from motiondeck.run.spec.run_spec import RunSpec
+from motiondeck.run.spec.run_spec import EMULATED, RunSpec
 
 
 @with_run_options("rig", "physics", "page", "command_port")
@@ -42,9 +42,11 @@ def replay(
     """
     from controller.deck.recorded_deck import RecordedDeck
     from controller.library.motion_library import load_library
+    from controller.motion.formats.taught_clip import taught_clip
     from controller.wire.run_recording import load_recording
     from motiondeck.run.assembly import Host, Played, open_session
     from motiondeck.run.report import summary
+    from motiondeck.run.robots.rig_on_deck import robot_of
     from motiondeck.run.robots.robot_on_deck import open_robots
     from motiondeck_base.shipped import find_library
     from sim.robots.catalogue import find_robot
@@ -54,25 +56,33 @@ def replay(
         print(f"{file} was cut short: its last whole chunk ends after {recording.ticks} ticks", file=sys.stderr)
     recorded = str(recording.description["robot"])
     player = robot or recorded
-    loaded = load_library(find_library(library or str(recording.description["library"])))
+    name, rig_alone = library or str(recording.description["library"]), recording.description.get("rig", "")
+    if rig_alone and robot is None:
+        joints, targets = recording.description["joints"], recording.fields["targets"]
+        source = taught_clip(name, joints, float(recording.description["rate"]), targets)
+    else:
+        source, rig_alone = load_library(find_library(name)), ""
     if scrub:
         from motiondeck.pictures.clip_scene import act_of_recording
         from motiondeck.run.page.page import show_act
         from sim.robots.robot import load_robot
 
-        show_act(act_of_recording(recording, load_robot(find_robot(player), loaded.skeleton)), spec.page_port or 0)
+        alone, skeleton = Path(rig_alone), source.skeleton
+        body = robot_of(alone, skeleton) if rig_alone else load_robot(find_robot(player), skeleton)
+        show_act(act_of_recording(recording, body), spec.page_port or 0)
         return
     spec = replace(
         spec,
-        robot=player,
+        robot=None if rig_alone else player,
+        rig=spec.rig or (f"{EMULATED}:{rig_alone}" if rig_alone else None),
         rate=rate if rate is not None else float(recording.description["rate"]),
-        root=recording.description.get("root", "gantry"),
+        root=recording.description.get("root", "gantry") if not rig_alone else "gantry",
         balance=bool(recording.description.get("balance")),
         walk=bool(recording.description.get("walk")),
         page=False if headless else spec.page,
     )
     deck = RecordedDeck(recording, same_robot=robot is None or Path(robot).stem == recorded)
-    played = Played(loaded, lambda opening: open_robots(opening, spec, loaded), lambda _: deck)
+    played = Played(source, lambda opening: open_robots(opening, spec, source), lambda _: deck)
     with open_session(spec, played, Host(terminal=not headless and sys.stdin.isatty())) as session:
         report = session.run()
     print(json.dumps(report) if as_json else summary(report))

@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 from controller.motion.rotations import Array, conjugate, multiply
 from motiondeck.page.body.drawn_model import DrawnModel
 from motiondeck.page.web.private_page import PrivatePage
+from sim.models.rig_figure import LABEL
 from sim.models.scenery import body_height
 
 ZENITH, HORIZON = (214, 225, 238), (242, 245, 248)
@@ -73,6 +74,9 @@ class Scene:
         self.robot = DrawnModel(page, model, height)
         self.data = self.robot.data  # MuJoCo's state of the robot as it is shown
         self._rest = self.data.xquat[1].copy()
+        for site in filter(lambda site: site.name.startswith(LABEL), map(model.site, range(model.nsite))):
+            text, place = site.name.removeprefix(LABEL), self.data.site(site.name).xpos
+            scene.add_label(f"/{site.name}", text, position=place, font_screen_scale=0.8, anchor="top-center")
         page.initial_camera.position, page.initial_camera.look_at = self._camera(USUAL)
         page.initial_camera.fov = np.radians(42.0)
 

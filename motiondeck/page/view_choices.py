@@ -10,7 +10,7 @@ from motiondeck.page.scene import CAMERAS
 from motiondeck.page.web.page_state import PageDescription
 from motiondeck.page.web.private_page import PrivatePage
 
-TARGET = "The pose that the simulated servos are to reach, translucent"
+TARGET = "The pose that the servos are to reach, translucent"
 FORCES = "Of the floor on the body; an arrow half as long as the robot is its weight"
 NETWORK = "The orbits of its neurons, in the three directions that show most"
 
@@ -39,9 +39,9 @@ class ViewChoices:
             self._boxes = (
                 gui.add_checkbox("target pose", False, hint=TARGET) if "target" in about.shapes else None,
                 gui.add_checkbox("network", False, hint=NETWORK) if about.has_network else None,
-                gui.add_checkbox("footprints and contacts", False),
+                gui.add_checkbox("footprints and contacts", False) if about.walks else None,
                 gui.add_checkbox("contact forces", False, hint=FORCES) if forces else None,
-                gui.add_checkbox("camera follows", True),
+                gui.add_checkbox("camera follows", True) if about.walks else None,
             )
             cameras = gui.add_button_group("camera", tuple(CAMERAS))
 

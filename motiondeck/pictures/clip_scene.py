@@ -65,7 +65,7 @@ def act_of_recording(recording: RunRecording, robot: Robot) -> Act:
     thin = max(1, round(rate / PICTURES))
     model = robot.model
     placed = fields.get("robot_root") if robot.name == recording.description["robot"] else None
-    qpos = np.empty((len(range(0, recording.ticks, thin)), model.nq))
+    qpos = np.tile(model.qpos0, (len(range(0, recording.ticks, thin)), 1))
     for row, tick in enumerate(range(0, recording.ticks, thin)):
         pose = Pose(fields["root_position"][tick], fields["heading"][tick, 0], fields["root_rotation"][tick][None])
         robot.place(fields["targets"][tick, : len(robot.joints)], pose, qpos[row])

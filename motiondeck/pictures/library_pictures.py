@@ -136,8 +136,10 @@ def film_run(spec: RunSpec, program: Program, video: Path, look: FilmLook) -> tu
     seconds = program.seconds
     if seconds is None:
         seconds = max(SHORTEST, max((one.at for one in program.timeline), default=0) + AFTER_LAST)
-    deck = partial(Deck, program.library, motion=program.first, direct=spec.direct, joining=spec.join)
-    report = film(spec, program.library, deck, program.timeline, seconds, video, look)
+    library = program.source
+    assert isinstance(library, MotionLibrary), "a clip is for a rig, and a film has none"
+    deck = partial(Deck, library, motion=program.first, direct=spec.direct, joining=spec.join)
+    report = film(spec, library, deck, program.timeline, seconds, video, look)
     fell_back = f"; {report['fell_back']}" if report["fell_back"] else ""
     return report, f"wrote {video} ({seconds:g} s, {video.stat().st_size / 1e6:.1f} MB){fell_back}"
 
@@ -155,7 +157,7 @@ def film(
     from sim.models.robot_file import solver_named
     from sim.robots.robot import load_robot
 
-    file = find_robot(str(spec.robot))
+    file = find_robot(spec.robot or "mannequin")
     body = load_robot(file, library.skeleton, solver_named(spec.solver), 1.0 / STEPS_A_SECOND)
     if spec.walk:
         from motiondeck.run.robots.walk_choice import able_to_walk

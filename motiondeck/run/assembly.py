@@ -37,7 +37,7 @@ from motiondeck.run.robots.robot_on_deck import RobotOnDeck, channels_of
 from motiondeck.run.session import Session, WiredStopWatch
 from motiondeck.run.spec.run_spec import RunSpec, is_emulated
 from motiondeck.run.spec.script import Timed
-from motiondeck_base.errors import MotiondeckError
+from motiondeck_base.shipped import find_rig
 from sim.robots.verdict import RobotVerdict
 
 if TYPE_CHECKING:  # a run imports what it has: page, show, recorder, recognition, rig, outputs
@@ -112,7 +112,7 @@ def _assemble(opening: ExitStack, stop: StopRequest, spec: RunSpec, played: Play
     if spec.show is not None and isinstance(played.source, MotionLibrary):
         from motiondeck.run.beside.show_member import show_member
 
-        show = str(spec.show), port, played.source, Path(spec.robot).stem, spec.rate
+        show = str(spec.show), port, played.source, Path(spec.robot or spec.rig_named).stem, spec.rate
         member = opening.enter_context(show_member(*show))
         then = "no cue and no emergency stop of the show reaches this deck until it is started again"
         children.add("the part in the show", member.process, then)
@@ -299,17 +299,16 @@ def _watch(spec: RunSpec, played: Played, first: RobotOnDeck, channel: Channel) 
 def _recorder(
     opening: ExitStack, spec: RunSpec, played: Played, robot: RobotOnDeck, deck: PlayableDeck, watch: Watch | None
 ) -> TickRecorder | None:
-    """Starts the recording, if any; MotiondeckError if the robot is not simulated, or the file cannot be written."""
+    """Starts the recording, if any; MotiondeckError if the file cannot be written."""
     if spec.record is None:
         return None
     simulation = robot.simulation
-    if simulation is None:
-        raise MotiondeckError("a rig without a simulated robot cannot be recorded; use: motiondeck play --record")
     from motiondeck.run.beside.tick_recorder import recording
 
     description = {
         "library": played.name,
         "robot": robot.name,
+        "rig": str(find_rig(spec.rig_named).resolve()) if spec.robot is None else "",
         "joints": list(robot.own_joints),
         "motions": list(deck.motions),
         "recognizable": list(watch.names) if watch is not None else [],

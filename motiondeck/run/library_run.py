@@ -1,35 +1,51 @@
-"""The run of a library on a robot, as `motiondeck play` and `motiondeck.play` start it."""
+"""The run of a library or a taught clip on a robot or a rig, as `motiondeck play` and `motiondeck.play` start it."""
+
+from __future__ import annotations
 
 import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import replace
+from functools import partial
+from typing import TYPE_CHECKING
 
 from controller.deck.deck import Deck
+from controller.deck.interfaces import Retargeter
+from controller.library.motion_library import MotionLibrary
+from controller.motion.clip import Clip
 from motiondeck.run.assembly import ALONE, Host, Played, open_session
-from motiondeck.run.robots.robot_on_deck import open_robots, robot_files
+from motiondeck.run.robots.robot_on_deck import open_robots, robot_files, with_robot
 from motiondeck.run.session import Session
 from motiondeck.run.spec.program import Program, checked_rate
 from motiondeck.run.spec.run_spec import RunSpec
 from motiondeck.run.verdicts import Judged
+from sim.robots.verdict import RobotVerdict
+
+if TYPE_CHECKING:
+    from motiondeck.run.session import PlayableDeck
 
 
 @contextmanager
 def library_run(spec: RunSpec, program: Program, host: Host = ALONE) -> Iterator[Session]:
     """An open run of a program in the block; MotiondeckError if it is too fast for the network, or cannot be opened."""
-    library, first = program.library, program.first
-    rate = checked_rate(library, first, spec.rate, lower=spec.lower_rate)
+    source, first, rate = program.source, program.first, spec.rate
+    if isinstance(source, MotionLibrary):
+        rate = checked_rate(source, first, spec.rate, lower=spec.lower_rate)
     if rate != spec.rate:
         print(f"playing at {rate:g} Hz, which the network can hold", file=sys.stderr)
-    spec = replace(spec, rate=rate, seconds=program.seconds)
-    judged = Judged(program.file, *robot_files(spec), spec.root, spec.balance, spec.walk)
-    played = Played(
-        library,
-        lambda opening: open_robots(opening, spec, library),
-        lambda retarget: Deck(library, retarget, first, direct=spec.direct, joining=spec.join),
-        program.timeline,
-        program.file,
-        judged.kept() or (replace(judged, rig=None).kept() if judged.rig is not None else {}),
-    )
-    with open_session(spec, played, host) as session:
+    spec = with_robot(replace(spec, rate=rate, seconds=program.seconds), source.skeleton)
+
+    def deck(retarget: Retargeter) -> PlayableDeck:
+        if isinstance(source, Clip):
+            from motiondeck.run.robots.rig_on_deck import recorded_deck
+
+            return recorded_deck(source, retarget)
+        return Deck(source, retarget, first, direct=spec.direct, joining=spec.join)
+
+    verdicts = dict[str, RobotVerdict]()
+    if program.file is not None and spec.robot is not None:
+        judged = Judged(program.file, *robot_files(spec), spec.root, spec.balance, spec.walk)
+        verdicts = judged.kept() or (replace(judged, rig=None).kept() if judged.rig is not None else {})
+    robots = partial(open_robots, spec=spec, source=source)
+    with open_session(spec, Played(source, robots, deck, program.timeline, program.file, verdicts), host) as session:
         yield session

@@ -86,8 +86,7 @@ def play_live(spec: RunSpec) -> None:
 
     program = Program.of(spec)
     with library_run(spec, program) as session:
-        motions = list(program.library.network.motions)
-        _send(Ready(session.command_port, session.page_port, motions))
+        _send(Ready(session.command_port, session.page_port, list(session.deck.motions)))
         report = session.run()
     _send(Ended(report))
 

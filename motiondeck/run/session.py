@@ -153,8 +153,7 @@ class Session:
     def _request_permissions(self) -> None:
         if self.spec.core is not None:
             self._permissions.append(permissions.request_core(self.spec.core))
-        rig_alone = any(robot.simulation is None for robot in self.robots)
-        if self.spec.realtime or self.spec.drives_servos or rig_alone:
+        if self.spec.realtime or self.spec.drives_servos:
             # The guard of a rig goes before the deck.
             priority = permissions.FIFO_PRIORITY - bool(self.guarded)
             self._permissions += [*permissions.request_realtime(priority), permissions.request_one_blas_thread()]
@@ -213,9 +212,7 @@ class Session:
             return
         snapshot = snapshots.take(self.stop)
         if self.recorder is not None:
-            simulation = self._first.simulation
-            assert simulation is not None, "recorded without a simulation"
-            self.recorder.record(snapshot, loop, self.measured(), simulation.stage.placed)
+            self.recorder.record(snapshot, loop, self.measured(), self._first.simulation.stage.placed)
         if page is not None:
             page.show(snapshot, loop, self.deck.activation)
 

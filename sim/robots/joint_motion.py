@@ -35,7 +35,7 @@ class JointMotion:
     def save(self, path: str | Path, plays: Plays = "loop") -> None:
         """Writes it as .csv (time, root and every joint, one line a frame) or as .clip (the joints alone).
 
-        A .clip can be played with `motiondeck rig play RIG FILE` or learned with `motiondeck learn FILE`; it says
+        A .clip can be played with `motiondeck play FILE --rig RIG` or learned with `motiondeck learn FILE`; it says
         whether the motion is a loop or ends in a pose. FileFormatError for another ending, or if it cannot be written.
         """
         path = Path(path)

@@ -143,14 +143,13 @@ class RobotLoader:
             if skeleton.is_rig:
                 raise FileFormatError(
                     f"{path}: these motions were taught on the joints {listed(skeleton.bones)}, which a mannequin "
-                    "has not. Give the robot that has them with --robot, or play them on the rig alone: "
-                    "motiondeck rig play."
+                    "has not. Name the rig that has them with --rig, or a robot with --robot."
                 )
             spec = build_mannequin(skeleton)
             set_joints(path, spec, file.limits.joints)
             body = _FittedModel.of(path, file, spec, spec.compile())
             return _humanoid(file, body, skeleton, MannequinRetargeter(skeleton), 1.0, None)
-        body = self._body = self._body or _FittedModel.of(path, file, *_load_model(path, file))
+        body = self._body = self._body or _FittedModel.of(path, file, *load_model(path, file))
         height, leg = file.root_height, skeleton.leg_length
         scale = height / leg if height and leg > 0.0 else 1.0
         if skeleton.is_rig:
@@ -233,7 +232,8 @@ def _retargeter(
         raise UnknownNameError(f"{path}: {error}") from None
 
 
-def _load_model(path: Path, file: RobotFile) -> tuple[mujoco.MjSpec, mujoco.MjModel]:
+def load_model(path: Path, file: RobotFile) -> tuple[mujoco.MjSpec, mujoco.MjModel]:
+    """The model of a robot file at a path, on a stage; FileFormatError if it is missing or cannot be used."""
     model_path = path.parent / Path(str(file.model)).expanduser()
     if not model_path.exists():
         raise FileFormatError(f"{path}: its model {model_path} is missing; put it there, or correct `model`")

@@ -71,7 +71,7 @@ def all_crossings(
     if library.skeleton.is_rig:
         raise MotiondeckError(
             f"library '{library.info.name}' holds the joint angles of a rig, and transitions are judged by where the "
-            "joints of a body go. How closely a rig follows a switch is in the report of: motiondeck rig play --json"
+            "joints of a body go. How closely a rig follows a switch is in the report of: motiondeck play --json"
         )
     judge = syllabus.judge(holds=holds)
     peaks = {name: _own_peaks(syllabus, frames, syllabus.loops[name]) for name, frames in syllabus.frames.items()}

@@ -184,7 +184,7 @@ def _read(file: Path, options: ReadingOptions) -> FittedClip:
 
     recording = read_fitted(file, options)
     if recording.clip.skeleton.is_rig:
-        raise MotiondeckError(f"{file}: holds angles of a rig's joints, no body. `motiondeck rig play` plays it.")
+        raise MotiondeckError(f"{file}: holds angles of a rig's joints, no body. `motiondeck play --rig RIG` plays it.")
     return recording
 
 

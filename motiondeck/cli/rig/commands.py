@@ -10,12 +10,12 @@ import typer
 from typer import Argument, Option
 
 from motiondeck.cli.common.options import JsonOption
-from motiondeck.cli.rig import calibrate, emulate, identify, play, servos, teach
+from motiondeck.cli.rig import calibrate, emulate, identify, servos, teach
 from motiondeck.cli.rig.rig_port import PortOption, RigArgument, ended_by_sigterm, load, open_buses
 from motiondeck_base.counted import counted
 from motiondeck_base.errors import MotiondeckError
 
-app = typer.Typer(help="Set up, check, identify, teach, play or emulate a rig of servos.", no_args_is_help=True)
+app = typer.Typer(help="Set up, check, identify, teach or emulate a rig of servos.", no_args_is_help=True)
 
 
 def doctor(
@@ -260,7 +260,7 @@ _PANELS = {
         "backup": backup,
         "restore": restore,
     },
-    "Use": {"teach": teach.teach, "play": play.play, "monitor": monitor, "stop": stop},
+    "Use": {"teach": teach.teach, "monitor": monitor, "stop": stop},
     "Without hardware": {"emulate": emulate.emulate},
 }
 for _panel, _commands in _PANELS.items():

@@ -60,7 +60,7 @@ def teach(
 
       motiondeck rig teach my-rig.toml --out wave.clip
       motiondeck rig teach my-rig.toml --out gestures/
-      motiondeck rig play my-rig.toml wave.clip
+      motiondeck play wave.clip --rig my-rig.toml
       motiondeck learn wave.clip nod.clip --out gestures.safetensors
     """
     # Slow to import: done before a joint has to be held.

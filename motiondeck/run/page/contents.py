@@ -52,7 +52,7 @@ class OnFloor(Protocol):
 def on_floor(robot: RobotOnDeck) -> OnFloor | None:
     """The simulation of a robot that nothing holds but the floor."""
     simulation = robot.simulation
-    if simulation is None or simulation.root != "free" or not isinstance(simulation.stage, OnFloor):
+    if simulation.root != "free" or not isinstance(simulation.stage, OnFloor):
         return None
     return simulation.stage
 
@@ -62,7 +62,7 @@ class PageContents:
     """The parts of a run that its page shows."""
 
     deck: ShownDeck
-    robots: Sequence[RobotOnDeck]  # those that are drawn, at least one with a simulation
+    robots: Sequence[RobotOnDeck]  # at least one
     human: Skeleton | None  # the skeleton whose motion is shown beside the robot, if that is known
     watch: Watch | None
     command_port: int
@@ -73,8 +73,8 @@ class PageContents:
 
     @property
     def simulations(self) -> list[Simulation]:
-        """Of the robots, without those that are a rig alone."""
-        return [robot.simulation for robot in self.robots if robot.simulation is not None]
+        """Of the robots, in order."""
+        return [robot.simulation for robot in self.robots]
 
     @property
     def numbers(self) -> SnapshotNumbers:
@@ -125,6 +125,7 @@ class PageContents:
             library_file=library,
             learn=[sys.executable, "-P", "-m", "motiondeck.run.page.learning"] if self.learns and library else [],
             human=human,
+            walks=self.simulations[0].root != "fixed",
             weight=GRAVITY * float(robot.model.body_mass.sum()) if standing else None,
             push_ns=usual_push(robot.model) if self.robots[0].pushable is not None else 0.0,
             verdicts={name: (verdict.answer, verdict.words) for name, verdict in self.verdicts.items()},

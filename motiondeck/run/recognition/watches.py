@@ -103,7 +103,6 @@ class RecognitionWatch:
         cls, player: RobotOnDeck, channel: Channel, library: MotionLibrary, rate: float, policy: MismatchPolicy
     ) -> RecognitionWatch:
         """A watch over the joints of a simulated robot that one of its channels measures."""
-        assert player.simulation is not None, "a watch over a rig alone"
         robot = player.simulation.robot
         retarget = deepcopy(robot.retarget)  # one that remembers a pose must not remember the last one learned
         return cls(policy, library, retarget, robot.joints, robot.layout.ball, player.limits, channel, rate)

@@ -1,9 +1,12 @@
-"""A rig on the deck without a simulated robot: it plays what it was taught, or human motions as a robot would."""
+"""A rig alone on the deck: its joints play what they were taught, and its figure shows where they are."""
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from contextlib import ExitStack
-from typing import TYPE_CHECKING
+from dataclasses import replace
+from pathlib import Path
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
@@ -15,60 +18,93 @@ from controller.motion.clip import Clip
 from controller.motion.encodings.joint_angles import JointRetargeter
 from controller.motion.posture import Pose
 from controller.motion.rotations import Array
+from controller.motion.skeleton import Skeleton
 from controller.wire.run_recording import RunRecording
 from motiondeck.run.guard.guarded_rig import guard_process
-from motiondeck.run.robots.rig_output import connect_rig, narrowed
-from motiondeck.run.robots.robot_on_deck import RobotOnDeck
-from motiondeck_base.errors import MotiondeckError, UnknownNameError
+from motiondeck.run.robots.rig_output import RigOutput, open_rig
+from motiondeck.run.spec.run_spec import RunSpec, is_emulated, options
+from motiondeck_base.errors import MotiondeckError
 
 if TYPE_CHECKING:
     from hardware.rig.rig_file import RigConfig
+    from sim.robots.robot import Robot
 
 # What a joint may do whose acceleration the rig file leaves open, rad/s^2; the jerk brings it there in 20 ms.
 _ACCELERATION = 80.0
 _RISE = 0.02  # s
+_SIMULATED = ("solver", "physics", "root", "balance", "walk", "check_collisions")  # options of simulated robots
 
 
-def open_rig_alone(
-    opening: ExitStack, config: RigConfig, ports: list[str], source: Clip | MotionLibrary, robot: str
-) -> RobotOnDeck:
-    """Connects a rig, at other ports if given, whose joints follow a taught clip or a library; `opening` closes it.
+class RigFigure:
+    """The figure of a rig alone where its servos measure it, with their targets; a `robot_on_deck.Stage`."""
 
-    Taught joints are driven by their names; the others stay where they are. Human motions need the robot file whose
-    joints the rig has. MotiondeckError if the source does not fit the rig (before anything is switched on), or it
-    cannot be connected.
+    name = "figure"
+    behind_s = 0.0  # delay of the body, s
+
+    def __init__(self, robot: Robot, rig: RigOutput) -> None:
+        self._robot, self._rig, self._writes = robot, rig, 0
+        self.qpos, self.wanted = robot.model.qpos0.copy(), robot.model.qpos0.copy()
+        robot.layout.place(rig.positions, self.qpos)
+        self.placed = self.qpos[:7].copy()
+
+    def write(self, targets: Array, pose: Pose) -> None:
+        """Places the targets (J,), rad, and the measured joints."""
+        self._robot.layout.place(targets, self.wanted)
+        self._robot.layout.place(self._rig.positions, self.qpos)
+        self._writes += 1
+
+    def measured(self) -> Array:
+        """The measured joint positions (J,), rad."""
+        return self._rig.positions
+
+    def report(self) -> Mapping[str, object]:
+        """Its kind and the number of writes."""
+        return {"kind": "figure", "robot": self._robot.name, "writes": self._writes}
+
+    def close(self) -> None:
+        """Does nothing."""
+
+
+class RigAlone(NamedTuple):
+    """A connected rig without a simulated robot."""
+
+    robot: Robot  # its joints, limits, and retargeting
+    rest: Array | None  # where the joints end, shape (J,), rad, or None for where they stop
+    rig: Channel
+    figure: RigFigure
+
+
+def open_rig_alone(opening: ExitStack, spec: RunSpec, file: Path, source: Clip | MotionLibrary) -> RigAlone:
+    """Connects the rig of a file, whose joints follow what they were taught; `opening` closes it.
+
+    Joints that were not taught stay where they are. MotiondeckError if an option or the source does not fit a rig
+    (before anything is switched on), or it cannot be connected.
     """
-    if source.skeleton.is_rig:
-        return _open_taught(opening, config, ports, source)
-    if isinstance(source, Clip):
-        raise MotiondeckError(f"clip '{source.name}' shows a human body. Learn it first: motiondeck learn")
-    from sim.robots.catalogue import find_robot
-    from sim.robots.robot import load_robot
-
-    try:
-        file = find_robot(robot)
-    except UnknownNameError as error:
-        raise MotiondeckError(
-            f"{error} Motions of people are carried to the rig by a robot with its joints: name it with --robot."
-        ) from None
-    guard = opening.enter_context(guard_process())
-    loaded = load_robot(file, source.skeleton)
-    limits = narrowed(loaded.limits, loaded, config)
-    output = connect_rig(opening, guard, config, ports, loaded.joints, limits)
-    return RobotOnDeck(loaded.name, loaded.joints, limits, loaded.rest, loaded.retarget, Channel(output))
-
-
-def _open_taught(opening: ExitStack, config: RigConfig, ports: list[str], source: Clip | MotionLibrary) -> RobotOnDeck:
-    """The rig's own joints, for what they were taught."""
-    body, names = source.skeleton, config.names
-    JointRetargeter(body, names, np.zeros(len(names)))  # what does not fit is refused before anything is switched on
-    limits = _limits_of(config)
-    guard = opening.enter_context(guard_process())
-    output = connect_rig(opening, guard, config, ports, names, limits)
-    retarget = JointRetargeter(body, names, output.positions.copy())
+    for name in _SIMULATED:
+        if getattr(spec, name) != getattr(RunSpec(), name):
+            flag = options()[name].flag or f"--{name.replace('_', '-')}"
+            raise MotiondeckError(f"{flag} is for a simulated robot, and a rig alone has none: name one with --robot")
+    guard = opening.enter_context(guard_process())  # it gets ready while the figure is made
+    robot = robot_of(file, source.skeleton)
+    emulated = spec.rig is not None and is_emulated(spec.rig)
+    channel, _ = open_rig(opening, guard, file, robot, spec.rate, emulated=emulated)
+    output = channel.output
+    assert isinstance(output, RigOutput)
+    retarget = JointRetargeter(source.skeleton, robot.joints, output.positions.copy())
     # A clip that limits have held back still comes to its last frame; a library ends where it stops.
-    rest = np.clip(_targets(source, retarget)[-1], limits.lower, limits.upper) if isinstance(source, Clip) else None
-    return RobotOnDeck("rig", names, limits, rest, retarget, Channel(output))
+    limits, rest = robot.limits, None
+    if isinstance(source, Clip):
+        rest = np.clip(_targets(source, retarget)[-1], limits.lower, limits.upper)
+    return RigAlone(replace(robot, retarget=retarget), rest, channel, RigFigure(robot, output))
+
+
+def robot_of(file: Path, skeleton: Skeleton) -> Robot:
+    """The robot of a rig file for motions of a skeleton; MotiondeckError if these or its model do not fit."""
+    from hardware.rig.rig_file import load_rig
+    from sim.robots.rig_robot import rig_robot
+
+    config = load_rig(file)
+    return rig_robot(file, config.names, _limits_of(config), Path(config.model) if config.model else None, skeleton)
 
 
 def recorded_deck(clip: Clip, retarget: Retargeter) -> RecordedDeck:

@@ -13,9 +13,11 @@ from controller.library.motion_library import MotionLibrary
 from controller.loop.commands.interfaces import Pushable
 from controller.loop.ensemble import RobotOutput
 from controller.loop.output_channel import Channel
+from controller.motion.clip import Clip
 from controller.motion.rotations import Array
+from controller.motion.skeleton import Skeleton
 from motiondeck.run.spec.run_spec import EMULATED, RunSpec, is_emulated
-from motiondeck_base.errors import MotiondeckError
+from motiondeck_base.errors import MotiondeckError, UnknownNameError
 from motiondeck_base.shipped import find_rig
 from sim.robots.catalogue import find_robot
 
@@ -66,7 +68,7 @@ class RobotOnDeck:
     rest: Array | None  # where the joints end, shape (J,), rad, or None for where they stop
     retarget: Retargeter  # carries poses to its joints
     rig: Channel | None
-    simulation: Simulation | None = None  # None for a rig alone
+    simulation: Simulation  # of a rig alone its figure
     prefix: str = ""  # goes before the names of its joints and outputs
     guard: CollisionGuard | None = None  # keeps its limbs apart, if that is wanted
 
@@ -78,16 +80,13 @@ class RobotOnDeck:
     @property
     def pushable(self) -> Pushable | None:
         """Its simulation, where that has masses and nothing holds it fast."""
-        if self.simulation is None or self.simulation.root == "fixed":
-            return None
         stage = self.simulation.stage
-        return stage if isinstance(stage, Pushable) else None
+        return stage if self.simulation.root != "fixed" and isinstance(stage, Pushable) else None
 
     @property
     def outputs(self) -> list[Channel]:
         """The rig before the simulation, because an approach starts from where the first output measures the joints."""
-        stage = Channel(self.simulation.stage) if self.simulation is not None else None
-        return [channel for channel in (self.rig, stage) if channel is not None]
+        return [channel for channel in (self.rig, Channel(self.simulation.stage)) if channel is not None]
 
 
 def channels_of(robots: Sequence[RobotOnDeck]) -> list[Channel]:
@@ -103,17 +102,44 @@ def channels_of(robots: Sequence[RobotOnDeck]) -> list[Channel]:
     return channels
 
 
-def open_robots(opening: ExitStack, spec: RunSpec, library: MotionLibrary) -> list[RobotOnDeck]:
+def with_robot(spec: RunSpec, skeleton: Skeleton) -> RunSpec:
+    """The spec with a robot: the given one, that with the rig's name, or the mannequin; None is a rig alone.
+
+    MotiondeckError if motions of bodies are for a rig whose robot is not known.
+    """
+    rig = spec.rig_named
+    if spec.robot is not None or (skeleton.is_rig and rig not in ("", EMULATED)):
+        return spec
+    robot = "mannequin" if rig in ("", EMULATED) else Path(rig).stem
+    try:
+        find_robot(robot)
+    except UnknownNameError as error:
+        raise MotiondeckError(
+            f"{error} The joints of {rig} play what they were taught: name it. Motions of bodies are carried to it "
+            "by a robot with its joints: name that with --robot."
+        ) from None
+    return replace(spec, robot=robot)
+
+
+def open_robots(opening: ExitStack, spec: RunSpec, source: MotionLibrary | Clip) -> list[RobotOnDeck]:
     """Opens the robot of a run and, if there is a second one, the robot that mirrors it; see `open_robot`."""
-    robots = [open_robot(opening, spec, library)]
+    robots = [open_robot(opening, with_robot(spec, source.skeleton), source)]
     if spec.follow is not None:
         second = replace(spec, robot=spec.follow, rig=spec.follow_rig, solver=None)
-        robots.append(open_robot(opening, second, library, FOLLOWER))
+        robots.append(open_robot(opening, second, source, FOLLOWER))
     return robots
 
 
-def open_robot(opening: ExitStack, spec: RunSpec, library: MotionLibrary, prefix: str = "") -> RobotOnDeck:
+def open_robot(opening: ExitStack, spec: RunSpec, source: MotionLibrary | Clip, prefix: str = "") -> RobotOnDeck:
     """Opens robot, simulation and rig of a run, closed by `opening`; MotiondeckError if one cannot be opened."""
+    if spec.robot is None and spec.rig is not None:
+        from motiondeck.run.robots.rig_on_deck import open_rig_alone
+
+        alone = open_rig_alone(opening, spec, find_rig(spec.rig_named), source)
+        simulation, robot = Simulation(alone.robot, alone.figure, "fixed", False, False), alone.robot
+        return RobotOnDeck(
+            robot.name, robot.joints, robot.limits, alone.rest, robot.retarget, alone.rig, simulation, prefix
+        )
     from sim.models.robot_file import solver_named
     from sim.physics.kinematic_playback import KinematicPlayback
     from sim.physics.playback import PhysicsPlayback
@@ -127,7 +153,7 @@ def open_robot(opening: ExitStack, spec: RunSpec, library: MotionLibrary, prefix
         from motiondeck.run.guard.guarded_rig import guard_process
 
         guard = opening.enter_context(guard_process())  # it gets ready while the robot is loaded
-    robot = load_robot(file, library.skeleton, solver_named(spec.solver), dt)
+    robot = load_robot(file, source.skeleton, solver_named(spec.solver), dt)
     stage = KinematicPlayback(robot)
     if spec.walk:
         from motiondeck.run.robots.walk_choice import able_to_walk

@@ -12,6 +12,8 @@ import numpy as np
 
 from controller.library.motion_library import MotionLibrary, load_library
 from controller.loop.clock import period_ns
+from controller.motion.clip import Clip
+from controller.motion.formats.taught_clip import read_taught_clip
 from controller.wire.messages.commands import Switch
 from motiondeck.run.spec.run_spec import RunSpec
 from motiondeck.run.spec.script import Timed, parse_script, read_timeline
@@ -26,8 +28,8 @@ _TIMED_AT_ONCE = 20  # the quickest of these batches counts: others were disturb
 class Program:
     """What a run plays."""
 
-    library: MotionLibrary
-    file: Path  # of the library
+    source: MotionLibrary | Clip
+    file: Path | None  # of the library; None for a taught clip
     first: str  # the motion to begin with
     timeline: list[Timed]  # what is commanded when
     seconds: float | None
@@ -36,17 +38,35 @@ class Program:
     def of(cls, spec: RunSpec) -> Program:
         """Loads what a spec names; MotiondeckError if that is impossible; it says what to do."""
         spec.check()
-        file = find_library(str(spec.library))
+        named, motion = spec.library, spec.motion
+        if motion is not None and Path(motion).is_file():
+            if Path(motion).suffix == ".clip" and spec.rig is not None:
+                return cls._of_clip(spec, Path(motion))
+            if Path(motion).suffix == ".safetensors":
+                named, motion = motion, None
+        file = find_library(str(named))
         library = load_library(file)
         names, script = library.network.motions, str(spec.script) if spec.script is not None else None
         if script is None:
-            return cls(library, file, first_motion(library, spec.motion), [], spec.seconds)
+            return cls(library, file, first_motion(library, motion), [], spec.seconds)
         if script.endswith(".toml"):
             first, timeline = read_timeline(Path(script), names)
             return cls(library, file, first, timeline, spec.seconds)
         cues, length = parse_script(script, names)
         timeline = [Timed(cue.at, Switch(cue.motion)) for cue in cues[1:]]
         return cls(library, file, cues[0].motion, timeline, spec.seconds if spec.seconds is not None else length)
+
+    @classmethod
+    def _of_clip(cls, spec: RunSpec, file: Path) -> Program:
+        """A taught clip, which is played once, as it is."""
+        clip = read_taught_clip(file)
+        for name in ("show", "lock_to", "recognize", "recognizer"):
+            if getattr(spec, name):
+                raise MotiondeckError(
+                    f"{file}: --{name.replace('_', '-')} is for a library, and this is one clip. Learn it: "
+                    f"motiondeck learn {file} --out {file.with_suffix('.safetensors').name}"
+                )
+        return cls(clip, None, clip.name, [], spec.seconds)
 
 
 def frame_seconds(library: MotionLibrary, motion: str, clock: Callable[[], float] = time.thread_time) -> float:
@@ -91,14 +111,10 @@ def first_motion(library: MotionLibrary, motion: str | None) -> str:
     """What a library plays first: the given motion, else `walk`, else its first; UnknownNameError names the nearest."""
     names = library.network.motions
     if motion is not None and motion not in names and Path(motion).is_file():
-        if Path(motion).suffix.lower() == ".safetensors":
-            raise MotiondeckError(
-                f"{motion}: a file, not a motion of {library.info.name}. Play it: motiondeck play --library {motion}"
-            )
         learned = Path(motion).with_suffix(".safetensors").name
         raise MotiondeckError(
             f"{motion}: a file, not a motion of {library.info.name}. Learn it: motiondeck learn {motion} --out "
-            f"{learned}; then play it: motiondeck play --library {learned}"
+            f"{learned}; then play it: motiondeck play {learned}"
         )
     if motion is not None and motion not in names:
         raise UnknownNameError.among("motion", motion, names)

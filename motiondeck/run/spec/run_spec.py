@@ -90,15 +90,19 @@ class RunSpec:
 
     library: LibraryFile = option("thesis15", "A library file, or a shipped one by its name.", "LIBRARY")
     motion: str | None = option(
-        None, "The motion to play first; default: `walk`, or the library's first.", "MOTION", flag=""
+        None, "The motion to play first, or a library file; with --rig also a taught clip.", "MOTION", flag=""
     )
     _: KW_ONLY
-    robot: File = option("mannequin", "A robot file or a name (`robot list --catalogue`).", "ROBOT")
+    robot: File | None = option(
+        None,
+        "A robot file or a name (`robot list --catalogue`); default: with --rig its own joints, else the mannequin.",
+        "ROBOT",
+    )
     solver: Literal["angles", "ik"] | None = option(
         None, "Retargeting solver; default: as the robot's file says.", panel=_SIMULATION
     )
     rig: File | None = option(
-        None, "Stream to servos: a rig file, or 'emulated' for emulated servos of the robot.", "RIG", _SERVOS
+        None, "Stream to servos: a rig file, 'emulated' (those of the robot), or 'emulated:RIG'.", "RIG", _SERVOS
     )
     script: File | None = option(None, 'What to play when: "walk 4, jog 4, walk", or a timeline file.', "SCRIPT")
     seconds: float | None = option(
@@ -189,6 +193,11 @@ class RunSpec:
         if isinstance(self.page, bool):
             return 0 if self.page else None
         return self.page
+
+    @property
+    def rig_named(self) -> str:
+        """The rig's file or name, also if its servos are emulated; empty without one."""
+        return str(self.rig or "").removeprefix(f"{EMULATED}:")
 
     @property
     def drives_servos(self) -> bool:

@@ -24,7 +24,7 @@ def started(monkeypatch):
 def again(words, motion="jog"):
     app = typer.main.get_command(command_line(["play"])).commands["play"]
     context = app.make_context("play", words)
-    play_again(context, str(find_library("thesis15")), motion, page_port=8040, command_port=47810)
+    play_again(context, "thesis15", str(find_library("thesis15")), motion, page_port=8040, command_port=47810)
 
 
 def test_options_are_kept_and_what_was_played_is_not(started):

@@ -132,7 +132,7 @@ def test_a_taught_wave_loops_and_switches_to_a_taught_nod(tmp_path):
                 terminals[number].wait_for(PROMPT)
                 continue
             for line in (first, *rest):
-                if "rig play" in line:
+                if "motiondeck play" in line:
                     terminals[number].type(line)
                 else:
                     terminals[number].run(line)

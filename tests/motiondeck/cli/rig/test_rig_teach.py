@@ -8,7 +8,6 @@ import subprocess
 import sys
 from contextlib import nullcontext
 
-import msgspec
 import numpy as np
 import pytest
 
@@ -18,9 +17,7 @@ from hardware.errors import SerialPortError
 from hardware.rig.rig_file import load_rig
 from hardware.rig.scale import RigScale
 from hardware.tools.teaching import Moment
-from motiondeck.cli.rig.play import play_clip
 from motiondeck.run.guard.guarded_rig import GuardedRig
-from motiondeck.run.spec.run_spec import RunSpec
 from served_rigs import served
 
 LIMITS = "zero = 2048, lower = -1.5, upper = 1.5, velocity = 4.0"
@@ -80,7 +77,8 @@ def test_sigterm_ends_a_run_on_the_rig_without_torque_and_with_its_report(rig, p
         send(self, targets)
 
     monkeypatch.setattr(GuardedRig, "write", write)
-    run = motiondeck("rig", "play", rig, clip, *port, "--command-port", "0", "--json")
+    rig.write_text(RIG.replace("/dev/elsewhere", port[1]).replace("/dev/nowhere", port[3]))
+    run = motiondeck("play", clip, "--rig", rig, "--headless", "--command-port", "0", "--json")
     assert run["reason"] == "stopped from outside (SIGTERM)"
     assert len(writes) >= 20
     torques = [servo["torque"] for one in diagnosed(rig, *port)["ports"] for servo in one["servos"]]
@@ -97,13 +95,16 @@ def test_one_port_that_is_gone_does_not_keep_the_others_from_being_switched_off(
 
 
 def test_a_clip_that_the_limits_hold_back_comes_to_its_last_frame(rig, tmp_path):
+    one = RIG.replace('  { name = "pan", id = 1, port = "/dev/elsewhere"', '# { name = "pan"')
     clip = tmp_path / "jerk.clip"
     angles = np.zeros((12, 1))
     angles[6:] = 1.2  # in one frame of 20 ms; the joint may do 4 rad/s
     save_taught_clip(taught_clip("jerk", ("tilt",), 50.0, angles), clip)
-    config = msgspec.structs.replace(load_rig(rig), joints=load_rig(rig).joints[1:])
+    rig.write_text(one)
+    config = load_rig(rig)
     with served(config) as (servos, port):
-        run = play_clip(config, [port], read_taught_clip(clip), RunSpec(rate=config.rate_hz))
+        rig.write_text(one.replace("/dev/nowhere", port))
+        run = motiondeck("play", clip, "--rig", rig, "--headless", "--command-port", "0", "--json")
         goal = RigScale(config).angles(np.array([servos[1]["goal_position"]]))
     assert run["reason"] == "played to the end"
     assert goal == pytest.approx([1.2], abs=0.005)
@@ -255,9 +256,9 @@ def test_what_cannot_be_taught_or_played_is_said(rig, tmp_path):
         (("rig", "teach", rig, "--out", tmp_path / "no" / "wave.clip"), "no such folder"),
         (("rig", "teach", rig, "--out", tmp_path / "a.clip", "--seconds", "0"), "not between"),
         (("rig", "teach", rig, "--out", tmp_path, "--seconds", "3"), "give it a file, not the folder"),
-        (("rig", "play", rig, other, *any_port), "'grip'"),
-        (("rig", "play", rig, other, "wave", *any_port), "no motion 'wave' to choose"),
-        (("rig", "play", rig, "thesis15", "wlak", *any_port), "unknown motion 'wlak'"),
+        (("play", other, "--rig", rig, "--headless", *any_port), "'grip'"),
+        (("play", other, "--rig", rig, "--script", "wave 2", *any_port), "give either a motion"),
+        (("play", "wlak", "--rig", rig, "--headless", *any_port), "unknown motion 'wlak'"),
         (("learn", other, rig, "--out", tmp_path / "x.safetensors"), "give one recipe alone, or recordings"),
         (("learn", rig, "--out", tmp_path / "x.safetensors"), "arm.toml"),
         (("learn", other, "--data", tmp_path, "--out", tmp_path / "x.safetensors"), "--data .* no recipe is given"),
@@ -282,7 +283,9 @@ def test_a_fault_of_one_model_among_others_ends_the_run_with_its_name_and_exit_c
             bus[1].fail(32)
 
     with served(load_rig(rig), fail) as (_, port):
-        result = invoked("rig", "play", str(rig), str(clip), "--port", port, "--command-port", "0", "--seconds", "4")
+        rig.write_text(rig.read_text().replace("/dev/nowhere", port))
+        words = ("--headless", "--command-port", "0", "--seconds", "4")
+        result = invoked("play", str(clip), "--rig", str(rig), *words)
     assert result.exit_code == 1
     assert "rig: pan (id 1) has shut down: overload" in result.stdout
     assert "the rig has stopped: pan (id 1) has shut down: overload" in result.stdout
