@@ -15,7 +15,7 @@ import msgspec
 from joblib import delayed
 
 from controller.learning.fit import fit_prepared
-from controller.learning.preparation.kind import LOOP_KEEPS, Plays
+from controller.learning.preparation.kind import LOOP_KEEPS
 from controller.learning.preparation.takes import by_motion
 from controller.learning.recipe import LibraryRecipe, NetworkRecipe, check_recipe, typeable
 from controller.learning.recording_analysis import AnalysedRecording, analyse_recording, numbered
@@ -24,7 +24,7 @@ from controller.learning.training_set import COMMON_RATE, LearnedPart, Progress,
 from controller.library.library_header import MotionInfo
 from controller.library.motion_library import MotionLibrary
 from controller.motion.canonical.actors import hands_off
-from controller.motion.clip import Clip
+from controller.motion.clip import Clip, Plays
 from controller.motion.decision import Decision
 from controller.motion.formats.reading import CONVERTIBLE, FORMATS, recordings_below
 from controller.motion.people import SeveralPeopleError

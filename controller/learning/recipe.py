@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal, Union
 
 import msgspec
+import numpy as np
 
 from controller.learning.preparation.takes import by_motion, motion_of
 from controller.learning.trainers.centralized import CentralizedRecipe
@@ -17,7 +18,6 @@ from controller.learning.trainers.registry import network_recipes, trainer_of
 from controller.learning.trainers.trainer import NetworkRecipe
 from controller.library.library_header import with_ways
 from controller.motion.formats.reading import read_clip
-from controller.motion.formats.taught_clip import taught_mode
 from controller.motion.up_axis import Up
 from motiondeck_base.errors import FileFormatError, MotiondeckError
 from motiondeck_base.files import way_from
@@ -115,19 +115,22 @@ def warnings(recipe: LibraryRecipe) -> list[str]:
 
 
 def gesture_recipe(name: str, clips: Sequence[Path]) -> LibraryRecipe:
-    """The recipe for a library of clips taught to a rig by hand, each a motion or a take of one (`takes.by_motion`).
+    """The recipe for a library of clips taught to a rig or written, each a motion or a take of one (`takes.by_motion`).
 
     A centralized network, because its state is a place on a closed curve: nothing can lead it away, and servos follow.
-    Only the part of a loop is learned that comes back to its start best; with `loop_keeps` = 1 in the recipe all of it.
+    Only the part of a loop is learned that comes back to its start best; with `loop_keeps` = 1 all of it, as where all
+    loops are written so that they end in their first frame.
     FileFormatError if a name cannot be typed or is used twice, a clip cannot be read, or joints differ; it names them.
     """
+    recorded = {path: read_clip(path) for path in clips}
     motions = [
-        MotionRecipe(name=motion_of(first), file=str(first), plays=taught_mode(first), takes=tuple(map(str, more)))
+        MotionRecipe(
+            name=motion_of(first), file=str(first), plays=recorded[first].plays or "loop", takes=tuple(map(str, more))
+        )
         for first, *more in by_motion(clips)
     ]
-    recorded = [read_clip(clip) for clip in clips]
-    expected = recorded[0].skeleton.bones
-    for path, clip in zip(clips, recorded, strict=True):
+    expected = recorded[clips[0]].skeleton.bones
+    for path, clip in recorded.items():
         lacking = [name for name in expected if name not in clip.skeleton.bones]
         besides = [name for name in clip.skeleton.bones if name not in expected]
         if lacking or besides:
@@ -135,15 +138,18 @@ def gesture_recipe(name: str, clips: Sequence[Path]) -> LibraryRecipe:
             differences = [f"{verb} {', '.join(joints)}" for verb, joints in parts if joints]
             raise FileFormatError(
                 f"{path}: beside {clips[0]} it {' and '.join(differences)}; the clips of one library need the same "
-                "joints. Teach them anew with one rig file, or make a library of each."
+                "joints. Teach them anew with one rig file, name all under `rest`, or make a library of each."
             )
-    longest = max(clip.duration for clip in recorded)
+    longest = max(clip.duration for clip in recorded.values())
+    loops = [clip.rotation for clip in recorded.values() if clip.plays == "loop"]
+    closed = bool(loops) and all(np.allclose(rotation[0], rotation[-1], atol=1e-9) for rotation in loops)
     return check_recipe(
         LibraryRecipe(
             name=name,
             network=CentralizedRecipe(satellites=max(60, round(_SATELLITES * longest))),
             motions=motions,
             body=str(clips[0]),
+            loop_keeps=1.0 if closed else 0.6,
             licence="Taught by hand: yours.",
         ),
         clips[0].parent,

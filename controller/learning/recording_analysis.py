@@ -12,7 +12,7 @@ from typing import Literal
 
 import msgspec
 
-from controller.learning.preparation.kind import FoundKind, Plays, kind_of
+from controller.learning.preparation.kind import FoundKind, kind_of
 from controller.learning.preparation.loops import SLOPE_SECONDS
 from controller.learning.preparation.takes import read_takes
 from controller.learning.recipe import MOST_LETTERS, MotionRecipe
@@ -20,7 +20,7 @@ from controller.learning.training_set import COMMON_RATE, SHORTEST_SECONDS, seam
 from controller.motion.canonical.body_doubts import anatomy_doubts, other_doubts
 from controller.motion.canonical.canonical_body import to_canonical
 from controller.motion.canonical.clip_edits import moving_part, resampled, span
-from controller.motion.clip import Clip
+from controller.motion.clip import Clip, Plays
 from controller.motion.decision import Decision
 from controller.motion.encodings.encoding import encoding_of
 from controller.motion.encodings.motion_matching import joint_features
@@ -71,11 +71,9 @@ def analyse_recording(
     """
     own = with_steps(replace(options, skeleton=find_skeleton(file, options)))
     recording = read_fitted(file, own)
-    taught = None
-    if file.suffix.lower() == ".clip":
-        clip, taught = read_takes([file, *takes])
-        recording = replace(recording, clip=clip)
-    found = decided(recording, file, within, taught, plays, whole=whole)
+    if takes:
+        recording = replace(recording, clip=read_takes([file, *takes]))
+    found = decided(recording, file, within, plays, whole=whole)
     motion = MotionRecipe(
         name=name,
         file=str(file.absolute()),
@@ -127,17 +125,16 @@ def decided(
     recording: FittedClip,
     file: Path,
     within: tuple[float, float] | None = None,
-    taught: str | None = None,
     plays: Plays | None = None,
     *,
     whole: bool = False,
 ) -> list[DecidedTake]:
     """Runs the steps of a take in their order: its motions, and whether each is a loop.
 
-    `within` is the part to use, s, `taught` how a taught clip plays, which is one motion, and `plays` how any other
-    plays. Raises FileFormatError if the recording is too short, or nothing moves in it.
+    `within` is the part to use, s. A clip that says how it plays is one motion; `plays` is how any other plays. Raises
+    FileFormatError if the recording is too short, or nothing moves in it.
     """
-    clip = recording.clip
+    clip, taught = recording.clip, recording.clip.plays
     first, end = moving_part(clip)
     if within is not None and end:
         first, end = max(first, round(within[0] * clip.rate)), min(end, round(within[1] * clip.rate))

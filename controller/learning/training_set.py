@@ -185,9 +185,7 @@ def read_motion(data: Path, motion: MotionRecipe) -> Clip:
     path = find_recording(data, motion.file)
     takes = [path, *(find_recording(data, take) for take in motion.takes)]
     clip = (
-        read_takes(takes)[0]
-        if motion.takes and not motion.input
-        else read_clip(path, reading_options(data, path, motion))
+        read_takes(takes) if motion.takes and not motion.input else read_clip(path, reading_options(data, path, motion))
     )
     return mirrored(clip) if motion.mirrored else clip
 

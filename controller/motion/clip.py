@@ -1,6 +1,7 @@
 """A clip: one recorded motion of a skeleton at a constant rate."""
 
 from dataclasses import dataclass
+from typing import Literal
 
 import numpy as np
 
@@ -8,6 +9,9 @@ from controller.motion.decision import Decision
 from controller.motion.rotations import Array
 from controller.motion.skeleton import Skeleton
 from motiondeck_base.errors import FileFormatError
+
+Plays = Literal["loop", "once"]
+"""Whether a motion repeats, or ends in a pose and holds it."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -24,6 +28,7 @@ class Clip:
     rotation: Array  # the world rotation of the root and of each bone, shape (T, 1 + B, 4)
     source: str = ""  # file name, for provenance
     decisions: tuple[Decision, ...] = ()  # what was decided while it was read
+    plays: Plays | None = None  # how it plays, where its file says so
 
     def __post_init__(self) -> None:
         frames = len(self.root_position)

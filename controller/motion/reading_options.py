@@ -1,5 +1,6 @@
 """Options that override or complete what the file of a recording says."""
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -9,13 +10,17 @@ from controller.motion.up_axis import Up
 from motiondeck_base.errors import FileFormatError
 from motiondeck_base.files import listed
 
+UNITS = {"deg": math.pi / 180.0, "rad": 1.0}
+"""Units of angles, rad."""
+
 
 @dataclass(frozen=True)
 class ReadingOptions:
     """How to read a recording; None detects a value from the file. FileFormatError if unit or axis is not possible."""
 
     skeleton: Path | None = None  # the .asf file of an .amc recording, or the body model (.npz) of an .npz
-    unit: float | None = None  # unit of length of the file, m, such as 0.01 for a file in cm
+    # Unit of the file: of length, m, such as 0.01 for a file in cm; of joint angles, rad.
+    unit: float | None = None
     up: Up | None = None  # vertical axis of the file
     # New names of joints, bones or markers, by the names in the file.
     rename: Mapping[str, str] = field(default_factory=dict[str, str])

@@ -18,8 +18,7 @@ from typing import Annotated, Any
 import msgspec
 import numpy as np
 
-from controller.motion.rotations import Array
-from controller.wire.telemetry import named
+from controller.wire.telemetry import Array, named
 from motiondeck_base.errors import FileFormatError
 
 VERSION = 6
@@ -37,7 +36,7 @@ _RENAMED = {
 }
 """Names up to version 5, and those of now."""
 
-_MAGIC = b"MDRECORD"
+MAGIC = b"MDRECORD"
 _HEADER, _CHUNK = struct.Struct("<II"), struct.Struct("<II")
 _MOST_HEADER = 1 << 20
 _MOST_VALUES = 1 << 16
@@ -59,7 +58,7 @@ class RecordingWriter:
         header = msgspec.json.encode(_RecordingHeader(VERSION, dict(description), dict(fields)))
         try:
             self._file = path.open("wb")
-            self._file.write(_MAGIC + _HEADER.pack(len(header), zlib.crc32(header)) + header)
+            self._file.write(MAGIC + _HEADER.pack(len(header), zlib.crc32(header)) + header)
             self._file.flush()
         except OSError as error:
             if path.is_file():
@@ -92,12 +91,12 @@ def check_replaceable(path: Path) -> None:
     """Refuses to record over a file that is no recording of a run, or that cannot be read: FileFormatError."""
     try:
         with path.open("rb") as file:
-            beginning = file.read(len(_MAGIC)) if path.is_file() else b""
+            beginning = file.read(len(MAGIC)) if path.is_file() else b""
     except FileNotFoundError:
         return
     except OSError as error:
         raise FileFormatError.unwritable(path, error) from None
-    if beginning not in (b"", _MAGIC):
+    if beginning not in (b"", MAGIC):
         raise FileFormatError(f"{path}: there is another file of this name, which would be lost. Give another one.")
 
 
@@ -121,10 +120,10 @@ def load_recording(path: Path) -> RunRecording:
         data = path.read_bytes()
     except OSError as error:
         raise FileFormatError(f"{path}: cannot be read ({error.strerror or error})") from None
-    place = len(_MAGIC) + _HEADER.size
-    if data[: len(_MAGIC)] != _MAGIC or len(data) < place:
+    place = len(MAGIC) + _HEADER.size
+    if data[: len(MAGIC)] != MAGIC or len(data) < place:
         raise FileFormatError(f"{path}: this is not a recording; make one with: motiondeck play --record FILE")
-    size, checksum = _HEADER.unpack(data[len(_MAGIC) : place])
+    size, checksum = _HEADER.unpack(data[len(MAGIC) : place])
     text = data[place : place + size]
     if size > _MOST_HEADER or zlib.crc32(text) != checksum:
         raise FileFormatError(f"{path}: the beginning of this recording is damaged")

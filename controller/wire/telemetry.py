@@ -22,9 +22,10 @@ import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
-from controller.motion.rotations import Array
 from controller.wire.run_folder import allocate
 from motiondeck_base.errors import FileFormatError, MotiondeckError
+
+Array = NDArray[np.float64]
 
 _MAGIC = b"MDTELEM1"
 _SLOTS = 8

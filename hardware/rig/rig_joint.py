@@ -56,6 +56,8 @@ class RigJoint(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     lag: Annotated[float, msgspec.Meta(ge=0, le=0.5)] = 0.0
     # The current that turns it slowly without a load, A; None where it is unknown.
     friction: Annotated[float, msgspec.Meta(ge=0)] | None = None
+    # How it turns when left and right are exchanged: as its twin (or, without one, as before), 1, or against it, -1.
+    mirror: Literal[-1, 1] | None = None
     # What the servo takes from its position, counts; only where its count begins anew after a turn.
     homing_offset: int = 0
 

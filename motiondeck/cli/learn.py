@@ -87,8 +87,9 @@ def learn(options: LearnOptions, reading: Reading, as_json: JsonOption = False) 
     printed. The recipe is written beside the library. With --robot the table of `preflight` follows: which motions that
     robot plays, and at which tempo.
 
-    Clips of `motiondeck rig teach` become loops or one-shots as they were taught; NAME.clip, NAME.2.clip ... are takes
-    of one motion and are averaged. The part of a loop that returns best to its start is learned.
+    Clips of `motiondeck rig teach` and keyframes (.toml) become loops or one-shots as they were taught or written;
+    NAME.clip, NAME.2.clip ... are takes of one motion and are averaged. The part of a loop that returns best to its
+    start is learned.
 
     A recipe (.toml) is learned as it says. Its library is written if every motion passes: each runs free for three
     times its length, and is compared with all that was trained (the self-test) and with its recording as it was read.
@@ -99,7 +100,7 @@ def learn(options: LearnOptions, reading: Reading, as_json: JsonOption = False) 
       motiondeck learn recordings --out mine.safetensors --play --robot servo20
       motiondeck learn mine.toml --force
       motiondeck learn configs/libraries/thesis15.toml --data recordings --out my.safetensors
-      motiondeck learn wave.clip nod.clip --out gestures.safetensors
+      motiondeck learn wave.clip nod.clip wink.toml --out gestures.safetensors
     """
     from controller.learning.recipe import gesture_recipe, read_recipe
     from motiondeck_base.jobs import Jobs
@@ -110,16 +111,18 @@ def learn(options: LearnOptions, reading: Reading, as_json: JsonOption = False) 
         find_robot(options.robot)  # a misspelt name is refused before anything is learned
     if options.out is not None:
         check_ending(options.out, "a library")
-    endings = {path.suffix.lower() for path in options.what}
-    if reading != Reading() and endings in ({".toml"}, {".clip"}):
+    kinds = {_kind(path) for path in options.what}
+    if reading != Reading() and "recording" not in kinds:
         raise MotiondeckError("--unit and other options of reading are for recordings; in a recipe they are keys")
-    if options.plays is not None and endings & {".toml", ".clip"}:
-        raise MotiondeckError("--as is for recordings; a recipe says it by plays, and clips were taught with it")
-    if options.whole and endings & {".toml", ".clip"}:
+    if options.plays is not None and kinds != {"recording"}:
+        raise MotiondeckError(
+            "--as is for recordings; a recipe and keyframes have plays, and clips were taught with it"
+        )
+    if options.whole and kinds != {"recording"}:
         raise MotiondeckError("--whole is for recordings; a recipe says by frames what it takes of one")
-    if ".toml" not in endings and options.data is not None:
+    if "recipe" not in kinds and options.data is not None:
         raise MotiondeckError(f"--data {options.data} is the folder of a recipe's recordings; no recipe is given")
-    if ".toml" in endings:
+    if "recipe" in kinds:
         if len(options.what) > 1:
             raise MotiondeckError(f"give one recipe alone, or recordings, not {', '.join(map(str, options.what))}")
         file = options.what[0]
@@ -129,7 +132,7 @@ def learn(options: LearnOptions, reading: Reading, as_json: JsonOption = False) 
         recipe = read_recipe(file, folder)
         out = _library(options, recipe.name)
         first = _learn_recipe(recipe, folder, file, out, options, as_json, taught=False)
-    elif endings == {".clip"}:
+    elif kinds == {"gesture"}:
         out = _library(options, "gestures", and_recipe=True)
         recipe = gesture_recipe(out.stem, [path.absolute() for path in options.what])
         first = _learn_recipe(recipe, Path(), out.with_suffix(".toml"), out, options, as_json, taught=True)
@@ -139,6 +142,15 @@ def learn(options: LearnOptions, reading: Reading, as_json: JsonOption = False) 
     if options.play:
         command = [sys.executable, "-P", "-m", "motiondeck", "play", first, "--library", str(out.absolute())]
         os.execv(sys.executable, [*command, *([] if options.robot is None else ["--robot", options.robot])])
+
+
+def _kind(path: Path) -> Literal["recipe", "gesture", "recording"]:
+    """What a file to learn is; a gesture of a rig's joints was taught or written as keyframes."""
+    from controller.motion.formats.keyframes import is_keyframes
+
+    if path.suffix.lower() == ".toml" and not is_keyframes(path):
+        return "recipe"
+    return "gesture" if path.suffix.lower() in (".clip", ".toml") else "recording"
 
 
 def _library(options: LearnOptions, name: str, *, and_recipe: bool = False) -> Path:

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from controller.motion.anatomy import Side, anatomy
+from controller.motion.encodings.joint_angles import angles_of
 from controller.motion.rotations import Array, rotate
 from motiondeck.pictures.figures import new_figure, save
 
@@ -24,6 +25,10 @@ def plot_clip(recording: FittedClip, out: Path) -> None:
     """Draws a recording into a picture; MotiondeckError if matplotlib is missing or the picture cannot be written."""
     clip = recording.clip
     figure = new_figure(12.0, 8.0)
+    if clip.skeleton.is_rig:
+        _joints(figure.subplots(2, 1, sharex=True), clip)
+        save(figure, out)
+        return
     heights = [2.2, 1.0, 1.0] + ([0.8] if recording.fit is not None else [])
     rows = figure.subplots(len(heights), 1, height_ratios=heights)
     _figures(rows[0], clip)
@@ -96,6 +101,17 @@ def _curves(heights: Any, speeds: Any, clip: Clip) -> None:
         speeds.plot(time[1:], speed.max(axis=1), color="0.6", label="fastest joint")
         speeds.legend(loc="upper right", fontsize=8)
     speeds.set(ylabel="speed, m/s")
+
+
+def _joints(rows: Any, clip: Clip) -> None:
+    angles, speeds = rows
+    time, shown = np.arange(len(clip)) / clip.rate, np.degrees(angles_of(clip.rotation[:, 1:]))
+    for joint, course in zip(clip.skeleton.bones, shown.T, strict=True):
+        angles.plot(time, course, label=joint)
+        speeds.plot(time, np.gradient(course, 1.0 / clip.rate) if len(clip) > 1 else 0.0 * time)
+    angles.set(ylabel="angle, deg", title=f"{clip.name} ({clip.source})")
+    angles.legend(loc="center left", bbox_to_anchor=(1.0, 0.5), fontsize=8)
+    speeds.set(ylabel="speed, deg/s", xlabel="s")
 
 
 def _gaps(axes: Any, recording: FittedClip) -> None:

@@ -5,8 +5,8 @@ from pathlib import Path
 
 import numpy as np
 
-from controller.motion.clip import Clip
-from controller.motion.formats.taught_clip import Plays, save_taught_clip, taught_clip
+from controller.motion.clip import Clip, Plays
+from controller.motion.formats.taught_clip import save_taught_clip, taught_clip
 from controller.motion.posture import poses_of
 from controller.motion.rotations import Array
 from motiondeck_base.errors import FileFormatError

@@ -3,16 +3,15 @@
 A gesture that begins and ends in the same rest is no loop, though its ends meet.
 """
 
-from typing import Literal, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
 from controller.learning.preparation.loops import best_seam, eased_mm, in_place, largest_omission, with_velocities
 from controller.learning.preparation.takes import spread_of
+from controller.motion.clip import Plays
 from controller.motion.decision import Decision
 from controller.motion.rotations import Array
-
-Plays = Literal["loop", "once"]
 
 LOOP_KEEPS = 0.5  # a loop keeps at least this share of its recording
 # Of a repeated motion whose ends deviate by more than EASED_MM once the seam is eased out, one round of at least ROUND

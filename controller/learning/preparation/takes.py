@@ -8,6 +8,7 @@ phase and number of periods. The takes of a motion are NAME.clip, NAME.2.clip, N
 import math
 import re
 from collections.abc import Iterable, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import NamedTuple
 
@@ -16,9 +17,9 @@ from numpy.typing import NDArray
 
 from controller.learning.preparation.loops import best_seam, with_velocities
 from controller.motion.clip import Clip
-from controller.motion.encodings.joint_angles import JointAngles, JointBody
+from controller.motion.encodings.joint_angles import angles_of
 from controller.motion.formats.reading import read_clip
-from controller.motion.formats.taught_clip import Plays, taught_clip, taught_mode
+from controller.motion.formats.taught_clip import taught_clip
 from controller.motion.rotations import Array
 from motiondeck_base.errors import FileFormatError
 
@@ -51,27 +52,33 @@ def by_motion(files: Iterable[Path]) -> list[list[Path]]:
     return [sorted(takes, key=_number_of) for takes in found.values()]
 
 
-def read_takes(files: Sequence[Path]) -> tuple[Clip, Plays]:
-    """The motion of some takes, and whether it loops; FileFormatError if one is unreadable, or unlike the others."""
+def read_takes(files: Sequence[Path]) -> Clip:
+    """The motion of some takes; FileFormatError if one is unreadable, or unlike the others."""
     clips = [read_clip(file) for file in files]
-    plays: list[Plays] = [taught_mode(file) for file in files]
-    for file, clip, how in zip(files, clips, plays, strict=True):
-        same = (clip.skeleton.bones, clip.rate, how) == (clips[0].skeleton.bones, clips[0].rate, plays[0])
+    joints, rate, plays = clips[0].skeleton.bones, clips[0].rate, clips[0].plays
+    for file, clip in zip(files, clips, strict=True):
+        same = (clip.skeleton.bones, clip.rate, clip.plays) == (joints, rate, plays)
         if not same or not clip.skeleton.is_rig:
             raise FileFormatError(
                 f"{file} is not a take of {files[0]}: takes of a motion have the same joints in the same order, the "
                 "same rate, and are all taught with --loop or all with --once."
             )
     if len(clips) == 1:
-        return clips[0], plays[0]
-    angles = [JointAngles(JointBody.of(clip.skeleton.bones)).encode(clip) for clip in clips]
-    joined = join_takes(angles, list(map(str, files)), clips[0].rate, loop=plays[0] == "loop")
-    return taught_clip(motion_of(files[0]), clips[0].skeleton.bones, clips[0].rate, joined.channels), plays[0]
+        return clips[0]
+    angles = [angles_of(clip.rotation[:, 1:]) for clip in clips]
+    joined = join_takes(angles, list(map(str, files)), rate, loop=plays == "loop")
+    return taught_clip(motion_of(files[0]), joints, rate, joined.channels, plays=plays)
 
 
 def is_periodic(channels: Array, rate: float, at_least: float) -> bool:
     """Whether a recording (T, C) at a rate in Hz returns to an earlier state."""
     return best_seam(channels, rate, at_least=at_least).mismatch < RETURNS * spread_of(with_velocities(channels, rate))
+
+
+def with_kind(clip: Clip) -> Clip:
+    """A clip of joints that says how it plays: as it did, else as a loop if it returns to an earlier state."""
+    loop = len(clip) > 4 and is_periodic(angles_of(clip.rotation[:, 1:]), clip.rate, at_least=0.5)
+    return clip if clip.plays else replace(clip, plays="loop" if loop else "once")
 
 
 def join_takes(takes: Sequence[Array], names: Sequence[str], rate: float, *, loop: bool) -> JoinedTakes:

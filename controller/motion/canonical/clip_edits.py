@@ -1,6 +1,7 @@
 """Edits of clips: resampling, trimming, mirroring, and detection of jumps and spikes."""
 
-from collections.abc import Callable, Sequence
+import re
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from itertools import pairwise
 
@@ -161,7 +162,7 @@ def _between_still_ends(joints: Array, rate: float) -> tuple[int, int]:
 def mirrored(clip: Clip) -> Clip:
     """The motion on the canonical body with left and right exchanged (FileFormatError for a rig, or without legs)."""
     if clip.skeleton.is_rig:
-        raise FileFormatError(f"clip '{clip.name}': a rig's joints have no left and right to exchange")
+        raise FileFormatError(f"clip '{clip.name}': a rig's joints have no left and right to exchange here")
     own = to_canonical(clip)
     swapped = {"l" + end: "r" + end for end in _SIDED} | {"r" + end: "l" + end for end in _SIDED}
     partner = np.array([CANONICAL_BONES.index(swapped.get(bone, bone)) for bone in CANONICAL_BONES])
@@ -171,6 +172,33 @@ def mirrored(clip: Clip) -> Clip:
     return replace(own, skeleton=body, root_position=own.root_position * aside, rotation=rotation)
 
 
+def mirrored_joints(clip: Clip, signs: Mapping[str, int]) -> Clip:
+    """The motion of a rig with left_ and right_ joints exchanged, each times its sign, -1 or 1, by its name.
+
+    FileFormatError names a joint without a sign or without its twin.
+    """
+    joints = clip.skeleton.bones
+    if unknown := [name for name in joints if name not in signs]:
+        raise FileFormatError(
+            f"{clip.source}: how {', '.join(unknown)} turns in a mirror is not known. Write mirror = 1 or -1 "
+            "into the row of each in the rig file."
+        )
+    twins = [twin_of(name) for name in joints]
+    if lone := [name for name, twin in zip(joints, twins, strict=True) if twin not in joints]:
+        raise FileFormatError(f"{clip.source}: {lone[0]} has no twin {twin_of(lone[0])}. Add it, at rest if need be.")
+    rotation = clip.rotation.copy()
+    rotation[:, 1:] = rotation[:, [1 + joints.index(twin) for twin in twins]]
+    rotation[:, 1:, 3] *= [signs[name] for name in joints]
+    return replace(clip, rotation=rotation)
+
+
+def twin_of(joint: str) -> str:
+    """The name of the joint on the other side: left and right, or l and r, exchanged; of others the same."""
+    return _SIDE.sub(lambda found: _OTHER[found[0]], joint)
+
+
+_OTHER = {"left": "right", "right": "left", "Left": "Right", "Right": "Left", "l": "r", "r": "l", "L": "R", "R": "L"}
+_SIDE = re.compile("(?<![A-Za-z])(left|right|Left|Right|[lrLR])(?![A-Za-z])")
 _SIDED = {bone[1:] for bone in CANONICAL_BONES if bone[0] == "l"}
 
 
@@ -194,4 +222,4 @@ def seconds_of(clip: Clip, begin: float, end: float | None = None) -> Clip:
         raise FileFormatError(
             f"{clip.source}: from {begin:g} s to {until} is no piece of {clip.duration:.2f} s. Give times within it."
         )
-    return span(clip, first, frames)
+    return replace(span(clip, first, frames), plays=None)  # a piece of a loop is none

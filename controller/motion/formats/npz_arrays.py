@@ -69,7 +69,9 @@ class NpzArrays:
 
     def rate(self) -> float:
         """The rate, Hz; FileFormatError if there is none, or it is impossible."""
-        rate = self.first(*_RATES)
+        rate, time = self.first(*_RATES), self.first("time")
+        if rate is None and time is not None and len(time) > 1:
+            rate = (len(time) - 1) / (time[-1:] - time[:1])
         if rate is None:
             raise FileFormatError(
                 f"{self._path}: no rate (it holds {listed(self.names)}). Add an array 'fps', Hz, and save it again."

@@ -22,7 +22,7 @@ import numpy as np
 from controller.motion.clip import Clip
 from controller.motion.file_format import Format
 from controller.motion.formats.markers.joint_points import joint_points, turned_over
-from controller.motion.formats.tables import even_times, first_row, is_row, numbers, separator_of, words_of
+from controller.motion.formats.tables import TIMES, even_times, first_row, is_row, numbers, separator_of, words_of
 from controller.motion.markers import Markers, unit_of_size
 from controller.motion.orientation import orient
 from controller.motion.reading_options import AS_FOUND, ReadingOptions
@@ -37,7 +37,6 @@ COMPARED = 400  # frames in which distances are compared
 WRITTEN = 1e-5  # m: files have six digits, so a distance that varies by less is constant
 NO_LENGTH = 1e-5  # m
 IN_HIP = 0.5  # thighs: a point this near to the root is no knee
-_TIMES = ("time_s", "time", "time (s)", "time [s]", "timestamp", "seconds", "t")
 _COLUMN = re.compile(r"(.+?)[._ :]?([xyz])", re.IGNORECASE)
 
 
@@ -74,7 +73,7 @@ def _in_joints(points: Markers) -> bool:
 def is_table(path: Path) -> bool:
     """Whether a .csv is a table of positions, by its first line."""
     columns = first_row(path)
-    return len(columns) > 1 and columns[0].lower() in _TIMES and _COLUMN.fullmatch(columns[1]) is not None
+    return len(columns) > 1 and columns[0].lower() in TIMES and _COLUMN.fullmatch(columns[1]) is not None
 
 
 def _table(path: str | Path) -> tuple[tuple[str, ...], float, Array, bool]:
@@ -85,7 +84,7 @@ def _table(path: str | Path) -> tuple[tuple[str, ...], float, Array, bool]:
     separator = separator_of(texts[0][1])
     head, rows = Line(path, texts[0][0], words_of(texts[0][1], separator)), texts[1:]
     columns = head.words
-    if columns[0].lower() not in _TIMES or len(columns) < 4 or len(columns) % 3 != 1 or len(columns) > MOST_COLUMNS:
+    if columns[0].lower() not in TIMES or len(columns) < 4 or len(columns) % 3 != 1 or len(columns) > MOST_COLUMNS:
         raise head.error(
             "expected 'time_s' and then x, y and z of each joint, such as 'root.x,root.y,root.z'. Write it so, or "
             "export the recording as .bvh, .c3d or .trc."

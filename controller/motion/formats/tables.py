@@ -13,6 +13,7 @@ from motiondeck_base.files import Line, as_float, no_number
 
 MOST_NUMBERS = 30_000_000
 LONGEST_GAP = 0.5  # s without a frame
+TIMES = ("time_s", "time", "time (s)", "time [s]", "timestamp", "seconds", "t")  # names of the first column
 _SNIFFED = 1 << 16  # bytes read to identify a table
 
 

@@ -1,4 +1,4 @@
-"""Writes clips for other programs: BVH with rotations, CSV with positions of joints or markers."""
+"""Writes clips for other programs: BVH with rotations, CSV with positions of joints or markers; and joint angles."""
 
 from collections.abc import Sequence
 from pathlib import Path
@@ -6,6 +6,8 @@ from pathlib import Path
 import numpy as np
 
 from controller.motion.clip import Clip
+from controller.motion.formats.joint_tables import save_joint_table
+from controller.motion.formats.taught_clip import save_taught_clip
 from controller.motion.markers import Markers
 from controller.motion.rotations import Array, conjugate, multiply, rotate, to_matrix
 from controller.motion.skeleton import ROOT
@@ -14,15 +16,24 @@ from motiondeck_base.errors import FileFormatError
 from motiondeck_base.files import write_file
 
 CENTIMETRES = 100.0  # the usual unit of BVH
-FORMATS = (".bvh", ".csv")
+FORMATS, JOINT_FORMATS = (".bvh", ".csv"), (".clip", ".csv", ".npz")
 # The middle angle of the three must stay off 90 degrees: people turn about the vertical, y, and seldom twist a leg.
 ROOT_ORDER, ORDER = "YXZ", "ZYX"
 
 
 def write_clip(clip: Clip, path: Path) -> None:
-    """Writes a clip in the format of the suffix, .bvh or .csv (FileFormatError for another)."""
-    if path.suffix.lower() not in FORMATS:
-        raise FileFormatError(f"{path}: clips are written as {' or '.join(FORMATS)}. Name the file so.")
+    """Writes a clip in the format of the suffix, .bvh or .csv, of joint angles .clip, .csv or .npz.
+
+    FileFormatError for another.
+    """
+    formats = JOINT_FORMATS if clip.skeleton.is_rig else FORMATS
+    if path.suffix.lower() not in formats:
+        what = "joint angles" if clip.skeleton.is_rig else "clips"
+        raise FileFormatError(f"{path}: {what} are written as {' or '.join(formats)}. Name the file so.")
+    if clip.skeleton.is_rig:
+        write = save_taught_clip if path.suffix.lower() == ".clip" else save_joint_table
+        write(clip, path)
+        return
     text = bvh_text(clip) if path.suffix.lower() == ".bvh" else csv_text(clip)
     write_file(path, text.encode())
 

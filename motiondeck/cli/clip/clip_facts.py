@@ -9,7 +9,9 @@ import numpy as np
 from controller.learning.recording_analysis import decided
 from controller.motion.anatomy import SIDES, Part, anatomy
 from controller.motion.canonical.body_doubts import doubts, recorded_parts
+from controller.motion.clip import Clip
 from controller.motion.decision import Decision
+from controller.motion.encodings.joint_angles import angles_of
 from controller.motion.formats.markers.marker_fit import Fit, misplaced
 from controller.motion.formats.reading import FittedClip
 from controller.motion.markers import runs
@@ -54,6 +56,16 @@ class Facts(TypedDict):
     fastest_joint: str
     fastest_speed: float
     gaps: Gaps | None
+
+
+def joint_facts(clip: Clip) -> dict[str, Any]:
+    """The statistics of a clip of a rig's joints: s, Hz; for each joint its range, rad, and largest speed, rad/s."""
+    angles = angles_of(clip.rotation[:, 1:])
+    speed = np.abs(np.diff(angles, axis=0, append=angles[-1:])).max(axis=0) * clip.rate
+    columns = np.stack([angles.min(axis=0), angles.max(axis=0), speed], axis=1).tolist()
+    joints = [dict(zip(("lower", "upper", "speed"), row, strict=True)) for row in columns]
+    known = {"name": clip.name, "source": clip.source, "plays": clip.plays, "frames": len(clip), "rate": clip.rate}
+    return known | {"duration": clip.duration, "joints": dict(zip(clip.skeleton.bones, joints, strict=True))}
 
 
 def facts(recording: FittedClip) -> Facts:

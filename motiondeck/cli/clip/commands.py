@@ -1,8 +1,9 @@
-"""`motiondeck clip`: shows, converts, draws and plays motion capture files."""
+"""`motiondeck clip`: shows, converts, draws and plays recordings of bodies and of a rig's joints."""
 
 from __future__ import annotations
 
 import json
+import math
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -26,12 +27,13 @@ from motiondeck_base.files import check_folder
 
 if TYPE_CHECKING:
     from controller.learning.centralized.reconstruction import Gap
+    from controller.motion.clip import Clip
     from controller.motion.formats.reading import FittedClip
     from controller.motion.markers import Markers
     from controller.motion.reading_options import ReadingOptions
     from motiondeck.cli.clip.clip_facts import Facts
 
-app = typer.Typer(help="Show, convert, draw and view motion capture files.", no_args_is_help=True)
+app = typer.Typer(help="Show, convert, draw and view recordings and joint motions.", no_args_is_help=True)
 
 FileArgument = Annotated[Path, Argument(metavar="FILE", help="A recording of any format in docs/clips.md.")]
 
@@ -43,14 +45,19 @@ def show(file: FileArgument, reading: Reading, ground: GroundOption = "auto", as
 
     For markers also the gaps and the fit. The table shows which bone was taken for which part of the body; doubts about
     it follow. If the unit, the vertical axis or a bone was detected wrongly, --unit, --up and --rename correct it, here
-    and in `clip convert`.
+    and in `clip convert`. For joints of a rig the table has their range and speed.
 
     Example:  motiondeck clip show dance.c3d
     """
     from controller.learning.recording_analysis import with_steps
-    from motiondeck.cli.clip.clip_facts import facts
+    from motiondeck.cli.clip.clip_facts import facts, joint_facts
 
-    known = facts(_read(file, with_steps(replace(reading.options(), ground=ground_of(ground)))))
+    recording = _read(file, with_steps(replace(reading.options(), ground=ground_of(ground))))
+    if recording.clip.skeleton.is_rig:
+        joints = joint_facts(recording.clip)
+        print(json.dumps(joints)) if as_json else _print_joints(joints)
+        return
+    known = facts(recording)
     if as_json:
         print(json.dumps(known))
     else:
@@ -62,7 +69,11 @@ def show(file: FileArgument, reading: Reading, ground: GroundOption = "auto", as
 def convert(
     file: FileArgument,
     out: Annotated[
-        Path, Argument(metavar="OUT", help="OUT.bvh for other programs, OUT.csv for positions, with --fill OUT.c3d.")
+        Path,
+        Argument(
+            metavar="OUT",
+            help="OUT.bvh, OUT.csv for positions, with --fill OUT.c3d; of joints OUT.clip, .csv or .npz.",
+        ),
     ],
     reading: Reading,
     begin: Annotated[float, Option("--from", metavar="SECONDS", help="Where the piece to write begins.")] = 0.0,
@@ -70,16 +81,18 @@ def convert(
         float | None, Option("--to", metavar="SECONDS", help="Where it ends; default: with the recording.")
     ] = None,
     mirror: Annotated[
-        bool, Option("--mirror", help="Exchange left and right, on the canonical body of 19 bones.")
+        bool, Option("--mirror", help="Exchange left and right: on the canonical body, or of joints by --skeleton RIG.")
     ] = False,
     fill: Annotated[bool, Option("--fill", help="Fill gaps of markers; from .c3d to .c3d or .csv.")] = False,
     as_json: JsonOption = False,
 ) -> None:
-    """Convert a recording to BVH or CSV; cut, mirror or fill it.
+    """Convert a recording to another format; cut, mirror or fill it.
 
-    BVH has bones and their rotations (y up, cm), CSV the time and x, y, z of every joint (m).
+    BVH has bones and their rotations (y up, cm), CSV the time and x, y, z of every joint (m). Angles of a rig's joints,
+    taught, written as keyframes or recorded by `play --record`, become .clip, .csv or .npz.
 
-    --mirror writes what `mirrored = true` makes of a motion in a recipe.
+    --mirror writes what `mirrored = true` makes of a motion in a recipe. Joints exchange with their twins
+    (left_lid, right_lid); how they turn is said by `mirror` in a rig file, or found in a model: --skeleton FILE.
 
     --fill reconstructs markers that were lost for a while: by a network of the visible markers around each gap, by
     their principal components, and by a line or a cubic along the marker's own path, each as far as it fills hidden
@@ -93,6 +106,7 @@ def convert(
       motiondeck clip convert 02_03.amc run.bvh
       motiondeck clip convert session.bvh wave.bvh --from 12.5 --to 18
       motiondeck clip convert wave.bvh wave-left.bvh --mirror
+      motiondeck clip convert wink.toml wink-left.clip --mirror --skeleton head.toml
       motiondeck clip convert dance.c3d filled.c3d --fill
     """
     check_other(file, out)
@@ -102,18 +116,25 @@ def convert(
             raise MotiondeckError("--fill writes the whole file with its own markers: it takes no other option")
         _fill_markers(file, out, as_json)
         return
-    from controller.motion.canonical.clip_edits import mirrored, seconds_of
+    from controller.learning.preparation.takes import with_kind
+    from controller.motion.canonical.clip_edits import mirrored, mirrored_joints, seconds_of
     from controller.motion.formats.writing import write_clip
 
-    clip = seconds_of(_read(file, reading.options()).clip, begin, end)
-    clip = mirrored(clip) if mirror else clip
+    clip = _read(file, reading.options()).clip
+    clip = seconds_of(clip, begin, end) if begin or end is not None else clip
+    if mirror and clip.skeleton.is_rig:
+        clip = mirrored_joints(clip, _mirror_signs(reading.skeleton))
+    elif mirror:
+        clip = mirrored(clip)
+    clip = with_kind(clip) if clip.skeleton.is_rig else clip
     write_clip(clip, out)
     if as_json:
         written = {"file": str(file), "written": str(out), "frames": len(clip), "bones": list(clip.skeleton.bones)}
         print(json.dumps(written))
     else:
         exchanged = ", left and right exchanged" if mirror else ""
-        print(f"wrote {out} ({len(clip)} frames of {len(clip.skeleton)} bones{exchanged})")
+        bones = f"joints, {clip.plays}" if clip.skeleton.is_rig else "bones"
+        print(f"wrote {out} ({len(clip)} frames of {len(clip.skeleton)} {bones}{exchanged})")
 
 
 @app.command("plot")
@@ -124,8 +145,8 @@ def plot(
 ) -> None:
     """Draw a recording as stick figures and curves.
 
-    The curves are heights, speeds, and for markers their gaps. Several recordings make a contact sheet: eight moments
-    of each, played by a mannequin of its body.
+    The curves are heights, speeds, and for markers their gaps; for joints angles and speeds. Several recordings make a
+    contact sheet: eight moments of each, played by a mannequin of its body.
 
     Example:  motiondeck clip plot walk.bvh --out walk.png
     """
@@ -134,6 +155,8 @@ def plot(
 
     recordings = [_read(file, ReadingOptions(skeleton)) for file in files]
     if len(recordings) > 1:
+        for recording in recordings:
+            _refuse_joints(recording.clip, "draw it alone")
         plot_sheet([recording.clip for recording in recordings], out)
     else:
         plot_clip(recordings[0], out)
@@ -167,6 +190,7 @@ def view(
     from sim.robots.catalogue import find_robot
 
     recording = _read(file, with_steps(reading.options()))
+    _refuse_joints(recording.clip, "`motiondeck clip plot` draws it")
     body = None if robot is None else find_robot(robot)
     act = act_of(recording.clip, body, ghost=video is None or body is not None)
     if video is not None:
@@ -182,10 +206,38 @@ def view(
 def _read(file: Path, options: ReadingOptions) -> FittedClip:
     from controller.motion.formats.reading import read_fitted
 
-    recording = read_fitted(file, options)
-    if recording.clip.skeleton.is_rig:
-        raise MotiondeckError(f"{file}: holds angles of a rig's joints, no body. `motiondeck play --rig RIG` plays it.")
-    return recording
+    return read_fitted(file, options)
+
+
+def _refuse_joints(clip: Clip, remedy: str) -> None:
+    if clip.skeleton.is_rig:
+        raise MotiondeckError(f"{clip.source}: holds angles of a rig's joints, no body: {remedy}.")
+
+
+def _mirror_signs(file: Path | None) -> dict[str, int]:
+    """How joints turn when left and right are exchanged, by a rig file or a robot's model."""
+    if file is None:
+        raise MotiondeckError(
+            "--mirror of joints needs --skeleton FILE: a rig file whose joints have mirror = 1 or -1, or a model (.xml)"
+        )
+    if file.suffix == ".toml":
+        from hardware.rig.rig_file import load_rig
+
+        return {joint.name: joint.mirror for joint in load_rig(file).joints if joint.mirror is not None}
+    from sim.models.mirror import mirror_signs
+
+    return mirror_signs(file)
+
+
+def _print_joints(known: dict[str, Any]) -> None:
+    from motiondeck.cli.common.tables import show_facts
+
+    rows = {"motion": f"{known['name']} ({known['source']}), {known['plays'] or 'loop or once is not said'}"}
+    rows["length"] = f"{known['frames']} frames at {known['rate']:g} Hz, {known['duration']:.2f} s"
+    for joint, figures in known["joints"].items():
+        lower, upper, speed = map(math.degrees, figures.values())
+        rows[joint] = f"{lower:+.1f} to {upper:+.1f} deg, at most {speed:.0f} deg/s"
+    show_facts(rows)
 
 
 def _print(known: Facts) -> None:

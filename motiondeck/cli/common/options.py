@@ -71,7 +71,8 @@ class Reading:
 
     skeleton: SkeletonOption = None
     unit: Annotated[
-        float | None, Option(metavar="METRES", help="Length of one unit of the file, m; default: detected.")
+        str | None,
+        Option(metavar="METRES|deg|rad", help="Length of one unit of the file, m, or deg or rad; default: detected."),
     ] = None
     up: Annotated[Literal["y", "z"] | None, Option(help="The axis of the file that is up; default: detected.")] = None
     rename: Annotated[
@@ -81,14 +82,18 @@ class Reading:
 
     def options(self) -> ReadingOptions:
         """The same for the readers; MotiondeckError if a new name is not OLD=NEW, or the unit is impossible."""
-        from controller.motion.reading_options import ReadingOptions
+        from controller.motion.reading_options import UNITS, ReadingOptions
 
+        try:
+            unit = None if self.unit is None else UNITS.get(self.unit) or float(self.unit)
+        except ValueError:
+            raise MotiondeckError(f"--unit takes a length in m, deg or rad, not '{self.unit}'") from None
         names = dict(pair.split("=", 1) for pair in self.rename or [] if "=" in pair)
         if len(names) < len(self.rename or []):
             raise MotiondeckError("--rename takes OLD=NEW, once for each joint")
         if self.skeleton is not None and (not self.skeleton.suffix or self.skeleton.suffix[1:].isdigit()):
-            return ReadingOptions(None, self.unit, self.up, names, str(self.skeleton))
-        return ReadingOptions(self.skeleton, self.unit, self.up, names)
+            return ReadingOptions(None, unit, self.up, names, str(self.skeleton))
+        return ReadingOptions(self.skeleton, unit, self.up, names)
 
 
 def ground_of(given: str) -> float | Literal["auto", "none"]:

@@ -19,7 +19,7 @@ from motiondeck.cli.rig.rig_port import PortOption, RigArgument, ended_by_sigter
 from motiondeck_base.errors import MotiondeckError
 
 if TYPE_CHECKING:
-    from controller.motion.formats.taught_clip import Plays
+    from controller.motion.clip import Plays
     from controller.motion.rotations import Array
     from hardware.bus.servo_bus import Bus
     from hardware.rig.rig_file import RigConfig
@@ -160,7 +160,7 @@ class _Session:
 
     def record_takes(self, parts: list[tuple[RigConfig, Bus]], out: Path, file: Path) -> None:
         """Records takes of the motion `out`, the first into `file`, until the last one is saved or dropped."""
-        from controller.motion.formats.taught_clip import taught_mode
+        from controller.motion.formats.taught_clip import read_taught_clip
         from hardware.errors import RigError
 
         while True:
@@ -173,7 +173,7 @@ class _Session:
                 self._say(f"{error} Once more.")
                 continue
             if file != out and self.plays is None:
-                recording.plays = taught_mode(out)  # takes of a motion are learned alike
+                recording.plays = read_taught_clip(out).plays or "loop"  # takes of a motion are learned alike
             choice = "" if recording.cut_short else self._choose(recording, file)
             if choice == "drop":
                 return

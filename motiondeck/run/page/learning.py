@@ -18,7 +18,6 @@ from motiondeck_base.errors import MotiondeckError
 
 FIGURES, POINTS = 8, 120  # poses, or angles of each joint, of a recording that are shown
 MARKERS = (".c3d", ".trc")
-LOOP_KEEPS = 0.5  # as `rig teach`
 _OFTEN = "Give a part without pauses or whole cycles of it, and learn it again."
 
 
@@ -112,17 +111,14 @@ def learn(request: LearnRequest) -> Learned | NotLearned:
 
 def _cut(file: Path, name: str, within: tuple[float, float]) -> Path:
     """A part of a taught clip as a clip of this name; a loop if it ends where it began."""
-    from controller.learning.preparation.takes import is_periodic
-    from controller.motion.canonical.clip_edits import span
-    from controller.motion.encodings.joint_angles import angles_of
-    from controller.motion.formats.taught_clip import read_taught_clip, save_taught_clip
+    from controller.learning.preparation.takes import with_kind
+    from controller.motion.canonical.clip_edits import seconds_of
+    from controller.motion.formats.reading import read_clip
+    from controller.motion.formats.taught_clip import save_taught_clip
 
-    clip = read_taught_clip(file)
-    first, end = (round(at * clip.rate) for at in within)
-    part = span(clip, first, min(end, len(clip)))
-    loop = is_periodic(angles_of(part.rotation[:, 1:]), part.rate, at_least=LOOP_KEEPS)
-    out = file.with_name(f"{name}.clip")
-    save_taught_clip(part, out, "loop" if loop else "once")
+    clip = read_clip(file)
+    part = with_kind(seconds_of(clip, within[0], min(within[1], clip.duration)))
+    save_taught_clip(part, out := file.with_name(f"{name}.clip"))
     return out
 
 

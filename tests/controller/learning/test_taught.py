@@ -119,9 +119,9 @@ def test_takes_of_a_motion_that_happens_once_keep_its_ends(tmp_path):
     for number, file in enumerate(files):
         reach(file, 1.5 + 0.3 * number, number)
     assert by_motion([files[2], files[0], files[1]]) == [files]
-    clip, plays = read_takes(files)
+    clip = read_takes(files)
     angles = angles_of(clip.rotation[:, 1:])
-    assert plays == "once"
+    assert clip.plays == "once"
     assert len(clip) == 180  # the pace of the middle one
     assert angles[-1] == pytest.approx([0.8, 0.0], abs=0.05)
     assert not is_periodic(angles, RATE, at_least=0.5)

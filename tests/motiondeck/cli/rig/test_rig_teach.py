@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 from command_line import invoked
-from controller.motion.formats.taught_clip import read_taught_clip, save_taught_clip, taught_clip, taught_mode
+from controller.motion.formats.taught_clip import read_taught_clip, save_taught_clip, taught_clip
 from hardware.errors import SerialPortError
 from hardware.rig.rig_file import load_rig
 from hardware.rig.scale import RigScale
@@ -188,7 +188,7 @@ def test_motions_are_named_recorded_again_and_taken_several_times(session, tmp_p
     assert sorted(file.name for file in tmp_path.glob("*.clip")) == ["reach.clip", "wave.clip"]
     assert "\nmotion 'wa ve' cannot be typed" in result.stderr
     assert "unknown choice 'what'" in result.stderr
-    assert (taught_mode(tmp_path / "wave.clip"), taught_mode(tmp_path / "reach.clip")) == ("loop", "once")
+    assert tuple(read_taught_clip(tmp_path / f"{name}.clip").plays for name in ("wave", "reach")) == ("loop", "once")
     assert "wave.2: 5.0 s of 5.0 s, loop" in result.stderr
     assert re.search(r"note: it is 0\.\d\d rad from the average of 2 takes", result.stderr)
 
@@ -213,7 +213,7 @@ def test_another_take_is_learned_as_the_one_before_it(session, tmp_path):
     """`learn` refuses takes of which one is a loop and another is not."""
     lines = ["", "wave", "", "once", "take", "", "", "wave", "", "", ""]
     session(tmp_path, lines, [wave(), wave(0.55), wave(0.6)])
-    assert [taught_mode(tmp_path / f"wave{take}.clip") for take in ("", ".2", ".3")] == ["once"] * 3
+    assert [read_taught_clip(tmp_path / f"wave{take}.clip").plays for take in ("", ".2", ".3")] == ["once"] * 3
 
 
 @pytest.mark.parametrize(("option", "seconds", "left"), [("--trim", 4.2, True), ("--no-trim", 5.0, False)])

@@ -1,0 +1,29 @@
+"""Recorded runs (.rec): the joint targets of `play --record` as a motion."""
+
+from pathlib import Path
+
+from controller.motion.clip import Clip
+from controller.motion.file_format import Format
+from controller.motion.formats.taught_clip import taught_clip
+from controller.motion.reading_options import AS_FOUND, ReadingOptions
+from controller.wire.run_recording import MAGIC, load_recording
+from motiondeck_base.errors import FileFormatError
+
+
+def read_run(path: str | Path, options: ReadingOptions = AS_FOUND) -> Clip:
+    """The take of the targets of all joints, tick by tick."""
+    options.refuse(path)
+    recording = load_recording(Path(path))
+    if recording.ticks == 0:
+        raise FileFormatError(f"{path}: this recording holds no tick. Record a run that plays.")
+    about = recording.description
+    try:
+        return taught_clip(
+            Path(path).stem, list(about["joints"]), float(about["rate"]), recording.fields["targets"], Path(path).name
+        )
+    except (KeyError, TypeError, ValueError) as error:
+        raise FileFormatError(f"{path}: its header lacks joints, rate or targets ({error}). Record it again.") from None
+
+
+# Read by name only: a folder of recordings of people may hold runs too.
+FORMAT = Format(suffixes=(".rec",), read=read_run, magic=MAGIC, matches=lambda _: False)
