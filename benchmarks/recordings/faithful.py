@@ -121,7 +121,7 @@ def _said(library: motiondeck.Library, motion: str) -> Row:
     said = info.against_recording
     if said is None:
         return {}
-    return {"said_mm": said.mm.p95, "said_degrees": said.degrees.p95, "said_held": said.held_degrees}
+    return {"said_mm": said.own_body_mm, "said_degrees": said.degrees.p95, "said_held": said.held_degrees}
 
 
 def run_of(library: motiondeck.Library, motion: str, seconds: float) -> Played:

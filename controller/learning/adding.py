@@ -89,6 +89,6 @@ def add_motion(library: MotionLibrary, path: Path, clip: Clip, motion: MotionRec
         recipe=msgspec.json.decode(msgspec.json.encode(grown_recipe)),
         acknowledgement=f"{info.acknowledgement} '{motion.name}' was added from {Path(motion.file).name}.".strip(),
     )
-    recorded = recorded_part(own, part.first, part.end, loop=motion.plays == "loop")
+    recorded = recorded_part(own, part.first, part.end, loop=motion.plays == "loop", body=part.body)
     added = judged(MotionLibrary(header, grown, library.encoding), {motion.name: lambda: recorded})
     return Addition(added, part, *quotas)

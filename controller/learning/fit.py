@@ -139,7 +139,8 @@ def judged(library: MotionLibrary, recorded: Mapping[str, Recorded]) -> MotionLi
         if motion.name in recorded and (part := recorded[motion.name]()) is not None:
             error = recording_error(library, motion.name, part)
             passed, reason = motion.passed and not error.reason, motion.reason or error.reason
-            motion = msgspec.structs.replace(motion, against_recording=error, passed=passed, reason=reason)
+            found = {"against_recording": error, "body": part.body.info(), "passed": passed, "reason": reason}
+            motion = msgspec.structs.replace(motion, **found)
         motions.append(motion)
     return MotionLibrary(msgspec.structs.replace(library.info, motions=motions), library.network, library.encoding)
 

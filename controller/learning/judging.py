@@ -12,6 +12,7 @@ from controller.learning.training_set import read_motion, to_learn
 from controller.library.library_header import MotionInfo
 from controller.library.motion_library import MotionLibrary
 from controller.motion.reading_options import AS_FOUND
+from controller.motion.skeleton import Skeleton
 from motiondeck_base.errors import MotiondeckError
 
 
@@ -38,7 +39,8 @@ def _judge(library: MotionLibrary, path: Path, file: Path, recipe: LibraryRecipe
     else:
         part = to_learn(library.encoding, clip, plan, library.info.rate, recipe.loop_keeps)[1]
         first, end = part.first, part.end
-    recorded = recorded_part(clip, first, end, loop=info.plays == "loop")
+    body = None if info.body is None else Skeleton.restore(info.body)
+    recorded = recorded_part(clip, first, end, loop=info.plays == "loop", body=body)
     if recorded is None or plan.takes or recipe.as_recorded or library.network.as_autonomous is not None:
         raise MotiondeckError(f"{path}: motion '{info.name}' has no time or no body of one recording to compare with")
     # What the self-test said stays; what the recording said is said anew.

@@ -20,7 +20,7 @@ from controller.learning.recipe import LibraryRecipe, MotionRecipe, find_recordi
 from controller.learning.trainers.registry import trainer_of
 from controller.learning.trainers.trainer import Lessons
 from controller.motion.canonical.actors import Actor, actors_of, nearest_to_all
-from controller.motion.canonical.canonical_body import carried
+from controller.motion.canonical.canonical_body import carried, on_bones_of
 from controller.motion.canonical.clip_edits import jumps, mirrored, resampled, span, spikes
 from controller.motion.clip import Clip
 from controller.motion.encodings.encoding import Encoding, encoding_of
@@ -49,6 +49,7 @@ class LearnedPart:
     first: float
     end: float
     recorded: float
+    body: Skeleton | None = None  # with the lengths that the recording's limbs have in it
     # Mean distance of joints, and largest angle of a bone, at a loop's seam before it is eased; None for a one-shot.
     seam_mm: float | None = None
     seam_degrees: float | None = None
@@ -155,7 +156,9 @@ def prepare(
             learned = to_learn(encoding, clip, motion, rate, recipe.loop_keeps)
             found.frames[motion.name], part = learned
             found.parts[motion.name] = part
-            found.recorded[motion.name] = partial(recorded_part, clip, part.first, part.end, loop=loops[motion.name])
+            found.recorded[motion.name] = partial(
+                recorded_part, clip, part.first, part.end, loop=loops[motion.name], body=part.body
+            )
     return found
 
 
@@ -213,10 +216,11 @@ def to_learn(
     The clip, already mirrored if wanted, is carried to the encoding's body and the rate, Hz; a loop keeps at least the
     share `loop_keeps` of its frames.
     """
-    channels = encoding.encode(carried(resampled(cut(clip, motion), rate), encoding.skeleton))
+    own = on_bones_of(resampled(cut(clip, motion), rate), encoding.skeleton)
+    channels = encoding.encode(carried(own, encoding.skeleton))
     begin, recorded = (motion.frames or (0, 0))[0] / clip.rate, len(clip) / clip.rate
     if motion.plays == "once":
-        part = LearnedPart(begin, begin + len(channels) / rate, recorded)
+        part = LearnedPart(begin, begin + len(channels) / rate, recorded, own.skeleton)
         return hold_end(channels, encoding.velocities, rate), part
     features = joint_features(encoding, channels)
     seam = best_seam(in_place(features), rate, at_least=loop_keeps)
@@ -224,6 +228,7 @@ def to_learn(
         begin + seam.start / rate,
         begin + seam.end / rate,
         recorded,
+        own.skeleton,
         *seam_error(encoding, channels, features, (seam.start, seam.end)),
     )
     loop = close_loop(channels, seam, encoding.velocities, rate)

@@ -15,10 +15,10 @@ from motiondeck_base.errors import FileFormatError, UnknownNameError
 from motiondeck_base.files import way_from
 from motiondeck_base.toml_file import shaped
 
-VERSION = 6
+VERSION = 7
 # Read as well: 2 brought phase-driven conceptors, 3 centralized networks with weights of low rank, 4 inputs of motions,
-# 5 phase-driven echo-state networks.
-OLDER = (1, 2, 3, 4, 5)
+# 5 phase-driven echo-state networks, 7 a body of each motion.
+OLDER = (1, 2, 3, 4, 5, 6)
 MOST_NEURONS, MOST_HARMONICS = 20_000, 100
 
 
@@ -31,6 +31,7 @@ class MotionInfo(MotionHeader, frozen=True, kw_only=True):
     passed: bool  # whether it passed the self-test, and is as near to its recording as it must be
     reason: str = ""  # why not, or ""
     against_recording: RecordingError | None = None  # None where there is no recording to compare with
+    body: SkeletonInfo | None = None  # of the recording, with its own lengths of limbs; None if it is not known
 
 
 class LibraryInfo(NetworkHeader, frozen=True, kw_only=True):

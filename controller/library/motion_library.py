@@ -14,6 +14,7 @@ from weakref import WeakKeyDictionary
 import numpy as np
 
 from controller.library.library_header import OLDER, VERSION, LibraryInfo, encoding_in, portable, read_header
+from controller.motion.canonical.canonical_body import is_canonical
 from controller.motion.encodings.encoding import Encoding
 from controller.motion.skeleton import Skeleton
 from controller.networks.base import AnyNetwork
@@ -39,6 +40,11 @@ class MotionLibrary:
     def skeleton(self) -> Skeleton:
         """The body of the motions."""
         return self.encoding.skeleton
+
+    def body(self, motion: str) -> Skeleton:
+        """The body of a motion's recording: the library's with other lengths, or the canonical one."""
+        info = next(info for info in self.info.motions if info.name == motion)
+        return self.skeleton if info.body is None else Skeleton.restore(info.body)
 
 
 Found = TypeVar("Found")
@@ -77,4 +83,12 @@ def load_library(path: Path) -> MotionLibrary:
                 f"{path}: motion '{motion}' reads out {largest:.3g}, which no body does (m, m/s, rad/s; "
                 f"{LARGEST_CHANNEL:g} is the most). The file is damaged: make it again with {KIND.made_by}."
             )
-    return MotionLibrary(info, network, encoding)
+    library = MotionLibrary(info, network, encoding)
+    for motion in network.motions:
+        try:
+            body = library.body(motion)
+        except FileFormatError as error:
+            raise FileFormatError(f"{path}: body of motion '{motion}': {error}") from None
+        if not (set(body.bones) == set(encoding.skeleton.bones) or is_canonical(body)):
+            raise FileFormatError(f"{path}: body of motion '{motion}' has the bones of no body")
+    return library

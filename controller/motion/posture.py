@@ -9,6 +9,7 @@ import numpy as np
 
 from controller.motion.clip import Clip
 from controller.motion.rotations import Array, multiply, yaw
+from controller.motion.skeleton import Skeleton
 
 
 @dataclass(slots=True)
@@ -51,3 +52,9 @@ def walk_path(posture: Posture, dt: float, speed: float = 1.0) -> Pose:
     y = np.cumsum(sin * step[:, 0] + cos * step[:, 1])
     position = np.stack([x, y, posture.height], axis=-1)
     return Pose(position, heading, multiply(yaw(heading)[:, None, :], posture.rotation))
+
+
+def walked_clip(name: str, skeleton: Skeleton, posture: Posture, rate: float, source: str = "") -> Clip:
+    """The clip of postures at a rate, Hz, that starts at the origin."""
+    pose = walk_path(posture, 1.0 / rate)
+    return Clip(name, skeleton, rate, pose.root_position, pose.rotation, source)

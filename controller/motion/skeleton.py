@@ -14,6 +14,7 @@ from controller.motion.rotations import Array, FixedVectors
 from motiondeck_base.errors import FileFormatError
 
 ROOT = -1
+LONGEST_BONE = 10.0  # m, of a body in a library
 
 
 class SkeletonInfo(msgspec.Struct, forbid_unknown_fields=True, frozen=True):
@@ -74,12 +75,16 @@ class Skeleton:
 
     @classmethod
     def restore(cls, info: SkeletonInfo) -> Skeleton:
-        """The skeleton of a header (FileFormatError as for the class, or if a list is not one of numbers)."""
+        """The skeleton of a header (FileFormatError as for the class, for what is no number, or too long a bone)."""
         try:
             arrays = (np.array(info.rest_direction, dtype=np.float64), np.array(info.length, dtype=np.float64))
-            return Skeleton(info.name, tuple(info.bones), np.array(info.parent, dtype=np.int64), *arrays)
+            skeleton = Skeleton(info.name, tuple(info.bones), np.array(info.parent, dtype=np.int64), *arrays)
         except (ValueError, OverflowError) as error:
             raise FileFormatError(str(error)) from None
+        if skeleton.length.max() > LONGEST_BONE:
+            longest = skeleton.bones[int(skeleton.length.argmax())]
+            raise FileFormatError(f"bone '{longest}' is {skeleton.length.max():.3g} m long, which no body has")
+        return skeleton
 
     def index(self, bone: str) -> int:
         """The index of a bone by name (KeyError if there is none)."""

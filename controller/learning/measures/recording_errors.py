@@ -3,7 +3,7 @@
 Each motion runs free from its start: a loop for three rounds, a one-shot until it holds its end. The landmarks of the
 canonical body are compared at the recorded frames, seen from the hips: their middle above the origin of the floor, the
 line through them along y. Heights are not aligned, so an error of the floor counts. What is played is scaled by the
-ratio of leg lengths.
+ratio of leg lengths. It is compared on the library's body, which the deck plays, and on the recording's own.
 
 The frames of a loop within SEAM seconds of its seam are left out, because the mismatch there is the recording's own. A
 one-shot may be LATE seconds late from STOPS seconds before its end on, because it comes to rest there.
@@ -17,10 +17,11 @@ from numpy.typing import NDArray
 from controller.deck.motion_generator import MotionGenerator
 from controller.library.motion_library import MotionLibrary
 from controller.library.recording_error import Errors, RecordingError
-from controller.motion.canonical.canonical_body import CANONICAL_BONES, landmark_places
+from controller.motion.canonical.canonical_body import CANONICAL_BONES, carried, landmark_places, to_canonical
 from controller.motion.clip import Clip
-from controller.motion.posture import walk_path
+from controller.motion.posture import walked_clip
 from controller.motion.rotations import Array, normalise
+from controller.motion.skeleton import Skeleton
 from controller.motion.thesis_body import JAEGER_PARENT
 from motiondeck_base.errors import FileFormatError
 
@@ -48,6 +49,7 @@ class RecordedPart:
     first: float  # start and end of the motion in the recording, s
     end: float
     loop: bool
+    body: Skeleton
 
     @property
     def seconds(self) -> float:
@@ -55,8 +57,13 @@ class RecordedPart:
         return self.end - self.first
 
 
-def recorded_part(clip: Clip, first: float, end: float, *, loop: bool) -> RecordedPart | None:
-    """The part of a recording from `first` to `end`, s; None for the joints of a rig, and for bodies without legs."""
+def recorded_part(
+    clip: Clip, first: float, end: float, *, loop: bool, body: Skeleton | None = None
+) -> RecordedPart | None:
+    """The part of a recording from `first` to `end`, s, and its body, by default the canonical one of this part.
+
+    None for the joints of a rig, and for bodies without legs.
+    """
     if clip.skeleton.is_rig:
         return None
     near = 0.01  # of a frame
@@ -64,18 +71,20 @@ def recorded_part(clip: Clip, first: float, end: float, *, loop: bool) -> Record
     part = Clip(clip.name, clip.skeleton, clip.rate, clip.root_position[frames], clip.rotation[frames])
     try:
         places, known = landmark_places(part)
+        body = body or to_canonical(part).skeleton
     except FileFormatError:
         return None
     since = np.arange(frames.start, frames.start + len(part)) / clip.rate - first
-    return RecordedPart(places, known, since, first, end, loop)
+    return RecordedPart(places, known, since, first, end, loop, body)
 
 
 def recording_error(library: MotionLibrary, motion: str, recorded: RecordedPart) -> RecordingError:
     """The error of a motion's free run against its recording."""
     rate, seconds = library.info.rate, recorded.seconds
     wanted, since = recorded.places, recorded.since
-    played = _played(library, motion, ROUNDS * seconds if recorded.loop else seconds + HELD)
-    played *= _leg_length(wanted) / _leg_length(played)
+    run = _played(library, motion, ROUNDS * seconds if recorded.loop else seconds + HELD)
+    played, own = (landmark_places(clip)[0] for clip in (run, carried(run, recorded.body)))
+    played, own = (places * (_leg_length(wanted) / _leg_length(places)) for places in (played, own))
     if recorded.loop:
         when, target = (
             np.concatenate([since + turn * seconds for turn in range(ROUNDS)]),
@@ -86,35 +95,33 @@ def recording_error(library: MotionLibrary, motion: str, recorded: RecordedPart)
     else:
         when, target, kept = since, wanted.copy(), np.full(len(since), True)
         for frame in map(int, np.flatnonzero(since >= seconds - STOPS)):
-            target[frame] = _nearest_late(recorded, frame, _at(played, since[frame : frame + 1] * rate))
-    ours, theirs = _at(played, when * rate)[kept], target[kept]
-    own_body = _from_hips(_on_body_of(theirs, ours))
-    ours, theirs = _from_hips(ours), _from_hips(theirs)
+            target[frame] = _nearest_late(recorded, frame, _at(own, since[frame : frame + 1] * rate))
+    ours, own_body, theirs = map(
+        _from_hips, (_at(played, when * rate)[kept], _at(own, when * rate)[kept], target[kept])
+    )
     at = recorded.first + when[kept] % seconds
     bones = _pointing(recorded)
     held = None
     if not recorded.loop:
         held = float(_angles(_from_hips(played[-1:]), _from_hips(wanted[-1:]), bones).max())
     joints = np.flatnonzero(recorded.known[1:])
-    off, own = (1000.0 * np.linalg.norm(places - theirs, axis=-1)[:, 1 + joints] for places in (ours, own_body))
+    off, own_off = (1000.0 * np.linalg.norm(places - theirs, axis=-1)[:, 1 + joints] for places in (ours, own_body))
     return RecordingError(
         from_s=recorded.first,
         to_s=recorded.end,
         mm=_errors(off, joints, at),
         degrees=_errors(_angles(ours, theirs, bones), bones, at),
-        own_body_mm=float(np.quantile(own, SHARE)),
+        own_body_mm=float(np.quantile(own_off, SHARE)),
         held_degrees=held,
         **_feet(_at(played, since * rate), wanted, recorded),
     )
 
 
-def _played(library: MotionLibrary, motion: str, seconds: float) -> Array:
-    """Landmarks of a free run at the library's rate, shape (T, 20, 3), m."""
+def _played(library: MotionLibrary, motion: str, seconds: float) -> Clip:
+    """A free run at the library's rate."""
     rate = library.info.rate
-    pose = walk_path(
-        library.encoding.decode(MotionGenerator(library, motion).frames(seconds + 2.0 / rate, rate)), 1.0 / rate
-    )
-    return landmark_places(Clip(motion, library.skeleton, rate, pose.root_position, pose.rotation))[0].copy()
+    frames = MotionGenerator(library, motion).frames(seconds + 2.0 / rate, rate)
+    return walked_clip(motion, library.skeleton, library.encoding.decode(frames), rate)
 
 
 def _leg_length(places: Array) -> float:
@@ -140,28 +147,11 @@ def _from_hips(places: Array) -> Array:
     return np.stack([cos * x + sin * y, cos * y - sin * x, places[..., 2]], axis=-1)
 
 
-def _on_body_of(recorded: Array, played: Array) -> Array:
-    """Played landmarks (T, 20, 3) with the recorded distances between them, the lowest one as high as it was."""
-    lengths = np.linalg.norm(recorded[:, 1:] - recorded[:, PARENT], axis=-1, keepdims=True)
-    lines = normalise(played[:, 1:] - played[:, PARENT])
-    out = played.copy()
-    # A pelvis of another shape has its root elsewhere: the hips stay in the middle of their line.
-    middle, middles = (places[:, HIPS].mean(axis=1, keepdims=True) for places in (played, recorded))
-    aside = np.linalg.norm(recorded[:, [0, *HIPS]] - middles, axis=-1, keepdims=True)
-    out[:, [0, *HIPS]] = middle + normalise(played[:, [0, *HIPS]] - middle) * aside
-    for bone, parent in enumerate(PARENT):
-        if 1 + bone not in HIPS:
-            out[:, 1 + bone] = out[:, parent] + lines[:, bone] * lengths[:, bone]
-    out[..., 2] += (played[..., 2].min(axis=1) - out[..., 2].min(axis=1))[:, None]
-    return out
-
-
 def _nearest_late(recorded: RecordedPart, frame: int, played: Array) -> Array:
     """The recorded landmarks (20, 3) up to LATE seconds before a frame that are nearest to played ones (1, 20, 3)."""
     step = np.diff(recorded.since[:2])[0]
     some = _at(recorded.places, frame - np.arange(0.0, LATE / step, 0.25))
-    same_body = _on_body_of(some, np.repeat(played, len(some), axis=0))
-    off = np.linalg.norm(_from_hips(some) - _from_hips(same_body), axis=-1)[:, recorded.known]
+    off = np.linalg.norm(_from_hips(some) - _from_hips(played), axis=-1)[:, recorded.known]
     return some[off.mean(axis=1).argmin()]
 
 

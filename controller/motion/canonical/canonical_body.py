@@ -174,6 +174,12 @@ def to_canonical(clip: Clip) -> Clip:
     return Clip(clip.name, skeleton, clip.rate, place[:, 0], continuous(rotation), clip.source)
 
 
+def on_bones_of(clip: Clip, skeleton: Skeleton) -> Clip:
+    """A recording with its own proportions: as it is if it has the skeleton's bones, else on the canonical body."""
+    joints = clip.skeleton.is_rig or skeleton.is_rig
+    return clip if joints or set(clip.skeleton.bones) == set(skeleton.bones) else to_canonical(clip)
+
+
 def landmark_places(clip: Clip) -> tuple[Array, NDArray[np.bool_]]:
     """Positions of root and landmarks (T, 20, 3), m, and which are recorded (20,). FileFormatError without two legs."""
     if is_canonical(clip.skeleton):

@@ -21,13 +21,12 @@ from numpy.typing import NDArray
 from controller.motion.anatomy import Side, anatomy
 from controller.motion.clip import Clip
 from controller.motion.orientation import orient
-from controller.motion.posture import Posture, walk_path
+from controller.motion.posture import Posture, walked_clip
 from controller.motion.rotations import Array, conjugate, multiply, normalise, rotate, yaw
 from controller.motion.skeleton import ROOT, Skeleton, SkeletonInfo
 from motiondeck_base.errors import FileFormatError
 
 HEIGHT, TURN_RATE, FORWARD, LEFT, FIRST_BONE = 0, 1, 2, 3, 4
-LONGEST_BONE = 10.0  # m, of a body in a library
 
 # Bones from the root to the hips in Jaeger's patterns and in CMU's recordings.
 HIPS = (("rhip", "lhip"), ("rhipjoint", "lhipjoint"))
@@ -69,9 +68,6 @@ class BoneDirections:
     def restore(cls, info: SkeletonInfo) -> Self:
         """The encoding of a library; FileFormatError if its skeleton is damaged, too large, or lacks its hips."""
         skeleton = Skeleton.restore(info)
-        if skeleton.length.max() > LONGEST_BONE:
-            longest = skeleton.bones[int(skeleton.length.argmax())]
-            raise FileFormatError(f"bone '{longest}' is {skeleton.length.max():.3g} m long, which no body has")
         for hip in (info.right_hip, info.left_hip):
             if hip not in skeleton.bones:
                 raise FileFormatError(f"hip bone '{hip}' is not in its skeleton")
@@ -145,8 +141,7 @@ class BoneDirections:
 
     def decode_clip(self, channels: Array, rate: float, name: str, source: str = "") -> Clip:
         """The clip of channels (T, 4 + 3 B) at a rate in Hz, with its path from the origin."""
-        pose = walk_path(self.decode(channels), 1.0 / rate)
-        return Clip(name, self.skeleton, rate, pose.root_position, pose.rotation, source)
+        return walked_clip(name, self.skeleton, self.decode(channels), rate, source)
 
     def heading(self, rotation: Array) -> Array:
         """The heading of bodies with bone rotations (..., 1 + B, 4), shape (...), rad."""
