@@ -90,5 +90,5 @@ def load_library(path: Path) -> MotionLibrary:
         except FileFormatError as error:
             raise FileFormatError(f"{path}: body of motion '{motion}': {error}") from None
         if not (set(body.bones) == set(encoding.skeleton.bones) or is_canonical(body)):
-            raise FileFormatError(f"{path}: body of motion '{motion}' has the bones of no body")
+            raise FileFormatError(f"{path}: body of motion '{motion}' has bones of another skeleton")
     return library

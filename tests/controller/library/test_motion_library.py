@@ -209,9 +209,20 @@ def giant(arrays, header):
     header["skeleton"]["length"][2] = 1e12
 
 
+def giant_body(arrays, header):
+    header["motions"][1]["body"] = header["skeleton"] | {"length": [50.0] * len(header["skeleton"]["length"])}
+
+
+def body_of_others(arrays, header):
+    bones = ["hip", *header["skeleton"]["bones"][1:]]
+    header["motions"][1]["body"] = header["skeleton"] | {"bones": bones}
+
+
 @pytest.mark.parametrize(
     ("change", "says"),
     [
+        (giant_body, r"body of motion 'wave': bone 'rhip' is 50 m long"),
+        (body_of_others, r"body of motion 'wave' has bones of another skeleton"),
         (nan_in, r"motion/march/bias.*not finite"),
         (wrong_shape, r"motion/wave/project.*expected float32 of shape \(30, 300\)"),
         (wrong_type, r"motion/wave/rest.*float64"),

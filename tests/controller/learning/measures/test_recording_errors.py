@@ -18,11 +18,13 @@ from controller.learning.measures.recording_errors import recorded_part, recordi
 from controller.library.library_header import read_header
 from controller.library.motion_library import load_library, save_library
 from controller.library.recording_error import LARGEST_DEGREES, Errors, RecordingError
+from controller.motion.canonical.canonical_body import leg
 from controller.motion.clip import Clip
 from controller.motion.formats.taught_clip import taught_clip
 from controller.motion.formats.writing import bvh_text
 from controller.motion.posture import walk_path
 from controller.motion.rotations import multiply
+from motiondeck import load_library as load_motions
 from motiondeck_base.errors import MotiondeckError
 from synthetic import small_library
 
@@ -179,6 +181,24 @@ def test_another_size_of_the_body_is_told_from_another_motion(library):
     assert found.own_body_mm < 0.1
     turned_arm = error(library, "swing", with_arm_turned)
     assert turned_arm.own_body_mm == pytest.approx(turned_arm.mm.p95, rel=0.05)
+
+
+def test_a_clip_of_a_motion_is_on_the_body_of_its_recording(library, tmp_path):
+    clip, seconds, loop = part_of(library, "swing")
+    length = clip.skeleton.length * np.where(
+        [bone in ("lelb", "rkne", "back") for bone in clip.skeleton.bones], 1.2, 1.0
+    )
+    other = replace(clip, skeleton=replace(clip.skeleton, length=length))
+    model = judged(library, {"swing": partial(recorded_part, other, 0.0, seconds, loop=loop)})
+    save_library(model, tmp_path / "two.safetensors")
+    played = load_motions(tmp_path / "two.safetensors")
+    found = played.generate_clip("swing", seconds=seconds)
+    assert found.joints()[:, 1:] - found.joints()[:, :1] == pytest.approx(
+        other.joints()[:, 1:] - other.joints()[:, :1], abs=1e-3
+    )
+    lowest, before = (one.joints()[..., 2].min(axis=1) for one in (found, clip))
+    assert lowest == pytest.approx(before * leg(other.skeleton) / leg(clip.skeleton), abs=0.02)  # a soft minimum
+    assert played.generate_clip("bow", seconds=1.0).skeleton.length == pytest.approx(clip.skeleton.length, abs=1e-6)
 
 
 def test_a_pose_held_that_was_never_recorded_is_found(library):
