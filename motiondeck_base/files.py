@@ -1,6 +1,7 @@
 """Reads and writes files that the user names; every failure is one clear line."""
 
 import codecs
+import hashlib
 import math
 import os
 import secrets
@@ -132,6 +133,11 @@ def write_file(path: Path, content: bytes) -> None:
             _replace(path.resolve(), content)  # a link stays one
     except OSError as error:
         raise FileFormatError.unwritable(path, error) from None
+
+
+def digest_of(path: Path) -> str:
+    """The digest of a file's contents."""
+    return hashlib.sha256(path.read_bytes()).hexdigest()
 
 
 def keep(path: Path, content: bytes) -> None:

@@ -13,7 +13,7 @@ from __future__ import annotations
 
 import heapq
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import combinations
 
 import numpy as np
@@ -41,8 +41,10 @@ class Routes:
     @staticmethod
     @once_a_library
     def of(library: MotionLibrary) -> Routes:
-        """The routes between the motions of a library."""
-        return Routes.between(read_motions(library))
+        """The routes between the motions of a library; baked motions go the ways of those that they are made from."""
+        motions, baked = read_motions(library), library.info.baked
+        routes = Routes.between(motions)
+        return replace(routes, leaps=baked.leaps) if baked is not None else routes
 
     @property
     def direct(self) -> Routes:

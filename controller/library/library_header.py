@@ -17,7 +17,7 @@ from motiondeck_base.toml_file import shaped
 
 VERSION = 7
 # Read as well: 2 brought phase-driven conceptors, 3 centralized networks with weights of low rank, 4 inputs of motions,
-# 5 phase-driven echo-state networks, 7 a body of each motion.
+# 5 phase-driven echo-state networks, 7 a body of each motion, and libraries baked for a robot.
 OLDER = (1, 2, 3, 4, 5, 6)
 MOST_NEURONS, MOST_HARMONICS = 20_000, 100
 
@@ -34,6 +34,16 @@ class MotionInfo(MotionHeader, frozen=True, kw_only=True):
     body: SkeletonInfo | None = None  # of the recording, with its own lengths of limbs; None if it is not known
 
 
+class BakedFrom(msgspec.Struct, forbid_unknown_fields=True, frozen=True, kw_only=True):
+    """The origin of a library whose motions were carried to a robot beforehand."""
+
+    robot: str  # the name of its file
+    robot_digest: str  # of all its files
+    library: str  # the name of the library of human motions
+    library_digest: str  # of its file
+    leaps: dict[str, dict[str, float]]  # between its motions, m, as `routes.leap` has them
+
+
 class LibraryInfo(NetworkHeader, frozen=True, kw_only=True):
     """The header of a library."""
 
@@ -46,6 +56,7 @@ class LibraryInfo(NetworkHeader, frozen=True, kw_only=True):
     recipe: dict[str, Any]  # of the training, as it was read
     licence: str  # terms under which the library may be passed on
     acknowledgement: str  # that the owners of the data ask for
+    baked: BakedFrom | None = None  # None for a library of recordings
 
 
 def read_header(path: Path, tree: object) -> LibraryInfo:
@@ -70,6 +81,9 @@ def read_header(path: Path, tree: object) -> LibraryInfo:
         and all(0.0 <= value <= 1e3 for value in msgspec.structs.astuple(scales)[2:])
     ):
         raise FileFormatError(f"{path}: no weights can be drawn with seed {info.seed} and {scales}")
+    leaps = info.baked.leaps if info.baked is not None else dict.fromkeys(names, dict.fromkeys(names, 0.0))
+    if any(not 0.0 <= leaps.get(one, {}).get(other, -1.0) < 1e3 for one in names for other in names):
+        raise FileFormatError(f"{path}: its header does not say how far its motions are apart")
     for motion in info.motions:
         if not (motion.name and motion.frames >= FEWEST_ANCHORS):
             raise FileFormatError(f"{path}: its header has a motion '{motion.name}' of {motion.frames} frames")

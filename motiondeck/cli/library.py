@@ -1,4 +1,4 @@
-"""`motiondeck library`: lists and shows motion libraries, and adds motions to them."""
+"""`motiondeck library`: lists and shows motion libraries, adds motions to them, and bakes them for robots."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from motiondeck_base.files import check_folder
 if TYPE_CHECKING:
     from controller.library.motion_library import MotionLibrary
 
-app = typer.Typer(help="List, show and extend motion libraries.", no_args_is_help=True)
+app = typer.Typer(help="List, show, extend and bake motion libraries.", no_args_is_help=True)
 
 LibraryArgument = Annotated[
     str, typer.Argument(metavar="LIBRARY", help="A library file (.safetensors), or a shipped one by its name.")
@@ -120,6 +120,53 @@ def _judge_anew(library: MotionLibrary, path: Path, recording: Path, as_json: bo
         raise typer.Exit(1)
 
 
+@app.command("bake")
+def bake(
+    library: LibraryArgument,
+    robot: Annotated[str, typer.Option("--robot", metavar="ROBOT", help="The robot to carry it to.")],
+    out: Annotated[
+        Path | None,
+        typer.Option("--out", metavar="FILE", help="The library to write; default: where `play` looks for it."),
+    ] = None,
+    as_json: JsonOption = False,
+) -> None:
+    """Carry a library to a robot's joints beforehand.
+
+    Each motion is retargeted as a whole, with its footing and within the limits of the joints, and learned as joint
+    angles with the path of the root. `play` with this library and robot then computes neither human nor retargeting, as
+    long as neither has changed; what needs the human (a free root, another solver, recognition) is still carried live.
+    The verdicts are those of `preflight`.
+
+    Example:  motiondeck library bake thesis15 --robot servo20
+    """
+    from controller.library.motion_library import save_library
+    from motiondeck.cli.common.library_report import print_table, report
+    from motiondeck.cli.common.verdict_report import print_verdicts, verdicts_on
+    from motiondeck.run.baked_libraries import baked_file
+    from motiondeck.run.baking import bake as baked_for
+    from motiondeck_base.progress import progress
+    from motiondeck_base.shipped import find_library
+    from sim.robots.catalogue import find_robot
+
+    path, file = find_library(library), find_robot(robot)
+    target = out or baked_file(path, file)
+    check_ending(target, "a library")
+    if out is None:
+        target.parent.mkdir(parents=True, exist_ok=True)
+    check_folder(target)
+    with progress("baking", None) as tick:
+        baked = baked_for(path, file, tick)
+    save_library(baked, target)
+    verdicts = verdicts_on(str(file), path, baked.network.motions)
+    if as_json:
+        rows = [verdict.row() for verdict in verdicts]
+        print(json.dumps(report(baked) | {"written": str(target), "verdicts": rows}))
+        return
+    print_table(baked)
+    print_verdicts(verdicts, f"on {file.stem}")
+    print(f"wrote {target} ({target.stat().st_size / 1e6:.1f} MB)")
+
+
 @app.command("add")
 @grouped
 def add(
@@ -175,7 +222,7 @@ def add(
         plays="once" if once else "loop",
         frames=frames,
         skeleton=None if options.skeleton is None else str(options.skeleton),
-        unit=reading.unit,
+        unit=options.unit,
         up=reading.up,
         rename=dict(options.rename),
         person=options.person,

@@ -14,6 +14,7 @@ from controller.deck.interfaces import Retargeter
 from controller.library.motion_library import MotionLibrary
 from controller.motion.clip import Clip
 from motiondeck.run.assembly import ALONE, Host, Played, open_session
+from motiondeck.run.baked_libraries import find_baked
 from motiondeck.run.robots.robot_on_deck import open_robots, robot_files, with_robot
 from motiondeck.run.session import Session
 from motiondeck.run.spec.program import Program, checked_rate
@@ -28,12 +29,14 @@ if TYPE_CHECKING:
 @contextmanager
 def library_run(spec: RunSpec, program: Program, host: Host = ALONE) -> Iterator[Session]:
     """An open run of a program in the block; MotiondeckError if it is too fast for the network, or cannot be opened."""
-    source, first, rate = program.source, program.first, spec.rate
+    source, first, rate, spec = program.source, program.first, spec.rate, with_robot(spec, program.source.skeleton)
     if isinstance(source, MotionLibrary):
+        if program.file is not None and spec.robot is not None:
+            source = find_baked(spec, program.file, robot_files(spec)[0]) or source
         rate = checked_rate(source, first, spec.rate, lower=spec.lower_rate)
     if rate != spec.rate:
         print(f"playing at {rate:g} Hz, which the network can hold", file=sys.stderr)
-    spec = with_robot(replace(spec, rate=rate, seconds=program.seconds), source.skeleton)
+    spec = replace(spec, rate=rate, seconds=program.seconds)
 
     def deck(retarget: Retargeter) -> PlayableDeck:
         if isinstance(source, Clip):

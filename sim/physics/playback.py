@@ -122,9 +122,9 @@ class PhysicsPlayback:
         The first write places the robot. A state that is not finite is placed anew and counted.
         """
         robot, data = self._robot, self.data
-        self._heading = float(pose.heading)
         self._goal, self._goal_before = self._goal_before, self._goal
         robot.place(targets, pose, self._goal)
+        self._heading = robot.footing.heading(pose) if robot.footing is not None else float(pose.heading)
         starting = not self._started
         if starting:
             self._put_in_place()

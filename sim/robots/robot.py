@@ -22,6 +22,7 @@ import numpy as np
 from controller.deck.interfaces import JointLimits, PlacedPose, Retargeter
 from controller.motion.anatomy import Part, anatomy
 from controller.motion.encodings.joint_angles import JointRetargeter
+from controller.motion.encodings.robot_joints import RobotBody
 from controller.motion.posture import Pose
 from controller.motion.rotations import IDENTITY, Array, between
 from controller.motion.skeleton import ROOT, Skeleton
@@ -37,6 +38,7 @@ from sim.models.robot_file import JointLimit, RobotFile, Row, Solver, read_robot
 from sim.models.scenery import add_gantry, add_lamp, set_stage
 from sim.models.servo_motor import Motors, ServoMotor, strength
 from sim.models.walk_settings import WalkSettings
+from sim.retargeting.baked_root import BakedRoot
 from sim.retargeting.footing import FixedBase, Footing
 from sim.retargeting.human_stance import HumanStance
 from sim.retargeting.retarget import MannequinRetargeter, ServoHumanoidRetargeter
@@ -152,6 +154,9 @@ class RobotLoader:
         body = self._body = self._body or _FittedModel.of(path, file, *load_model(path, file))
         height, leg = file.root_height, skeleton.leg_length
         scale = height / leg if height and leg > 0.0 else 1.0
+        if isinstance(skeleton, RobotBody):
+            retarget = JointRetargeter(skeleton, body.layout.joints, body.rest, skeleton.robot_joints)
+            return Robot(file.name, *body, body.rest, retarget, 1.0, file.servo, BakedRoot(), own=file.limits.joints)
         if skeleton.is_rig:
             retarget = JointRetargeter(skeleton, body.layout.joints, body.rest)
             return Robot(file.name, *body, body.rest, retarget, scale, file.servo, own=file.limits.joints)

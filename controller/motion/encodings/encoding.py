@@ -1,4 +1,4 @@
-"""The encodings: bone directions or joint rotations for bodies, joint angles for taught rigs.
+"""The encodings: bone directions or joint rotations for bodies, joint angles for rigs, joints and root if baked.
 
 ENCODINGS lists them by the name that libraries use. A further one is a class of the same methods, and an entry here.
 """
@@ -6,11 +6,13 @@ ENCODINGS lists them by the name that libraries use. A further one is a class of
 from controller.motion.encodings.bone_directions import BoneDirections
 from controller.motion.encodings.joint_angles import JointAngles, JointBody
 from controller.motion.encodings.joint_rotations import JointRotations
+from controller.motion.encodings.robot_joints import RobotJoints
 from controller.motion.skeleton import Skeleton
 
 Encoding = BoneDirections | JointAngles
 
-ENCODINGS: dict[str, type[Encoding]] = {kind.name: kind for kind in (BoneDirections, JointRotations, JointAngles)}
+_KINDS: tuple[type[Encoding], ...] = (BoneDirections, JointRotations, JointAngles, RobotJoints)
+ENCODINGS = {kind.name: kind for kind in _KINDS}
 
 
 def encoding_of(skeleton: Skeleton, *, twist: bool = False) -> Encoding:

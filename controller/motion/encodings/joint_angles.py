@@ -106,16 +106,21 @@ class JointRetargeter:
     has a joint that the robot lacks.
     """
 
-    def __init__(self, body: Skeleton, joints: Sequence[str], rest: Array) -> None:
-        for name in body.bones:
+    def __init__(
+        self, body: Skeleton, joints: Sequence[str], rest: Array, carried: Sequence[str] | None = None
+    ) -> None:
+        """Carries all bones of the body, or the first ones, `carried`."""
+        carried = body.bones if carried is None else carried
+        for name in carried:
             if name not in joints:
                 raise UnknownNameError.among("joint of this robot", name, joints)
-        self._order = np.array([joints.index(name) for name in body.bones])
+        self._order = np.array([joints.index(name) for name in carried])
+        self._end = 1 + len(carried)
         self._targets = rest.copy()
 
     def __call__(self, pose: Pose) -> Array:
         """Joint targets, shape (J,), rad; the next call overwrites the array."""
-        self._targets[self._order] = angles_of(pose.rotation[1:])
+        self._targets[self._order] = angles_of(pose.rotation[1 : self._end])
         return self._targets
 
 

@@ -1,0 +1,127 @@
+"""Bakes a library for a robot: carries its motions to the robot's joints beforehand, and learns them there."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+
+import msgspec
+import numpy as np
+
+from controller.deck.interfaces import JointLimits
+from controller.deck.motion_generator import MotionGenerator
+from controller.deck.routes import Routes
+from controller.learning.fit import fit_prepared
+from controller.learning.preparation.loops import Seam, close_loop
+from controller.learning.recipe import LibraryRecipe, MotionRecipe, recipe_of
+from controller.learning.trainers.phase_conceptor import PhaseRecipe
+from controller.learning.trainers.registry import trainer_of
+from controller.learning.training_set import TrainingSet
+from controller.library.library_header import BakedFrom, MotionInfo
+from controller.library.motion_library import MotionLibrary, load_library
+from controller.loop.safety.safety_envelope import SafetyEnvelope
+from controller.motion.clip import Clip
+from controller.motion.encodings.robot_joints import RobotJoints
+from controller.motion.posture import poses_of, walk_path
+from controller.motion.rotations import Array
+from motiondeck_base.errors import MotiondeckError
+from motiondeck_base.files import digest_of
+from sim.robots.joint_motion import retargeted
+from sim.robots.robot import Robot, RobotLoader
+from sim.robots.robot_digest import robot_digest
+
+ROUNDS = 3  # of a loop that are carried; a robot that goes round settles in the first ones, and the last is learned
+PIECE_SECONDS = 0.5  # of conceptors: joints of robots move less smoothly than limbs, which have 1.5
+
+
+def bake(library_file: Path, robot_file: Path, progress: Callable[[str], None] = lambda _: None) -> MotionLibrary:
+    """The library in the joints of the robot, with networks of its kind, or phase-driven conceptors where it has none.
+
+    MotiondeckError if a file cannot be used, or a motion has an input besides its phase.
+    """
+    library, loader = load_library(library_file), RobotLoader(robot_file)
+    if library.skeleton.is_rig:
+        raise MotiondeckError(f"{library_file}: its motions are joints already; they are played as they are")
+    if loader.file.kind == "mannequin":
+        raise MotiondeckError(f"{robot_file}: a mannequin has the human's own joints; there is nothing to bake")
+    if driven := [motion.name for motion in library.info.motions if motion.input is not None]:
+        raise MotiondeckError(f"{library_file}: {driven[0]} has an input besides its phase; it is carried live only")
+    frames: dict[str, Array] = {}
+    encoding: RobotJoints | None = None
+    for motion in library.info.motions:
+        progress(f"carrying {motion.name}")
+        encoding, frames[motion.name] = _carried(library, motion, loader)
+    assert encoding is not None, "a library has a motion"
+    loops = {motion.name: motion.plays == "loop" for motion in library.info.motions}
+    recipe = _recipe(library, library_file)
+    least = trainer_of(recipe.network).least_range
+    baked = fit_prepared(recipe, TrainingSet(encoding, library.info.rate, frames, loops, least_range=least), progress)
+    origin = BakedFrom(
+        robot=robot_file.stem,
+        robot_digest=robot_digest(robot_file),
+        library=library.info.name,
+        library_digest=digest_of(library_file),
+        leaps={one: dict(others) for one, others in Routes.of(library).leaps.items()},
+    )
+    return MotionLibrary(msgspec.structs.replace(baked.info, baked=origin), baked.network, baked.encoding)
+
+
+def _recipe(library: MotionLibrary, file: Path) -> LibraryRecipe:
+    own = recipe_of(library.info.recipe, file).network
+    network = own if trainer_of(own).center_driven else PhaseRecipe()
+    if isinstance(network, PhaseRecipe):
+        network = msgspec.structs.replace(network, piece_seconds=PIECE_SECONDS)
+    motions = [MotionRecipe(name=one.name, file=one.source, plays=one.plays) for one in library.info.motions]
+    return LibraryRecipe(
+        name=library.info.name,
+        network=network,
+        motions=motions,
+        seeds=[0, 1, 2],
+        licence=library.info.licence,
+        acknowledgement=library.info.acknowledgement,
+    )
+
+
+def _carried(library: MotionLibrary, motion: MotionInfo, loader: RobotLoader) -> tuple[RobotJoints, Array]:
+    """A motion of a library on a robot: the frames (T, C), a loop closed, or a one-shot with its hold."""
+    rate, count, loop = library.info.rate, motion.frames, motion.plays == "loop"
+    length = ROUNDS * count + 1 if loop else count
+    played = MotionGenerator(library, motion.name).frames(length / rate, rate)
+    pose = walk_path(library.encoding.decode(played), 1.0 / rate)
+    clip = Clip(motion.name, library.skeleton, rate, pose.root_position, pose.rotation)
+    robot, footed = (loader(library.skeleton, None, 1.0 / rate) for _ in range(2))
+    encoding, heading = RobotJoints.for_joints(robot.joints), pose.heading
+    angles = _within(robot.limits, 1.0 / rate, retargeted(robot, clip).angles)
+    root = _placed(footed, clip, angles)
+    if not loop:  # what a first frame comes from is not known
+        angles, root, heading = (np.concatenate([values[:1], values]) for values in (angles, root, heading))
+    channels = encoding.encode_path(angles, root, heading, rate)
+    if not loop:
+        return encoding, channels
+    # The frames of the last round, which the first of the next one follows; frame 0 of `channels` is the second played.
+    last = Seam((ROUNDS - 1) * count - 1, ROUNDS * count - 1, 0.0)
+    return encoding, close_loop(channels, last, encoding.velocities, rate)
+
+
+def _within(limits: JointLimits, dt: float, angles: Array) -> Array:
+    """Angles (T, J), rad, within the limits of joints: the mean of what these leave forwards and backwards in time.
+
+    So a joint that cannot follow is neither late nor early: it starts before the motion does.
+    """
+    ways: list[Array] = []
+    for way in (angles, angles[::-1]):
+        envelope = SafetyEnvelope(limits, dt)
+        envelope.start(way[0])
+        ways.append(np.array([envelope(row).copy() for row in way]))
+    return 0.5 * (ways[0] + ways[1][::-1])
+
+
+def _placed(robot: Robot, clip: Clip, angles: Array) -> Array:
+    """The root of a robot that has these angles (T, J) in a clip, shape (T, 7)."""
+    state, roots = robot.model.qpos0.copy(), np.empty((len(clip), 7))
+    if robot.footing is not None:
+        robot.footing.flat.learn(clip)
+    for root, row, pose in zip(roots, angles, poses_of(clip), strict=True):
+        robot.place(row, pose, state)
+        root[:] = state[:7]
+    return roots

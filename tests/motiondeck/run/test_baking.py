@@ -1,0 +1,121 @@
+"""Test that a baked library plays as the library that it was made from, and is only played while both still fit."""
+
+import json
+import shutil
+
+import numpy as np
+import pytest
+
+from controller.deck.deck import Deck
+from controller.library.motion_library import load_library, save_library
+from motiondeck.cli.main import command_line
+from motiondeck.run.baked_libraries import baked_file, find_baked
+from motiondeck.run.baking import bake
+from motiondeck.run.spec.run_spec import RunSpec
+from motiondeck_base.errors import FileFormatError, MotiondeckError
+from motiondeck_base.shipped import find_robot
+from sim.robots.robot import RobotLoader
+from tests.baked import baked_jog, human_library
+
+RATE = 200.0
+
+
+def played(library, robot, ticks=300):
+    deck, state, found = Deck(library, robot.retarget, "jog"), robot.model.qpos0.copy(), []
+    for _ in range(ticks):
+        targets, pose = deck.update(1.0 / RATE)
+        robot.place(np.clip(targets, robot.limits.lower, robot.limits.upper), pose, state)
+        found.append(state.copy())
+    return np.array(found)
+
+
+def test_joints_and_root_go_as_they_are_carried_live():
+    loader, human, baked = RobotLoader(find_robot("servo20")), load_library(human_library()), baked_jog()
+    live = played(human, loader(human.skeleton, None, 1.0 / RATE))[100:]
+    other = played(baked, loader(baked.skeleton, None, 1.0 / RATE))[100:]
+    assert np.abs(live[:, 7:] - other[:, 7:]).mean() < 0.05  # rad; legs of a jog are faster than the servos
+    ways = [np.linalg.norm(one[-1, :2] - one[0, :2]) for one in (live, other)]
+    assert ways[0] > 0.4
+    assert ways[1] == pytest.approx(ways[0], rel=0.05)
+    assert np.abs(live[:, 2] - other[:, 2]).mean() < 0.01
+
+
+def test_baked_joints_are_seldom_faster_than_the_robot():
+    human, loader = load_library(human_library()), RobotLoader(find_robot("servo20"))
+    shares = []
+    for library in (human, baked_jog()):
+        robot = loader(library.skeleton, None, 1.0 / RATE)
+        deck = Deck(library, robot.retarget, "jog")
+        targets = np.array([deck.update(1.0 / RATE)[0].copy() for _ in range(300)])
+        speed = RATE * np.abs(np.diff(targets, axis=0)) / robot.limits.velocity
+        shares.append(np.mean(speed > 1.05))
+    assert shares[0] > 0.005
+    assert shares[1] < 0.5 * shares[0]
+
+
+@pytest.fixture
+def kept(tmp_path, monkeypatch):
+    """A library with what is baked of it beside it, and a robot, all of which a test may change."""
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
+    library, robot = tmp_path / "jog.safetensors", tmp_path / "servo20.toml"
+    shutil.copy(human_library(), library)
+    for file in find_robot("servo20").parent.glob("servo20*"):
+        shutil.copy(file, tmp_path)
+    save_library(baked_jog(), baked_file(library, robot))
+    return library, robot
+
+
+def test_what_is_baked_is_found_and_named_in_a_line(kept, capsys):
+    assert find_baked(RunSpec(), *kept).info.baked.robot == "servo20"
+    said = capsys.readouterr().err
+    assert said.count("\n") == 1
+    assert "played as it was baked for servo20" in said
+
+
+@pytest.mark.parametrize("changed", [0, 1])
+def test_after_a_change_it_is_carried_live_and_said_in_a_line(kept, changed, capsys):
+    file = kept[changed]
+    content = file.read_bytes()
+    file.write_bytes(content.replace(b"thesis", b"Thesis") if changed == 0 else content + b"\n# changed\n")
+    assert find_baked(RunSpec(), *kept) is None
+    said = capsys.readouterr().err
+    assert said.count("\n") == 1
+    assert ("the library jog", "the robot servo20")[changed] in said
+    assert f"library bake {kept[0]} --robot {kept[1]}" in said
+
+
+@pytest.mark.parametrize("needs", [{"root": "free"}, {"follow": "servo20"}, {"recognize": True}, {"solver": "ik"}])
+def test_what_needs_the_human_is_carried_live(kept, needs, capsys):
+    assert find_baked(RunSpec(**needs), *kept) is None
+    assert capsys.readouterr().err == ""
+
+
+def test_what_cannot_be_baked_is_refused(tmp_path):
+    with pytest.raises(MotiondeckError, match="nothing to bake"):
+        bake(human_library(), find_robot("mannequin"))
+    file = tmp_path / "baked.safetensors"
+    save_library(baked_jog(), file)
+    with pytest.raises(MotiondeckError, match="joints already"):
+        bake(file, find_robot("servo20"))
+
+
+def test_a_header_without_the_distances_of_its_motions_is_refused(tmp_path):
+    file = tmp_path / "baked.safetensors"
+    save_library(baked_jog(), file)
+    content = file.read_bytes()
+    file.write_bytes(content.replace(rb"\"leaps\":{\"jog\"", rb"\"leaps\":{\"job\""))
+    with pytest.raises(FileFormatError, match="how far its motions are apart"):
+        load_library(file)
+
+
+def test_the_command_writes_where_play_looks(kept, monkeypatch, capsys):
+    library, robot = kept
+    baked_file(library, robot).unlink()
+    monkeypatch.setattr("motiondeck.run.baking.bake", lambda *_: baked_jog())
+    monkeypatch.setattr("motiondeck.cli.common.verdict_report.verdicts_on", lambda *_: [])
+    command_line(["library", "bake", str(library), "--robot", str(robot), "--json"])(
+        ["library", "bake", str(library), "--robot", str(robot), "--json"], standalone_mode=False
+    )
+    said = json.loads(capsys.readouterr().out)
+    assert said["written"] == str(baked_file(library, robot))
+    assert find_baked(RunSpec(), library, robot) is not None
