@@ -42,11 +42,13 @@ def scan(
     return found
 
 
-def set_up(open_bus: Callable[[int], Bus], id: int, baud: int) -> tuple[Found, Identity]:
+def set_up(
+    open_bus: Callable[[int], Bus], id: int, baud: int, check: Callable[[Found], object] = lambda found: None
+) -> tuple[Found, Identity]:
     """Gives the only servo on a bus its ID and baud rate, and a return delay of 0; verifies that it answers there.
 
-    Returns what it was, and what it is now. RigError if there is no servo, or more than one, or its model is not known.
-    ServoError if it does not take a value, or does not answer afterwards.
+    Returns what it was, and what it is now; `check` may refuse it before it is changed. RigError if there is no servo,
+    or more than one, or its model is not known. ServoError if it does not take a value, or does not answer afterwards.
     """
     garbled: list[int] = []
     found = scan(open_bus, on_garbled=garbled.append)
@@ -64,6 +66,7 @@ def set_up(open_bus: Callable[[int], Bus], id: int, baud: int) -> tuple[Found, I
     try:
         bus.families = dict.fromkeys((before.identity.id, id), before.identity.family)
         before = Found(before.baud, _who_answers(before.identity, bus))
+        check(before)
         table = MODELS[before.identity.model]
         value = table.baud_value(baud)
         if value is None:

@@ -65,33 +65,49 @@ def scan(
 
 def setup(
     port: Annotated[str, Argument(metavar="PORT", help="The serial port with one servo on it.")],
-    id: Annotated[int, Option(metavar="N", min=0, max=252, help="The ID it gets.")],
+    id: Annotated[int | None, Option(metavar="N", min=0, max=252, help="The ID it gets.")] = None,
     baud: Annotated[int, Option(metavar="BAUD", help="The baud rate it gets.")] = 1_000_000,
     rig: Annotated[
         Path | None, Option(metavar="FILE", help="Write the adapter's permanent name into this rig file as its port.")
     ] = None,
+    every: Annotated[
+        bool, Option("--all", help="One new servo after another, each with its ID in the rig file, and its baud rate.")
+    ] = False,
     as_json: JsonOption = False,
 ) -> None:
     """Give the only servo on a port its ID and baud rate.
 
+    With --all a bag of new servos is set up one by one. What is done is kept in a file beside the rig file, so that the
+    same command goes on where it was interrupted.
+
     The permanent name of an adapter (/dev/serial/by-id/...) has its serial number, and stays the same when the system
     calls it ttyUSB1 the next time.
 
-    [bold]Example[/]
+    [bold]Examples[/]
 
       motiondeck rig setup /dev/ttyUSB0 --id 7 --baud 4000000 --rig my-rig.toml
+      motiondeck rig setup /dev/ttyUSB0 --all --rig head.toml
     """
     from hardware.bus.port import lasting_name
     from hardware.bus.servo_bus import Bus
     from hardware.rig.rig_file import BAUD_RATES, load_rig
+    from hardware.tools.bag_setup import set_up_all
     from hardware.tools.rig_writing import set_port
     from hardware.tools.scan import set_up
+    from motiondeck.cli.rig.line_input import LineInput
 
+    if every == (id is not None) or (every and rig is None):
+        raise MotiondeckError("give either --id N for one servo, or --all with --rig FILE for all of a rig")
     lasting = lasting_name(port)
     if rig is not None:
         load_rig(rig)  # a wrong file is reported before a servo is changed
     if baud not in BAUD_RATES:
         raise MotiondeckError(f"baud {baud} is not one of {', '.join(map(str, BAUD_RATES))}")
+    if rig is not None and every:
+        set_up_all(rig, lambda rate: Bus.open(port, rate), LineInput().ask, print)
+        print(f"all are set up. Connect them, then: motiondeck rig doctor {rig} --fix")
+    if id is None:
+        return
     before, after = set_up(lambda rate: Bus.open(port, rate), id, baud)
     before_port = set_port(rig, lasting) if rig is not None else None
     if as_json:

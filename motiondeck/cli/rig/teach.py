@@ -68,15 +68,17 @@ def teach(
     import hardware.tools.teaching  # noqa: F401
 
     session = _Session(load(rig), rig, None if once is None else "once" if once else "loop", trim, as_json, LineInput())
-    folder = out.is_dir()
+    folder = out.is_dir() or not out.suffix
     if out.suffix != ".clip" and not folder:
-        raise MotiondeckError(f"{out}: give a name that ends in .clip, or an existing folder for several clips")
+        raise MotiondeckError(f"{out}: give a name that ends in .clip, or a folder for several clips")
     if not out.parent.is_dir():
         raise MotiondeckError(f"{out.parent}: there is no such folder to write the clip to")
     if seconds is not None and folder:
         raise MotiondeckError(f"--seconds records one motion: give it a file, not the folder {out}")
     if seconds is not None and not 0.0 < seconds < 3600.0:
         raise MotiondeckError(f"--seconds {seconds:g} is not between 0 and 3600")
+    if folder:
+        out.mkdir(exist_ok=True)
     with ExitStack() as opened:
         opened.enter_context(ended_by_sigterm())
         parts = opened.enter_context(open_buses(session.config, port))

@@ -13,7 +13,7 @@ import numpy as np
 from controller.library.motion_library import MotionLibrary, load_library
 from controller.loop.clock import period_ns
 from controller.motion.clip import Clip
-from controller.motion.formats.taught_clip import read_taught_clip
+from controller.motion.formats.reading import read_clip
 from controller.wire.messages.commands import Switch
 from motiondeck.run.spec.run_spec import RunSpec
 from motiondeck.run.spec.script import Timed, parse_script, read_timeline
@@ -29,7 +29,7 @@ class Program:
     """What a run plays."""
 
     source: MotionLibrary | Clip
-    file: Path | None  # of the library; None for a taught clip
+    file: Path | None  # of the library; None for a motion of joints
     first: str  # the motion to begin with
     timeline: list[Timed]  # what is commanded when
     seconds: float | None
@@ -40,10 +40,10 @@ class Program:
         spec.check()
         named, motion = spec.library, spec.motion
         if motion is not None and Path(motion).is_file():
-            if Path(motion).suffix == ".clip" and spec.rig is not None:
-                return cls._of_clip(spec, Path(motion))
             if Path(motion).suffix == ".safetensors":
                 named, motion = motion, None
+            elif spec.rig is not None and Path(motion).suffix:
+                return cls._of_clip(spec, Path(motion))
         file = find_library(str(named))
         library = load_library(file)
         names, script = library.network.motions, str(spec.script) if spec.script is not None else None
@@ -58,8 +58,10 @@ class Program:
 
     @classmethod
     def _of_clip(cls, spec: RunSpec, file: Path) -> Program:
-        """A taught clip, which is played once, as it is."""
-        clip = read_taught_clip(file)
+        """A motion of the rig's joints, which is played once, as it is."""
+        clip = read_clip(file)
+        if not clip.skeleton.is_rig:
+            raise MotiondeckError(f"{file} shows a human body. Learn it first: motiondeck learn {file}")
         for name in ("show", "lock_to", "recognize", "recognizer"):
             if getattr(spec, name):
                 raise MotiondeckError(

@@ -90,7 +90,7 @@ class RunSpec:
 
     library: LibraryFile = option("thesis15", "A library file, or a shipped one by its name.", "LIBRARY")
     motion: str | None = option(
-        None, "The motion to play first, or a library file; with --rig also a taught clip.", "MOTION", flag=""
+        None, "The motion to play first, or a library file; with --rig also a file of joint motion.", "MOTION", flag=""
     )
     _: KW_ONLY
     robot: File | None = option(

@@ -201,12 +201,13 @@ def test_takes_are_numbered_and_another_motion_among_them_is_named(session, tmp_
 
 
 def test_a_name_that_was_used_before_gets_another_take_and_loses_nothing(session, tmp_path):
-    session(tmp_path, ["", "wave", "", "", ""], [wave()])
-    before = (tmp_path / "wave.clip").read_bytes()
-    result = session(tmp_path, ["", "wave", "", "", ""], [wave(0.55)])
+    folder = tmp_path / "gestures"  # which is made
+    session(folder, ["", "wave", "", "", ""], [wave()])
+    before = (folder / "wave.clip").read_bytes()
+    result = session(folder, ["", "wave", "", "", ""], [wave(0.55)])
     assert "wave.clip exists already: this will be another take of it, wave.2.clip" in result.stderr
-    assert (tmp_path / "wave.clip").read_bytes() == before
-    assert (tmp_path / "wave.2.clip").exists()
+    assert (folder / "wave.clip").read_bytes() == before
+    assert (folder / "wave.2.clip").exists()
 
 
 def test_another_take_is_learned_as_the_one_before_it(session, tmp_path):
