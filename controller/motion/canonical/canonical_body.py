@@ -29,6 +29,7 @@ from controller.motion.rotations import (
     between,
     conjugate,
     continuous,
+    dot,
     multiply,
     normalise,
     rotate,
@@ -226,9 +227,11 @@ def _proportioned(clip: Clip, skeleton: Skeleton) -> Clip:
     line = rotate(rotation[:, 1:], own.rest_direction)
     root = place[:, 0]
     if max(abs(half - ratio * own_half), abs(np.hypot(*to_hips[::2]) - ratio * np.hypot(*to_own[::2]))) > SAME_PELVIS:
-        middle = place[:, 1 + np.array(_HIPS)].mean(axis=1)
-        ahead = rotate(rotation[:, 0], to_hips)
-        across = half * normalise(place[:, 1 + _HIPS[1]] - place[:, 1 + _HIPS[0]])
+        right, left = (place[:, 1 + hip] for hip in _HIPS)
+        middle, across = 0.5 * (left + right), half * normalise(left - right)
+        # The pelvis is turned as its lines are: the twist of the root may follow a rule.
+        turn = _turn(own, middle - root, across) if to_own.any() else rotation[:, 0]
+        ahead = rotate(turn, to_hips)
         root = middle - ahead
         line[:, _HIPS] = np.stack([ahead - across, ahead + across], axis=1)
         if to_hips.any() != to_own.any():
@@ -237,6 +240,17 @@ def _proportioned(clip: Clip, skeleton: Skeleton) -> Clip:
     done = replace(clip, skeleton=skeleton, root_position=root, rotation=continuous(rotation))
     lift = _lowest(place) - _lowest(done.joints())
     return replace(done, root_position=root + lift[:, None] * np.array([0.0, 0.0, 1.0]))
+
+
+def _turn(own: Skeleton, ahead: Array, across: Array) -> Array:
+    """The rotation (T, 4) of a pelvis from its lines: root to the middle of the hips, and right to left hip, (T, 3)."""
+    right, left = own.rest_direction[_HIPS] * own.length[_HIPS, None]
+    axis = normalise(across)
+    turn = between(normalise(left - right), axis)
+    now, then = (
+        normalise(line - dot(line, axis)[:, None] * axis) for line in (ahead, rotate(turn, 0.5 * (left + right)))
+    )
+    return multiply(between(then, now), turn)
 
 
 def _lowest(place: Array) -> Array:

@@ -284,6 +284,29 @@ def test_a_body_whose_root_lies_between_the_hips_is_carried_to_as_well(seed):
 
 @settings(max_examples=30)
 @given(st.integers(0, 2**32 - 1))
+def test_back_from_the_body_of_another_person_every_joint_is_where_it_was(seed):
+    """Whatever the rotation of the root is there: a library has directions of bones, and the root follows a rule."""
+    draw = np.random.default_rng(seed)
+    hips = [CANONICAL_BONES.index(hip) for hip in ("rhip", "lhip")]
+    bodies: list[Skeleton] = []
+    for _ in range(2):
+        body = thesis_skeleton(draw.uniform(0.1, 0.4, 19), "someone")
+        ahead, up = draw.uniform(-0.4, 0.4), draw.uniform(-1.2, -0.2)
+        rests, length = body.rest_direction.copy(), body.length.copy()
+        rests[hips], length[hips] = normalise(np.array([[ahead, -1.0, up], [ahead, 1.0, up]])), length[hips[0]]
+        bodies.append(replace(body, rest_direction=rests, length=length))
+    own = moved(bodies[0], hips, draw)
+    there = carried(own, bodies[1])
+    rotation = there.rotation.copy()
+    rotation[:, 0] = random_clip(draw, there.skeleton, len(there)).rotation[:, 0]
+    back = carried(replace(there, rotation=rotation), own.skeleton)
+    at = 1 + np.array(hips)
+    seen = [body.joints() - body.joints()[:, at].mean(axis=1, keepdims=True) for body in (own, back)]
+    assert np.abs(seen[0] - seen[1]).max() < 1e-6
+
+
+@settings(max_examples=30)
+@given(st.integers(0, 2**32 - 1))
 def test_feet_stand_as_high_on_a_body_with_other_legs(seed):
     """Also on bent legs, which reach less far down where the thigh is longer and the shank shorter."""
     draw = np.random.default_rng(seed)
