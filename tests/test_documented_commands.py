@@ -13,11 +13,15 @@ import signal
 import subprocess
 import sys
 import time
+from pathlib import Path
 
+import numpy as np
 import pytest
 
 from bodies import waving
-from controller.motion.formats.writing import bvh_text
+from controller.motion.formats.reading import read_clip
+from controller.motion.formats.writing import bvh_text, write_clip
+from controller.wire.run_recording import RecordingWriter
 from motiondeck_base.shipped import find_library, find_rig
 from small_robots import humanoid
 from test_documentation import PAGES, command_lines
@@ -78,6 +82,14 @@ def folder(tmp_path, mocap_data):
     shutil.copy(find_library("thesis15"), tmp_path / "my.safetensors")
     shutil.copytree(mocap_data / "robots/robotis_op3", tmp_path, dirs_exist_ok=True)
     (tmp_path / "model.xml").write_text(humanoid())
+    head = Path(__file__).parents[1] / "examples" / "head"
+    shutil.copytree(head, tmp_path, dirs_exist_ok=True)
+    look = read_clip(head / "look.toml")
+    for name in ("look.csv", "talk.clip"):
+        write_clip(look, tmp_path / name)
+    writer = RecordingWriter(tmp_path / "run.rec", {"joints": ["pan"], "rate": 50.0}, {"targets": 1})
+    writer.append(np.sin(np.arange(1000) / 50.0)[:, None])
+    writer.close()
     shows = next(page for page in PAGES if page.name == "shows.md").read_text(encoding="utf-8")
     (tmp_path / "gala.toml").write_text(re.findall(r"^```toml\n(.*?)^```", shows, flags=re.M | re.S)[0])
     return tmp_path

@@ -58,7 +58,8 @@ class Terminal:
 
     def run(self, line):
         """Types a command and waits for its end; it must succeed. What it printed."""
-        self.type(line)
+        for part in line.split("\n"):
+            self.type(part)
         said = self.wait_for(PROMPT)
         self.type("echo ended with $?")
         self.wait_for("ended with $?")
@@ -116,7 +117,7 @@ def swings(emulator, seconds):
 @pytest.mark.documented
 @pytest.mark.timeout(180)
 def test_a_taught_wave_loops_and_switches_to_a_taught_nod(tmp_path):
-    typed = blocks(PAGE)
+    typed = blocks(PAGE)[:6]
     assert [number for number, _ in typed] == [1, 2, 2, 2, 2, 3]
     began = time.monotonic()
     terminals = {number: Terminal(tmp_path) for number in (1, 2, 3)}
@@ -154,3 +155,46 @@ def test_a_taught_wave_loops_and_switches_to_a_taught_nod(tmp_path):
         for terminal in terminals.values():
             terminal.close()
     assert time.monotonic() - began < 180.0
+
+
+@pytest.mark.documented
+@pytest.mark.timeout(180)
+def test_a_written_head_plays_what_was_written_and_its_mirror_image(tmp_path):
+    typed = blocks(PAGE)[6:]
+    assert [number for number, _ in typed] == [1, 2, 3]
+    shutil.copytree(PAGE.parents[1] / "examples" / "head", tmp_path / "head")
+    terminals = {number: Terminal(tmp_path) for number in (1, 2, 3)}
+    emulator = terminals[1]
+    try:
+        emulator.type(typed[0][1][0])
+        emulator.wait_for("commands:")
+        emulator.line()
+        commands = re.findall(r"^(?:cat .*?^END|.*?)$", "\n".join(typed[1][1]), flags=re.M | re.S)
+        for line in commands[:-1]:
+            terminals[2].run(line)
+        terminals[2].type(commands[-1])
+        switch, stop = typed[2][1]
+        wait_for_neck(emulator, lambda pan: pan > 0.4)  # it looks to the left by 32 degrees
+        terminals[3].run(switch)
+        wait_for_neck(emulator, lambda pan: pan < -0.38)  # shy is 25 degrees to the left
+        wait_for_neck(emulator, lambda pan: abs(pan) < 0.03)
+        time.sleep(1.0)
+        wait_for_neck(emulator, lambda pan: abs(pan) < 0.03)  # it holds its end
+        terminals[3].run(stop)
+        assert "stopped on command" in terminals[2].wait_for(PROMPT)
+    finally:
+        for terminal in terminals.values():
+            terminal.close()
+
+
+def wait_for_neck(emulator, reached):
+    """Waits until the emulated shaft of neck_pan is there."""
+    deadline = time.monotonic() + 30.0
+    while True:
+        emulator.type("where")
+        emulator.wait_for("neck_pan")
+        pan = float(re.search(r"[+-]\d\.\d+", emulator.line())[0])
+        if reached(pan):
+            return
+        assert time.monotonic() < deadline
+        time.sleep(0.03)
