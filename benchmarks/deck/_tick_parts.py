@@ -19,10 +19,12 @@ from controller.deck.tracks.frame_player import FramePlayer
 from controller.loop.clock import Ticker
 from controller.loop.output_channel import Channel
 from controller.loop.safety.safety_envelope import SafetyEnvelope
+from controller.motion.encodings.joint_angles import JointRetargeter
 from controller.motion.rotations import Array
 from motiondeck.run.session import Session
 from sim.physics.playback import PhysicsPlayback
 from sim.physics.simulated_servos import Servos
+from sim.retargeting.baked_root import BakedRoot
 from sim.retargeting.footing import Footing
 from sim.retargeting.human_stance import HumanStance
 from sim.retargeting.retarget import LimbAngles, ServoHumanoidRetargeter
@@ -33,10 +35,10 @@ PARTS: dict[str, tuple[tuple[Any, str], ...]] = {
     "rotations of the bones": ((bone_directions, "orient"),),
     "rest of the deck": ((Deck, "update"),),
     "angles of the limbs": ((LimbAngles, "__call__"),),
-    "rest of retargeting": ((ServoHumanoidRetargeter, "__call__"),),
+    "rest of retargeting": ((ServoHumanoidRetargeter, "__call__"), (JointRetargeter, "__call__")),
     "safety envelope": ((SafetyEnvelope, "__call__"),),
     "stance of the human": ((HumanStance, "__call__"),),
-    "footing of the robot": ((Footing, "place"),),
+    "footing of the robot": ((Footing, "place"), (BakedRoot, "place")),
     "mj_step, twice": ((PhysicsPlayback, "step"),),
     "simulated servos": ((Servos, "limit"), (Servos, "note")),
     "rest of the simulation": ((PhysicsPlayback, "write"),),

@@ -82,8 +82,8 @@ MUTANTS = (
     ),
     Mutant(
         "envelope: a passing target needs no room to stop", ENVELOPE, SAFETY,
-        "passes = passes and (way <= room or longest_run(fast, size, a_max, j_max) <= room)",
-        "pass",
+        "if passes and (way <= room or longest_run(fast, size, a_max, j_max) <= room):",
+        "if passes:",
     ),
     Mutant(
         "envelope: no acceleration limit of a passing target", ENVELOPE, SAFETY,

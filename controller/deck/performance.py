@@ -264,4 +264,5 @@ def advance(pose: Pose, posture: Posture, dt: float) -> Pose:
     forward, left = (posture.velocity * dt).tolist()
     x, y, _ = pose.root_position.tolist()
     position = np.array([x + cosine * forward - sine * left, y + sine * forward + cosine * left, float(posture.height)])
-    return Pose(position, np.array(heading), turned_about_vertical(posture.rotation, heading))
+    rotation = posture.rotation if heading == 0.0 else turned_about_vertical(posture.rotation, heading)
+    return Pose(position, np.array(heading), rotation)

@@ -123,7 +123,7 @@ def run(
     """
     lead = lead or Lead(channels, len(envelope.position), clock.period)
     lead.begin()
-    source = Source(deck, clock.period, lead.before if lead.seconds else None, correction)
+    source = Source(deck, clock.period, lead.before if lead.delays.any() else None, correction)
     commanding, publishing = FaultCounter(most=_DEAF), FaultCounter()
     stopping = [FaultCounter(most=_DEAF) for _ in stops]
     with undisturbed(), nullcontext(stop) if stop is not None else stop_on_signals() as stop:

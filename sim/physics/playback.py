@@ -25,6 +25,8 @@ from sim.robots.robot import Robot
 # MuJoCo resets itself when its state becomes invalid, and counts a warning.
 _BROKEN = (mujoco.mjtWarning.mjWARN_BADQPOS, mujoco.mjtWarning.mjWARN_BADQVEL, mujoco.mjtWarning.mjWARN_BADQACC)
 
+_NOTES = 64  # writes whose errors are buffered before the statistics are updated
+
 STANDS_AGAIN = 1.0  # time upright, s, after which a fallen robot counts as standing
 
 
@@ -106,6 +108,7 @@ class PhysicsPlayback:
         self._heading = 0.0  # of the motion, rad
         self._pushed = 0  # ticks for which the push under way still lasts
         self._square_sum, self._worst = 0.0, 0.0
+        self._errors, self._noted = np.empty((_NOTES, len(robot.rest))), 0
         robot.layout.place(robot.rest, self.data.qpos)
         self.placed[:] = self.data.qpos[:7]
         mujoco.mj_forward(model, self.data)
@@ -122,9 +125,9 @@ class PhysicsPlayback:
         The first write places the robot. A state that is not finite is placed anew and counted.
         """
         robot, data = self._robot, self.data
+        self._heading = float(pose.heading)
         self._goal, self._goal_before = self._goal_before, self._goal
         robot.place(targets, pose, self._goal)
-        self._heading = robot.footing.heading(pose) if robot.footing is not None else float(pose.heading)
         starting = not self._started
         if starting:
             self._put_in_place()
@@ -268,7 +271,9 @@ class PhysicsPlayback:
         """
         if self._root == "fixed":
             raise MotiondeckError("a fixed root cannot be pushed: play with --root gantry or free")
-        away = self._heading + PUSHES_TOWARDS[side] if towards is None else towards
+        footing = self._robot.footing
+        heading = footing.heading(self._heading) if footing is not None else self._heading
+        away = heading + PUSHES_TOWARDS[side] if towards is None else towards
         impulse = impulse or usual_push(self._robot.model)
         self.push(push_force(impulse, away))
         self._pushed = round(PUSH_LASTS / self._dt)
@@ -276,6 +281,7 @@ class PhysicsPlayback:
 
     def report(self) -> Mapping[str, object]:
         """Tracking errors of the servos, falls and steps."""
+        self._add_errors()
         samples = max(self._writes, 1) * len(self._measured)
         said: dict[str, object] = {
             "kind": "physics",
@@ -338,7 +344,14 @@ class PhysicsPlayback:
         mujoco.mj_forward(self.model, self.data)
 
     def _count(self, targets: Array) -> None:
-        error = targets - self._measured
+        np.subtract(targets, self._measured, out=self._errors[self._noted])
         self._writes += 1
-        self._square_sum += float(error @ error)
-        self._worst = max(self._worst, float(np.maximum.reduce(error)), -float(np.minimum.reduce(error)))
+        self._noted += 1
+        if self._noted == len(self._errors):
+            self._add_errors()
+
+    def _add_errors(self) -> None:
+        """Adds the errors that were noted since the last call to the statistics."""
+        noted, self._noted = self._errors[: self._noted], 0
+        self._square_sum += float(np.square(noted).sum())
+        self._worst = max(self._worst, float(np.abs(noted).max(initial=0.0)))

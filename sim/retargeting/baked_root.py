@@ -16,8 +16,8 @@ class BakedRoot(Footing):
         """Resets the place."""
         self._path.reset()
 
-    def heading(self, pose: Pose) -> float:
-        """The heading of the pose that was placed last, rad."""
+    def heading(self, human: float) -> float:
+        """Where the robot faces, rad; the human's heading is not known."""
         return self._path.heading
 
     def place(self, pose: Pose, qpos: Array) -> None:

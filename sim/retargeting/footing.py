@@ -87,9 +87,9 @@ class Footing:
         self._human: tuple[float, float] | None = None
         self._root = (0.0, 0.0)
 
-    def heading(self, pose: Pose) -> float:
-        """Where the robot faces in a pose that was just placed, about z from x, rad."""
-        return float(pose.heading)
+    def heading(self, human: float) -> float:
+        """Where the robot faces whose human has a heading, rad."""
+        return human
 
     def place(self, pose: Pose, qpos: Array) -> None:
         """Writes the root's position and rotation into qpos (nq,), whose joints are placed."""

@@ -54,7 +54,8 @@ class SafetyEnvelope:
             for v_max, a_max, j_max, low, high in np.transpose([*rates, lower, upper]).tolist()
         ]
         joints = len(self._bounds)
-        self._states = [[0.0] * 5 for _ in range(joints)]
+        # Of each joint position, velocity, acceleration, the goal before, its velocity, and whether it moves like that.
+        self._states = [[0.0] * 6 for _ in range(joints)]
         self.changed = [0] * joints  # how many targets of each joint were changed since the start, length J
         self._safe = np.empty(joints)
         self._shown = self._safe.view()
@@ -70,13 +71,13 @@ class SafetyEnvelope:
         for joint in np.flatnonzero(~np.isfinite(position)):
             raise LimitError(f"joint {joint}: the position to start from is {position[joint]}, not a number")
         for state, p in zip(self._states, position.tolist(), strict=True):
-            state[:] = p, 0.0, 0.0, p, 0.0
+            state[:] = p, 0.0, 0.0, p, 0.0, True
         self.changed[:] = [0] * len(self.changed)
 
     def restart(self, joints: NDArray[np.bool_], position: Array) -> None:
         """Begins anew with these joints, shape (J,), at rest at `position` (J,), rad; the others go on."""
         for joint in np.flatnonzero(joints).tolist():
-            self._states[joint][:] = float(position[joint]), 0.0, 0.0, float(position[joint]), 0.0
+            self._states[joint][:] = float(position[joint]), 0.0, 0.0, float(position[joint]), 0.0, True
 
     @property
     def position(self) -> Array:
@@ -86,7 +87,7 @@ class SafetyEnvelope:
     @property
     def at_rest(self) -> bool:
         """Whether all joints have come to rest."""
-        return not any(v or a for _, v, a, _, _ in self._states)
+        return not any(v or a for _, v, a, *_ in self._states)
 
     def __call__(self, targets: Array, near: bool = False) -> Array:
         """The safe targets of this tick, shape (J,), rad, for any targets (J,).
@@ -100,32 +101,47 @@ class SafetyEnvelope:
         """
         safe, changed = [], self.changed
         for joint, (target, state, bounds) in enumerate(zip(targets.tolist(), self._states, self._bounds, strict=True)):
-            p, v, a, last_goal, last_goal_v = state
+            p, v, a, last_goal, last_goal_v, matched = state
             v_max, a_max, j_max, lower, upper, way = bounds
+            fastest = target - p
+            direct = fastest - v
+
+            # Rule 1 covers most joints most of the time, by tests that are cheap and a little too strict. A target that
+            # is not finite or outside the range passes none of them.
+            if (matched or near) and -j_max <= direct - a <= j_max and -a_max <= direct <= a_max:
+                size, fast = abs(direct), abs(fastest)
+                room = upper - target if upper - target < target - lower else target - lower
+                passes = fast + 0.5 * (size - 0.5 * j_max) ** 2 / j_max <= v_max
+                if passes and (way <= room or longest_run(fast, size, a_max, j_max) <= room):
+                    state[:] = target, v + direct, direct, target, target - last_goal, True
+                    safe.append(target)
+                    continue
             goal = target if -_FINITE < target < _FINITE else last_goal
             goal = lower if goal < lower else upper if goal > upper else goal
             goal_v = goal - last_goal
-            goal_a, lag = goal_v - last_goal_v, p - last_goal
-            fastest = goal - p
-            direct = fastest - v
-            parting = direct - goal_a - lag
-            matched = near or (-j_max <= lag <= j_max and -j_max <= parting <= j_max)
-
-            # Rule 1 covers most joints most of the time, by tests that are cheap and a little too strict.
-            passes = matched and -j_max <= direct - a <= j_max and -a_max <= direct <= a_max
-            if passes:
-                size, fast = abs(direct), abs(fastest)
-                room = upper - goal if upper - goal < goal - lower else goal - lower
-                passes = fast + 0.5 * (size - 0.5 * j_max) ** 2 / j_max <= v_max
-                passes = passes and (way <= room or longest_run(fast, size, a_max, j_max) <= room)
-            if passes:
-                position = goal
-            else:
-                position, direct = _limited(
-                    near, matched, p, v, a, goal, goal_v, direct, goal_a, v_max, a_max, j_max, lower, upper
-                )
+            position, direct = _limited(
+                near,
+                near or matched > 0.0,
+                p,
+                v,
+                a,
+                goal,
+                goal_v,
+                goal - p - v,
+                goal_v - last_goal_v,
+                v_max,
+                a_max,
+                j_max,
+                lower,
+                upper,
+            )
             # The velocity is summed, not differenced from positions: their rounding would grow with each difference.
-            state[:] = position, v + direct, direct, goal, goal_v
+            v += direct
+            lag = position - goal
+            # Whether the next acceleration would leave the joint moving as its target does: how far they part is, for
+            # any target, what they differ in now.
+            matched = -j_max <= lag <= j_max and -j_max <= goal_v - v - 2.0 * lag <= j_max
+            state[:] = position, v, direct, goal, goal_v, matched
             safe.append(position)
             if not -CHANGED <= position - target <= CHANGED:  # so that a NaN counts
                 changed[joint] += 1
@@ -135,10 +151,10 @@ class SafetyEnvelope:
     def brake(self) -> Array:
         """The targets of one tick of braking, as __call__ returns them; once at rest the joints are held."""
         for state, (_, a_max, j_max, *_) in zip(self._states, self._bounds, strict=True):
-            p, v, a, _, _ = state
+            p, v, a, *_ = state
             a = braked(v, a, a_max, j_max)
             v += a
-            state[:] = p + v, v, a, p + v, v
+            state[:] = p + v, v, a, p + v, v, True
         self._safe[:] = self.position
         return self._shown
 

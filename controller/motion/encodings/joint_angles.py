@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 
 from controller.motion.clip import Clip
 from controller.motion.posture import Pose, Posture
-from controller.motion.rotations import Array, yaw
+from controller.motion.rotations import Array
 from controller.motion.skeleton import ROOT, Skeleton, SkeletonInfo
 from motiondeck_base.errors import UnknownNameError
 
@@ -86,7 +86,9 @@ class JointAngles:
         leading = channels.shape[:-1]
         rotation = np.zeros((*leading, 1 + self.channels, 4))
         rotation[..., 0, 0] = 1.0
-        rotation[..., 1:, :] = yaw(_SHARE * channels)
+        half = 0.5 * _SHARE * channels  # as of `rotations.yaw`, in fewer calls
+        np.cos(half, out=rotation[..., 1:, 0])
+        np.sin(half, out=rotation[..., 1:, 3])
         return Posture(np.ones(leading), np.zeros((*leading, 2)), np.zeros(leading), rotation)
 
     def directions(self, channels: Array) -> Array:
@@ -126,5 +128,4 @@ class JointRetargeter:
 
 def angles_of(rotation: Array) -> Array:
     """The joint angles (..., J), rad, of rotations (..., J, 4) of a joint body whose root is not rotated."""
-    w, z = rotation[..., 0], rotation[..., 3]
-    return 2.0 * _LEVER * np.arctan2(np.where(w < 0.0, -z, z), np.abs(w))
+    return 2.0 * _LEVER * np.arctan(rotation[..., 3] / rotation[..., 0])

@@ -6,6 +6,7 @@ import shutil
 import numpy as np
 import pytest
 
+from baked_jog import baked_jog, human_library
 from controller.deck.deck import Deck
 from controller.library.motion_library import load_library, save_library
 from motiondeck.cli.main import command_line
@@ -15,7 +16,6 @@ from motiondeck.run.spec.run_spec import RunSpec
 from motiondeck_base.errors import FileFormatError, MotiondeckError
 from motiondeck_base.shipped import find_robot
 from sim.robots.robot import RobotLoader
-from tests.baked import baked_jog, human_library
 
 RATE = 200.0
 
