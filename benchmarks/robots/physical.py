@@ -12,6 +12,9 @@ fallen when its pelvis is 0.25 m lower than the carried one's for 0.3 s (after a
     replays    share of replays of what was found that stand to the end, from a start 1 mm and mrad beside
     cpu        seconds of processor time a second of motion
 
+With --push 1 the robot is pushed by 0.05 m sqrt(g h) a second, 0.5 s after the beginning and then every second, in a
+direction by the seed, and what it does next is searched from where it then is: the search is the feedback.
+
     python -m benchmarks physical ../shared/data --models published-models --download
     python -m benchmarks physical ../shared/data --motions nnRawWalk,02_04 --seeds 1 --seconds 4
 
@@ -24,6 +27,7 @@ import json
 import sys
 import tempfile
 import time
+from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 from typing import Annotated, Any
@@ -44,6 +48,7 @@ from controller.motion.reading_options import ReadingOptions
 from sim.physical.course import played
 from sim.physical.stage import RATE, OnItsFeet, PhysicalStage
 from sim.physics.physics_model import physics_model
+from sim.physics.pushes import usual_push
 from sim.robots.calibrate import calibrate
 from sim.robots.joint_motion import retargeted
 from sim.robots.robot import Robot, RobotLoader
@@ -64,6 +69,7 @@ TORQUES = {
 COUNT_SHARED = 10
 LOW, TILTED, LASTS = 0.25, 50.0, 0.3  # m and degrees beside the carried pelvis, and s that it is low
 REPLAYS, NOISE = 10, 0.001  # m and rad
+FIRST_PUSH, PUSHED_EVERY = 0.5, 1.0  # s
 
 Array = NDArray[np.float64]
 Row = dict[str, Any]
@@ -120,12 +126,28 @@ def flight(model: mujoco.MjModel, qpos: Array) -> float:
     return longest / RATE
 
 
-def measured(robot: Robot, clip: Clip, seed: int) -> tuple[Row, OnItsFeet]:
+def pushes(robot: Robot, share: float, seed: int) -> Callable[[float], Array]:
+    """How much faster pushes make the robot at a time, s, shape (2,), m/s."""
+    random, due = np.random.default_rng(seed), FIRST_PUSH
+    speed = share * usual_push(robot.model) / float(robot.model.body_mass.sum())
+
+    def pushed(now: float) -> Array:
+        nonlocal due
+        if now < due:
+            return np.zeros(2)
+        due += PUSHED_EVERY
+        towards = random.uniform(0.0, 2.0 * np.pi)
+        return speed * np.array([np.cos(towards), np.sin(towards)])
+
+    return pushed
+
+
+def measured(robot: Robot, clip: Clip, seed: int, push: float) -> tuple[Row, OnItsFeet]:
     """A row of one motion and seed."""
     carried = retargeted(robot, clip)
     started = time.process_time()
     stage = PhysicalStage(robot, carried)
-    found = stage.search(seed)
+    found = stage.search(seed, pushed=pushes(robot, push, seed) if push else None)
     cpu = time.process_time() - started
     done, asked = found.motion.qpos, carried.qpos[: len(found.motion)]
     fallen, model = has_fallen(done, asked), physics_model(robot, "free")
@@ -133,7 +155,7 @@ def measured(robot: Robot, clip: Clip, seed: int) -> tuple[Row, OnItsFeet]:
     row: Row = {"plain": stage.plain(), "stood": stood, "seconds": (len(carried) - 1) / RATE}
     row |= {"fell": bool(fallen.any()) or found.fell_s is not None, "path": found.path_m, "pose": found.pose_deg}
     row |= {"flight": [flight(model, q) for q in (done, carried.qpos)], "cpu": cpu / stood if stood else 0.0}
-    if not row["fell"]:
+    if not row["fell"] and not push:
         row["kept"] = kept(stage, found, done, asked, seed)
     return row, found
 
@@ -166,6 +188,7 @@ def main(
     motions: Annotated[str, typer.Option(help="Beginnings of names, by commas; default: all 24.")] = "",
     seeds: Annotated[int, typer.Option(help="Seeds of each motion.")] = 3,
     seconds: Annotated[float, typer.Option(help="Of each recording.")] = 6.0,
+    push: Annotated[float, typer.Option(help="Shares of the usual push, once a second.")] = 0.0,
     results: Annotated[Path, typer.Option(help="A JSON object a row; what is there is not repeated.")] = Path(
         "physical.jsonl"
     ),
@@ -174,16 +197,16 @@ def main(
     if download:
         fetch(models, {"unitree_g1"})
     rows: list[Row] = [json.loads(text) for text in results.read_text().splitlines()] if results.exists() else []
-    done = {(row["motion"], row["seed"], row["asked"]) for row in rows}
+    done = {(row["motion"], row["seed"], row["asked"], row.get("push", 0.0)) for row in rows}
     with tempfile.TemporaryDirectory() as folder:
         load = RobotLoader(g1_file(models, Path(folder)))
         for seed in range(seeds):
             for path in recordings(data, motions):
-                if (path.stem, seed, seconds) in done:
+                if (path.stem, seed, seconds, push) in done:
                     continue
                 clip = clip_of(path, data, seconds)
-                row, found = measured(load(clip.skeleton, None, 1.0 / RATE), clip, seed)
-                rows.append({"motion": path.stem, "seed": seed, "asked": seconds} | row)
+                row, found = measured(load(clip.skeleton, None, 1.0 / RATE), clip, seed, push)
+                rows.append({"motion": path.stem, "seed": seed, "asked": seconds, "push": push} | row)
                 with results.open("a") as file:
                     file.write(json.dumps(rows[-1]) + "\n")
                 print(line(rows[-1]), file=sys.stderr, flush=True)
@@ -191,6 +214,7 @@ def main(
                     keep.mkdir(parents=True, exist_ok=True)
                     np.savez(keep / f"{path.stem}.{seed}.npz", qpos=found.motion.qpos, fps=RATE)
     print("motion                       seed plain   stood            path  pose    flight replays    cpu")
+    rows = [row for row in rows if row.get("push", 0.0) == push]
     for row in sorted(rows, key=lambda row: (row["motion"], row["seed"])):
         print(line(row))
     stands = sum(not row["fell"] for row in rows)

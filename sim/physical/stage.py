@@ -50,11 +50,16 @@ class PhysicalStage:
         self.course = course_of(robot, model, motion)
 
     def search(
-        self, seed: int = 0, effort: Effort | None = None, progress: Callable[[float], None] = lambda seconds: None
+        self,
+        seed: int = 0,
+        effort: Effort | None = None,
+        progress: Callable[[float], None] = lambda seconds: None,
+        pushed: Callable[[float], Array] | None = None,
     ) -> OnItsFeet:
         """Looks for the offsets, knot by knot, until the motion ends or the robot falls.
 
         `seed` chooses by how little the robot starts beside the motion; `progress` gets the seconds done.
+        `pushed` gives the velocity, shape (2,), m/s, that a push adds at a time, s: the search goes on from there.
         """
         effort, course, batch = effort or Effort(), self.course, self.batch
         search, knots, now = Search(batch, course, effort), len(course.states), 0
@@ -67,6 +72,8 @@ class PhysicalStage:
             after = min(now + effort.moves, knots - 1)
             new = played(batch, course, states[-1], now, search.offsets[None, now:after])[0]
             states, fell, now = np.concatenate([states, new[1:]]), self._fallen(new[1:], now + 1), after
+            if pushed is not None:
+                states[-1, batch.model.nq : batch.model.nq + 2] += pushed(now * KNOT)
             progress(now * KNOT)
         return self._found(states, search.offsets, fell)
 

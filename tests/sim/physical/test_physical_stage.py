@@ -116,6 +116,22 @@ def test_what_it_found_is_what_the_targets_do(stage, found):
     assert again[0, :, :8] == pytest.approx(found.motion.qpos, abs=1e-6)
 
 
+def test_a_push_is_answered_from_where_the_robot_is(stage, found):
+    times = []
+
+    def pushed(now):
+        times.append(now)
+        return np.array([0.04 * (len(times) == 5), 0.0])
+
+    other = stage.search(pushed=pushed)
+    assert other.fell_s is None
+    assert np.all(np.diff(times) > 0.0)
+    knot = round(times[4] / KNOT)
+    assert np.array_equal(other.motion.qpos[: knot + 1], found.motion.qpos[: knot + 1])
+    assert np.abs(other.targets - found.targets)[knot:].max() > 0.01
+    assert (other.motion.qpos - found.motion.qpos)[knot + 1, 0] > 0.0001
+
+
 def test_a_fall_ends_the_motion_at_its_second(hanging):
     found = hanging.search()
     assert found.fell_s == pytest.approx(np.sqrt(2.0 * 0.5 / 9.81), abs=0.1)
